@@ -1,0 +1,153 @@
+//! How much of the STM32F405RG the flash image takes.
+
+use std::path::Path;
+
+use object::read::elf::{ElfFile32, ProgramHeader};
+
+use crate::step::Stop;
+
+/// The memories of the STM32F405RG that an image fills (datasheet DS8626, memory map).
+const FLASH: Memory = Memory {
+    start: 0x0800_0000,
+    bytes: 1024 * 1024,
+};
+const RAM: Memory = Memory {
+    start: 0x2000_0000,
+    bytes: 128 * 1024,
+};
+
+struct Memory {
+    start: u32,
+    bytes: u32,
+}
+
+impl Memory {
+    fn holds(&self, address: u32) -> bool {
+        address
+            .checked_sub(self.start)
+            .is_some_and(|offset| offset < self.bytes)
+    }
+}
+
+/// What an image takes, in bytes.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Size {
+    /// Code, constants and the initial values of variables.
+    pub(crate) flash: u32,
+    /// Variables; the stack has what remains.
+    pub(crate) ram: u32,
+}
+
+impl Size {
+    /// Reads the ELF file at `path`.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not a 32-bit ELF file.
+    pub(crate) fn of(path: &Path) -> Result<Size, Stop> {
+        let cannot = |why: String| Stop::failed(format!("{}: {why}", path.display()));
+        let bytes = std::fs::read(path).map_err(|error| cannot(error.to_string()))?;
+        Size::of_elf(&bytes).map_err(|error| cannot(format!("not a 32-bit ELF file ({error})")))
+    }
+
+    fn of_elf(bytes: &[u8]) -> Result<Size, object::Error> {
+        let elf: ElfFile32<'_> = ElfFile32::parse(bytes)?;
+        let mut size = Size { flash: 0, ram: 0 };
+        for segment in elf.elf_program_headers() {
+            let endian = elf.endian();
+            if segment.p_type(endian) != object::elf::PT_LOAD {
+                continue;
+            }
+            // Loaded from flash and, for initialised variables, copied to RAM at start: counted in both.
+            if FLASH.holds(segment.p_paddr(endian)) {
+                size.flash += segment.p_filesz(endian);
+            }
+            if RAM.holds(segment.p_vaddr(endian)) {
+                size.ram += segment.p_memsz(endian);
+            }
+        }
+        Ok(size)
+    }
+}
+
+impl std::fmt::Display for Size {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let kib = |bytes: u32| f64::from(bytes) / 1024.0;
+        write!(
+            f,
+            "{:.1} KiB of {:.0} KiB flash, {:.1} KiB of {:.0} KiB RAM (the stack has the rest)",
+            kib(self.flash),
+            kib(FLASH.bytes),
+            kib(self.ram),
+            kib(RAM.bytes)
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An ELF file with nothing but program headers of PT_LOAD: (virtual, physical address, bytes in file, in memory).
+    fn elf(segments: &[[u32; 4]]) -> Vec<u8> {
+        let mut file = b"\x7fELF\x01\x01\x01".to_vec();
+        file.resize(16, 0);
+        let halves = |values: &[u16]| {
+            values
+                .iter()
+                .flat_map(|value| value.to_le_bytes())
+                .collect::<Vec<_>>()
+        };
+        let words = |values: &[u32]| {
+            values
+                .iter()
+                .flat_map(|value| value.to_le_bytes())
+                .collect::<Vec<_>>()
+        };
+        file.extend(halves(&[2, 40])); // an executable, for Arm
+        file.extend(words(&[1, 0x0800_0000, 52, 0, 0])); // version, entry, offsets of the headers, flags
+        file.extend(halves(&[
+            52,
+            32,
+            u16::try_from(segments.len()).unwrap(),
+            40,
+            0,
+            0,
+        ])); // sizes and counts
+        for &[virtual_address, physical_address, in_file, in_memory] in segments {
+            file.extend(words(&[
+                1,
+                0,
+                virtual_address,
+                physical_address,
+                in_file,
+                in_memory,
+                0,
+                4,
+            ]));
+        }
+        file
+    }
+
+    #[test]
+    fn initialised_variables_take_flash_and_ram_and_zeroed_ones_ram_only() {
+        let code = [0x0800_0000, 0x0800_0000, 5000, 5000];
+        let data = [0x2000_0000, 0x0800_1388, 100, 100];
+        let zeroed = [0x2000_0064, 0x2000_0064, 0, 3000];
+        let size = Size::of_elf(&elf(&[code, data, zeroed])).unwrap();
+        assert_eq!(
+            size,
+            Size {
+                flash: 5100,
+                ram: 3100
+            }
+        );
+    }
+
+    #[test]
+    fn what_is_no_elf_file_is_refused() {
+        assert!(
+            Size::of_elf(b"not an ELF file, and long enough to hold the header of one, so it is the magic")
+                .is_err()
+        );
+    }
+}

@@ -1,0 +1,167 @@
+//! Every link of the documentation leads somewhere.
+//!
+//! # Design
+//! Links inside the repository are checked, files and headings alike; the web is not, since a check that needs the web
+//! fails for reasons that are not the project's.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use crate::step::Stop;
+
+/// Checks all Markdown files under `root`; the number of links that it followed.
+///
+/// # Errors
+/// The links that lead nowhere, one a line, with file and line number.
+pub(crate) fn check(root: &Path) -> Result<usize, Stop> {
+    let mut pages = HashMap::new();
+    collect(root, &mut pages).map_err(|error| Stop::failed(format!("{}: {error}", root.display())))?;
+    let mut followed = 0;
+    let mut broken = Vec::new();
+    for (page, text) in &pages {
+        for (line, link) in links(text) {
+            if link.contains("://") || link.starts_with("mailto:") {
+                continue;
+            }
+            followed += 1;
+            if let Err(why) = follow(page, &link, &pages) {
+                let page = page.strip_prefix(root).unwrap_or(page);
+                broken.push(format!("{}:{line}: {link}: {why}", page.display()));
+            }
+        }
+    }
+    broken.sort();
+    if broken.is_empty() {
+        Ok(followed)
+    } else {
+        Err(Stop::failed(broken.join("\n")))
+    }
+}
+
+fn collect(dir: &Path, pages: &mut HashMap<PathBuf, String>) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(dir)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if path.is_dir() {
+            // Build directories hold the pages of others; they are marked so (bford.info/cachedir).
+            if !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists() {
+                collect(&path, pages)?;
+            }
+        } else if name.ends_with(".md") {
+            pages.insert(path.clone(), std::fs::read_to_string(&path)?);
+        }
+    }
+    Ok(())
+}
+
+fn follow(page: &Path, link: &str, pages: &HashMap<PathBuf, String>) -> Result<(), String> {
+    let (file, heading) = link
+        .split_once('#')
+        .map_or((link, None), |(file, heading)| (file, Some(heading)));
+    let target = if file.is_empty() {
+        page.to_owned()
+    } else {
+        let joined = page.parent().unwrap_or(page).join(file);
+        joined.canonicalize().map_err(|_| "no such file".to_owned())?
+    };
+    match (heading, pages.get(&target)) {
+        (Some(heading), Some(text)) if !slugs(text).any(|slug| slug == heading) => {
+            Err("no such heading".into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The prose of a page, with line numbers: what is not in a fenced block.
+fn prose(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let mut fenced = false;
+    text.lines().enumerate().filter_map(move |(index, line)| {
+        if line.trim_start().starts_with("```") {
+            fenced = !fenced;
+            return None;
+        }
+        (!fenced).then_some((index + 1, line))
+    })
+}
+
+/// The targets of `[text](target)` and `![text](target)`, with line numbers.
+fn links(text: &str) -> impl Iterator<Item = (usize, String)> {
+    prose(text).flat_map(|(number, line)| {
+        // In code spans `](` is code: every second piece between backticks.
+        let spoken: String = line.split('`').step_by(2).collect::<Vec<_>>().join("`");
+        let targets: Vec<_> = spoken
+            .split("](")
+            .skip(1)
+            .filter_map(|rest| rest.split_once(')'))
+            .map(|(target, _)| (number, target.split_whitespace().next().unwrap_or("").to_owned()))
+            .collect();
+        targets
+    })
+}
+
+/// The anchors that GitHub gives to the headings of a page.
+fn slugs(text: &str) -> impl Iterator<Item = String> {
+    prose(text)
+        .filter(|(_, line)| line.starts_with('#'))
+        .map(|(_, line)| {
+            let kept = line
+                .trim_start_matches('#')
+                .trim()
+                .chars()
+                .filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+            kept.map(|c| if c == ' ' { '-' } else { c })
+                .flat_map(char::to_lowercase)
+                .collect()
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn site(pages: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
+        let dir = tempfile::tempdir().unwrap();
+        let root = dir.path().canonicalize().unwrap();
+        for (name, text) in pages {
+            let path = root.join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        (dir, root)
+    }
+
+    #[test]
+    fn links_to_files_headings_and_the_web_hold() {
+        let (_dir, root) = site(&[
+            (
+                "README.md",
+                "[a](docs/a.md#the-heading-no-2) and [b](docs/) and ![p](docs/p.svg \"title\") [w](https://x.y)\n",
+            ),
+            (
+                "docs/a.md",
+                "# The heading, no. 2\n[up](../README.md) [here](#the-heading-no-2)\n",
+            ),
+            ("docs/p.svg", ""),
+        ]);
+        assert_eq!(check(&root).unwrap(), 5);
+    }
+
+    #[test]
+    fn a_missing_file_and_a_missing_heading_are_named_with_their_line() {
+        let (_dir, root) = site(&[("a.md", "# A\n\n[x](gone.md) [y](#gone)\n")]);
+        assert_eq!(
+            check(&root).unwrap_err().message,
+            "a.md:3: #gone: no such heading\na.md:3: gone.md: no such file"
+        );
+    }
+
+    #[test]
+    fn code_and_build_directories_are_left_alone() {
+        let (_dir, root) = site(&[
+            ("a.md", "`v[0](gone.md)`\n```\n[x](gone.md)\n```\n"),
+            ("target/CACHEDIR.TAG", ""),
+            ("target/other.md", "[x](gone.md)\n"),
+        ]);
+        assert_eq!(check(&root).unwrap(), 0);
+    }
+}

@@ -1,0 +1,222 @@
+//! What the workspace needs on this machine: looked for first, installed if missing, said before it is done.
+//!
+//! # Design
+//! Everything is found by asking for it (`rustc --print`, `qemu-system-arm --version`), not by remembering that it was
+//! installed: a second run finds all in place, changes nothing and says so in one line.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::step::{Line, Steps, Stop};
+
+/// The target of the STM32F405's Cortex-M4F.
+pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// The oldest QEMU whose plugin interface the emulator knows.
+const QEMU_OLDEST: Version = Version(7, 2);
+
+/// What a command needs beyond the target and QEMU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Need {
+    /// To build and to run.
+    Run,
+    /// To check as well: rustfmt and clippy.
+    Check,
+}
+
+/// Finds what `need` asks for and installs what is missing.
+///
+/// # Errors
+/// Status 3 with the one command to type, where this machine does not let xtask install it.
+pub(crate) fn setup(steps: &Steps, need: Need) -> Result<(), Stop> {
+    let rust = rust(steps, need)?;
+    if find("cc").is_none() && find("clang").is_none() {
+        return Err(Stop::missing(
+            "no C compiler: Rust links with `cc`. Install gcc or clang (Debian, Ubuntu: apt-get install -y gcc libc6-dev)",
+        ));
+    }
+    let qemu = qemu(steps)?;
+    steps.announce(&format!(
+        "set-up: {rust} with {TARGET}, QEMU {qemu}, a C compiler: all in place"
+    ));
+    Ok(())
+}
+
+/// The Rust toolchain that `rust-toolchain.toml` names, with the bead's target.
+fn rust(steps: &Steps, need: Need) -> Result<String, Stop> {
+    let version = output("rustc --version")
+        .ok_or_else(|| Stop::missing("`rustc` does not run. Install Rust by rustup: https://rustup.rs"))?;
+    if !target_installed() {
+        steps.announce(&format!(
+            "set-up: Rust's {TARGET} is missing: rustup installs it, some 20 MB"
+        ));
+        rustup(steps, &format!("rustup target add {TARGET}"))?;
+        if !target_installed() {
+            return Err(Stop::missing(format!(
+                "rustup ran, and yet {version} has no {TARGET}: is another rustc first in PATH?"
+            )));
+        }
+    }
+    if need == Need::Check {
+        for (component, probe) in [
+            ("rustfmt", "cargo fmt --version"),
+            ("clippy", "cargo clippy --version"),
+        ] {
+            if output(probe).is_none() {
+                steps.announce(&format!("set-up: {component} is missing: rustup installs it"));
+                rustup(steps, &format!("rustup component add {component}"))?;
+            }
+        }
+    }
+    Ok(version.split_whitespace().take(2).collect::<Vec<_>>().join(" "))
+}
+
+fn target_installed() -> bool {
+    output(&format!("rustc --print target-libdir --target {TARGET}"))
+        .is_some_and(|path| PathBuf::from(path).is_dir())
+}
+
+fn rustup(steps: &Steps, line: &str) -> Result<(), Stop> {
+    if find("rustup").is_none() {
+        return Err(Stop::missing(format!(
+            "this Rust was not installed by rustup, so its package manager has to add what is missing, \
+             or rustup takes over: https://rustup.rs, then `{line}`"
+        )));
+    }
+    steps
+        .run("set-up: rustup", &Line::new(line))
+        .map_err(|stop| Stop::missing(stop.message))
+}
+
+/// The version of `qemu-system-arm`, installed if it was missing.
+fn qemu(steps: &Steps) -> Result<Version, Stop> {
+    if find("qemu-system-arm").is_none() {
+        install_qemu(steps)?;
+    }
+    let said = output("qemu-system-arm --version").ok_or_else(|| {
+        Stop::missing("`qemu-system-arm --version` fails: run it by hand to see why, or reinstall QEMU")
+    })?;
+    let version = Version::parse(&said).ok_or_else(|| {
+        Stop::missing(format!(
+            "`qemu-system-arm --version` says no version that can be read: {said}"
+        ))
+    })?;
+    if version < QEMU_OLDEST {
+        return Err(Stop::missing(format!(
+            "QEMU {version} is too old: {QEMU_OLDEST} or later is needed (Debian 12, Ubuntu 24.04, Fedora 38 or later have it)"
+        )));
+    }
+    Ok(version)
+}
+
+fn install_qemu(steps: &Steps) -> Result<(), Stop> {
+    let apt = find("apt-get").is_some();
+    let root = output("id -u").is_some_and(|id| id == "0");
+    let become_root = match (root, apt) {
+        (true, true) => "",
+        (false, true) if output("sudo -n true").is_some() => "sudo -n ",
+        _ => {
+            return Err(Stop::missing(format!(
+                "QEMU's qemu-system-arm is missing. {}",
+                advice()
+            )));
+        }
+    };
+    steps.announce("set-up: QEMU's qemu-system-arm is missing: apt installs it with the libraries it needs, some 100 MB on disk");
+    // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the install decides.
+    if let Err(stop) = steps.run(
+        "set-up: package index",
+        &Line::new(&format!("{become_root}apt-get update -q")),
+    ) {
+        eprintln!("{}", stop.message);
+    }
+    let install = format!(
+        "{become_root}env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends qemu-system-arm"
+    );
+    steps
+        .run("set-up: QEMU", &Line::new(&install))
+        .map_err(|stop| Stop::missing(stop.message))?;
+    match find("qemu-system-arm") {
+        Some(_) => Ok(()),
+        None => Err(Stop::missing(
+            "apt installed QEMU, and yet no qemu-system-arm is in PATH",
+        )),
+    }
+}
+
+/// The one command that installs QEMU here.
+fn advice() -> String {
+    if cfg!(target_os = "macos") {
+        return "Homebrew's build does not export the symbols that the peripheral overlay binds to: \
+                run this in a Linux container or virtual machine (Debian 12 or Ubuntu 24.04 will do)"
+            .into();
+    }
+    let managers = [
+        (
+            "apt-get",
+            "sudo apt-get update && sudo apt-get install -y --no-install-recommends qemu-system-arm",
+        ),
+        ("dnf", "sudo dnf install -y qemu-system-arm"),
+        ("pacman", "sudo pacman -S --needed qemu-system-arm"),
+        ("zypper", "sudo zypper install -y qemu-arm"),
+        ("apk", "sudo apk add qemu-system-arm"),
+    ];
+    match managers.iter().find(|(program, _)| find(program).is_some()) {
+        Some((_, command)) => format!("Install it, then run this again:\n    {command}"),
+        None => format!(
+            "Install QEMU {QEMU_OLDEST} or later from your distribution's packages (not a static build), then run this again"
+        ),
+    }
+}
+
+/// Where `program` is, as a shell would look for it.
+fn find(program: &str) -> Option<PathBuf> {
+    std::env::split_paths(&std::env::var_os("PATH")?)
+        .map(|dir| dir.join(program))
+        .find(|path| path.is_file())
+}
+
+/// What a command prints on standard output, trimmed; `None` if it fails.
+fn output(line: &str) -> Option<String> {
+    let mut words = line.split_whitespace();
+    let out = Command::new(words.next()?).args(words).output().ok()?;
+    out.status
+        .success()
+        .then(|| String::from_utf8_lossy(&out.stdout).trim().to_owned())
+}
+
+/// Major and minor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Version(u32, u32);
+
+impl Version {
+    /// From "QEMU emulator version 7.2.22 (Debian …)".
+    fn parse(said: &str) -> Option<Self> {
+        let number = said.split_once("version ")?.1;
+        let mut parts = number.split(|c: char| !c.is_ascii_digit());
+        Some(Version(parts.next()?.parse().ok()?, parts.next()?.parse().ok()?))
+    }
+}
+
+impl std::fmt::Display for Version {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}.{}", self.0, self.1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_order_by_number_and_not_by_letter() {
+        let debian =
+            Version::parse("QEMU emulator version 7.2.22 (Debian 1:7.2+dfsg-7+deb12u18+b3)\nCopyright")
+                .unwrap();
+        let trixie = Version::parse("QEMU emulator version 10.0.2").unwrap();
+        let jammy = Version::parse("QEMU emulator version 6.2.0 (Debian 1:6.2+dfsg-2ubuntu6)").unwrap();
+        assert_eq!(debian, QEMU_OLDEST);
+        assert!(jammy < QEMU_OLDEST && QEMU_OLDEST < trixie);
+        assert_eq!(Version::parse("no number here"), None);
+    }
+}

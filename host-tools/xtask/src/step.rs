@@ -1,0 +1,232 @@
+//! Commands, said before they are run.
+//!
+//! # Design
+//! What is printed is what runs: a newcomer learns the commands by watching, and can repeat the one that failed.
+//! Commands run in the root of the workspace, whatever directory `cargo xtask` was called from.
+
+use std::ffi::OsStr;
+use std::fmt;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+/// Why the run ends early, and with which exit status.
+#[derive(Debug)]
+pub(crate) struct Stop {
+    pub(crate) message: String,
+    pub(crate) status: u8,
+}
+
+/// The exit status for what is missing on this machine.
+pub(crate) const MISSING: u8 = 3;
+
+impl Stop {
+    pub(crate) fn failed(message: impl Into<String>) -> Self {
+        Stop {
+            message: message.into(),
+            status: 1,
+        }
+    }
+
+    pub(crate) fn missing(message: impl Into<String>) -> Self {
+        Stop {
+            message: message.into(),
+            status: MISSING,
+        }
+    }
+}
+
+/// One command as a person would type it.
+#[derive(Debug, Clone)]
+pub(crate) struct Line {
+    words: Vec<String>,
+    env: Vec<(String, String)>,
+}
+
+impl Line {
+    /// A command whose words hold no spaces; [`Line::arg`] adds one that may.
+    pub(crate) fn new(words: &str) -> Self {
+        Line {
+            words: Vec::new(),
+            env: Vec::new(),
+        }
+        .words(words)
+    }
+
+    /// A command that starts with a path.
+    pub(crate) fn program(path: impl AsRef<OsStr>) -> Self {
+        Line::new("").arg(path)
+    }
+
+    /// Adds words that hold no spaces.
+    pub(crate) fn words(mut self, words: &str) -> Self {
+        self.words.extend(words.split_whitespace().map(str::to_owned));
+        self
+    }
+
+    pub(crate) fn arg(mut self, word: impl AsRef<OsStr>) -> Self {
+        self.words.push(word.as_ref().to_string_lossy().into_owned());
+        self
+    }
+
+    pub(crate) fn env(mut self, name: &str, value: &str) -> Self {
+        self.env.push((name.to_owned(), value.to_owned()));
+        self
+    }
+
+    /// The command, ready to run.
+    pub(crate) fn command(&self) -> Command {
+        let mut command = Command::new(&self.words[0]);
+        command
+            .args(&self.words[1..])
+            .envs(self.env.iter().map(|(name, value)| (name, value)));
+        command
+    }
+}
+
+impl fmt::Display for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let env = self
+            .env
+            .iter()
+            .map(|(name, value)| format!("{name}={}", quoted(value)));
+        let words = self.words.iter().map(|word| quoted(word));
+        f.write_str(&env.chain(words).collect::<Vec<_>>().join(" "))
+    }
+}
+
+/// A word as a shell would need it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// The steps of one run of xtask, on one clock.
+#[derive(Debug)]
+pub(crate) struct Steps {
+    root: PathBuf,
+    target_dir: PathBuf,
+    start: Instant,
+}
+
+impl Steps {
+    /// Steps that run in `root` and build into `target_dir`.
+    pub(crate) fn new(root: PathBuf, target_dir: PathBuf) -> Self {
+        Steps {
+            root,
+            target_dir,
+            start: Instant::now(),
+        }
+    }
+
+    /// Says what comes next.
+    pub(crate) fn announce(&self, title: &str) {
+        eprintln!("[{:>7}] {title}", clock(self.start.elapsed()));
+    }
+
+    /// Announces and runs one command; its output is passed on.
+    ///
+    /// # Errors
+    /// The command cannot be started or ends with another status than 0. The status of a command other than cargo is
+    /// passed on, so that `cargo xtask demo` ends as the `bead` command did that ended it.
+    pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
+        self.announce(title);
+        eprintln!("          $ {line}");
+        let repeat = || {
+            format!(
+                "To repeat this step alone, in {}:\n    {line}",
+                self.root.display()
+            )
+        };
+        let mut command = line.command();
+        command.current_dir(&self.root);
+        if std::env::var_os("CARGO_TARGET_DIR").is_some() {
+            // It may be relative to where `cargo xtask` was called.
+            command.env("CARGO_TARGET_DIR", &self.target_dir);
+        }
+        let status = command.status().map_err(|error| {
+            Stop::missing(format!(
+                "\"{title}\" could not start `{}`: {error}.\n{}",
+                line.words[0],
+                repeat()
+            ))
+        })?;
+        if status.success() {
+            return Ok(());
+        }
+        let code = match status.code() {
+            Some(code) if line.words[0] != "cargo" => u8::try_from(code).unwrap_or(1),
+            _ => 1,
+        };
+        Err(Stop {
+            message: format!("\"{title}\" failed ({status}). {}", repeat()),
+            status: code,
+        })
+    }
+
+    /// The time since the first step.
+    pub(crate) fn elapsed(&self) -> String {
+        clock(self.start.elapsed())
+    }
+}
+
+fn clock(time: Duration) -> String {
+    let seconds = time.as_secs();
+    if seconds < 60 {
+        format!("{:.1} s", time.as_secs_f64())
+    } else {
+        format!("{}:{:02}", seconds / 60, seconds % 60)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_printed_command_can_be_pasted_into_a_shell() {
+        let line = Line::new("echo -n")
+            .env("FLAGS", "-D warnings")
+            .arg("it's a path")
+            .arg("");
+        assert_eq!(
+            line.to_string(),
+            r"FLAGS='-D warnings' echo -n 'it'\''s a path' ''"
+        );
+        let shell = Command::new("sh")
+            .arg("-c")
+            .arg(line.to_string())
+            .output()
+            .unwrap();
+        assert_eq!(String::from_utf8(shell.stdout).unwrap(), "it's a path ");
+    }
+
+    #[test]
+    fn the_status_of_a_failed_command_is_passed_on_but_cargos_is_one() {
+        let here = std::env::current_dir().unwrap();
+        let steps = Steps::new(here.clone(), here);
+        let stop = steps
+            .run("says no", &Line::new("sh -c").arg("exit 2"))
+            .unwrap_err();
+        assert_eq!(stop.status, 2);
+        assert!(stop.message.contains("sh -c 'exit 2'"), "{}", stop.message);
+        let stop = steps
+            .run("no such subcommand", &Line::new("cargo --no-such-option"))
+            .unwrap_err();
+        assert_eq!(stop.status, 1);
+        let stop = steps
+            .run("no such program", &Line::new("no-such-program-here"))
+            .unwrap_err();
+        assert_eq!(stop.status, MISSING);
+    }
+
+    #[test]
+    fn the_clock_reads_seconds_then_minutes() {
+        assert_eq!(clock(Duration::from_millis(59_900)), "59.9 s");
+        assert_eq!(clock(Duration::from_secs(605)), "10:05");
+    }
+}
