@@ -1,1 +1,18 @@
-//! (being written)
+#![doc = include_str!("../README.md")]
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod codes;
+mod decoder;
+mod frame;
+mod message;
+mod sequence;
+
+pub use codes::{CodeError, Codes, MAX_CODE, MAX_SCANS};
+pub use decoder::{Counters, Decoder, Rejected};
+pub use frame::{Cause, EncodeError, Frame, Header, MAX_FRAME, Reject, VERSION, encode};
+pub use message::{
+    ACCELERATION_UNIT_MPS2, ENERGY_UNIT_J, FORCE_UNIT_N, Fault, FaultCause, Identity, Kind, MAX_BLOCK,
+    MAX_DETAIL, MAX_FIRMWARE, MAX_GIT, Message, Settings, SettingsSource, Status, Strike, Waveform,
+};
+pub use sequence::{Arrival, REORDER};

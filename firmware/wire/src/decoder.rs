@@ -1,0 +1,220 @@
+//! Frames from a stream of bytes in which anything may happen.
+//!
+//! # Design
+//! A byte 0x00 is always a delimiter and never anything else, so after any damage the decoder is in step
+//! again at the next one. It keeps no more than one frame, allocates nothing and cannot panic. Every byte
+//! and every frame ends in exactly one counter.
+
+use serde::Serialize;
+
+use crate::frame::{Cause, Checked, DELIMITER, Frame, Header, MAX_ENCODED, Reject};
+use crate::sequence::{Arrival, Run};
+
+/// What came, what was refused and what never came.
+///
+/// A frame damaged on the way is in `rejected` *and* in `lost`: nothing in it can be believed, its number
+/// included, so nobody knows that the two are one. A frame refused with its CRC right is in `rejected` only.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counters {
+    /// Bytes received, delimiters included.
+    pub bytes: u64,
+    /// Frames accepted, late and duplicate ones included.
+    pub frames: u64,
+    /// Frames lost, by the numbers missing between two received.
+    pub lost: u64,
+    /// Frames that came after being counted as lost; they no longer are.
+    pub late: u64,
+    /// Frames received again.
+    pub duplicates: u64,
+    /// Restarts of the bead seen.
+    pub restarts: u64,
+    /// Sequence number of the first frame. Unless it is 0, frames were missed before it: how many is
+    /// unknown, as the bead may have been sending before anyone listened.
+    pub first_sequence: Option<u32>,
+    /// Bytes between delimiters that are no frame, by cause.
+    pub rejected: Rejected,
+}
+
+impl Counters {
+    /// Whether the stream was received from the first frame of a boot: if not, what was lost before
+    /// [`first_sequence`](Self::first_sequence) is unknown.
+    pub fn from_start(&self) -> bool {
+        self.first_sequence == Some(0)
+    }
+}
+
+/// How often each [`Cause`] was met.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Rejected {
+    /// [`Cause::TooLong`]
+    pub too_long: u64,
+    /// [`Cause::Cobs`]
+    pub cobs: u64,
+    /// [`Cause::TooShort`]
+    pub too_short: u64,
+    /// [`Cause::Crc`]
+    pub crc: u64,
+    /// [`Cause::Version`]
+    pub version: u64,
+    /// [`Cause::Kind`]
+    pub kind: u64,
+    /// [`Cause::Body`]
+    pub body: u64,
+    /// [`Cause::Trailing`]
+    pub trailing: u64,
+}
+
+impl Rejected {
+    /// All causes together.
+    pub fn total(&self) -> u64 {
+        let Self {
+            too_long,
+            cobs,
+            too_short,
+            crc,
+            version,
+            kind,
+            body,
+            trailing,
+        } = self;
+        too_long + cobs + too_short + crc + version + kind + body + trailing
+    }
+
+    fn count(&mut self, cause: Cause) {
+        *match cause {
+            Cause::TooLong => &mut self.too_long,
+            Cause::Cobs => &mut self.cobs,
+            Cause::TooShort => &mut self.too_short,
+            Cause::Crc => &mut self.crc,
+            Cause::Version(_) => &mut self.version,
+            Cause::Kind(_) => &mut self.kind,
+            Cause::Body => &mut self.body,
+            Cause::Trailing => &mut self.trailing,
+        } += 1;
+    }
+}
+
+/// Takes bytes as they come, gives frames and rejects.
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    encoded: [u8; MAX_ENCODED],
+    /// Bytes since the last delimiter; beyond the buffer they are counted, not kept.
+    pending: u64,
+    run: Option<Run>,
+    counters: Counters,
+}
+
+impl Default for Decoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Decoder {
+    /// A decoder that has received nothing. Joining in the middle of a frame costs one reject.
+    pub const fn new() -> Self {
+        Self {
+            encoded: [0; MAX_ENCODED],
+            pending: 0,
+            run: None,
+            counters: Counters {
+                bytes: 0,
+                frames: 0,
+                lost: 0,
+                late: 0,
+                duplicates: 0,
+                restarts: 0,
+                first_sequence: None,
+                rejected: Rejected {
+                    too_long: 0,
+                    cobs: 0,
+                    too_short: 0,
+                    crc: 0,
+                    version: 0,
+                    kind: 0,
+                    body: 0,
+                    trailing: 0,
+                },
+            },
+        }
+    }
+
+    /// What was received so far.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Bytes received since the last delimiter: at the end of a stream, an unfinished frame.
+    pub const fn pending(&self) -> u64 {
+        self.pending
+    }
+
+    /// Takes any number of bytes, and hands on each frame and each reject as its delimiter comes.
+    pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(Result<Frame<'_>, Reject>)) {
+        for &byte in bytes {
+            if let Some(result) = self.push(byte) {
+                sink(result);
+            }
+        }
+    }
+
+    /// Takes one byte; a delimiter may give a frame or a reject.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, Reject>> {
+        self.counters.bytes += 1;
+        if byte != DELIMITER {
+            if let Some(slot) = usize::try_from(self.pending)
+                .ok()
+                .and_then(|at| self.encoded.get_mut(at))
+            {
+                *slot = byte;
+            }
+            self.pending += 1;
+            return None;
+        }
+        let bytes = core::mem::take(&mut self.pending);
+        // Frames are delimited on both sides: nothing between two delimiters is no loss.
+        (bytes > 0).then(|| self.end_frame(bytes).map_err(|cause| Reject { cause, bytes }))
+    }
+
+    fn end_frame(&mut self, bytes: u64) -> Result<Frame<'_>, Cause> {
+        let encoded = usize::try_from(bytes)
+            .ok()
+            .and_then(|length| self.encoded.get_mut(..length));
+        let result = encoded.ok_or(Cause::TooLong).and_then(|encoded| {
+            let length = cobs::decode_in_place(encoded).map_err(|_| Cause::Cobs)?;
+            let checked = Checked::new(&encoded[..length])?;
+            // Even where the body is none that we know, the frame itself was not lost.
+            let Header { boot, sequence, .. } = checked.header;
+            let arrival = Run::follow(&mut self.run, boot, sequence, checked.opens_boot());
+            self.counters.follow(arrival, sequence);
+            Ok(Frame {
+                header: checked.header,
+                arrival,
+                message: checked.message()?,
+            })
+        });
+        match result {
+            Ok(_) => self.counters.frames += 1,
+            Err(cause) => self.counters.rejected.count(cause),
+        }
+        result
+    }
+}
+
+impl Counters {
+    fn follow(&mut self, arrival: Arrival, sequence: u32) {
+        match arrival {
+            Arrival::First => self.first_sequence = Some(sequence),
+            Arrival::Next { lost } => self.lost += u64::from(lost),
+            Arrival::Restart { lost } => {
+                self.lost += u64::from(lost);
+                self.restarts += 1;
+            }
+            Arrival::Late => {
+                self.lost -= 1;
+                self.late += 1;
+            }
+            Arrival::Duplicate => self.duplicates += 1,
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! What the bead tells its host, one type a frame kind.
+//!
+//! # Design
+//! A body is the postcard form of one of these structs, fields in the order written. Postcard has no
+//! field names and no lengths to skip by, so a field added, removed or moved is another layout: raise
+//! [`VERSION`](crate::VERSION). A new kind is not: hosts that do not know it say so and go on.
+//!
+//! Numbers travel as the fixed-point bits that the bead computed, never as rounded SI values: the host
+//! that replays the samples compares bits.
+
+use serde::{Deserialize, Serialize};
+
+use crate::codes::{Codes, MAX_SCANS};
+
+/// One unit of a force field, in newtons (I16F16).
+pub const FORCE_UNIT_N: f64 = 1.0 / (1u32 << 16) as f64;
+/// One unit of an acceleration field, in m/s² (I16F16).
+pub const ACCELERATION_UNIT_MPS2: f64 = 1.0 / (1u32 << 16) as f64;
+/// One unit of an energy field, in joules (I40F24 of a nanojoule).
+pub const ENERGY_UNIT_J: f64 = 1e-9 / (1u32 << 24) as f64;
+
+/// Longest package version sent, in bytes.
+pub const MAX_FIRMWARE: usize = 24;
+/// Longest git description sent, in bytes: a full hash with `-dirty` fits.
+pub const MAX_GIT: usize = 48;
+/// Longest fault detail sent, in bytes.
+pub const MAX_DETAIL: usize = 96;
+/// Longest settings block that fits a frame, in bytes.
+pub const MAX_BLOCK: usize = 512;
+
+/// Frame kind: the second byte of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[repr(u8)]
+pub enum Kind {
+    /// [`Identity`]
+    Identity = 1,
+    /// [`Status`]
+    Status = 2,
+    /// [`Strike`]
+    Strike = 3,
+    /// [`Waveform`]
+    Waveform = 4,
+    /// [`Fault`]
+    Fault = 5,
+    /// [`Settings`]
+    Settings = 6,
+}
+
+impl Kind {
+    /// The kind with this number on the wire, if there is one.
+    pub const fn from_byte(byte: u8) -> Option<Self> {
+        match byte {
+            1 => Some(Self::Identity),
+            2 => Some(Self::Status),
+            3 => Some(Self::Strike),
+            4 => Some(Self::Waveform),
+            5 => Some(Self::Fault),
+            6 => Some(Self::Settings),
+            _ => None,
+        }
+    }
+}
+
+/// One message, borrowing its text and bytes from the frame that it came in.
+///
+/// Serialises, in a self-describing format, as the fields of the message beside a `kind`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Message<'a> {
+    /// Who is speaking: first frame after a reset, repeated every few seconds.
+    Identity(Identity<'a>),
+    /// Counters and health, every second.
+    Status(Status),
+    /// The result of one strike.
+    Strike(Strike),
+    /// A run of samples of a strike.
+    Waveform(Waveform<'a>),
+    /// Something went wrong, in this boot or the one before.
+    Fault(Fault<'a>),
+    /// The settings that the estimators run with.
+    Settings(Settings<'a>),
+}
+
+impl Message<'_> {
+    /// The kind that stands in the frame of this message.
+    pub const fn kind(&self) -> Kind {
+        match self {
+            Self::Identity(_) => Kind::Identity,
+            Self::Status(_) => Kind::Status,
+            Self::Strike(_) => Kind::Strike,
+            Self::Waveform(_) => Kind::Waveform,
+            Self::Fault(_) => Kind::Fault,
+            Self::Settings(_) => Kind::Settings,
+        }
+    }
+}
+
+/// Who is speaking, and what the numbers of the other frames are counted in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity<'a> {
+    /// Package version of the image; cut to [`MAX_FIRMWARE`] bytes.
+    pub firmware: &'a str,
+    /// Git description of the tree that it was built from; cut to [`MAX_GIT`] bytes.
+    pub git: &'a str,
+    /// 96-bit unique device id (RM0090 section 39.1).
+    pub uid: [u8; 12],
+    /// Resets since power-up; 0 is the power-up itself. Its low byte stands in every header.
+    pub boot: u32,
+    /// Why the last reset came: bits 31..24 of RCC_CSR (RM0090 section 7.3.21).
+    pub reset_cause: u8,
+    /// Scans a second, in hertz: the unit of every sample index.
+    pub sample_rate_hz: u32,
+    /// ADC channels in a scan.
+    pub channels: u8,
+}
+
+/// The settings block in force, exactly as `bead-model` encoded it; opaque here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Settings<'a> {
+    /// Magic, version, length, body and CRC; at most [`MAX_BLOCK`] bytes.
+    pub block: &'a [u8],
+}
+
+/// Where the settings in force came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SettingsSource {
+    /// Compiled in: the flash sector is erased.
+    BuiltIn,
+    /// Read from flash and checked.
+    Flash,
+    /// Compiled in, because what flash holds failed its check.
+    FlashRefused,
+}
+
+/// Counters since the last reset, and health.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Status {
+    /// Milliseconds since the last reset.
+    pub uptime_ms: u64,
+    /// Times that acquisition was started; a step means that samples are missing between.
+    pub epoch: u32,
+    /// Scans taken.
+    pub samples: u64,
+    /// Strikes found.
+    pub strikes: u32,
+    /// ADC or DMA overruns.
+    pub overruns: u32,
+    /// Blocks of samples that the estimators never saw.
+    pub blocks_dropped: u32,
+    /// Frames made but not sent: the transmit queue was full.
+    pub frames_dropped_queue_full: u32,
+    /// Frames made but not sent: longer than a frame may be.
+    pub frames_dropped_too_long: u32,
+    /// Least stack that was ever free, in bytes.
+    pub stack_free_min: u32,
+    /// Where the settings came from.
+    pub settings_source: SettingsSource,
+    /// Whether the strike detector is armed.
+    pub armed: bool,
+}
+
+/// The result of one strike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Strike {
+    /// Number of the strike since the last reset, from 0.
+    pub strike: u32,
+    /// Sample index of the window's first scan.
+    pub first_index: u64,
+    /// Sample index at which the detector fired.
+    pub trigger_index: u64,
+    /// Scans in the window.
+    pub samples: u16,
+    /// Highest force, in [`FORCE_UNIT_N`].
+    pub peak_force: i32,
+    /// Sample index of the highest force.
+    pub peak_index: u64,
+    /// Highest acceleration, in [`ACCELERATION_UNIT_MPS2`].
+    pub acceleration_max: i32,
+    /// Lowest acceleration, in [`ACCELERATION_UNIT_MPS2`].
+    pub acceleration_min: i32,
+    /// Absorbed energy from the acceleration alone, in [`ENERGY_UNIT_J`].
+    pub absorbed_measured: i64,
+    /// Absorbed energy from the force alone, by the reduced chain, in [`ENERGY_UNIT_J`].
+    pub absorbed_predicted: i64,
+    /// Energy of the wave that came in, from its peak force, in [`ENERGY_UNIT_J`].
+    pub incident_energy: i64,
+    /// What to hold against the result: the flag bits of `bead-model`.
+    pub flags: u16,
+}
+
+/// A run of samples of a strike, raw, with the estimates as they stood after the last of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Waveform<'a> {
+    /// Number of the strike since the last reset, from 0.
+    pub strike: u32,
+    /// Sample index of the first scan here.
+    pub first_index: u64,
+    /// The scans, at most [`MAX_SCANS`].
+    #[serde(borrow)]
+    pub codes: Codes<'a>,
+    /// Absorbed energy so far, from the acceleration alone, in [`ENERGY_UNIT_J`].
+    pub absorbed_measured: i64,
+    /// Absorbed energy so far, from the force alone, in [`ENERGY_UNIT_J`].
+    pub absorbed_predicted: i64,
+}
+
+/// What went wrong. The order is the wire's: add at the end only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultCause {
+    /// The image panicked; `detail` has file and line.
+    Panic,
+    /// The core took a hard fault; `pc` is the instruction.
+    HardFault,
+    /// The watchdog reset the bead.
+    Watchdog,
+    /// The ADC overran (RM0090 section 13.8.2): acquisition was started again.
+    AdcOverrun,
+    /// The DMA stream reported a transfer error: acquisition was started again.
+    DmaError,
+    /// The estimators fell behind and a block was lost: a strike in progress is void.
+    BlockLost,
+    /// The settings block in flash failed its check.
+    SettingsRefused,
+    /// The stack reached its guard.
+    StackOverflow,
+}
+
+/// Something went wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fault<'a> {
+    /// What went wrong.
+    pub cause: FaultCause,
+    /// The boot in which it did: the one before, for what ended in a reset.
+    pub boot: u32,
+    /// Program counter where it did, 0 where that says nothing.
+    pub pc: u32,
+    /// One line for people; cut to [`MAX_DETAIL`] bytes, between characters.
+    pub detail: &'a str,
+}
+
+// Postcard: an integer wider than a byte is a varint of seven bits a byte (signed ones zigzag first), a
+// string or byte slice its length as a varint, then its bytes, an enum its number as a varint.
+const U8: usize = 1;
+const U16: usize = 3;
+const U32: usize = 5;
+const U64: usize = 10;
+const fn slice(longest: usize) -> usize {
+    assert!(longest < 1 << 14, "a length of three varint bytes");
+    longest + if longest < 1 << 7 { 1 } else { 2 }
+}
+
+/// Longest body of each kind, in bytes, kinds in the order of their numbers.
+pub(crate) const MAX_BODIES: [usize; 6] = [
+    slice(MAX_FIRMWARE) + slice(MAX_GIT) + 12 + U32 + U8 + U32 + U8,
+    U64 + U32 + U64 + 6 * U32 + U8 + U8,
+    U32 + 2 * U64 + U16 + U32 + U64 + 2 * U32 + 3 * U64 + U16,
+    U32 + U64 + slice(3 * MAX_SCANS) + 2 * U64,
+    U8 + U32 + U32 + slice(MAX_DETAIL),
+    slice(MAX_BLOCK),
+];
+
+/// Longest body of any kind, in bytes.
+pub(crate) const MAX_BODY: usize = {
+    let (mut longest, mut kind) = (0, 0);
+    while kind < MAX_BODIES.len() {
+        if MAX_BODIES[kind] > longest {
+            longest = MAX_BODIES[kind];
+        }
+        kind += 1;
+    }
+    longest
+};
