@@ -1,0 +1,233 @@
+//! The adaptive Runge-Kutta method of Dormand and Prince, order 8(5,3), with a seventh-order dense output.
+//!
+//! # Design
+//!
+//! Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5, II.6 and II.10. Order 8 pays
+//! here because the accuracy asked for lies near rounding and the motion is smooth between openings and closings of
+//! contacts. At those the force is only Hölder continuous; the error estimate sees that and steps shrink until the
+//! singular point lies in one so short that it does no harm, which costs some ten steps each and needs no search for events.
+//!
+//! The error of a step is the *greatest* over the components, not their root mean square: in a long chain few beads move
+//! at a time, and the mean would let them err the more the longer the chain.
+//!
+//! A step's dense output is not stored. It is a function of where the step started and how long it was, so [`Dense`]
+//! repeats the step when somebody looks inside it: memory is one state a step, and runs that nobody looks into pay nothing.
+
+mod table;
+
+use table::{A, D, E3, E5};
+
+/// An autonomous system of ordinary differential equations y' = f(y).
+pub(crate) trait System {
+    /// Writes f(y) to `rate`, which has the length of `y`.
+    fn rate(&self, y: &[f64], rate: &mut [f64]);
+}
+
+/// Room for the sixteen stages of a step: twelve of the method, the rate at its end, three of the dense output.
+#[derive(Debug, Clone)]
+struct Stages {
+    rates: Vec<Vec<f64>>,
+    argument: Vec<f64>,
+}
+
+impl Stages {
+    fn new(dimension: usize) -> Self {
+        Self {
+            rates: vec![vec![0.0; dimension]; A.len()],
+            argument: vec![0.0; dimension],
+        }
+    }
+
+    /// `out` = y + h Σ a k over one row of the table.
+    fn combine(&self, row: &[(usize, f64)], y: &[f64], h: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        for &(stage, weight) in row {
+            for (sum, rate) in out.iter_mut().zip(&self.rates[stage]) {
+                *sum += weight * rate;
+            }
+        }
+        for (sum, start) in out.iter_mut().zip(y) {
+            *sum = start + h * *sum;
+        }
+    }
+
+    fn stage(&mut self, system: &impl System, index: usize, y: &[f64], h: f64) {
+        let mut argument = std::mem::take(&mut self.argument);
+        self.combine(A[index], y, h, &mut argument);
+        system.rate(&argument, &mut self.rates[index]);
+        self.argument = argument;
+    }
+}
+
+/// One trajectory on its way: state, length of the next step, and counts.
+#[derive(Debug)]
+pub(crate) struct Stepper {
+    pub(crate) time: f64,
+    pub(crate) state: Vec<f64>,
+    pub(crate) evaluations: u64,
+    stages: Stages,
+    candidate: Vec<f64>,
+    /// Error allowed in each component, besides `relative` times its magnitude.
+    absolute: Vec<f64>,
+    relative: f64,
+    step: f64,
+    longest: f64,
+}
+
+/// A step became too short to move the clock: the system has a singularity or a value that is not a number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stuck;
+
+impl Stepper {
+    /// Starts at t = 0 from `state`. `absolute` has its length; no step exceeds `longest`.
+    pub(crate) fn new(
+        system: &impl System,
+        state: Vec<f64>,
+        relative: f64,
+        absolute: Vec<f64>,
+        longest: f64,
+    ) -> Self {
+        let mut stages = Stages::new(state.len());
+        system.rate(&state, &mut stages.rates[0]);
+        Self {
+            time: 0.0,
+            candidate: state.clone(),
+            state,
+            evaluations: 1,
+            stages,
+            absolute,
+            relative,
+            // Short enough for the singular start of a contact; a smooth system is soon out of it.
+            step: 1e-4 * longest,
+            longest,
+        }
+    }
+
+    /// Makes one step that meets the tolerance and does not pass `stop`; a step that reaches it ends on it exactly.
+    pub(crate) fn advance(&mut self, system: &impl System, stop: f64) -> Result<(), Stuck> {
+        const SAFETY: f64 = 0.9;
+        let mut rejected = false;
+        loop {
+            let left = stop - self.time;
+            // A remainder shorter than the rounding of the clock would be a step of nothing: take it along.
+            let last = self.step >= left * (1.0 - 1e-9);
+            let h = if last { left } else { self.step };
+            if self.time + h <= self.time || h.is_nan() {
+                return Err(Stuck);
+            }
+            for index in 1..12 {
+                self.stages.stage(system, index, &self.state, h);
+            }
+            self.stages.combine(A[12], &self.state, h, &mut self.candidate);
+            self.evaluations += 11;
+            let error = self.error(h);
+            // A NaN compares as too great an error, and the step shrinks until it is stuck.
+            if error <= 1.0 {
+                system.rate(&self.candidate, &mut self.stages.rates[12]);
+                self.evaluations += 1;
+                self.stages.rates.swap(0, 12);
+                std::mem::swap(&mut self.state, &mut self.candidate);
+                self.time = if last { stop } else { self.time + h };
+                let growth = (SAFETY * error.powf(-1.0 / 8.0)).clamp(0.2, if rejected { 1.0 } else { 10.0 });
+                // A step cut short by `stop` says nothing about how long the next may be.
+                let next = if last {
+                    (h * growth).max(self.step)
+                } else {
+                    h * growth
+                };
+                self.step = next.min(self.longest);
+                return Ok(());
+            }
+            rejected = true;
+            let shrink = SAFETY * error.powf(-1.0 / 8.0);
+            self.step = h * if shrink > 0.2 { shrink } else { 0.2 };
+        }
+    }
+
+    /// Hairer's blend of the third and fifth order estimates, of order 7 in the step; 1 is what is allowed.
+    fn error(&self, h: f64) -> f64 {
+        let mut greatest = 0.0_f64;
+        for index in 0..self.state.len() {
+            let sum = |row: &[(usize, f64)]| {
+                row.iter()
+                    .map(|&(s, w)| w * self.stages.rates[s][index])
+                    .sum::<f64>()
+            };
+            let (fifth, third) = (sum(E5), sum(E3));
+            let both = fifth * fifth + 0.01 * third * third;
+            let size = self.state[index].abs().max(self.candidate[index].abs());
+            let allowed = self.absolute[index] + self.relative * size;
+            let error = if both > 0.0 {
+                h * fifth * fifth / both.sqrt() / allowed
+            } else {
+                both
+            };
+            // `max` would pass over a NaN.
+            if error.is_nan() {
+                return error;
+            }
+            greatest = greatest.max(error);
+        }
+        greatest
+    }
+}
+
+/// The dense output of one step: a polynomial of seventh order in time, exact at both ends.
+#[derive(Debug, Clone)]
+pub(crate) struct Dense {
+    start: f64,
+    length: f64,
+    state: Vec<f64>,
+    coefficients: [Vec<f64>; 7],
+}
+
+impl Dense {
+    /// Repeats the step from `from` = (t, y) to `to`, both as the [`Stepper`] left them.
+    pub(crate) fn new(system: &impl System, from: (f64, &[f64]), to: (f64, &[f64])) -> Self {
+        let ((start, y0), (end, y1)) = (from, to);
+        let length = end - start;
+        let mut stages = Stages::new(y0.len());
+        system.rate(y0, &mut stages.rates[0]);
+        for index in 1..12 {
+            stages.stage(system, index, y0, length);
+        }
+        system.rate(y1, &mut stages.rates[12]);
+        for index in 13..16 {
+            stages.stage(system, index, y0, length);
+        }
+        let mut coefficients: [Vec<f64>; 7] = std::array::from_fn(|_| vec![0.0; y0.len()]);
+        for i in 0..y0.len() {
+            let change = y1[i] - y0[i];
+            let (first, last) = (length * stages.rates[0][i], length * stages.rates[12][i]);
+            coefficients[0][i] = change;
+            coefficients[1][i] = first - change;
+            coefficients[2][i] = 2.0 * change - (first + last);
+            for (row, coefficient) in D.iter().zip(&mut coefficients[3..]) {
+                coefficient[i] = length * row.iter().map(|&(s, w)| w * stages.rates[s][i]).sum::<f64>();
+            }
+        }
+        Self {
+            start,
+            length,
+            state: y0.to_vec(),
+            coefficients,
+        }
+    }
+
+    /// The state at time `t` of the step.
+    pub(crate) fn at(&self, t: f64, out: &mut [f64]) {
+        let x = (t - self.start) / self.length;
+        for (i, value) in out.iter_mut().enumerate() {
+            let mut sum = 0.0;
+            for (power, coefficient) in self.coefficients.iter().enumerate().rev() {
+                sum = (sum + coefficient[i]) * if power % 2 == 0 { x } else { 1.0 - x };
+            }
+            *value = self.state[i] + sum;
+        }
+    }
+
+    /// Whether `t` lies in this step.
+    pub(crate) fn holds(&self, t: f64) -> bool {
+        self.start <= t && t <= self.start + self.length
+    }
+}

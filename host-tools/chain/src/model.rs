@@ -1,0 +1,449 @@
+//! The equations of motion, (1) to (3) of the paper.
+//!
+//! With overlap δ = U[j-1] - U[j] of contact j and nothing acting where δ ≤ 0:
+//!
+//! ```text
+//! F = κ δ^(3/2) + (3/2) τ κ δ^(1/2) δ'          Hertz, and Kuwabara and Kono's viscous part
+//! κ = 1 / (θa + θb) / √(1/Ra + 1/Rb)            θ = 3 (1 - ν²) / (4 Y)
+//! (M - m) U'' = ΣF + k x + c x'                 a bead and, in a host, x = u - U
+//! m u'' = -k x - c x'                           the intruder
+//! ```
+//!
+//! Eq. (1) as printed lacks the condition on δ. The work that the viscous parts of the contacts and the intruders' dampers
+//! take is integrated with the motion, as components of the state, and so is as exact as the motion.
+
+use crate::dop853::System;
+use crate::scenario::{ContactForce, Scenario};
+
+/// One contact: it joins bodies j-1 and j.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Contact {
+    /// Hertz stiffness κ, N/m^(3/2).
+    pub stiffness: f64,
+    /// Relaxation time τ, s.
+    pub relaxation: f64,
+}
+
+impl Contact {
+    /// Hertz' part of the force, N, at an overlap in m.
+    pub fn elastic_force(&self, overlap: f64) -> f64 {
+        if overlap > 0.0 {
+            self.stiffness * overlap * overlap.sqrt()
+        } else {
+            0.0
+        }
+    }
+
+    /// The viscous part of the force, N, at an overlap in m that grows by `rate` in m/s.
+    pub fn viscous_force(&self, overlap: f64, rate: f64) -> f64 {
+        if overlap > 0.0 {
+            1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate
+        } else {
+            0.0
+        }
+    }
+
+    /// Elastic energy, J, at an overlap in m.
+    pub fn energy(&self, overlap: f64) -> f64 {
+        0.4 * overlap * self.elastic_force(overlap)
+    }
+}
+
+/// One intruder in its host.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Resonator {
+    /// The host bead, from 1.
+    pub bead: usize,
+    /// Mass m, kg.
+    pub mass: f64,
+    /// Stiffness k, N/m.
+    pub stiffness: f64,
+    /// Damping c, N·s/m.
+    pub damping: f64,
+}
+
+/// What a scenario comes to: masses, contacts, resonators.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Mass of bodies 0..=N, intruders included, kg.
+    masses: Vec<f64>,
+    /// The same less the intruders: what the contacts accelerate directly.
+    shells: Vec<f64>,
+    /// Contacts 1..=N, at index j - 1.
+    contacts: Vec<Contact>,
+    /// In the order of their beads.
+    resonators: Vec<Resonator>,
+    clipped: bool,
+    striker_speed: f64,
+}
+
+impl Model {
+    /// The model of a scenario that has been checked.
+    pub(crate) fn new(scenario: &Scenario) -> Self {
+        let striker = &scenario.striker;
+        let beads: Vec<_> = (1..=scenario.chain.beads)
+            .map(|bead| scenario.sphere(bead))
+            .collect();
+        let first = crate::scenario::Sphere {
+            radius: striker.radius,
+            density: striker.density,
+            young: striker.young,
+            poisson: striker.poisson,
+            relaxation: beads[0].relaxation,
+        };
+        let bodies: Vec<_> = std::iter::once(first).chain(beads).collect();
+        let mut masses: Vec<f64> = bodies.iter().map(crate::scenario::Sphere::mass).collect();
+        masses[0] = striker.mass.unwrap_or(masses[0]);
+
+        let mut contacts: Vec<Contact> = bodies
+            .windows(2)
+            .map(|pair| {
+                let compliance = |nu: f64, young: f64| 0.75 * (1.0 - nu * nu) / young;
+                let theta: f64 = pair.iter().map(|body| compliance(body.poisson, body.young)).sum();
+                let curvature: f64 = pair.iter().map(|body| 1.0 / body.radius).sum();
+                Contact {
+                    stiffness: 1.0 / (theta * curvature.sqrt()),
+                    relaxation: 0.5 * (pair[0].relaxation + pair[1].relaxation),
+                }
+            })
+            .collect();
+        contacts[0].relaxation = striker.relaxation.unwrap_or(contacts[0].relaxation);
+
+        let mut resonators: Vec<Resonator> = scenario
+            .intruders
+            .iter()
+            .flat_map(|intruder| {
+                intruder.beads.iter().map(|&bead| Resonator {
+                    bead,
+                    mass: intruder.mass,
+                    stiffness: intruder.stiffness,
+                    damping: intruder.damping,
+                })
+            })
+            .collect();
+        resonators.sort_by_key(|resonator| resonator.bead);
+        let mut shells = masses.clone();
+        for resonator in &resonators {
+            shells[resonator.bead] -= resonator.mass;
+        }
+        let clipped = scenario.chain.contact_force == ContactForce::Clipped;
+        Self {
+            masses,
+            shells,
+            contacts,
+            resonators,
+            clipped,
+            striker_speed: striker.velocity,
+        }
+    }
+
+    /// How many bodies: the striker and the beads.
+    pub fn bodies(&self) -> usize {
+        self.masses.len()
+    }
+
+    /// Mass of a body, kg, an intruder included.
+    ///
+    /// # Panics
+    /// If there is no such body.
+    pub fn mass(&self, body: usize) -> f64 {
+        self.masses[body]
+    }
+
+    /// How many contacts, counted from 1.
+    pub fn contacts(&self) -> usize {
+        self.contacts.len()
+    }
+
+    /// Contact `contact`, which joins bodies `contact - 1` and `contact`.
+    ///
+    /// # Panics
+    /// If there is no such contact.
+    pub fn contact(&self, contact: usize) -> Contact {
+        assert!(
+            (1..=self.contacts.len()).contains(&contact),
+            "contact {contact} is not of this chain"
+        );
+        self.contacts[contact - 1]
+    }
+
+    /// The intruders, in the order of their beads.
+    pub fn resonators(&self) -> &[Resonator] {
+        &self.resonators
+    }
+
+    /// Kinetic energy of the striker at t = 0, J.
+    pub fn striker_energy(&self) -> f64 {
+        0.5 * self.masses[0] * self.striker_speed * self.striker_speed
+    }
+
+    /// Speed of the striker at t = 0, m/s.
+    pub fn striker_speed(&self) -> f64 {
+        self.striker_speed
+    }
+
+    pub(crate) fn layout(&self) -> Layout {
+        Layout {
+            bodies: self.masses.len(),
+            intruders: self.resonators.len(),
+        }
+    }
+
+    /// Bodies in touch and at rest, but for the striker.
+    pub(crate) fn initial(&self) -> Vec<f64> {
+        let layout = self.layout();
+        let mut state = vec![0.0; layout.dimension()];
+        state[layout.velocity(0)] = self.striker_speed;
+        state
+    }
+
+    /// Overlap of contact `j` (from 1) and its rate.
+    pub(crate) fn overlap(&self, y: &[f64], j: usize) -> (f64, f64) {
+        let layout = self.layout();
+        let velocity = layout.velocity(0);
+        (y[j - 1] - y[j], y[velocity + j - 1] - y[velocity + j])
+    }
+
+    /// Total force of contact `j` (from 1).
+    pub(crate) fn force(&self, y: &[f64], j: usize) -> f64 {
+        let (overlap, rate) = self.overlap(y, j);
+        let contact = &self.contacts[j - 1];
+        self.limit(contact.elastic_force(overlap) + contact.viscous_force(overlap, rate))
+    }
+
+    fn limit(&self, force: f64) -> f64 {
+        if self.clipped { force.max(0.0) } else { force }
+    }
+
+    /// The shortest time that two of these bodies touch when they meet at the striker's speed: Hertz' contact time,
+    /// 2.943 (μ² / (κ² V))^(1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
+    pub(crate) fn shortest_contact(&self) -> f64 {
+        self.contacts
+            .iter()
+            .zip(self.masses.windows(2))
+            .map(|(contact, pair)| {
+                let reduced = pair[0] * pair[1] / (pair[0] + pair[1]);
+                2.943_275_184 * ((reduced / contact.stiffness).powi(2) / self.striker_speed).powf(0.2)
+            })
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Displacement of the striker into bead 1 if that stood still: the scale of displacements.
+    pub(crate) fn displacement_scale(&self) -> f64 {
+        (2.5 * self.striker_energy() / self.contacts[0].stiffness).powf(0.4)
+    }
+}
+
+/// Where the state vector keeps what: displacements and velocities of the bodies, relative displacements and velocities of
+/// the intruders, the work lost in all contacts, the work lost in each intruder.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Layout {
+    bodies: usize,
+    intruders: usize,
+}
+
+impl Layout {
+    pub(crate) fn velocity(&self, body: usize) -> usize {
+        self.bodies + body
+    }
+
+    pub(crate) fn relative(&self, intruder: usize) -> usize {
+        2 * self.bodies + intruder
+    }
+
+    pub(crate) fn relative_velocity(&self, intruder: usize) -> usize {
+        2 * self.bodies + self.intruders + intruder
+    }
+
+    pub(crate) fn contact_loss(&self) -> usize {
+        2 * (self.bodies + self.intruders)
+    }
+
+    pub(crate) fn intruder_loss(&self, intruder: usize) -> usize {
+        self.contact_loss() + 1 + intruder
+    }
+
+    pub(crate) fn dimension(&self) -> usize {
+        self.contact_loss() + 1 + self.intruders
+    }
+}
+
+impl System for Model {
+    fn rate(&self, y: &[f64], rate: &mut [f64]) {
+        let layout = self.layout();
+        let (displacement, rest) = y.split_at(layout.bodies);
+        let velocity = &rest[..layout.bodies];
+        let (displacement_rate, rest) = rate.split_at_mut(layout.bodies);
+        let (acceleration, rest) = rest.split_at_mut(layout.bodies);
+        displacement_rate.copy_from_slice(velocity);
+        acceleration.fill(0.0);
+
+        let mut loss = 0.0;
+        for (j, contact) in self.contacts.iter().enumerate() {
+            let overlap = displacement[j] - displacement[j + 1];
+            if overlap > 0.0 {
+                let approach = velocity[j] - velocity[j + 1];
+                let stiffness = contact.stiffness * overlap.sqrt();
+                let elastic = stiffness * overlap;
+                let force = self.limit(elastic + 1.5 * contact.relaxation * stiffness * approach);
+                loss += (force - elastic) * approach;
+                acceleration[j] -= force;
+                acceleration[j + 1] += force;
+            }
+        }
+
+        // `rest` begins where the intruders' relative displacements do.
+        let base = 2 * layout.bodies;
+        for (i, intruder) in self.resonators.iter().enumerate() {
+            let x = y[layout.relative(i)];
+            let x_rate = y[layout.relative_velocity(i)];
+            let pull = intruder.stiffness * x + intruder.damping * x_rate;
+            acceleration[intruder.bead] += pull;
+            rest[layout.relative(i) - base] = x_rate;
+            rest[layout.relative_velocity(i) - base] = -pull / intruder.mass;
+            rest[layout.intruder_loss(i) - base] = intruder.damping * x_rate * x_rate;
+        }
+        rest[layout.contact_loss() - base] = loss;
+        for (acceleration, shell) in acceleration.iter_mut().zip(&self.shells) {
+            *acceleration /= shell;
+        }
+        for (i, intruder) in self.resonators.iter().enumerate() {
+            rest[layout.relative_velocity(i) - base] -= acceleration[intruder.bead];
+        }
+    }
+}
+
+/// Energies at one time, J.
+///
+/// What the striker brought equals [`Energies::total`]: the balance closes only with M - m for a host's shell beside its
+/// intruder's own energy. The paper prints M instead; that sum is kept beside as `chain_as_printed`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct Energies {
+    /// Kinetic energy of the striker.
+    pub striker: f64,
+    /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2).
+    pub chain: f64,
+    /// The same with M for every bead: the paper's E_T.
+    pub chain_as_printed: f64,
+    /// Kinetic and elastic energy of the intruders: Σ ½ m u'² + ½ k x².
+    pub intruders: f64,
+    /// Lost in all contacts so far: ∫ (F - F_Hertz) δ' dt.
+    pub dissipated_contacts: f64,
+    /// Lost in all intruders so far: Σ ∫ c x'² dt.
+    pub dissipated_intruders: f64,
+}
+
+impl Energies {
+    /// All of it: constant over a run but for the error of the integration.
+    pub fn total(&self) -> f64 {
+        self.striker + self.chain + self.intruders + self.dissipated_contacts + self.dissipated_intruders
+    }
+}
+
+impl Model {
+    pub(crate) fn energies(&self, y: &[f64]) -> Energies {
+        let layout = self.layout();
+        let kinetic = |mass: f64, velocity: f64| 0.5 * mass * velocity * velocity;
+        let mut energies = Energies {
+            striker: kinetic(self.masses[0], y[layout.velocity(0)]),
+            ..Energies::default()
+        };
+        for j in 1..layout.bodies {
+            let (overlap, _) = self.overlap(y, j);
+            let velocity = y[layout.velocity(j)];
+            let elastic = self.contacts[j - 1].energy(overlap);
+            energies.chain += kinetic(self.shells[j], velocity) + elastic;
+            energies.chain_as_printed += kinetic(self.masses[j], velocity) + elastic;
+        }
+        for (i, intruder) in self.resonators.iter().enumerate() {
+            let x = y[layout.relative(i)];
+            let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
+            energies.intruders += kinetic(intruder.mass, velocity) + 0.5 * intruder.stiffness * x * x;
+            energies.dissipated_intruders += y[layout.intruder_loss(i)];
+        }
+        energies.dissipated_contacts = y[layout.contact_loss()];
+        energies
+    }
+
+    /// Σ M V over the bodies, intruders at their own velocity, kg·m/s.
+    pub(crate) fn momentum(&self, y: &[f64]) -> f64 {
+        let layout = self.layout();
+        let bodies: f64 = self
+            .masses
+            .iter()
+            .enumerate()
+            .map(|(n, mass)| mass * y[layout.velocity(n)])
+            .sum();
+        let intruders: f64 = self
+            .resonators
+            .iter()
+            .enumerate()
+            .map(|(i, r)| r.mass * y[layout.relative_velocity(i)])
+            .sum();
+        bodies + intruders
+    }
+}
+
+impl Model {
+    /// Which of the resonators sits in `bead`.
+    pub(crate) fn intruder_of(&self, bead: usize) -> Option<usize> {
+        self.resonators
+            .binary_search_by_key(&bead, |resonator| resonator.bead)
+            .ok()
+    }
+
+    /// Absolute acceleration u'' of an intruder.
+    pub(crate) fn intruder_acceleration(&self, y: &[f64], intruder: usize) -> f64 {
+        let (layout, resonator) = (self.layout(), &self.resonators[intruder]);
+        let (x, x_rate) = (
+            y[layout.relative(intruder)],
+            y[layout.relative_velocity(intruder)],
+        );
+        -(resonator.stiffness * x + resonator.damping * x_rate) / resonator.mass
+    }
+
+    /// The magnitude that each component of the state is measured by.
+    pub(crate) fn scales(&self) -> Vec<f64> {
+        let layout = self.layout();
+        let mut scales = vec![self.striker_energy(); layout.dimension()];
+        scales[..layout.velocity(0)].fill(self.displacement_scale());
+        scales[layout.velocity(0)..layout.relative(0)].fill(self.striker_speed);
+        scales[layout.relative(0)..layout.relative_velocity(0)].fill(self.displacement_scale());
+        scales[layout.relative_velocity(0)..layout.contact_loss()].fill(self.striker_speed);
+        scales
+    }
+}
+
+impl Model {
+    /// Rate of the total force of contact `j` (from 1) where the state changes by `dy`.
+    pub(crate) fn force_rate(&self, y: &[f64], dy: &[f64], j: usize) -> f64 {
+        let (overlap, approach) = self.overlap(y, j);
+        if overlap <= 0.0 || (self.clipped && self.force(y, j) == 0.0) {
+            return 0.0;
+        }
+        let (_, acceleration) = self.overlap(dy, j);
+        let Contact {
+            stiffness,
+            relaxation,
+        } = self.contacts[j - 1];
+        let root = overlap.sqrt();
+        let viscous = relaxation * (0.5 * approach * approach / root + root * acceleration);
+        1.5 * stiffness * (root * approach + viscous)
+    }
+
+    /// Rate of [`Energies::chain`] where the state changes by `dy`.
+    pub(crate) fn chain_energy_rate(&self, y: &[f64], dy: &[f64]) -> f64 {
+        let layout = self.layout();
+        (1..layout.bodies)
+            .map(|j| {
+                let velocity = layout.velocity(j);
+                let (overlap, approach) = self.overlap(y, j);
+                self.shells[j] * y[velocity] * dy[velocity]
+                    + self.contacts[j - 1].elastic_force(overlap) * approach
+            })
+            .sum()
+    }
+}

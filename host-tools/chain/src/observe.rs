@@ -1,0 +1,332 @@
+//! What people ask of a run: peaks, widths, energies, in one structure.
+//!
+//! # Design
+//!
+//! A peak is looked for among the ends of steps, then inside the steps around it as the root of the quantity's rate, which
+//! the equations of motion give: the root is as exact as the motion, where the place of a flat maximum is known only to the
+//! square root of rounding.
+
+use serde::Serialize;
+
+use crate::dop853::{Dense, System};
+use crate::model::Model;
+use crate::solution::Solution;
+
+/// What a run came to, named as in the JSON of `bead simulate`. SI units.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Summary {
+    /// Greatest force of every contact that ever carried one.
+    pub peak_force: Vec<ContactPeak>,
+    /// Where the bodies are at the end.
+    #[serde(rename = "final")]
+    pub final_state: FinalState,
+    /// Where the energy of the striker went.
+    pub energy: EnergySummary,
+    /// Each intruder, in the order of the beads.
+    pub intruders: Vec<IntruderSummary>,
+    /// What it cost.
+    pub solver: SolverSummary,
+}
+
+/// The greatest force of one contact.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ContactPeak {
+    /// The contact, which joins bodies `contact - 1` and `contact`.
+    pub contact: usize,
+    /// Greatest total force, N.
+    pub force: f64,
+    /// When, s. The end of the run for a force that still rises then.
+    pub time: f64,
+    /// Full width at half of `force`, s; none if the run ends before the force is down to half.
+    pub fwhm: Option<f64>,
+}
+
+/// Displacements (m) and velocities (m/s) of bodies 0..=N at one time (s).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct FinalState {
+    /// When.
+    pub time: f64,
+    /// Displacements.
+    pub displacement: Vec<f64>,
+    /// Velocities.
+    pub velocity: Vec<f64>,
+}
+
+/// Energies, J, as [`Energies`](crate::Energies) has them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct EnergySummary {
+    /// Kinetic energy of the striker at t = 0.
+    pub striker_initial: f64,
+    /// And at the end.
+    pub striker_final: f64,
+    /// Energy of the chain at the end, with M - m for hosts, without intruders.
+    pub chain_final: f64,
+    /// Energy of the intruders at the end.
+    pub intruders_final: f64,
+    /// Greatest energy of the chain in the run.
+    pub chain_max: f64,
+    /// Lost in contacts.
+    pub dissipated_contacts: f64,
+    /// Lost in intruders.
+    pub dissipated_intruders: f64,
+    /// Greatest distance of the sum from `striker_initial` at the end of any step, as a part of `striker_initial`.
+    pub balance_error: f64,
+}
+
+/// What one intruder went through.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct IntruderSummary {
+    /// Its host.
+    pub bead: usize,
+    /// Greatest absolute acceleration, m/s².
+    pub acceleration_max: f64,
+    /// Least absolute acceleration, m/s².
+    pub acceleration_min: f64,
+    /// Greatest distance from its place in the host, m.
+    pub relative_displacement_max: f64,
+    /// Energy lost in its damper, J.
+    pub dissipated: f64,
+}
+
+/// What a run cost.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct SolverSummary {
+    /// Steps taken.
+    pub steps: u64,
+    /// Times that the equations were evaluated.
+    pub evaluations: u64,
+    /// Wall-clock time, s.
+    pub seconds: f64,
+}
+
+/// A force below this part of the greatest is below what the integration resolves: such a contact carried none.
+const NO_FORCE: f64 = 1e-12;
+
+/// Something that has peaks.
+#[derive(Debug, Clone, Copy)]
+enum Quantity {
+    Force(usize),
+    Acceleration(usize),
+    RelativeDisplacement(usize),
+    ChainEnergy,
+}
+
+impl Quantity {
+    fn value(self, model: &Model, y: &[f64]) -> f64 {
+        match self {
+            Self::Force(contact) => model.force(y, contact),
+            Self::Acceleration(intruder) => model.intruder_acceleration(y, intruder),
+            Self::RelativeDisplacement(intruder) => y[model.layout().relative(intruder)],
+            Self::ChainEnergy => model.energies(y).chain,
+        }
+    }
+
+    /// Its rate of change where the state is `y` and changes by `dy`.
+    fn rate(self, model: &Model, y: &[f64], dy: &[f64]) -> f64 {
+        match self {
+            Self::Force(contact) => model.force_rate(y, dy, contact),
+            // Linear in the state: the rate is the same function of the state's rate.
+            Self::Acceleration(intruder) => model.intruder_acceleration(dy, intruder),
+            Self::RelativeDisplacement(intruder) => dy[model.layout().relative(intruder)],
+            Self::ChainEnergy => model.chain_energy_rate(y, dy),
+        }
+    }
+}
+
+/// Which way a peak points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Side {
+    Up,
+    Down,
+}
+
+struct Peak {
+    value: f64,
+    time: f64,
+    /// The step that ends next to it.
+    knot: usize,
+}
+
+/// A step's dense output with room to look at it.
+struct Inside<'a> {
+    model: &'a Model,
+    dense: Dense,
+    y: Vec<f64>,
+    dy: Vec<f64>,
+}
+
+impl<'a> Inside<'a> {
+    fn new(solution: &'a Solution, knot: usize) -> Self {
+        let dimension = solution.model().layout().dimension();
+        let dense = solution.dense(knot);
+        Self {
+            model: solution.model(),
+            dense,
+            y: vec![0.0; dimension],
+            dy: vec![0.0; dimension],
+        }
+    }
+
+    fn value(&mut self, quantity: Quantity, t: f64) -> f64 {
+        self.dense.at(t, &mut self.y);
+        quantity.value(self.model, &self.y)
+    }
+
+    fn rate(&mut self, quantity: Quantity, t: f64) -> f64 {
+        self.dense.at(t, &mut self.y);
+        self.model.rate(&self.y, &mut self.dy);
+        quantity.rate(self.model, &self.y, &self.dy)
+    }
+}
+
+/// Where `f` changes sign between `a` and `b`, to the last bit: halving is slow, but nothing upsets it.
+fn crossing(mut a: f64, mut b: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
+    let positive = f(a) > 0.0;
+    loop {
+        let middle = 0.5 * (a + b);
+        if middle <= a || middle >= b {
+            return middle;
+        }
+        if (f(middle) > 0.0) == positive {
+            a = middle
+        } else {
+            b = middle
+        }
+    }
+}
+
+impl Solution {
+    /// What the run came to, from t = 0 to the scenario's end (or the run's, where that is earlier).
+    pub fn summary(&self) -> Summary {
+        let model = self.model();
+        let layout = model.layout();
+        let last = self.summary_end();
+        let end = self.state(last);
+        let energies = model.energies(end);
+        let striker_initial = model.striker_energy();
+        let balance_error = (0..=last)
+            .map(|knot| (model.energies(self.state(knot)).total() - striker_initial).abs() / striker_initial)
+            .fold(0.0, f64::max);
+        Summary {
+            peak_force: self.contact_peaks(),
+            final_state: FinalState {
+                time: self.time(last),
+                displacement: (0..model.bodies()).map(|body| end[body]).collect(),
+                velocity: (0..model.bodies())
+                    .map(|body| end[layout.velocity(body)])
+                    .collect(),
+            },
+            energy: EnergySummary {
+                striker_initial,
+                striker_final: energies.striker,
+                chain_final: energies.chain,
+                intruders_final: energies.intruders,
+                chain_max: self.peak(Quantity::ChainEnergy, Side::Up).value,
+                dissipated_contacts: energies.dissipated_contacts,
+                dissipated_intruders: energies.dissipated_intruders,
+                balance_error,
+            },
+            intruders: (0..model.resonators().len())
+                .map(|i| {
+                    let relative = Quantity::RelativeDisplacement(i);
+                    IntruderSummary {
+                        bead: model.resonators()[i].bead,
+                        acceleration_max: self.peak(Quantity::Acceleration(i), Side::Up).value,
+                        acceleration_min: self.peak(Quantity::Acceleration(i), Side::Down).value,
+                        relative_displacement_max: self
+                            .peak(relative, Side::Up)
+                            .value
+                            .max(-self.peak(relative, Side::Down).value),
+                        dissipated: end[layout.intruder_loss(i)],
+                    }
+                })
+                .collect(),
+            solver: SolverSummary {
+                steps: self.step_times().len() as u64 - 1,
+                evaluations: self.evaluations(),
+                seconds: self.seconds(),
+            },
+        }
+    }
+
+    fn contact_peaks(&self) -> Vec<ContactPeak> {
+        let peaks: Vec<Peak> = (1..=self.model().contacts())
+            .map(|contact| self.peak(Quantity::Force(contact), Side::Up))
+            .collect();
+        let greatest = peaks.iter().map(|peak| peak.value).fold(0.0, f64::max);
+        peaks
+            .iter()
+            .zip(1..)
+            .filter(|(peak, _)| peak.value > NO_FORCE * greatest)
+            .map(|(peak, contact)| ContactPeak {
+                contact,
+                force: peak.value,
+                time: peak.time,
+                fwhm: self.width(contact, peak),
+            })
+            .collect()
+    }
+
+    /// The greatest (or least) value of a quantity.
+    fn peak(&self, quantity: Quantity, side: Side) -> Peak {
+        let sign = if side == Side::Up { 1.0 } else { -1.0 };
+        let last = self.summary_end();
+        let value = |knot: usize| sign * quantity.value(self.model(), self.state(knot));
+        let values: Vec<f64> = (0..=last).map(value).collect();
+        let coarse = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let range = coarse - values.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut best = Peak {
+            value: f64::NEG_INFINITY,
+            time: 0.0,
+            knot: 0,
+        };
+        for knot in 0..=last {
+            let summit = values[knot.saturating_sub(1)] <= values[knot]
+                && values[knot] >= values[(knot + 1).min(last)];
+            // Steps are short against a pulse, so only knots near the top can have the top beside them.
+            if !summit || values[knot] < coarse - 0.02 * range {
+                continue;
+            }
+            let mut consider = |value: f64, time: f64| {
+                if value > best.value {
+                    best = Peak { value, time, knot };
+                }
+            };
+            consider(values[knot], self.time(knot));
+            for step in knot.saturating_sub(1)..(knot + 1).min(last) {
+                let (from, to) = (self.time(step), self.time(step + 1));
+                let mut inside = Inside::new(self, step);
+                if sign * inside.rate(quantity, from) > 0.0 && sign * inside.rate(quantity, to) < 0.0 {
+                    let time = crossing(from, to, |t| sign * inside.rate(quantity, t));
+                    consider(sign * inside.value(quantity, time), time);
+                }
+            }
+        }
+        Peak {
+            value: sign * best.value,
+            ..best
+        }
+    }
+
+    /// Time from the last rise through half of a peak before it to the first fall through half after it.
+    fn width(&self, contact: usize, peak: &Peak) -> Option<f64> {
+        let quantity = Quantity::Force(contact);
+        let half = 0.5 * peak.value;
+        let below = |knot: &usize| quantity.value(self.model(), self.state(*knot)) < half;
+        let rise = (0..=peak.knot).rev().find(below)?;
+        let fall = (peak.knot..=self.summary_end()).find(below)?;
+        let through = |step: usize| {
+            let mut inside = Inside::new(self, step);
+            crossing(self.time(step), self.time(step + 1), |t| {
+                inside.value(quantity, t) - half
+            })
+        };
+        Some(through(fall - 1) - through(rise))
+    }
+}

@@ -1,0 +1,168 @@
+//! Running a scenario.
+
+use std::time::Instant;
+
+use crate::check::ScenarioError;
+use crate::dop853::Stepper;
+use crate::model::Model;
+use crate::scenario::Scenario;
+use crate::solution::Solution;
+
+/// How closely the integration follows the equations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Accuracy {
+    /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth of its scale
+    /// (speed of the striker, its depth in a bead at rest, its energy).
+    pub tolerance: f64,
+    /// Longest step, as a part of the shortest contact of the scenario: what meets in free flight must not be stepped over.
+    pub longest_step: f64,
+}
+
+impl Accuracy {
+    /// What every stated number of this crate comes from.
+    pub const REFERENCE: Self = Self {
+        tolerance: 1e-13,
+        longest_step: 1.0 / 24.0,
+    };
+    /// For pictures and sweeps.
+    pub const DRAFT: Self = Self {
+        tolerance: 1e-8,
+        longest_step: 1.0 / 8.0,
+    };
+}
+
+impl Default for Accuracy {
+    fn default() -> Self {
+        Self::REFERENCE
+    }
+}
+
+/// How to run a scenario.
+#[derive(Clone, Copy, Default)]
+pub struct Options<'a> {
+    /// Time to simulate, s, in place of the scenario's: longer for a signal that goes on past it. The [`Summary`] covers the
+    /// scenario's duration, or this where it is shorter.
+    ///
+    /// [`Summary`]: crate::Summary
+    pub duration: Option<f64>,
+    /// How closely.
+    pub accuracy: Accuracy,
+    /// Called now and then with the part done, 0 to 1.
+    pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
+}
+
+impl std::fmt::Debug for Options<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Options")
+            .field("duration", &self.duration)
+            .field("accuracy", &self.accuracy)
+            .field("progress", &self.progress.map(|_| "…"))
+            .finish()
+    }
+}
+
+/// Why a scenario could not be run.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulateError {
+    /// A value of the scenario is out of range.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// [`Options::duration`] is not a positive number.
+    #[error("duration: {0} s cannot be simulated; give a number above zero")]
+    Duration(f64),
+    /// [`Options::accuracy`] is out of range.
+    #[error("accuracy: {what} {value} is out of range; give {range}")]
+    Accuracy {
+        /// Which part of it.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would do.
+        range: &'static str,
+    },
+    /// The steps became too short to move the clock: values of the scenario lie too many powers of ten apart.
+    #[error(
+        "the integration is stuck at {time} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
+    )]
+    Stuck {
+        /// Where, s.
+        time: f64,
+    },
+}
+
+/// Integrates a scenario.
+///
+/// # Errors
+/// [`SimulateError`]: the scenario or an option is out of range, or the integration does not get on.
+pub fn simulate(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, SimulateError> {
+    let clock = Instant::now();
+    scenario.check()?;
+    let end = options.duration.unwrap_or(scenario.duration);
+    if !(end.is_finite() && end > 0.0) {
+        return Err(SimulateError::Duration(end));
+    }
+    let Accuracy {
+        tolerance,
+        longest_step,
+    } = options.accuracy;
+    if !(1e-14..=1e-3).contains(&tolerance) {
+        let range = "1e-14 (rounding) to 1e-3";
+        return Err(SimulateError::Accuracy {
+            what: "tolerance",
+            value: tolerance,
+            range,
+        });
+    }
+    if !(longest_step > 0.0 && longest_step <= 1.0) {
+        let range = "a part above 0 and at most 1";
+        return Err(SimulateError::Accuracy {
+            what: "longest_step",
+            value: longest_step,
+            range,
+        });
+    }
+
+    let model = Model::new(scenario);
+    let floor = model
+        .scales()
+        .iter()
+        .map(|scale| 0.01 * tolerance * scale)
+        .collect();
+    let longest = longest_step * model.shortest_contact();
+    let mut stepper = Stepper::new(&model, model.initial(), tolerance, floor, longest);
+    let mut times = vec![stepper.time];
+    let mut states = stepper.state.clone();
+    let covered = scenario.duration.min(end);
+    // The end of the scenario becomes the end of a step, so that the summary needs no look inside one.
+    let mut summary_end = 0;
+    for stop in [covered, end] {
+        while stepper.time < stop {
+            stepper
+                .advance(&model, stop)
+                .map_err(|_| SimulateError::Stuck { time: stepper.time })?;
+            times.push(stepper.time);
+            states.extend_from_slice(&stepper.state);
+            if let Some(progress) = options.progress
+                && times.len().is_multiple_of(64)
+            {
+                progress(stepper.time / end);
+            }
+        }
+        if stop == covered {
+            summary_end = times.len() - 1;
+        }
+    }
+    if let Some(progress) = options.progress {
+        progress(1.0);
+    }
+    let seconds = clock.elapsed().as_secs_f64();
+    Ok(Solution::new(
+        model,
+        times,
+        states,
+        summary_end,
+        stepper.evaluations,
+        seconds,
+    ))
+}

@@ -1,0 +1,263 @@
+//! What a run leaves: the motion, at any time of it.
+//!
+//! # Design
+//!
+//! Kept is the state after every step. What happens inside a step comes from the method's own dense output, found by
+//! repeating the step ([`crate::dop853::Dense`]); a [`Sampler`] keeps the last step that it looked into.
+
+use crate::dop853::Dense;
+use crate::model::{Energies, Model};
+
+/// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and contacts from 1.
+///
+/// One state is kept for each step: 8 bytes × (2 bodies + 3 intruders + 1), which is 3 MB for the paper's strike and some
+/// 150 MB for 200 beads over 40 ms.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    model: Model,
+    times: Vec<f64>,
+    states: Vec<f64>,
+    summary_end: usize,
+    evaluations: u64,
+    seconds: f64,
+}
+
+impl Solution {
+    pub(crate) fn new(
+        model: Model,
+        times: Vec<f64>,
+        states: Vec<f64>,
+        summary_end: usize,
+        evaluations: u64,
+        seconds: f64,
+    ) -> Self {
+        Self {
+            model,
+            times,
+            states,
+            summary_end,
+            evaluations,
+            seconds,
+        }
+    }
+
+    /// Masses, contacts and resonators of the chain.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Last time of the run, s.
+    pub fn end(&self) -> f64 {
+        self.times[self.times.len() - 1]
+    }
+
+    /// Ends of the steps, from 0 to [`Solution::end`], s.
+    pub fn step_times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// Reads many times in order without repeating a step for each.
+    pub fn sampler(&self) -> Sampler<'_> {
+        Sampler {
+            solution: self,
+            dense: None,
+        }
+    }
+
+    /// Everything at time `t`, s.
+    ///
+    /// # Panics
+    /// If `t` is not within 0 to [`Solution::end`]; [`Options::duration`](crate::Options::duration) makes a run longer.
+    pub fn at(&self, t: f64) -> Snapshot<'_> {
+        self.sampler().at(t)
+    }
+
+    /// Total force of `contact`, N, positive in compression. Panics as [`Solution::at`].
+    pub fn force(&self, contact: usize, t: f64) -> f64 {
+        self.at(t).force(contact)
+    }
+
+    /// Displacement of `body`, m. Panics as [`Solution::at`].
+    pub fn displacement(&self, body: usize, t: f64) -> f64 {
+        self.at(t).displacement(body)
+    }
+
+    /// Velocity of `body`, m/s. Panics as [`Solution::at`].
+    pub fn velocity(&self, body: usize, t: f64) -> f64 {
+        self.at(t).velocity(body)
+    }
+
+    /// Absolute acceleration of the intruder in `bead`, m/s²; none if it holds no intruder. Panics as [`Solution::at`].
+    pub fn intruder_acceleration(&self, bead: usize, t: f64) -> Option<f64> {
+        self.at(t).intruder_acceleration(bead)
+    }
+
+    /// Energy lost so far in the intruder of `bead`, J; none if it holds no intruder. Panics as [`Solution::at`].
+    pub fn intruder_dissipated(&self, bead: usize, t: f64) -> Option<f64> {
+        self.at(t).intruder_dissipated(bead)
+    }
+
+    /// Energies, J. Panics as [`Solution::at`].
+    pub fn energy(&self, t: f64) -> Energies {
+        self.at(t).energies()
+    }
+
+    /// Step whose end is the end of the scenario.
+    pub(crate) fn summary_end(&self) -> usize {
+        self.summary_end
+    }
+
+    pub(crate) fn evaluations(&self) -> u64 {
+        self.evaluations
+    }
+
+    pub(crate) fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    pub(crate) fn time(&self, knot: usize) -> f64 {
+        self.times[knot]
+    }
+
+    pub(crate) fn state(&self, knot: usize) -> &[f64] {
+        let dimension = self.model.layout().dimension();
+        &self.states[knot * dimension..(knot + 1) * dimension]
+    }
+
+    /// The dense output between `knot` and the next.
+    pub(crate) fn dense(&self, knot: usize) -> Dense {
+        let (from, to) = (knot, knot + 1);
+        Dense::new(
+            &self.model,
+            (self.times[from], self.state(from)),
+            (self.times[to], self.state(to)),
+        )
+    }
+}
+
+/// Reads a [`Solution`] at many times; cheap where they follow one another.
+#[derive(Debug, Clone)]
+pub struct Sampler<'a> {
+    solution: &'a Solution,
+    dense: Option<Dense>,
+}
+
+impl<'a> Sampler<'a> {
+    /// Everything at time `t`, s. Panics as [`Solution::at`].
+    pub fn at(&mut self, t: f64) -> Snapshot<'a> {
+        let solution = self.solution;
+        let end = solution.end();
+        assert!(
+            (0.0..=end).contains(&t),
+            "{t} s is not within the run, 0 to {end} s"
+        );
+        let dense = match self.dense.take() {
+            Some(dense) if dense.holds(t) => dense,
+            _ => {
+                let knot = solution.times.partition_point(|&time| time <= t);
+                solution.dense(knot.clamp(1, solution.times.len() - 1) - 1)
+            }
+        };
+        let mut state = vec![0.0; solution.model.layout().dimension()];
+        dense.at(t, &mut state);
+        self.dense = Some(dense);
+        Snapshot {
+            model: &solution.model,
+            time: t,
+            state,
+        }
+    }
+}
+
+/// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1.
+#[derive(Debug, Clone)]
+pub struct Snapshot<'a> {
+    model: &'a Model,
+    time: f64,
+    state: Vec<f64>,
+}
+
+impl Snapshot<'_> {
+    /// The time, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Displacement of `body` since t = 0, m.
+    ///
+    /// # Panics
+    /// If there is no such body.
+    pub fn displacement(&self, body: usize) -> f64 {
+        self.body(body);
+        self.state[body]
+    }
+
+    /// Velocity of `body`, m/s.
+    ///
+    /// # Panics
+    /// If there is no such body.
+    pub fn velocity(&self, body: usize) -> f64 {
+        self.body(body);
+        self.state[self.model.layout().velocity(body)]
+    }
+
+    /// How far `contact` is compressed, m; negative over a gap.
+    ///
+    /// # Panics
+    /// If there is no such contact.
+    pub fn overlap(&self, contact: usize) -> f64 {
+        self.model.contact(contact);
+        self.model.overlap(&self.state, contact).0
+    }
+
+    /// Total force of `contact`, N, positive in compression.
+    ///
+    /// # Panics
+    /// If there is no such contact.
+    pub fn force(&self, contact: usize) -> f64 {
+        self.model.contact(contact);
+        self.model.force(&self.state, contact)
+    }
+
+    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m.
+    pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
+        Some(self.state[self.model.layout().relative(self.model.intruder_of(bead)?)])
+    }
+
+    /// Its rate, m/s.
+    pub fn intruder_velocity(&self, bead: usize) -> Option<f64> {
+        Some(
+            self.state[self
+                .model
+                .layout()
+                .relative_velocity(self.model.intruder_of(bead)?)],
+        )
+    }
+
+    /// Absolute acceleration of the intruder in `bead`, m/s².
+    pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
+        Some(
+            self.model
+                .intruder_acceleration(&self.state, self.model.intruder_of(bead)?),
+        )
+    }
+
+    /// Energy lost so far in the intruder of `bead`, ∫ c x'² dt, J.
+    pub fn intruder_dissipated(&self, bead: usize) -> Option<f64> {
+        Some(self.state[self.model.layout().intruder_loss(self.model.intruder_of(bead)?)])
+    }
+
+    /// Energies, J.
+    pub fn energies(&self) -> Energies {
+        self.model.energies(&self.state)
+    }
+
+    /// Momentum of all bodies and intruders, kg·m/s: constant over a run.
+    pub fn momentum(&self) -> f64 {
+        self.model.momentum(&self.state)
+    }
+
+    fn body(&self, body: usize) {
+        assert!(body < self.model.bodies(), "body {body} is not of this chain");
+    }
+}
