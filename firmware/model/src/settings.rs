@@ -1,0 +1,162 @@
+//! Everything that a bead is told, and its form in flash: the settings block.
+//!
+//! ```text
+//! "BEAD"  version u16 LE  length u16 LE  postcard body  CRC-32/ISO-HDLC u32 LE over all before
+//! ```
+
+use crate::calibration::{BASELINE, Channel};
+use crate::observer::Observer;
+use crate::reduced_chain::ReducedChain;
+use core::fmt;
+use fixed::types::I16F16;
+use serde::{Deserialize, Serialize};
+
+/// Version of the settings block; a block of another one is refused.
+pub const VERSION: u16 = 1;
+/// Upper bound of an encoded block, bytes.
+pub const BLOCK_MAX: usize = 192;
+/// Longest history before the trigger, samples.
+pub const HISTORY_MAX: usize = 256;
+/// Longest window, samples.
+pub const WINDOW_MAX: u16 = 4096;
+
+const MAGIC: [u8; 4] = *b"BEAD";
+const HEADER: usize = MAGIC.len() + 4;
+const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// When a strike is taken and for how long.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WindowSettings {
+    /// Samples of the window up to and with the one that triggers.
+    pub history: u16,
+    /// Samples of the window in all.
+    pub length: u16,
+    /// Rise of the force code that triggers.
+    pub threshold: u16,
+    /// Samples over which the force must rise so much.
+    pub lookback: u16,
+}
+
+/// Calibration, coefficients and window of a bead, at one sample rate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Rate for which the coefficients hold, Hz.
+    pub sample_rate_hz: u32,
+    /// The force channel, N.
+    pub force: Channel,
+    /// The acceleration channel, m/s².
+    pub acceleration: Channel,
+    /// Trigger and window.
+    pub window: WindowSettings,
+    /// Estimate A.
+    pub observer: Observer,
+    /// Estimate B.
+    pub chain: ReducedChain,
+    /// Energy of a solitary wave of 1 N peak, nJ/N^{5/3}.
+    pub incident: I16F16,
+}
+
+/// Why a settings block is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SettingsError {
+    /// Nothing was ever written there (erased flash).
+    Erased,
+    /// Not a settings block.
+    Magic,
+    /// A block of another version.
+    Version(u16),
+    /// Shorter than it says.
+    Truncated,
+    /// The checksum does not fit: half written, or worn.
+    Checksum,
+    /// The body is not what this version writes.
+    Body,
+    /// A value that the bead cannot work with.
+    Invalid(&'static str),
+    /// The buffer to encode into is too small.
+    BufferTooSmall,
+}
+
+impl fmt::Display for SettingsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Erased => write!(f, "no settings block: the flash is erased"),
+            Self::Magic => write!(f, "not a settings block: it does not start with \"BEAD\""),
+            Self::Version(found) => write!(f, "settings block of version {found}, this program knows {VERSION}"),
+            Self::Truncated => write!(f, "settings block is shorter than its header says"),
+            Self::Checksum => write!(f, "settings block with a wrong checksum: half written or damaged"),
+            Self::Body => write!(f, "settings block whose body does not decode"),
+            Self::Invalid(what) => write!(f, "settings that a bead cannot work with: {what}"),
+            Self::BufferTooSmall => write!(f, "buffer too small for a settings block of up to {BLOCK_MAX} bytes"),
+        }
+    }
+}
+
+impl core::error::Error for SettingsError {}
+
+impl Settings {
+    /// Writes the block into `buffer` and returns its length; [`BLOCK_MAX`] bytes are always enough.
+    pub fn encode(&self, buffer: &mut [u8]) -> Result<usize, SettingsError> {
+        let body = buffer.get_mut(HEADER..).ok_or(SettingsError::BufferTooSmall)?;
+        let length = postcard::to_slice(self, body).map_err(|_| SettingsError::BufferTooSmall)?.len();
+        let end = HEADER + length;
+        let (block, rest) = buffer.split_at_mut(end);
+        block[..4].copy_from_slice(&MAGIC);
+        block[4..6].copy_from_slice(&VERSION.to_le_bytes());
+        block[6..8].copy_from_slice(&(length as u16).to_le_bytes());
+        let checksum = CRC.checksum(block);
+        rest.get_mut(..4).ok_or(SettingsError::BufferTooSmall)?.copy_from_slice(&checksum.to_le_bytes());
+        Ok(end + 4)
+    }
+
+    /// Reads a block; what follows it in `bytes` is ignored, so that a flash sector can be given whole.
+    pub fn decode(bytes: &[u8]) -> Result<Self, SettingsError> {
+        let header = bytes.get(..HEADER).ok_or(SettingsError::Truncated)?;
+        if header.iter().all(|&byte| byte == 0xff) {
+            return Err(SettingsError::Erased);
+        }
+        if header[..4] != MAGIC {
+            return Err(SettingsError::Magic);
+        }
+        let version = u16::from_le_bytes([header[4], header[5]]);
+        if version != VERSION {
+            return Err(SettingsError::Version(version));
+        }
+        let end = HEADER + usize::from(u16::from_le_bytes([header[6], header[7]]));
+        let stored = bytes.get(end..end + 4).ok_or(SettingsError::Truncated)?;
+        if CRC.checksum(&bytes[..end]).to_le_bytes() != stored {
+            return Err(SettingsError::Checksum);
+        }
+        let (settings, rest): (Self, &[u8]) =
+            postcard::take_from_bytes(&bytes[HEADER..end]).map_err(|_| SettingsError::Body)?;
+        if !rest.is_empty() {
+            return Err(SettingsError::Body);
+        }
+        settings.validate()?;
+        Ok(settings)
+    }
+
+    /// Length of the block at the start of `bytes`, if its header is one.
+    pub fn block_length(bytes: &[u8]) -> Option<usize> {
+        let header = bytes.get(..HEADER)?;
+        (header[..4] == MAGIC).then(|| HEADER + usize::from(u16::from_le_bytes([header[6], header[7]])) + 4)
+    }
+
+    /// Checks what the code relies on; a block with a good checksum can still be nonsense.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        let window = &self.window;
+        let rules = [
+            (self.sample_rate_hz > 0, "sample rate is 0"),
+            (window.history > BASELINE, "history is not longer than the baseline of 64 samples"),
+            (usize::from(window.history) <= HISTORY_MAX, "history is longer than 256 samples"),
+            (window.length > window.history, "window is not longer than its history"),
+            (window.length <= WINDOW_MAX, "window is longer than 4096 samples"),
+            (window.lookback > 0 && window.lookback < window.history, "lookback is 0 or not shorter than the history"),
+            (window.threshold > 0 && window.threshold < 4096, "threshold is not a rise of 1 to 4095 codes"),
+        ];
+        match rules.iter().find(|(holds, _)| !holds) {
+            Some((_, what)) => Err(SettingsError::Invalid(what)),
+            None => Ok(()),
+        }
+    }
+}
