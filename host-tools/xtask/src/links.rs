@@ -34,7 +34,10 @@ pub(crate) fn check(root: &Path) -> Result<usize, Stop> {
     if broken.is_empty() {
         Ok(followed)
     } else {
-        Err(Stop::failed(broken.join("\n")))
+        Err(Stop::failed(format!(
+            "links that lead nowhere:\n{}",
+            broken.join("\n")
+        )))
     }
 }
 
@@ -151,7 +154,7 @@ mod tests {
         let (_dir, root) = site(&[("a.md", "# A\n\n[x](gone.md) [y](#gone)\n")]);
         assert_eq!(
             check(&root).unwrap_err().message,
-            "a.md:3: #gone: no such heading\na.md:3: gone.md: no such file"
+            "links that lead nowhere:\na.md:3: #gone: no such heading\na.md:3: gone.md: no such file"
         );
     }
 

@@ -149,6 +149,9 @@ fn demo(steps: &Steps, place: &Place) -> Result<(), Stop> {
 fn lint(steps: &Steps, place: &Place) -> Result<(), Stop> {
     let host = "--release --workspace --exclude bead-firmware";
     let thumb = format!("--profile firmware --target {TARGET} -p bead-firmware");
+    steps.announce("links of the documentation");
+    let followed = links::check(&place.root)?;
+    steps.announce(&format!("{followed} links lead somewhere"));
     steps.run("format", &Line::new("cargo fmt --all --check"))?;
     steps.run(
         "lints, host",
@@ -162,9 +165,6 @@ fn lint(steps: &Steps, place: &Place) -> Result<(), Stop> {
         |what: &str| Line::new(&format!("cargo doc --no-deps {what}")).env("RUSTDOCFLAGS", "-D warnings");
     steps.run("documentation, host", &doc(host))?;
     steps.run("documentation, image", &doc(&thumb))?;
-    steps.announce("links of the documentation");
-    let followed = links::check(&place.root)?;
-    steps.announce(&format!("{followed} links lead somewhere"));
     Ok(())
 }
 
