@@ -273,3 +273,77 @@ pub(crate) const MAX_BODY: usize = {
     }
     longest
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_message_of_each_kind_is_as_long_as_stated() {
+        let text = str::from_utf8(&[b'x'; 128]).unwrap();
+        let identity = Identity {
+            firmware: &text[..MAX_FIRMWARE],
+            git: &text[..MAX_GIT],
+            uid: [0xFF; 12],
+            boot: u32::MAX,
+            reset_cause: u8::MAX,
+            sample_rate_hz: u32::MAX,
+            channels: u8::MAX,
+        };
+        let status = Status {
+            uptime_ms: u64::MAX,
+            epoch: u32::MAX,
+            samples: u64::MAX,
+            strikes: u32::MAX,
+            overruns: u32::MAX,
+            blocks_dropped: u32::MAX,
+            frames_dropped_queue_full: u32::MAX,
+            frames_dropped_too_long: u32::MAX,
+            stack_free_min: u32::MAX,
+            settings_source: SettingsSource::FlashRefused,
+            armed: true,
+        };
+        // Zigzag: the lowest number is the longest.
+        let strike = Strike {
+            strike: u32::MAX,
+            first_index: u64::MAX,
+            trigger_index: u64::MAX,
+            samples: u16::MAX,
+            peak_force: i32::MIN,
+            peak_index: u64::MAX,
+            acceleration_max: i32::MIN,
+            acceleration_min: i32::MIN,
+            absorbed_measured: i64::MIN,
+            absorbed_predicted: i64::MIN,
+            incident_energy: i64::MIN,
+            flags: u16::MAX,
+        };
+        let waveform = Waveform {
+            strike: u32::MAX,
+            first_index: u64::MAX,
+            codes: Codes::from_bytes(&[0xFF; 3 * MAX_SCANS]).unwrap(),
+            absorbed_measured: i64::MIN,
+            absorbed_predicted: i64::MIN,
+        };
+        let fault = Fault {
+            cause: FaultCause::StackOverflow,
+            boot: u32::MAX,
+            pc: u32::MAX,
+            detail: &text[..MAX_DETAIL],
+        };
+        let settings = Settings {
+            block: &[0xFF; MAX_BLOCK],
+        };
+
+        let mut buffer = [0; MAX_BODY];
+        let lengths = [
+            postcard::to_slice(&identity, &mut buffer).unwrap().len(),
+            postcard::to_slice(&status, &mut buffer).unwrap().len(),
+            postcard::to_slice(&strike, &mut buffer).unwrap().len(),
+            postcard::to_slice(&waveform, &mut buffer).unwrap().len(),
+            postcard::to_slice(&fault, &mut buffer).unwrap().len(),
+            postcard::to_slice(&settings, &mut buffer).unwrap().len(),
+        ];
+        assert_eq!(lengths, MAX_BODIES);
+    }
+}

@@ -1,0 +1,139 @@
+//! Frames as bytes, one of each kind: yesterday's recordings must decode today.
+//!
+//! If a test here fails, the layout changed. Was that the purpose? Then raise `VERSION`, leave these frames
+//! where they are with a test that they are refused as `Cause::Version(1)`, and add today's beside them.
+//! Was it not? Then a message lost, gained or moved a field, or a text its bound: put it back.
+
+use bead_wire::{
+    Codes, Decoder, Fault, FaultCause, Header, Identity, MAX_FRAME, Message, Settings, SettingsSource,
+    Status, Strike, Waveform, encode,
+};
+
+const HEADER: Header = Header {
+    boot: 2,
+    sequence: 0x0102_0304,
+    sample_index: 0x0A_0000_0B0C,
+};
+
+/// The frames of version 1, delimiters included.
+const GOLDEN: [(&str, &str); 6] = [
+    (
+        "identity",
+        "000a010102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0602e121c61a00",
+    ),
+    (
+        "status",
+        "000a010202040302010c0b01020a01010e80e497d012018090cad2c60e0306c801f0a20409801002011c508e7400",
+    ),
+    (
+        "strike",
+        "000a010302040302010c0b01020a01012a03d0c102f0c1029003f2aa32f7c1028080900cfdd0b509c0c586db6780e98cdc67018180026223892100",
+    ),
+    (
+        "waveform",
+        "000a010402040302010c0b01020a01010903d0c1020623c1ab0af0ff7f8001bbe610c100",
+    ),
+    (
+        "fault",
+        "000a010502040302010c0b01020a0101390101b4a480402d4346535220307830303030383230303a20627573206661756c74206174203078343030315f3234303020e280a6bb7fd0ac00",
+    ),
+    (
+        "settings",
+        "000a010602040302010c0b01020a01010707424541440106ffb5082f5800",
+    ),
+];
+
+/// What they say.
+fn messages() -> [Message<'static>; 6] {
+    const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
+    [
+        Message::Identity(Identity {
+            firmware: "0.1.0",
+            git: "v0.1.0-3-g0123456-dirty",
+            uid: *b"\x30\x00\x2a\x00\x0e\x51\x33\x35\x39\x30\x37\x31",
+            boot: 0x1_0002,
+            reset_cause: 0x14,
+            sample_rate_hz: 100_000,
+            channels: 2,
+        }),
+        Message::Status(Status {
+            uptime_ms: 5_000_000_000,
+            epoch: 1,
+            samples: 500_000_000_000,
+            strikes: 3,
+            overruns: 0,
+            blocks_dropped: 200,
+            frames_dropped_queue_full: 70_000,
+            frames_dropped_too_long: 0,
+            stack_free_min: 2_048,
+            settings_source: SettingsSource::FlashRefused,
+            armed: true,
+        }),
+        Message::Strike(Strike {
+            strike: 3,
+            first_index: 41_168,
+            trigger_index: 41_200,
+            samples: 400,
+            peak_force: 412_345,
+            peak_index: 41_207,
+            acceleration_max: 12_713_984,
+            acceleration_min: -9_876_543,
+            absorbed_measured: 13_919_900_000,
+            absorbed_predicted: 13_921_000_000,
+            incident_energy: -1,
+            flags: 0x8001,
+        }),
+        Message::Waveform(Waveform {
+            strike: 3,
+            first_index: 41_168,
+            codes: Codes::from_bytes(&PACKED).unwrap(),
+            absorbed_measured: -64,
+            absorbed_predicted: 64,
+        }),
+        Message::Fault(Fault {
+            cause: FaultCause::HardFault,
+            boot: 1,
+            pc: 0x0800_1234,
+            detail: "CFSR 0x00008200: bus fault at 0x4001_2400 \u{2026}",
+        }),
+        Message::Settings(Settings {
+            block: b"BEAD\x01\x00\xff",
+        }),
+    ]
+}
+
+fn from_hex(hex: &str) -> Vec<u8> {
+    (0..hex.len())
+        .step_by(2)
+        .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap())
+        .collect()
+}
+
+fn to_hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[test]
+fn yesterdays_frames_decode() {
+    for ((kind, hex), message) in GOLDEN.into_iter().zip(messages()) {
+        let mut decoded = 0;
+        Decoder::new().feed(&from_hex(hex), |result| {
+            let frame = result.unwrap();
+            assert_eq!((frame.header, frame.message), (HEADER, message), "{kind}");
+            decoded += 1;
+        });
+        assert_eq!(decoded, 1, "{kind}");
+    }
+}
+
+#[test]
+fn todays_frames_are_the_same_bytes() {
+    for ((kind, hex), message) in GOLDEN.into_iter().zip(messages()) {
+        let mut buffer = [0; MAX_FRAME];
+        assert_eq!(
+            to_hex(encode(&HEADER, &message, &mut buffer).unwrap()),
+            hex,
+            "{kind}"
+        );
+    }
+}
