@@ -1,0 +1,169 @@
+//! What the host process and the plugin inside QEMU tell each other: files in one directory per run.
+//!
+//! # Design
+//!
+//! QEMU's plugin arguments are a comma-separated list without quoting, so the plugin is given one thing only: a
+//! directory. The host writes [`DESCRIPTION`] and [`STIMULUS`] before it starts QEMU; the plugin writes [`UART`] and
+//! [`RTT`] while the image runs and [`REPORT`] when it ends. A run that ends without a report has failed.
+//!
+//! Both sides are one crate built twice, and [`FORMAT`] in the description says so: a shared object left over from
+//! an older build is told apart instead of misread.
+
+use serde::{Deserialize, Serialize};
+
+/// Changes with every change of these files.
+pub(crate) const FORMAT: u32 = 1;
+
+pub(crate) const DESCRIPTION: &str = "run.json";
+/// Rows of two little-endian u16: the code of ADC channel 0, then that of channel 1.
+pub(crate) const STIMULUS: &str = "stimulus.bin";
+/// Bytes that left the USART1 transmitter, in order.
+pub(crate) const UART: &str = "uart.bin";
+/// Bytes of RTT up-channel 0, in order.
+pub(crate) const RTT: &str = "rtt.bin";
+pub(crate) const REPORT: &str = "report.json";
+
+/// Exit status of QEMU when the overlay's self-test fails. QEMU itself uses 0, 1 and signals.
+pub(crate) const SELF_TEST_STATUS: i32 = 86;
+/// What every line that the overlay prints on standard error starts with.
+pub(crate) const LINE_PREFIX: &str = "stm32f405-qemu: ";
+
+/// What to run, host to plugin.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct Description {
+    pub(crate) format: u32,
+    pub(crate) sample_period_ns: u64,
+    pub(crate) tail_ns: u64,
+    pub(crate) sampling_deadline_ns: u64,
+    pub(crate) hse_hz: u32,
+    pub(crate) uid: [u8; 12],
+    /// Address of the RTT control block, if the image has one.
+    pub(crate) rtt: Option<u32>,
+    pub(crate) count_instructions: bool,
+    pub(crate) functions: Vec<FunctionRange>,
+    pub(crate) labels: usize,
+    pub(crate) uart_input: Vec<UartInput>,
+    pub(crate) pokes: Vec<Poke>,
+}
+
+/// One function of the image that belongs to a label: `[start, end)`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct FunctionRange {
+    pub(crate) label: usize,
+    pub(crate) start: u32,
+    pub(crate) end: u32,
+}
+
+/// Bytes for the USART1 receiver, sent back to back at its own baud rate.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UartInput {
+    /// Virtual time at which the first start bit falls, in ns.
+    pub at_ns: u64,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// A fault on demand: bytes written over guest memory, flash included, behind the processor's back.
+///
+/// What stands in flash comes back with the next reset, since QEMU loads the image again; what stands in RAM stays.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Poke {
+    /// Virtual time of the write, in ns since power-up.
+    pub at_ns: u64,
+    /// First address.
+    pub address: u32,
+    /// What to write there.
+    pub bytes: Vec<u8>,
+}
+
+/// What was seen, plugin to host.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(crate) struct Report {
+    pub(crate) sampling: Option<Sampling>,
+    pub(crate) virtual_ns: u64,
+    pub(crate) overruns: u64,
+    pub(crate) triggers_ignored: u64,
+    pub(crate) resets: Vec<Reset>,
+    pub(crate) unknown: Vec<UnknownRegister>,
+    pub(crate) unmodelled: Vec<String>,
+    pub(crate) pins: Vec<Pin>,
+    pub(crate) instructions: u64,
+    pub(crate) labels: Vec<Count>,
+    pub(crate) worst_block: Option<Block>,
+}
+
+/// The externally triggered scans of ADC1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sampling {
+    /// Virtual time of the first one, which reads row 0 of the stimulus, in ns.
+    pub first_ns: u64,
+    /// How many were started.
+    pub scans: u64,
+}
+
+/// A reset of the machine after power-up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Reset {
+    /// Virtual time, in ns.
+    pub at_ns: u64,
+    /// What asked for it.
+    pub cause: ResetCause,
+}
+
+/// What asked for a reset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ResetCause {
+    /// SYSRESETREQ, by the firmware itself.
+    Software,
+    /// The independent watchdog ran out.
+    Watchdog,
+}
+
+/// A register that the firmware touched and no model knows, or whose peripheral's clock was off.
+///
+/// It read as zero and its writes went nowhere: on silicon the firmware may behave otherwise.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UnknownRegister {
+    /// For example `SPI1+0x08`, or `USART1+0x00 (clock off)`.
+    pub name: String,
+    /// Address of the word.
+    pub address: u32,
+    /// How often it was read.
+    pub reads: u64,
+    /// How often it was written.
+    pub writes: u64,
+    /// What was written last.
+    pub last_write: Option<u32>,
+}
+
+/// An output pin that moved.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pin {
+    /// For example `PC13`.
+    pub name: String,
+    /// How often its level changed while it was an output.
+    pub edges: u64,
+}
+
+/// Instructions executed inside the functions of one label.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Count {
+    pub(crate) instructions: u64,
+    pub(crate) calls: u64,
+}
+
+/// The stretch between two interrupts of the ADC's DMA stream in which the most instructions a scan were executed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Block {
+    /// Instructions of the whole image, interrupts and all.
+    pub instructions: u64,
+    /// Scans of the ADC in the same stretch.
+    pub scans: u64,
+}
+
+impl Block {
+    /// Instructions for each scan of the ADC.
+    pub fn instructions_per_scan(&self) -> f64 {
+        self.instructions as f64 / self.scans as f64
+    }
+}

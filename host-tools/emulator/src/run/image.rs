@@ -1,0 +1,106 @@
+//! What the host reads from the image's ELF: that it is one for this processor, and where things are.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use object::{Object, ObjectSymbol};
+
+use super::RunError;
+use crate::exchange::FunctionRange;
+
+/// An image read whole, with its functions by demangled name.
+pub(super) struct Image {
+    path: PathBuf,
+    pub(super) bytes: Vec<u8>,
+    functions: Vec<Function>,
+    pub(super) rtt: Option<u32>,
+}
+
+struct Function {
+    name: String,
+    start: u32,
+    size: u32,
+}
+
+impl Image {
+    /// # Errors
+    /// [`RunError::ImageMissing`] and [`RunError::NotArmElf`].
+    pub(super) fn read(path: &Path) -> Result<Self, RunError> {
+        let bytes = std::fs::read(path).map_err(|source| RunError::ImageMissing {
+            path: path.into(),
+            source,
+        })?;
+        let not_arm = |reason: String| RunError::NotArmElf {
+            path: path.into(),
+            reason,
+        };
+        let elf = object::File::parse(&*bytes).map_err(|e| not_arm(e.to_string()))?;
+        if elf.format() != object::BinaryFormat::Elf || elf.architecture() != object::Architecture::Arm {
+            return Err(not_arm(format!(
+                "{:?} for {:?}",
+                elf.format(),
+                elf.architecture()
+            )));
+        }
+
+        let mut functions = Vec::new();
+        let mut rtt = None;
+        for symbol in elf.symbols() {
+            let Ok(name) = symbol.name() else { continue };
+            match symbol.kind() {
+                object::SymbolKind::Text if symbol.size() > 0 => functions.push(Function {
+                    // The alternate form leaves the hash out.
+                    name: format!("{:#}", rustc_demangle::demangle(name)),
+                    // Bit 0 of a function's address says Thumb.
+                    start: symbol.address() as u32 & !1,
+                    size: symbol.size() as u32,
+                }),
+                _ if name == "_SEGGER_RTT" => rtt = Some(symbol.address() as u32),
+                _ => {}
+            }
+        }
+        Ok(Self {
+            path: path.into(),
+            functions,
+            rtt,
+            bytes,
+        })
+    }
+
+    /// The functions whose demangled path contains the pattern of an entry, each with the entry's label; the labels
+    /// in order of first mention.
+    ///
+    /// # Errors
+    /// [`RunError::NoSymbols`] where functions are asked for and the image names none.
+    pub(super) fn find(
+        &self,
+        wanted: &[(String, String)],
+    ) -> Result<(Vec<String>, Vec<FunctionRange>), RunError> {
+        if !wanted.is_empty() && self.functions.is_empty() {
+            return Err(RunError::NoSymbols {
+                path: self.path.clone(),
+            });
+        }
+        let mut labels: Vec<String> = Vec::new();
+        // A set: one function may be reached by two patterns of a label, or have two names (folded code).
+        let mut ranges = BTreeSet::new();
+        for (label, pattern) in wanted {
+            let index = labels.iter().position(|l| l == label).unwrap_or_else(|| {
+                labels.push(label.clone());
+                labels.len() - 1
+            });
+            for f in self
+                .functions
+                .iter()
+                .filter(|f| f.name.contains(pattern.as_str()))
+            {
+                ranges.insert((index, f.start, f.start + f.size));
+            }
+        }
+        let ranges = ranges
+            .into_iter()
+            .map(|(label, start, end)| FunctionRange { label, start, end })
+            .collect();
+        Ok((labels, ranges))
+    }
+}

@@ -1,0 +1,87 @@
+//! The shared object that QEMU loads: where it lies, and the copy of it made for one version of QEMU.
+
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use object::{Object, ObjectSection, ObjectSymbol};
+
+use super::RunError;
+
+const VERSION_SYMBOL: &str = "qemu_plugin_version";
+
+/// The overlay's path: what `STM32F405_QEMU_OVERLAY` names; else the newest of the builds beside this executable, in
+/// its `deps` folder (where cargo puts it) and in the folder above (for tests, which run from `deps`).
+///
+/// # Errors
+/// [`RunError::OverlayMissing`].
+pub(super) fn find() -> Result<PathBuf, RunError> {
+    let file = format!(
+        "{}stm32f405_qemu{}",
+        std::env::consts::DLL_PREFIX,
+        std::env::consts::DLL_SUFFIX
+    );
+    if let Some(named) = std::env::var_os("STM32F405_QEMU_OVERLAY") {
+        let named = PathBuf::from(named);
+        return match named.is_file() {
+            true => Ok(named),
+            false => Err(RunError::OverlayMissing {
+                file,
+                looked: vec![named],
+            }),
+        };
+    }
+    let folder = std::env::current_exe()
+        .ok()
+        .and_then(|exe| exe.parent().map(Path::to_path_buf));
+    let folder = folder.unwrap_or_else(|| PathBuf::from("."));
+    let mut looked = vec![folder.clone(), folder.join("deps")];
+    looked.extend(folder.parent().map(Path::to_path_buf));
+    // Cargo leaves an old build beside the executable when the overlay is built as a dependency only.
+    let built = |path: &PathBuf| {
+        path.metadata()
+            .and_then(|m| m.modified())
+            .unwrap_or(SystemTime::UNIX_EPOCH)
+    };
+    let found = looked
+        .iter()
+        .map(|l| l.join(&file))
+        .filter(|p| p.is_file())
+        .max_by_key(built);
+    found.ok_or(RunError::OverlayMissing { file, looked })
+}
+
+/// The overlay's bytes with its `qemu_plugin_version` set, since QEMU loads only what was built for its own interface
+/// version and the functions used are the same in all of them.
+///
+/// # Errors
+/// [`RunError::OverlayOdd`].
+pub(super) fn with_version(path: &Path, version: i32) -> Result<Vec<u8>, RunError> {
+    let odd = |reason: String| RunError::OverlayOdd {
+        path: path.into(),
+        reason,
+    };
+    let mut bytes = std::fs::read(path).map_err(|e| odd(e.to_string()))?;
+    let at = version_offset(&bytes).map_err(odd)?;
+    bytes
+        .get_mut(at..at + size_of::<i32>())
+        .ok_or_else(|| odd(format!("{VERSION_SYMBOL} lies past its end")))?
+        .copy_from_slice(&version.to_ne_bytes());
+    Ok(bytes)
+}
+
+/// Where in the file the version constant lies.
+fn version_offset(bytes: &[u8]) -> Result<usize, String> {
+    let file = object::File::parse(bytes).map_err(|e| e.to_string())?;
+    let symbol = file
+        .dynamic_symbols()
+        .find(|s| s.name() == Ok(VERSION_SYMBOL))
+        .ok_or_else(|| format!("it does not export {VERSION_SYMBOL}"))?;
+    let section = symbol
+        .section_index()
+        .and_then(|i| file.section_by_index(i).ok())
+        .ok_or_else(|| format!("{VERSION_SYMBOL} is in no section"))?;
+    let (start, _) = section
+        .file_range()
+        .ok_or_else(|| format!("{VERSION_SYMBOL} has no bytes in the file"))?;
+    Ok((start + symbol.address() - section.address()) as usize)
+}
