@@ -1,2 +1,3 @@
-//! (being written)
+//! `bead`, the command line.
+
 fn main() {}
