@@ -60,24 +60,36 @@ mod tests {
     fn a_ramp_behind_the_pole_is_restored() {
         // A one-pole filter delays a ramp by its time constant; compensation by half of it twice over a
         // central difference of two steps takes the delay out.
-        let channel = Channel { per_code: I4F28::ONE, pole: I2F30::from_num(0.25) };
+        let channel = Channel {
+            per_code: I4F28::ONE,
+            pole: I2F30::from_num(0.25),
+        };
         let mut state = ChannelState::default();
         for _ in 0..BASELINE {
             state.settle(AdcCode::new(100));
         }
         channel.process(&mut state, AdcCode::new(110));
         channel.process(&mut state, AdcCode::new(120));
-        assert_eq!(channel.process(&mut state, AdcCode::new(130)), I16F16::from_num(20 + 5));
+        assert_eq!(
+            channel.process(&mut state, AdcCode::new(130)),
+            I16F16::from_num(20 + 5)
+        );
     }
 
     #[test]
     fn the_zero_is_the_mean_of_the_baseline_to_a_sixty_fourth_of_a_code() {
-        let channel = Channel { per_code: I4F28::ONE, pole: I2F30::ZERO };
+        let channel = Channel {
+            per_code: I4F28::ONE,
+            pole: I2F30::ZERO,
+        };
         let mut state = ChannelState::default();
         for i in 0..BASELINE {
             state.settle(AdcCode::new(100 + u16::from(i == 7)));
         }
         channel.process(&mut state, AdcCode::new(100));
-        assert_eq!(channel.process(&mut state, AdcCode::new(100)), I16F16::from_num(-1.0 / 64.0));
+        assert_eq!(
+            channel.process(&mut state, AdcCode::new(100)),
+            I16F16::from_num(-1.0 / 64.0)
+        );
     }
 }

@@ -116,7 +116,13 @@ impl Default for Capture {
     /// 100 kHz; 1.28 ms of history, of which 0.64 ms give the zero; a window of 6.4 ms, over which the
     /// intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms.
     fn default() -> Self {
-        Self { sample_rate_hz: 100_000, history: 1.28e-3, length: 6.4e-3, threshold: 0.1, lookback: 0.5e-3 }
+        Self {
+            sample_rate_hz: 100_000,
+            history: 1.28e-3,
+            length: 6.4e-3,
+            threshold: 0.1,
+            lookback: 0.5e-3,
+        }
     }
 }
 
@@ -148,9 +154,20 @@ pub enum DesignError {
 impl fmt::Display for DesignError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Input { name, value, expected } => write!(f, "{name} = {value}: must be {expected}"),
-            Self::Coefficient { name, value, range: (low, high) } => {
-                write!(f, "coefficient {name} = {value:e} does not fit its fixed-point format ({low:e} to {high:e})")
+            Self::Input {
+                name,
+                value,
+                expected,
+            } => write!(f, "{name} = {value}: must be {expected}"),
+            Self::Coefficient {
+                name,
+                value,
+                range: (low, high),
+            } => {
+                write!(
+                    f,
+                    "coefficient {name} = {value:e} does not fit its fixed-point format ({low:e} to {high:e})"
+                )
             }
             Self::Window(error) => error.fmt(f),
         }
@@ -176,11 +193,19 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         ("trigger threshold", capture.threshold),
     ] {
         if !(value.is_finite() && value > 0.0) {
-            return Err(DesignError::Input { name, value, expected: "positive" });
+            return Err(DesignError::Input {
+                name,
+                value,
+                expected: "positive",
+            });
         }
     }
     if !(bead.relaxation.is_finite() && bead.relaxation >= 0.0) {
-        return Err(DesignError::Input { name: "relaxation", value: bead.relaxation, expected: "0 or positive" });
+        return Err(DesignError::Input {
+            name: "relaxation",
+            value: bead.relaxation,
+            expected: "0 or positive",
+        });
     }
     if bead.intruder_mass >= bead.mass {
         return Err(DesignError::Input {
@@ -212,7 +237,10 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         energy: fix("energy", energy)?,
     };
 
-    let force_noise = front_end.force.noise_rms.hypot(front_end.force.per_code / 12f64.sqrt());
+    let force_noise = front_end
+        .force
+        .noise_rms
+        .hypot(front_end.force.per_code / 12f64.sqrt());
     let chain = ReducedChain {
         contact: fix("contact", bead.contact_stiffness / UM.powf(1.5))?,
         relaxation: fix("relaxation", 1.5 * bead.relaxation / dt)?,
@@ -238,7 +266,10 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         },
         observer,
         chain,
-        incident: fix("incident", SOLITARY_WAVE_ENERGY * bead.contact_stiffness.powf(-2.0 / 3.0) * NJ)?,
+        incident: fix(
+            "incident",
+            SOLITARY_WAVE_ENERGY * bead.contact_stiffness.powf(-2.0 / 3.0) * NJ,
+        )?,
     };
     settings.validate().map_err(DesignError::Window)?;
     Ok(settings)
@@ -247,12 +278,19 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
 fn channel(channel: &ChannelFrontEnd, dt: f64) -> Result<Channel, DesignError> {
     let pole = match channel.pole_hz {
         Some(hz) if !(hz.is_finite() && hz > 0.0) => {
-            return Err(DesignError::Input { name: "anti-alias pole", value: hz, expected: "positive, Hz" });
+            return Err(DesignError::Input {
+                name: "anti-alias pole",
+                value: hz,
+                expected: "positive, Hz",
+            });
         }
         Some(hz) => 1.0 / (TAU * hz) / (2.0 * dt),
         None => 0.0,
     };
-    Ok(Channel { per_code: fix("per code", channel.per_code)?, pole: fix("anti-alias pole", pole)? })
+    Ok(Channel {
+        per_code: fix("per code", channel.per_code)?,
+        pole: fix("anti-alias pole", pole)?,
+    })
 }
 
 /// `value` in the format `F`.
@@ -287,9 +325,15 @@ mod tests {
         for bit in 0..length * 8 {
             let mut damaged = block;
             damaged[bit / 8] ^= 1 << (bit % 8);
-            assert!(Settings::decode(&damaged[..length]).is_err(), "bit {bit} flipped and accepted");
+            assert!(
+                Settings::decode(&damaged[..length]).is_err(),
+                "bit {bit} flipped and accepted"
+            );
         }
-        assert_eq!(Settings::decode(&block[..length - 1]), Err(SettingsError::Truncated));
+        assert_eq!(
+            Settings::decode(&block[..length - 1]),
+            Err(SettingsError::Truncated)
+        );
         assert_eq!(Settings::decode(&[0xff; 64]), Err(SettingsError::Erased));
     }
 
@@ -298,7 +342,9 @@ mod tests {
         let refused = |change: fn(&mut Bead)| {
             let mut bead = Bead::paper();
             change(&mut bead);
-            derive(&bead, &FrontEnd::reference(), &Capture::default()).unwrap_err().to_string()
+            derive(&bead, &FrontEnd::reference(), &Capture::default())
+                .unwrap_err()
+                .to_string()
         };
         assert!(refused(|b| b.damping = 0.0).starts_with("intruder damping = 0"));
         assert!(refused(|b| b.mass = f64::NAN).starts_with("bead mass = NaN"));

@@ -78,10 +78,15 @@ impl Default for Meter {
 impl Meter {
     /// A meter that has seen nothing yet: it arms after a history's worth of quiet.
     pub const fn new() -> Self {
-        const NOTHING: Scan =
-            Scan { force: crate::quantity::AdcCode::new(0), acceleration: crate::quantity::AdcCode::new(0) };
+        const NOTHING: Scan = Scan {
+            force: crate::quantity::AdcCode::new(0),
+            acceleration: crate::quantity::AdcCode::new(0),
+        };
         Self {
-            history: History { scans: [NOTHING; HISTORY_MAX], next: 0 },
+            history: History {
+                scans: [NOTHING; HISTORY_MAX],
+                next: 0,
+            },
             phase: Phase::Settling { quiet: 0 },
             strikes: 0,
         }
@@ -134,7 +139,11 @@ impl Meter {
     #[inline(always)]
     fn rises(&self, settings: &Settings) -> bool {
         let now = self.history.back(0).force.get();
-        let before = self.history.back(usize::from(settings.window.lookback)).force.get();
+        let before = self
+            .history
+            .back(usize::from(settings.window.lookback))
+            .force
+            .get();
         now >= before.saturating_add(settings.window.threshold)
     }
 
@@ -161,7 +170,9 @@ impl Meter {
     }
 
     fn measure(&mut self, settings: &Settings, index: u64, scan: Scan, sink: &mut impl Sink) {
-        let Phase::Measuring { window, chunk } = &mut self.phase else { return };
+        let Phase::Measuring { window, chunk } = &mut self.phase else {
+            return;
+        };
         window.process(settings, scan);
         // There is room: a full chunk is sent and emptied below.
         let _ = chunk.scans.push(scan);

@@ -11,7 +11,9 @@
 //! E      = c dt Σ ẋ[n]²
 //! ```
 
-use crate::quantity::{Acceleration, EnergyScale, Length, SquareSum, Step, at_range_end, product, round_shift, wide};
+use crate::quantity::{
+    Acceleration, EnergyScale, Length, SquareSum, Step, at_range_end, product, round_shift, wide,
+};
 use fixed::types::{I2F30, I8F24};
 use serde::{Deserialize, Serialize};
 
@@ -64,8 +66,9 @@ impl Observer {
             + wide(self.start, state.acceleration)
             + wide(self.end, acceleration);
         let displacement = Length::from_bits(round_shift(sum, 26));
-        let velocity: Step = product::<_, _, fixed::types::extra::U24>(self.velocity_per_displacement, displacement)
-            .saturating_add(product(self.velocity_per_acceleration, acceleration));
+        let velocity: Step =
+            product::<_, _, fixed::types::extra::U24>(self.velocity_per_displacement, displacement)
+                .saturating_add(product(self.velocity_per_acceleration, acceleration));
         // The sign of ẋ does not matter to ẋ².
         state.squares.add(velocity);
         state.saturated |= at_range_end(displacement) | at_range_end(velocity);

@@ -68,7 +68,10 @@ where
     C: LeEqU32,
 {
     let shift = const { A::U32 + B::U32 - C::U32 };
-    FixedI32::from_bits(round_shift(i64::from(a.to_bits()) * i64::from(b.to_bits()), shift))
+    FixedI32::from_bits(round_shift(
+        i64::from(a.to_bits()) * i64::from(b.to_bits()),
+        shift,
+    ))
 }
 
 /// `bits / 2^shift` rounded to nearest and saturated to 32 bits.
@@ -101,7 +104,9 @@ impl SquareSum {
     #[inline(always)]
     pub(crate) fn add(&mut self, velocity: Step) {
         let bits = i64::from(velocity.to_bits());
-        self.0 = self.0.saturating_add((bits * bits) as u64 >> (2 * Step::FRAC_NBITS - Self::FRACTION));
+        self.0 = self
+            .0
+            .saturating_add((bits * bits) as u64 >> (2 * Step::FRAC_NBITS - Self::FRACTION));
     }
 
     /// The energy of the sum, with `scale` in nJ per (µm/sample)².

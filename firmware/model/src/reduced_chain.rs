@@ -103,13 +103,24 @@ impl ReducedChain {
         let intruder_velocity = velocity(INTRUDER);
         let spring: Force = product::<_, _, U16>(self.stiffness, state.position[INTRUDER])
             .saturating_add(product(self.damping, intruder_velocity));
-        let incoming = if measured.abs() < self.gate { Force::ZERO } else { measured };
+        let incoming = if measured.abs() < self.gate {
+            Force::ZERO
+        } else {
+            measured
+        };
 
-        let host: Step = product(self.host, incoming.saturating_add(spring).saturating_sub(contact[0]));
+        let host: Step = product(
+            self.host,
+            incoming.saturating_add(spring).saturating_sub(contact[0]),
+        );
         let mut acceleration = [Step::ZERO; COORDINATES];
         let mut ahead = host;
         for i in 0..FOLLOWERS {
-            let outgoing = if i + 1 < FOLLOWERS { contact[i + 1] } else { Force::ZERO };
+            let outgoing = if i + 1 < FOLLOWERS {
+                contact[i + 1]
+            } else {
+                Force::ZERO
+            };
             let bead: Step = product(self.bead, contact[i].saturating_sub(outgoing));
             acceleration[i] = ahead.saturating_sub(bead);
             ahead = bead;

@@ -82,12 +82,18 @@ impl fmt::Display for SettingsError {
         match self {
             Self::Erased => write!(f, "no settings block: the flash is erased"),
             Self::Magic => write!(f, "not a settings block: it does not start with \"BEAD\""),
-            Self::Version(found) => write!(f, "settings block of version {found}, this program knows {VERSION}"),
+            Self::Version(found) => write!(
+                f,
+                "settings block of version {found}, this program knows {VERSION}"
+            ),
             Self::Truncated => write!(f, "settings block is shorter than its header says"),
             Self::Checksum => write!(f, "settings block with a wrong checksum: half written or damaged"),
             Self::Body => write!(f, "settings block whose body does not decode"),
             Self::Invalid(what) => write!(f, "settings that a bead cannot work with: {what}"),
-            Self::BufferTooSmall => write!(f, "buffer too small for a settings block of up to {BLOCK_MAX} bytes"),
+            Self::BufferTooSmall => write!(
+                f,
+                "buffer too small for a settings block of up to {BLOCK_MAX} bytes"
+            ),
         }
     }
 }
@@ -98,14 +104,18 @@ impl Settings {
     /// Writes the block into `buffer` and returns its length; [`BLOCK_MAX`] bytes are always enough.
     pub fn encode(&self, buffer: &mut [u8]) -> Result<usize, SettingsError> {
         let body = buffer.get_mut(HEADER..).ok_or(SettingsError::BufferTooSmall)?;
-        let length = postcard::to_slice(self, body).map_err(|_| SettingsError::BufferTooSmall)?.len();
+        let length = postcard::to_slice(self, body)
+            .map_err(|_| SettingsError::BufferTooSmall)?
+            .len();
         let end = HEADER + length;
         let (block, rest) = buffer.split_at_mut(end);
         block[..4].copy_from_slice(&MAGIC);
         block[4..6].copy_from_slice(&VERSION.to_le_bytes());
         block[6..8].copy_from_slice(&(length as u16).to_le_bytes());
         let checksum = CRC.checksum(block);
-        rest.get_mut(..4).ok_or(SettingsError::BufferTooSmall)?.copy_from_slice(&checksum.to_le_bytes());
+        rest.get_mut(..4)
+            .ok_or(SettingsError::BufferTooSmall)?
+            .copy_from_slice(&checksum.to_le_bytes());
         Ok(end + 4)
     }
 
@@ -147,12 +157,27 @@ impl Settings {
         let window = &self.window;
         let rules = [
             (self.sample_rate_hz > 0, "sample rate is 0"),
-            (window.history > BASELINE, "history is not longer than the baseline of 64 samples"),
-            (usize::from(window.history) <= HISTORY_MAX, "history is longer than 256 samples"),
-            (window.length > window.history, "window is not longer than its history"),
+            (
+                window.history > BASELINE,
+                "history is not longer than the baseline of 64 samples",
+            ),
+            (
+                usize::from(window.history) <= HISTORY_MAX,
+                "history is longer than 256 samples",
+            ),
+            (
+                window.length > window.history,
+                "window is not longer than its history",
+            ),
             (window.length <= WINDOW_MAX, "window is longer than 4096 samples"),
-            (window.lookback > 0 && window.lookback < window.history, "lookback is 0 or not shorter than the history"),
-            (window.threshold > 0 && window.threshold < 4096, "threshold is not a rise of 1 to 4095 codes"),
+            (
+                window.lookback > 0 && window.lookback < window.history,
+                "lookback is 0 or not shorter than the history",
+            ),
+            (
+                window.threshold > 0 && window.threshold < 4096,
+                "threshold is not a rise of 1 to 4095 codes",
+            ),
         ];
         match rules.iter().find(|(holds, _)| !holds) {
             Some((_, what)) => Err(SettingsError::Invalid(what)),

@@ -125,13 +125,16 @@ impl Window {
     /// Takes the next sample.
     pub fn process(&mut self, settings: &Settings, scan: Scan) {
         self.railed.set_if(Flags::FORCE_RAILED, scan.force.is_railed());
-        self.railed.set_if(Flags::ACCELERATION_RAILED, scan.acceleration.is_railed());
+        self.railed
+            .set_if(Flags::ACCELERATION_RAILED, scan.acceleration.is_railed());
         if self.samples < BASELINE {
             self.force.settle(scan.force);
             self.acceleration.settle(scan.acceleration);
         } else {
             let force = settings.force.process(&mut self.force, scan.force);
-            let acceleration = settings.acceleration.process(&mut self.acceleration, scan.acceleration);
+            let acceleration = settings
+                .acceleration
+                .process(&mut self.acceleration, scan.acceleration);
             settings.observer.process(&mut self.observer, acceleration);
             settings.chain.process(&mut self.chain, force);
             if force > self.peak_force {
