@@ -25,8 +25,8 @@ pub const MAX_FIRMWARE: usize = 24;
 pub const MAX_GIT: usize = 48;
 /// Longest fault detail sent, in bytes.
 pub const MAX_DETAIL: usize = 96;
-/// Longest settings block that fits a frame, in bytes.
-pub const MAX_BLOCK: usize = 512;
+/// Longest settings block that fits a frame, in bytes; `bead-model`'s longest is 192.
+pub const MAX_BLOCK: usize = 256;
 
 /// Frame kind: the second byte of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]

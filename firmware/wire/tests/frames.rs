@@ -1,5 +1,7 @@
 //! One frame: what it carries, what it refuses, how long it gets.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
 mod common;
 
 use bead_wire::{

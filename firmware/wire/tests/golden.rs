@@ -4,6 +4,8 @@
 //! where they are with a test that they are refused as `Cause::Version(1)`, and add today's beside them.
 //! Was it not? Then a message lost, gained or moved a field, or a text its bound: put it back.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
 use bead_wire::{
     Codes, Decoder, Fault, FaultCause, Header, Identity, MAX_FRAME, Message, Settings, SettingsSource,
     Status, Strike, Waveform, encode,

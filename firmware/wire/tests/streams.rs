@@ -1,5 +1,7 @@
 //! A stream of frames on a bad line: what is damaged is refused, what is lost is counted.
 
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
 mod common;
 
 use bead_wire::{Arrival, Decoder, Identity, MAX_FRAME, Message, REORDER};
