@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! A [`Meter`](meter::Meter) watches the force channel. When a strike comes it opens a
-//! [`Window`](window::Window) that starts some samples *before* the trigger, and runs two estimates of
+//! A [`Meter`] watches the force channel. When a strike comes it opens a
+//! [`Window`] that starts some samples *before* the trigger, and runs two estimates of
 //! the energy that the intruder absorbs, `∫ c ẋ² dt`:
 //!
 //! * **A**, [`observer`]: from the intruder's own acceleration alone, which *measures* it;
@@ -12,15 +12,15 @@
 //!
 //! They share nothing but the calibration, so that their difference is a diagnosis.
 //!
-//! The window is a pure function of [`Settings`](settings::Settings) and the ADC codes in it: a host that
+//! The window is a pure function of [`Settings`] and the ADC codes in it: a host that
 //! has both gets the device's result bit for bit. Every estimator is `config` (immutable) + `state` +
 //! `process(&self, &mut state, sample)`. There is no float in the work per sample; coefficients are
-//! derived once, in f64, by [`design`] (feature `design`) on the host.
+//! derived once, in f64, by `design` (a feature) on the host.
 //!
 //! # Units
 //!
 //! Lengths are in µm and times in samples, so that the Q formats of [`quantity`] fit what a bead does. What
-//! leaves a format's range saturates and sets a [`Flags`](window::Flags) bit; nothing wraps.
+//! leaves a format's range saturates and sets a [`Flags`] bit; nothing wraps.
 #![cfg_attr(not(feature = "design"), no_std)]
 #![forbid(unsafe_code)]
 

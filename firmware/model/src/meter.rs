@@ -52,6 +52,10 @@ impl History {
 }
 
 #[derive(Clone)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no heap to box it on, and one meter in all"
+)]
 enum Phase {
     /// Counts quiet samples until a whole history of them is there.
     Settling { quiet: u16 },

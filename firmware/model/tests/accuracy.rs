@@ -2,6 +2,7 @@
 //!
 //! What the bead senses is made here in the plainest way (12-bit rounding, Gaussian noise from a fixed
 //! seed, no filter), so that the errors are those of the fixed-point estimators.
+#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport};

@@ -1,4 +1,5 @@
 //! The meter on made-up streams: what triggers, what does not, and that nothing makes it fall over.
+#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport};
