@@ -5,7 +5,8 @@
 //! Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5, II.6 and II.10. Order 8 pays
 //! here because the accuracy asked for lies near rounding and the motion is smooth between openings and closings of
 //! contacts. At those the force is only Hölder continuous; the error estimate sees that and steps shrink until the
-//! singular point lies in one so short that it does no harm, which costs some ten steps each and needs no search for events.
+//! singular point lies in one so short that it does no harm, which costs some ten steps each and needs no search. (A mere
+//! kink can hide between the stages of a step: the caller ends a step there, see `simulate`.)
 //!
 //! The error of a step is the *greatest* over the components, not their root mean square: in a long chain few beads move
 //! at a time, and the mean would let them err the more the longer the chain.
@@ -144,6 +145,14 @@ impl Stepper {
         }
     }
 
+    /// Goes back to an earlier state, to advance from there otherwise.
+    pub(crate) fn return_to(&mut self, system: &impl System, time: f64, state: &[f64]) {
+        self.time = time;
+        self.state.copy_from_slice(state);
+        system.rate(&self.state, &mut self.stages.rates[0]);
+        self.evaluations += 1;
+    }
+
     /// Hairer's blend of the third and fifth order estimates, of order 7 in the step; 1 is what is allowed.
     fn error(&self, h: f64) -> f64 {
         let mut greatest = 0.0_f64;
@@ -229,5 +238,122 @@ impl Dense {
     /// Whether `t` lies in this step.
     pub(crate) fn holds(&self, t: f64) -> bool {
         self.start <= t && t <= self.start + self.length
+    }
+}
+
+/// Where `f` changes sign between `a` and `b`, to the last bit: halving is slow, but nothing upsets it.
+pub(crate) fn crossing(mut a: f64, mut b: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
+    let positive = f(a) > 0.0;
+    loop {
+        let middle = 0.5 * (a + b);
+        if middle <= a || middle >= b {
+            return b;
+        }
+        if (f(middle) > 0.0) == positive {
+            a = middle
+        } else {
+            b = middle
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{A, Dense, Stages, Stepper, Stuck, System};
+
+    /// A planet at the end of its orbit's long axis: smooth, not linear, and closed.
+    struct Kepler;
+
+    const PLANET: [f64; 4] = [1.5, 0.0, 0.0, 0.577_350_269_189_625_8];
+
+    impl System for Kepler {
+        fn rate(&self, y: &[f64], rate: &mut [f64]) {
+            let cube = (y[0] * y[0] + y[1] * y[1]).powf(1.5);
+            rate.copy_from_slice(&[y[2], y[3], -y[0] / cube, -y[1] / cube]);
+        }
+    }
+
+    /// One step of length h from [`PLANET`].
+    fn step(h: f64) -> Vec<f64> {
+        let mut stages = Stages::new(4);
+        Kepler.rate(&PLANET, &mut stages.rates[0]);
+        for index in 1..12 {
+            stages.stage(&Kepler, index, &PLANET, h);
+        }
+        let mut end = vec![0.0; 4];
+        stages.combine(A[12], &PLANET, h, &mut end);
+        end
+    }
+
+    /// The state a time h after [`PLANET`], by many short steps.
+    fn exact(h: f64) -> Vec<f64> {
+        let mut stepper = Stepper::new(&Kepler, PLANET.to_vec(), 1e-15, vec![1e-16; 4], 0.05);
+        while stepper.time < h {
+            stepper.advance(&Kepler, h).expect("the orbit is smooth");
+        }
+        stepper.state
+    }
+
+    fn distance(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn halving_a_step_divides_its_error_by_two_to_the_ninth() {
+        let error = |h: f64| distance(&step(h), &exact(h));
+        let order = (error(0.8) / error(0.4)).log2();
+        assert!((8.5..10.5).contains(&order), "{order}");
+    }
+
+    #[test]
+    fn halving_a_step_divides_the_error_inside_it_by_two_to_the_eighth() {
+        let error = |h: f64| {
+            let mut inside = vec![0.0; 4];
+            Dense::new(&Kepler, (0.0, &PLANET), (h, &exact(h))).at(0.4 * h, &mut inside);
+            distance(&inside, &exact(0.4 * h))
+        };
+        let order = (error(0.8) / error(0.4)).log2();
+        assert!((7.5..9.5).contains(&order), "{order}");
+    }
+
+    #[test]
+    fn dense_output_meets_both_ends_of_its_step() {
+        let end = step(0.3);
+        let dense = Dense::new(&Kepler, (2.0, &PLANET), (2.3, &end));
+        let mut y = vec![0.0; 4];
+        dense.at(2.0, &mut y);
+        assert_eq!(y, PLANET);
+        dense.at(2.3, &mut y);
+        assert!(distance(&y, &end) < 1e-15);
+    }
+
+    #[test]
+    fn an_orbit_closes_within_a_hundred_tolerances() {
+        let axis: f64 = 1.0 / (2.0 / 1.5 - PLANET[3] * PLANET[3]);
+        let period = std::f64::consts::TAU * axis.powf(1.5);
+        for tolerance in [1e-6, 1e-9, 1e-12] {
+            let mut stepper = Stepper::new(&Kepler, PLANET.to_vec(), tolerance, vec![tolerance; 4], 1.0);
+            while stepper.time < period {
+                stepper.advance(&Kepler, period).expect("the orbit is smooth");
+            }
+            assert_eq!(stepper.time, period);
+            let error = distance(&stepper.state, &PLANET);
+            assert!(error < 100.0 * tolerance, "{error:e} at {tolerance:e}");
+        }
+    }
+
+    #[test]
+    fn a_singularity_is_reported_instead_of_tried_for_ever() {
+        /// y' = y² from 1: at infinity when t = 1.
+        struct Blowup;
+        impl System for Blowup {
+            fn rate(&self, y: &[f64], rate: &mut [f64]) {
+                rate[0] = y[0] * y[0];
+            }
+        }
+        let mut stepper = Stepper::new(&Blowup, vec![1.0], 1e-10, vec![1e-10], 0.1);
+        let stuck = (0..100_000).find_map(|_| stepper.advance(&Blowup, 2.0).err());
+        assert_eq!(stuck, Some(Stuck));
+        assert!((stepper.time - 1.0).abs() < 1e-6, "{}", stepper.time);
     }
 }

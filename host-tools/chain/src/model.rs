@@ -184,6 +184,11 @@ impl Model {
         self.striker_speed
     }
 
+    /// Whether contact forces are kept from falling below zero.
+    pub(crate) fn clipped(&self) -> bool {
+        self.clipped
+    }
+
     pub(crate) fn layout(&self) -> Layout {
         Layout {
             bodies: self.masses.len(),
@@ -213,19 +218,28 @@ impl Model {
         self.limit(contact.elastic_force(overlap) + contact.viscous_force(overlap, rate))
     }
 
+    /// Whether the force of contact `j` (from 1) is being kept from falling below zero.
+    pub(crate) fn limited(&self, y: &[f64], j: usize) -> bool {
+        let (overlap, approach) = self.overlap(y, j);
+        // Without the common factor (κ/2) √δ.
+        self.clipped
+            && overlap > 0.0
+            && 2.0 * overlap + 3.0 * self.contacts[j - 1].relaxation * approach < 0.0
+    }
+
     fn limit(&self, force: f64) -> f64 {
         if self.clipped { force.max(0.0) } else { force }
     }
 
     /// The shortest time that two of these bodies touch when they meet at the striker's speed: Hertz' contact time,
-    /// 2.943 (μ² / (κ² V))^(1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
+    /// 2.943 (5/4)^(2/5) (μ/κ)^(2/5) V^(-1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
     pub(crate) fn shortest_contact(&self) -> f64 {
         self.contacts
             .iter()
             .zip(self.masses.windows(2))
             .map(|(contact, pair)| {
                 let reduced = pair[0] * pair[1] / (pair[0] + pair[1]);
-                2.943_275_184 * ((reduced / contact.stiffness).powi(2) / self.striker_speed).powf(0.2)
+                2.943_275_184 * (1.25 * reduced / contact.stiffness).powf(0.4) * self.striker_speed.powf(-0.2)
             })
             .fold(f64::INFINITY, f64::min)
     }
@@ -421,7 +435,7 @@ impl Model {
     /// Rate of the total force of contact `j` (from 1) where the state changes by `dy`.
     pub(crate) fn force_rate(&self, y: &[f64], dy: &[f64], j: usize) -> f64 {
         let (overlap, approach) = self.overlap(y, j);
-        if overlap <= 0.0 || (self.clipped && self.force(y, j) == 0.0) {
+        if overlap <= 0.0 || self.limited(y, j) {
             return 0.0;
         }
         let (_, acceleration) = self.overlap(dy, j);

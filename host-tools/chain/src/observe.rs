@@ -8,7 +8,7 @@
 
 use serde::Serialize;
 
-use crate::dop853::{Dense, System};
+use crate::dop853::{Dense, System, crossing};
 use crate::model::Model;
 use crate::solution::Solution;
 
@@ -182,22 +182,6 @@ impl<'a> Inside<'a> {
         self.dense.at(t, &mut self.y);
         self.model.rate(&self.y, &mut self.dy);
         quantity.rate(self.model, &self.y, &self.dy)
-    }
-}
-
-/// Where `f` changes sign between `a` and `b`, to the last bit: halving is slow, but nothing upsets it.
-fn crossing(mut a: f64, mut b: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
-    let positive = f(a) > 0.0;
-    loop {
-        let middle = 0.5 * (a + b);
-        if middle <= a || middle >= b {
-            return middle;
-        }
-        if (f(middle) > 0.0) == positive {
-            a = middle
-        } else {
-            b = middle
-        }
     }
 }
 

@@ -1,0 +1,350 @@
+//! How exact the integration is, measured against itself and against what is known of the equations.
+
+use hertz_chain::{Accuracy, Options, Scenario, Solution, simulate};
+
+const PAPER: &str = r#"
+duration = 0.004
+[chain]
+beads = 16
+radius = 0.019
+density = 1775.0
+young = 4.5e9
+poisson = 0.44
+relaxation = 4.2e-6
+[striker]
+radius = 0.0045
+density = 7980.0
+young = 203e9
+poisson = 0.27
+velocity = 0.45
+[[intruder]]
+beads = [8]
+mass = 3.7e-3
+stiffness = 3.95e5
+damping = 12.0
+"#;
+
+fn paper() -> Scenario {
+    Scenario::from_toml(PAPER, "paper.toml").expect("the scenario is sound")
+}
+
+/// A long elastic chain without intruders.
+fn elastic(beads: usize, duration: f64) -> Scenario {
+    let mut scenario = paper();
+    scenario.intruders.clear();
+    scenario.chain.relaxation = 0.0;
+    scenario.chain.beads = beads;
+    scenario.duration = duration;
+    scenario
+}
+
+fn run(scenario: &Scenario) -> Solution {
+    simulate(scenario, &Options::default()).expect("the scenario runs")
+}
+
+/// More steps, each of a fifth of the error.
+fn run_finer(scenario: &Scenario) -> Solution {
+    let accuracy = Accuracy {
+        tolerance: 2e-14,
+        longest_step: 1.0 / 50.0,
+    };
+    simulate(
+        scenario,
+        &Options {
+            accuracy,
+            ..Options::default()
+        },
+    )
+    .expect("the scenario runs")
+}
+
+/// Worst distance of forces (to the greatest at the last contact) and of energies (to the striker's), at times that are
+/// nobody's step.
+fn distance(one: &Solution, other: &Solution) -> (f64, f64) {
+    let summary = other.summary();
+    let weakest = summary
+        .peak_force
+        .iter()
+        .map(|peak| peak.force)
+        .filter(|force| *force > 1.0)
+        .fold(1e9, f64::min);
+    let (mut ours, mut theirs) = (one.sampler(), other.sampler());
+    let (mut force, mut energy) = (0.0_f64, 0.0_f64);
+    for i in 0..700 {
+        let t = one.end() * (f64::from(i) + 0.37) / 700.0;
+        let (a, b) = (ours.at(t), theirs.at(t));
+        for contact in 1..=one.model().contacts() {
+            force = force.max((a.force(contact) - b.force(contact)).abs() / weakest);
+        }
+        let (a, b) = (a.energies(), b.energies());
+        for (a, b) in [
+            (a.chain, b.chain),
+            (a.striker, b.striker),
+            (a.intruders, b.intruders),
+            (a.dissipated_contacts, b.dissipated_contacts),
+            (a.dissipated_intruders, b.dissipated_intruders),
+        ] {
+            energy = energy.max((a - b).abs() / summary.energy.striker_initial);
+        }
+    }
+    (force, energy)
+}
+
+#[test]
+fn dense_output_agrees_with_a_run_of_other_steps() {
+    let mut clipped = paper();
+    clipped.chain.contact_force = hertz_chain::ContactForce::Clipped;
+    for (name, scenario, forces, energies) in [
+        ("paper", paper(), 5e-12, 2e-13),
+        ("clipped", clipped, 5e-12, 2e-13),
+        ("elastic", elastic(38, 0.006), 3e-11, 2e-12),
+    ] {
+        let (force, energy) = distance(&run(&scenario), &run_finer(&scenario));
+        println!("{name}: forces {force:.1e}, energies {energy:.1e}");
+        assert!(
+            force < forces && energy < energies,
+            "{name}: forces {force:e}, energies {energy:e}"
+        );
+    }
+}
+
+#[test]
+fn peaks_and_widths_repeat_with_other_steps() {
+    for scenario in [paper(), elastic(38, 0.006)] {
+        let (ours, finer) = (run(&scenario).summary(), run_finer(&scenario).summary());
+        let mut compared = 0;
+        for (a, b) in ours.peak_force.iter().zip(&finer.peak_force) {
+            assert_eq!(a.contact, b.contact);
+            let (Some(width), Some(finer_width)) = (a.fwhm, b.fwhm) else {
+                continue;
+            };
+            compared += 1;
+            assert!((a.force / b.force - 1.0).abs() < 1e-12, "{a:?} {b:?}");
+            assert!((a.time / b.time - 1.0).abs() < 1e-12, "{a:?} {b:?}");
+            assert!((width / finer_width - 1.0).abs() < 1e-11, "{a:?} {b:?}");
+        }
+        assert!(compared >= 15);
+    }
+}
+
+#[test]
+fn the_draft_is_good_for_pictures() {
+    let scenario = paper();
+    let draft = Options {
+        accuracy: Accuracy::DRAFT,
+        ..Options::default()
+    };
+    let (force, energy) = distance(&simulate(&scenario, &draft).expect("runs"), &run(&scenario));
+    assert!(
+        force < 3e-6 && energy < 3e-6,
+        "forces {force:e}, energies {energy:e}"
+    );
+}
+
+#[test]
+fn momentum_is_kept() {
+    for scenario in [paper(), elastic(38, 0.006)] {
+        let solution = run(&scenario);
+        let start = solution.model().mass(0) * scenario.striker.velocity;
+        for i in 0..=100 {
+            let momentum = solution.at(solution.end() * f64::from(i) / 100.0).momentum();
+            assert!((momentum / start - 1.0).abs() < 1e-12, "{momentum} of {start}");
+        }
+    }
+}
+
+#[test]
+fn the_energy_balance_closes() {
+    let solution = run(&paper());
+    let energy = solution.summary().energy;
+    assert!(energy.balance_error < 1e-14, "{:e}", energy.balance_error);
+    // With M for the host as the paper prints it, the sum is off by the intruder's share of the motion.
+    let end = solution.energy(0.002);
+    let as_printed = end.total() - end.chain + end.chain_as_printed;
+    assert!((as_printed / energy.striker_initial - 1.0).abs() > 1e-3);
+}
+
+#[test]
+fn an_elastic_chain_scales_with_the_speed() {
+    let slow = elastic(12, 0.003);
+    let mut fast = slow.clone();
+    let ratio: f64 = 7.0;
+    fast.striker.velocity *= ratio;
+    fast.duration *= ratio.powf(-0.2);
+    let (slow, fast) = (run(&slow).summary(), run(&fast).summary());
+    assert_eq!(slow.peak_force.len(), fast.peak_force.len());
+    for (a, b) in slow.peak_force.iter().zip(&fast.peak_force) {
+        assert!(
+            (b.force / a.force / ratio.powf(1.2) - 1.0).abs() < 1e-11,
+            "{a:?} {b:?}"
+        );
+        assert!(
+            (b.time / a.time * ratio.powf(0.2) - 1.0).abs() < 1e-12,
+            "{a:?} {b:?}"
+        );
+    }
+    let energy = fast.energy.chain_final / slow.energy.chain_final;
+    assert!((energy / ratio.powi(2) - 1.0).abs() < 1e-11, "{energy}");
+}
+
+/// Eqs. (9) and (10) with the factor of (10) as it must be, (5/4)^(3/5).
+#[test]
+fn two_elastic_bodies_touch_as_hertz_says() {
+    let scenario = elastic(1, 0.0003);
+    let solution = run(&scenario);
+    let model = solution.model();
+    let (kappa, speed) = (model.contact(1).stiffness, model.striker_speed());
+    let mass = model.mass(0) * model.mass(1) / (model.mass(0) + model.mass(1));
+    let force = 1.25_f64.powf(0.6) * kappa.powf(0.4) * mass.powf(0.6) * speed.powf(1.2);
+    let time = 2.943_275_184 * 1.25_f64.powf(0.4) * (mass / kappa).powf(0.4) * speed.powf(-0.2);
+    let peak = solution.summary().peak_force[0];
+    assert!((peak.force / force - 1.0).abs() < 1e-12, "{} {force}", peak.force);
+    // The contact is symmetric in time: it peaks half way.
+    assert!(
+        (peak.time / (0.5 * time) - 1.0).abs() < 1e-9,
+        "{} {time}",
+        peak.time
+    );
+    assert_eq!(solution.force(1, 1.0001 * time), 0.0);
+    assert!(solution.force(1, 0.9999 * time) > 0.0);
+}
+
+/// Ramírez et al. 1999: e = 1 - 1.15344 A + 0.79826 A² ..., with A = (3/2) α, α = τ (κ/μ)^(2/5) V^(1/5).
+#[test]
+fn two_viscoelastic_bodies_part_at_the_known_speed() {
+    for alpha in [0.01, 0.02] {
+        let mut scenario = elastic(1, 0.0003);
+        let elastic = run(&scenario);
+        let model = elastic.model();
+        let mass = model.mass(0) * model.mass(1) / (model.mass(0) + model.mass(1));
+        let speed = model.striker_speed();
+        scenario.chain.relaxation = alpha / ((model.contact(1).stiffness / mass).powf(0.4) * speed.powf(0.2));
+        let end = run(&scenario).summary().final_state;
+        let restitution = (end.velocity[1] - end.velocity[0]) / speed;
+        let series = 1.0 - 1.73016 * alpha + 1.79609 * alpha * alpha;
+        // The next term of the series is some -1.5 α³.
+        assert!(
+            (restitution - series).abs() < 2.0 * alpha.powi(3) + 2e-6 * alpha,
+            "{alpha}: {restitution} {series}"
+        );
+    }
+}
+
+/// Discrete solitary wave (κ = M = 1): c = 0.90552 F^(1/6), to the digits known.
+#[test]
+fn a_pulse_becomes_the_solitary_wave() {
+    let solution = run(&elastic(50, 0.010));
+    let peaks = solution.summary().peak_force;
+    let (early, late) = (peaks[32], peaks[36]);
+    let speed = 4.0 / (late.time - early.time);
+    let (kappa, mass) = (solution.model().contact(2).stiffness, solution.model().mass(1));
+    let unit = kappa.powf(1.0 / 3.0) * mass.powf(-0.5) * late.force.powf(1.0 / 6.0);
+    assert!((speed / unit - 0.90552).abs() < 1e-5, "{}", speed / unit);
+}
+
+#[test]
+fn a_longer_run_leaves_the_summary_as_it_is() {
+    let scenario = paper();
+    let longer = Options {
+        duration: Some(0.006),
+        ..Options::default()
+    };
+    let (longer, plain) = (simulate(&scenario, &longer).expect("runs"), run(&scenario));
+    assert_eq!(longer.end(), 0.006);
+    assert_eq!(longer.summary().peak_force, plain.summary().peak_force);
+    assert_eq!(longer.summary().final_state, plain.summary().final_state);
+    assert!(longer.force(16, 0.0041) > 1.0);
+}
+
+#[test]
+fn sections_make_their_beads_unlike_the_rest() {
+    let text = format!("{PAPER}\n[[section]]\nbeads = [3, 4]\nradius = 0.0095\nrelaxation = 0.0\n");
+    let solution = run(&Scenario::from_toml(&text, "stepped.toml").expect("sound"));
+    let model = solution.model();
+    assert!((model.mass(3) / model.mass(2) - 0.125).abs() < 1e-15);
+    assert_eq!(model.mass(2), model.mass(5));
+    // κ goes with 1/√(1/Ra + 1/Rb): 1/2R among the small ones, 3/2 of the large ones' curvature at the step.
+    let plain = model.contact(2).stiffness;
+    assert!((model.contact(3).stiffness / plain - (2.0_f64 / 3.0).sqrt()).abs() < 1e-14);
+    assert!((model.contact(4).stiffness / plain - 0.5_f64.sqrt()).abs() < 1e-14);
+    let relaxation: Vec<f64> = (1..=6).map(|contact| model.contact(contact).relaxation).collect();
+    assert_eq!(relaxation, [4.2e-6, 4.2e-6, 2.1e-6, 0.0, 2.1e-6, 4.2e-6]);
+    assert!(solution.summary().energy.balance_error < 1e-12);
+}
+
+#[test]
+fn the_striker_may_have_mass_and_relaxation_of_its_own() {
+    let text = PAPER.replace(
+        "velocity = 0.45",
+        "velocity = 0.45\nmass = 3.0e-3\nrelaxation = 0.0",
+    );
+    let solution = run(&Scenario::from_toml(&text, "striker.toml").expect("sound"));
+    assert_eq!(solution.model().mass(0), 3.0e-3);
+    assert_eq!(solution.model().contact(1).relaxation, 0.0);
+    assert_eq!(solution.model().contact(2).relaxation, 4.2e-6);
+}
+
+#[test]
+fn progress_is_told() {
+    let last = std::sync::Mutex::new(0.0);
+    let progress = |part: f64| {
+        let mut last = last.lock().expect("no panic");
+        assert!(part > *last && part <= 1.0);
+        *last = part;
+    };
+    let options = Options {
+        progress: Some(&progress),
+        ..Options::default()
+    };
+    simulate(&paper(), &options).expect("runs");
+    assert_eq!(*last.lock().expect("no panic"), 1.0);
+}
+
+#[test]
+fn the_json_has_the_names_of_the_contract() {
+    let json = serde_json::to_value(run(&paper()).summary()).expect("numbers");
+    let keys = |value: &serde_json::Value| -> Vec<String> {
+        value.as_object().expect("an object").keys().cloned().collect()
+    };
+    assert_eq!(
+        keys(&json),
+        ["energy", "final", "intruders", "peak_force", "solver"]
+    );
+    assert_eq!(keys(&json["peak_force"][0]), ["contact", "force", "fwhm", "time"]);
+    assert!(json["peak_force"][15]["fwhm"].is_null());
+    assert_eq!(keys(&json["final"]), ["displacement", "time", "velocity"]);
+    assert_eq!(
+        keys(&json["energy"]),
+        [
+            "balance_error",
+            "chain_final",
+            "chain_max",
+            "dissipated_contacts",
+            "dissipated_intruders",
+            "intruders_final",
+            "striker_final",
+            "striker_initial",
+        ]
+    );
+    assert_eq!(
+        keys(&json["intruders"][0]),
+        [
+            "acceleration_max",
+            "acceleration_min",
+            "bead",
+            "dissipated",
+            "relative_displacement_max"
+        ]
+    );
+    assert_eq!(keys(&json["solver"]), ["evaluations", "seconds", "steps"]);
+}
+
+#[test]
+fn a_contact_that_nothing_reached_is_not_among_the_peaks() {
+    let summary = run(&elastic(38, 0.002)).summary();
+    let contacts: Vec<usize> = summary.peak_force.iter().map(|peak| peak.contact).collect();
+    assert_eq!(contacts, (1..=contacts.len()).collect::<Vec<_>>());
+    assert!(contacts.len() < 15, "{contacts:?}");
+    let last = summary.peak_force.last().expect("some");
+    assert_eq!((last.time, last.fwhm), (0.002, None));
+}

@@ -1,0 +1,334 @@
+//! Bad scenarios: each gets one line that says where, what and what would do.
+
+use hertz_chain::{Options, Scenario, SimulateError, simulate};
+
+const SOUND: &str = "\
+title = \"One absorber at bead 8\"
+duration = 0.004
+[chain]
+beads = 16
+radius = 0.019
+density = 1775.0
+young = 4.5e9
+poisson = 0.44
+relaxation = 4.2e-6
+contact_force = \"printed\"
+[striker]
+radius = 0.0045
+density = 7980.0
+young = 203e9
+poisson = 0.27
+velocity = 0.45
+[[intruder]]
+beads = [8]
+mass = 3.7e-3
+stiffness = 3.95e5
+damping = 12.0
+";
+
+/// What comes of replacing the first `old` in [`SOUND`].
+fn complaint(old: &str, new: &str) -> String {
+    assert!(SOUND.contains(old), "{old}");
+    complaint_about(&SOUND.replacen(old, new, 1))
+}
+
+fn complaint_about(text: &str) -> String {
+    let text = Scenario::from_toml(text, "s.toml")
+        .expect_err("the scenario is bad")
+        .to_string();
+    assert!(!text.contains('\n'), "{text}");
+    text
+}
+
+#[test]
+fn a_sound_scenario_is_read_and_written_back_the_same() {
+    let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    assert_eq!(scenario.chain.beads, 16);
+    assert_eq!(scenario.intruders[0].beads, [8]);
+    let text = toml::to_string(&scenario).expect("writes");
+    assert_eq!(Scenario::from_toml(&text, "t.toml").expect("sound"), scenario);
+}
+
+#[test]
+fn an_unknown_key_gets_the_nearest_name() {
+    for (old, new, line) in [
+        (
+            "title",
+            "titel",
+            "s.toml:1: titel: unknown key; did you mean `title`?",
+        ),
+        (
+            "young = 4.5e9",
+            "yuong = 4.5e9",
+            "s.toml:7: chain.yuong: unknown key; did you mean `young`?",
+        ),
+        (
+            "velocity",
+            "velocty",
+            "s.toml:16: striker.velocty: unknown key; did you mean `velocity`?",
+        ),
+        (
+            "stiffness",
+            "stifness",
+            "s.toml:20: intruder[1].stifness: unknown key; did you mean `stiffness`?",
+        ),
+        (
+            "[[intruder]]",
+            "[[intruders]]",
+            "s.toml:17: intruders: unknown key; did you mean `intruder`?",
+        ),
+        (
+            "damping",
+            "colour",
+            "s.toml:21: intruder[1].colour: unknown key; known here are beads, mass, stiffness, damping",
+        ),
+    ] {
+        assert_eq!(complaint(old, new), line);
+    }
+}
+
+#[test]
+fn a_missing_key_is_named_with_its_table() {
+    let line = complaint("young = 4.5e9\n", "");
+    assert_eq!(
+        line,
+        "s.toml:3: chain: missing field `young`; add it, in SI units"
+    );
+    let line = complaint("mass = 3.7e-3\n", "");
+    assert_eq!(
+        line,
+        "s.toml:17: intruder[1]: missing field `mass`; add it, in SI units"
+    );
+    let line = complaint("duration = 0.004\n", "");
+    assert_eq!(line, "s.toml:1: missing field `duration`; add it, in SI units");
+}
+
+#[test]
+fn a_value_of_the_wrong_kind_is_named() {
+    let line = complaint("radius = 0.019", "radius = \"0.019\"");
+    assert!(
+        line.starts_with("s.toml:5: chain.radius: invalid type: string \"0.019\", expected f64;"),
+        "{line}"
+    );
+    let line = complaint("beads = 16", "beads = -16");
+    assert!(
+        line.starts_with("s.toml:4: chain.beads: invalid value: integer `-16`"),
+        "{line}"
+    );
+    let line = complaint("\"printed\"", "\"cliped\"");
+    assert!(
+        line.starts_with("s.toml:10: chain.contact_force: unknown variant `cliped`"),
+        "{line}"
+    );
+    assert!(line.contains("`printed` or `clipped`"), "{line}");
+    let line = complaint("[8]", "8");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: invalid type"),
+        "{line}"
+    );
+}
+
+#[test]
+fn a_file_that_is_not_toml_is_named_with_its_line() {
+    let line = complaint("density = 1775.0", "density = ");
+    assert!(line.starts_with("s.toml:6: not TOML ("), "{line}");
+}
+
+#[test]
+fn a_value_out_of_range_says_what_would_do() {
+    for (old, new, start) in [
+        (
+            "duration = 0.004",
+            "duration = 0",
+            "s.toml:2: duration: 0 is not a positive number; give",
+        ),
+        (
+            "duration = 0.004",
+            "duration = inf",
+            "s.toml:2: duration: inf is not a positive number; give",
+        ),
+        (
+            "beads = 16",
+            "beads = 0",
+            "s.toml:4: chain.beads: a chain of 0 beads",
+        ),
+        (
+            "beads = 16",
+            "beads = 100001",
+            "s.toml:4: chain.beads: a chain of 100001 beads",
+        ),
+        (
+            "radius = 0.019",
+            "radius = nan",
+            "s.toml:5: chain.radius: NaN is not a positive number; give",
+        ),
+        (
+            "density = 1775.0",
+            "density = -1",
+            "s.toml:6: chain.density: -1 is not a positive number; give",
+        ),
+        (
+            "young = 4.5e9",
+            "young = 0.0",
+            "s.toml:7: chain.young: 0 is not a positive number; give",
+        ),
+        (
+            "poisson = 0.44",
+            "poisson = 0.51",
+            "s.toml:8: chain.poisson: 0.51 is no Poisson's ratio; give",
+        ),
+        (
+            "poisson = 0.44",
+            "poisson = -1.0",
+            "s.toml:8: chain.poisson: -1 is no Poisson's ratio; give",
+        ),
+        (
+            "poisson = 0.44",
+            "poisson = nan",
+            "s.toml:8: chain.poisson: NaN is no Poisson's ratio; give",
+        ),
+        (
+            "4.2e-6",
+            "-4.2e-6",
+            "s.toml:9: chain.relaxation: -0.0000042 is not zero or a positive",
+        ),
+        (
+            "radius = 0.0045",
+            "radius = 0.0",
+            "s.toml:12: striker.radius: 0 is not",
+        ),
+        (
+            "poisson = 0.27",
+            "poisson = 0.6",
+            "s.toml:15: striker.poisson: 0.6 is no",
+        ),
+        (
+            "velocity = 0.45",
+            "velocity = -0.45",
+            "s.toml:16: striker.velocity: -0.45 is not",
+        ),
+        (
+            "velocity = 0.45",
+            "velocity = 0.45\nmass = 0.0",
+            "s.toml:17: striker.mass: 0 is not",
+        ),
+        (
+            "velocity = 0.45",
+            "velocity = 0.45\nrelaxation = -1.0",
+            "s.toml:17: striker.relaxation: -1 is",
+        ),
+        (
+            "mass = 3.7e-3",
+            "mass = 0.0",
+            "s.toml:19: intruder[1].mass: 0 is not",
+        ),
+        ("3.95e5", "nan", "s.toml:20: intruder[1].stiffness: NaN is not"),
+        (
+            "damping = 12.0",
+            "damping = -1.0",
+            "s.toml:21: intruder[1].damping: -1 is not zero",
+        ),
+    ] {
+        let line = complaint(old, new);
+        assert!(line.starts_with(start), "{line}\n{start}");
+    }
+}
+
+#[test]
+fn an_intruder_as_heavy_as_its_host_is_refused() {
+    let line = complaint("mass = 3.7e-3", "mass = 0.051");
+    assert!(
+        line.starts_with("s.toml:19: intruder[1].mass: 0.051 kg is as heavy as its host, bead 8"),
+        "{line}"
+    );
+    // The host's own mass counts, not the chain's.
+    let small = format!("{SOUND}[[section]]\nbeads = [8]\nradius = 0.0075\n");
+    let line = complaint_about(&small);
+    assert!(
+        line.starts_with("s.toml:19: intruder[1].mass: 0.0037 kg is as heavy as its host, bead 8"),
+        "{line}"
+    );
+}
+
+#[test]
+fn beads_out_of_the_chain_or_named_twice_are_refused() {
+    let line = complaint("[8]", "[17]");
+    assert_eq!(
+        line,
+        "s.toml:18: intruder[1].beads: bead 17 is not in the chain; beads are counted from 1 to 16 (chain.beads)"
+    );
+    let line = complaint("[8]", "[0]");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: bead 0 is not in the chain"),
+        "{line}"
+    );
+    let line = complaint("[8]", "[]");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: names no bead"),
+        "{line}"
+    );
+    let line = complaint("[8]", "[8, 9, 8]");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: bead 8 is named twice"),
+        "{line}"
+    );
+    let twice = format!("{SOUND}[[intruder]]\nbeads = [7, 8]\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\n");
+    let line = complaint_about(&twice);
+    assert!(
+        line.starts_with("s.toml:23: intruder[2].beads: bead 8 already holds intruder[1]"),
+        "{line}"
+    );
+    let section = "[[section]]\nbeads = [3, 4]\nradius = 0.01\n";
+    let line = complaint_about(&format!("{SOUND}{section}{section}"));
+    assert!(
+        line.starts_with("s.toml:26: section[2].beads: bead 3 is already in section[1]"),
+        "{line}"
+    );
+    let line = complaint_about(&format!("{SOUND}{}", section.replace("0.01", "-0.01")));
+    assert!(
+        line.starts_with("s.toml:24: section[1].radius: -0.01 is not a positive number"),
+        "{line}"
+    );
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let error = Scenario::load("no/such/scenario.toml").expect_err("there is none");
+    assert!(
+        error
+            .to_string()
+            .starts_with("no/such/scenario.toml: cannot be read ("),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_scenario_built_in_code_is_checked_too() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.chain.young = f64::NAN;
+    let error = simulate(&scenario, &Options::default()).expect_err("NaN");
+    assert!(matches!(error, SimulateError::Scenario(_)));
+    assert!(
+        error
+            .to_string()
+            .starts_with("chain.young: NaN is not a positive number; give"),
+        "{error}"
+    );
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let options = Options {
+        duration: Some(-1.0),
+        ..Options::default()
+    };
+    assert_eq!(
+        simulate(&scenario, &options).expect_err("negative"),
+        SimulateError::Duration(-1.0)
+    );
+    let mut options = Options::default();
+    options.accuracy.tolerance = 1e-17;
+    let error = simulate(&scenario, &options).expect_err("below rounding");
+    assert!(error.to_string().starts_with("accuracy: tolerance"), "{error}");
+}
