@@ -1,2 +1,94 @@
-//! (being written)
-fn main() {}
+//! The image of the sensing absorber bead: the wiring. See `docs/firmware.md`.
+//!
+//! ```text
+//! TIM3 ─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─records─> outbox ─> transmit ─> USART1
+//!                                                  report, faults ───┘
+//! ```
+#![no_std]
+#![no_main]
+
+mod acquire;
+mod clocks;
+mod counters;
+mod estimate;
+mod heartbeat;
+mod outbox;
+mod priorities;
+mod report;
+mod sample_clock;
+mod settings;
+mod stack;
+mod trace;
+mod transmit;
+mod watchdog;
+
+use acquire::{Block, Inputs, Ring};
+use bead_model::Meter;
+use bead_wire::MAX_FRAME;
+use defmt_rtt as _;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::zerocopy_channel::Channel;
+use sample_clock::SampleClock;
+use settings::Loaded;
+use static_cell::{ConstStaticCell, StaticCell};
+use trace::Boot;
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    static BOOT: StaticCell<Boot> = StaticCell::new();
+    static LOADED: StaticCell<Loaded> = StaticCell::new();
+    static RING: ConstStaticCell<Ring> = ConstStaticCell::new([0; _]);
+    static BLOCKS: ConstStaticCell<[Block; estimate::BLOCKS]> = ConstStaticCell::new([Block::EMPTY; _]);
+    static CHANNEL: StaticCell<Channel<'static, CriticalSectionRawMutex, Block>> = StaticCell::new();
+    static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
+    static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
+
+    let boot = BOOT.init(trace::begin());
+    let p = embassy_stm32::init(clocks::config());
+    defmt::info!(
+        "bead {=str} ({=str}), boot {=u32}, reset cause {=u8:#04x}",
+        env!("CARGO_PKG_VERSION"),
+        env!("BEAD_GIT"),
+        boot.number,
+        boot.reset_cause
+    );
+    if let Some(left) = &boot.left {
+        defmt::error!(
+            "boot {=u32} ended in a fault: {=str}",
+            left.boot,
+            left.detail.as_str()
+        );
+    }
+    let loaded = LOADED.init(settings::load());
+    defmt::info!("settings: {=str}", loaded.origin());
+
+    let inputs = Inputs {
+        adc: p.ADC1,
+        dma: p.DMA2_CH0,
+        force: p.PA0,
+        acceleration: p.PA1,
+    };
+    let clock = SampleClock::new(p.TIM3);
+    let port = transmit::port(p.USART1, p.PA9, p.DMA2_CH7);
+    let (sender, receiver) = CHANNEL.init(Channel::new(BLOCKS.take())).split();
+
+    const ONCE: &str = "each task is spawned once";
+    let spawn = priorities::start();
+    spawn
+        .rest
+        .spawn(transmit::transmit(port, FRAME.take()).expect(ONCE));
+    spawn.rest.spawn(report::report(boot, loaded).expect(ONCE));
+    spawn
+        .rest
+        .spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
+    spawn
+        .estimate
+        .spawn(estimate::estimate(&loaded.settings, METER.take(), receiver).expect(ONCE));
+    spawn
+        .acquire
+        .spawn(acquire::acquire(inputs, clock, RING.take(), sender).expect(ONCE));
+    spawn.rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
+    loop {
+        cortex_m::asm::wfi();
+    }
+}

@@ -1,0 +1,86 @@
+//! Hands the linker its scripts and the image its git version and built-in settings.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::{env, fs};
+
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::settings::BLOCK_MAX;
+
+/// What goes into the image, from the workspace's root: a change in any of these makes a build "dirty".
+const SOURCES: [&str; 6] = [
+    "Cargo.lock",
+    "Cargo.toml",
+    "firmware",
+    "memory.x",
+    "rust-toolchain.toml",
+    ".cargo",
+];
+
+fn main() {
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("the firmware lies inside the workspace");
+
+    for source in SOURCES {
+        println!("cargo::rerun-if-changed={}", root.join(source).display());
+    }
+
+    link(root, &out);
+    built_in_settings(&out);
+    println!("cargo::rustc-env=BEAD_GIT={}", git_version(root));
+}
+
+fn link(root: &Path, out: &Path) {
+    fs::copy(root.join("memory.x"), out.join("memory.x")).expect("memory.x is at the workspace's root");
+    println!("cargo::rustc-link-search={}", out.display());
+    if env::var("TARGET").is_ok_and(|target| target.starts_with("thumb")) {
+        for script in ["link.x", "defmt.x"] {
+            println!("cargo::rustc-link-arg-bins=-T{script}");
+        }
+    }
+}
+
+/// The settings of the paper's bead behind the reference front end, for a bead whose flash has none.
+fn built_in_settings(out: &Path) {
+    let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default())
+        .expect("the paper's bead can be measured by the reference front end");
+    let mut block = [0; BLOCK_MAX];
+    let length = settings
+        .encode(&mut block)
+        .expect("BLOCK_MAX bytes take any settings block");
+    fs::write(out.join("settings.bin"), &block[..length]).expect("OUT_DIR can be written");
+}
+
+/// Commit that the image is built from, `-dirty` if any of its sources differs, "unknown" without git.
+fn git_version(root: &Path) -> String {
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git")
+            .arg("-C")
+            .arg(root)
+            // `status` would rewrite the index for speed, and so take part in other people's locks.
+            .arg("--no-optional-locks")
+            .args(arguments)
+            .output()
+            .ok()?;
+        let text = String::from_utf8(output.stdout).ok()?;
+        output.status.success().then(|| text.trim().to_owned())
+    };
+    // The log of HEAD is written by every commit and checkout; a path that is absent would rebuild always.
+    for path in ["HEAD", "logs/HEAD"] {
+        let path = git(&["rev-parse", "--git-path", path]).map(|path| root.join(path));
+        if let Some(path) = path.filter(|path| path.exists()) {
+            println!("cargo::rerun-if-changed={}", path.display());
+        }
+    }
+    let Some(commit) = git(&["rev-parse", "--short=12", "HEAD"]) else {
+        return "unknown".to_owned();
+    };
+    let mut status = vec!["status", "--porcelain", "--"];
+    status.extend(SOURCES);
+    match git(&status) {
+        Some(changes) if changes.is_empty() => commit,
+        _ => format!("{commit}-dirty"),
+    }
+}

@@ -1,0 +1,193 @@
+//! From the converter to blocks of scans with an index.
+//!
+//! # Design
+//! Each trigger of the [`SampleClock`] makes ADC1 convert both channels, and DMA2 puts the codes into a ring
+//! of two blocks. The core is interrupted once a block, never once a sample, and has as long to take a block
+//! as the next takes to fill: [`SCANS_PER_BLOCK`] sample periods, 2 ms. This task therefore outranks all
+//! others and does nothing but copy.
+//!
+//! # Timing
+//! A conversion is [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 40 clocks at 21 MHz. Both
+//! channels take 3.81 µs of the 10 µs period, and the acceleration is sampled [`SKEW_NS`] after the force:
+//! the longer the sample time, the more skew. 28 cycles settle to a quarter of a code through up to 27 kΩ
+//! (DocID022152, equation 1: 27.5 / (21 MHz · 4 pF · ln 2^14) - 6 kΩ), and what drives the pins is an
+//! amplifier with its RC filter, well below 1 kΩ.
+//!
+//! # Errors
+//! When the ADC overruns it stops asking for DMA, and the driver's `read` never returns: a deadline tells.
+//! ADC and DMA are then set up anew (RM0090 section 13.8.1 wants both), which is the same code as at
+//! start-up. Each start is an epoch; the indices of an epoch are consecutive.
+
+use embassy_stm32::adc::{Adc, AdcChannel, SampleTime};
+use embassy_stm32::pac::{ADC1, adc::vals::Exten};
+use embassy_stm32::triggers::TIM3_TRGO;
+use embassy_stm32::{Peri, bind_interrupts, dma, peripherals};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::zerocopy_channel::Sender;
+use embassy_time::{Duration, with_timeout};
+
+use bead_wire::FaultCause;
+
+use crate::clocks::ADC_HZ;
+use crate::counters;
+use crate::report;
+use crate::sample_clock::{SAMPLE_RATE_HZ, SampleClock};
+
+bind_interrupts!(struct Irqs {
+    DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
+});
+
+/// Codes in a scan: force, then acceleration.
+pub(crate) const CHANNELS: usize = 2;
+/// Scans that the estimators take at once: half the ring, 2 ms.
+pub(crate) const SCANS_PER_BLOCK: usize = 200;
+/// Codes in a block.
+const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
+
+/// How long a channel is connected to the sampling capacitor.
+const SAMPLE_TIME: SampleTime = SampleTime::CYCLES28;
+/// The acceleration is sampled this long after the force: one conversion, 1905 ns.
+pub(crate) const SKEW_NS: u32 = ((28 + 12) * 1_000_000_000u64 / ADC_HZ as u64) as u32;
+const _: () = assert!(
+    (CHANNELS as u64) * (SKEW_NS as u64) < 500_000_000 / SAMPLE_RATE_HZ as u64,
+    "a scan fits in half a period, as SampleClock::open counts on"
+);
+
+/// Five blocks: far more than any delay of a running acquisition, and little to lose to a dead one.
+const DEADLINE: Duration =
+    Duration::from_micros(5 * SCANS_PER_BLOCK as u64 * 1_000_000 / SAMPLE_RATE_HZ as u64);
+
+/// The memory that the DMA fills round and round: two blocks.
+pub(crate) type Ring = [u16; 2 * CODES];
+
+/// Consecutive scans.
+pub(crate) struct Block {
+    /// Changes where samples are missing before this block.
+    pub(crate) epoch: u32,
+    /// Index of the first scan.
+    pub(crate) first_index: u64,
+    /// Force and acceleration in turn.
+    pub(crate) codes: [u16; CODES],
+}
+
+impl Block {
+    pub(crate) const EMPTY: Self = Self {
+        epoch: 0,
+        first_index: 0,
+        codes: [0; CODES],
+    };
+}
+
+/// The converter, its pins and its DMA stream.
+pub(crate) struct Inputs {
+    pub(crate) adc: Peri<'static, peripherals::ADC1>,
+    pub(crate) dma: Peri<'static, peripherals::DMA2_CH0>,
+    pub(crate) force: Peri<'static, peripherals::PA0>,
+    pub(crate) acceleration: Peri<'static, peripherals::PA1>,
+}
+
+/// Acquires for ever, one epoch after the other.
+#[embassy_executor::task]
+pub(crate) async fn acquire(
+    mut inputs: Inputs,
+    mut clock: SampleClock,
+    ring: &'static mut Ring,
+    blocks: Sender<'static, CriticalSectionRawMutex, Block>,
+) -> ! {
+    let mut outlet = Outlet {
+        blocks,
+        epoch: 0,
+        losing: false,
+    };
+    loop {
+        let lost = epoch(&mut inputs, &mut clock, ring, &mut outlet).await;
+        clock.close();
+        outlet.epoch += 1;
+        counters::update(|c| {
+            c.overruns += 1;
+            c.epoch = outlet.epoch;
+        });
+        report::fault(FaultCause::AdcOverrun, lost);
+    }
+}
+
+/// Acquires until samples are lost, and says how they were.
+async fn epoch(
+    inputs: &mut Inputs,
+    clock: &mut SampleClock,
+    ring: &mut Ring,
+    outlet: &mut Outlet,
+) -> &'static str {
+    let mut adc = Adc::new(inputs.adc.reborrow()).into_ring_buffered(
+        inputs.dma.reborrow(),
+        ring,
+        Irqs,
+        [
+            (inputs.force.reborrow().degrade_adc(), SAMPLE_TIME),
+            (inputs.acceleration.reborrow().degrade_adc(), SAMPLE_TIME),
+        ]
+        .into_iter(),
+        TIM3_TRGO,
+        Exten::RISING_EDGE,
+    );
+    // `start` also makes the software start a scan: the first of an epoch is not a trigger's. It has the
+    // index of the trigger before it, and is long past when the next comes.
+    adc.start();
+    let mut first_index = clock.open();
+    defmt::info!(
+        "acquiring from sample {=u64}, epoch {=u32}",
+        first_index,
+        outlet.epoch
+    );
+
+    let mut codes = [0; CODES];
+    loop {
+        match with_timeout(DEADLINE, adc.read(&mut codes)).await {
+            Ok(Ok(_)) => {
+                outlet.offer(first_index, &codes);
+                first_index += SCANS_PER_BLOCK as u64;
+            }
+            Ok(Err(_)) => return "the ring was not emptied in time",
+            Err(_) if ADC1.sr().read().ovr() => return "the ADC overran",
+            Err(_) => return "the ADC fell silent",
+        }
+    }
+}
+
+/// The way to the estimators, which never makes the acquisition wait.
+struct Outlet {
+    blocks: Sender<'static, CriticalSectionRawMutex, Block>,
+    epoch: u32,
+    /// Whether the block before this one was lost.
+    losing: bool,
+}
+
+impl Outlet {
+    /// Hands a block on, or counts it as lost if the estimators have fallen behind.
+    fn offer(&mut self, first_index: u64, codes: &[u16; CODES]) {
+        let taken = match self.blocks.try_send() {
+            Some(block) => {
+                block.epoch = self.epoch;
+                block.first_index = first_index;
+                block.codes = *codes;
+                self.blocks.send_done();
+                true
+            }
+            None => {
+                self.epoch += 1;
+                false
+            }
+        };
+        counters::update(|c| {
+            c.newest_index = first_index + SCANS_PER_BLOCK as u64 - 1;
+            c.samples += SCANS_PER_BLOCK as u64;
+            c.blocks_handed_on = c.blocks_handed_on.wrapping_add(u32::from(taken));
+            c.blocks_dropped += u32::from(!taken);
+            c.epoch = self.epoch;
+        });
+        if !taken && !self.losing {
+            report::fault(FaultCause::BlockLost, "the estimators fell behind");
+        }
+        self.losing = !taken;
+    }
+}

@@ -1,0 +1,48 @@
+//! The clock tree: 168 MHz from a crystal of 8 MHz.
+//!
+//! # Design
+//! | clock | MHz | for |
+//! |---|---|---|
+//! | HSE | 8 | a crystal's ppm, where the RC oscillator has percent: the sample clock is as good |
+//! | PLL input | 2 | the highest allowed, for least jitter (RM0090 section 7.3.2) |
+//! | SYSCLK, AHB | 168 | the fastest that the part runs at |
+//! | APB1 | 42 | its limit; its timers (TIM3, TIM5) run at twice that, 84 |
+//! | APB2 | 84 | its limit; USART1, and the ADC's clock divided by 4: 21 MHz |
+
+use embassy_stm32::Config;
+use embassy_stm32::interrupt::Priority;
+use embassy_stm32::rcc::{
+    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk,
+};
+use embassy_stm32::time::Hertz;
+
+/// Clock of the timers of APB1: TIM3 starts the scans, TIM5 keeps the time.
+pub(crate) const TIMER_HZ: u32 = 84_000_000;
+
+/// Clock of the ADC. The driver takes the smallest even divider of APB2 that stays within the 36 MHz that
+/// the part allows (DocID022152 table 67): 84 MHz / 4.
+pub(crate) const ADC_HZ: u32 = 21_000_000;
+
+/// What `embassy_stm32::init` is to set up.
+pub(crate) fn config() -> Config {
+    let mut config = Config::default();
+    config.rcc.hse = Some(Hse {
+        freq: Hertz(8_000_000),
+        mode: HseMode::Oscillator,
+    });
+    config.rcc.pll_src = PllSource::HSE;
+    config.rcc.pll = Some(Pll {
+        prediv: PllPreDiv::DIV4,
+        mul: PllMul::MUL168,
+        divp: Some(PllPDiv::DIV2),
+        divq: Some(PllQDiv::DIV7),
+        divr: None,
+    });
+    config.rcc.sys = Sysclk::PLL1_P;
+    config.rcc.ahb_pre = AHBPrescaler::DIV1;
+    config.rcc.apb1_pre = APBPrescaler::DIV4;
+    config.rcc.apb2_pre = APBPrescaler::DIV2;
+    // Above every executor: the handlers only note what happened and wake a task.
+    config.dma_interrupt_priority = Priority::P0;
+    config
+}

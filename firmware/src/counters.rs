@@ -1,0 +1,57 @@
+//! What has happened since the reset, counted where it happens and told by the status frame.
+
+use core::cell::Cell;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+
+/// Counts since the reset. Each has one writer; the fields mean what those of [`bead_wire::Status`] do.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Counters {
+    /// Index of the newest scan.
+    pub(crate) newest_index: u64,
+    /// Breaks in what the estimators see: runs of samples that a window may not span.
+    pub(crate) epoch: u32,
+    pub(crate) samples: u64,
+    pub(crate) strikes: u32,
+    pub(crate) overruns: u32,
+    pub(crate) blocks_dropped: u32,
+    /// Blocks that acquisition handed to estimation.
+    pub(crate) blocks_handed_on: u32,
+    /// Blocks that estimation is done with.
+    pub(crate) blocks_estimated: u32,
+    /// Frames made, sent or not: the next one's sequence number; wraps.
+    pub(crate) frames: u32,
+    pub(crate) frames_dropped_queue_full: u32,
+    pub(crate) frames_dropped_too_long: u32,
+    pub(crate) armed: bool,
+}
+
+static COUNTERS: Mutex<CriticalSectionRawMutex, Cell<Counters>> = Mutex::new(Cell::new(Counters {
+    newest_index: 0,
+    epoch: 0,
+    samples: 0,
+    strikes: 0,
+    overruns: 0,
+    blocks_dropped: 0,
+    blocks_handed_on: 0,
+    blocks_estimated: 0,
+    frames: 0,
+    frames_dropped_queue_full: 0,
+    frames_dropped_too_long: 0,
+    armed: false,
+}));
+
+/// Changes some of the counts.
+pub(crate) fn update(change: impl FnOnce(&mut Counters)) {
+    COUNTERS.lock(|cell| {
+        let mut counters = cell.get();
+        change(&mut counters);
+        cell.set(counters);
+    });
+}
+
+/// The counts as they stand, all of one moment.
+pub(crate) fn snapshot() -> Counters {
+    COUNTERS.lock(Cell::get)
+}

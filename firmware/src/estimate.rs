@@ -1,0 +1,88 @@
+//! The strike meter over blocks of scans; its results become frames.
+//!
+//! # Design
+//! The work of `bead-model`, at the middle priority: acquisition interrupts it, telemetry waits for it. A
+//! block has 2 ms; the channel holds [`BLOCKS`], so a burst of work may take that many times as long before
+//! a block is lost.
+
+use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport};
+use bead_wire::{Message, Strike};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::zerocopy_channel::Receiver;
+
+use crate::acquire::Block;
+use crate::counters;
+use crate::outbox::{self, Record};
+
+/// Blocks between acquisition and estimation: 8 ms.
+pub(crate) const BLOCKS: usize = 4;
+
+/// Measures strikes for ever.
+#[embassy_executor::task]
+pub(crate) async fn estimate(
+    settings: &'static Settings,
+    meter: &'static mut Meter,
+    mut blocks: Receiver<'static, CriticalSectionRawMutex, Block>,
+) -> ! {
+    let mut epoch = 0;
+    loop {
+        let block = blocks.receive().await;
+        if block.epoch != epoch {
+            epoch = block.epoch;
+            meter.restart();
+        }
+        process_block(settings, meter, block);
+        blocks.receive_done();
+        counters::update(|c| {
+            c.blocks_estimated = c.blocks_estimated.wrapping_add(1);
+            c.strikes = meter.strikes();
+            c.armed = meter.is_armed();
+        });
+    }
+}
+
+/// Runs the meter over a block. Deadline: 2 ms, or 1680 core clocks a sample, in the long run.
+///
+/// A function of its own so that its instructions can be counted.
+#[inline(never)]
+fn process_block(settings: &Settings, meter: &mut Meter, block: &Block) {
+    for (index, codes) in (block.first_index..).zip(block.codes.as_chunks().0) {
+        let [force, acceleration] = codes.map(AdcCode::new);
+        meter.process(settings, index, Scan { force, acceleration }, &mut Telemetry);
+    }
+}
+
+/// Sends what the meter finds.
+struct Telemetry;
+
+impl Sink for Telemetry {
+    fn chunk(&mut self, chunk: &Chunk) {
+        outbox::push(Record::Waveform(chunk.clone()));
+    }
+
+    fn report(&mut self, report: &StrikeReport) {
+        defmt::info!(
+            "strike {=u32} at sample {=u64}: peak {=i32} mN, absorbed {=i64} nJ measured, {=i64} nJ predicted, flags {=u16:#06x}",
+            report.strike,
+            report.trigger_index,
+            (report.peak_force * 1000).to_num(),
+            report.absorbed_measured.to_num(),
+            report.absorbed_predicted.to_num(),
+            report.flags.bits(),
+        );
+        outbox::push(Record::Message(Message::Strike(Strike {
+            strike: report.strike,
+            first_index: report.first_index,
+            trigger_index: report.trigger_index,
+            samples: report.samples,
+            peak_force: report.peak_force.to_bits(),
+            peak_index: report.peak_index,
+            acceleration_max: report.acceleration_max.to_bits(),
+            acceleration_min: report.acceleration_min.to_bits(),
+            absorbed_measured: report.absorbed_measured.to_bits(),
+            absorbed_predicted: report.absorbed_predicted.to_bits(),
+            incident_energy: report.incident_energy.to_bits(),
+            flags: report.flags.bits(),
+        })));
+    }
+}

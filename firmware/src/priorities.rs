@@ -1,0 +1,63 @@
+//! Three executors, one above the other.
+//!
+//! # Design
+//! Every task runs in an interrupt handler, and `main` sleeps in WFI: the core wakes for interrupts and for
+//! nothing else. (The thread-mode executor sleeps in WFE, which emulators take for a busy wait.) Each
+//! executor has the interrupt of a peripheral that this board does not use. A task is interrupted by those
+//! of the levels above only:
+//!
+//! | priority | runs | because |
+//! |---|---|---|
+//! | 0 | DMA and timer handlers | they note and wake, nothing else |
+//! | 2 | [`ACQUIRE`] | a block that is not taken within 2 ms is overwritten |
+//! | 4 | [`ESTIMATE`] | what is late here costs a block, counted, but no sample goes unseen by the DMA |
+//! | 6 | [`REST`] | telemetry, housekeeping and light may wait |
+
+use embassy_executor::{InterruptExecutor, SendSpawner};
+use embassy_stm32::interrupt;
+use embassy_stm32::interrupt::{InterruptExt, Priority};
+
+static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
+static ESTIMATE: InterruptExecutor = InterruptExecutor::new();
+static REST: InterruptExecutor = InterruptExecutor::new();
+
+/// Where tasks are spawned.
+pub(crate) struct Spawners {
+    pub(crate) acquire: SendSpawner,
+    pub(crate) estimate: SendSpawner,
+    pub(crate) rest: SendSpawner,
+}
+
+/// Starts the executors. Once, or it panics.
+pub(crate) fn start() -> Spawners {
+    interrupt::CAN1_TX.set_priority(Priority::P2);
+    interrupt::CAN1_RX0.set_priority(Priority::P4);
+    interrupt::CAN1_RX1.set_priority(Priority::P6);
+    Spawners {
+        acquire: ACQUIRE.start(interrupt::CAN1_TX),
+        estimate: ESTIMATE.start(interrupt::CAN1_RX0),
+        rest: REST.start(interrupt::CAN1_RX1),
+    }
+}
+
+#[interrupt]
+#[allow(unsafe_code, reason = "the executor asks for it")]
+fn CAN1_TX() {
+    // SAFETY: this is the handler of the interrupt that `start` gave this executor, and `start` unmasks it
+    // after the executor is there.
+    unsafe { ACQUIRE.on_interrupt() }
+}
+
+#[interrupt]
+#[allow(unsafe_code, reason = "the executor asks for it")]
+fn CAN1_RX0() {
+    // SAFETY: as above.
+    unsafe { ESTIMATE.on_interrupt() }
+}
+
+#[interrupt]
+#[allow(unsafe_code, reason = "the executor asks for it")]
+fn CAN1_RX1() {
+    // SAFETY: as above.
+    unsafe { REST.on_interrupt() }
+}

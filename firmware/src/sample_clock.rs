@@ -1,0 +1,94 @@
+//! TIM3, whose update events start the scans and count them.
+//!
+//! # Design
+//! The timer runs at the sample rate from the first scan on and is never stopped: trigger number `i` comes
+//! `i` sample periods after its start, whatever happens to the acquisition. Between epochs only its output
+//! to the ADC is closed. The index of a scan is the number of its trigger, so the index says the time.
+//!
+//! How many triggers there were while the output was closed follows from the time driver. Both timers count
+//! the same clock, and a tick of the one is a period of the other, so a count of ticks is an exact count of
+//! triggers if it is read away from either's edge. The timer is started right after a tick, hence ticks come
+//! right before its updates, and in the first half of a period neither is near.
+
+use embassy_stm32::Peri;
+use embassy_stm32::pac::{TIM3, timer::vals::Mms};
+use embassy_stm32::peripherals;
+use embassy_stm32::timer::low_level::Timer;
+use embassy_time::Instant;
+
+use crate::clocks::TIMER_HZ;
+
+/// Scans a second. Every constant of the built-in settings is derived for it.
+pub(crate) const SAMPLE_RATE_HZ: u32 = 100_000;
+/// Timer clocks in a sample period.
+const PERIOD: u32 = TIMER_HZ / SAMPLE_RATE_HZ;
+
+const _: () = assert!(
+    TIMER_HZ.is_multiple_of(SAMPLE_RATE_HZ),
+    "the sample period is a whole number of clocks"
+);
+const _: () = assert!(
+    embassy_time::TICK_HZ == SAMPLE_RATE_HZ as u64,
+    "a tick is a sample period"
+);
+
+/// Counts at which the output may be opened between epochs: a tenth of a period after the timer's update and
+/// the driver's tick, and half a period, longer than a scan takes, before the next.
+const CALM: core::ops::RangeInclusive<u32> = PERIOD / 10..=PERIOD / 2;
+
+/// Starts the scans.
+pub(crate) struct SampleClock {
+    timer: Timer<'static, peripherals::TIM3>,
+    /// The tick at which the timer was started, once it was.
+    started: Option<u64>,
+}
+
+impl SampleClock {
+    /// The clock at rest, its output closed.
+    pub(crate) fn new(timer: Peri<'static, peripherals::TIM3>) -> Self {
+        let timer = Timer::new(timer);
+        timer.set_max_compare_value(PERIOD as u16 - 1);
+        let mut clock = Self { timer, started: None };
+        clock.close();
+        clock
+    }
+
+    /// Lets the triggers through and returns how many there were before: the number of the last one.
+    ///
+    /// Takes at most one period and a half.
+    pub(crate) fn open(&mut self) -> u64 {
+        let Some(started) = self.started else {
+            critical_section::with(|_| {
+                let before = Instant::now();
+                let mut now = before;
+                while now == before {
+                    now = Instant::now();
+                }
+                TIM3.cr2().modify(|w| w.set_mms(Mms::UPDATE));
+                self.timer.start();
+                self.started = Some(now.as_ticks());
+            });
+            return 0;
+        };
+        loop {
+            let triggers = critical_section::with(|_| {
+                let early = TIM3.cnt().read().cnt();
+                let ticks = Instant::now().as_ticks() - started;
+                let late = TIM3.cnt().read().cnt();
+                let calm = CALM.contains(&u32::from(early)) && (early..=*CALM.end() as u16).contains(&late);
+                calm.then(|| {
+                    TIM3.cr2().modify(|w| w.set_mms(Mms::UPDATE));
+                    ticks
+                })
+            });
+            if let Some(triggers) = triggers {
+                return triggers;
+            }
+        }
+    }
+
+    /// Keeps the triggers from the ADC; the count goes on.
+    pub(crate) fn close(&mut self) {
+        TIM3.cr2().modify(|w| w.set_mms(Mms::RESET));
+    }
+}

@@ -1,0 +1,242 @@
+//! What is left behind by a boot that ended badly, and how many boots there were.
+//!
+//! # Design
+//! A panic or a hard fault writes where and why into the RAM that a reset leaves alone (region KEPT of
+//! `memory.x`) and resets the bead; the next boot finds it and tells the host. The number of the boot stands
+//! there too. A checksum tells a record from what RAM holds after power-up; a power-up is recognised by its
+//! reset flag as well, since RAM may survive a short cut of the power.
+
+use core::fmt::{self, Write};
+use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use bead_wire::{FaultCause, MAX_DETAIL};
+use cortex_m::peripheral::SCB;
+use cortex_m_rt::{ExceptionFrame, exception};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use embassy_stm32::pac::RCC;
+use heapless::String;
+
+/// This boot, and what the one before left.
+pub(crate) struct Boot {
+    /// Resets since power-up.
+    pub(crate) number: u32,
+    /// Bits 31..24 of RCC_CSR.
+    pub(crate) reset_cause: u8,
+    /// The fault that ended the boot before, if one did.
+    pub(crate) left: Option<Left>,
+}
+
+/// A fault that ended a boot.
+pub(crate) struct Left {
+    pub(crate) cause: FaultCause,
+    pub(crate) boot: u32,
+    pub(crate) pc: u32,
+    pub(crate) detail: String<MAX_DETAIL>,
+}
+
+static BOOT: AtomicU32 = AtomicU32::new(0);
+
+/// The number of this boot.
+pub(crate) fn boot() -> u32 {
+    BOOT.load(Ordering::Relaxed)
+}
+
+/// Counts the boot and takes what the one before left. Once, first thing after the reset.
+pub(crate) fn begin() -> Boot {
+    let flags = RCC.csr().read();
+    RCC.csr().modify(|w| w.set_rmvf(true));
+    let before = Kept::load().filter(|_| !flags.porrstf());
+    let number = before.as_ref().map_or(0, |kept| kept.boot.wrapping_add(1));
+    let left = before.and_then(|kept| {
+        kept.left().or_else(|| {
+            flags.wdgrstf().then(|| Left {
+                cause: FaultCause::Watchdog,
+                boot: kept.boot,
+                pc: 0,
+                detail: String::new(),
+            })
+        })
+    });
+    Kept::new(number).store();
+    BOOT.store(number, Ordering::Relaxed);
+    Boot {
+        number,
+        reset_cause: (flags.0 >> 24) as u8,
+        left,
+    }
+}
+
+/// The record in the region KEPT. Plain words and bytes only: any memory contents are a value of it.
+#[derive(Clone, Copy)]
+#[repr(C)]
+struct Kept {
+    magic: u32,
+    boot: u32,
+    /// What ended the boot: [`NONE`], or a number of [`CAUSES`].
+    cause: u32,
+    pc: u32,
+    detail_length: u32,
+    detail: [u8; MAX_DETAIL],
+    /// CRC-32 of all before.
+    crc: u32,
+}
+
+/// "BEAD" and the version of the layout.
+const MAGIC: u32 = u32::from_le_bytes(*b"BEA\x01");
+const NONE: u32 = 0;
+const CAUSES: [(u32, FaultCause); 3] = [
+    (1, FaultCause::Panic),
+    (2, FaultCause::HardFault),
+    (3, FaultCause::DmaError),
+];
+const _: () = assert!(
+    size_of::<Kept>() <= 256,
+    "the record fits the region KEPT of memory.x"
+);
+
+#[allow(
+    unsafe_code,
+    reason = "the region KEPT is memory that no other Rust object stands for"
+)]
+mod region {
+    use super::Kept;
+
+    unsafe extern "C" {
+        /// Start of the region KEPT of `memory.x`.
+        #[link_name = "_kept"]
+        static mut KEPT: Kept;
+    }
+
+    pub(super) fn read() -> Kept {
+        // SAFETY: the symbol is the start of 256 bytes of RAM, aligned to 256, that are reserved for this;
+        // any contents are a `Kept`. Volatile, since a boot before this one wrote them.
+        unsafe { (&raw const KEPT).read_volatile() }
+    }
+
+    pub(super) fn write(kept: Kept) {
+        // SAFETY: as for `read`. Written by `begin`, before there are tasks, and by handlers that never
+        // return; nobody holds a reference. Volatile, since a boot after this one reads it.
+        unsafe { (&raw mut KEPT).write_volatile(kept) }
+    }
+}
+
+impl Kept {
+    const fn new(boot: u32) -> Self {
+        Self {
+            magic: MAGIC,
+            boot,
+            cause: NONE,
+            pc: 0,
+            detail_length: 0,
+            detail: [0; MAX_DETAIL],
+            crc: 0,
+        }
+    }
+
+    fn load() -> Option<Self> {
+        let kept = region::read();
+        (kept.magic == MAGIC && kept.crc == kept.checksum()).then_some(kept)
+    }
+
+    fn store(mut self) {
+        self.crc = self.checksum();
+        region::write(self);
+    }
+
+    fn checksum(&self) -> u32 {
+        const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+        let mut digest = CRC.digest();
+        for word in [self.magic, self.boot, self.cause, self.pc, self.detail_length] {
+            digest.update(&word.to_le_bytes());
+        }
+        digest.update(&self.detail);
+        digest.finalize()
+    }
+
+    fn left(&self) -> Option<Left> {
+        let (_, cause) = CAUSES.into_iter().find(|&(number, _)| number == self.cause)?;
+        let text = self.detail.get(..self.detail_length as usize)?;
+        let text = core::str::from_utf8(text).ok()?;
+        Some(Left {
+            cause,
+            boot: self.boot,
+            pc: self.pc,
+            detail: String::try_from(text).ok()?,
+        })
+    }
+}
+
+/// Writes the record of this boot's end and resets.
+fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
+    cortex_m::interrupt::disable();
+    let mut text = Cut(String::new());
+    // `Cut` never fails; a `Display` of the message that does has written what it could.
+    let _ = text.write_fmt(detail);
+    let Cut(text) = text;
+    defmt::error!(
+        "boot {=u32} ends at {=u32:#010x}: {=str}",
+        boot(),
+        pc,
+        text.as_str()
+    );
+
+    let mut kept = Kept::new(boot());
+    kept.cause = CAUSES
+        .into_iter()
+        .find_map(|(number, known)| (known == cause).then_some(number))
+        .unwrap_or(NONE);
+    kept.pc = pc;
+    kept.detail_length = text.len() as u32;
+    kept.detail[..text.len()].copy_from_slice(text.as_bytes());
+    kept.store();
+    SCB::sys_reset()
+}
+
+/// Text that is cut where its room ends.
+struct Cut(String<MAX_DETAIL>);
+
+impl Write for Cut {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let room = self.0.capacity() - self.0.len();
+        let fits = &text[..text.floor_char_boundary(room)];
+        self.0.push_str(fits).map_err(|_| fmt::Error)
+    }
+}
+
+#[panic_handler]
+fn panic(info: &PanicInfo<'_>) -> ! {
+    // The DMA driver panics when a stream reports a transfer error. That is a fault of the bus, not of the
+    // code, and the host should not have to read the text to know.
+    let message = info.message();
+    let cause = match message.as_str() {
+        Some(text) if text.starts_with("DMA") => FaultCause::DmaError,
+        _ => FaultCause::Panic,
+    };
+    match info.location() {
+        Some(at) => end(cause, 0, format_args!("{}:{}: {message}", at.file(), at.line())),
+        None => end(cause, 0, format_args!("{message}")),
+    }
+}
+
+#[exception]
+#[allow(unsafe_code, reason = "cortex-m-rt asks for it")]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    // SAFETY: reading the fault status registers of the core has no side effect.
+    let scb = unsafe { &*SCB::PTR };
+    let (cfsr, hfsr, bfar) = (scb.cfsr.read(), scb.hfsr.read(), scb.bfar.read());
+    end(
+        FaultCause::HardFault,
+        frame.pc(),
+        format_args!(
+            "CFSR {cfsr:#010x} HFSR {hfsr:#010x} BFAR {bfar:#010x} LR {:#010x}",
+            frame.lr()
+        ),
+    )
+}
+
+#[exception]
+#[allow(unsafe_code, reason = "cortex-m-rt asks for it")]
+unsafe fn DefaultHandler(interrupt: i16) {
+    panic!("interrupt {interrupt} has no handler");
+}
