@@ -1,0 +1,475 @@
+//! Frames as the host keeps and shows them.
+//!
+//! # Design
+//! `bead-wire` gives frames that borrow from its buffer; here they own what they say and stay as they came:
+//! fixed-point bits, ADC codes. Only [`Frame::json`] turns them into SI units, each beside its bits, so that
+//! nothing is lost in what `bead decode` prints.
+
+use std::fmt::Write;
+
+use bead_model::{Flags, Settings};
+use bead_wire::{
+    ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FORCE_UNIT_N, FaultCause, Header,
+    Kind, Reject, Status, Strike,
+};
+use serde_json::{Map, Value, json};
+
+/// A frame that passed every check.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frame {
+    /// Boot, sequence number, sample index.
+    pub header: Header,
+    /// How it follows on the frames before it.
+    pub arrival: Arrival,
+    /// Scans a second, in hertz, as the last identity before it said.
+    pub sample_rate_hz: Option<u32>,
+    /// What it says.
+    pub message: Message,
+}
+
+/// What a frame says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Message {
+    /// Who is speaking.
+    Identity(Identity),
+    /// Counters and health.
+    Status(Status),
+    /// The result of one strike.
+    Strike(Strike),
+    /// A run of samples of a strike.
+    Waveform(Waveform),
+    /// Something went wrong.
+    Fault(Fault),
+    /// The settings block in force, as `bead-model` encoded it.
+    Settings(Vec<u8>),
+}
+
+/// [`bead_wire::Identity`] with its own text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the fields are those of the wire")]
+pub struct Identity {
+    pub firmware: String,
+    pub git: String,
+    pub uid: [u8; 12],
+    pub boot: u32,
+    pub reset_cause: u8,
+    pub sample_rate_hz: u32,
+    pub channels: u8,
+}
+
+/// [`bead_wire::Waveform`] unpacked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the fields are those of the wire")]
+pub struct Waveform {
+    pub strike: u32,
+    pub first_index: u64,
+    /// ADC codes, force then acceleration.
+    pub codes: Vec<[u16; 2]>,
+    pub absorbed_measured: i64,
+    pub absorbed_predicted: i64,
+}
+
+/// [`bead_wire::Fault`] with its own text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the fields are those of the wire")]
+pub struct Fault {
+    pub cause: FaultCause,
+    pub boot: u32,
+    pub pc: u32,
+    pub detail: String,
+}
+
+/// What stood between two delimiters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Item {
+    /// A frame.
+    Frame(Frame),
+    /// Bytes that are none.
+    Rejected(Reject),
+}
+
+/// Bytes to frames, over any number of reads.
+#[derive(Clone, Debug, Default)]
+pub struct Reader {
+    decoder: Decoder,
+    sample_rate_hz: Option<u32>,
+}
+
+impl Reader {
+    /// A reader that has read nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes bytes as received, and hands on each frame and each reject.
+    pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(Item)) {
+        let Self {
+            decoder,
+            sample_rate_hz,
+        } = self;
+        decoder.feed(bytes, |result| {
+            sink(match result {
+                Ok(frame) => {
+                    let message = Message::from(frame.message);
+                    if let Message::Identity(identity) = &message {
+                        *sample_rate_hz = Some(identity.sample_rate_hz);
+                    }
+                    let (header, arrival) = (frame.header, frame.arrival);
+                    Item::Frame(Frame {
+                        header,
+                        arrival,
+                        sample_rate_hz: *sample_rate_hz,
+                        message,
+                    })
+                }
+                Err(reject) => Item::Rejected(reject),
+            });
+        });
+    }
+
+    /// What came, what was refused and what never came.
+    pub fn counters(&self) -> &Counters {
+        self.decoder.counters()
+    }
+
+    /// Bytes after the last delimiter: at the end of a stream, a frame cut short.
+    pub fn pending(&self) -> u64 {
+        self.decoder.pending()
+    }
+}
+
+/// A whole stream at once: its frames, and what became of the others.
+pub fn decode(bytes: &[u8]) -> (Vec<Frame>, Counters) {
+    let (mut reader, mut frames) = (Reader::new(), Vec::new());
+    reader.feed(bytes, |item| {
+        if let Item::Frame(frame) = item {
+            frames.push(frame);
+        }
+    });
+    (frames, *reader.counters())
+}
+
+impl From<bead_wire::Message<'_>> for Message {
+    fn from(message: bead_wire::Message<'_>) -> Self {
+        match message {
+            bead_wire::Message::Identity(identity) => Self::Identity(Identity {
+                firmware: identity.firmware.to_owned(),
+                git: identity.git.to_owned(),
+                uid: identity.uid,
+                boot: identity.boot,
+                reset_cause: identity.reset_cause,
+                sample_rate_hz: identity.sample_rate_hz,
+                channels: identity.channels,
+            }),
+            bead_wire::Message::Status(status) => Self::Status(status),
+            bead_wire::Message::Strike(strike) => Self::Strike(strike),
+            bead_wire::Message::Waveform(waveform) => Self::Waveform(Waveform {
+                strike: waveform.strike,
+                first_index: waveform.first_index,
+                codes: waveform.codes.iter().collect(),
+                absorbed_measured: waveform.absorbed_measured,
+                absorbed_predicted: waveform.absorbed_predicted,
+            }),
+            bead_wire::Message::Fault(fault) => Self::Fault(Fault {
+                cause: fault.cause,
+                boot: fault.boot,
+                pc: fault.pc,
+                detail: fault.detail.to_owned(),
+            }),
+            bead_wire::Message::Settings(settings) => Self::Settings(settings.block.to_owned()),
+        }
+    }
+}
+
+impl Message {
+    /// Its kind on the wire.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Identity(_) => Kind::Identity,
+            Self::Status(_) => Kind::Status,
+            Self::Strike(_) => Kind::Strike,
+            Self::Waveform(_) => Kind::Waveform,
+            Self::Fault(_) => Kind::Fault,
+            Self::Settings(_) => Kind::Settings,
+        }
+    }
+}
+
+impl Frame {
+    /// One JSON object: the header, then the message, SI units named in the keys, the bits beside them.
+    ///
+    /// `time_s` is the bead's own time since its reset, null until an identity told the sample rate.
+    /// `lost_before` counts the frames lost since the last one received.
+    pub fn json(&self) -> Value {
+        let (arrival, lost_before) = match self.arrival {
+            Arrival::First => ("first", 0),
+            Arrival::Next { lost } => ("next", lost),
+            Arrival::Restart { lost } => ("restart", lost),
+            Arrival::Late => ("late", 0),
+            Arrival::Duplicate => ("duplicate", 0),
+        };
+        let time = |index: u64| self.sample_rate_hz.map(|rate| index as f64 / f64::from(rate));
+        let mut object = match json!({
+            "kind": self.message.kind(),
+            "boot_low_byte": self.header.boot,
+            "sequence": self.header.sequence,
+            "sample_index": self.header.sample_index,
+            "time_s": time(self.header.sample_index),
+            "arrival": arrival,
+            "lost_before": lost_before,
+        }) {
+            Value::Object(object) => object,
+            _ => Map::new(),
+        };
+        let body = match &self.message {
+            Message::Identity(identity) => json!({
+                "firmware": identity.firmware,
+                "git": identity.git,
+                "uid": hex(&identity.uid),
+                "boot": identity.boot,
+                "reset_cause": reset_causes(identity.reset_cause),
+                "reset_cause_raw": identity.reset_cause,
+                "sample_rate_hz": identity.sample_rate_hz,
+                "channels": identity.channels,
+            }),
+            Message::Status(status) => serde_json::to_value(status).unwrap_or_default(),
+            Message::Strike(strike) => json!({
+                "strike": strike.strike,
+                "first_index": strike.first_index,
+                "trigger_index": strike.trigger_index,
+                "trigger_time_s": time(strike.trigger_index),
+                "samples": strike.samples,
+                "peak_force_n": f64::from(strike.peak_force) * FORCE_UNIT_N,
+                "peak_force_raw": strike.peak_force,
+                "peak_index": strike.peak_index,
+                "acceleration_max_mps2": f64::from(strike.acceleration_max) * ACCELERATION_UNIT_MPS2,
+                "acceleration_max_raw": strike.acceleration_max,
+                "acceleration_min_mps2": f64::from(strike.acceleration_min) * ACCELERATION_UNIT_MPS2,
+                "acceleration_min_raw": strike.acceleration_min,
+                "absorbed_measured_j": joules(strike.absorbed_measured),
+                "absorbed_measured_raw": strike.absorbed_measured,
+                "absorbed_predicted_j": joules(strike.absorbed_predicted),
+                "absorbed_predicted_raw": strike.absorbed_predicted,
+                "incident_energy_j": joules(strike.incident_energy),
+                "incident_energy_raw": strike.incident_energy,
+                "flags": flag_names(strike.flags),
+                "flags_raw": strike.flags,
+            }),
+            Message::Waveform(waveform) => json!({
+                "strike": waveform.strike,
+                "first_index": waveform.first_index,
+                "first_time_s": time(waveform.first_index),
+                "codes": waveform.codes,
+                "absorbed_measured_j": joules(waveform.absorbed_measured),
+                "absorbed_measured_raw": waveform.absorbed_measured,
+                "absorbed_predicted_j": joules(waveform.absorbed_predicted),
+                "absorbed_predicted_raw": waveform.absorbed_predicted,
+            }),
+            Message::Fault(fault) => json!({
+                "cause": fault.cause,
+                "boot": fault.boot,
+                "pc": fault.pc,
+                "detail": fault.detail,
+            }),
+            Message::Settings(block) => match Settings::decode(block) {
+                Ok(settings) => json!({ "settings": settings, "block": hex(block) }),
+                Err(error) => {
+                    json!({ "settings": null, "refused": error.to_string(), "block": hex(block) })
+                }
+            },
+        };
+        if let Value::Object(body) = body {
+            object.extend(body);
+        }
+        Value::Object(object)
+    }
+}
+
+/// Joules of energy bits.
+pub fn joules(bits: i64) -> f64 {
+    bits as f64 * ENERGY_UNIT_J
+}
+
+/// Names of the flags of a strike; bits that have none are in `flags_raw` only.
+pub fn flag_names(bits: u16) -> Vec<&'static str> {
+    let flags = Flags::from_bits(bits);
+    Flags::NAMES
+        .into_iter()
+        .filter(|&(flag, _)| flags.contains(flag))
+        .map(|(_, name)| name)
+        .collect()
+}
+
+/// Names of the reset flags, RCC_CSR bits 31 to 25 (RM0090 section 7.3.21).
+pub fn reset_causes(bits: u8) -> Vec<&'static str> {
+    const NAMES: [&str; 7] = [
+        "brown_out",
+        "pin",
+        "power_on",
+        "software",
+        "independent_watchdog",
+        "window_watchdog",
+        "low_power",
+    ];
+    (1..)
+        .zip(NAMES)
+        .filter(|(bit, _)| bits >> bit & 1 != 0)
+        .map(|(_, name)| name)
+        .collect()
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes
+        .iter()
+        .fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{byte:02x}");
+            text
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_model::design::{Bead, Capture, FrontEnd, derive};
+    use bead_wire::{Codes, MAX_FRAME, encode};
+
+    fn sent(sequence: u32, sample_index: u64, message: &bead_wire::Message<'_>) -> Vec<u8> {
+        let header = Header {
+            boot: 0,
+            sequence,
+            sample_index,
+        };
+        encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+    }
+
+    fn identity() -> bead_wire::Message<'static> {
+        bead_wire::Message::Identity(bead_wire::Identity {
+            firmware: "0.1.0",
+            git: "abc",
+            uid: [0xA5; 12],
+            boot: 256,
+            reset_cause: 0b0000_1100,
+            sample_rate_hz: 100_000,
+            channels: 2,
+        })
+    }
+
+    fn strike() -> Strike {
+        Strike {
+            strike: 1,
+            first_index: 1000,
+            trigger_index: 1032,
+            samples: 400,
+            peak_force: 3 << 15,
+            peak_index: 1040,
+            acceleration_max: 5 << 16,
+            acceleration_min: -(1 << 16),
+            absorbed_measured: 830 << 24,
+            absorbed_predicted: 1 << 23,
+            incident_energy: -(1 << 24),
+            flags: 0b1000_0000_0000_0010,
+        }
+    }
+
+    #[test]
+    fn a_strike_is_shown_in_si_units_beside_its_bits() {
+        let stream = [
+            sent(0, 0, &identity()),
+            sent(3, 1400, &bead_wire::Message::Strike(strike())),
+        ]
+        .concat();
+        let (frames, counters) = decode(&stream);
+        assert_eq!(counters.lost, 2);
+        let json = frames[1].json();
+        let near = |key: &str, expected: f64| {
+            let value = json[key].as_f64().unwrap();
+            assert!(
+                (value - expected).abs() <= 1e-15 * expected.abs(),
+                "{key} is {value}"
+            );
+        };
+        near("peak_force_n", 1.5);
+        near("acceleration_max_mps2", 5.0);
+        near("acceleration_min_mps2", -1.0);
+        near("absorbed_measured_j", 830e-9);
+        near("absorbed_predicted_j", 0.5e-9);
+        near("incident_energy_j", -1e-9);
+        near("time_s", 0.014);
+        near("trigger_time_s", 0.01032);
+        assert_eq!(json["absorbed_measured_raw"], json!(830i64 << 24));
+        assert_eq!(json["flags"], json!(["acceleration_railed"]));
+        assert_eq!(json["flags_raw"], json!(0x8002));
+        assert_eq!(
+            (&json["kind"], &json["lost_before"], &json["arrival"]),
+            (&json!("strike"), &json!(2), &json!("next"))
+        );
+    }
+
+    #[test]
+    fn every_kind_becomes_an_object_that_begins_with_its_kind() {
+        let mut packed = [0; 3];
+        let codes = Codes::pack([[7, 4095]], &mut packed).unwrap();
+        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let mut block = [0; bead_wire::MAX_BLOCK];
+        let length = settings.encode(&mut block).unwrap();
+        let status = Status {
+            uptime_ms: 1,
+            epoch: 1,
+            samples: 2,
+            strikes: 0,
+            overruns: 0,
+            blocks_dropped: 0,
+            frames_dropped_queue_full: 4,
+            frames_dropped_too_long: 0,
+            stack_free_min: 0,
+            settings_source: bead_wire::SettingsSource::BuiltIn,
+            armed: false,
+        };
+        let messages = [
+            identity(),
+            bead_wire::Message::Status(status),
+            bead_wire::Message::Strike(strike()),
+            bead_wire::Message::Waveform(bead_wire::Waveform {
+                strike: 1,
+                first_index: 0,
+                codes,
+                absorbed_measured: 0,
+                absorbed_predicted: 0,
+            }),
+            bead_wire::Message::Fault(bead_wire::Fault {
+                cause: FaultCause::Panic,
+                boot: 0,
+                pc: 0,
+                detail: "src/main.rs:1",
+            }),
+            bead_wire::Message::Settings(bead_wire::Settings {
+                block: &block[..length],
+            }),
+            bead_wire::Message::Settings(bead_wire::Settings { block: b"no block" }),
+        ];
+        let stream: Vec<u8> = (0..)
+            .zip(&messages)
+            .flat_map(|(sequence, message)| sent(sequence, 9, message))
+            .collect();
+        let (frames, _) = decode(&stream);
+        let lines: Vec<Value> = frames.iter().map(Frame::json).collect();
+        assert_eq!(lines.len(), messages.len());
+        for (line, message) in lines.iter().zip(&messages) {
+            assert_eq!(line["kind"], serde_json::to_value(message.kind()).unwrap());
+            assert!(line.to_string().starts_with("{\"kind\":"), "{line}");
+        }
+        assert_eq!(lines[0]["reset_cause"], json!(["pin", "power_on"]));
+        assert_eq!(lines[0]["uid"], json!("a5".repeat(12)));
+        assert_eq!(lines[1]["frames_dropped_queue_full"], json!(4));
+        assert_eq!(lines[3]["codes"], json!([[7, 4095]]));
+        assert_eq!(lines[5]["settings"], serde_json::to_value(settings).unwrap());
+        assert_eq!(lines[6]["settings"], Value::Null);
+    }
+
+    #[test]
+    fn no_time_is_given_before_the_sample_rate_is_known() {
+        let (frames, _) = decode(&sent(5, 1400, &bead_wire::Message::Strike(strike())));
+        assert_eq!(frames[0].json()["time_s"], Value::Null);
+    }
+}
