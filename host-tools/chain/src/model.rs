@@ -244,6 +244,20 @@ impl Model {
             .fold(f64::INFINITY, f64::min)
     }
 
+    /// The fastest rate of change that an intruder brings, 1/s: that of its spring or its damper.
+    pub(crate) fn fastest_rate(&self) -> f64 {
+        self.resonators
+            .iter()
+            .map(|resonator| {
+                let (host, shell) = (self.masses[resonator.bead], self.shells[resonator.bead]);
+                let reduced = resonator.mass * shell / host;
+                (resonator.stiffness / reduced)
+                    .sqrt()
+                    .max(resonator.damping / reduced)
+            })
+            .fold(0.0, f64::max)
+    }
+
     /// Displacement of the striker into bead 1 if that stood still: the scale of displacements.
     pub(crate) fn displacement_scale(&self) -> f64 {
         (2.5 * self.striker_energy() / self.contacts[0].stiffness).powf(0.4)

@@ -81,6 +81,14 @@ pub enum SimulateError {
         /// What would do.
         range: &'static str,
     },
+    /// The run needs more steps than memory should hold: too long, too many beads, or something much faster than a strike.
+    #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or soften the intruders and relaxation that need short steps", MOST_VALUES * 8 / 1_000_000_000)]
+    TooLong {
+        /// How far it came, s; 0 if it was clear from the start.
+        time: f64,
+        /// How far it was to go, s.
+        end: f64,
+    },
     /// The steps became too short to move the clock: values of the scenario lie too many powers of ten apart.
     #[error(
         "the integration is stuck at {time} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
@@ -90,6 +98,9 @@ pub enum SimulateError {
         time: f64,
     },
 }
+
+/// Values that a solution may keep, 4 GB of them.
+const MOST_VALUES: usize = 500_000_000;
 
 /// Integrates a scenario.
 ///
@@ -130,6 +141,11 @@ pub fn simulate(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, 
         .map(|scale| 0.01 * tolerance * scale)
         .collect();
     let longest = longest_step * model.shortest_contact();
+    // The method is stable for steps up to some 6 times the shortest time constant; more steps than that are needed anyway.
+    let fewest_steps = end * (1.0 / longest).max(model.fastest_rate() / 6.0);
+    if fewest_steps * model.layout().dimension() as f64 > MOST_VALUES as f64 {
+        return Err(SimulateError::TooLong { time: 0.0, end });
+    }
     let mut stepper = Stepper::new(&model, model.initial(), tolerance, floor, longest);
     let mut times = vec![stepper.time];
     let mut states = stepper.state.clone();
@@ -141,6 +157,12 @@ pub fn simulate(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, 
             advance(&mut stepper, &model, stop).map_err(|_| SimulateError::Stuck { time: stepper.time })?;
             times.push(stepper.time);
             states.extend_from_slice(&stepper.state);
+            if states.len() > MOST_VALUES {
+                return Err(SimulateError::TooLong {
+                    time: stepper.time,
+                    end,
+                });
+            }
             if let Some(progress) = options.progress
                 && times.len().is_multiple_of(64)
             {

@@ -332,3 +332,22 @@ fn options_out_of_range_are_refused() {
     let error = simulate(&scenario, &options).expect_err("below rounding");
     assert!(error.to_string().starts_with("accuracy: tolerance"), "{error}");
 }
+
+#[test]
+fn a_run_that_no_memory_holds_is_refused_before_it_starts() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.duration = 1e4;
+    let error = simulate(&scenario, &Options::default()).expect_err("hours");
+    assert_eq!(error, SimulateError::TooLong { time: 0.0, end: 1e4 });
+    scenario.duration = 0.004;
+    scenario.intruders[0].damping = 1e9;
+    let error = simulate(&scenario, &Options::default()).expect_err("a damper of glass");
+    assert_eq!(
+        error,
+        SimulateError::TooLong {
+            time: 0.0,
+            end: 0.004
+        }
+    );
+    assert!(error.to_string().contains("soften the intruders"), "{error}");
+}

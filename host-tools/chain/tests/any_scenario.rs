@@ -1,0 +1,110 @@
+//! What holds for every scenario, on scenarios drawn at random.
+
+use hertz_chain::{Chain, ContactForce, Intruder, Options, Scenario, Section, Striker, simulate};
+use proptest::prelude::*;
+
+/// Numbers between two positive ones, each decade as likely as the next.
+fn decades(low: f64, high: f64) -> impl Strategy<Value = f64> {
+    (low.ln()..high.ln()).prop_map(f64::exp)
+}
+
+fn intruder(beads: usize) -> impl Strategy<Value = Intruder> {
+    (
+        1..=beads,
+        decades(1e-4, 5e-3),
+        decades(1e3, 1e7),
+        decades(0.1, 100.0),
+    )
+        .prop_map(|(bead, mass, stiffness, damping)| Intruder {
+            beads: vec![bead],
+            mass,
+            stiffness,
+            damping,
+        })
+}
+
+fn section(beads: usize) -> impl Strategy<Value = Section> {
+    (1..=beads, decades(0.012, 0.04), decades(1e9, 2e11), 0.0..2e-5).prop_map(|(bead, radius, young, tau)| {
+        Section {
+            beads: vec![bead],
+            radius: Some(radius),
+            young: Some(young),
+            relaxation: Some(tau),
+            ..Section::default()
+        }
+    })
+}
+
+fn scenario() -> impl Strategy<Value = Scenario> {
+    (1_usize..12).prop_flat_map(|beads| {
+        let striker = (decades(0.003, 0.04), decades(1e8, 2e11), decades(0.05, 5.0));
+        let tables = (
+            prop::option::of(intruder(beads)),
+            prop::option::of(section(beads)),
+        );
+        (striker, tables, prop::option::of(0.0..1e-5), any::<bool>()).prop_map(
+            move |((radius, young, velocity), (intruder, section), relaxation, clipped)| Scenario {
+                title: String::new(),
+                duration: 0.004,
+                chain: Chain {
+                    beads,
+                    radius: 0.019,
+                    density: 1775.0,
+                    young: 4.5e9,
+                    poisson: 0.44,
+                    relaxation: relaxation.unwrap_or(0.0),
+                    contact_force: if clipped {
+                        ContactForce::Clipped
+                    } else {
+                        ContactForce::Printed
+                    },
+                },
+                striker: Striker {
+                    radius,
+                    density: 7980.0,
+                    young,
+                    poisson: 0.27,
+                    velocity,
+                    mass: None,
+                    relaxation: None,
+                },
+                intruders: intruder.into_iter().collect(),
+                sections: section.into_iter().collect(),
+            },
+        )
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn energy_and_momentum_are_kept_and_nothing_is_made(scenario in scenario()) {
+        let solution = simulate(&scenario, &Options::default()).expect("the scenario is sound");
+        let summary = solution.summary();
+        let energy = summary.energy;
+        prop_assert!(energy.balance_error < 5e-11, "{:e}", energy.balance_error);
+        prop_assert!(energy.dissipated_contacts >= 0.0 && energy.dissipated_intruders >= 0.0);
+        prop_assert!(energy.chain_max <= energy.striker_initial * (1.0 + 1e-10));
+
+        let start = solution.model().mass(0) * scenario.striker.velocity;
+        let end = solution.at(scenario.duration);
+        prop_assert!((end.momentum() / start - 1.0).abs() < 1e-12, "{}", end.momentum() / start);
+
+        // No sample of the motion lies above what the summary calls the greatest.
+        let mut sampler = solution.sampler();
+        for i in 0..=1000 {
+            let snapshot = sampler.at(scenario.duration * f64::from(i) / 1000.0);
+            for peak in &summary.peak_force {
+                let force = snapshot.force(peak.contact);
+                prop_assert!(force <= peak.force * (1.0 + 1e-9), "{peak:?}: {force}");
+            }
+            for intruder in &summary.intruders {
+                let acceleration = snapshot.intruder_acceleration(intruder.bead).expect("a host");
+                let slack = 1e-9 * intruder.acceleration_max.max(-intruder.acceleration_min);
+                prop_assert!(acceleration <= intruder.acceleration_max + slack);
+                prop_assert!(acceleration >= intruder.acceleration_min - slack);
+            }
+        }
+    }
+}
