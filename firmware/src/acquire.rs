@@ -7,10 +7,10 @@
 //! others and does nothing but copy.
 //!
 //! # Timing
-//! A conversion is [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 40 clocks at 21 MHz. Both
-//! channels take 3.81 µs of the 10 µs period, and the acceleration is sampled [`SKEW_NS`] after the force:
-//! the longer the sample time, the more skew. 28 cycles settle to a quarter of a code through up to 27 kΩ
-//! (DocID022152, equation 1: 27.5 / (21 MHz · 4 pF · ln 2^14) - 6 kΩ), and what drives the pins is an
+//! A conversion is [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 27 clocks at 21 MHz. Both
+//! channels take 2.57 µs of the 10 µs period, and the acceleration is sampled [`SKEW_NS`] after the force:
+//! the longer the sample time, the more skew. 15 clocks settle to a quarter of a code through up to 11.8 kΩ
+//! (DocID022152, equation 1: 14.5 / (21 MHz · 4 pF · ln 2^14) - 6 kΩ), and what drives the pins is an
 //! amplifier with its RC filter, well below 1 kΩ.
 //!
 //! # Errors
@@ -45,9 +45,9 @@ pub(crate) const SCANS_PER_BLOCK: usize = 200;
 const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
 
 /// How long a channel is connected to the sampling capacitor.
-const SAMPLE_TIME: SampleTime = SampleTime::CYCLES28;
-/// The acceleration is sampled this long after the force: one conversion, 1905 ns.
-pub(crate) const SKEW_NS: u32 = ((28 + 12) * 1_000_000_000u64 / ADC_HZ as u64) as u32;
+const SAMPLE_TIME: SampleTime = SampleTime::CYCLES15;
+/// The acceleration is sampled this long after the force: one conversion, 1285 ns.
+pub(crate) const SKEW_NS: u32 = ((15 + 12) * 1_000_000_000u64 / ADC_HZ as u64) as u32;
 const _: () = assert!(
     (CHANNELS as u64) * (SKEW_NS as u64) < 500_000_000 / SAMPLE_RATE_HZ as u64,
     "a scan fits in half a period, as SampleClock::open counts on"
