@@ -266,15 +266,24 @@ impl Solution {
         let coarse = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let range = coarse - values.iter().copied().fold(f64::INFINITY, f64::min);
         let mut best = Peak {
-            value: f64::NEG_INFINITY,
+            value: coarse,
             time: 0.0,
             knot: 0,
+        };
+        if range == 0.0 {
+            return best;
+        }
+        best.value = f64::NEG_INFINITY;
+        let mut rate = vec![0.0; self.state(0).len()];
+        let mut rises = |knot: usize| {
+            self.model().rate(self.state(knot), &mut rate);
+            sign * quantity.rate(self.model(), self.state(knot), &rate) > 0.0
         };
         for knot in 0..=last {
             let summit = values[knot.saturating_sub(1)] <= values[knot]
                 && values[knot] >= values[(knot + 1).min(last)];
             // Steps are short against a pulse, so only knots near the top can have the top beside them.
-            if !summit || values[knot] < coarse - 0.02 * range {
+            if !summit || values[knot] < coarse - 0.1 * range {
                 continue;
             }
             let mut consider = |value: f64, time: f64| {
@@ -284,9 +293,9 @@ impl Solution {
             };
             consider(values[knot], self.time(knot));
             for step in knot.saturating_sub(1)..(knot + 1).min(last) {
-                let (from, to) = (self.time(step), self.time(step + 1));
-                let mut inside = Inside::new(self, step);
-                if sign * inside.rate(quantity, from) > 0.0 && sign * inside.rate(quantity, to) < 0.0 {
+                if rises(step) && !rises(step + 1) {
+                    let mut inside = Inside::new(self, step);
+                    let (from, to) = (self.time(step), self.time(step + 1));
                     let time = crossing(from, to, |t| sign * inside.rate(quantity, t));
                     consider(sign * inside.value(quantity, time), time);
                 }

@@ -257,6 +257,25 @@ fn a_longer_run_leaves_the_summary_as_it_is() {
 }
 
 #[test]
+fn a_shorter_run_is_summed_up_to_its_own_end() {
+    let shorter = Options {
+        duration: Some(0.001),
+        ..Options::default()
+    };
+    let solution = simulate(&paper(), &shorter).expect("runs");
+    let end = solution.summary().final_state;
+    assert_eq!((solution.end(), end.time), (0.001, 0.001));
+    let displacement = run(&paper()).displacement(1, 0.001);
+    assert!((end.displacement[1] / displacement - 1.0).abs() < 1e-11);
+}
+
+#[test]
+#[should_panic = "0.0041 s is not within the run, 0 to 0.004 s"]
+fn a_time_after_the_end_is_refused() {
+    run(&paper()).force(1, 0.0041);
+}
+
+#[test]
 fn sections_make_their_beads_unlike_the_rest() {
     let text = format!("{PAPER}\n[[section]]\nbeads = [3, 4]\nradius = 0.0095\nrelaxation = 0.0\n");
     let solution = run(&Scenario::from_toml(&text, "stepped.toml").expect("sound"));
