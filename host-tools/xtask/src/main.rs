@@ -125,7 +125,7 @@ fn demo(steps: &Steps, place: &Place) -> Result<(), Stop> {
     build(steps, place)?;
     let scenario = "docs/scenarios/paper-strike.toml";
     let bead = |words: &str| Line::program(place.built("release/bead")).words(words);
-    let recording = place.built("demo/strike.mcap");
+    let recording = place.built("demo/bead-8.mcap");
     let report = place.built("demo/report.html");
     let emulate = bead(&format!("emulate {scenario} --bead 8 --out")).arg(place.built("demo"));
     steps.run(
