@@ -139,3 +139,28 @@ fn todays_frames_are_the_same_bytes() {
         );
     }
 }
+
+#[test]
+fn causes_and_sources_keep_their_numbers() {
+    let causes = [
+        FaultCause::Panic,
+        FaultCause::HardFault,
+        FaultCause::Watchdog,
+        FaultCause::AdcOverrun,
+        FaultCause::DmaError,
+        FaultCause::BlockLost,
+        FaultCause::SettingsRefused,
+        FaultCause::StackOverflow,
+    ];
+    for (number, cause) in (0..).zip(causes) {
+        assert_eq!(postcard::to_slice(&cause, &mut [0; 2]).unwrap(), [number]);
+    }
+    let sources = [
+        SettingsSource::BuiltIn,
+        SettingsSource::Flash,
+        SettingsSource::FlashRefused,
+    ];
+    for (number, source) in (0..).zip(sources) {
+        assert_eq!(postcard::to_slice(&source, &mut [0; 2]).unwrap(), [number]);
+    }
+}

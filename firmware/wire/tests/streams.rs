@@ -4,6 +4,8 @@
 
 mod common;
 
+use std::collections::HashSet;
+
 use bead_wire::{Arrival, Decoder, Identity, MAX_FRAME, Message, REORDER};
 use common::{bytes, decode, draft, filler, unopening};
 use proptest::collection::vec;
@@ -171,24 +173,25 @@ proptest! {
         prop_assert_eq!(refused + delimiters + decoder.pending(), stream.len() as u64);
     }
 
+    /// Each frame comes up to 20 places late, or not at all, or up to three times.
     #[test]
-    fn frames_late_or_twice_are_no_loss(first: u32, repeats in vec(0..3usize, 2..50), swapped: prop::sample::Index) {
-        let mut order: Vec<u32> = (0..repeats.len() as u32).map(|n| first.wrapping_add(n)).collect();
-        let at = swapped.index(order.len() - 1);
-        // The very first frame must stay first: none is late before anything is missed.
-        let swaps = u64::from(at > 0);
-        if at > 0 {
-            order.swap(at, at + 1);
+    fn in_any_near_order_lost_is_what_never_came(first: u32, frames in vec((0..20u32, 0..4usize), 1..200)) {
+        let mut order = vec![(0, 0)];
+        for (n, (delay, times)) in (1..).zip(frames) {
+            order.extend(std::iter::repeat_n((n + delay, n), times));
         }
+        order.sort_by_key(|&(place, _)| place);
         let mut decoder = Decoder::new();
-        for (&sequence, repeats) in order.iter().zip(&repeats) {
-            for _ in 0..=*repeats {
-                decode(&mut decoder, &filler(0, sequence));
-            }
+        let (mut came, mut newest, mut late) = (HashSet::new(), 0, 0);
+        for (_, n) in &order {
+            decode(&mut decoder, &filler(0, first.wrapping_add(*n)));
+            late += u64::from(came.insert(*n) && *n < newest);
+            newest = newest.max(*n);
         }
         let counters = decoder.counters();
-        prop_assert_eq!((counters.lost, counters.late), (0, swaps));
-        prop_assert_eq!(counters.duplicates, repeats.iter().sum::<usize>() as u64);
+        let unique = came.len() as u64;
+        prop_assert_eq!(counters.lost, u64::from(newest) + 1 - unique);
+        prop_assert_eq!((counters.late, counters.duplicates), (late, order.len() as u64 - unique));
         prop_assert_eq!(counters.restarts, 0);
     }
 }
@@ -249,6 +252,18 @@ fn a_frame_late_by_the_most_allowed_fills_its_gap() {
     let expected = [
         Arrival::First,
         Arrival::Next { lost: REORDER },
+        Arrival::Late,
+        Arrival::Duplicate,
+    ];
+    assert_eq!(arrivals(&stream), expected);
+}
+
+#[test]
+fn a_frame_late_after_a_restart_fills_its_gap() {
+    let stream = [filler(0, 9), filler(1, 3), filler(1, 2), filler(1, 3)].concat();
+    let expected = [
+        Arrival::First,
+        Arrival::Restart { lost: 3 },
         Arrival::Late,
         Arrival::Duplicate,
     ];
