@@ -12,6 +12,7 @@
 //! Noise is white from sample to sample and stands after the low-pass: it is the noise of conditioner and converter
 //! seen at the code, referred to the sensor's unit.
 
+use bead_model::design::{self, ChannelFrontEnd};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -45,13 +46,43 @@ pub struct Channel {
     pub gain: f64,
     /// Volts at the converter for a quiet sensor.
     pub offset: f64,
-    /// Pole of the anti-alias low-pass in Hz; infinite for none.
-    pub pole_hz: f64,
+    /// Pole of the anti-alias low-pass in Hz, if there is one.
+    pub pole_hz: Option<f64>,
     /// Noise at the code, rms, in the sensor's unit; 0 for none.
     pub noise_rms: f64,
 }
 
 impl Channel {
+    /// An ideal channel whose codes span `span` units, with the quiet sensor at `zero_code`: no pole, no noise.
+    pub fn spanning(sensitivity: f64, span: f64, zero_code: f64) -> Self {
+        Self {
+            sensitivity,
+            gain: REFERENCE_VOLTS / (sensitivity * span),
+            offset: zero_code * REFERENCE_VOLTS / f64::from(CODES),
+            pole_hz: None,
+            noise_rms: 0.0,
+        }
+    }
+
+    /// The same channel at the gain at which its codes span `span` units, its zero at the same code.
+    #[must_use]
+    pub fn with_span(self, span: f64) -> Self {
+        Self {
+            gain: REFERENCE_VOLTS / (self.sensitivity * span),
+            ..self
+        }
+    }
+
+    /// What the settings of a bead are derived from.
+    pub fn calibration(&self) -> ChannelFrontEnd {
+        ChannelFrontEnd {
+            per_code: 1.0 / self.codes_per_unit(),
+            zero_code: self.zero_code(),
+            pole_hz: self.pole_hz,
+            noise_rms: self.noise_rms,
+        }
+    }
+
     /// Volts at the converter per unit.
     pub fn volts_per_unit(&self) -> f64 {
         self.sensitivity * self.gain
@@ -96,27 +127,24 @@ pub struct FrontEnd {
 }
 
 impl Default for FrontEnd {
-    /// A PCB 208C01-class force sensor (112.41 mV/N) over -0.5 to 16.75 N, and the paper's PCB 352A24
-    /// (10.2 mV per m/s²) over ±253 m/s². A strike of 0.45 m/s peaks at 6.4 N and 194 m/s².
+    /// The reference design: a PCB 208C01-class force sensor (112.41 mV/N) over 16 N, -0.5 to 15.5 N, and the
+    /// paper's accelerometer PCB 352A24 (10.2 mV per m/s²) over ±250 m/s². A strike of 0.45 m/s peaks at 6.4 N and
+    /// 194 m/s².
     ///
-    /// Poles at 40 kHz: far above the 5.2 kHz of the intruder's relaxation, below half the sample rate. Noise:
-    /// these sensors resolve 0.45 mN and 2 mm/s² rms; the conditioner and the converter behind them set the floor,
-    /// about one code of force (4 mN) and half a code of acceleration (0.12 m/s²).
+    /// Poles at 40 kHz: far above the 5.2 kHz of the intruder's relaxation, below half the sample rate. Noise: these
+    /// sensors resolve 0.45 mN and 2 mm/s² rms; the conditioner and the converter behind them set the floor, about
+    /// one code of force (3.9 mN) and half a code of acceleration (0.12 m/s²).
     fn default() -> Self {
         Self {
             force: Channel {
-                sensitivity: 0.112_41,
-                gain: 1.7,
-                offset: 0.1,
-                pole_hz: 40e3,
+                pole_hz: Some(40e3),
                 noise_rms: 5e-3,
+                ..Channel::spanning(0.112_41, 16.0, 128.0)
             },
             acceleration: Channel {
-                sensitivity: 10.2e-3,
-                gain: 0.64,
-                offset: 1.65,
-                pole_hz: 40e3,
+                pole_hz: Some(40e3),
                 noise_rms: 0.05,
+                ..Channel::spanning(10.2e-3, 500.0, 2048.0)
             },
         }
     }
@@ -125,9 +153,9 @@ impl Default for FrontEnd {
 /// What the two sensors feel, as functions of time in seconds.
 pub trait Stimulus {
     /// Total force at the incoming contact in N, compression positive.
-    fn force(&self, time: f64) -> f64;
+    fn force(&mut self, time: f64) -> f64;
     /// Absolute acceleration of the intruder in m/s².
-    fn acceleration(&self, time: f64) -> f64;
+    fn acceleration(&mut self, time: f64) -> f64;
 }
 
 /// Codes as the converter delivers them, and how often it met a rail.
@@ -140,11 +168,19 @@ pub struct Digitised {
 }
 
 impl FrontEnd {
+    /// What the settings of a bead are derived from.
+    pub fn calibration(&self) -> design::FrontEnd {
+        design::FrontEnd {
+            force: self.force.calibration(),
+            acceleration: self.acceleration.calibration(),
+        }
+    }
+
     /// Converts `scans` scans, the first of which holds the force at time 0. Before time 0 both sensors have been
     /// at their value of time 0.
     ///
     /// `seed` fixes the noise; `None` leaves it out. The same arguments give the same codes.
-    pub fn digitise(&self, stimulus: &impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
+    pub fn digitise(&self, stimulus: &mut impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
         let (force, force_saturated) = convert(&self.force, |t| stimulus.force(t), scans, seed, 0);
         let (acceleration, acceleration_saturated) = convert(
             &self.acceleration,
@@ -164,7 +200,7 @@ impl FrontEnd {
 /// the noise of one does not depend on the other.
 fn convert(
     channel: &Channel,
-    signal: impl Fn(f64) -> f64,
+    mut signal: impl FnMut(f64) -> f64,
     scans: usize,
     seed: Option<u64>,
     stream: u64,
@@ -207,8 +243,11 @@ pub(crate) struct LowPass {
 
 impl LowPass {
     /// A filter in equilibrium with `value`, to be fed every `period` seconds.
-    pub(crate) fn new(pole_hz: f64, period: f64, value: f64) -> Self {
-        let [decay, weight_old, weight_new] = first_order_hold(std::f64::consts::TAU * pole_hz * period);
+    pub(crate) fn new(pole_hz: Option<f64>, period: f64, value: f64) -> Self {
+        let [decay, weight_old, weight_new] = match pole_hz {
+            Some(hz) => first_order_hold(std::f64::consts::TAU * hz * period),
+            None => [0.0, 0.0, 1.0],
+        };
         Self {
             decay,
             weight_old,
@@ -245,10 +284,10 @@ mod tests {
     }
 
     impl Stimulus for Sine {
-        fn force(&self, time: f64) -> f64 {
+        fn force(&mut self, time: f64) -> f64 {
             8.0 + self.amplitude * (TAU * self.hz * time).sin()
         }
-        fn acceleration(&self, time: f64) -> f64 {
+        fn acceleration(&mut self, time: f64) -> f64 {
             self.amplitude * (TAU * self.hz * time).sin()
         }
     }
@@ -262,10 +301,10 @@ mod tests {
     #[test]
     fn the_low_pass_is_3_db_down_at_its_pole() {
         let mut front_end = FrontEnd::default();
-        front_end.acceleration.pole_hz = 10e3;
+        front_end.acceleration.pole_hz = Some(10e3);
         let codes = front_end
             .digitise(
-                &Sine {
+                &mut Sine {
                     hz: 10e3,
                     amplitude: 200.0,
                 },
@@ -283,7 +322,7 @@ mod tests {
         let front_end = FrontEnd::default();
         let codes = front_end
             .digitise(
-                &Sine {
+                &mut Sine {
                     hz: 100.0,
                     amplitude: 200.0,
                 },
@@ -302,7 +341,7 @@ mod tests {
         front_end.acceleration.noise_rms = 1.5;
         let codes = front_end
             .digitise(
-                &Sine {
+                &mut Sine {
                     hz: 1.0,
                     amplitude: 0.0,
                 },
@@ -324,7 +363,7 @@ mod tests {
         front_end.acceleration.noise_rms = 15.0;
         let codes = front_end
             .digitise(
-                &Sine {
+                &mut Sine {
                     hz: 1.0,
                     amplitude: 0.0,
                 },
@@ -343,18 +382,18 @@ mod tests {
     #[test]
     fn what_lies_beyond_a_rail_saturates_and_is_counted() {
         let mut front_end = FrontEnd::default();
-        front_end.acceleration.pole_hz = f64::INFINITY;
-        // A period of 100 samples, off the grid by the scan skew: the sine exceeds 252.8 of 400 m/s² for
+        front_end.acceleration.pole_hz = None;
+        // A period of 100 samples, off the grid by the scan skew: the sine exceeds 250 of 400 m/s² for
         // two arcs of acos(252.8/400)/π of the period.
         let digitised = front_end.digitise(
-            &Sine {
+            &mut Sine {
                 hz: 1e3,
                 amplitude: 400.0,
             },
             10_000,
             None,
         );
-        let expected = 10_000.0 * 2.0 * (252.7_f64 / 400.0).acos() / std::f64::consts::PI;
+        let expected = 10_000.0 * 2.0 * (250.0_f64 / 400.0).acos() / std::f64::consts::PI;
         assert!(
             (digitised.saturated[1] as f64 - expected).abs() <= 200.0,
             "{:?} {expected}",
@@ -372,43 +411,59 @@ mod tests {
     #[test]
     fn acceleration_is_taken_one_conversion_after_force() {
         let mut front_end = FrontEnd::default();
-        front_end.force.pole_hz = f64::INFINITY;
-        front_end.acceleration.pole_hz = f64::INFINITY;
+        front_end.force.pole_hz = None;
+        front_end.acceleration.pole_hz = None;
         let codes = front_end
             .digitise(
-                &Sine {
-                    hz: 5e3,
+                &mut Sine {
+                    hz: 4850.0,
                     amplitude: 7.0,
                 },
                 2000,
                 None,
             )
             .scans;
-        // Phase of each channel at 5 kHz: 100 periods of 20 samples.
+        // Phase of each channel, from 97 periods in 2000 samples: no two samples share a phase.
         let phase = |channel: usize| {
             let (mut s, mut c) = (0.0, 0.0);
             for (i, scan) in codes.iter().enumerate() {
-                let angle = TAU * 5e3 * i as f64 / f64::from(SAMPLE_RATE_HZ);
+                let angle = TAU * 4850.0 * i as f64 / f64::from(SAMPLE_RATE_HZ);
                 s += f64::from(scan[channel]) * angle.sin();
                 c += f64::from(scan[channel]) * angle.cos();
             }
             c.atan2(s)
         };
-        let skew = (phase(1) - phase(0)) / (TAU * 5e3);
+        let skew = (phase(1) - phase(0)) / (TAU * 4850.0);
         assert!((skew - SCAN_SKEW).abs() < 5e-8, "{skew} {SCAN_SKEW}");
     }
 
     #[test]
     fn the_same_seed_gives_the_same_codes_and_another_seed_does_not() {
         let front_end = FrontEnd::default();
-        let sine = Sine {
+        let mut sine = Sine {
             hz: 1e3,
             amplitude: 5.0,
         };
-        let once = front_end.digitise(&sine, 1000, Some(1));
-        assert_eq!(once, front_end.digitise(&sine, 1000, Some(1)));
-        assert_ne!(once, front_end.digitise(&sine, 1000, Some(2)));
-        assert_ne!(once, front_end.digitise(&sine, 1000, None));
+        let once = front_end.digitise(&mut sine, 1000, Some(1));
+        assert_eq!(once, front_end.digitise(&mut sine, 1000, Some(1)));
+        assert_ne!(once, front_end.digitise(&mut sine, 1000, Some(2)));
+        assert_ne!(once, front_end.digitise(&mut sine, 1000, None));
+    }
+
+    #[test]
+    fn the_default_is_the_reference_design_that_settings_are_derived_from() {
+        let (ours, reference) = (FrontEnd::default().calibration(), design::FrontEnd::reference());
+        for (ours, reference) in [
+            (ours.force, reference.force),
+            (ours.acceleration, reference.acceleration),
+        ] {
+            assert!((ours.per_code / reference.per_code - 1.0).abs() < 1e-12);
+            assert!((ours.zero_code - reference.zero_code).abs() < 1e-9);
+            assert_eq!(
+                (ours.pole_hz, ours.noise_rms),
+                (reference.pole_hz, reference.noise_rms)
+            );
+        }
     }
 
     #[test]

@@ -1,10 +1,18 @@
 //! Host tools of the sensing absorber bead.
 //!
-//! The command line `bead` is a thin shell over this library: `cli` is the command tree, and each command is a
+//! The command line `bead` is a thin shell over this library: [`cli`] is the command tree, and each command is a
 //! file of `commands`.
 
+pub mod cli;
+mod commands;
 pub mod f64_estimators;
 pub mod failure;
 pub mod figure;
+pub mod frames;
 pub mod front_end;
 pub mod output;
+pub mod recording;
+pub mod sensed;
+#[cfg(test)]
+mod testing;
+pub mod time_series;

@@ -1,3 +1,16 @@
-//! `bead`, the command line.
+//! `bead`, the command line. See `bead --help`.
 
-fn main() {}
+use std::process::ExitCode;
+
+use bead::cli::Cli;
+use clap::Parser;
+
+fn main() -> ExitCode {
+    match Cli::parse().run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("bead: {failure}");
+            ExitCode::from(&failure)
+        }
+    }
+}

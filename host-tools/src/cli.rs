@@ -1,0 +1,42 @@
+//! The command tree.
+
+use clap::{Parser, Subcommand};
+
+use crate::commands::simulate;
+use crate::failure::Failure;
+
+const AFTER_HELP: &str = "\
+Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure.
+Results go to standard output, everything else to standard error.
+
+Examples:
+  bead simulate docs/scenarios/paper-strike.toml
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
+  bead replay run/bead-8.mcap
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html";
+
+/// Host tools of the sensing absorber bead.
+#[derive(Debug, Parser)]
+#[command(name = "bead", version, after_help = AFTER_HELP)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run the full f64 chain of a scenario.
+    Simulate(simulate::Arguments),
+}
+
+impl Cli {
+    /// Runs the command that was given.
+    ///
+    /// # Errors
+    /// [`Failure`], which carries the exit status.
+    pub fn run(self) -> Result<(), Failure> {
+        match self.command {
+            Command::Simulate(arguments) => simulate::run(&arguments),
+        }
+    }
+}
