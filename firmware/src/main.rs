@@ -44,6 +44,8 @@ fn main() -> ! {
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 
     let boot = BOOT.init(trace::begin());
+    let mut core = cortex_m::Peripherals::take().expect("main runs once");
+    stack::close_fence(&mut core.MPU);
     let p = embassy_stm32::init(clocks::config());
     defmt::info!(
         "bead {=str} ({=str}), boot {=u32}, reset cause {=u8:#04x}",

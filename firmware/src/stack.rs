@@ -1,28 +1,73 @@
-//! How deep the stack has been.
+//! How deep the stack has been, and a fence where it ends.
 //!
 //! # Design
 //! Start-up code fills the free RAM with a pattern (`cortex-m-rt`, feature `paint-stack`); the stack grows
 //! down into it. What still has the pattern, counted from the bottom, was never used. All tasks and handlers
 //! share the one stack, so this one number covers them.
+//!
+//! The lowest [`FENCE`] bytes are closed by the memory protection unit: a stack that grows into them faults
+//! before it reaches a variable. The unit is off while the fault's handler runs, so that it has a stack.
 
+use cortex_m::peripheral::MPU;
 use cortex_m_rt::STACK_PAINT_VALUE;
 
-/// Bytes of stack that were never used.
+/// Bytes closed at the end of the stack. More than the frames of this image take at a time, so that none
+/// steps over it; a region of the unit is a power of two in size and lies at a multiple of it.
+const FENCE: usize = 1024;
+
+/// First address that the stack may not use, aligned for [`FENCE`].
+fn fence() -> usize {
+    bounds().0.addr().next_multiple_of(FENCE)
+}
+
+/// Closes the fence.
+#[allow(unsafe_code, reason = "closing memory is unsafe if something uses it")]
+pub(crate) fn close_fence(mpu: &mut MPU) {
+    const ENABLE: u32 = 1;
+    /// Memory outside the regions stays as it is.
+    const PRIVDEFENA: u32 = 1 << 2;
+    /// No execution; access permission 0, none, is the reset value.
+    const XN: u32 = 1 << 28;
+    let size = (FENCE.ilog2() - 1) << 1;
+    // SAFETY: region 0 covers free RAM only (it starts at or above the end of the last section), no Rust
+    // object lies there, and `never_used` starts above it. PM0214 section 4.2.
+    unsafe {
+        mpu.rnr.write(0);
+        mpu.rbar.write(fence() as u32);
+        mpu.rasr.write(XN | size | ENABLE);
+        mpu.ctrl.write(PRIVDEFENA | ENABLE);
+    }
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
+
+/// Whether a fault at this address, or with this stack pointer, is the stack's.
+pub(crate) fn overflown(address: usize) -> bool {
+    (fence()..fence() + FENCE).contains(&address)
+}
+
+/// Bytes of stack that were never used, down to the fence.
 #[allow(unsafe_code, reason = "the free RAM is memory that no Rust object stands for")]
 pub(crate) fn never_used() -> u32 {
-    unsafe extern "C" {
-        /// Lowest word that the stack may use: the end of the last section in RAM (`link.x`).
-        static _stack_end: u32;
-        /// One past the highest word of the stack: the end of the region RAM.
-        static _stack_start: u32;
-    }
-    let (bottom, top) = (&raw const _stack_end, &raw const _stack_start);
+    let (end, start) = bounds();
+    let bottom = end.with_addr(fence() + FENCE);
     let mut word = bottom;
-    // SAFETY: the words from `bottom` up to `top` are RAM, aligned (asserted by `link.x`), and hold no Rust
+    // SAFETY: the words from `bottom` up to `start` are RAM, aligned (asserted by `link.x`), and hold no Rust
     // object below the stack pointer. Those above belong to live frames, which change while they are read;
     // the reads are volatile and only compared with the pattern.
-    while word < top && unsafe { word.read_volatile() } == STACK_PAINT_VALUE {
+    while word < start && unsafe { word.read_volatile() } == STACK_PAINT_VALUE {
         word = word.wrapping_add(1);
     }
     (word.addr() - bottom.addr()) as u32
+}
+
+/// Lowest word that the stack may use, the end of the last section in RAM; one past its highest, the end of
+/// the region RAM.
+#[allow(unsafe_code, reason = "symbols of the linker script are foreign")]
+fn bounds() -> (*const u32, *const u32) {
+    unsafe extern "C" {
+        static _stack_end: u32;
+        static _stack_start: u32;
+    }
+    (&raw const _stack_end, &raw const _stack_start)
 }

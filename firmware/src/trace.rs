@@ -17,6 +17,8 @@ use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embassy_stm32::pac::RCC;
 use heapless::String;
 
+use crate::stack;
+
 /// This boot, and what the one before left.
 pub(crate) struct Boot {
     /// Resets since power-up.
@@ -85,10 +87,11 @@ struct Kept {
 /// "BEAD" and the version of the layout.
 const MAGIC: u32 = u32::from_le_bytes(*b"BEA\x01");
 const NONE: u32 = 0;
-const CAUSES: [(u32, FaultCause); 3] = [
+const CAUSES: [(u32, FaultCause); 4] = [
     (1, FaultCause::Panic),
     (2, FaultCause::HardFault),
     (3, FaultCause::DmaError),
+    (4, FaultCause::StackOverflow),
 ];
 const _: () = assert!(
     size_of::<Kept>() <= 256,
@@ -219,17 +222,30 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     }
 }
 
+/// Bit of CFSR: MMFAR holds the address of the fault (PM0214 section 4.4.13).
+const MMARVALID: u32 = 1 << 7;
+
 #[exception]
 #[allow(unsafe_code, reason = "cortex-m-rt asks for it")]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     // SAFETY: reading the fault status registers of the core has no side effect.
     let scb = unsafe { &*SCB::PTR };
-    let (cfsr, hfsr, bfar) = (scb.cfsr.read(), scb.hfsr.read(), scb.bfar.read());
+    let (cfsr, hfsr) = (scb.cfsr.read(), scb.hfsr.read());
+    let (mmfar, bfar) = (scb.mmfar.read(), scb.bfar.read());
+    // The frame lies where the stack ended. If that is in the fence, it could not be written: no PC, no LR.
+    let at = (frame as *const ExceptionFrame).addr();
+    if stack::overflown(at) || cfsr & MMARVALID != 0 && stack::overflown(mmfar as usize) {
+        end(
+            FaultCause::StackOverflow,
+            0,
+            format_args!("the stack reached {at:#010x}"),
+        )
+    }
     end(
         FaultCause::HardFault,
         frame.pc(),
         format_args!(
-            "CFSR {cfsr:#010x} HFSR {hfsr:#010x} BFAR {bfar:#010x} LR {:#010x}",
+            "CFSR {cfsr:#010x} HFSR {hfsr:#010x} MMFAR {mmfar:#010x} BFAR {bfar:#010x} LR {:#010x}",
             frame.lr()
         ),
     )
