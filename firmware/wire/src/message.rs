@@ -68,9 +68,9 @@ impl Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Message<'a> {
-    /// Who is speaking: first frame after a reset, repeated every few seconds.
+    /// Who is speaking: first frame after a reset, then every few seconds.
     Identity(Identity<'a>),
-    /// Counters and health, every second.
+    /// Counters and health, every few seconds.
     Status(Status),
     /// The result of one strike.
     Strike(Strike),

@@ -111,6 +111,7 @@ proptest! {
 
 #[test]
 fn no_frame_is_longer_than_max_frame_and_one_is_as_long() {
+    assert_eq!(MAX_FRAME, 281, "docs/protocol.md and hosts' buffers say so");
     // No zero byte anywhere is the worst case of COBS.
     let header = Header {
         boot: 0xFF,
