@@ -130,8 +130,9 @@ async fn epoch(
         TIM3_TRGO,
         Exten::RISING_EDGE,
     );
-    // `start` also makes the software start a scan: the first of an epoch is not a trigger's. It has the
-    // index of the trigger before it, and is long past when the next comes.
+    // `start` also makes the software start a scan: the first of an epoch is not a trigger's, and the driver
+    // does not wait for the ADC to stabilise before it. It has the index of the trigger before it, is over
+    // when the next comes, and is only ever seen by a meter that is not yet armed.
     adc.start();
     let mut first_index = clock.open();
     defmt::info!(

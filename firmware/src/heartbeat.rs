@@ -10,16 +10,17 @@ use embassy_time::{Duration, Ticker, Timer};
 const FLASH: Duration = Duration::from_millis(20);
 const PAUSE: Duration = Duration::from_millis(180);
 
-/// Flashes for ever. The LED is between PC13 and ground.
+/// Flashes for ever. The LED is between VDD and PC13, which may sink 3 mA but not be a source (DocID022152,
+/// table 7, note on PC13).
 #[embassy_executor::task]
 pub(crate) async fn heartbeat(pin: Peri<'static, peripherals::PC13>, after_fault: bool) -> ! {
-    let mut led = Output::new(pin, Level::Low, Speed::Low);
+    let mut led = Output::new(pin, Level::High, Speed::Low);
     let mut second = Ticker::every(Duration::from_secs(1));
     loop {
         for _ in 0..1 + u8::from(after_fault) {
-            led.set_high();
-            Timer::after(FLASH).await;
             led.set_low();
+            Timer::after(FLASH).await;
+            led.set_high();
             Timer::after(PAUSE).await;
         }
         second.next().await;
