@@ -2,6 +2,8 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used))]
 
 mod exchange;
+pub mod machine;
+pub mod peripherals;
 mod run;
 
 pub use exchange::{Block, Pin, Poke, Reset, ResetCause, Sampling, UartInput, UnknownRegister};

@@ -1,0 +1,123 @@
+//! What the two analog inputs carry: rows of codes against time.
+
+use std::collections::BTreeSet;
+
+use crate::exchange::Sampling;
+
+/// Codes at the pins of channels 0 and 1, a row every period, from the first externally triggered scan on.
+#[derive(Debug, Clone)]
+pub struct Stimulus {
+    rows: Vec<[u16; 2]>,
+    period_ns: u64,
+    sampling: Option<Sampling>,
+    row: usize,
+    unmapped: BTreeSet<u32>,
+}
+
+impl Stimulus {
+    /// Rows of channel 0 and channel 1; none read as zero.
+    pub fn new(rows: Vec<[u16; 2]>, period_ns: u64) -> Self {
+        Self {
+            rows,
+            period_ns,
+            sampling: None,
+            row: 0,
+            unmapped: BTreeSet::new(),
+        }
+    }
+
+    /// A scan starts, on a trigger from outside or by software. All its conversions read one row.
+    pub(super) fn begin_scan(&mut self, now: u64, external: bool) {
+        if external {
+            let sampling = self.sampling.get_or_insert(Sampling {
+                first_ns: now,
+                scans: 0,
+            });
+            sampling.scans += 1;
+        }
+        let Some(sampling) = self.sampling else { return };
+        // Times are whole ns, so a scan may seem up to 1 ns before its row.
+        let row = (now - sampling.first_ns + 1) / self.period_ns;
+        self.row = usize::try_from(row)
+            .unwrap_or(usize::MAX)
+            .min(self.rows.len().saturating_sub(1));
+    }
+
+    pub(super) fn code(&mut self, channel: u32) -> u16 {
+        if channel > 1 {
+            self.unmapped.insert(channel);
+            return 0;
+        }
+        self.rows.get(self.row).map_or(0, |row| row[channel as usize])
+    }
+
+    /// The externally triggered scans so far.
+    pub fn sampling(&self) -> Option<Sampling> {
+        self.sampling
+    }
+
+    /// When the last row ends.
+    pub fn ends_at(&self) -> Option<u64> {
+        let length = (self.rows.len() as u64).saturating_mul(self.period_ns);
+        self.sampling.map(|s| s.first_ns.saturating_add(length))
+    }
+
+    pub(super) fn unmapped(&self) -> impl Iterator<Item = u32> + '_ {
+        self.unmapped.iter().copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn three_rows() -> Stimulus {
+        Stimulus::new(vec![[10, 11], [20, 21], [30, 31]], 10_000)
+    }
+
+    #[test]
+    fn rows_follow_time_from_the_first_triggered_scan_and_the_last_stays() {
+        let mut stimulus = three_rows();
+        let force_at = |s: &mut Stimulus, now: u64| {
+            s.begin_scan(now, true);
+            s.code(0)
+        };
+        assert_eq!(
+            [777, 10_777, 20_777, 30_777].map(|t| force_at(&mut stimulus, t)),
+            [10, 20, 30, 30]
+        );
+        assert_eq!(
+            stimulus.sampling(),
+            Some(Sampling {
+                first_ns: 777,
+                scans: 4
+            })
+        );
+        assert_eq!(stimulus.ends_at(), Some(30_777));
+    }
+
+    #[test]
+    fn a_scan_that_was_never_made_skips_its_row() {
+        let mut stimulus = three_rows();
+        stimulus.begin_scan(0, true);
+        stimulus.begin_scan(20_000, true);
+        assert_eq!((stimulus.code(0), stimulus.code(1)), (30, 31));
+    }
+
+    #[test]
+    fn a_software_scan_before_sampling_reads_row_0_and_uses_it_up_not() {
+        let mut stimulus = three_rows();
+        stimulus.begin_scan(5_000, false);
+        assert_eq!((stimulus.code(1), stimulus.sampling()), (11, None));
+        stimulus.begin_scan(90_000, true);
+        assert_eq!(stimulus.code(1), 11);
+    }
+
+    #[test]
+    fn a_channel_without_a_column_reads_zero_and_is_reported() {
+        let mut stimulus = three_rows();
+        stimulus.begin_scan(0, true);
+        assert_eq!(stimulus.code(17), 0);
+        assert_eq!(stimulus.unmapped().collect::<Vec<_>>(), [17]);
+    }
+}

@@ -1,0 +1,573 @@
+//! ADC1 and the common registers (RM0090 section 13): regular scans, by software or by a timer's trigger.
+//!
+//! # Design
+//!
+//! A scan is a start time and a number of ADC clock cycles; each conversion takes its channel's sampling time plus 12
+//! cycles (fewer at lower resolution; section 13.6). The model says when the next conversion ends; whoever owns it
+//! fetches the code then and hands it in, and serves the DMA request that stands.
+//!
+//! Our reading where the manual leaves room: a trigger that finds a scan running starts nothing and is counted; data
+//! that nobody fetched is kept and the new conversion is lost; with DMA on, an overrun also ends the scan, withdraws the
+//! request and blocks triggers until OVR is cleared (section 13.8.1).
+
+use super::{NoRegister, Notes, bit, clock, field};
+
+const AWD: u32 = 1 << 0;
+const EOC: u32 = 1 << 1;
+const STRT: u32 = 1 << 4;
+const OVR: u32 = 1 << 5;
+
+const EOCIE: u32 = 1 << 5;
+const SCAN: u32 = 1 << 8;
+const OVRIE: u32 = 1 << 26;
+
+const ADON: u32 = 1 << 0;
+const CONT: u32 = 1 << 1;
+const DMA: u32 = 1 << 8;
+const DDS: u32 = 1 << 9;
+const EOCS: u32 = 1 << 10;
+const ALIGN: u32 = 1 << 11;
+const SWSTART: u32 = 1 << 30;
+
+/// Sampling time in ADC clock cycles, by SMPx (section 13.13.5).
+const SAMPLING: [u32; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
+
+/// Which timer output starts a regular scan (CR2.EXTSEL, section 13.13.4).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TriggerSource {
+    /// TRGO of TIM2.
+    Tim2,
+    /// TRGO of TIM3.
+    Tim3,
+}
+
+/// A scan under way.
+#[derive(Debug, Clone, Copy)]
+struct Scan {
+    started_ns: u64,
+    rank: u32,
+    /// ADC clock cycles from the start to the end of the conversion at `rank`.
+    cycles: u32,
+}
+
+/// ADC1's registers and the common ones.
+#[derive(Debug, Clone)]
+pub struct Adc {
+    pclk2: u32,
+    sr: u32,
+    cr1: u32,
+    cr2: u32,
+    smpr: [u32; 2],
+    jofr: [u32; 4],
+    thresholds: [u32; 2],
+    sqr: [u32; 3],
+    jsqr: u32,
+    dr: u32,
+    ccr: u32,
+    scan: Option<Scan>,
+    scan_started: bool,
+    /// DR holds what nobody has read.
+    unread: bool,
+    request: bool,
+    /// The DMA has made its last transfer and DDS is clear: no more requests until DMA is set anew.
+    requests_ended: bool,
+    /// How often OVR was set.
+    pub overruns: u64,
+    /// Triggers that started nothing.
+    pub triggers_ignored: u64,
+    /// See [`Notes`].
+    pub notes: Notes,
+}
+
+impl Adc {
+    /// After reset, on an APB2 clock of `pclk2`.
+    pub fn new(pclk2: u32) -> Self {
+        Self {
+            pclk2,
+            sr: 0,
+            cr1: 0,
+            cr2: 0,
+            smpr: [0; 2],
+            jofr: [0; 4],
+            thresholds: [0xfff, 0],
+            sqr: [0; 3],
+            jsqr: 0,
+            dr: 0,
+            ccr: 0,
+            scan: None,
+            scan_started: false,
+            unread: false,
+            request: false,
+            requests_ended: false,
+            overruns: 0,
+            triggers_ignored: 0,
+            notes: Notes::default(),
+        }
+    }
+
+    /// A reset by RCC; the counts go on.
+    pub fn reset(&mut self) {
+        let notes = std::mem::take(&mut self.notes);
+        let (overruns, triggers_ignored) = (self.overruns, self.triggers_ignored);
+        *self = Self {
+            notes,
+            overruns,
+            triggers_ignored,
+            ..Self::new(self.pclk2)
+        };
+    }
+
+    /// The APB2 clock changed.
+    pub fn set_clock(&mut self, pclk2: u32) {
+        self.pclk2 = pclk2;
+    }
+
+    /// What starts a scan from outside, if anything does.
+    pub fn trigger_source(&self) -> Option<TriggerSource> {
+        if self.cr2 & ADON == 0 || field(self.cr2, 28, 2) == 0 {
+            return None;
+        }
+        match field(self.cr2, 24, 4) {
+            0b0110 => Some(TriggerSource::Tim2),
+            0b1000 => Some(TriggerSource::Tim3),
+            _ => None,
+        }
+    }
+
+    /// The trigger came.
+    pub fn trigger(&mut self, now: u64) {
+        if self.scan.is_some() || self.blocked() {
+            self.triggers_ignored += 1;
+        } else {
+            self.start(now);
+        }
+    }
+
+    /// An overrun under DMA: no conversion until OVR is cleared.
+    fn blocked(&self) -> bool {
+        self.sr & OVR != 0 && self.cr2 & DMA != 0
+    }
+
+    /// Whether a scan has started since this was last asked.
+    pub fn take_scan_started(&mut self) -> bool {
+        std::mem::take(&mut self.scan_started)
+    }
+
+    fn start(&mut self, now: u64) {
+        self.sr |= STRT;
+        self.scan_started = true;
+        self.scan = Some(Scan {
+            started_ns: now,
+            rank: 0,
+            cycles: self.conversion_cycles(0),
+        });
+    }
+
+    /// Conversions in a scan: SQR1.L + 1, or one without CR1.SCAN.
+    pub fn scan_length(&self) -> u32 {
+        if self.cr1 & SCAN == 0 {
+            1
+        } else {
+            field(self.sqr[0], 20, 4) + 1
+        }
+    }
+
+    /// The channel at a rank (0 is the first): SQR3 holds ranks 1-6, SQR2 7-12, SQR1 13-16.
+    fn channel_at(&self, rank: u32) -> u32 {
+        field(self.sqr[2 - rank as usize / 6], 5 * (rank % 6), 5)
+    }
+
+    fn conversion_cycles(&self, rank: u32) -> u32 {
+        let channel = self.channel_at(rank);
+        let sampling = match channel {
+            0..=9 => field(self.smpr[1], 3 * channel, 3),
+            10..=18 => field(self.smpr[0], 3 * (channel - 10), 3),
+            _ => 0,
+        };
+        SAMPLING[sampling as usize] + self.bits()
+    }
+
+    /// RES: 12, 10, 8 or 6 bits, and as many cycles.
+    fn bits(&self) -> u32 {
+        12 - 2 * field(self.cr1, 24, 2)
+    }
+
+    /// Time of a number of ADC clock cycles: PCLK2 over ADCPRE (section 13.13.16).
+    fn cycles_ns(&self, cycles: u64) -> u64 {
+        let divider = 2 * (u64::from(field(self.ccr, 16, 2)) + 1);
+        clock::edge(cycles * divider, self.pclk2)
+    }
+
+    /// When the conversion under way ends.
+    pub fn next_conversion(&self) -> Option<u64> {
+        self.scan
+            .map(|s| s.started_ns + self.cycles_ns(u64::from(s.cycles)))
+    }
+
+    /// The channel under conversion.
+    pub fn converting(&self) -> Option<u32> {
+        self.scan.map(|s| self.channel_at(s.rank))
+    }
+
+    /// When the `n`-th conversion from here (1 is the next) ends, not later; `trigger` tells when the `i`-th trigger
+    /// from here (0 is the next) comes.
+    pub fn conversion(&self, n: u64, trigger: impl Fn(u64) -> Option<u64>) -> Option<u64> {
+        debug_assert!(n > 0);
+        let length = self.scan_length();
+        let cycles = |ranks: std::ops::Range<u32>| -> u64 {
+            ranks.map(|r| u64::from(self.conversion_cycles(r))).sum()
+        };
+        let mut n = n - 1;
+        if let Some(scan) = self.scan {
+            let left = u64::from(length.saturating_sub(scan.rank)).max(1);
+            if n < left {
+                let more = cycles(scan.rank + 1..scan.rank + 1 + n as u32);
+                return Some(scan.started_ns + self.cycles_ns(u64::from(scan.cycles) + more));
+            }
+            n -= left;
+            if self.cr2 & CONT != 0 {
+                let rest = u64::from(scan.cycles) + cycles(scan.rank + 1..length);
+                let whole = n / u64::from(length) * cycles(0..length);
+                let part = cycles(0..(n % u64::from(length)) as u32 + 1);
+                return Some(scan.started_ns + self.cycles_ns(rest + whole + part));
+            }
+        }
+        if self.blocked() {
+            return None;
+        }
+        let start = trigger(n / u64::from(length))?;
+        Some(start + self.cycles_ns(cycles(0..(n % u64::from(length)) as u32 + 1)))
+    }
+
+    /// Ends the conversion under way with the code that it found, 12 bits.
+    pub fn finish(&mut self, code: u16, now: u64) {
+        let Some(scan) = self.scan else { return };
+        let lost = self.unread && self.cr2 & (DMA | EOCS) != 0;
+        let last = scan.rank + 1 >= self.scan_length();
+        if lost {
+            self.sr |= OVR;
+            self.overruns += 1;
+            if self.cr2 & DMA != 0 {
+                self.scan = None;
+                self.request = false;
+                return;
+            }
+        } else {
+            let code = u32::from(code) >> (12 - self.bits());
+            self.dr = if self.cr2 & ALIGN == 0 {
+                code
+            } else {
+                code << (16 - self.bits()) & 0xffff
+            };
+            self.unread = true;
+            self.request = self.cr2 & DMA != 0 && !self.requests_ended;
+            if last || self.cr2 & EOCS != 0 {
+                self.sr |= EOC;
+            }
+        }
+        self.scan = (!last).then(|| {
+            let rank = scan.rank + 1;
+            Scan {
+                rank,
+                cycles: scan.cycles + self.conversion_cycles(rank),
+                ..scan
+            }
+        });
+        if last && self.cr2 & CONT != 0 {
+            self.start(now);
+        }
+    }
+
+    /// Whether a DMA request stands.
+    pub fn dma_request(&self) -> bool {
+        self.request
+    }
+
+    /// DR is read, by the processor or the DMA: the data is fetched and EOC clears (section 13.13.1).
+    pub fn take_data(&mut self) -> u32 {
+        self.unread = false;
+        self.request = false;
+        self.sr &= !EOC;
+        self.dr
+    }
+
+    /// The DMA stream made its last transfer: without DDS no request follows (section 13.8.1).
+    pub fn dma_ended(&mut self) {
+        self.requests_ended = self.cr2 & DDS == 0;
+    }
+
+    /// Level of the interrupt line.
+    pub fn interrupt(&self) -> bool {
+        (self.sr & EOC != 0 && self.cr1 & EOCIE != 0) || (self.sr & OVR != 0 && self.cr1 & OVRIE != 0)
+    }
+
+    /// Whether the end of a conversion that no DMA fetches would raise the line: at once by EOC, or at the conversion
+    /// after it by OVR.
+    pub fn interrupts_on_conversion(&self) -> bool {
+        self.cr1 & (EOCIE | OVRIE) != 0 && !self.interrupt()
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn read(&mut self, offset: u32) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.sr,
+            0x04 => self.cr1,
+            0x08 => self.cr2,
+            0x0c | 0x10 => self.smpr[(offset as usize - 0x0c) / 4],
+            0x14..=0x20 if offset.is_multiple_of(4) => self.jofr[(offset as usize - 0x14) / 4],
+            0x24 | 0x28 => self.thresholds[(offset as usize - 0x24) / 4],
+            0x2c | 0x30 | 0x34 => self.sqr[(offset as usize - 0x2c) / 4],
+            0x38 => self.jsqr,
+            0x4c => self.take_data(),
+            // CSR: ADC1's flags; ADC2 and ADC3 are not modelled.
+            0x300 => self.sr & 0x3f,
+            0x304 => self.ccr,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        match offset {
+            // rc_w0.
+            0x00 => self.sr &= value | !(AWD | EOC | STRT | OVR | 0b1100),
+            0x04 => {
+                self.cr1 = value & 0x07c0_ffff;
+                self.notes.note_if(
+                    value & 0x00c0_0040 != 0,
+                    "CR1: the analog watchdog is not modelled",
+                );
+                self.notes
+                    .note_if(bit(value, 11), "CR1.DISCEN: discontinuous mode is not modelled");
+                self.notes
+                    .note_if(value & 0x1480 != 0, "CR1: injected conversions are not modelled");
+            }
+            0x08 => self.write_cr2(value, now),
+            0x0c | 0x10 => self.smpr[(offset as usize - 0x0c) / 4] = value & 0x3fff_ffff,
+            0x14..=0x20 if offset.is_multiple_of(4) => {
+                self.jofr[(offset as usize - 0x14) / 4] = value & 0xfff
+            }
+            0x24 | 0x28 => self.thresholds[(offset as usize - 0x24) / 4] = value & 0xfff,
+            0x2c | 0x30 | 0x34 => self.sqr[(offset as usize - 0x2c) / 4] = value & 0x3fff_ffff,
+            0x38 => self.jsqr = value & 0x003f_ffff,
+            0x4c | 0x300 => {}
+            0x304 => {
+                self.ccr = value & 0x00c3_ef1f;
+                self.notes.note_if(
+                    value & 0x1f != 0,
+                    "CCR.MULTI: dual and triple modes are not modelled",
+                );
+            }
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    fn write_cr2(&mut self, value: u32, now: u64) {
+        if value & DMA == 0 || self.cr2 & DMA == 0 {
+            self.request = false;
+            self.requests_ended = false;
+        }
+        self.cr2 = value & 0x3f7f_0f03;
+        self.notes.note_if(
+            value & 0x0070_0000 != 0,
+            "CR2: injected conversions are not modelled",
+        );
+        let external = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
+        self.notes.note_if(
+            external && self.trigger_source().is_none(),
+            "CR2.EXTSEL: only TIM2 and TIM3 TRGO are modelled",
+        );
+        if self.cr2 & ADON == 0 {
+            self.scan = None;
+        } else if value & SWSTART != 0 && self.scan.is_none() && !self.blocked() {
+            self.start(now);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SR: u32 = 0x00;
+    const CR1: u32 = 0x04;
+    const CR2: u32 = 0x08;
+    const SMPR2: u32 = 0x10;
+    const SQR1: u32 = 0x2c;
+    const SQR3: u32 = 0x34;
+    const DR: u32 = 0x4c;
+    const CCR: u32 = 0x304;
+    const BY_TIM3: u32 = 0b01 << 28 | 0b1000 << 24;
+
+    /// Two channels, 0 then 1, at PCLK2/4 = 21 MHz with 56 + 12 cycles each: 3.238 µs a conversion.
+    fn scanning(cr2: u32) -> Adc {
+        let mut adc = Adc::new(84_000_000);
+        adc.write(CCR, 1 << 16, 0).unwrap();
+        adc.write(CR1, SCAN, 0).unwrap();
+        adc.write(SMPR2, 0b011_011, 0).unwrap();
+        adc.write(SQR1, 1 << 20, 0).unwrap();
+        adc.write(SQR3, 1 << 5, 0).unwrap();
+        adc.write(CR2, ADON | cr2, 0).unwrap();
+        adc
+    }
+
+    #[test]
+    fn a_conversion_takes_its_sampling_time_and_twelve_cycles() {
+        let mut adc = scanning(BY_TIM3);
+        adc.trigger(1_000);
+        assert_eq!(adc.next_conversion(), Some(1_000 + clock::edge(68, 21_000_000)));
+        assert_eq!(adc.converting(), Some(0));
+        adc.finish(100, 4_239);
+        assert_eq!(adc.converting(), Some(1));
+        assert_eq!(adc.next_conversion(), Some(1_000 + clock::edge(136, 21_000_000)));
+    }
+
+    #[test]
+    fn the_end_of_conversion_shows_after_the_scan_or_after_each_as_eocs_says_and_a_read_clears_it() {
+        let mut adc = scanning(0);
+        adc.write(CR2, ADON | SWSTART, 0).unwrap();
+        adc.finish(7, 1);
+        assert_eq!(adc.read(SR), Ok(STRT));
+        adc.finish(8, 2);
+        assert_eq!(adc.read(SR), Ok(STRT | EOC));
+        assert_eq!(adc.read(DR), Ok(8));
+        assert_eq!(adc.read(SR), Ok(STRT));
+
+        let mut adc = scanning(EOCS);
+        adc.write(CR2, ADON | EOCS | SWSTART, 0).unwrap();
+        adc.finish(7, 1);
+        assert_eq!(adc.read(SR), Ok(STRT | EOC));
+    }
+
+    #[test]
+    fn a_trigger_during_a_scan_starts_nothing_and_is_counted() {
+        let mut adc = scanning(BY_TIM3);
+        adc.trigger(0);
+        adc.trigger(3_000);
+        assert_eq!((adc.triggers_ignored, adc.next_conversion()), (1, Some(3_239)));
+    }
+
+    #[test]
+    fn the_trigger_source_is_the_timer_that_extsel_names_while_the_adc_is_on() {
+        assert_eq!(scanning(BY_TIM3).trigger_source(), Some(TriggerSource::Tim3));
+        assert_eq!(
+            scanning(0b01 << 28 | 0b0110 << 24).trigger_source(),
+            Some(TriggerSource::Tim2)
+        );
+        assert_eq!(scanning(0b1000 << 24).trigger_source(), None, "EXTEN is 0");
+        let mut adc = scanning(BY_TIM3);
+        adc.write(CR2, BY_TIM3, 0).unwrap();
+        assert_eq!(adc.trigger_source(), None, "ADON is 0");
+    }
+
+    #[test]
+    fn data_that_no_dma_fetches_is_an_overrun_that_stops_requests_and_triggers_until_cleared() {
+        let mut adc = scanning(BY_TIM3 | DMA | DDS | EOCS);
+        adc.trigger(0);
+        adc.finish(1, 3_239);
+        assert!(adc.dma_request());
+        adc.finish(2, 6_477);
+        assert_eq!(adc.read(SR).unwrap() & OVR, OVR);
+        assert_eq!(
+            (adc.overruns, adc.dma_request(), adc.next_conversion()),
+            (1, false, None)
+        );
+        adc.trigger(10_000);
+        assert_eq!((adc.converting(), adc.triggers_ignored), (None, 1));
+        adc.take_data();
+        adc.write(SR, !OVR, 15_000).unwrap();
+        adc.trigger(20_000);
+        assert_eq!(adc.converting(), Some(0));
+    }
+
+    #[test]
+    fn requests_end_with_the_last_transfer_unless_dds() {
+        for (dds, request) in [(0, false), (DDS, true)] {
+            let mut adc = scanning(BY_TIM3 | DMA | dds);
+            adc.trigger(0);
+            adc.finish(1, 3_239);
+            adc.take_data();
+            adc.dma_ended();
+            adc.finish(2, 6_477);
+            assert_eq!(adc.dma_request(), request, "DDS {dds:#x}");
+        }
+    }
+
+    #[test]
+    fn the_time_of_a_later_conversion_counts_scans_and_triggers() {
+        let mut adc = scanning(BY_TIM3);
+        let trigger = |i: u64| Some(10_000 + 10_000 * i);
+        let (first, second) = (clock::edge(68, 21_000_000), clock::edge(136, 21_000_000));
+        assert_eq!(adc.conversion(1, trigger), Some(10_000 + first));
+        assert_eq!(adc.conversion(4, trigger), Some(20_000 + second));
+        adc.trigger(500);
+        assert_eq!(adc.conversion(1, trigger), Some(500 + first));
+        assert_eq!(adc.conversion(2, trigger), Some(500 + second));
+        assert_eq!(adc.conversion(3, trigger), Some(10_000 + first));
+        assert_eq!(adc.conversion(3, |_| None), None);
+    }
+
+    #[test]
+    fn continuous_mode_starts_the_next_scan_where_the_last_ends() {
+        let mut adc = scanning(CONT);
+        adc.write(CR2, ADON | CONT | SWSTART, 0).unwrap();
+        let fifth = adc.conversion(5, |_| None).unwrap();
+        for _ in 0..4 {
+            let at = adc.next_conversion().unwrap();
+            adc.finish(0, at);
+        }
+        assert!(
+            adc.next_conversion().unwrap().abs_diff(fifth) <= 2,
+            "rounded to ns once a scan"
+        );
+    }
+
+    #[test]
+    fn without_scan_mode_only_the_first_rank_is_converted() {
+        let mut adc = scanning(0);
+        adc.write(CR1, 0, 0).unwrap();
+        adc.write(CR2, ADON | SWSTART, 0).unwrap();
+        adc.finish(5, 1);
+        assert_eq!(adc.converting(), None);
+    }
+
+    #[test]
+    fn ranks_above_six_come_from_sqr2_and_sqr1() {
+        let mut adc = scanning(0);
+        adc.write(0x30, 9 << 5, 0).unwrap();
+        adc.write(SQR1, 13 << 20 | 11 << 5, 0).unwrap();
+        assert_eq!((adc.channel_at(7), adc.channel_at(13)), (9, 11));
+    }
+
+    #[test]
+    fn lower_resolution_drops_low_bits_and_cycles_and_left_alignment_moves_up() {
+        let mut adc = scanning(0);
+        adc.write(CR1, SCAN | 0b10 << 24, 0).unwrap();
+        adc.write(CR2, ADON | SWSTART, 0).unwrap();
+        assert_eq!(adc.next_conversion(), Some(clock::edge(64, 21_000_000)));
+        adc.finish(0xabc, 1);
+        assert_eq!(adc.read(DR), Ok(0xab));
+        adc.write(CR2, ADON | ALIGN, 0).unwrap();
+        adc.finish(0xabc, 2);
+        assert_eq!(adc.read(DR), Ok(0xab00));
+    }
+
+    #[test]
+    fn a_disabled_adc_starts_nothing() {
+        let mut adc = scanning(0);
+        adc.write(CR2, SWSTART, 0).unwrap();
+        assert_eq!(adc.next_conversion(), None);
+    }
+
+    #[test]
+    fn what_is_not_modelled_is_noted() {
+        let mut adc = scanning(0);
+        adc.write(CR2, ADON | 0b01 << 28, 0).unwrap();
+        adc.write(CR1, 1 << 11, 0).unwrap();
+        assert_eq!(adc.notes.iter().count(), 2);
+        assert_eq!(adc.read(0x50), Err(NoRegister));
+    }
+}

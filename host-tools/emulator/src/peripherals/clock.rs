@@ -1,0 +1,54 @@
+//! Ticks of a clock against ns of virtual time, without drift.
+//!
+//! An edge is placed by its number from an origin and never by adding up rounded periods. Edge `n` is at the first whole
+//! nanosecond at or after its true time, so that [`ticks`] and [`edge`] are exact inverses.
+
+const NS_PER_S: u64 = 1_000_000_000;
+
+/// Edges of a clock of `hz` in `ns`.
+pub fn ticks(ns: u64, hz: u32) -> u64 {
+    match ns.checked_mul(u64::from(hz)) {
+        Some(product) => product / NS_PER_S,
+        None => (u128::from(ns) * u128::from(hz) / u128::from(NS_PER_S)) as u64,
+    }
+}
+
+/// The ns after which edge `n` of a clock of `hz` has come; `u64::MAX` for a clock that stands still.
+pub fn edge(n: u64, hz: u32) -> u64 {
+    if hz == 0 {
+        return u64::MAX;
+    }
+    match n.checked_mul(NS_PER_S) {
+        Some(product) => product.div_ceil(u64::from(hz)),
+        None => {
+            let ns = (u128::from(n) * u128::from(NS_PER_S)).div_ceil(u128::from(hz));
+            u64::try_from(ns).unwrap_or(u64::MAX)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_edge_has_come_at_its_time_and_not_a_nanosecond_before() {
+        for hz in [32_000, 16_000_000, 84_000_000, 168_000_000] {
+            for n in [1, 2, 839, 840, 1 << 20, 1 << 40] {
+                let at = edge(n, hz);
+                assert_eq!(
+                    (ticks(at, hz), ticks(at - 1, hz)),
+                    (n, n - 1),
+                    "{hz} Hz, edge {n}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_day_of_a_fast_clock_does_not_drift() {
+        let day = 86_400 * NS_PER_S;
+        assert_eq!(ticks(day, 168_000_000), 86_400 * 168_000_000);
+        assert_eq!(edge(86_400 * 168_000_000, 168_000_000), day);
+    }
+}

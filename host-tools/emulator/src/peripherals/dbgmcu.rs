@@ -1,0 +1,50 @@
+//! Debug support (RM0090 section 38.16): the device's identity, and bits that no debugger looks at.
+
+use super::NoRegister;
+
+/// DEV_ID 0x413 (STM32F405/407/415/417), revision Z (section 38.6.1).
+const IDCODE: u32 = 0x1001_6413;
+
+/// DBGMCU's registers.
+#[derive(Debug, Clone, Default)]
+pub struct Dbgmcu {
+    cr: u32,
+    freeze: [u32; 2],
+}
+
+impl Dbgmcu {
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+        match offset {
+            0x00 => Ok(IDCODE),
+            0x04 => Ok(self.cr),
+            0x08 | 0x0c => Ok(self.freeze[(offset as usize - 0x08) / 4]),
+            _ => Err(NoRegister),
+        }
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+        match offset {
+            0x00 => {}
+            0x04 => self.cr = value,
+            0x08 | 0x0c => self.freeze[(offset as usize - 0x08) / 4] = value,
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_identity_is_the_f405s_and_cannot_be_written() {
+        let mut dbgmcu = Dbgmcu::default();
+        dbgmcu.write(0x00, 0).unwrap();
+        assert_eq!(dbgmcu.read(0x00).unwrap() & 0xfff, 0x413);
+    }
+}

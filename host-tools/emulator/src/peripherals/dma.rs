@@ -1,0 +1,457 @@
+//! DMA1 and DMA2 (RM0090 section 10): eight streams each, one item a request.
+//!
+//! # Design
+//!
+//! The model holds counters, flags and rules; it moves no data. Whoever owns it asks for the next [`Beat`] of a stream,
+//! moves those bytes, and reports back. A beat is one peripheral-sized item: with the FIFO's packing of unequal sizes
+//! the bytes in memory end up the same, only in fewer accesses. Priorities, bursts and the FIFO's delay are not modelled:
+//! a request is served when it is made.
+
+use super::{NoRegister, Notes, bit, field};
+
+const EN: u32 = 1 << 0;
+const INTERRUPT_ENABLES: u32 = 0b1_1110;
+const HTIE: u32 = 1 << 3;
+const TCIE: u32 = 1 << 4;
+const CIRC: u32 = 1 << 8;
+const PINC: u32 = 1 << 9;
+const MINC: u32 = 1 << 10;
+const DBM: u32 = 1 << 18;
+const CT: u32 = 1 << 19;
+
+const TEIF: u32 = 1 << 3;
+const HTIF: u32 = 1 << 4;
+const TCIF: u32 = 1 << 5;
+/// Where a stream's six flags start in LISR (streams 0-3) and HISR (4-7), section 10.5.1.
+const FLAGS_AT: [u32; 4] = [0, 6, 16, 22];
+
+/// Streams of a controller.
+pub const STREAMS: usize = 8;
+
+/// Which way a stream moves data (SxCR.DIR).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// From the peripheral port to the memory port.
+    ToMemory,
+    /// From the memory port to the peripheral port.
+    ToPeripheral,
+    /// From the peripheral port to the memory port, without requests (DMA2 only).
+    MemoryToMemory,
+}
+
+/// One item to move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Beat {
+    /// Address on the peripheral port.
+    pub peripheral: u32,
+    /// Address on the memory port.
+    pub memory: u32,
+    /// 1, 2 or 4.
+    pub bytes: u32,
+    /// Which of the two is read.
+    pub direction: Direction,
+}
+
+/// What a beat completed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// Half or all of the buffer is done: HTIF or TCIF was set.
+    pub block: bool,
+    /// The stream has stopped.
+    pub ended: bool,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Stream {
+    cr: u32,
+    ndtr: u32,
+    par: u32,
+    memory: [u32; 2],
+    fcr: u32,
+    /// Items of a whole pass: NDTR when the stream was enabled.
+    total: u32,
+    flags: u32,
+}
+
+/// One controller.
+#[derive(Debug, Clone)]
+pub struct Dma {
+    streams: [Stream; STREAMS],
+    /// See [`Notes`].
+    pub notes: Notes,
+}
+
+impl Default for Dma {
+    fn default() -> Self {
+        let stream = Stream {
+            fcr: 0x21,
+            ..Stream::default()
+        };
+        Self {
+            streams: std::array::from_fn(|_| stream.clone()),
+            notes: Notes::default(),
+        }
+    }
+}
+
+impl Dma {
+    /// A reset; the notes stay.
+    pub fn reset(&mut self) {
+        *self = Self {
+            notes: std::mem::take(&mut self.notes),
+            ..Self::default()
+        };
+    }
+
+    /// The first of these streams that is enabled and listens to its channel: who serves a request. The pairs are rows
+    /// of the request mapping (tables 42 and 43).
+    pub fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
+        mapping
+            .iter()
+            .find(|(s, channel)| self.ready(*s, *channel))
+            .map(|(s, _)| *s)
+    }
+
+    fn ready(&self, stream: usize, channel: u32) -> bool {
+        let s = &self.streams[stream];
+        s.cr & EN != 0 && s.ndtr > 0 && field(s.cr, 25, 3) == channel
+    }
+
+    /// What the stream moves at its next request.
+    pub fn beat(&self, stream: usize) -> Option<Beat> {
+        let s = &self.streams[stream];
+        if s.cr & EN == 0 || s.ndtr == 0 {
+            return None;
+        }
+        let bytes = 1 << field(s.cr, 11, 2).min(2);
+        let offset = (s.total - s.ndtr) * bytes;
+        let step = |increments: u32| if s.cr & increments != 0 { offset } else { 0 };
+        Some(Beat {
+            peripheral: s.par.wrapping_add(step(PINC)),
+            memory: s.memory[s.target()].wrapping_add(step(MINC)),
+            bytes,
+            direction: s.direction(),
+        })
+    }
+
+    /// The beat was moved.
+    pub fn moved(&mut self, stream: usize) -> Progress {
+        let s = &mut self.streams[stream];
+        let half_before = 2 * (s.total - s.ndtr) >= s.total;
+        s.ndtr -= 1;
+        let half = !half_before && 2 * (s.total - s.ndtr) >= s.total;
+        let full = s.ndtr == 0;
+        if half {
+            s.flags |= HTIF;
+        }
+        if full {
+            s.flags |= TCIF;
+            if s.cr & DBM != 0 {
+                s.cr ^= CT;
+                s.ndtr = s.total;
+            } else if s.cr & CIRC != 0 {
+                s.ndtr = s.total;
+            } else {
+                s.cr &= !EN;
+            }
+        }
+        Progress {
+            block: half || full,
+            ended: s.cr & EN == 0,
+        }
+    }
+
+    /// The beat met a bus error: the stream stops (section 10.3.18).
+    pub fn failed(&mut self, stream: usize) {
+        let s = &mut self.streams[stream];
+        s.flags |= TEIF;
+        s.cr &= !EN;
+    }
+
+    /// Level of a stream's interrupt line.
+    pub fn interrupt(&self, stream: usize) -> bool {
+        let s = &self.streams[stream];
+        // DMEIE, TEIE, HTIE, TCIE stand in the order of their flags, one bit lower; FEIE is in FCR.
+        s.flags & ((s.cr & INTERRUPT_ENABLES) << 1) != 0 || (bit(s.fcr, 7) && bit(s.flags, 0))
+    }
+
+    /// After how many more beats the stream's line will rise, if its interrupts are on and the line is down.
+    pub fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {
+        let s = &self.streams[stream];
+        if s.cr & EN == 0 || s.ndtr == 0 || self.interrupt(stream) {
+            return None;
+        }
+        let done = s.total - s.ndtr;
+        let half = s.total.div_ceil(2);
+        let to_half = if done < half { half - done } else { s.ndtr + half };
+        let half = (s.cr & HTIE != 0).then_some(to_half);
+        let full = (s.cr & TCIE != 0).then_some(s.ndtr);
+        half.into_iter().chain(full).min()
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.status(0),
+            0x04 => self.status(4),
+            // The clear registers read as 0.
+            0x08 | 0x0c => 0,
+            0x10..=0xcc if offset.is_multiple_of(4) => {
+                let s = &self.streams[(offset as usize - 0x10) / 0x18];
+                match (offset - 0x10) % 0x18 {
+                    0x00 => s.cr,
+                    0x04 => s.ndtr,
+                    0x08 => s.par,
+                    0x0c => s.memory[0],
+                    0x10 => s.memory[1],
+                    // FS: the FIFO is empty.
+                    _ => (s.fcr & !0x38) | 0x20,
+                }
+            }
+            _ => return Err(NoRegister),
+        })
+    }
+
+    fn status(&self, first: usize) -> u32 {
+        (0..4).fold(0, |word, i| word | self.streams[first + i].flags << FLAGS_AT[i])
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+        match offset {
+            0x00 | 0x04 => {}
+            0x08 => self.clear(0, value),
+            0x0c => self.clear(4, value),
+            0x10..=0xcc if offset.is_multiple_of(4) => {
+                let stream = (offset as usize - 0x10) / 0x18;
+                self.write_stream(stream, (offset - 0x10) % 0x18, value);
+            }
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    fn clear(&mut self, first: usize, value: u32) {
+        for (i, at) in FLAGS_AT.iter().enumerate() {
+            self.streams[first + i].flags &= !(value >> at);
+        }
+    }
+
+    fn write_stream(&mut self, stream: usize, register: u32, value: u32) {
+        let s = &mut self.streams[stream];
+        let enabled = s.cr & EN != 0;
+        match register {
+            0x00 => {
+                self.notes.note_if(
+                    bit(value, 5),
+                    "SxCR.PFCTRL: the peripheral as flow controller is not modelled",
+                );
+                s.write_cr(value & 0x0fef_ffff);
+            }
+            // The setting is protected while the stream runs (sections 10.5.5 to 10.5.10).
+            0x04 if !enabled => s.ndtr = value & 0xffff,
+            0x08 if !enabled => s.par = value,
+            0x0c if !enabled || (s.cr & DBM != 0 && s.target() == 1) => s.memory[0] = value,
+            0x10 if !enabled || (s.cr & DBM != 0 && s.target() == 0) => s.memory[1] = value,
+            0x14 if !enabled => s.fcr = value & 0x87,
+            // FEIE is not protected.
+            0x14 => s.fcr = (s.fcr & 0x7) | (value & 0x80),
+            _ => self
+                .notes
+                .note_if(true, "a stream's setting was written while it runs: ignored"),
+        }
+    }
+}
+
+impl Stream {
+    fn direction(&self) -> Direction {
+        match field(self.cr, 6, 2) {
+            0b00 => Direction::ToMemory,
+            0b01 => Direction::ToPeripheral,
+            _ => Direction::MemoryToMemory,
+        }
+    }
+
+    /// Which memory address is in use.
+    fn target(&self) -> usize {
+        usize::from(self.cr & DBM != 0 && self.cr & CT != 0)
+    }
+
+    fn write_cr(&mut self, value: u32) {
+        let was_enabled = self.cr & EN != 0;
+        if !was_enabled {
+            self.cr = value;
+            self.total = self.ndtr;
+            return;
+        }
+        self.cr = (self.cr & !(INTERRUPT_ENABLES | EN)) | (value & (INTERRUPT_ENABLES | EN));
+        if value & EN == 0 {
+            // A stream stopped by software tells so by its completion flag (section 10.3.17).
+            self.flags |= TCIF;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEIE: u32 = 1 << 2;
+    const HALFWORDS: u32 = 0b01 << 11 | 0b01 << 13;
+
+    const fn stream(n: u32, register: u32) -> u32 {
+        0x10 + 0x18 * n + register
+    }
+
+    /// Stream `n`, `items` from the ADC's DR to 0x2000_0000.
+    fn started(n: u32, items: u32, cr: u32) -> Dma {
+        let mut dma = Dma::default();
+        dma.write(stream(n, 0x04), items).unwrap();
+        dma.write(stream(n, 0x08), 0x4001_204c).unwrap();
+        dma.write(stream(n, 0x0c), 0x2000_0000).unwrap();
+        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr).unwrap();
+        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr | EN).unwrap();
+        dma
+    }
+
+    #[test]
+    fn memory_advances_by_the_item_size_and_the_peripheral_stands_still() {
+        let mut dma = started(0, 4, 0);
+        dma.moved(0);
+        dma.moved(0);
+        assert_eq!(
+            dma.beat(0),
+            Some(Beat {
+                peripheral: 0x4001_204c,
+                memory: 0x2000_0004,
+                bytes: 2,
+                direction: Direction::ToMemory
+            })
+        );
+        assert_eq!(dma.read(stream(0, 0x04)), Ok(2));
+    }
+
+    #[test]
+    fn a_plain_stream_flags_half_and_full_and_stops() {
+        let mut dma = started(0, 4, 0);
+        let progress: Vec<_> = (0..4).map(|_| dma.moved(0)).map(|p| (p.block, p.ended)).collect();
+        assert_eq!(
+            progress,
+            [(false, false), (true, false), (false, false), (true, true)]
+        );
+        assert_eq!(dma.read(0x00), Ok(HTIF | TCIF));
+        assert_eq!(dma.read(stream(0, 0x00)).unwrap() & EN, 0);
+        assert_eq!(dma.beat(0), None);
+    }
+
+    #[test]
+    fn a_circular_stream_starts_again_at_its_first_address() {
+        let mut dma = started(0, 4, CIRC);
+        for _ in 0..4 {
+            dma.moved(0);
+        }
+        assert_eq!(dma.beat(0).unwrap().memory, 0x2000_0000);
+        assert_eq!(dma.read(stream(0, 0x04)), Ok(4));
+    }
+
+    #[test]
+    fn double_buffer_mode_swaps_targets_at_the_end_of_each() {
+        let mut dma = Dma::default();
+        dma.write(stream(0, 0x04), 1).unwrap();
+        dma.write(stream(0, 0x0c), 0x2000_0000).unwrap();
+        dma.write(stream(0, 0x10), 0x2000_1000).unwrap();
+        dma.write(stream(0, 0x00), DBM | CIRC | EN).unwrap();
+        let targets: Vec<_> = (0..3)
+            .map(|_| {
+                let memory = dma.beat(0).unwrap().memory;
+                dma.moved(0);
+                memory
+            })
+            .collect();
+        assert_eq!(targets, [0x2000_0000, 0x2000_1000, 0x2000_0000]);
+    }
+
+    #[test]
+    fn flags_stand_where_the_manual_has_them_and_are_cleared_there() {
+        for (n, register, at) in [
+            (0, 0, 0),
+            (1, 0, 6),
+            (2, 0, 16),
+            (3, 0, 22),
+            (4, 4, 0),
+            (7, 4, 22),
+        ] {
+            let mut dma = started(n, 1, 0);
+            dma.moved(n as usize);
+            assert_eq!(dma.read(register), Ok((HTIF | TCIF) << at), "stream {n}");
+            dma.write(0x08 + register, HTIF << at).unwrap();
+            assert_eq!(dma.read(register), Ok(TCIF << at), "stream {n}");
+        }
+    }
+
+    #[test]
+    fn the_line_follows_enabled_flags_and_its_rise_is_foretold() {
+        let mut dma = started(0, 8, CIRC | HTIE | TCIE);
+        assert_eq!(dma.beats_to_interrupt(0), Some(4));
+        for _ in 0..4 {
+            assert!(!dma.interrupt(0));
+            dma.moved(0);
+        }
+        assert!(dma.interrupt(0));
+        assert_eq!(dma.beats_to_interrupt(0), None, "the line is up already");
+        dma.write(0x08, HTIF).unwrap();
+        assert_eq!(dma.beats_to_interrupt(0), Some(4));
+        let dma = started(0, 8, CIRC | TCIE);
+        assert_eq!(dma.beats_to_interrupt(0), Some(8));
+        assert_eq!(started(0, 8, CIRC).beats_to_interrupt(0), None);
+    }
+
+    #[test]
+    fn after_the_half_the_next_half_is_in_the_next_pass() {
+        let mut dma = started(0, 8, CIRC | HTIE);
+        for _ in 0..6 {
+            dma.moved(0);
+        }
+        dma.write(0x08, HTIF).unwrap();
+        assert_eq!(dma.beats_to_interrupt(0), Some(6));
+    }
+
+    #[test]
+    fn a_bus_error_stops_the_stream_and_raises_the_line() {
+        let mut dma = started(2, 8, TEIE);
+        dma.failed(2);
+        assert!(dma.interrupt(2));
+        assert_eq!(dma.read(0x00), Ok(TEIF << 16));
+        assert_eq!(dma.beat(2), None);
+    }
+
+    #[test]
+    fn stopping_by_software_sets_the_completion_flag_and_keeps_what_is_left() {
+        let mut dma = started(0, 8, CIRC);
+        dma.moved(0);
+        dma.write(stream(0, 0x00), HALFWORDS | MINC | CIRC).unwrap();
+        assert_eq!((dma.read(0x00), dma.read(stream(0, 0x04))), (Ok(TCIF), Ok(7)));
+    }
+
+    #[test]
+    fn a_running_stream_takes_no_new_setting_but_its_interrupt_enables() {
+        let mut dma = started(0, 8, 0);
+        dma.write(stream(0, 0x04), 99).unwrap();
+        dma.write(stream(0, 0x0c), 0x2000_4000).unwrap();
+        dma.write(stream(0, 0x00), EN | TCIE).unwrap();
+        assert_eq!(dma.read(stream(0, 0x04)), Ok(8));
+        assert_eq!(dma.read(stream(0, 0x0c)), Ok(0x2000_0000));
+        assert_eq!(dma.read(stream(0, 0x00)), Ok(HALFWORDS | MINC | TCIE | EN));
+        assert_eq!(dma.notes.iter().count(), 1);
+    }
+
+    #[test]
+    fn a_request_goes_to_the_enabled_stream_that_listens_to_its_channel() {
+        let dma = started(4, 8, 3 << 25);
+        assert_eq!(dma.serving(&[(0, 0), (4, 3)]), Some(4));
+        assert_eq!(dma.serving(&[(0, 0), (4, 0)]), None);
+        assert_eq!(started(0, 0, 0).serving(&[(0, 0)]), None, "NDTR 0 serves nothing");
+    }
+}

@@ -1,0 +1,79 @@
+//! External interrupts (RM0090 section 12.3): nothing moves the lines but the software trigger.
+
+use super::NoRegister;
+
+/// Lines 0..=22.
+const LINES: u32 = 0x007f_ffff;
+
+/// EXTI's registers.
+#[derive(Debug, Clone, Default)]
+pub struct Exti {
+    imr: u32,
+    emr: u32,
+    rtsr: u32,
+    ftsr: u32,
+    swier: u32,
+    pr: u32,
+}
+
+impl Exti {
+    /// Whether an interrupt of any of these lines stands.
+    pub fn pending(&self, lines: u32) -> bool {
+        self.pr & self.imr & lines != 0
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.imr,
+            0x04 => self.emr,
+            0x08 => self.rtsr,
+            0x0c => self.ftsr,
+            0x10 => self.swier,
+            0x14 => self.pr,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+        let value = value & LINES;
+        match offset {
+            0x00 => self.imr = value,
+            0x04 => self.emr = value,
+            0x08 => self.rtsr = value,
+            0x0c => self.ftsr = value,
+            0x10 => {
+                // A bit that goes from 0 to 1 sets the pending bit, if the interrupt is enabled (section 12.3.5).
+                self.pr |= value & !self.swier & self.imr;
+                self.swier |= value;
+            }
+            // Writing 1 clears, here and in SWIER.
+            0x14 => {
+                self.pr &= !value;
+                self.swier &= !value;
+            }
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_software_trigger_stands_until_one_is_written_to_pr() {
+        let mut exti = Exti::default();
+        exti.write(0x00, 1 << 3).unwrap();
+        exti.write(0x10, 1 << 3 | 1 << 4).unwrap();
+        assert_eq!(exti.read(0x14), Ok(1 << 3), "line 4 is not enabled");
+        assert!(exti.pending(1 << 3));
+        exti.write(0x14, 1 << 3).unwrap();
+        assert!(!exti.pending(!0));
+        assert_eq!(exti.read(0x10), Ok(1 << 4));
+    }
+}

@@ -1,0 +1,149 @@
+//! General-purpose pins (RM0090 section 8). Nothing is wired to them: an output reads back what it drives, an input
+//! reads its pull-up, else low, and analog values come in elsewhere.
+
+use super::{NoRegister, field};
+
+/// One port of 16 pins.
+#[derive(Debug, Clone)]
+pub struct Gpio {
+    moder: u32,
+    otyper: u32,
+    ospeedr: u32,
+    pupdr: u32,
+    odr: u32,
+    lckr: u32,
+    afr: [u32; 2],
+    /// How often each pin changed its level as an output.
+    pub edges: [u64; 16],
+}
+
+impl Gpio {
+    /// Port `A` = 0 … `I` = 8 after reset: the debug pins of A and B are in use (section 8.4.1).
+    pub fn new(port: usize) -> Self {
+        let (moder, ospeedr, pupdr) = match port {
+            0 => (0xa800_0000, 0, 0x6400_0000),
+            1 => (0x0000_0280, 0x0000_00c0, 0x0000_0100),
+            _ => (0, 0, 0),
+        };
+        Self {
+            moder,
+            otyper: 0,
+            ospeedr,
+            pupdr,
+            odr: 0,
+            lckr: 0,
+            afr: [0; 2],
+            edges: [0; 16],
+        }
+    }
+
+    /// A reset of the port; the count of edges goes on.
+    pub fn reset(&mut self, port: usize) {
+        *self = Self {
+            edges: self.edges,
+            ..Self::new(port)
+        };
+    }
+
+    fn input(&self) -> u32 {
+        (0..16).fold(0, |levels, pin| {
+            let level = match (field(self.moder, 2 * pin, 2), field(self.pupdr, 2 * pin, 2)) {
+                (0b01, _) => field(self.odr, pin, 1),
+                (0b00, 0b01) => 1,
+                _ => 0,
+            };
+            levels | level << pin
+        })
+    }
+
+    fn outputs(&self) -> u32 {
+        (0..16).fold(0, |levels, pin| {
+            let driven = field(self.moder, 2 * pin, 2) == 0b01;
+            levels | (u32::from(driven) & field(self.odr, pin, 1)) << pin
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.moder,
+            0x04 => self.otyper,
+            0x08 => self.ospeedr,
+            0x0c => self.pupdr,
+            0x10 => self.input(),
+            0x14 => self.odr,
+            0x18 => 0,
+            0x1c => self.lckr,
+            0x20 => self.afr[0],
+            0x24 => self.afr[1],
+            _ => return Err(NoRegister),
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+        let before = self.outputs();
+        match offset {
+            0x00 => self.moder = value,
+            0x04 => self.otyper = value & 0xffff,
+            0x08 => self.ospeedr = value,
+            0x0c => self.pupdr = value,
+            0x10 => {}
+            0x14 => self.odr = value & 0xffff,
+            // Set wins over reset (section 8.4.7).
+            0x18 => self.odr = (self.odr & !(value >> 16)) | (value & 0xffff),
+            0x1c => self.lckr = value & 0x1_ffff,
+            0x20 => self.afr[0] = value,
+            0x24 => self.afr[1] = value,
+            _ => return Err(NoRegister),
+        }
+        let changed = before ^ self.outputs();
+        for (pin, edges) in self.edges.iter_mut().enumerate() {
+            *edges += u64::from((changed >> pin) & 1);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bsrr_sets_and_resets_without_touching_other_pins_and_set_wins() {
+        let mut port = Gpio::new(2);
+        port.write(0x14, 0x0f0f).unwrap();
+        port.write(0x18, 0x0001_0010).unwrap();
+        assert_eq!(port.read(0x14), Ok(0x0f1e));
+        port.write(0x18, 0x0002_0002).unwrap();
+        assert_eq!(port.read(0x14), Ok(0x0f1e));
+    }
+
+    #[test]
+    fn an_output_reads_back_an_input_reads_its_pull_up() {
+        let mut port = Gpio::new(2);
+        port.write(0x00, 0b01).unwrap();
+        port.write(0x0c, 0b01 << 2).unwrap();
+        assert_eq!(port.read(0x10), Ok(0b10));
+        port.write(0x18, 1).unwrap();
+        assert_eq!(port.read(0x10), Ok(0b11));
+    }
+
+    #[test]
+    fn edges_are_counted_for_outputs_only_and_once_a_change() {
+        let mut port = Gpio::new(2);
+        port.write(0x00, 0b01).unwrap();
+        for value in [0b11, 0b11, 0b00, 0b11] {
+            port.write(0x14, value).unwrap();
+        }
+        assert_eq!(port.edges[..2], [3, 0]);
+    }
+
+    #[test]
+    fn the_debug_pins_are_in_use_after_reset() {
+        assert_eq!(Gpio::new(0).read(0x00), Ok(0xa800_0000));
+        assert_eq!(Gpio::new(1).read(0x00), Ok(0x0000_0280));
+    }
+}

@@ -1,0 +1,117 @@
+//! The independent watchdog (RM0090 section 21): once started it resets the machine unless it is fed.
+
+use super::{NoRegister, clock, rcc::LSI_HZ};
+
+const FEED: u32 = 0xaaaa;
+const START: u32 = 0xcccc;
+const UNLOCK: u32 = 0x5555;
+
+/// IWDG's registers.
+#[derive(Debug, Clone)]
+pub struct Iwdg {
+    prescaler: u32,
+    reload: u32,
+    unlocked: bool,
+    fed_ns: Option<u64>,
+}
+
+impl Default for Iwdg {
+    fn default() -> Self {
+        Self {
+            prescaler: 0,
+            reload: 0xfff,
+            unlocked: false,
+            fed_ns: None,
+        }
+    }
+}
+
+impl Iwdg {
+    /// When it will reset the machine, if nothing feeds it.
+    pub fn bites_at(&self) -> Option<u64> {
+        // Prescaler 4 << PR, at most 256 (section 21.4.2).
+        let divider = (4u64 << self.prescaler).min(256);
+        self.fed_ns
+            .map(|fed| fed + clock::edge(divider * u64::from(self.reload + 1), LSI_HZ))
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => 0,
+            0x04 => self.prescaler,
+            0x08 => self.reload,
+            // SR: no update is in progress.
+            0x0c => 0,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        match offset {
+            0x00 => {
+                match value & 0xffff {
+                    FEED if self.fed_ns.is_some() => self.fed_ns = Some(now),
+                    START => self.fed_ns = Some(now),
+                    _ => {}
+                }
+                self.unlocked = value & 0xffff == UNLOCK;
+            }
+            0x04 if self.unlocked => self.prescaler = value & 7,
+            0x08 if self.unlocked => self.reload = value & 0xfff,
+            0x04 | 0x08 | 0x0c => {}
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn started(prescaler: u32, reload: u32) -> Iwdg {
+        let mut iwdg = Iwdg::default();
+        for (offset, value) in [
+            (0x00, START),
+            (0x00, UNLOCK),
+            (0x04, prescaler),
+            (0x08, reload),
+            (0x00, FEED),
+        ] {
+            iwdg.write(offset, value, 0).unwrap();
+        }
+        iwdg
+    }
+
+    #[test]
+    fn the_timeout_is_that_of_table_107() {
+        assert_eq!(started(0, 0xfff).bites_at(), Some(512_000_000), "PR 0: 512 ms");
+        assert_eq!(
+            started(6, 0xfff).bites_at(),
+            Some(32_768_000_000),
+            "PR 6: 32.768 s"
+        );
+        assert_eq!(started(0, 0).bites_at(), Some(125_000), "PR 0, RL 0: 0.125 ms");
+    }
+
+    #[test]
+    fn feeding_puts_it_off_and_does_not_start_it() {
+        let mut iwdg = Iwdg::default();
+        iwdg.write(0x00, FEED, 0).unwrap();
+        assert_eq!(iwdg.bites_at(), None);
+        let mut iwdg = started(0, 0xfff);
+        iwdg.write(0x00, FEED, 100_000_000).unwrap();
+        assert_eq!(iwdg.bites_at(), Some(612_000_000));
+    }
+
+    #[test]
+    fn the_setting_is_locked_until_the_key() {
+        let mut iwdg = started(0, 10);
+        iwdg.write(0x08, 99, 0).unwrap();
+        assert_eq!(iwdg.read(0x08), Ok(10));
+    }
+}

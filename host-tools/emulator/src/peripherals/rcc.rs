@@ -1,0 +1,400 @@
+//! Reset and clock control (RM0090 section 7).
+//!
+//! Oscillators and PLLs are ready as soon as they are on. The clock tree is worked out from what the firmware
+//! programs, so that a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
+
+use super::{NoRegister, Notes, bit, field};
+
+/// Frequency of the internal oscillator (section 7.2.2), in Hz.
+pub const HSI_HZ: u32 = 16_000_000;
+/// Frequency of the internal low-speed oscillator, typical (section 7.2.5), in Hz.
+pub const LSI_HZ: u32 = 32_000;
+
+/// Reset flags in CSR (section 7.3.21).
+const RMVF: u32 = 1 << 24;
+const PINRSTF: u32 = 1 << 26;
+const SFTRSTF: u32 = 1 << 28;
+const IWDGRSTF: u32 = 1 << 29;
+const RESET_FLAGS: u32 = 0xfe00_0000;
+/// Brown-out, pin and power-on reset: the flags after power-up.
+const POWER_ON_FLAGS: u32 = 0x0e00_0000;
+
+const HSION: u32 = 1 << 0;
+const HSEON: u32 = 1 << 16;
+const PLLON: u32 = 1 << 24;
+const PLLI2SON: u32 = 1 << 26;
+/// Each ready flag of CR stands one bit above its enable.
+const ON_BITS: u32 = HSION | HSEON | PLLON | PLLI2SON;
+
+/// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Clocks {
+    /// System clock.
+    pub sysclk: u32,
+    /// AHB and processor.
+    pub hclk: u32,
+    /// APB1.
+    pub pclk1: u32,
+    /// APB2.
+    pub pclk2: u32,
+    /// Timers on APB1: TIM2-7, 12-14.
+    pub timers1: u32,
+}
+
+/// What caused the reset that the firmware comes out of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    /// The supply came up.
+    PowerOn,
+    /// SYSRESETREQ.
+    Software,
+    /// The independent watchdog.
+    Watchdog,
+}
+
+/// A group of enable and reset registers: which bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bus {
+    /// AHB1.
+    Ahb1,
+    /// APB1.
+    Apb1,
+    /// APB2.
+    Apb2,
+}
+
+/// RCC's registers.
+#[derive(Debug, Clone)]
+pub struct Rcc {
+    hse_hz: u32,
+    cr: u32,
+    pllcfgr: u32,
+    cfgr: u32,
+    system_source: u32,
+    /// AHB1, AHB2, AHB3, (reserved), APB1, APB2.
+    reset: [u32; 6],
+    enable: [u32; 6],
+    enable_in_sleep: [u32; 6],
+    bdcr: u32,
+    csr: u32,
+    sscgr: u32,
+    plli2scfgr: u32,
+    /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
+    pub backup_domain_open: bool,
+    /// See [`Notes`].
+    pub notes: Notes,
+}
+
+impl Rcc {
+    /// After power-up, with a crystal of `hse_hz`.
+    pub fn new(hse_hz: u32) -> Self {
+        Self {
+            hse_hz,
+            cr: 0x83,
+            pllcfgr: 0x2400_3010,
+            cfgr: 0,
+            system_source: 0,
+            reset: [0; 6],
+            enable: [0x0010_0000, 0, 0, 0, 0, 0],
+            enable_in_sleep: [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33],
+            bdcr: 0,
+            csr: POWER_ON_FLAGS,
+            sscgr: 0,
+            plli2scfgr: 0x2000_3000,
+            backup_domain_open: false,
+            notes: Notes::default(),
+        }
+    }
+
+    /// A system reset: all but the backup domain and the reset flags starts anew (section 7.1.1). The device pulls its
+    /// own reset pin low, so the pin's flag is set as well.
+    pub fn reset(&mut self, cause: Cause) {
+        let flag = match cause {
+            Cause::PowerOn => POWER_ON_FLAGS,
+            Cause::Software => SFTRSTF | PINRSTF,
+            Cause::Watchdog => IWDGRSTF | PINRSTF,
+        };
+        *self = Self {
+            bdcr: self.bdcr,
+            csr: (self.csr & RESET_FLAGS) | flag,
+            notes: std::mem::take(&mut self.notes),
+            ..Self::new(self.hse_hz)
+        };
+    }
+
+    /// The clock tree as programmed.
+    pub fn clocks(&self) -> Clocks {
+        let sysclk = match self.system_source {
+            0 => HSI_HZ,
+            1 => self.hse_hz,
+            _ => self.pll_hz(),
+        };
+        // HPRE skips 32: 0b1000 divides by 2, 0b1011 by 16, 0b1100 by 64.
+        let hclk = match field(self.cfgr, 4, 4) {
+            n @ 8..=11 => sysclk >> (n - 7),
+            n @ 12..=15 => sysclk >> (n - 6),
+            _ => sysclk,
+        };
+        let apb = |ppre: u32| if ppre & 4 == 0 { 0 } else { (ppre & 3) + 1 };
+        let (shift1, shift2) = (apb(field(self.cfgr, 10, 3)), apb(field(self.cfgr, 13, 3)));
+        let pclk1 = hclk >> shift1;
+        // Section 7.2: timers get twice the bus clock wherever the bus is divided.
+        let timers1 = if shift1 == 0 { pclk1 } else { 2 * pclk1 };
+        Clocks {
+            sysclk,
+            hclk,
+            pclk1,
+            pclk2: hclk >> shift2,
+            timers1,
+        }
+    }
+
+    /// PLLCFGR (section 7.3.2): VCO = input / M * N, output = VCO / P.
+    fn pll_hz(&self) -> u32 {
+        let input = if bit(self.pllcfgr, 22) {
+            self.hse_hz
+        } else {
+            HSI_HZ
+        };
+        let (m, n) = (field(self.pllcfgr, 0, 6).max(1), field(self.pllcfgr, 6, 9));
+        let p = 2 * (field(self.pllcfgr, 16, 2) + 1);
+        (u64::from(input) * u64::from(n) / u64::from(m * p)) as u32
+    }
+
+    /// Whether the clock of a peripheral is on: its bit in the bus's enable register.
+    pub fn enabled(&self, bus: Bus, n: u32) -> bool {
+        bit(self.enable[group(bus)], n)
+    }
+
+    /// Whether the firmware holds a peripheral in reset.
+    pub fn held_in_reset(&self, bus: Bus, n: u32) -> bool {
+        bit(self.reset[group(bus)], n)
+    }
+
+    /// # Errors
+    /// [`NoRegister`], for the interrupt register among others.
+    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.cr | ((self.cr & ON_BITS) << 1),
+            0x04 => self.pllcfgr,
+            0x08 => (self.cfgr & !0xc) | (self.system_source << 2),
+            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)],
+            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)],
+            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)],
+            0x70 => self.bdcr | ((self.bdcr & 1) << 1),
+            0x74 => self.csr | ((self.csr & 1) << 1),
+            0x80 => self.sscgr,
+            0x84 => self.plli2scfgr,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+        match offset {
+            0x00 => self.write_cr(value),
+            // Writable with the PLL off only.
+            0x04 if self.cr & PLLON == 0 => self.pllcfgr = value,
+            0x04 => self
+                .notes
+                .note_if(true, "PLLCFGR written while the PLL is on: ignored"),
+            0x08 => {
+                self.cfgr = value & !0xc;
+                self.switch();
+            }
+            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)] = value,
+            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)] = value,
+            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)] = value,
+            0x70 if !self.backup_domain_open => {
+                self.notes
+                    .note_if(true, "BDCR written with PWR_CR.DBP clear: ignored");
+            }
+            // BDRST resets all of the backup domain but itself.
+            0x70 => {
+                self.bdcr = if bit(value, 16) {
+                    1 << 16
+                } else {
+                    value & 0x0000_8305
+                }
+            }
+            0x74 => {
+                let flags = if value & RMVF != 0 {
+                    0
+                } else {
+                    self.csr & RESET_FLAGS
+                };
+                self.csr = flags | (value & 1);
+            }
+            0x80 => self.sscgr = value,
+            0x84 => self.plli2scfgr = value,
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    fn write_cr(&mut self, value: u32) {
+        // The clock that runs the system cannot be stopped (section 7.3.1).
+        let held = match self.system_source {
+            0 => HSION,
+            1 => HSEON,
+            _ => PLLON | if bit(self.pllcfgr, 22) { HSEON } else { HSION },
+        };
+        let turned_on = value & !self.cr;
+        self.cr = (value & !(ON_BITS << 1)) | held;
+        if turned_on & PLLON != 0 {
+            let input = if bit(self.pllcfgr, 22) {
+                self.hse_hz
+            } else {
+                HSI_HZ
+            };
+            let vco_input = input / field(self.pllcfgr, 0, 6).max(1);
+            let vco = u64::from(vco_input) * u64::from(field(self.pllcfgr, 6, 9));
+            let good =
+                (1_000_000..=2_000_000).contains(&vco_input) && (100_000_000..=432_000_000).contains(&vco);
+            self.notes.note_if(
+                !good,
+                "the PLL is outside its range: VCO input 1-2 MHz, VCO 100-432 MHz",
+            );
+        }
+        self.switch();
+    }
+
+    /// The system clock follows SW once the source is ready; the hardware refuses one that is off.
+    fn switch(&mut self) {
+        let wanted = self.cfgr & 3;
+        let on = [HSION, HSEON, PLLON, 0][wanted as usize];
+        if self.cr & on != 0 {
+            self.system_source = wanted;
+        }
+        self.notes
+            .note_if(self.clocks().sysclk > 168_000_000, "SYSCLK is above 168 MHz");
+    }
+}
+
+fn index(offset: u32, base: u32) -> usize {
+    ((offset - base) / 4) as usize
+}
+
+fn group(bus: Bus) -> usize {
+    match bus {
+        Bus::Ahb1 => 0,
+        Bus::Apb1 => 4,
+        Bus::Apb2 => 5,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// HSE 8 MHz, PLL /4 *168 /2, APB1 /4, APB2 /2: what the data sheet's maxima ask for.
+    fn at_168_mhz() -> Rcc {
+        let mut rcc = Rcc::new(8_000_000);
+        rcc.write(0x00, 0x83 | HSEON).unwrap();
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
+        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13).unwrap();
+        rcc
+    }
+
+    #[test]
+    fn the_tree_after_reset_is_the_16_mhz_oscillator_undivided() {
+        let c = Rcc::new(8_000_000).clocks();
+        let all = 16_000_000;
+        assert_eq!(
+            c,
+            Clocks {
+                sysclk: all,
+                hclk: all,
+                pclk1: all,
+                pclk2: all,
+                timers1: all
+            }
+        );
+    }
+
+    #[test]
+    fn the_tree_follows_the_dividers_and_timers_get_twice_a_divided_bus() {
+        let c = at_168_mhz().clocks();
+        assert_eq!(
+            c,
+            Clocks {
+                sysclk: 168_000_000,
+                hclk: 168_000_000,
+                pclk1: 42_000_000,
+                pclk2: 84_000_000,
+                timers1: 84_000_000
+            }
+        );
+    }
+
+    #[test]
+    fn the_ahb_prescaler_skips_32() {
+        let mut rcc = Rcc::new(8_000_000);
+        let divided = |rcc: &mut Rcc, hpre: u32| {
+            rcc.write(0x08, hpre << 4).unwrap();
+            HSI_HZ / rcc.clocks().hclk
+        };
+        assert_eq!(
+            [7, 8, 11, 12, 15].map(|h| divided(&mut rcc, h)),
+            [1, 2, 16, 64, 512],
+            "section 7.3.3, HPRE"
+        );
+    }
+
+    #[test]
+    fn every_oscillator_is_ready_when_on_and_not_when_off() {
+        let mut rcc = Rcc::new(8_000_000);
+        assert_eq!(rcc.read(0x00).unwrap() & (ON_BITS << 1), HSION << 1);
+        rcc.write(0x00, 0x83 | HSEON | PLLON | PLLI2SON).unwrap();
+        assert_eq!(rcc.read(0x00).unwrap() & (ON_BITS << 1), ON_BITS << 1);
+    }
+
+    #[test]
+    fn the_system_clock_does_not_switch_to_a_source_that_is_off() {
+        let mut rcc = Rcc::new(8_000_000);
+        rcc.write(0x08, 1).unwrap();
+        assert_eq!(rcc.read(0x08).unwrap() & 0xf, 1, "SW asks for HSE, SWS says HSI");
+        rcc.write(0x00, 0x83 | HSEON).unwrap();
+        assert_eq!(rcc.read(0x08).unwrap() & 0xf, 0b0101);
+    }
+
+    #[test]
+    fn the_clock_in_use_cannot_be_stopped() {
+        let mut rcc = at_168_mhz();
+        rcc.write(0x00, 0).unwrap();
+        assert_eq!(rcc.read(0x00).unwrap() & ON_BITS, HSEON | PLLON);
+    }
+
+    #[test]
+    fn reset_flags_add_up_until_rmvf_clears_them() {
+        let mut rcc = Rcc::new(8_000_000);
+        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS);
+        rcc.reset(Cause::Software);
+        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS | SFTRSTF);
+        rcc.write(0x74, RMVF).unwrap();
+        assert_eq!(rcc.read(0x74).unwrap(), 0);
+        rcc.reset(Cause::Watchdog);
+        assert_eq!(rcc.read(0x74).unwrap(), IWDGRSTF | PINRSTF);
+    }
+
+    #[test]
+    fn a_pll_input_outside_1_to_2_mhz_is_noted() {
+        let mut rcc = Rcc::new(25_000_000);
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
+        assert_eq!(rcc.notes.iter().count(), 1);
+    }
+
+    #[test]
+    fn the_backup_domain_keeps_its_setting_over_a_reset_and_needs_dbp() {
+        let mut rcc = Rcc::new(8_000_000);
+        rcc.write(0x70, 1).unwrap();
+        assert_eq!(rcc.read(0x70), Ok(0));
+        rcc.backup_domain_open = true;
+        rcc.write(0x70, 1).unwrap();
+        rcc.reset(Cause::Software);
+        assert_eq!(rcc.read(0x70), Ok(0b11), "LSEON and LSERDY");
+    }
+}

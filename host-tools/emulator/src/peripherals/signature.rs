@@ -1,0 +1,45 @@
+//! The device electronic signature (RM0090 section 39): who this chip is, and how much flash it has.
+
+use super::NoRegister;
+
+/// Where it starts in the system memory.
+pub const START: u32 = 0x1fff_7a10;
+const FLASH_KIB: u32 = 1024;
+
+/// The factory's words.
+#[derive(Debug, Clone)]
+pub struct Signature {
+    /// 96-bit unique identifier, as bytes in address order.
+    pub uid: [u8; 12],
+}
+
+impl Signature {
+    /// # Errors
+    /// [`NoRegister`] outside the identifier and the flash size.
+    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+        match offset {
+            0x00 | 0x04 | 0x08 => {
+                let at = offset as usize;
+                let word = [self.uid[at], self.uid[at + 1], self.uid[at + 2], self.uid[at + 3]];
+                Ok(u32::from_le_bytes(word))
+            }
+            // F_SIZE is the halfword at 0x1fff_7a22.
+            0x10 => Ok(FLASH_KIB << 16),
+            _ => Err(NoRegister),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_identifier_lies_in_address_order_and_the_flash_is_1024_kib() {
+        let signature = Signature {
+            uid: *b"0123456789ab",
+        };
+        assert_eq!(signature.read(0x04), Ok(u32::from_le_bytes(*b"4567")));
+        assert_eq!(signature.read(0x10).unwrap() >> 16, 1024);
+    }
+}

@@ -1,0 +1,51 @@
+//! System configuration (RM0090 section 9.2): plain storage, since nothing is wired to the pins.
+
+use super::NoRegister;
+
+/// SYSCFG's registers.
+#[derive(Debug, Clone, Default)]
+pub struct Syscfg {
+    memrmp: u32,
+    pmc: u32,
+    exticr: [u32; 4],
+}
+
+impl Syscfg {
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.memrmp,
+            0x04 => self.pmc,
+            0x08 | 0x0c | 0x10 | 0x14 => self.exticr[(offset as usize - 0x08) / 4],
+            // CMPCR: the compensation cell is off and says so.
+            0x20 => 0,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+        match offset {
+            0x00 => self.memrmp = value & 3,
+            0x04 => self.pmc = value,
+            0x08 | 0x0c | 0x10 | 0x14 => self.exticr[(offset as usize - 0x08) / 4] = value & 0xffff,
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_keeps_the_port_chosen_for_it() {
+        let mut syscfg = Syscfg::default();
+        syscfg.write(0x14, 0x0020).unwrap();
+        assert_eq!(syscfg.read(0x14), Ok(0x0020), "EXTICR4: line 13 on port C");
+        assert_eq!(syscfg.read(0x08), Ok(0));
+    }
+}

@@ -1,0 +1,626 @@
+//! General-purpose timers TIM2 to TIM5 (RM0090 section 18): up-counting with update and compare events.
+//!
+//! # Design
+//!
+//! The counter is a function of time: ticks since an *origin* (the last time at which counting started afresh), so a
+//! timer costs nothing while it runs. Ticks are numbered from the origin, events are found by arithmetic on those
+//! numbers, and flags of the past are filled in when somebody looks. A new origin is made only where the reference
+//! manual makes counting start afresh: a write to the counter, UG, a clock change, or an update that loads a new
+//! prescaler or period.
+
+use super::{NoRegister, Notes, bit, clock, field};
+
+const CEN: u32 = 1 << 0;
+const UDIS: u32 = 1 << 1;
+const URS: u32 = 1 << 2;
+const OPM: u32 = 1 << 3;
+const ARPE: u32 = 1 << 7;
+/// UIF, and UIE in DIER.
+const UPDATE: u32 = 1 << 0;
+/// UIF, CC1IF..CC4IF, TIF: flags with an interrupt (section 18.4.4, 18.4.5).
+const FLAGS: u32 = 0x5f;
+const CHANNELS: usize = 4;
+
+/// One timer.
+#[derive(Debug, Clone)]
+pub struct Tim {
+    /// Highest counter value: TIM2 and TIM5 have 32 bits, TIM3 and TIM4 16.
+    max: u32,
+    hz: u32,
+    cr1: u32,
+    cr2: u32,
+    smcr: u32,
+    dier: u32,
+    sr: u32,
+    ccmr: [u32; 2],
+    ccer: u32,
+    psc: Loaded,
+    arr: Loaded,
+    ccr: [Loaded; CHANNELS],
+    origin_ns: u64,
+    /// The counter at the origin.
+    origin_count: u32,
+    /// Ticks from the origin up to which flags have been filled in.
+    seen: u64,
+    /// An update by UG or an enable that the trigger output passes on at once.
+    trigger_now: bool,
+    /// See [`Notes`].
+    pub notes: Notes,
+}
+
+/// A register with a buffer behind it: `written` is loaded into `active` at an update event.
+#[derive(Debug, Clone, Copy)]
+struct Loaded {
+    written: u32,
+    active: u32,
+}
+
+impl Loaded {
+    const fn new(value: u32) -> Self {
+        Self {
+            written: value,
+            active: value,
+        }
+    }
+
+    fn load(&mut self) {
+        self.active = self.written;
+    }
+}
+
+impl Tim {
+    /// A timer with a counter of 16 or 32 bits on a clock of `hz`.
+    pub fn new(bits: u32, hz: u32) -> Self {
+        let max = u32::MAX >> (32 - bits);
+        Self {
+            max,
+            hz,
+            cr1: 0,
+            cr2: 0,
+            smcr: 0,
+            dier: 0,
+            sr: 0,
+            ccmr: [0; 2],
+            ccer: 0,
+            psc: Loaded::new(0),
+            arr: Loaded::new(max),
+            ccr: [Loaded::new(0); CHANNELS],
+            origin_ns: 0,
+            origin_count: 0,
+            seen: 0,
+            trigger_now: false,
+            notes: Notes::default(),
+        }
+    }
+
+    /// A reset by RCC; the clock stays.
+    pub fn reset(&mut self) {
+        let notes = std::mem::take(&mut self.notes);
+        *self = Self {
+            notes,
+            ..Self::new(32 - self.max.leading_zeros(), self.hz)
+        };
+    }
+
+    /// The timer's clock changed. The part of a tick that had passed is lost.
+    pub fn set_clock(&mut self, hz: u32, now: u64) {
+        if hz != self.hz {
+            self.advance(now);
+            let count = self.count(now);
+            self.hz = hz;
+            self.start_afresh(now, count);
+        }
+    }
+
+    /// Fills in what has happened up to `now`.
+    pub fn advance(&mut self, now: u64) {
+        while self.counting() {
+            let ticks = self.ticks(now);
+            if ticks <= self.seen {
+                return;
+            }
+            let update = self.update_after(self.seen);
+            let reload = self.cr1 & OPM != 0 || (self.cr1 & UDIS == 0 && self.has_pending_load());
+            let to = if reload { ticks.min(update) } else { ticks };
+            self.fill_in(to);
+            if reload && to == update {
+                let at = self.time_of(update);
+                if self.cr1 & UDIS == 0 {
+                    self.load();
+                }
+                self.start_afresh(at, 0);
+                if self.cr1 & OPM != 0 {
+                    self.cr1 &= !CEN;
+                }
+            }
+        }
+    }
+
+    /// Level of the interrupt line.
+    pub fn interrupt(&self) -> bool {
+        self.sr & self.dier & FLAGS != 0
+    }
+
+    /// When the interrupt line will rise by itself.
+    pub fn next_interrupt(&self) -> Option<u64> {
+        if !self.counting() || self.interrupt() {
+            return None;
+        }
+        let wanted = self.dier & !self.sr;
+        let update = (wanted & UPDATE != 0 && self.cr1 & UDIS == 0).then(|| self.update_after(self.seen));
+        let compares = (0..CHANNELS)
+            .filter(|c| bit(wanted, 1 + *c as u32))
+            .map(|c| self.compare_after(self.ccr[c].active, self.seen));
+        // A load at the next update may move everything behind it: look again there.
+        let reload = self.has_pending_load().then(|| self.update_after(self.seen));
+        update
+            .into_iter()
+            .chain(compares)
+            .chain(reload)
+            .min()
+            .map(|tick| self.time_of(tick))
+    }
+
+    /// When the trigger output TRGO will pulse by itself for the `n`-th time from here (0 is the next), as CR2.MMS
+    /// selects (section 18.4.2). Where an update in between loads a new period, only the first is known.
+    pub fn trigger(&self, n: u64) -> Option<u64> {
+        if !self.counting() {
+            return None;
+        }
+        let first = match field(self.cr2, 4, 3) {
+            0b010 if self.cr1 & UDIS == 0 => self.update_after(self.seen),
+            0b011 => self.compare_after(self.ccr[0].active, self.seen),
+            _ => return None,
+        };
+        if n > 0 && (self.has_pending_load() || self.cr1 & OPM != 0) {
+            return None;
+        }
+        Some(self.time_of(first + n * self.period()))
+    }
+
+    /// Whether a register write just now made TRGO pulse; asking takes it.
+    pub fn take_trigger_now(&mut self) -> bool {
+        std::mem::take(&mut self.trigger_now)
+    }
+
+    /// # Errors
+    /// [`NoRegister`], for the DMA burst registers among others.
+    pub fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
+        self.advance(now);
+        Ok(match offset {
+            0x00 => self.cr1,
+            0x04 => self.cr2,
+            0x08 => self.smcr,
+            0x0c => self.dier,
+            0x10 => self.sr,
+            0x14 => 0,
+            0x18 | 0x1c => self.ccmr[(offset as usize - 0x18) / 4],
+            0x20 => self.ccer,
+            0x24 => self.count(now),
+            0x28 => self.psc.written,
+            0x2c => self.arr.written,
+            0x34..=0x40 if offset.is_multiple_of(4) => self.ccr[(offset as usize - 0x34) / 4].written,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        self.advance(now);
+        match offset {
+            0x00 => self.write_cr1(value, now),
+            0x04 => {
+                self.cr2 = value & 0xf8;
+                self.notes
+                    .note_if(bit(value, 6), "CR2.MMS: OCxREF as trigger output is not modelled");
+            }
+            0x08 => {
+                self.smcr = value & 0xfff7;
+                self.notes.note_if(
+                    value & 0x4007 != 0,
+                    "SMCR: slave modes and external clocks are not modelled",
+                );
+            }
+            0x0c => {
+                self.dier = value & 0x5f5f;
+                self.notes
+                    .note_if(value & 0x5f00 != 0, "DIER: timer DMA requests are not modelled");
+            }
+            // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
+            0x10 => self.sr &= value,
+            0x14 => self.generate(value, now),
+            0x18 | 0x1c => {
+                self.ccmr[(offset as usize - 0x18) / 4] = value & 0xffff;
+                self.notes
+                    .note_if(value & 0x0303 != 0, "CCMR: input capture is not modelled");
+                self.load_unbuffered();
+            }
+            0x20 => {
+                self.ccer = value & 0xbbbb;
+                self.notes
+                    .note_if(value & 0x1111 != 0, "CCER: compare outputs move no pin");
+            }
+            0x24 => self.start_afresh(now, value & self.max),
+            0x28 => self.psc.written = value & 0xffff,
+            0x2c => {
+                let count = self.count(now);
+                self.arr.written = value & self.max;
+                if self.cr1 & ARPE == 0 {
+                    self.arr.load();
+                    self.start_afresh_within_tick(now, count);
+                }
+            }
+            0x34..=0x40 if offset.is_multiple_of(4) => {
+                self.ccr[(offset as usize - 0x34) / 4].written = value & self.max;
+                self.load_unbuffered();
+            }
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    fn write_cr1(&mut self, value: u32, now: u64) {
+        let count = self.count(now);
+        let was_enabled = self.cr1 & CEN != 0;
+        self.cr1 = value & 0x3ff;
+        self.notes
+            .note_if(value & 0x70 != 0, "CR1: only up-counting is modelled");
+        let enabled = self.cr1 & CEN != 0;
+        if was_enabled != enabled {
+            self.start_afresh(now, count);
+            self.trigger_now |= enabled && field(self.cr2, 4, 3) == 0b001;
+        }
+        if self.cr1 & ARPE == 0 && self.arr.active != self.arr.written {
+            self.arr.load();
+            self.start_afresh(now, count);
+        }
+    }
+
+    /// EGR (section 18.4.6).
+    fn generate(&mut self, value: u32, now: u64) {
+        self.sr |= value & 0x5e;
+        if value & 1 == 0 {
+            return;
+        }
+        if self.cr1 & UDIS == 0 {
+            self.load();
+            if self.cr1 & URS == 0 {
+                self.sr |= UPDATE;
+            }
+            // MMS reset and update.
+            self.trigger_now |= matches!(field(self.cr2, 4, 3), 0b000 | 0b010);
+        }
+        self.start_afresh(now, 0);
+    }
+
+    fn load(&mut self) {
+        self.psc.load();
+        self.arr.load();
+        self.ccr.iter_mut().for_each(Loaded::load);
+    }
+
+    /// Compare values without preload (CCMRx.OCxPE clear) take effect at once.
+    fn load_unbuffered(&mut self) {
+        for channel in 0..CHANNELS {
+            if !self.preloads(channel) {
+                self.ccr[channel].load();
+            }
+        }
+    }
+
+    fn preloads(&self, channel: usize) -> bool {
+        bit(self.ccmr[channel / 2], 3 + 8 * (channel as u32 % 2))
+    }
+
+    fn has_pending_load(&self) -> bool {
+        let differs = |r: &Loaded| r.written != r.active;
+        differs(&self.psc) || differs(&self.arr) || self.ccr.iter().any(differs)
+    }
+
+    /// The counter is blocked while the period is zero (section 18.3.1).
+    fn counting(&self) -> bool {
+        self.cr1 & CEN != 0 && self.arr.active != 0
+    }
+
+    fn start_afresh(&mut self, now: u64, count: u32) {
+        self.origin_ns = now;
+        self.origin_count = count;
+        self.seen = 0;
+    }
+
+    /// As [`Self::start_afresh`], but keeps the part of the tick that has passed: only the period changes.
+    fn start_afresh_within_tick(&mut self, now: u64, count: u32) {
+        let tick = self.time_of(self.ticks(now));
+        self.start_afresh(if self.counting() { tick } else { now }, count);
+    }
+
+    // Ticks from the origin.
+
+    fn ticks(&self, now: u64) -> u64 {
+        match self.counting() {
+            true => {
+                clock::ticks(now.saturating_sub(self.origin_ns), self.hz) / (u64::from(self.psc.active) + 1)
+            }
+            false => 0,
+        }
+    }
+
+    fn time_of(&self, tick: u64) -> u64 {
+        self.origin_ns
+            .saturating_add(clock::edge(tick * (u64::from(self.psc.active) + 1), self.hz))
+    }
+
+    fn period(&self) -> u64 {
+        u64::from(self.arr.active) + 1
+    }
+
+    /// Ticks to the first update. A counter beyond the period runs on to its end.
+    fn first_update(&self) -> u64 {
+        let count = u64::from(self.origin_count);
+        let end = if self.origin_count <= self.arr.active {
+            self.period()
+        } else {
+            u64::from(self.max) + 1
+        };
+        end - count
+    }
+
+    fn count(&self, now: u64) -> u32 {
+        let (ticks, first) = (self.ticks(now), self.first_update());
+        let count = match ticks.checked_sub(first) {
+            None => u64::from(self.origin_count) + ticks,
+            Some(past) => past % self.period(),
+        };
+        count as u32
+    }
+
+    /// The first update after tick `n`.
+    fn update_after(&self, n: u64) -> u64 {
+        let first = self.first_update();
+        match n.checked_sub(first) {
+            None => first,
+            Some(past) => first + (past / self.period() + 1) * self.period(),
+        }
+    }
+
+    /// The first tick after `n` at which the counter equals `compare`. A compare value beyond the period matches at
+    /// the update (section 18.4.5, CC1IF).
+    fn compare_after(&self, compare: u32, n: u64) -> u64 {
+        if compare > self.arr.active {
+            return self.update_after(n);
+        }
+        let first_update = self.first_update();
+        if let Some(ahead) = compare.checked_sub(self.origin_count).map(u64::from) {
+            if n < ahead && ahead < first_update {
+                return ahead;
+            }
+        }
+        let first = first_update + u64::from(compare);
+        match n.checked_sub(first) {
+            None => first,
+            Some(past) => first + (past / self.period() + 1) * self.period(),
+        }
+    }
+
+    /// Sets the flags of ticks after `seen` up to `to`.
+    fn fill_in(&mut self, to: u64) {
+        if self.cr1 & UDIS == 0 && self.update_after(self.seen) <= to {
+            self.sr |= UPDATE;
+        }
+        for channel in 0..CHANNELS {
+            if self.compare_after(self.ccr[channel].active, self.seen) <= to {
+                self.sr |= 2 << channel;
+            }
+        }
+        self.seen = to;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CR1: u32 = 0x00;
+    const CR2: u32 = 0x04;
+    const DIER: u32 = 0x0c;
+    const SR: u32 = 0x10;
+    const EGR: u32 = 0x14;
+    const CCMR1: u32 = 0x18;
+    const CNT: u32 = 0x24;
+    const PSC: u32 = 0x28;
+    const ARR: u32 = 0x2c;
+    const CCR1: u32 = 0x34;
+
+    /// 84 MHz, a period of 840 ticks: 10 µs.
+    fn at_100_khz() -> Tim {
+        let mut tim = Tim::new(16, 84_000_000);
+        tim.write(ARR, 839, 0).unwrap();
+        tim.write(EGR, 1, 0).unwrap();
+        tim.write(SR, 0, 0).unwrap();
+        tim.write(CR1, CEN, 0).unwrap();
+        tim
+    }
+
+    #[test]
+    fn the_counter_counts_up_and_starts_again_after_the_period() {
+        let mut tim = at_100_khz();
+        assert_eq!(tim.read(CNT, 5_000), Ok(420));
+        assert_eq!(tim.read(CNT, 9_999), Ok(839));
+        assert_eq!(tim.read(CNT, 10_000), Ok(0));
+        assert_eq!(tim.read(CNT, 1_000_005_000), Ok(420));
+    }
+
+    #[test]
+    fn the_update_flag_rises_at_the_period_and_a_zero_clears_it() {
+        let mut tim = at_100_khz();
+        assert_eq!(tim.read(SR, 9_999).unwrap() & 1, 0);
+        assert_eq!(tim.read(SR, 10_000).unwrap() & 1, 1);
+        tim.write(SR, !2, 10_100).unwrap();
+        assert_eq!(tim.read(SR, 10_100).unwrap() & 1, 1, "a 1 leaves the flag");
+        tim.write(SR, !1, 10_100).unwrap();
+        assert_eq!(tim.read(SR, 19_999).unwrap() & 1, 0);
+        assert_eq!(tim.read(SR, 20_000).unwrap() & 1, 1);
+    }
+
+    #[test]
+    fn the_next_interrupt_is_known_before_it_comes_and_only_if_enabled() {
+        let mut tim = at_100_khz();
+        assert_eq!(tim.next_interrupt(), None);
+        tim.write(DIER, 1, 3_000).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(10_000));
+        tim.advance(10_000);
+        assert!(tim.interrupt());
+        assert_eq!(tim.next_interrupt(), None, "the line is up already");
+    }
+
+    #[test]
+    fn a_compare_matches_once_a_period() {
+        let mut tim = at_100_khz();
+        tim.write(CCR1, 84, 0).unwrap();
+        tim.write(DIER, 2, 0).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(1_000));
+        tim.write(SR, 0, 1_000).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(11_000));
+        tim.write(SR, 0, 123_456).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(131_000));
+    }
+
+    #[test]
+    fn a_compare_value_beyond_the_period_matches_at_the_update() {
+        let mut tim = at_100_khz();
+        tim.write(CCR1, 900, 0).unwrap();
+        tim.write(DIER, 2, 0).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(10_000));
+    }
+
+    #[test]
+    fn ug_restarts_the_counter_loads_the_prescaler_and_flags_unless_urs() {
+        let mut tim = at_100_khz();
+        tim.write(PSC, 83, 4_000).unwrap();
+        assert_eq!(tim.read(CNT, 5_000), Ok(420), "the prescaler waits for an update");
+        tim.write(EGR, 1, 5_000).unwrap();
+        assert_eq!(tim.read(SR, 5_000).unwrap() & 1, 1);
+        assert_eq!(tim.read(CNT, 15_000), Ok(10), "1 MHz from here");
+
+        let mut tim = at_100_khz();
+        tim.write(CR1, CEN | URS, 0).unwrap();
+        tim.write(EGR, 1, 5_000).unwrap();
+        assert_eq!(tim.read(SR, 5_000).unwrap() & 1, 0);
+    }
+
+    #[test]
+    fn a_new_prescaler_takes_effect_at_the_update() {
+        let mut tim = at_100_khz();
+        tim.write(PSC, 1, 4_000).unwrap();
+        assert_eq!(tim.read(CNT, 9_999), Ok(839));
+        assert_eq!(tim.read(CNT, 20_000), Ok(420));
+    }
+
+    #[test]
+    fn a_preloaded_period_takes_effect_at_the_update_and_a_direct_one_at_once() {
+        let mut tim = at_100_khz();
+        tim.write(CR1, CEN | ARPE, 0).unwrap();
+        tim.write(ARR, 419, 1_000).unwrap();
+        tim.write(DIER, 1, 1_000).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(10_000));
+        tim.write(SR, 0, 10_000).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(15_000));
+
+        let mut tim = at_100_khz();
+        tim.write(ARR, 419, 1_000).unwrap();
+        tim.write(DIER, 1, 1_000).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(5_000));
+    }
+
+    #[test]
+    fn a_preloaded_compare_value_waits_for_the_update() {
+        let mut tim = at_100_khz();
+        tim.write(CCMR1, 1 << 3, 0).unwrap();
+        tim.write(CCR1, 84, 2_000).unwrap();
+        assert_eq!(tim.read(SR, 9_999).unwrap() & 2, 0, "still 0, which has not come");
+        tim.write(SR, 0, 10_000).unwrap();
+        assert_eq!(tim.read(SR, 10_999).unwrap() & 2, 0);
+        assert_eq!(tim.read(SR, 11_000).unwrap() & 2, 2);
+    }
+
+    #[test]
+    fn one_pulse_mode_stops_at_the_update() {
+        let mut tim = at_100_khz();
+        tim.write(CR1, CEN | OPM, 0).unwrap();
+        assert_eq!(tim.read(CR1, 9_999).unwrap() & CEN, CEN);
+        assert_eq!(tim.read(CR1, 10_000).unwrap() & CEN, 0);
+        assert_eq!(tim.read(SR, 50_000).unwrap() & 1, 1);
+        assert_eq!(tim.read(CNT, 50_000), Ok(0));
+    }
+
+    #[test]
+    fn a_counter_set_beyond_the_period_runs_to_its_end_first() {
+        let mut tim = at_100_khz();
+        tim.write(CNT, 0xffff - 83, 0).unwrap();
+        tim.write(DIER, 1, 0).unwrap();
+        assert_eq!(tim.next_interrupt(), Some(1_000));
+        assert_eq!(tim.read(CNT, 6_000), Ok(420));
+    }
+
+    #[test]
+    fn the_trigger_output_follows_the_update_and_never_drifts() {
+        // 84 MHz / 1000: a period of 11904.76 ns, which no sum of whole ns can follow.
+        let mut tim = at_100_khz();
+        tim.write(CR2, 0b010 << 4, 0).unwrap();
+        tim.write(ARR, 999, 0).unwrap();
+        let mut last = 0;
+        for _ in 0..84_000 {
+            last = tim.trigger(0).unwrap();
+            tim.advance(last);
+        }
+        assert_eq!(last, 1_000_000_000);
+        assert_eq!(tim.trigger(83_999), Some(2_000_000_000));
+    }
+
+    #[test]
+    fn udis_stops_updates_and_their_trigger() {
+        let mut tim = at_100_khz();
+        tim.write(CR2, 0b010 << 4, 0).unwrap();
+        tim.write(CR1, CEN | UDIS, 0).unwrap();
+        assert_eq!(tim.trigger(0), None);
+        assert_eq!(tim.read(SR, 50_000).unwrap() & 1, 0);
+    }
+
+    #[test]
+    fn a_slower_clock_keeps_the_count_and_stretches_what_is_left() {
+        let mut tim = at_100_khz();
+        tim.write(DIER, 1, 0).unwrap();
+        tim.set_clock(42_000_000, 5_000);
+        assert_eq!(tim.read(CNT, 5_000), Ok(420));
+        assert_eq!(tim.next_interrupt(), Some(15_000));
+    }
+
+    #[test]
+    fn a_stopped_timer_keeps_its_count() {
+        let mut tim = at_100_khz();
+        tim.write(CR1, 0, 5_000).unwrap();
+        assert_eq!(tim.read(CNT, 90_000), Ok(420));
+        tim.write(CR1, CEN, 90_000).unwrap();
+        assert_eq!(tim.read(CNT, 91_000), Ok(504));
+    }
+
+    #[test]
+    fn a_thirty_two_bit_timer_wraps_where_its_period_says() {
+        let mut tim = Tim::new(32, 84_000_000);
+        tim.write(CR1, CEN, 0).unwrap();
+        assert_eq!(
+            tim.read(CNT, 60_000_000_000).unwrap(),
+            (60u64 * 84_000_000 - (1 << 32)) as u32
+        );
+    }
+
+    #[test]
+    fn what_is_not_modelled_is_noted() {
+        let mut tim = at_100_khz();
+        tim.write(0x08, 7, 0).unwrap();
+        tim.write(CR1, CEN | 1 << 4, 0).unwrap();
+        assert_eq!(tim.notes.iter().count(), 2);
+        assert_eq!(tim.write(0x48, 0, 0), Err(NoRegister));
+    }
+}

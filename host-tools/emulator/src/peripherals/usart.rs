@@ -1,0 +1,470 @@
+//! USART1 (RM0090 section 30): asynchronous, both ways, at the baud rate that BRR gives.
+//!
+//! # Design
+//!
+//! The transmitter is a shift register with the time at which its frame ends, and one data register before it. The
+//! receiver takes bytes from a queue, one frame time each. The idle frame that the transmitter sends when TE is set is
+//! left out; noise, framing and parity errors do not happen.
+
+use std::collections::VecDeque;
+
+use super::{NoRegister, Notes, bit, clock, field};
+
+const ORE: u32 = 1 << 3;
+const IDLE: u32 = 1 << 4;
+const RXNE: u32 = 1 << 5;
+const TC: u32 = 1 << 6;
+const TXE: u32 = 1 << 7;
+
+const RE: u32 = 1 << 2;
+const TE: u32 = 1 << 3;
+const IDLEIE: u32 = 1 << 4;
+const RXNEIE: u32 = 1 << 5;
+const TCIE: u32 = 1 << 6;
+const TXEIE: u32 = 1 << 7;
+const PCE: u32 = 1 << 10;
+const M: u32 = 1 << 12;
+const UE: u32 = 1 << 13;
+const OVER8: u32 = 1 << 15;
+
+const EIE: u32 = 1 << 0;
+const DMAR: u32 = 1 << 6;
+const DMAT: u32 = 1 << 7;
+
+/// A frame in the transmitter's shift register.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    data: u32,
+    ends_ns: u64,
+}
+
+/// A byte on its way to the receiver.
+#[derive(Debug, Clone, Copy)]
+struct Incoming {
+    byte: u8,
+    not_before_ns: u64,
+}
+
+/// USART1's registers and its two lines.
+#[derive(Debug, Clone)]
+pub struct Usart {
+    pclk: u32,
+    sr: u32,
+    received: u32,
+    brr: u32,
+    cr: [u32; 3],
+    gtpr: u32,
+    waiting: Option<u32>,
+    shifting: Option<Frame>,
+    input: VecDeque<Incoming>,
+    /// When the last received frame ended.
+    input_seen_ns: u64,
+    /// When the receiver will call the line idle.
+    idle_at: Option<u64>,
+    /// SR was read while one of these stood: reading or writing DR clears them.
+    armed: u32,
+    /// See [`Notes`].
+    pub notes: Notes,
+}
+
+impl Usart {
+    /// After reset, on a bus clock of `pclk`.
+    pub fn new(pclk: u32) -> Self {
+        Self {
+            pclk,
+            sr: TXE | TC,
+            received: 0,
+            brr: 0,
+            cr: [0; 3],
+            gtpr: 0,
+            waiting: None,
+            shifting: None,
+            input: VecDeque::new(),
+            input_seen_ns: 0,
+            idle_at: None,
+            armed: 0,
+            notes: Notes::default(),
+        }
+    }
+
+    /// A reset by RCC: the frame being sent is cut; what the other side still sends goes on.
+    pub fn reset(&mut self) {
+        let (notes, input) = (std::mem::take(&mut self.notes), std::mem::take(&mut self.input));
+        *self = Self {
+            notes,
+            input,
+            input_seen_ns: self.input_seen_ns,
+            ..Self::new(self.pclk)
+        };
+    }
+
+    /// The bus clock changed.
+    pub fn set_clock(&mut self, pclk: u32) {
+        self.pclk = pclk;
+    }
+
+    /// The other side sends these bytes from `at_ns` on, after what it was given before.
+    pub fn feed(&mut self, at_ns: u64, bytes: &[u8]) {
+        self.input.extend(bytes.iter().map(|byte| Incoming {
+            byte: *byte,
+            not_before_ns: at_ns,
+        }));
+    }
+
+    fn on(&self, part: u32) -> bool {
+        self.cr[0] & UE != 0 && self.cr[0] & part != 0
+    }
+
+    /// Bus clocks in a bit (section 30.3.4): 16 or 8 times USARTDIV.
+    fn bit_clocks(&self) -> u32 {
+        match self.cr[0] & OVER8 {
+            0 => self.brr & 0xffff,
+            _ => (self.brr & 0xfff0) >> 1 | (self.brr & 7),
+        }
+    }
+
+    /// Time of a frame: start, 8 or 9 bits with the parity, stop bits (section 30.3.2).
+    fn frame_ns(&self) -> u64 {
+        let data = if self.cr[0] & M == 0 { 8 } else { 9 };
+        let stop_halves = [2, 1, 4, 3][field(self.cr[1], 12, 2) as usize];
+        let halves = 2 * (1 + data) + stop_halves;
+        clock::edge(u64::from(halves * self.bit_clocks()) / 2, self.pclk)
+    }
+
+    // The transmitter.
+
+    fn load_shift_register(&mut self, now: u64) {
+        if self.shifting.is_some() || !self.on(TE) {
+            return;
+        }
+        if let Some(data) = self.waiting.take() {
+            self.shifting = Some(Frame {
+                data,
+                ends_ns: now + self.frame_ns(),
+            });
+            self.sr |= TXE;
+        }
+    }
+
+    /// When the frame being sent ends.
+    pub fn next_sent(&self) -> Option<u64> {
+        self.shifting.map(|f| f.ends_ns)
+    }
+
+    /// The frame being sent ends: its data bits.
+    pub fn sent(&mut self) -> Option<u8> {
+        let frame = self.shifting.take()?;
+        self.load_shift_register(frame.ends_ns);
+        if self.shifting.is_none() {
+            self.sr |= TC;
+        }
+        // The parity takes the place of the highest bit.
+        let bits = 8 + u32::from(self.cr[0] & M != 0) - u32::from(self.cr[0] & PCE != 0);
+        Some((frame.data & ((1 << bits) - 1)) as u8)
+    }
+
+    /// Whether the transmitter asks the DMA for data.
+    pub fn dma_transmit_request(&self) -> bool {
+        self.cr[2] & DMAT != 0 && self.sr & TXE != 0 && self.on(TE)
+    }
+
+    /// When the `n`-th request from here (1 is the next) will be made, if each is served at once.
+    pub fn transmit_request(&self, n: u64) -> Option<u64> {
+        (self.cr[2] & DMAT != 0).then_some(())?;
+        self.shifting.map(|f| f.ends_ns + (n - 1) * self.frame_ns())
+    }
+
+    // The receiver.
+
+    /// When the next byte is there, or the line is found idle.
+    pub fn next_received(&self) -> Option<u64> {
+        self.next_byte().into_iter().chain(self.idle_at).min()
+    }
+
+    fn next_byte(&self) -> Option<u64> {
+        let starts = self.input.front()?.not_before_ns.max(self.input_seen_ns);
+        Some(starts.saturating_add(self.frame_ns_or_none()))
+    }
+
+    /// Bytes for a receiver without a baud rate pass at once, and are lost.
+    fn frame_ns_or_none(&self) -> u64 {
+        if self.brr == 0 { 0 } else { self.frame_ns() }
+    }
+
+    /// What [`Self::next_received`] announced has come.
+    pub fn receive(&mut self, now: u64) {
+        if self.idle_at.is_some_and(|at| at <= now) {
+            self.idle_at = None;
+            self.sr |= IDLE;
+            return;
+        }
+        let Some(incoming) = self.input.pop_front() else {
+            return;
+        };
+        self.input_seen_ns = now;
+        if !self.on(RE) {
+            return;
+        }
+        if self.sr & RXNE != 0 {
+            // The byte in the data register stays, the new one is lost (section 30.3.3).
+            self.sr |= ORE;
+        } else {
+            self.received = u32::from(incoming.byte);
+            self.sr |= RXNE;
+        }
+        self.idle_at = Some(now + self.frame_ns());
+        if self.input.front().is_some_and(|next| next.not_before_ns <= now) {
+            self.idle_at = None;
+        }
+    }
+
+    /// Whether the receiver asks the DMA to fetch data.
+    pub fn dma_receive_request(&self) -> bool {
+        self.cr[2] & DMAR != 0 && self.sr & RXNE != 0
+    }
+
+    /// DR is read, by the processor or the DMA.
+    pub fn take_data(&mut self) -> u32 {
+        self.sr &= !(RXNE | (self.armed & (ORE | IDLE)));
+        self.armed &= TC;
+        self.received
+    }
+
+    /// DR is written, by the processor or the DMA.
+    pub fn put_data(&mut self, value: u32, now: u64) {
+        self.sr &= !(TXE | (self.armed & TC));
+        self.armed &= !TC;
+        if self.cr[0] & TE != 0 {
+            self.sr &= !TC;
+        }
+        self.waiting = Some(value & 0x1ff);
+        self.load_shift_register(now);
+    }
+
+    /// Level of the interrupt line (section 30.4).
+    pub fn interrupt(&self) -> bool {
+        let [cr1, _, cr3] = self.cr;
+        let enabled = (cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE))
+            | if cr1 & RXNEIE != 0 || (cr3 & EIE != 0 && cr3 & DMAR != 0) {
+                ORE
+            } else {
+                0
+            };
+        // The enables of TXE, TC, RXNE and IDLE stand at the places of their flags.
+        self.sr & enabled != 0
+    }
+
+    /// When the line will rise by itself, not later.
+    pub fn next_interrupt(&self) -> Option<u64> {
+        if self.interrupt() {
+            return None;
+        }
+        let sending = self.next_sent().filter(|_| self.cr[0] & (TXEIE | TCIE) != 0);
+        let receiving = self
+            .next_byte()
+            .filter(|_| self.cr[0] & RXNEIE != 0 || self.cr[2] & DMAR != 0);
+        let idle = self.next_received().filter(|_| self.cr[0] & IDLEIE != 0);
+        [sending, receiving, idle].into_iter().flatten().min()
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn read(&mut self, offset: u32) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => {
+                self.armed = self.sr & (TC | ORE | IDLE);
+                self.sr
+            }
+            0x04 => self.take_data(),
+            0x08 => self.brr,
+            0x0c | 0x10 | 0x14 => self.cr[(offset as usize - 0x0c) / 4],
+            0x18 => self.gtpr,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    /// # Errors
+    /// [`NoRegister`].
+    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        match offset {
+            // TC and RXNE are rc_w0; the rest is read-only here.
+            0x00 => self.sr &= value | !(TC | RXNE),
+            0x04 => self.put_data(value, now),
+            0x08 => {
+                self.brr = value & 0xffff;
+                self.notes.note_if(self.brr >> 4 == 0, "BRR: USARTDIV is below 1");
+            }
+            0x0c => {
+                self.cr[0] = value & 0xffff;
+                self.notes.note_if(
+                    bit(value, 0) || bit(value, 1),
+                    "CR1: break and mute mode are not modelled",
+                );
+                self.load_shift_register(now);
+            }
+            0x10 => {
+                self.cr[1] = value & 0x7f6f;
+                self.notes.note_if(
+                    value & 0x4800 != 0,
+                    "CR2: LIN and synchronous mode are not modelled",
+                );
+            }
+            0x14 => {
+                self.cr[2] = value & 0xfff;
+                self.notes.note_if(
+                    value & 0x33e != 0,
+                    "CR3: flow control, smartcard, IrDA and half duplex are not modelled",
+                );
+            }
+            0x18 => self.gtpr = value & 0xffff,
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SR: u32 = 0x00;
+    const DR: u32 = 0x04;
+    const BRR: u32 = 0x08;
+    const CR1: u32 = 0x0c;
+    const CR2: u32 = 0x10;
+    const CR3: u32 = 0x14;
+    /// A frame of ten bits at 1 Mbit/s.
+    const FRAME_NS: u64 = 10_000;
+
+    /// 84 MHz / 84 = 1 Mbit/s, 8N1.
+    fn running(cr1: u32) -> Usart {
+        let mut usart = Usart::new(84_000_000);
+        usart.write(BRR, 84, 0).unwrap();
+        usart.write(CR1, UE | cr1, 0).unwrap();
+        usart
+    }
+
+    #[test]
+    fn the_first_byte_goes_to_the_shift_register_at_once_and_the_second_waits() {
+        let mut usart = running(TE);
+        usart.write(DR, 0x55, 0).unwrap();
+        assert_eq!(usart.read(SR), Ok(TXE));
+        usart.write(DR, 0xaa, 0).unwrap();
+        assert_eq!(usart.read(SR), Ok(0));
+        assert_eq!(usart.next_sent(), Some(FRAME_NS));
+        assert_eq!(usart.sent(), Some(0x55));
+        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.next_sent(), Some(2 * FRAME_NS));
+        assert_eq!(usart.sent(), Some(0xaa));
+        assert_eq!(usart.read(SR), Ok(TXE | TC));
+    }
+
+    #[test]
+    fn tc_is_cleared_by_reading_sr_and_writing_dr_or_by_a_zero() {
+        let mut usart = running(TE);
+        usart.write(SR, !TC, 0).unwrap();
+        assert_eq!(usart.read(SR), Ok(TXE));
+        let mut usart = running(TE);
+        usart.read(SR).unwrap();
+        usart.write(DR, 1, 0).unwrap();
+        assert_eq!(usart.read(SR), Ok(TXE));
+    }
+
+    #[test]
+    fn the_frame_time_follows_brr_word_length_stop_bits_and_oversampling() {
+        let ns = |brr: u32, cr1: u32, cr2: u32| {
+            let mut usart = running(TE);
+            usart.write(BRR, brr, 0).unwrap();
+            usart.write(CR2, cr2, 0).unwrap();
+            usart.write(CR1, UE | TE | cr1, 0).unwrap();
+            usart.write(DR, 0, 0).unwrap();
+            usart.next_sent().unwrap()
+        };
+        assert_eq!(ns(84, 0, 0), 10_000);
+        assert_eq!(ns(84, M, 0), 11_000);
+        assert_eq!(ns(84, 0, 0b10 << 12), 11_000, "two stop bits");
+        assert_eq!(ns(84, 0, 0b11 << 12), 10_500, "one and a half");
+        // USARTDIV 10.5 by 8: mantissa 10, fraction 4.
+        assert_eq!(ns(10 << 4 | 4, OVER8, 0), 10_000);
+        assert_eq!(ns(729, 0, 0), 86_786, "115200 baud");
+    }
+
+    #[test]
+    fn dma_requests_come_with_the_first_two_bytes_at_once_and_then_a_frame_apart() {
+        let mut usart = running(TE);
+        assert!(!usart.dma_transmit_request());
+        usart.write(CR3, DMAT, 0).unwrap();
+        assert!(usart.dma_transmit_request());
+        usart.put_data(1, 0);
+        assert!(usart.dma_transmit_request());
+        usart.put_data(2, 0);
+        assert!(!usart.dma_transmit_request());
+        assert_eq!(usart.transmit_request(1), Some(FRAME_NS));
+        assert_eq!(usart.transmit_request(5), Some(5 * FRAME_NS));
+        usart.sent();
+        assert!(usart.dma_transmit_request());
+    }
+
+    #[test]
+    fn received_bytes_come_a_frame_apart_and_then_the_line_is_idle() {
+        let mut usart = running(RE);
+        usart.feed(5_000, b"ab");
+        let mut seen = Vec::new();
+        while let Some(at) = usart.next_received() {
+            usart.receive(at);
+            let sr = usart.read(SR).unwrap();
+            seen.push((at, sr & (RXNE | IDLE), usart.read(DR).unwrap() as u8));
+        }
+        assert_eq!(
+            seen,
+            [(15_000, RXNE, b'a'), (25_000, RXNE, b'b'), (35_000, IDLE, b'b')],
+            "idle is flagged once"
+        );
+    }
+
+    #[test]
+    fn a_byte_that_finds_the_register_full_is_lost_and_flagged() {
+        let mut usart = running(RE | RXNEIE);
+        usart.feed(0, b"ab");
+        for _ in 0..2 {
+            let at = usart.next_received().unwrap();
+            usart.receive(at);
+        }
+        assert!(usart.interrupt());
+        assert_eq!(usart.read(SR).unwrap() & (RXNE | ORE), RXNE | ORE);
+        assert_eq!(usart.read(DR), Ok(u32::from(b'a')));
+        assert_eq!(
+            usart.read(SR).unwrap() & (RXNE | ORE),
+            0,
+            "reading SR, then DR, clears both"
+        );
+    }
+
+    #[test]
+    fn the_line_follows_enabled_flags_and_its_rise_is_foretold() {
+        let mut usart = running(TE);
+        assert!(!usart.interrupt());
+        usart.write(DR, 1, 0).unwrap();
+        usart.write(CR1, UE | TE | TCIE, 0).unwrap();
+        assert_eq!(usart.next_interrupt(), Some(FRAME_NS));
+        usart.sent();
+        assert!(usart.interrupt());
+    }
+
+    #[test]
+    fn nothing_is_sent_or_received_while_disabled() {
+        let mut usart = running(0);
+        usart.write(DR, 1, 0).unwrap();
+        assert_eq!(usart.next_sent(), None);
+        usart.feed(0, b"a");
+        usart.receive(FRAME_NS);
+        assert_eq!(usart.read(SR).unwrap() & RXNE, 0);
+    }
+
+    #[test]
+    fn seven_data_bits_are_what_parity_leaves_of_eight() {
+        let mut usart = running(TE | PCE);
+        usart.write(DR, 0xff, 0).unwrap();
+        assert_eq!(usart.sent(), Some(0x7f));
+    }
+}

@@ -1,0 +1,421 @@
+//! The peripherals together, driven by register writes as firmware would, without QEMU.
+
+use std::collections::BTreeMap;
+
+use stm32f405_qemu::machine::{Board, INTERRUPTS, Machine, Stimulus};
+use stm32f405_qemu::{ResetCause, UartInput};
+
+const RCC: u32 = 0x4002_3800;
+const TIM3: u32 = 0x4000_0400;
+const TIM5: u32 = 0x4000_0c00;
+const IWDG: u32 = 0x4000_3000;
+const USART1: u32 = 0x4001_1000;
+const ADC1: u32 = 0x4001_2000;
+const DMA2: u32 = 0x4002_6400;
+const STREAM0: u32 = DMA2 + 0x10;
+const STREAM7: u32 = DMA2 + 0x10 + 7 * 0x18;
+const SRAM: u32 = 0x2000_0000;
+const CCM: u32 = 0x1000_0000;
+const DMA2_STREAM0: usize = 56;
+const DMA2_STREAM7: usize = 70;
+
+/// Memory, and a record of everything that came out.
+struct TestBoard {
+    sram: Vec<u8>,
+    lines: [bool; INTERRUPTS],
+    rises: BTreeMap<usize, Vec<u64>>,
+    now: u64,
+    uart: Vec<u8>,
+    blocks: Vec<u64>,
+    resets_wanted: usize,
+}
+
+impl Board for TestBoard {
+    fn read_memory(&mut self, address: u32, bytes: &mut [u8]) {
+        let at = (address - SRAM) as usize;
+        bytes.copy_from_slice(&self.sram[at..at + bytes.len()]);
+    }
+
+    fn write_memory(&mut self, address: u32, bytes: &[u8]) {
+        let at = (address - SRAM) as usize;
+        self.sram[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+
+    fn set_interrupt(&mut self, number: usize, level: bool) {
+        self.lines[number] = level;
+        if level {
+            self.rises.entry(number).or_default().push(self.now);
+        }
+    }
+
+    fn sent(&mut self, byte: u8) {
+        self.uart.push(byte);
+    }
+
+    fn acquired(&mut self, scans: u64) {
+        self.blocks.push(scans);
+    }
+
+    fn reset_wanted(&mut self) {
+        self.resets_wanted += 1;
+    }
+}
+
+/// A machine with its board and the time, stepped as QEMU steps it.
+struct Bench {
+    machine: Machine,
+    board: TestBoard,
+    wakes: usize,
+}
+
+impl Bench {
+    fn new(rows: Vec<[u16; 2]>) -> Self {
+        Self::with_uart_input(rows, &[])
+    }
+
+    fn with_uart_input(rows: Vec<[u16; 2]>, input: &[UartInput]) -> Self {
+        let mut bench = Self {
+            machine: Machine::new(8_000_000, *b"0123456789ab", Stimulus::new(rows, 10_000), input),
+            board: TestBoard {
+                sram: vec![0; 0x2_0000],
+                lines: [false; INTERRUPTS],
+                rises: BTreeMap::new(),
+                now: 0,
+                uart: Vec::new(),
+                blocks: Vec::new(),
+                resets_wanted: 0,
+            },
+            wakes: 0,
+        };
+        // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states; clocks of all that is used.
+        bench.write(0x4002_3c00, 5);
+        bench.write(RCC, 1 << 16 | 0x83);
+        bench.write(RCC + 0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24);
+        bench.write(RCC, 1 << 24 | 1 << 16 | 0x83);
+        bench.write(RCC + 0x08, 2 | 0b101 << 10 | 0b100 << 13);
+        bench.write(RCC + 0x30, 1 << 22 | 0b111);
+        bench.write(RCC + 0x40, 0b1111);
+        bench.write(RCC + 0x44, 1 << 4 | 1 << 8);
+        bench
+    }
+
+    fn read(&mut self, address: u32) -> u32 {
+        self.machine.read(address, 4, self.board.now, &mut self.board)
+    }
+
+    fn write(&mut self, address: u32, value: u32) {
+        self.machine
+            .write(address, 4, value, self.board.now, &mut self.board);
+    }
+
+    /// Goes on to `until`, waking for interrupts only; `on_wake` is the firmware's handler.
+    fn run(&mut self, until: u64, mut on_wake: impl FnMut(&mut Self)) {
+        while let Some(at) = self.machine.next_interrupt().filter(|at| *at <= until) {
+            assert!(at > self.board.now, "a wake that does not lie ahead");
+            self.board.now = at;
+            self.machine.advance(at, &mut self.board);
+            self.wakes += 1;
+            on_wake(self);
+        }
+        self.board.now = until;
+        self.machine.advance(until, &mut self.board);
+    }
+
+    /// TIM3 at 100 kHz with its update as TRGO.
+    fn start_tim3(&mut self) {
+        self.write(TIM3 + 0x2c, 839);
+        self.write(TIM3 + 0x04, 0b010 << 4);
+        self.write(TIM3, 1);
+    }
+
+    /// ADC1 over channels 0 and 1 by TIM3, 56 + 12 cycles each at 21 MHz, into a ring of `items` at `memory`.
+    fn start_acquisition(&mut self, memory: u32, items: u32) {
+        self.write(STREAM0 + 0x04, items);
+        self.write(STREAM0 + 0x08, ADC1 + 0x4c);
+        self.write(STREAM0 + 0x0c, memory);
+        // Halfwords, memory increments, circular, half, complete and error interrupts.
+        let cr = 1 << 13 | 1 << 11 | 1 << 10 | 1 << 8 | 0b111 << 2;
+        self.write(STREAM0, cr);
+        self.write(STREAM0, cr | 1);
+        self.write(ADC1 + 0x304, 1 << 16);
+        self.write(ADC1 + 0x04, 1 << 26 | 1 << 8 | 1 << 5);
+        self.write(ADC1 + 0x10, 0b011_011);
+        self.write(ADC1 + 0x2c, 1 << 20);
+        self.write(ADC1 + 0x34, 1 << 5);
+        self.write(ADC1 + 0x08, ADON_DMA_BY_TIM3);
+        self.start_tim3();
+    }
+
+    fn clear_stream0(bench: &mut Self) {
+        let flags = bench.read(DMA2);
+        bench.write(DMA2 + 0x08, flags);
+    }
+
+    fn halfwords(&self, address: u32, count: usize) -> Vec<u16> {
+        let at = (address - SRAM) as usize;
+        let bytes = &self.board.sram[at..at + 2 * count];
+        bytes
+            .chunks_exact(2)
+            .map(|c| u16::from_le_bytes([c[0], c[1]]))
+            .collect()
+    }
+}
+
+const ADON_DMA_BY_TIM3: u32 = 0b01 << 28 | 0b1000 << 24 | 1 << 10 | 1 << 9 | 1 << 8 | 1;
+
+fn ramp(rows: u16) -> Vec<[u16; 2]> {
+    (0..rows).map(|i| [i, 1000 + i]).collect()
+}
+
+#[test]
+fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_a_half() {
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM + 0x100, 128);
+    bench.run(2_000_000, Bench::clear_stream0);
+
+    // 199 whole scans, and the first conversions of one that began at 2 ms are still running.
+    let ring = bench.halfwords(SRAM + 0x100, 128);
+    let scan = |i: u16| [ring[2 * usize::from(i)], ring[2 * usize::from(i) + 1]];
+    // Scans 192..199 lie over those of the third pass.
+    for i in 0..7 {
+        assert_eq!(scan(i), [192 + i, 1192 + i]);
+    }
+    for i in 7..64 {
+        assert_eq!(scan(i), [128 + i, 1128 + i]);
+    }
+    // 32 scans a half: scan n starts at (n + 1) * 10 µs and its second conversion ends 136 cycles of 21 MHz later.
+    let expected: Vec<u64> = (1..=6).map(|half| half * 320_000 + 6_477).collect();
+    assert_eq!(bench.board.rises[&DMA2_STREAM0], expected);
+    assert_eq!(bench.board.blocks, [32; 6]);
+    assert_eq!(bench.wakes, 6, "one wake an interrupt, none a sample");
+    assert_eq!(bench.machine.stimulus().sampling().unwrap().first_ns, 10_000);
+    assert_eq!(
+        (bench.machine.overruns(), bench.machine.triggers_ignored()),
+        (0, 0)
+    );
+    assert_eq!(bench.machine.unknown_registers(), []);
+    assert_eq!(bench.machine.unmodelled(), Vec::<String>::new());
+}
+
+#[test]
+fn the_ring_shows_how_far_it_is_whenever_the_firmware_looks() {
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM, 128);
+    bench.run(105_000, |_| {});
+    // Ten triggers; the tenth scan began at 100 µs and has one conversion.
+    assert_eq!(bench.read(STREAM0 + 0x04), 128 - 19);
+}
+
+#[test]
+fn a_software_start_puts_one_untimed_scan_before_the_first_trigger() {
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM, 128);
+    bench.write(ADC1 + 0x08, ADON_DMA_BY_TIM3 | 1 << 30);
+    bench.run(38_000, |_| {});
+    assert_eq!(bench.halfwords(SRAM, 8), [0, 1000, 0, 1000, 1, 1001, 2, 1002]);
+    assert_eq!(bench.machine.stimulus().sampling().unwrap().scans, 3);
+}
+
+#[test]
+fn a_ring_whose_stream_is_stopped_overruns_and_goes_on_only_after_ovr_is_cleared() {
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM, 128);
+    bench.run(35_000, |_| {});
+    let cr = bench.read(STREAM0);
+    bench.write(STREAM0, cr & !1);
+    bench.run(95_000, |_| {});
+    assert_eq!(bench.machine.overruns(), 1);
+    assert_eq!(bench.machine.triggers_ignored(), 5, "those at 50 to 90 µs");
+    assert_eq!(bench.read(ADC1) & 1 << 5, 1 << 5);
+    bench.write(DMA2 + 0x08, 0x3f);
+    bench.write(STREAM0, cr);
+    bench.write(ADC1, !(1 << 5));
+    bench.read(ADC1 + 0x4c);
+    bench.run(109_000, |_| {});
+    // The stimulus went on meanwhile: the scan at 100 µs is row 9.
+    assert_eq!(bench.halfwords(SRAM, 2), [9, 1009]);
+}
+
+#[test]
+fn scans_longer_than_the_trigger_period_skip_triggers_and_keep_their_rows() {
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM, 128);
+    // 480 + 12 cycles: 23.4 µs a conversion.
+    bench.write(ADC1 + 0x10, 0b111_111);
+    bench.run(130_000, |_| {});
+    assert_eq!(bench.halfwords(SRAM, 4), [0, 1000, 5, 1005]);
+    assert_eq!(bench.machine.triggers_ignored(), 10 - 1 + 1);
+}
+
+#[test]
+fn a_ring_in_ccm_is_a_transfer_error() {
+    let mut bench = Bench::new(ramp(10));
+    bench.start_acquisition(CCM, 128);
+    bench.run(30_000, |_| {});
+    assert!(bench.board.lines[DMA2_STREAM0]);
+    assert_eq!(bench.read(DMA2) & 0x3f, 1 << 3, "TEIF0");
+}
+
+#[test]
+fn a_transmission_by_dma_sends_every_byte_at_the_baud_rate_and_wakes_once() {
+    let mut bench = Bench::new(Vec::new());
+    bench.board.sram[..100].copy_from_slice(&std::array::from_fn::<u8, 100, _>(|i| i as u8));
+    bench.write(USART1 + 0x08, 84);
+    bench.write(USART1 + 0x0c, 1 << 13 | 1 << 3);
+    bench.write(USART1 + 0x14, 1 << 7);
+    bench.write(STREAM7 + 0x04, 100);
+    bench.write(STREAM7 + 0x08, USART1 + 0x04);
+    bench.write(STREAM7 + 0x0c, SRAM);
+    bench.write(STREAM7, 4 << 25 | 1 << 10 | 1 << 6 | 1 << 4);
+    bench.write(STREAM7, 4 << 25 | 1 << 10 | 1 << 6 | 1 << 4 | 1);
+    bench.run(2_000_000, |b| b.write(DMA2 + 0x0c, 0x3f << 22));
+    assert_eq!(bench.board.uart, (0..100).collect::<Vec<u8>>());
+    // The last byte leaves memory when the one before the last starts on the line.
+    assert_eq!(bench.board.rises[&DMA2_STREAM7], [98 * 10_000]);
+    assert_eq!(bench.wakes, 1);
+    assert_eq!(bench.read(USART1) & 0xc0, 0xc0, "TXE and TC");
+}
+
+#[test]
+fn received_bytes_reach_the_firmware_a_frame_apart() {
+    let input = UartInput {
+        at_ns: 50_000,
+        bytes: b"ok".to_vec(),
+    };
+    let mut bench = Bench::with_uart_input(Vec::new(), &[input]);
+    bench.write(USART1 + 0x08, 84);
+    bench.write(USART1 + 0x0c, 1 << 13 | 1 << 5 | 1 << 2);
+    let mut seen = Vec::new();
+    bench.run(1_000_000, |b| {
+        let byte = b.read(USART1 + 0x04);
+        seen.push((b.board.now, byte as u8));
+    });
+    assert_eq!(seen, [(60_000, b'o'), (70_000, b'k')]);
+}
+
+#[test]
+fn a_byte_write_to_the_data_register_sends_that_byte_and_one_to_a_port_keeps_the_rest() {
+    let mut bench = Bench::new(Vec::new());
+    bench.write(USART1 + 0x08, 84);
+    bench.write(USART1 + 0x0c, 1 << 13 | 1 << 3);
+    bench.machine.write(USART1 + 0x04, 1, 0x41, 0, &mut bench.board);
+    bench.run(10_000, |_| {});
+    assert_eq!(bench.board.uart, b"A");
+
+    bench.write(0x4002_0014, 0x1234);
+    bench
+        .machine
+        .write(0x4002_0015, 1, 0xab, 10_000, &mut bench.board);
+    assert_eq!(bench.read(0x4002_0014), 0xab34);
+}
+
+#[test]
+fn an_embassy_time_driver_is_woken_at_its_half_periods() {
+    let mut bench = Bench::new(Vec::new());
+    // 1 MHz, 16-bit period, compare 1 half way, update and compare 1 interrupts.
+    for (offset, value) in [
+        (0x28, 83),
+        (0x2c, 0xffff),
+        (0x14, 1),
+        (0x10, 0),
+        (0x34, 0x8000),
+        (0x0c, 3),
+        (0, 1),
+    ] {
+        bench.write(TIM5 + offset, value);
+    }
+    bench.run(200_000_000, |b| b.write(TIM5 + 0x10, 0));
+    let expected: Vec<u64> = (1..=6).map(|n| n * 32_768_000).collect();
+    assert_eq!(bench.board.rises[&50], expected);
+}
+
+#[test]
+fn a_register_without_a_model_and_one_without_its_clock_are_recorded_by_name() {
+    let mut bench = Bench::new(Vec::new());
+    bench.write(0x4001_3008, 7);
+    bench.read(0x4001_3008);
+    bench.write(RCC + 0x44, 0);
+    bench.write(USART1, 0);
+    let unknown = bench.machine.unknown_registers();
+    let seen: Vec<_> = unknown
+        .iter()
+        .map(|u| (u.name.as_str(), u.reads, u.writes, u.last_write))
+        .collect();
+    assert_eq!(
+        seen,
+        [
+            ("USART1+0x00 (clock off)", 0, 1, Some(0)),
+            ("SPI1+0x08", 1, 1, Some(7))
+        ]
+    );
+}
+
+#[test]
+fn a_channel_without_stimulus_and_too_few_wait_states_are_reported() {
+    let mut bench = Bench::new(ramp(10));
+    bench.write(0x4002_3c00, 4);
+    bench.start_acquisition(SRAM, 4);
+    bench.write(ADC1 + 0x34, 5 << 5);
+    bench.run(30_000, |_| {});
+    assert_eq!(
+        bench.machine.unmodelled(),
+        [
+            "FLASH ACR.LATENCY is below table 10 for this HCLK",
+            "ADC1 channel 5 has no stimulus: it reads 0"
+        ]
+    );
+}
+
+#[test]
+fn resetting_a_peripheral_through_rcc_stops_it() {
+    let mut bench = Bench::new(Vec::new());
+    bench.start_tim3();
+    bench.write(RCC + 0x20, 1 << 1);
+    bench.write(RCC + 0x20, 0);
+    assert_eq!((bench.read(TIM3), bench.read(TIM3 + 0x2c)), (0, 0xffff));
+}
+
+#[test]
+fn a_software_reset_starts_the_peripherals_anew_and_the_world_goes_on() {
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM, 128);
+    bench.run(1_000_000, Bench::clear_stream0);
+    bench.machine.reset(bench.board.now, &mut bench.board);
+    assert_eq!(
+        bench.read(RCC + 0x74) >> 24,
+        0b1_1110,
+        "SFTRSTF beside the flags of power-up"
+    );
+    assert_eq!(bench.read(STREAM0), 0, "its clock is off");
+    assert_eq!(bench.machine.next_interrupt(), None);
+    assert_eq!(bench.machine.stimulus().ends_at(), Some(10_000 + 400 * 10_000));
+    assert_eq!(bench.machine.resets()[0].cause, ResetCause::Software);
+}
+
+#[test]
+fn a_watchdog_that_is_not_fed_wants_a_reset_once_and_shows_it_in_csr() {
+    let mut bench = Bench::new(Vec::new());
+    bench.write(IWDG, 0xcccc);
+    bench.run(400_000_000, |_| {});
+    bench.write(IWDG, 0xaaaa);
+    bench.run(900_000_000, |_| {});
+    assert_eq!(bench.board.resets_wanted, 0);
+    bench.run(1_000_000_000, |_| {});
+    assert_eq!(bench.board.resets_wanted, 1);
+    bench.machine.reset(bench.board.now, &mut bench.board);
+    assert_eq!(bench.machine.resets()[0].cause, ResetCause::Watchdog);
+    assert_eq!(bench.read(RCC + 0x74) & 1 << 29, 1 << 29);
+}
+
+#[test]
+fn a_copy_between_memories_is_done_when_it_is_started() {
+    let mut bench = Bench::new(Vec::new());
+    bench.board.sram[..8].copy_from_slice(b"absorber");
+    let stream1 = STREAM0 + 0x18;
+    bench.write(stream1 + 0x04, 8);
+    bench.write(stream1 + 0x08, SRAM);
+    bench.write(stream1 + 0x0c, SRAM + 64);
+    bench.write(stream1, 0b10 << 6 | 0b11 << 9 | 1);
+    assert_eq!(&bench.board.sram[64..72], b"absorber");
+    assert_eq!(bench.read(DMA2), 0x30 << 6);
+}
