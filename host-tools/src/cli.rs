@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::commands::simulate;
+use crate::commands::{decode, emulate, replay, simulate};
 use crate::failure::Failure;
 
 const AFTER_HELP: &str = "\
@@ -27,6 +27,12 @@ pub struct Cli {
 enum Command {
     /// Run the full f64 chain of a scenario.
     Simulate(simulate::Arguments),
+    /// Run the flash image in QEMU on what a bead would sense.
+    Emulate(emulate::Arguments),
+    /// Print the frames of a recording or of raw bytes, one JSON object a line.
+    Decode(decode::Arguments),
+    /// Run the recorded samples through the bead's code: every result bit for bit.
+    Replay(replay::Arguments),
 }
 
 impl Cli {
@@ -37,6 +43,9 @@ impl Cli {
     pub fn run(self) -> Result<(), Failure> {
         match self.command {
             Command::Simulate(arguments) => simulate::run(&arguments),
+            Command::Emulate(arguments) => emulate::run(&arguments),
+            Command::Decode(arguments) => decode::run(&arguments),
+            Command::Replay(arguments) => replay::run(&arguments),
         }
     }
 }

@@ -1,3 +1,6 @@
 //! One file a command: its arguments, its run, its table and its JSON.
 
+pub(crate) mod decode;
+pub(crate) mod emulate;
+pub(crate) mod replay;
 pub(crate) mod simulate;

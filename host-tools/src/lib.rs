@@ -5,14 +5,19 @@
 
 pub mod cli;
 mod commands;
+pub mod emulation;
 pub mod f64_estimators;
 pub mod failure;
 pub mod figure;
 pub mod frames;
 pub mod front_end;
+mod front_end_options;
 pub mod output;
+pub mod received;
 pub mod recording;
+pub mod replay;
 pub mod sensed;
+pub mod strikes;
 #[cfg(test)]
 mod testing;
 pub mod time_series;

@@ -1,6 +1,13 @@
 //! What the unit tests of several files share.
 
+use bead_model::design::{Capture, derive};
+use bead_model::{AdcCode, Meter, Scan, Settings, Sink, StrikeReport};
 use hertz_chain::Scenario;
+
+use crate::front_end::FrontEnd;
+use crate::replay::wire_strike;
+use crate::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
+use crate::strikes::{Chunk, RecordedStrike};
 
 /// The paper's strike, as every user has it.
 pub(crate) fn paper_scenario() -> Scenario {
@@ -13,8 +20,48 @@ pub(crate) fn paper_scenario() -> Scenario {
 
 /// Its first millisecond: the wave does not reach the intruder.
 pub(crate) fn short_scenario() -> Scenario {
-    Scenario {
-        duration: 1e-3,
-        ..paper_scenario()
+    Scenario { duration: 1e-3, ..paper_scenario() }
+}
+
+/// The paper's strike as bead 8 would report it, made by the model on this computer.
+pub(crate) fn recorded_strike() -> RecordedStrike {
+    let solution = simulate_with_ring_down(&paper_scenario()).unwrap();
+    let front_end = FrontEnd::default();
+    let settings =
+        derive(&bead_of(&solution, 8).unwrap(), &front_end.calibration(), &Capture::default()).unwrap();
+    let timing = Timing { lead_in: 0.02, strikes: 1, interval: 0.1 };
+    let codes =
+        front_end.digitise(&mut Sensed::new(&solution, 8, timing), timing.scans(solution.end()), Some(1));
+    let mut strike = RecordedStrike {
+        said: wire_strike(&bead_model::Window::open(0, 0).report(&settings)),
+        scans: Vec::new(),
+        chunks: Vec::new(),
+        settings: Some(settings),
+    };
+    feed(&settings, &codes.scans, &mut strike);
+    strike
+}
+
+fn feed(settings: &Settings, codes: &[[u16; 2]], strike: &mut RecordedStrike) {
+    struct Into<'a>(&'a mut RecordedStrike);
+    impl Sink for Into<'_> {
+        fn chunk(&mut self, chunk: &bead_model::Chunk) {
+            let scans = chunk.scans.iter().map(|scan| [scan.force.get(), scan.acceleration.get()]);
+            self.0.scans.extend(scans);
+            self.0.chunks.push(Chunk {
+                end: self.0.scans.len(),
+                absorbed_measured: chunk.absorbed_measured.to_bits(),
+                absorbed_predicted: chunk.absorbed_predicted.to_bits(),
+            });
+        }
+        fn report(&mut self, report: &StrikeReport) {
+            self.0.said = wire_strike(report);
+        }
     }
+    let mut meter = Meter::new();
+    for (index, &[force, acceleration]) in (1..).zip(codes) {
+        let scan = Scan { force: AdcCode::new(force), acceleration: AdcCode::new(acceleration) };
+        meter.process(settings, index, scan, &mut Into(strike));
+    }
+    assert_eq!(meter.strikes(), 1);
 }

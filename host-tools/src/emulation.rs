@@ -1,0 +1,244 @@
+//! The flash image in QEMU, on what a bead of a simulated chain would sense.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use bead_model::design::{Capture, derive};
+use bead_model::settings::{BLOCK_MAX, Settings};
+use hertz_chain::{Scenario, Solution};
+use serde::{Deserialize, Serialize};
+use stm32f405_qemu::{Outcome, Run, RunError};
+
+use crate::failure::{Blame, Failure};
+use crate::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ};
+use crate::sensed::{Sensed, Timing, Truth, bead_of};
+
+/// Where the image looks for its settings: the last sector of flash (`memory.x`).
+pub const SETTINGS_ADDRESS: u32 = 0x080E_0000;
+/// The image as `cargo xtask build` leaves it, from the workspace's root.
+const IMAGE: &str = "target/thumbv7em-none-eabihf/firmware/bead-firmware";
+/// Virtual time after the last strike: long enough for the next status, sent once a second.
+const TAIL: Duration = Duration::from_millis(1200);
+/// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
+pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
+
+/// Finds the image: as given, or as built, upwards from here and from this program.
+///
+/// # Errors
+/// There is none; the message says how to build it.
+pub fn find_image(given: Option<&Path>) -> Result<PathBuf, Failure> {
+    if let Some(path) = given {
+        return match path.is_file() {
+            true => Ok(path.to_owned()),
+            false => Err(Failure::input(format!(
+                "--firmware {}: there is no such file; build the image with `cargo xtask build`",
+                path.display()
+            ))),
+        };
+    }
+    let starts = [env::current_dir().ok(), env::current_exe().ok()];
+    starts
+        .iter()
+        .flatten()
+        .flat_map(|start| start.ancestors())
+        .map(|folder| folder.join(IMAGE))
+        .find(|path| path.is_file())
+        .ok_or_else(|| {
+            Failure::input(format!(
+                "the image {IMAGE} was not found here or above; build it with `cargo xtask build`, or name one with --firmware"
+            ))
+        })
+}
+
+/// The truth of a run, as attached to its recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunTruth {
+    /// The bead that senses.
+    pub bead: usize,
+    /// What it should say of each strike.
+    #[serde(flatten)]
+    pub truth: Truth,
+    /// When each strike began, in samples: sample index of the scan that holds the force at that time.
+    pub starts: Vec<f64>,
+    /// The front end that it sensed through.
+    pub front_end: FrontEnd,
+    /// Seed of its noise; none for no noise.
+    pub seed: Option<u64>,
+}
+
+/// What the emulator measured, as attached to the recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EmulatorReport {
+    /// The image that was run.
+    pub image: String,
+    /// Instructions of each function, and of all.
+    pub instructions_per_sample: InstructionsPerSample,
+    /// Instructions that fit between two samples here.
+    pub instructions_available: f64,
+    /// ADC overruns that the emulated converter saw.
+    pub overruns: u64,
+    /// Resets after power-up.
+    pub resets: usize,
+    /// Scans that the timer triggered.
+    pub scans: u64,
+    /// Scans beyond a rail: force, acceleration.
+    pub saturated: [usize; 2],
+    /// Registers that the image touched and no model knows.
+    pub unknown_registers: Vec<String>,
+    /// Features asked for and not modelled.
+    pub unmodelled: Vec<String>,
+    /// Virtual time of the run, s.
+    pub virtual_seconds: f64,
+    /// Time that it took here, s.
+    pub real_seconds: f64,
+    /// The image's own log.
+    pub log: Vec<String>,
+}
+
+/// Instructions executed for each sample.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct InstructionsPerSample {
+    /// In estimate A, for each sample that it took.
+    pub observer: f64,
+    /// In estimate B and its square root, for each sample that it took.
+    pub reduced_chain: f64,
+    /// In the whole image, for each sample of the whole run.
+    pub total: f64,
+    /// In the whole image, for each sample of the busiest block.
+    pub worst_block: f64,
+}
+
+/// A run that is ready to start.
+pub struct Emulation {
+    /// The bead's settings.
+    pub settings: Settings,
+    /// The same as their block in flash.
+    pub block: Vec<u8>,
+    /// What is true.
+    pub truth: RunTruth,
+    codes: Digitised,
+    image: PathBuf,
+}
+
+impl Emulation {
+    /// Derives the settings and digitises what the bead senses.
+    ///
+    /// # Errors
+    /// The bead has no intruder, or no settings fit it.
+    pub fn prepare(
+        scenario: &Scenario,
+        solution: &Solution,
+        bead: usize,
+        front_end: &FrontEnd,
+        seed: Option<u64>,
+        timing: Timing,
+        image: &Path,
+    ) -> Result<Self, Failure> {
+        let physics = bead_of(solution, bead)?;
+        let settings = derive(&physics, &front_end.calibration(), &Capture::default())
+            .or_input(|| format!("no settings fit bead {bead} and this front end"))?;
+        let mut block = [0; BLOCK_MAX];
+        let length = settings.encode(&mut block).or_input(|| "cannot encode the settings")?;
+        if timing.strikes > 1 && timing.interval < solution.end() {
+            return Err(Failure::input(format!(
+                "--interval {} s: a strike and its ring-down take {} s; give at least that",
+                timing.interval,
+                solution.end()
+            )));
+        }
+        let codes = front_end.digitise(
+            &mut Sensed::new(solution, bead, timing),
+            timing.scans(solution.end()),
+            seed,
+        );
+        let truth = RunTruth {
+            bead,
+            truth: Truth::of(scenario, solution, bead)?,
+            // Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
+            starts: (0..timing.strikes)
+                .map(|number| 1.0 + timing.start(number) * f64::from(SAMPLE_RATE_HZ))
+                .collect(),
+            front_end: *front_end,
+            seed,
+        };
+        Ok(Self { settings, block: block[..length].to_vec(), truth, codes, image: image.to_owned() })
+    }
+
+    /// Runs the image. Returns the bytes that it sent and what was measured.
+    ///
+    /// # Errors
+    /// The image is none, QEMU fails, or the image never samples.
+    pub fn run(&self) -> Result<(Vec<u8>, EmulatorReport), Failure> {
+        let mut run = Run::new(&self.image);
+        run.stimulus = self.codes.scans.clone();
+        run.sample_period_ns = u64::from(1_000_000_000 / SAMPLE_RATE_HZ);
+        run.flash = vec![(SETTINGS_ADDRESS, self.block.clone())];
+        run.functions = [
+            ("observer", "bead_model::observer::"),
+            ("reduced_chain", "bead_model::reduced_chain::"),
+            ("sqrt", "bead_model::sqrt::"),
+        ]
+        .map(|(label, pattern)| (label.to_owned(), pattern.to_owned()))
+        .to_vec();
+        run.tail_ns = TAIL.as_nanos() as u64;
+        // An image that keeps the core busy runs some thirty times slower here than on silicon.
+        let seconds = self.codes.scans.len() as f64 / f64::from(SAMPLE_RATE_HZ) + TAIL.as_secs_f64();
+        run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * seconds);
+        let clock = Instant::now();
+        let outcome = run.execute().map_err(blame)?;
+        let report = self.report(&outcome, clock.elapsed().as_secs_f64())?;
+        Ok((outcome.uart, report))
+    }
+
+    fn report(&self, outcome: &Outcome, real_seconds: f64) -> Result<EmulatorReport, Failure> {
+        let Some(sampling) = &outcome.sampling else {
+            let last = outcome.log.last().map_or_else(|| "nothing".to_owned(), ToString::to_string);
+            return Err(Failure::device(format!(
+                "{} never started to sample in {:.1} s; the last that it logged: {last}",
+                self.image.display(),
+                outcome.virtual_ns as f64 * 1e-9
+            )));
+        };
+        let counted = outcome.instructions.as_ref().ok_or_else(|| {
+            Failure::device("the emulator counted no instructions although it was asked to")
+        })?;
+        let function = |label: &str| counted.functions.iter().find(|function| function.label == label);
+        let per_call = |label: &str, within: &str| {
+            let calls = function(label).map_or(0, |function| function.calls);
+            let instructions = function(label).map_or(0, |function| function.instructions)
+                + function(within).map_or(0, |function| function.instructions);
+            if calls == 0 { 0.0 } else { instructions as f64 / calls as f64 }
+        };
+        Ok(EmulatorReport {
+            image: self.image.display().to_string(),
+            instructions_per_sample: InstructionsPerSample {
+                observer: per_call("observer", ""),
+                reduced_chain: per_call("reduced_chain", "sqrt"),
+                total: counted.total as f64 / sampling.scans.max(1) as f64,
+                worst_block: counted.worst_block.map_or(0.0, |block| block.instructions_per_scan()),
+            },
+            instructions_available: INSTRUCTIONS_A_SAMPLE,
+            overruns: outcome.overruns,
+            resets: outcome.resets.len(),
+            scans: sampling.scans,
+            saturated: self.codes.saturated,
+            unknown_registers: outcome.unknown_registers.iter().map(|register| register.name.clone()).collect(),
+            unmodelled: outcome.unmodelled.clone(),
+            virtual_seconds: outcome.virtual_ns as f64 * 1e-9,
+            real_seconds,
+            log: outcome.log.iter().map(ToString::to_string).collect(),
+        })
+    }
+}
+
+/// Whose fault a failed run is.
+fn blame(error: RunError) -> Failure {
+    match error {
+        RunError::ImageMissing { .. }
+        | RunError::NotArmElf { .. }
+        | RunError::NoSymbols { .. }
+        | RunError::Input(_) => Failure::input(error),
+        _ => Failure::device(error),
+    }
+}

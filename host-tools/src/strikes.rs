@@ -1,0 +1,92 @@
+//! The strikes of a recording: each with its samples, what the bead said of it, and the settings it ran with.
+
+use bead_model::settings::Settings;
+use bead_wire::{Arrival, Strike};
+
+use crate::frames::{Frame, Message, Waveform};
+
+/// Energy bits as they stood after a run of samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Chunk {
+    /// Samples of the window up to and with the last of this chunk.
+    pub end: usize,
+    /// Estimate A, in [`bead_wire::ENERGY_UNIT_J`].
+    pub absorbed_measured: i64,
+    /// Estimate B, in [`bead_wire::ENERGY_UNIT_J`].
+    pub absorbed_predicted: i64,
+}
+
+/// One strike as it was received.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedStrike {
+    /// What the bead said of it.
+    pub said: Strike,
+    /// The window's codes, as far as received without a gap from its start.
+    pub scans: Vec<[u16; 2]>,
+    /// The chunks that they came in.
+    pub chunks: Vec<Chunk>,
+    /// The settings in force, if any were received.
+    pub settings: Option<Settings>,
+}
+
+impl RecordedStrike {
+    /// Samples of the window that were not received, or came after a gap.
+    pub fn missing(&self) -> usize {
+        usize::from(self.said.samples).saturating_sub(self.scans.len())
+    }
+}
+
+/// Frames of the bead between two resets.
+#[derive(Default)]
+struct Boot {
+    settings: Option<Settings>,
+    waveforms: Vec<Waveform>,
+    strikes: Vec<Strike>,
+}
+
+/// Puts the frames of a recording together, strike by strike, over resets and with late frames in their place.
+///
+/// `settings` are those that the bead is known to have been given, for a boot whose settings frames are all lost.
+pub fn assemble(frames: &[Frame], settings: Option<&Settings>) -> Vec<RecordedStrike> {
+    let mut boots = vec![Boot::default()];
+    for frame in frames {
+        match frame.arrival {
+            Arrival::Restart { .. } => boots.push(Boot::default()),
+            Arrival::Duplicate => continue,
+            _ => {}
+        }
+        let Some(boot) = boots.last_mut() else { continue };
+        match &frame.message {
+            Message::Settings(block) => boot.settings = Settings::decode(block).ok().or(boot.settings),
+            Message::Waveform(waveform) => boot.waveforms.push(waveform.clone()),
+            Message::Strike(strike) => boot.strikes.push(*strike),
+            _ => {}
+        }
+    }
+    boots.into_iter().flat_map(|boot| boot.assemble(settings)).collect()
+}
+
+impl Boot {
+    fn assemble(mut self, known: Option<&Settings>) -> Vec<RecordedStrike> {
+        self.waveforms.sort_by_key(|waveform| waveform.first_index);
+        self.strikes.sort_by_key(|strike| strike.strike);
+        let settings = self.settings.or(known.copied());
+        let strike = |said: Strike| {
+            let mut recorded =
+                RecordedStrike { said, scans: Vec::new(), chunks: Vec::new(), settings };
+            for waveform in self.waveforms.iter().filter(|waveform| waveform.strike == said.strike) {
+                if waveform.first_index != said.first_index + recorded.scans.len() as u64 {
+                    break;
+                }
+                recorded.scans.extend(&waveform.codes);
+                recorded.chunks.push(Chunk {
+                    end: recorded.scans.len(),
+                    absorbed_measured: waveform.absorbed_measured,
+                    absorbed_predicted: waveform.absorbed_predicted,
+                });
+            }
+            recorded
+        };
+        self.strikes.iter().copied().map(strike).collect()
+    }
+}
