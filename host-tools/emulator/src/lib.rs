@@ -4,6 +4,7 @@
 mod exchange;
 pub mod machine;
 pub mod peripherals;
+mod plugin;
 mod run;
 
 pub use exchange::{Block, Pin, Poke, Reset, ResetCause, Sampling, UartInput, UnknownRegister};

@@ -378,33 +378,33 @@ impl Machine {
 
     /// Serves the DMA requests that stand.
     fn serve(&mut self, now: u64, board: &mut impl Board) {
-        if self.adc.dma_request() {
-            if let Some(stream) = self.dma[DMA2].serving(&ADC1_REQUEST) {
-                let (block, ended) = self.transfer(DMA2, stream, now, board);
-                // Also where the stream reads another register than DR: the request is answered once.
-                self.adc.take_data();
-                if ended {
-                    self.adc.dma_ended();
-                }
-                if block {
-                    self.flush(board);
-                    board.acquired(self.scans - self.scans_at_last_block);
-                    self.scans_at_last_block = self.scans;
-                }
+        if self.adc.dma_request()
+            && let Some(stream) = self.dma[DMA2].serving(&ADC1_REQUEST)
+        {
+            let (block, ended) = self.transfer(DMA2, stream, now, board);
+            // Also where the stream reads another register than DR: the request is answered once.
+            self.adc.take_data();
+            if ended {
+                self.adc.dma_ended();
+            }
+            if block {
+                self.flush(board);
+                board.acquired(self.scans - self.scans_at_last_block);
+                self.scans_at_last_block = self.scans;
             }
         }
         // The first byte passes on to the shift register at once, so two may be taken.
         for _ in 0..2 {
-            if self.usart1.dma_transmit_request() {
-                if let Some(stream) = self.dma[DMA2].serving(&USART1_TX_REQUEST) {
-                    self.transfer(DMA2, stream, now, board);
-                }
-            }
-        }
-        if self.usart1.dma_receive_request() {
-            if let Some(stream) = self.dma[DMA2].serving(&USART1_RX_REQUEST) {
+            if self.usart1.dma_transmit_request()
+                && let Some(stream) = self.dma[DMA2].serving(&USART1_TX_REQUEST)
+            {
                 self.transfer(DMA2, stream, now, board);
             }
+        }
+        if self.usart1.dma_receive_request()
+            && let Some(stream) = self.dma[DMA2].serving(&USART1_RX_REQUEST)
+        {
+            self.transfer(DMA2, stream, now, board);
         }
     }
 
@@ -510,9 +510,9 @@ impl Machine {
     /// Brings memory and interrupt lines up to the state of the models.
     fn settle(&mut self, board: &mut impl Board) {
         self.flush(board);
-        for n in 0..TIM_LINES.len() {
+        for (n, line) in TIM_LINES.into_iter().enumerate() {
             let level = self.tim[n].interrupt();
-            self.set_line(TIM_LINES[n], level, board);
+            self.set_line(line, level, board);
         }
         let level = self.adc.interrupt();
         self.set_line(ADC_LINE, level, board);
@@ -611,10 +611,8 @@ impl Machine {
     /// What a write to one peripheral does to others.
     fn after_write(&mut self, unit: Unit, now: u64) {
         match unit {
-            Unit::Tim(n) => {
-                if self.tim[n].take_trigger_now() && self.trigger_timer() == Some(n) {
-                    self.trigger_adc(now);
-                }
+            Unit::Tim(n) if self.tim[n].take_trigger_now() && self.trigger_timer() == Some(n) => {
+                self.trigger_adc(now);
             }
             Unit::Adc => self.note_scan(now, false),
             Unit::Pwr => self.rcc.backup_domain_open = self.pwr.backup_domain_open(),

@@ -185,6 +185,8 @@ impl Rcc {
             0x74 => self.csr | ((self.csr & 1) << 1),
             0x80 => self.sscgr,
             0x84 => self.plli2scfgr,
+            // DCKCFGR of the F42x, reserved here; embassy-stm32 writes it on every F4.
+            0x8c => 0,
             _ => return Err(NoRegister),
         })
     }
@@ -228,6 +230,7 @@ impl Rcc {
             }
             0x80 => self.sscgr = value,
             0x84 => self.plli2scfgr = value,
+            0x8c => {}
             _ => return Err(NoRegister),
         }
         Ok(())

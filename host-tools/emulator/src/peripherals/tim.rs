@@ -391,10 +391,11 @@ impl Tim {
             return self.update_after(n);
         }
         let first_update = self.first_update();
-        if let Some(ahead) = compare.checked_sub(self.origin_count).map(u64::from) {
-            if n < ahead && ahead < first_update {
-                return ahead;
-            }
+        if let Some(ahead) = compare.checked_sub(self.origin_count).map(u64::from)
+            && n < ahead
+            && ahead < first_update
+        {
+            return ahead;
         }
         let first = first_update + u64::from(compare);
         match n.checked_sub(first) {

@@ -1,0 +1,296 @@
+//! The plugin: what runs inside QEMU.
+//!
+//! # Design
+//!
+//! [`qemu`] is the only file with `unsafe` in it: it finds QEMU's functions, lays the regions over the machine and turns
+//! QEMU's callbacks into calls of [`Overlay`]. The overlay drives a [`Machine`], records what comes out, and ends the run.
+//!
+//! QEMU's big lock is held in every callback that reaches the overlay, so one call ends before the next begins.
+
+mod count;
+mod qemu;
+mod rtt;
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use crate::exchange::{self, Block, Description, FORMAT, LINE_PREFIX, Poke, Report, SELF_TEST_STATUS};
+use crate::machine::{Board, Machine, Stimulus};
+use count::Counters;
+use qemu::Qemu;
+
+/// The log is looked at with an access of the processor after this time at the earliest.
+const RTT_PERIOD_NS: u64 = 100_000;
+
+/// One run, seen from inside QEMU.
+struct Overlay {
+    machine: Machine,
+    description: Description,
+    folder: PathBuf,
+    recorder: Recorder,
+    /// In order of time.
+    pokes: VecDeque<Poke>,
+    rtt_looked_at_ns: u64,
+    powered_up: bool,
+    interrupts_tested: bool,
+    ended: bool,
+}
+
+/// What comes out of the machine while it runs.
+struct Recorder {
+    uart: BufWriter<File>,
+    rtt: File,
+    counters: Option<&'static Counters>,
+    /// Instructions at the end of the last block.
+    block_began: Option<u64>,
+    worst_block: Option<Block>,
+}
+
+impl Overlay {
+    /// Reads the run's description.
+    ///
+    /// # Errors
+    /// One line, what is wrong with the directory.
+    fn new(folder: &Path) -> Result<Self, String> {
+        let odd = |what: &str, why: String| format!("run directory {}: {what}: {why}", folder.display());
+        let read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| odd(name, e.to_string()));
+        let create = |name: &str| File::create(folder.join(name)).map_err(|e| odd(name, e.to_string()));
+
+        let json: serde_json::Value = serde_json::from_slice(&read(exchange::DESCRIPTION)?)
+            .map_err(|e| odd(exchange::DESCRIPTION, e.to_string()))?;
+        if json.get("format").and_then(serde_json::Value::as_u64) != Some(u64::from(FORMAT)) {
+            return Err(
+                "this overlay is of another build than the program that runs it; build both again".into(),
+            );
+        }
+        let description: Description =
+            serde_json::from_value(json).map_err(|e| odd(exchange::DESCRIPTION, e.to_string()))?;
+
+        let bytes = read(exchange::STIMULUS)?;
+        let rows = bytes
+            .chunks_exact(4)
+            .map(|c| [u16::from_le_bytes([c[0], c[1]]), u16::from_le_bytes([c[2], c[3]])]);
+        let stimulus = Stimulus::new(rows.collect(), description.sample_period_ns);
+        let machine = Machine::new(
+            description.hse_hz,
+            description.uid,
+            stimulus,
+            &description.uart_input,
+        );
+        let mut pokes = description.pokes.clone();
+        pokes.sort_by_key(|poke| poke.at_ns);
+        let counters = description.count_instructions.then(|| {
+            // Kept for the life of QEMU: its callbacks point there.
+            &*Box::leak(Box::new(Counters::new(
+                description.labels,
+                description.functions.clone(),
+            )))
+        });
+        Ok(Self {
+            machine,
+            folder: folder.into(),
+            recorder: Recorder {
+                uart: BufWriter::new(create(exchange::UART)?),
+                rtt: create(exchange::RTT)?,
+                counters,
+                block_began: None,
+                worst_block: None,
+            },
+            pokes: pokes.into(),
+            rtt_looked_at_ns: 0,
+            powered_up: false,
+            interrupts_tested: false,
+            ended: false,
+            description,
+        })
+    }
+
+    /// The processor reads.
+    fn read(&mut self, address: u32, bytes: u32, qemu: &Qemu) -> u32 {
+        let now = qemu.now();
+        let value = self
+            .machine
+            .read(address, bytes, now, &mut Outside(qemu, &mut self.recorder));
+        self.after(now, false, qemu);
+        value
+    }
+
+    /// The processor writes.
+    fn write(&mut self, address: u32, bytes: u32, value: u32, qemu: &Qemu) {
+        let now = qemu.now();
+        self.machine
+            .write(address, bytes, value, now, &mut Outside(qemu, &mut self.recorder));
+        self.after(now, false, qemu);
+    }
+
+    /// The time that was asked for has come.
+    fn wake(&mut self, qemu: &Qemu) {
+        if !std::mem::replace(&mut self.interrupts_tested, true)
+            && let Err(line) = qemu::interrupt_test(qemu)
+        {
+            qemu::exit(SELF_TEST_STATUS, &line);
+        }
+        let now = qemu.now();
+        self.machine.advance(now, &mut Outside(qemu, &mut self.recorder));
+        while let Some(poke) = self.pokes.pop_front_if(|poke| poke.at_ns <= now) {
+            qemu.poke(poke.address, &poke.bytes);
+        }
+        self.after(now, true, qemu);
+        if self.ends_at().is_some_and(|end| end <= now) {
+            self.end(now, qemu);
+        }
+    }
+
+    /// The machine is reset. The first time is power-up, which the machine was made for.
+    fn reset(&mut self, qemu: &Qemu) {
+        if !std::mem::replace(&mut self.powered_up, true) {
+            // The interrupt controller is ready once everything is reset: test it first of all.
+            qemu.wake_at(qemu.now() + 1);
+            return;
+        }
+        let now = qemu.now();
+        self.machine.reset(now, &mut Outside(qemu, &mut self.recorder));
+        self.recorder.block_began = None;
+        self.after(now, true, qemu);
+    }
+
+    /// When the run is over, as far as known: some time after the stimulus, or when sampling has not begun by then.
+    fn ends_at(&self) -> Option<u64> {
+        match self.machine.stimulus().ends_at() {
+            Some(end) => Some(end.saturating_add(self.description.tail_ns)),
+            None => Some(self.description.sampling_deadline_ns),
+        }
+    }
+
+    fn after(&mut self, now: u64, look_at_log: bool, qemu: &Qemu) {
+        if self.ended {
+            return;
+        }
+        if look_at_log || now >= self.rtt_looked_at_ns + RTT_PERIOD_NS {
+            self.drain_log(qemu);
+            self.rtt_looked_at_ns = now;
+        }
+        let poke = self.pokes.front().map(|poke| poke.at_ns);
+        let next = [self.machine.next_interrupt(), poke, self.ends_at()]
+            .into_iter()
+            .flatten()
+            .min();
+        if let Some(next) = next {
+            qemu.wake_at(next.max(now + 1));
+        }
+    }
+
+    fn drain_log(&mut self, qemu: &Qemu) {
+        if let Some(block) = self.description.rtt {
+            let bytes = rtt::drain(block, &mut Guest(qemu));
+            written(self.recorder.rtt.write_all(&bytes));
+        }
+        written(self.recorder.uart.flush());
+    }
+
+    /// Writes the report and asks QEMU to stop. What it still executes until then is not recorded.
+    fn end(&mut self, now: u64, qemu: &Qemu) {
+        if std::mem::replace(&mut self.ended, true) {
+            return;
+        }
+        let report = Report {
+            sampling: self.machine.stimulus().sampling(),
+            virtual_ns: now,
+            overruns: self.machine.overruns(),
+            triggers_ignored: self.machine.triggers_ignored(),
+            resets: self.machine.resets().to_vec(),
+            unknown: self.machine.unknown_registers(),
+            unmodelled: self.machine.unmodelled(),
+            pins: self.machine.pins(),
+            instructions: self.recorder.counters.map_or(0, Counters::total),
+            labels: self.recorder.counters.map_or_else(Vec::new, Counters::labels),
+            worst_block: self.recorder.worst_block,
+        };
+        let json = serde_json::to_vec(&report).expect("a plain struct has a JSON form");
+        written(std::fs::write(self.folder.join(exchange::REPORT), json));
+        qemu.request_shutdown();
+    }
+}
+
+/// A disk that is full ends the run: half a record would look like a whole one.
+fn written(result: std::io::Result<()>) {
+    if let Err(e) = result {
+        qemu::exit(1, &format!("cannot write the run's files: {e}"));
+    }
+}
+
+fn say(line: &str) {
+    eprintln!("{LINE_PREFIX}{line}");
+}
+
+/// The machine's outside: QEMU, and the recorder.
+struct Outside<'a>(&'a Qemu, &'a mut Recorder);
+
+impl Board for Outside<'_> {
+    fn read_memory(&mut self, address: u32, bytes: &mut [u8]) {
+        self.0.read_memory(address, bytes);
+    }
+
+    fn write_memory(&mut self, address: u32, bytes: &[u8]) {
+        self.0.write_memory(address, bytes);
+    }
+
+    fn set_interrupt(&mut self, number: usize, level: bool) {
+        self.0.set_interrupt(number, level);
+    }
+
+    fn sent(&mut self, byte: u8) {
+        written(self.1.uart.write_all(&[byte]));
+    }
+
+    fn acquired(&mut self, scans: u64) {
+        let Some(counters) = self.1.counters else {
+            return;
+        };
+        let now = counters.total();
+        // The first block after a reset has the start-up in it.
+        if let Some(began) = self.1.block_began.replace(now).filter(|_| scans > 0) {
+            let block = Block {
+                instructions: now - began,
+                scans,
+            };
+            let worst = self.1.worst_block.get_or_insert(block);
+            if block.instructions_per_scan() > worst.instructions_per_scan() {
+                *worst = block;
+            }
+        }
+    }
+
+    fn reset_wanted(&mut self) {
+        self.0.request_reset();
+    }
+}
+
+/// Guest memory for the log.
+struct Guest<'a>(&'a Qemu);
+
+impl rtt::Memory for Guest<'_> {
+    fn read(&mut self, address: u32, bytes: &mut [u8]) {
+        if is_ram(address, bytes.len()) {
+            self.0.read_memory(address, bytes);
+        }
+    }
+
+    fn write(&mut self, address: u32, bytes: &[u8]) {
+        if is_ram(address, bytes.len()) {
+            self.0.write_memory(address, bytes);
+        }
+    }
+}
+
+/// Whether the log may lie there: SRAM or CCM. An address that the image has not set yet may be a register of ours.
+fn is_ram(address: u32, bytes: usize) -> bool {
+    let within = |start: u32, length: usize| {
+        address
+            .checked_sub(start)
+            .is_some_and(|offset| offset as usize + bytes <= length)
+    };
+    within(0x2000_0000, 128 << 10) || within(0x1000_0000, 64 << 10)
+}

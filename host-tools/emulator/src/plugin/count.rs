@@ -1,0 +1,132 @@
+//! Instructions executed: in all, and inside functions with a label.
+//!
+//! # Design
+//!
+//! QEMU calls back before every instruction; which function it belongs to is looked up once, when its block is
+//! translated. There is one processor thread, so a counter is a plain load and store of an atomic.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use crate::exchange::{Count, FunctionRange};
+
+/// The labels that an instruction counts for.
+#[derive(Debug, Default)]
+pub(super) struct Site {
+    labels: Vec<usize>,
+    /// Labels of which it is the first instruction of a function.
+    entered: Vec<usize>,
+}
+
+#[derive(Debug, Default)]
+struct Label {
+    instructions: AtomicU64,
+    calls: AtomicU64,
+}
+
+/// All counters of a run.
+#[derive(Debug)]
+pub(super) struct Counters {
+    total: AtomicU64,
+    labels: Vec<Label>,
+    functions: Vec<FunctionRange>,
+}
+
+impl Counters {
+    pub(super) fn new(labels: usize, functions: Vec<FunctionRange>) -> Self {
+        Self {
+            total: AtomicU64::new(0),
+            labels: (0..labels).map(|_| Label::default()).collect(),
+            functions,
+        }
+    }
+
+    /// What the instruction at an address counts for; `None` for the total only.
+    pub(super) fn site(&self, address: u32) -> Option<Site> {
+        let mut site = Site::default();
+        for f in self
+            .functions
+            .iter()
+            .filter(|f| (f.start..f.end).contains(&address))
+        {
+            if !site.labels.contains(&f.label) {
+                site.labels.push(f.label);
+            }
+            if f.start == address {
+                site.entered.push(f.label);
+            }
+        }
+        (!site.labels.is_empty()).then_some(site)
+    }
+
+    /// One instruction was executed.
+    pub(super) fn executed(&self, site: Option<&Site>) {
+        add_one(&self.total);
+        if let Some(site) = site {
+            site.labels
+                .iter()
+                .for_each(|l| add_one(&self.labels[*l].instructions));
+            site.entered.iter().for_each(|l| add_one(&self.labels[*l].calls));
+        }
+    }
+
+    pub(super) fn total(&self) -> u64 {
+        self.total.load(Relaxed)
+    }
+
+    pub(super) fn labels(&self) -> Vec<Count> {
+        let count = |l: &Label| Count {
+            instructions: l.instructions.load(Relaxed),
+            calls: l.calls.load(Relaxed),
+        };
+        self.labels.iter().map(count).collect()
+    }
+}
+
+fn add_one(counter: &AtomicU64) {
+    counter.store(counter.load(Relaxed) + 1, Relaxed);
+}
+
+/// Sites by address, kept for the life of QEMU: a block may be translated many times.
+#[derive(Debug, Default)]
+pub(super) struct Sites(HashMap<u32, Option<&'static Site>>);
+
+impl Sites {
+    pub(super) fn get(&mut self, address: u32, counters: &Counters) -> Option<&'static Site> {
+        *self
+            .0
+            .entry(address)
+            .or_insert_with(|| counters.site(address).map(|site| &*Box::leak(Box::new(site))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_instruction_counts_for_its_labels_and_the_first_of_a_function_for_a_call() {
+        let range = |label, start, end| FunctionRange { label, start, end };
+        let counters = Counters::new(
+            2,
+            vec![range(0, 100, 110), range(0, 200, 210), range(1, 100, 110)],
+        );
+        for address in [98, 100, 102, 200, 108, 110] {
+            counters.executed(counters.site(address).as_ref());
+        }
+        assert_eq!(counters.total(), 6);
+        assert_eq!(
+            counters.labels(),
+            [
+                Count {
+                    instructions: 4,
+                    calls: 2
+                },
+                Count {
+                    instructions: 3,
+                    calls: 1
+                }
+            ]
+        );
+    }
+}

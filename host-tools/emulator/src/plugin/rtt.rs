@@ -1,0 +1,91 @@
+//! Reads the image's log out of guest memory, as a debug probe does: SEGGER's Real-Time Transfer, up-channel 0.
+//!
+//! The control block starts with a name of 16 bytes and the counts of up- and down-channels; each channel then has
+//! six words: name, buffer, size, write offset (the image's), read offset (ours), flags.
+
+const NAME: &[u8; 10] = b"SEGGER RTT";
+const BLOCK_BYTES: usize = 24 + 6 * 4;
+/// Read offset of channel 0 in the block.
+const READ_OFFSET: u32 = 40;
+/// A buffer beyond this is no buffer but memory that has not been set up yet.
+const MAX_BUFFER: u32 = 0x2_0000;
+
+/// Guest memory, as far as the log needs it.
+pub(super) trait Memory {
+    fn read(&mut self, address: u32, bytes: &mut [u8]);
+    fn write(&mut self, address: u32, bytes: &[u8]);
+}
+
+/// Takes what is in the buffer and tells the image that it is taken. Nothing, before the image has set the block up.
+pub(super) fn drain(block: u32, memory: &mut impl Memory) -> Vec<u8> {
+    let mut bytes = [0; BLOCK_BYTES];
+    memory.read(block, &mut bytes);
+    let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+    let (channels, buffer, size, write, read) = (word(16), word(28), word(32), word(36), word(40));
+    let set_up = bytes.starts_with(NAME) && channels > 0 && size <= MAX_BUFFER && write < size && read < size;
+    if !set_up || write == read {
+        return Vec::new();
+    }
+    let mut taken = Vec::new();
+    let mut take = |from: u32, to: u32| {
+        let start = taken.len();
+        taken.resize(start + (to - from) as usize, 0);
+        memory.read(buffer + from, &mut taken[start..]);
+    };
+    if read < write {
+        take(read, write);
+    } else {
+        take(read, size);
+        take(0, write);
+    }
+    memory.write(block + READ_OFFSET, &write.to_le_bytes());
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Ram(Vec<u8>);
+
+    impl Memory for Ram {
+        fn read(&mut self, address: u32, bytes: &mut [u8]) {
+            let at = address as usize;
+            bytes.copy_from_slice(&self.0[at..at + bytes.len()]);
+        }
+
+        fn write(&mut self, address: u32, bytes: &[u8]) {
+            let at = address as usize;
+            self.0[at..at + bytes.len()].copy_from_slice(bytes);
+        }
+    }
+
+    /// A block at 0 and its buffer `01234567` at 64.
+    fn image(write: u32, read: u32) -> Ram {
+        let mut ram = Ram(vec![0; 128]);
+        ram.write(0, NAME);
+        for (at, word) in [(16, 1), (28, 64), (32, 8), (36, write), (40, read)] {
+            ram.write(at, &u32::to_le_bytes(word));
+        }
+        ram.write(64, b"01234567");
+        ram
+    }
+
+    #[test]
+    fn what_lies_between_the_offsets_is_taken_once() {
+        let mut ram = image(5, 2);
+        assert_eq!(drain(0, &mut ram), b"234");
+        assert_eq!(drain(0, &mut ram), b"");
+    }
+
+    #[test]
+    fn a_wrapped_buffer_is_taken_in_order() {
+        assert_eq!(drain(0, &mut image(2, 6)), b"6701");
+    }
+
+    #[test]
+    fn a_block_that_is_not_set_up_gives_nothing() {
+        assert_eq!(drain(0, &mut Ram(vec![0; 128])), b"");
+        assert_eq!(drain(0, &mut image(9, 0)), b"", "an offset beyond the buffer");
+    }
+}
