@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::commands::{decode, emulate, replay, simulate};
+use crate::commands::{compare, decode, emulate, record, replay, simulate};
 use crate::failure::Failure;
 
 const AFTER_HELP: &str = "\
@@ -29,10 +29,14 @@ enum Command {
     Simulate(simulate::Arguments),
     /// Run the flash image in QEMU on what a bead would sense.
     Emulate(emulate::Arguments),
+    /// Record what a bead sends, and print its strikes.
+    Record(record::Arguments),
     /// Print the frames of a recording or of raw bytes, one JSON object a line.
     Decode(decode::Arguments),
     /// Run the recorded samples through the bead's code: every result bit for bit.
     Replay(replay::Arguments),
+    /// Hold a recording against the simulation: device, replay, f64 from the same samples, full chain.
+    Compare(compare::Arguments),
 }
 
 impl Cli {
@@ -44,8 +48,10 @@ impl Cli {
         match self.command {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
+            Command::Record(arguments) => record::run(&arguments),
             Command::Decode(arguments) => decode::run(&arguments),
             Command::Replay(arguments) => replay::run(&arguments),
+            Command::Compare(arguments) => compare::run(&arguments),
         }
     }
 }

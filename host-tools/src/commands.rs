@@ -1,6 +1,8 @@
 //! One file a command: its arguments, its run, its table and its JSON.
 
+pub(crate) mod compare;
 pub(crate) mod decode;
 pub(crate) mod emulate;
+pub(crate) mod record;
 pub(crate) mod replay;
 pub(crate) mod simulate;

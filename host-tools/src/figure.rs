@@ -67,8 +67,10 @@ pub enum Mark {
     Dashed,
     /// A dot a point.
     Dots,
-    /// An open ring a point.
+    /// An open ring a point, wide enough to show a disc inside it.
     Rings,
+    /// A disc a point.
+    Discs,
 }
 
 /// One curve.
@@ -110,9 +112,11 @@ pub struct Chart {
 
 /// Width of every chart in pixels; text sizes are chosen for it.
 pub const WIDTH: u32 = 860;
-const LEGEND_HEIGHT: u32 = 26;
-const X_LABELS_HEIGHT: u32 = 46;
-const Y_LABELS_WIDTH: u32 = 66;
+const LEGEND_HEIGHT: u32 = 30;
+const X_LABELS_HEIGHT: u32 = 50;
+const Y_LABELS_WIDTH: u32 = 70;
+/// Width of a broad line: more than a dot laid over it.
+const BROAD: u32 = 7;
 const FONT: &str = "sans-serif";
 
 impl Chart {
@@ -197,8 +201,8 @@ impl Chart {
             .x_label_area_size(if last { X_LABELS_HEIGHT } else { 0 })
             .y_label_area_size(Y_LABELS_WIDTH)
             .build_cartesian_2d(self.x_range.0..self.x_range.1, low..high)?;
-        let ticks = (FONT, 13).into_font().color(&FAINT);
-        let title = (FONT, 14).into_font().color(&TEXT);
+        let ticks = (FONT, 14).into_font().color(&FAINT);
+        let title = (FONT, 15).into_font().color(&TEXT);
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
@@ -209,7 +213,7 @@ impl Chart {
             .x_desc(if last { self.x_label.as_str() } else { "" })
             .y_desc(panel.y_label.as_str())
             .x_labels(10)
-            .y_labels((panel.height / 45).clamp(3, 8) as usize)
+            .y_labels((panel.height / 32).clamp(3, 8) as usize)
             .x_label_formatter(&|v| label(*v))
             .y_label_formatter(&|v| label(*v))
             .draw()?;
@@ -222,7 +226,7 @@ impl Chart {
                 .filter(|(x, _)| (self.x_range.0..=self.x_range.1).contains(x));
             match series.mark {
                 Mark::Broad => {
-                    chart.draw_series(LineSeries::new(points, colour.stroke_width(5)))?;
+                    chart.draw_series(LineSeries::new(points, colour.stroke_width(BROAD)))?;
                 }
                 Mark::Line => {
                     chart.draw_series(LineSeries::new(points, colour.stroke_width(2)))?;
@@ -234,7 +238,10 @@ impl Chart {
                     chart.draw_series(points.map(|point| Circle::new(point, 2, colour.filled())))?;
                 }
                 Mark::Rings => {
-                    chart.draw_series(points.map(|point| Circle::new(point, 4, ring(colour))))?;
+                    chart.draw_series(points.map(|point| Circle::new(point, 6, ring(colour))))?;
+                }
+                Mark::Discs => {
+                    chart.draw_series(points.map(|point| Circle::new(point, 3, colour.filled())))?;
                 }
             }
         }
@@ -264,14 +271,14 @@ where
 {
     let middle = LEGEND_HEIGHT as i32 / 2 + 3;
     let mut x = Y_LABELS_WIDTH as i32;
-    let style = TextStyle::from((FONT, 13).into_font())
+    let style = TextStyle::from((FONT, 14).into_font())
         .color(&TEXT)
         .pos(Pos::new(HPos::Left, VPos::Center));
     for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
         let colour = series.ink.colour();
         let line = [(x, middle), (x + 24, middle)];
         match series.mark {
-            Mark::Broad => area.draw(&PathElement::new(line, colour.stroke_width(5)))?,
+            Mark::Broad => area.draw(&PathElement::new(line, colour.stroke_width(BROAD)))?,
             Mark::Line => area.draw(&PathElement::new(line, colour.stroke_width(2)))?,
             Mark::Dashed => {
                 for start in [x, x + 9, x + 18] {
@@ -280,11 +287,12 @@ where
                 }
             }
             Mark::Dots => area.draw(&Circle::new((x + 12, middle), 3, colour.filled()))?,
-            Mark::Rings => area.draw(&Circle::new((x + 12, middle), 4, ring(colour)))?,
+            Mark::Rings => area.draw(&Circle::new((x + 12, middle), 6, ring(colour)))?,
+            Mark::Discs => area.draw(&Circle::new((x + 12, middle), 3, colour.filled()))?,
         }
         area.draw(&Text::new(series.name.as_str(), (x + 30, middle), style.clone()))?;
-        // Plotters cannot measure text without a font: 6.7 px is the mean advance of 13 px sans-serif.
-        x += 30 + (series.name.chars().count() as f64 * 6.7) as i32 + 22;
+        // Plotters cannot measure text without a font: 7.2 px is the mean advance of 14 px sans-serif.
+        x += 30 + (series.name.chars().count() as f64 * 7.2) as i32 + 22;
     }
     Ok(())
 }
@@ -372,6 +380,7 @@ mod tests {
             (Ink::Measured, Mark::Dashed),
             (Ink::Predicted, Mark::Rings),
             (Ink::Sensed, Mark::Dots),
+            (Ink::Sensed, Mark::Discs),
         ] {
             chart.panels[0].series.push(Series {
                 ink,

@@ -5,6 +5,7 @@
 
 pub mod cli;
 mod commands;
+pub mod comparison;
 pub mod emulation;
 pub mod f64_estimators;
 pub mod failure;
@@ -13,9 +14,11 @@ pub mod frames;
 pub mod front_end;
 mod front_end_options;
 pub mod output;
+pub mod port;
 pub mod received;
 pub mod recording;
 pub mod replay;
+pub mod report;
 pub mod sensed;
 pub mod strikes;
 #[cfg(test)]

@@ -1,0 +1,200 @@
+//! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::comparison::{Chain, StrikeComparison, Values};
+use crate::emulation::{EmulatorReport, RunTruth};
+use crate::failure::{Blame, Failure};
+use crate::output::{self, Format};
+use crate::received::Received;
+use crate::recording::Part;
+use crate::report::{Report, percent, residual_chart, strike_chart};
+use crate::sensed::{load_scenario, only_host};
+
+const AFTER_HELP: &str = "\
+Goals: A within 0.2 % of the full chain, B within 0.5 %, or 1 % where the recording shows noise on the force.
+Exit status 1 if one is missed, replay differs, a frame is lost or a sample overran.
+
+Examples:
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --figures figures";
+
+/// Arguments of `bead compare`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// The recording.
+    recording: PathBuf,
+    /// The scenario that it is a recording of.
+    #[arg(long, value_name = "S.toml")]
+    scenario: PathBuf,
+    /// The bead that sensed [default: as the recording says, else the only one with an intruder].
+    #[arg(long, value_name = "N")]
+    bead: Option<usize>,
+    /// Write a report of one self-contained HTML file.
+    #[arg(long, value_name = "F.html")]
+    report: Option<PathBuf>,
+    /// Write the figures as SVG files of their own into this directory, which is made if need be.
+    #[arg(long, value_name = "DIR")]
+    figures: Option<PathBuf>,
+    /// How to print the result.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+#[derive(Serialize)]
+struct Output<'a> {
+    bead: usize,
+    strikes: &'a [StrikeComparison],
+    frames_lost: u64,
+    frames_corrupt: u64,
+    overruns: u64,
+    pass: bool,
+    failure: Option<&'a str>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (scenario, _) = load_scenario(&arguments.scenario)?;
+    let received = Received::open(&arguments.recording)?;
+    let recorded = received.some_strikes()?;
+    let truth: Option<RunTruth> = received.json(Part::Truth)?;
+    let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
+    let bead = match arguments.bead.or(truth.as_ref().map(|truth| truth.bead)) {
+        Some(bead) => bead,
+        None => only_host(&scenario)?,
+    };
+
+    let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
+    let chain = Chain::run(&scenario, bead)?;
+    let mut strikes = Vec::with_capacity(recorded.len());
+    for (number, strike) in recorded.iter().enumerate() {
+        progress.set_message(format!("comparing strike {} of {}", number + 1, recorded.len()));
+        strikes.push(chain.compare(strike));
+    }
+    progress.finish_and_clear();
+
+    let overruns = received
+        .status()
+        .map_or(0, |status| status.overruns.into())
+        .max(emulator.as_ref().map_or(0, |emulator| emulator.overruns));
+    let failure = failure(&strikes, &received, overruns);
+    let report = Report {
+        title: &scenario.title,
+        recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
+        bead,
+        strikes: &strikes,
+        failure: failure.as_deref(),
+        counters: &received.counters,
+        identity: received.identity(),
+        status: received.status(),
+        settings: recorded[0].settings.as_ref(),
+        emulator: emulator.as_ref(),
+    };
+    if let Some(path) = &arguments.report {
+        write_text(path, &report.html()?)?;
+    }
+    if let Some(directory) = &arguments.figures {
+        write_figures(directory, &strikes)?;
+    }
+    match arguments.format {
+        Format::Json => output::print_json(&Output {
+            bead,
+            strikes: &strikes,
+            frames_lost: received.counters.lost,
+            frames_corrupt: received.counters.rejected.total(),
+            overruns,
+            pass: failure.is_none(),
+            failure: failure.as_deref(),
+        })?,
+        Format::Table => output::print_line(&table(&strikes))?,
+    }
+    failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
+}
+
+/// The first check that said no, gravest first.
+fn failure(strikes: &[StrikeComparison], received: &Received, overruns: u64) -> Option<String> {
+    if let Some(what) = strikes.iter().find_map(|strike| strike.first_difference.as_ref()) {
+        return Some(format!("replay differs: {what}"));
+    }
+    let (lost, corrupt) = (received.counters.lost, received.counters.rejected.total());
+    if lost + corrupt > 0 {
+        return Some(format!("{lost} frames were lost and {corrupt} corrupt"));
+    }
+    if overruns > 0 {
+        return Some(format!("{overruns} overruns: samples are missing"));
+    }
+    strikes.iter().find_map(|strike| {
+        [
+            ("A", strike.deviation.absorbed_measured, strike.goal.absorbed_measured),
+            ("B", strike.deviation.absorbed_predicted, strike.goal.absorbed_predicted),
+        ]
+        .into_iter()
+        .find(|(_, off, goal)| off.abs() > *goal)
+        .map(|(name, off, goal)| {
+            format!(
+                "strike {}: {name} is {} off the full chain, more than its goal of {:.1} %; see docs/accuracy.md",
+                strike.strike,
+                percent(off),
+                goal * 100.0
+            )
+        })
+    })
+}
+
+fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    output::write_whole(path, |file| Ok(file.write_all(text.as_bytes())?))
+}
+
+fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), Failure> {
+    let Some(traces) = strikes.iter().find_map(|strike| strike.traces.as_ref()) else {
+        return Err(Failure::input("no strike was received whole, so there is nothing to draw"));
+    };
+    fs::create_dir_all(directory)
+        .or_input(|| format!("cannot make the directory {}", directory.display()))?;
+    write_text(&directory.join("strike.svg"), &strike_chart(traces).standalone_svg()?)?;
+    write_text(&directory.join("residuals.svg"), &residual_chart(traces).standalone_svg()?)
+}
+
+fn table(strikes: &[StrikeComparison]) -> String {
+    let mut table =
+        output::table(["", "device", "replay", "f64, same samples", "f64 chain", "device off by", "goal", ""]);
+    for strike in strikes {
+        table.add_row([format!("strike {}, sample {}", strike.strike, strike.sample_index)]);
+        type Of = fn(&Values) -> f64;
+        let rows: [(&str, Of, f64, usize, Option<f64>); 3] = [
+            ("  A, measured (nJ)", |v| v.absorbed_measured, 1e9, 3, Some(strike.goal.absorbed_measured)),
+            ("  B, predicted (nJ)", |v| v.absorbed_predicted, 1e9, 3, Some(strike.goal.absorbed_predicted)),
+            ("  peak force (N)", |v| v.peak_force, 1.0, 5, None),
+        ];
+        for (name, of, scale, digits, goal) in rows {
+            let cell = |values: Option<Values>| {
+                values.map_or_else(|| "-".to_owned(), |values| format!("{:.digits$}", of(&values) * scale))
+            };
+            let off = of(&strike.deviation);
+            table.add_row([
+                name.to_owned(),
+                cell(Some(strike.device)),
+                cell(strike.replay),
+                cell(strike.f64_samples),
+                cell(Some(strike.f64_chain)),
+                format!("{:+.3} %", off * 100.0),
+                goal.map_or_else(String::new, |goal| format!("{:.1} %", goal * 100.0)),
+                goal.map_or("", |goal| if off.abs() <= goal { "met" } else { "missed" }).to_owned(),
+            ]);
+        }
+        table.add_row([
+            "  replay".to_owned(),
+            (if strike.replay_identical { "identical in every bit" } else { "differs" }).to_owned(),
+        ]);
+        if !strike.flags.is_empty() {
+            table.add_row(["  flags".to_owned(), strike.flags.join(", ")]);
+        }
+    }
+    output::table_text(&table)
+}
