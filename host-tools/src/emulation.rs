@@ -18,8 +18,8 @@ use crate::sensed::{Sensed, Timing, Truth, bead_of};
 pub const SETTINGS_ADDRESS: u32 = 0x080E_0000;
 /// The image as `cargo xtask build` leaves it, from the workspace's root.
 const IMAGE: &str = "target/thumbv7em-none-eabihf/firmware/bead-firmware";
-/// Virtual time after the last strike: long enough for the next status, sent once a second.
-const TAIL: Duration = Duration::from_millis(1200);
+/// Virtual time after the last strike: long enough for the next status, sent every two seconds.
+const TAIL: Duration = Duration::from_millis(2200);
 /// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
 pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
 
@@ -57,7 +57,6 @@ pub struct RunTruth {
     /// The bead that senses.
     pub bead: usize,
     /// What it should say of each strike.
-    #[serde(flatten)]
     pub truth: Truth,
     /// When each strike began, in samples: sample index of the scan that holds the force at that time.
     pub starts: Vec<f64>,
