@@ -16,7 +16,8 @@
 //! # Errors
 //! When the ADC overruns it stops asking for DMA, and the driver's `read` never returns: a deadline tells.
 //! ADC and DMA are then set up anew (RM0090 section 13.8.1 wants both), which is the same code as at
-//! start-up. Each start is an epoch; the indices of an epoch are consecutive.
+//! start-up. Each start, and each run of blocks lost behind it, begins another epoch; the indices of an epoch
+//! are consecutive.
 
 use embassy_stm32::adc::{Adc, AdcChannel, SampleTime};
 use embassy_stm32::pac::{ADC1, adc::vals::Exten};
@@ -175,7 +176,7 @@ impl Outlet {
                 true
             }
             None => {
-                self.epoch += 1;
+                self.epoch += u32::from(!self.losing);
                 false
             }
         };
