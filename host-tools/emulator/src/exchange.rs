@@ -65,7 +65,7 @@ pub struct UartInput {
 
 /// A fault on demand: bytes written over guest memory, flash included, behind the processor's back.
 ///
-/// What stands in flash comes back with the next reset, since QEMU loads the image again; what stands in RAM stays.
+/// A reset brings flash back as it was, so that the image that faulted can start again; what is written over RAM stays.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Poke {
     /// Virtual time of the write, in ns since power-up.

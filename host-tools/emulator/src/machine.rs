@@ -57,9 +57,10 @@ const USART1_TX_REQUEST: [(usize, u32); 1] = [(7, 4)];
 const USART1_RX_REQUEST: [(usize, u32); 2] = [(2, 4), (5, 4)];
 const DMA2: usize = 1;
 
-/// What the DMA can reach (section 2.3): SRAM1 and SRAM2, and flash to read. CCM is on the processor's bus only.
-const SRAM: std::ops::Range<u32> = 0x2000_0000..0x2002_0000;
-const FLASH: std::ops::Range<u32> = 0x0800_0000..0x0810_0000;
+/// SRAM1 and SRAM2 (section 2.3). The DMA reaches them, and reads flash; CCM is on the processor's bus only.
+pub const SRAM: std::ops::Range<u32> = 0x2000_0000..0x2002_0000;
+/// The flash on the AHB (section 2.3).
+pub const FLASH: std::ops::Range<u32> = 0x0800_0000..0x0810_0000;
 
 /// What a machine needs of the outside.
 pub trait Board {

@@ -17,7 +17,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::exchange::{self, Block, Description, FORMAT, LINE_PREFIX, Poke, Report, SELF_TEST_STATUS};
-use crate::machine::{Board, Machine, Stimulus};
+use crate::machine::{Board, FLASH, Machine, Stimulus};
 use count::Counters;
 use qemu::Qemu;
 
@@ -32,6 +32,8 @@ struct Overlay {
     recorder: Recorder,
     /// In order of time.
     pokes: VecDeque<Poke>,
+    /// What stood in flash before the pokes.
+    flash_before: Vec<(u32, Vec<u8>)>,
     rtt_looked_at_ns: u64,
     powered_up: bool,
     interrupts_tested: bool,
@@ -99,6 +101,7 @@ impl Overlay {
                 worst_block: None,
             },
             pokes: pokes.into(),
+            flash_before: Vec::new(),
             rtt_looked_at_ns: 0,
             powered_up: false,
             interrupts_tested: false,
@@ -135,12 +138,21 @@ impl Overlay {
         let now = qemu.now();
         self.machine.advance(now, &mut Outside(qemu, &mut self.recorder));
         while let Some(poke) = self.pokes.pop_front_if(|poke| poke.at_ns <= now) {
-            qemu.poke(poke.address, &poke.bytes);
+            self.poke(&poke, qemu);
         }
         self.after(now, true, qemu);
         if self.ends_at().is_some_and(|end| end <= now) {
             self.end(now, qemu);
         }
+    }
+
+    fn poke(&mut self, poke: &Poke, qemu: &Qemu) {
+        if FLASH.contains(&poke.address) {
+            let mut before = vec![0; poke.bytes.len()];
+            qemu.read_memory(poke.address, &mut before);
+            self.flash_before.push((poke.address, before));
+        }
+        qemu.poke(poke.address, &poke.bytes);
     }
 
     /// The machine is reset. The first time is power-up, which the machine was made for.
@@ -153,6 +165,9 @@ impl Overlay {
         let now = qemu.now();
         self.machine.reset(now, &mut Outside(qemu, &mut self.recorder));
         self.recorder.block_began = None;
+        while let Some((address, bytes)) = self.flash_before.pop() {
+            qemu.poke(address, &bytes);
+        }
         self.after(now, true, qemu);
     }
 

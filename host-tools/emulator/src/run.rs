@@ -24,12 +24,9 @@ use crate::exchange::{
     self, Block, Description, FORMAT, LINE_PREFIX, Pin, Poke, Report, Reset, SELF_TEST_STATUS, Sampling,
     UartInput, UnknownRegister,
 };
+use crate::machine::FLASH;
 use image::Image;
 use qemu::Qemu;
-
-/// Start of the flash on the AHB (RM0090 section 2.3, STM32F405 memory map).
-const FLASH_START: u32 = 0x0800_0000;
-const FLASH_BYTES: u32 = 1 << 20;
 
 /// One run of an image: what it is given, and when it ends.
 ///
@@ -208,12 +205,13 @@ impl Run {
             ));
         }
         for (address, bytes) in &self.flash {
-            let start = address.checked_sub(FLASH_START);
-            if start.is_none_or(|s| u64::from(s) + bytes.len() as u64 > u64::from(FLASH_BYTES)) {
+            let end = u64::from(*address) + bytes.len() as u64;
+            if !FLASH.contains(address) || end > u64::from(FLASH.end) {
                 return input(format!(
-                    "{} bytes for flash at {address:#010x} are outside {FLASH_START:#010x}..{:#010x}",
+                    "{} bytes for flash at {address:#010x} are outside {:#010x}..{:#010x}",
                     bytes.len(),
-                    FLASH_START + FLASH_BYTES
+                    FLASH.start,
+                    FLASH.end
                 ));
             }
         }

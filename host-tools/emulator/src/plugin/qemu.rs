@@ -18,6 +18,7 @@
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::Path;
 use std::ptr::null_mut;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::count::{Counters, Site, Sites};
@@ -57,11 +58,14 @@ functions! {
     object_resolve_path: fn(*const c_char, *mut bool) -> Pointer;
     object_resolve_path_type: fn(*const c_char, *const c_char, *mut bool) -> Pointer;
     qdev_get_gpio_in: fn(Pointer, c_int) -> Pointer;
+    qdev_connect_gpio_out_named: fn(Pointer, *const c_char, c_int, Pointer);
+    qemu_allocate_irq: fn(extern "C" fn(Pointer, c_int, c_int), Pointer, c_int) -> Pointer;
     qemu_set_irq: fn(Pointer, c_int);
     qemu_get_cpu: fn(c_int) -> Pointer;
     cpu_memory_rw_debug: fn(Pointer, u64, Pointer, usize, bool) -> c_int;
     timer_init_full: fn(Pointer, Pointer, c_int, c_int, c_int, extern "C" fn(Pointer), Pointer);
     timer_mod: fn(Pointer, i64);
+    timer_del: fn(Pointer);
     qemu_clock_get_ns: fn(c_int) -> i64;
     qemu_register_reset: fn(extern "C" fn(Pointer), Pointer);
     qemu_system_reset_request: fn(c_int);
@@ -141,6 +145,7 @@ pub(super) struct Qemu {
     address_space: Pointer,
     timer: Pointer,
     interrupts: Vec<Pointer>,
+    reset_requested: AtomicBool,
 }
 
 // SAFETY: the pointers are to objects of QEMU's that live as long as it does, used under its big lock.
@@ -169,6 +174,9 @@ impl Qemu {
 
     /// Calls [`Overlay::wake`] at a time, in place of the one asked for before.
     pub(super) fn wake_at(&self, ns: u64) {
+        if self.reset_requested.load(Relaxed) {
+            return;
+        }
         // SAFETY: the timer was initialised by `lay_over`.
         unsafe { (self.functions.timer_mod)(self.timer, i64::try_from(ns).unwrap_or(i64::MAX)) }
     }
@@ -221,9 +229,15 @@ impl Qemu {
         unsafe { (self.functions.qemu_system_shutdown_request)(SHUTDOWN_CAUSE_GUEST_SHUTDOWN) }
     }
 
+    /// The reset comes a little later, from another thread. Until then no timer may stand: with the processor stopped,
+    /// QEMU would let virtual time jump to it, or not, as the threads happen to run.
     pub(super) fn request_reset(&self) {
-        // SAFETY: takes a cause.
-        unsafe { (self.functions.qemu_system_reset_request)(SHUTDOWN_CAUSE_GUEST_RESET) }
+        self.reset_requested.store(true, Relaxed);
+        // SAFETY: the timer was initialised by `lay_over`; the other takes a cause.
+        unsafe {
+            (self.functions.timer_del)(self.timer);
+            (self.functions.qemu_system_reset_request)(SHUTDOWN_CAUSE_GUEST_RESET);
+        }
     }
 
     /// Reads a word as the processor sees it, its private peripherals too.
@@ -369,6 +383,8 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
         let timer = room();
         (f.timer_init_full)(timer, none, QEMU_CLOCK_VIRTUAL, SCALE_NS, 0, on_timer, none);
         (f.qemu_register_reset)(on_reset, none);
+        let request = (f.qemu_allocate_irq)(on_reset_request, none, 0);
+        (f.qdev_connect_gpio_out_named)(processor, c"SYSRESETREQ".as_ptr(), 0, request);
         let interrupts = (0..=SPARE_LINE)
             .map(|n| (f.qdev_get_gpio_in)(processor, n as c_int))
             .collect();
@@ -378,6 +394,7 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             address_space,
             timer,
             interrupts,
+            reset_requested: AtomicBool::new(false),
         })
     }
 }
@@ -456,8 +473,16 @@ extern "C" fn on_timer(_: Pointer) {
     }
 }
 
+/// The firmware wrote SYSRESETREQ.
+extern "C" fn on_reset_request(_: Pointer, _number: c_int, level: c_int) {
+    if let Some(qemu) = QEMU.get().filter(|_| level != 0) {
+        qemu.request_reset();
+    }
+}
+
 extern "C" fn on_reset(_: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
+        qemu.reset_requested.store(false, Relaxed);
         overlay.reset(qemu);
     }
 }
