@@ -1,0 +1,300 @@
+//! `bead record`: what a bead sends, to a recording.
+//!
+//! # Design
+//! A thread of its own reads the port and does nothing else, so that a slow disk or a reader of standard output
+//! that has paused costs memory, never bytes. It ends at `--duration`, at a signal, or when the port goes away;
+//! what it has read is recorded to the last byte in each case.
+
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::time::{Duration, Instant, SystemTime};
+use std::{panic, thread};
+
+use bead_wire::{ACCELERATION_UNIT_MPS2, Arrival, Counters, FORCE_UNIT_N, Strike};
+use chrono::{DateTime, Utc};
+use clap::Args;
+use indicatif::ProgressBar;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+use crate::failure::{Blame, Failure};
+use crate::frames::{Frame, Item, Message, Reader, flag_names, joules};
+use crate::output::{self, Format};
+use crate::port::{Address, Port};
+use crate::recording::{About, RecordingError, Writer};
+
+const AFTER_HELP: &str = "\
+Ends at Ctrl-C, or after --duration, with exit status 0; when the port goes away, with 3. The recording is complete
+in each case. Every byte is kept as received, corrupt frames included. Each strike is printed as it comes.
+
+Examples:
+  bead record --port /dev/ttyUSB0
+  bead record --port /dev/ttyUSB0 --out strikes.mcap --duration 60
+  bead record --port tcp:192.168.1.7:4000 --format json | jq .absorbed_measured_j";
+
+/// Arguments of `bead record`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// A serial port or pty, tcp:HOST:PORT or unix:PATH.
+    #[arg(long, value_name = "P")]
+    port: Address,
+    /// The recording [default: bead-DATE-TIME.mcap, in UTC].
+    #[arg(long, value_name = "F.mcap")]
+    out: Option<PathBuf>,
+    /// Replace the recording if there is one.
+    #[arg(long)]
+    force: bool,
+    /// Bits a second of a serial port.
+    #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
+    baud: u32,
+    /// Stop after so long, s.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    duration: Option<Duration>,
+    /// How to print the strikes; as JSON, one object a line, as `bead decode` does.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    text.parse()
+        .ok()
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .filter(|duration| !duration.is_zero())
+        .ok_or_else(|| "give seconds, more than 0".to_owned())
+}
+
+/// Received bytes go to the system at least this often.
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let started = DateTime::<Utc>::from(SystemTime::now());
+    let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
+    let out = arguments.out.clone().unwrap_or_else(named);
+    if out.is_dir() {
+        return Err(Failure::input(format!(
+            "{} is a directory; give --out a file's name",
+            out.display()
+        )));
+    }
+    if out.exists() && !arguments.force {
+        return Err(Failure::input(format!(
+            "{} is there already; give another --out, or --force to replace it",
+            out.display()
+        )));
+    }
+
+    let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
+    let opened = Instant::now();
+    let deadline = arguments
+        .duration
+        .and_then(|duration| opened.checked_add(duration));
+    let mut notes = std::collections::BTreeMap::from([("started".into(), started.to_rfc3339())]);
+    if let Address::Serial(_) = arguments.port {
+        notes.insert("baud".into(), arguments.baud.to_string());
+    }
+    let about = About {
+        source: arguments.port.to_string(),
+        notes,
+        ..About::default()
+    };
+    let stop = stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
+    let mut recorder = Recorder {
+        writer: Writer::create(&out, &about).map_err(Failure::input)?,
+        reader: Reader::new(),
+        strikes: 0,
+        format: arguments.format,
+        printed: Ok(()),
+        progress: output::spinner(format!("listening to {}", arguments.port)),
+    };
+
+    let (heard, kept) = thread::scope(|scope| {
+        let (sender, receiver) = mpsc::channel();
+        let listener = scope.spawn(|| listen(&mut port, &stop, deadline, sender));
+        let kept = recorder.keep(&receiver);
+        drop(receiver);
+        stop.store(true, Ordering::Relaxed);
+        (
+            listener
+                .join()
+                .unwrap_or_else(|cause| panic::resume_unwind(cause)),
+            kept,
+        )
+    });
+    recorder.progress.finish_and_clear();
+    let seconds = opened.elapsed().as_secs_f64();
+    let Recorder {
+        writer,
+        strikes,
+        printed,
+        ..
+    } = recorder;
+    let partial = writer.partial_path().to_owned();
+    let counters = kept.and_then(|()| writer.finish()).map_err(|error| {
+        Failure::input(format!(
+            "{error}; what came before is kept in {}",
+            partial.display()
+        ))
+    })?;
+
+    let result = format!("{}: {}", out.display(), summary(&counters, strikes, seconds));
+    if let Err(reason) = heard {
+        return Err(Failure::device(format!(
+            "{} went away ({reason}), all that came before is in {result}; plug it in or start it again, and record \
+             to another file",
+            arguments.port
+        )));
+    }
+    eprintln!("bead: {result}");
+    if let Some(advice) = advice(&counters) {
+        eprintln!("bead: {advice}");
+    }
+    printed
+}
+
+/// A flag that Ctrl-C and SIGTERM raise; a second one ends the program at once, as it would without us.
+///
+/// SIGHUP is left alone: under `nohup` a recording outlives its terminal, and without it the file stays readable.
+fn stop_at_signals() -> io::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&stop))?;
+        flag::register(signal, Arc::clone(&stop))?;
+    }
+    Ok(stop)
+}
+
+/// Reads the port until told to stop. An error is the port going away.
+fn listen(
+    port: &mut Port,
+    stop: &AtomicBool,
+    deadline: Option<Instant>,
+    sender: Sender<Vec<u8>>,
+) -> io::Result<()> {
+    let mut buffer = vec![0; 64 * 1024];
+    while !stop.load(Ordering::Relaxed) && deadline.is_none_or(|deadline| Instant::now() < deadline) {
+        let length = port.read(&mut buffer)?;
+        if length > 0 && sender.send(buffer[..length].to_vec()).is_err() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+struct Recorder {
+    writer: Writer,
+    reader: Reader,
+    strikes: u64,
+    format: Format,
+    /// Standard output may fail; the recording goes on.
+    printed: Result<(), Failure>,
+    progress: ProgressBar,
+}
+
+impl Recorder {
+    /// Records what comes until the sender is gone.
+    fn keep(&mut self, receiver: &Receiver<Vec<u8>>) -> Result<(), RecordingError> {
+        loop {
+            match receiver.recv_timeout(FLUSH_EVERY) {
+                Ok(bytes) => {
+                    self.writer.write(&bytes)?;
+                    self.show(&bytes);
+                }
+                Err(RecvTimeoutError::Timeout) => self.writer.flush()?,
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            }
+        }
+    }
+
+    fn show(&mut self, bytes: &[u8]) {
+        let Self {
+            reader,
+            strikes,
+            format,
+            printed,
+            progress,
+            ..
+        } = self;
+        reader.feed(bytes, |item| {
+            let Item::Frame(frame) = item else { return };
+            let (Message::Strike(strike), false) = (&frame.message, frame.arrival == Arrival::Duplicate)
+            else {
+                return;
+            };
+            *strikes += 1;
+            if printed.is_ok() {
+                let line = match format {
+                    Format::Json => frame.json().to_string(),
+                    Format::Table => strike_line(&frame, strike),
+                };
+                *printed = progress.suspend(|| output::print_line(&line));
+            }
+        });
+        let counters = reader.counters();
+        progress.set_message(format!(
+            "{} frames, {} lost, {} corrupt, {strikes} strikes",
+            counters.frames,
+            counters.lost,
+            counters.rejected.total()
+        ));
+    }
+}
+
+fn strike_line(frame: &Frame, strike: &Strike) -> String {
+    let at = match frame.sample_rate_hz {
+        Some(rate) => format!("at {:.5} s", strike.trigger_index as f64 / f64::from(rate)),
+        None => format!("at sample {}", strike.trigger_index),
+    };
+    let mut line = format!(
+        "strike {} {at}: {:.3} N, {:+.1} to {:+.1} m/s², absorbed {:.2} nJ measured, {:.2} nJ predicted",
+        strike.strike,
+        f64::from(strike.peak_force) * FORCE_UNIT_N,
+        f64::from(strike.acceleration_min) * ACCELERATION_UNIT_MPS2,
+        f64::from(strike.acceleration_max) * ACCELERATION_UNIT_MPS2,
+        joules(strike.absorbed_measured) * 1e9,
+        joules(strike.absorbed_predicted) * 1e9,
+    );
+    for name in flag_names(strike.flags) {
+        line.push_str(", ");
+        line.push_str(name);
+    }
+    line
+}
+
+fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
+    format!(
+        "{strikes} strikes, {} frames in {} bytes and {seconds:.1} s; {} lost, {} corrupt, {} restarts",
+        counters.frames,
+        counters.bytes,
+        counters.lost,
+        counters.rejected.total(),
+        counters.restarts
+    )
+}
+
+/// What to look at when no frame came at all.
+fn advice(counters: &Counters) -> Option<&'static str> {
+    match counters {
+        Counters { frames: 1.., .. } => None,
+        Counters { bytes: 0, .. } => {
+            Some("nothing came: is the bead powered, and its PA9 wired to the adapter's receive pin?")
+        }
+        _ => Some("bytes came, but no frame among them: does --baud match, and is it a bead that sends?"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_duration_is_a_positive_number_of_seconds() {
+        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
+        for text in ["", "0", "-1", "nan", "inf", "1e300", "5s"] {
+            assert!(seconds(text).is_err(), "{text}");
+        }
+    }
+}
