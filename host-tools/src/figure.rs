@@ -112,11 +112,26 @@ pub struct Chart {
 
 /// Width of every chart in pixels; text sizes are chosen for it.
 pub const WIDTH: u32 = 860;
+/// Plotters rounds to whole pixels: a chart is drawn larger by this and scaled back, so that curves are smooth.
+const FINE: u32 = 4;
 const LEGEND_HEIGHT: u32 = 30;
 const X_LABELS_HEIGHT: u32 = 50;
 const Y_LABELS_WIDTH: u32 = 70;
-/// Width of a broad line: more than a dot laid over it.
+const MARGIN: u32 = 12;
+const TICKS: u32 = 14;
+const TITLES: u32 = 15;
+const THIN: u32 = 2;
+/// More than a dot laid over it.
 const BROAD: u32 = 7;
+const DOT: u32 = 2;
+const DISC: u32 = 3;
+/// Wide enough to show a disc inside.
+const RING: u32 = 6;
+
+/// Pixels of a chart in pixels of the drawing.
+const fn px(pixels: u32) -> u32 {
+    pixels * FINE
+}
 const FONT: &str = "sans-serif";
 
 impl Chart {
@@ -131,9 +146,11 @@ impl Chart {
         let open = svg.find('>').map_or(0, |end| end + 1);
         let (_, height) = self.size();
         Ok(format!(
-            "<svg class=\"chart\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {WIDTH} {height}\" \
+            "<svg class=\"chart\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {} {}\" \
              xmlns=\"http://www.w3.org/2000/svg\">{}",
             escape(&self.description),
+            px(WIDTH),
+            px(height),
             svg[open..].trim_start()
         ))
     }
@@ -166,14 +183,15 @@ impl Chart {
 
     fn draw(&self) -> anyhow::Result<String> {
         let mut svg = String::new();
+        let (width, height) = self.size();
         {
-            let root = SVGBackend::with_string(&mut svg, self.size()).into_drawing_area();
+            let root = SVGBackend::with_string(&mut svg, (px(width), px(height))).into_drawing_area();
             root.fill(&PAPER)?;
             let mut rest = root.clone();
             for (index, panel) in self.panels.iter().enumerate() {
                 let last = index + 1 == self.panels.len();
                 let labels = if last { X_LABELS_HEIGHT } else { 0 };
-                let (area, below) = rest.split_vertically(panel.height + legend_height(panel) + labels);
+                let (area, below) = rest.split_vertically(px(panel.height + legend_height(panel) + labels));
                 self.draw_panel(panel, &area, last)?;
                 rest = below;
             }
@@ -191,23 +209,25 @@ impl Chart {
     where
         DB::ErrorType: 'static,
     {
-        let (legend, plot) = area.split_vertically(legend_height(panel));
+        let (legend, plot) = area.split_vertically(px(legend_height(panel)));
         draw_legend(panel, &legend)?;
         let (low, high) = panel.y_range(self.x_range);
         let mut chart = ChartBuilder::on(&plot)
-            .margin_top(6)
-            .margin_right(14)
-            .margin_bottom(if last { 0 } else { 6 })
-            .x_label_area_size(if last { X_LABELS_HEIGHT } else { 0 })
-            .y_label_area_size(Y_LABELS_WIDTH)
+            .margin_top(px(6))
+            .margin_right(px(MARGIN))
+            .margin_left(px(MARGIN))
+            .margin_bottom(if last { 0 } else { px(6) })
+            .x_label_area_size(if last { px(X_LABELS_HEIGHT) } else { 0 })
+            .y_label_area_size(px(Y_LABELS_WIDTH))
             .build_cartesian_2d(self.x_range.0..self.x_range.1, low..high)?;
-        let ticks = (FONT, 14).into_font().color(&FAINT);
-        let title = (FONT, 15).into_font().color(&TEXT);
+        let ticks = (FONT, px(TICKS)).into_font().color(&FAINT);
+        let title = (FONT, px(TITLES)).into_font().color(&TEXT);
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(FAINT)
+            .bold_line_style(GRID.stroke_width(px(1)))
+            .axis_style(FAINT.stroke_width(px(1)))
+            .set_all_tick_mark_size(px(5))
             .label_style(ticks)
             .axis_desc_style(title)
             .x_desc(if last { self.x_label.as_str() } else { "" })
@@ -226,22 +246,22 @@ impl Chart {
                 .filter(|(x, _)| (self.x_range.0..=self.x_range.1).contains(x));
             match series.mark {
                 Mark::Broad => {
-                    chart.draw_series(LineSeries::new(points, colour.stroke_width(BROAD)))?;
+                    chart.draw_series(LineSeries::new(points, colour.stroke_width(px(BROAD))))?;
                 }
                 Mark::Line => {
-                    chart.draw_series(LineSeries::new(points, colour.stroke_width(2)))?;
+                    chart.draw_series(LineSeries::new(points, colour.stroke_width(px(THIN))))?;
                 }
                 Mark::Dashed => {
-                    chart.draw_series(DashedLineSeries::new(points, 6, 4, colour.stroke_width(2)))?;
+                    chart.draw_series(DashedLineSeries::new(points, px(6), px(4), colour.stroke_width(px(THIN))))?;
                 }
                 Mark::Dots => {
-                    chart.draw_series(points.map(|point| Circle::new(point, 2, colour.filled())))?;
+                    chart.draw_series(points.map(|point| Circle::new(point, px(DOT), colour.filled())))?;
                 }
                 Mark::Rings => {
-                    chart.draw_series(points.map(|point| Circle::new(point, 6, ring(colour))))?;
+                    chart.draw_series(points.map(|point| Circle::new(point, px(RING), ring(colour))))?;
                 }
                 Mark::Discs => {
-                    chart.draw_series(points.map(|point| Circle::new(point, 3, colour.filled())))?;
+                    chart.draw_series(points.map(|point| Circle::new(point, px(DISC), colour.filled())))?;
                 }
             }
         }
@@ -250,7 +270,7 @@ impl Chart {
 }
 
 fn ring(colour: RGBColor) -> ShapeStyle {
-    colour.stroke_width(2)
+    colour.stroke_width(px(THIN))
 }
 
 fn legend_height(panel: &Panel) -> u32 {
@@ -269,30 +289,31 @@ fn draw_legend<DB: DrawingBackend>(
 where
     DB::ErrorType: 'static,
 {
-    let middle = LEGEND_HEIGHT as i32 / 2 + 3;
-    let mut x = Y_LABELS_WIDTH as i32;
-    let style = TextStyle::from((FONT, 14).into_font())
+    let at = |pixels: u32| px(pixels) as i32;
+    let middle = at(LEGEND_HEIGHT / 2 + 3);
+    let mut x = at(MARGIN + Y_LABELS_WIDTH);
+    let style = TextStyle::from((FONT, px(TICKS)).into_font())
         .color(&TEXT)
         .pos(Pos::new(HPos::Left, VPos::Center));
     for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
         let colour = series.ink.colour();
-        let line = [(x, middle), (x + 24, middle)];
+        let line = [(x, middle), (x + at(24), middle)];
         match series.mark {
-            Mark::Broad => area.draw(&PathElement::new(line, colour.stroke_width(BROAD)))?,
-            Mark::Line => area.draw(&PathElement::new(line, colour.stroke_width(2)))?,
+            Mark::Broad => area.draw(&PathElement::new(line, colour.stroke_width(px(BROAD))))?,
+            Mark::Line => area.draw(&PathElement::new(line, colour.stroke_width(px(THIN))))?,
             Mark::Dashed => {
-                for start in [x, x + 9, x + 18] {
-                    let dash = [(start, middle), (start + 6, middle)];
-                    area.draw(&PathElement::new(dash, colour.stroke_width(2)))?;
+                for start in [x, x + at(9), x + at(18)] {
+                    let dash = [(start, middle), (start + at(6), middle)];
+                    area.draw(&PathElement::new(dash, colour.stroke_width(px(THIN))))?;
                 }
             }
-            Mark::Dots => area.draw(&Circle::new((x + 12, middle), 3, colour.filled()))?,
-            Mark::Rings => area.draw(&Circle::new((x + 12, middle), 6, ring(colour)))?,
-            Mark::Discs => area.draw(&Circle::new((x + 12, middle), 3, colour.filled()))?,
+            Mark::Dots => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
+            Mark::Rings => area.draw(&Circle::new((x + at(12), middle), px(RING), ring(colour)))?,
+            Mark::Discs => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
         }
-        area.draw(&Text::new(series.name.as_str(), (x + 30, middle), style.clone()))?;
-        // Plotters cannot measure text without a font: 7.2 px is the mean advance of 14 px sans-serif.
-        x += 30 + (series.name.chars().count() as f64 * 7.2) as i32 + 22;
+        area.draw(&Text::new(series.name.as_str(), (x + at(30), middle), style.clone()))?;
+        // Plotters cannot measure text without a font: half the size is the mean advance of sans-serif.
+        x += at(30 + series.name.chars().count() as u32 * TICKS / 2 + 22);
     }
     Ok(())
 }

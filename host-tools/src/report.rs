@@ -84,10 +84,11 @@ pub fn residual_chart(traces: &Traces) -> Chart {
     let off = |points: &[Absorbed]| points.iter().map(|p| (p.time, p.estimate - p.chain)).collect::<Vec<_>>();
     let mut absorbed = Vec::new();
     for (which, ink, name) in [(0, Ink::Measured, "A"), (1, Ink::Predicted, "B")] {
-        let f64_name = format!("{name} in f64, same samples");
+        let f64_name = format!("{name}, f64");
         absorbed.push(series(&f64_name, ink, Mark::Dashed, off(&traces.f64_samples[which]), 100.0 / last));
         absorbed.push(series(&format!("{name}, replay"), ink, Mark::Line, off(&traces.replay[which]), 100.0 / last));
-        absorbed.push(series(&format!("{name}, bead"), ink, Mark::Rings, off(&traces.device[which]), 100.0 / last));
+        let mark = if which == 0 { Mark::Rings } else { Mark::Discs };
+        absorbed.push(series(&format!("{name}, bead"), ink, mark, off(&traces.device[which]), 100.0 / last));
     }
     Chart {
         description: "What remains of force, acceleration and absorbed energy when the simulation is subtracted"
@@ -167,7 +168,8 @@ impl Report<'_> {
                 running energies that the bead sent, one of each a chunk of samples.</p>");
             body.push_str(&strike_chart(traces).inline_svg()?);
             body.push_str("<h2>What is left when the simulation is subtracted</h2><p>Noise and the steps of the \
-                twelve bits for the sensors; for the energies, the error of each estimate on its way.</p>");
+                twelve bits for the sensors; for the energies, the error of each estimate \
+                on its way: f64 is the same estimate in floating point from the same samples.</p>");
             body.push_str(&residual_chart(traces).inline_svg()?);
         }
         self.cost(&mut body);
@@ -321,7 +323,7 @@ impl Report<'_> {
                 SettingsSource::FlashRefused => "the image: those in flash were refused".to_owned(),
             });
             fact("acquisition", format!(
-                "{} samples, started {} times, {} overruns, {} blocks dropped",
+                "{} samples in epoch {}, {} overruns, {} blocks dropped",
                 status.samples, status.epoch, status.overruns, status.blocks_dropped
             ));
             fact("frames dropped by the bead", format!(

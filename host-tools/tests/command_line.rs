@@ -1,0 +1,482 @@
+//! The command line as scripts see it: exit status, one line of why, keys of JSON.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use bead::front_end::FrontEnd;
+use bead::recording::{About, Part, Writer};
+use bead::replay::wire_strike;
+use bead::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
+use bead_model::design::{Capture, derive};
+use bead_model::settings::BLOCK_MAX;
+use bead_model::{AdcCode, Chunk, Meter, Scan, Sink, StrikeReport};
+use bead_wire::{Codes, Header, Identity, MAX_FRAME, Message, Settings, Waveform, encode};
+use serde_json::Value;
+use tempfile::TempDir;
+
+const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
+
+fn bead(arguments: &[&str]) -> std::process::Output {
+    Command::cargo_bin("bead")
+        .unwrap()
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// Standard error of a command that must end with `status`: one line, which holds every one of `parts`.
+fn refused(arguments: &[&str], status: i32, parts: &[&str]) {
+    let output = bead(arguments);
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(status), "{arguments:?}: {error}");
+    assert_eq!(error.lines().count(), 1, "{arguments:?}: {error}");
+    for part in parts {
+        assert!(
+            error.contains(part),
+            "{arguments:?}: \"{part}\" is not in: {error}"
+        );
+    }
+}
+
+fn json(arguments: &[&str]) -> Value {
+    let output = bead(arguments);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    let mut keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    keys
+}
+
+/// Frames of a bead that runs the model on this computer.
+struct Bead {
+    stream: Vec<u8>,
+    sequence: u32,
+}
+
+impl Bead {
+    fn say(&mut self, sample_index: u64, message: &Message<'_>) {
+        let header = Header {
+            boot: 0,
+            sequence: self.sequence,
+            sample_index,
+        };
+        self.sequence += 1;
+        self.stream
+            .extend(encode(&header, message, &mut [0; MAX_FRAME]).unwrap());
+    }
+}
+
+impl Sink for Bead {
+    fn chunk(&mut self, chunk: &Chunk) {
+        let scans = chunk
+            .scans
+            .iter()
+            .map(|scan| [scan.force.get(), scan.acceleration.get()]);
+        let mut packed = [0; 3 * bead_wire::MAX_SCANS];
+        let message = Message::Waveform(Waveform {
+            strike: chunk.strike,
+            first_index: chunk.first_index,
+            codes: Codes::pack(scans, &mut packed).unwrap(),
+            absorbed_measured: chunk.absorbed_measured.to_bits(),
+            absorbed_predicted: chunk.absorbed_predicted.to_bits(),
+        });
+        self.say(chunk.first_index, &message);
+    }
+
+    fn report(&mut self, report: &StrikeReport) {
+        self.say(report.trigger_index, &Message::Strike(wire_strike(report)));
+    }
+}
+
+/// A recording of the paper's strike, its stream changed by `spoil`.
+fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
+    let (scenario, text) = load_scenario(Path::new(SCENARIO)).unwrap();
+    let solution = simulate_with_ring_down(&scenario).unwrap();
+    let front_end = FrontEnd::default();
+    let settings = derive(
+        &bead_of(&solution, 8).unwrap(),
+        &front_end.calibration(),
+        &Capture::default(),
+    )
+    .unwrap();
+    let mut block = [0; BLOCK_MAX];
+    let length = settings.encode(&mut block).unwrap();
+    let timing = Timing {
+        lead_in: 0.02,
+        strikes: 1,
+        interval: 0.1,
+    };
+    let codes = front_end.digitise(
+        &mut Sensed::new(&solution, 8, timing),
+        timing.scans(solution.end()),
+        Some(1),
+    );
+
+    let mut bead = Bead {
+        stream: Vec::new(),
+        sequence: 0,
+    };
+    bead.say(
+        0,
+        &Message::Identity(Identity {
+            firmware: "0.1.0",
+            git: "test",
+            uid: [7; 12],
+            boot: 0,
+            reset_cause: 0,
+            sample_rate_hz: 100_000,
+            channels: 2,
+        }),
+    );
+    bead.say(
+        0,
+        &Message::Settings(Settings {
+            block: &block[..length],
+        }),
+    );
+    let mut meter = Meter::new();
+    for (index, &[force, acceleration]) in (1..).zip(&codes.scans) {
+        let scan = Scan {
+            force: AdcCode::new(force),
+            acceleration: AdcCode::new(acceleration),
+        };
+        meter.process(&settings, index, scan, &mut bead);
+    }
+    assert_eq!(meter.strikes(), 1);
+    spoil(&mut bead.stream);
+
+    let path = directory.path().join("bead-8.mcap");
+    let mut writer = Writer::create(
+        &path,
+        &About {
+            sample_rate_hz: 100_000,
+            ..About::default()
+        },
+    )
+    .unwrap();
+    writer.attach(Part::Scenario, text.as_bytes()).unwrap();
+    writer.write(&bead.stream).unwrap();
+    writer.finish().unwrap();
+    path
+}
+
+/// Takes the frame number `number`, delimiters and all, out of a stream.
+fn lose(stream: &mut Vec<u8>, number: usize) {
+    let delimiters: Vec<usize> = (0..stream.len()).filter(|&at| stream[at] == 0).collect();
+    stream.drain(delimiters[2 * number]..=delimiters[2 * number + 1]);
+}
+
+#[test]
+fn the_command_line_is_consistent() {
+    use clap::CommandFactory;
+    bead::cli::Cli::command().debug_assert();
+}
+
+#[test]
+fn every_command_teaches_by_example() {
+    let root = String::from_utf8(bead(&["--help"]).stdout).unwrap();
+    assert!(root.contains("Exit status") && root.contains("Examples:"));
+    for command in ["simulate", "emulate", "decode", "replay", "compare"] {
+        let help = String::from_utf8(bead(&[command, "--help"]).stdout).unwrap();
+        assert!(
+            help.contains(&format!("  bead {command} ")),
+            "{command} has no example:\n{help}"
+        );
+    }
+}
+
+#[test]
+fn a_usage_error_ends_with_2() {
+    for arguments in [
+        &["simulat"][..],
+        &["simulate"],
+        &["emulate", SCENARIO],
+        &["simulate", SCENARIO, "--rate", "1e6"],
+    ] {
+        assert_eq!(bead(arguments).status.code(), Some(2), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_typo_in_a_scenario_names_file_line_and_key() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("typo.toml");
+    let text = fs::read_to_string(SCENARIO)
+        .unwrap()
+        .replace("radius = 0.019 ", "radios = 0.019 ");
+    let line = text.lines().position(|line| line.contains("radios")).unwrap() + 1;
+    fs::write(&path, text).unwrap();
+    let path = path.to_str().unwrap();
+    for arguments in [&["simulate", path][..], &["emulate", path, "--bead", "8"]] {
+        refused(arguments, 2, &[&format!("typo.toml:{line}"), "radios", "radius"]);
+    }
+}
+
+#[test]
+fn a_missing_scenario_is_an_input_error() {
+    refused(&["simulate", "no-such.toml"], 2, &["no-such.toml"]);
+}
+
+#[test]
+fn simulate_has_the_keys_of_the_contract() {
+    let summary = json(&["simulate", SCENARIO, "--format", "json"]);
+    assert_eq!(
+        keys(&summary),
+        ["energy", "final", "intruders", "peak_force", "solver"]
+    );
+    assert_eq!(
+        keys(&summary["peak_force"][0]),
+        ["contact", "force", "fwhm", "time"]
+    );
+    assert_eq!(keys(&summary["final"]), ["displacement", "time", "velocity"]);
+    assert_eq!(
+        keys(&summary["energy"]),
+        [
+            "balance_error",
+            "chain_final",
+            "chain_max",
+            "dissipated_contacts",
+            "dissipated_intruders",
+            "intruders_final",
+            "striker_final",
+            "striker_initial",
+        ]
+    );
+    assert_eq!(
+        keys(&summary["intruders"][0]),
+        [
+            "acceleration_max",
+            "acceleration_min",
+            "bead",
+            "dissipated",
+            "relative_displacement_max"
+        ]
+    );
+    assert_eq!(keys(&summary["solver"]), ["evaluations", "seconds", "steps"]);
+    assert_eq!(summary["final"]["displacement"].as_array().unwrap().len(), 17);
+}
+
+#[test]
+fn simulate_writes_nothing_when_it_fails() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("strike.parquet");
+    refused(
+        &[
+            "simulate",
+            SCENARIO,
+            "--out",
+            out.to_str().unwrap(),
+            "--rate",
+            "0",
+        ],
+        2,
+        &["--rate 0"],
+    );
+    let missing = directory.path().join("no/such/strike.parquet");
+    refused(
+        &["simulate", SCENARIO, "--out", missing.to_str().unwrap()],
+        2,
+        &["is the directory there"],
+    );
+    assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_bead_without_an_intruder_is_refused_and_the_host_named() {
+    let image = std::env::current_exe().unwrap();
+    let image = image.to_str().unwrap();
+    refused(
+        &["emulate", SCENARIO, "--bead", "5", "--firmware", image],
+        2,
+        &["--bead 5", "no intruder", "one of: 8"],
+    );
+}
+
+#[test]
+fn a_missing_or_wrong_image_is_an_input_error_that_says_what_to_do() {
+    refused(
+        &["emulate", SCENARIO, "--bead", "8", "--firmware", "no-such-image"],
+        2,
+        &["no-such-image", "cargo xtask build"],
+    );
+    refused(
+        &["emulate", SCENARIO, "--bead", "8", "--firmware", SCENARIO],
+        2,
+        &["not an ARM ELF"],
+    );
+}
+
+#[test]
+fn a_front_end_that_cannot_be_is_refused_by_option() {
+    let emulate = |option: &'static str, value: &'static str| {
+        refused(
+            &["emulate", SCENARIO, "--bead", "8", option, value],
+            2,
+            &[option, value],
+        );
+    };
+    emulate("--force-span", "0");
+    emulate("--acceleration-noise", "NaN");
+    emulate("--pole", "inf");
+    emulate("--interval", "0");
+}
+
+#[test]
+fn a_recorded_strike_decodes_replays_and_compares() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory, |_| ());
+    let path = path.to_str().unwrap();
+
+    let decoded = bead(&["decode", path]);
+    assert!(decoded.status.success());
+    let lines: Vec<Value> = String::from_utf8(decoded.stdout)
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(lines.len(), 2 + 20 + 1);
+    assert_eq!(lines.last().unwrap()["kind"], "strike");
+
+    let replayed = json(&["replay", path, "--format", "json"]);
+    assert_eq!(replayed["identical"], true);
+    assert_eq!(replayed["strikes"][0]["samples"], 640);
+
+    let report = directory.path().join("report.html");
+    let figures = directory.path().join("figures");
+    let compared = json(&[
+        "compare",
+        path,
+        "--scenario",
+        SCENARIO,
+        "--format",
+        "json",
+        "--report",
+        report.to_str().unwrap(),
+        "--figures",
+        figures.to_str().unwrap(),
+    ]);
+    assert_eq!(compared["pass"], true);
+    let strike = &compared["strikes"][0];
+    for side in ["device", "replay", "f64_samples", "f64_chain", "deviation"] {
+        assert_eq!(
+            keys(&strike[side]),
+            ["absorbed_measured", "absorbed_predicted", "peak_force"]
+        );
+    }
+    assert_eq!(strike["device"], strike["replay"]);
+    assert!(fs::read_to_string(report).unwrap().contains("Every check passed"));
+    for figure in ["strike.svg", "residuals.svg"] {
+        assert!(
+            fs::read_to_string(figures.join(figure))
+                .unwrap()
+                .starts_with("<svg")
+        );
+    }
+}
+
+#[test]
+fn raw_bytes_decode_from_standard_input_and_what_is_cut_is_said() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut raw = Vec::new();
+    recording(&directory, |stream| raw.clone_from(stream));
+    raw.truncate(raw.len() - 5);
+    let output = Command::cargo_bin("bead")
+        .unwrap()
+        .args(["decode", "-"])
+        .write_stdin(raw)
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    assert_eq!(output.stdout.iter().filter(|&&byte| byte == b'\n').count(), 22);
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        error.contains("22 frames") && error.contains("cut short"),
+        "{error}"
+    );
+}
+
+#[test]
+fn bytes_without_a_frame_are_an_input_error() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("noise.bin");
+    fs::write(&path, "this is no bead").unwrap();
+    refused(&["decode", path.to_str().unwrap()], 2, &["no frame in 15 bytes"]);
+    refused(&["replay", path.to_str().unwrap()], 2, &["not an MCAP file"]);
+}
+
+#[test]
+fn a_frame_lost_of_a_strike_fails_replay_and_says_from_where() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory, |stream| lose(stream, 2 + 10));
+    let path = path.to_str().unwrap();
+    refused(
+        &["replay", path],
+        1,
+        &["replay differs", "320 of its 640 samples", "sample index"],
+    );
+    refused(&["compare", path, "--scenario", SCENARIO], 1, &["replay differs"]);
+}
+
+#[test]
+fn a_recording_cut_short_is_read_as_far_as_it_goes() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory, |_| ());
+    let whole = fs::read(&path).unwrap();
+    fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    let output = bead(&["replay", path.to_str().unwrap()]);
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(
+        error.contains("cut short") && error.contains("no strike"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_recording_of_another_strike_misses_its_goals_and_the_report_says_so() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory, |_| ());
+    let other = directory.path().join("faster.toml");
+    let text = fs::read_to_string(SCENARIO)
+        .unwrap()
+        .replace("velocity = 0.45 ", "velocity = 0.46 ");
+    fs::write(&other, text).unwrap();
+    let report = directory.path().join("report.html");
+    refused(
+        &[
+            "compare",
+            path.to_str().unwrap(),
+            "--scenario",
+            other.to_str().unwrap(),
+            "--report",
+            report.to_str().unwrap(),
+        ],
+        1,
+        &["A is", "goal of 0.2 %"],
+    );
+    assert!(fs::read_to_string(report).unwrap().contains("goal of 0.2 %"));
+}
+
+#[test]
+fn output_that_is_no_terminal_has_no_colour() {
+    for arguments in [
+        &["--help"][..],
+        &["simulate", SCENARIO],
+        &["simulate", "no-such.toml"],
+        &["simulat"],
+    ] {
+        let output = bead(arguments);
+        assert!(
+            !output.stdout.contains(&0x1b) && !output.stderr.contains(&0x1b),
+            "{arguments:?}"
+        );
+    }
+}
