@@ -1,5 +1,4 @@
-//! An STM32F405 for tests: its peripherals laid over stock QEMU, and the call that runs an image on them.
-#![cfg_attr(not(test), deny(clippy::unwrap_used))]
+#![doc = include_str!("../README.md")]
 
 mod exchange;
 pub mod machine;

@@ -1,4 +1,5 @@
-//! The image's defmt log: the bytes drained from RTT, decoded with the strings in the image's own ELF.
+//! The image's log: the bytes drained from RTT, decoded with the defmt strings in the image's own ELF. An image without
+//! defmt is taken to write lines of text.
 
 use std::fmt;
 use std::path::Path;
@@ -16,6 +17,16 @@ pub struct LogLine {
     pub timestamp: Option<String>,
     /// The message.
     pub text: String,
+}
+
+impl LogLine {
+    fn plain(text: &str) -> Self {
+        Self {
+            level: None,
+            timestamp: None,
+            text: text.into(),
+        }
+    }
 }
 
 impl fmt::Display for LogLine {
@@ -42,7 +53,10 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
         reason,
     };
     let Some(table) = Table::parse(elf).map_err(|e| refused(e.to_string()))? else {
-        return Err(refused("it writes to RTT and has no .defmt section".into()));
+        return Ok(String::from_utf8_lossy(bytes)
+            .lines()
+            .map(LogLine::plain)
+            .collect());
     };
     let mut decoder = table.new_stream_decoder();
     decoder.received(bytes);

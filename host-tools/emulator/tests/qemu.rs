@@ -1,0 +1,348 @@
+//! Images of a few instructions in real QEMU: the overlay fits it, and each way to fail has its own error.
+//!
+//! The images are made here: a loop that copies values into registers from a table and then sleeps, and a handler that
+//! does the same. So every test shows all that its image does.
+
+#![expect(clippy::unwrap_used, reason = "in helpers of tests")]
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use stm32f405_qemu::{Outcome, Poke, ResetCause, Run, RunError};
+
+const FLASH: u32 = 0x0800_0000;
+const SRAM: u32 = 0x2000_0000;
+const VECTORS: usize = 16 + 82;
+const RESET_AT: u32 = FLASH + 4 * VECTORS as u32;
+const HANDLER_AT: u32 = RESET_AT + 20;
+const TABLES_AT: u32 = HANDLER_AT + 20;
+
+const RCC: u32 = 0x4002_3800;
+const TIM3: u32 = 0x4000_0400;
+const USART1: u32 = 0x4001_1000;
+const ADC1: u32 = 0x4001_2000;
+const DMA2: u32 = 0x4002_6400;
+const STREAM0: u32 = DMA2 + 0x10;
+const STREAM7: u32 = DMA2 + 0x10 + 7 * 0x18;
+const NVIC_ISER1: u32 = 0xe000_e104;
+const DMA2_STREAM0: usize = 56;
+/// AIRCR: the key, and SYSRESETREQ.
+const RESET_REQUEST: (u32, u32) = (0xe000_ed0c, 0x05fa_0004);
+
+type Writes<'a> = &'a [(u32, u32)];
+
+/// What the loop does when its table is done.
+const SLEEP: u16 = 0xbf30;
+const RETURN: u16 = 0x4770;
+const BRANCH_TO_SELF: u16 = 0xe7fe;
+
+/// An image that makes the first writes and then executes `then`, and the second in the handler of DMA2 stream 0.
+fn image(main: Writes<'_>, then: u16, handler: Writes<'_>) -> Vec<u8> {
+    let handler_table = TABLES_AT + 8 * (main.len() as u32 + 1);
+    let mut vectors = [0u32; VECTORS];
+    vectors[0] = SRAM + 0x1_0000;
+    vectors[1] = RESET_AT | 1;
+    vectors[16 + DMA2_STREAM0] = HANDLER_AT | 1;
+
+    let mut code: Vec<u8> = vectors.iter().flat_map(|v| v.to_le_bytes()).collect();
+    for (end, table) in [(then, TABLES_AT), (RETURN, handler_table)] {
+        // ldr r2, table; next: ldmia r2!, {r0, r1}; cmp r0, #0; beq end; str r1, [r0]; b next; end: …; b end
+        let instructions = [0x4a03, 0xca03, 0x2800, 0xd001, 0x6001, 0xe7fa, end, 0xe7fd];
+        code.extend(instructions.iter().flat_map(|i: &u16| i.to_le_bytes()));
+        code.extend(table.to_le_bytes());
+    }
+    for table in [main, handler] {
+        for (address, value) in table.iter().chain(&[(0, 0)]) {
+            code.extend(address.to_le_bytes());
+            code.extend(value.to_le_bytes());
+        }
+    }
+    elf(
+        &code,
+        &[
+            ("handler", HANDLER_AT | 1, 20, 2),
+            ("_SEGGER_RTT", SRAM + 0x100, 48, 1),
+        ],
+    )
+}
+
+/// An ELF with one segment in flash and a symbol table: name, address, size, type.
+fn elf(code: &[u8], symbols: &[(&str, u32, u32, u8)]) -> Vec<u8> {
+    let words = |values: &[u32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let mut strings = vec![0u8];
+    let mut table = words(&[0; 4]);
+    for (name, address, size, kind) in symbols {
+        table.extend(words(&[strings.len() as u32, *address, *size]));
+        // Global, of this type, in no section of ours.
+        table.extend([0x10 | kind, 0, 0xf1, 0xff]);
+        strings.extend(name.bytes().chain([0]));
+    }
+    let code_at = 52 + 32;
+    let table_at = code_at + code.len() as u32;
+    let strings_at = table_at + table.len() as u32;
+    let sections_at = strings_at + strings.len() as u32;
+
+    let mut file = vec![0x7f, b'E', b'L', b'F', 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    // An executable for ARM, version 1, entry, program headers, sections, EABI 5 flags.
+    file.extend(words(&[
+        2 | 40 << 16,
+        1,
+        RESET_AT | 1,
+        52,
+        sections_at,
+        0x0500_0200,
+    ]));
+    // Header sizes and counts: one segment, three sections, names in the last.
+    file.extend(words(&[52 | 32 << 16, 1 | 40 << 16, 3 | 2 << 16]));
+    let size = code.len() as u32;
+    file.extend(words(&[1, code_at, FLASH, FLASH, size, size, 5, 4]));
+    file.extend(code);
+    file.extend(&table);
+    file.extend(&strings);
+    file.extend(words(&[0; 10]));
+    file.extend(words(&[0, 2, 0, 0, table_at, table.len() as u32, 2, 1, 4, 16]));
+    file.extend(words(&[0, 3, 0, 0, strings_at, strings.len() as u32, 0, 0, 1, 0]));
+    file
+}
+
+/// The run of an image, and the folder that holds it.
+struct Bench {
+    run: Run,
+    _folder: tempfile::TempDir,
+}
+
+fn bench(image: &[u8]) -> Bench {
+    let folder = tempfile::tempdir().unwrap();
+    let path: PathBuf = folder.path().join("image.elf");
+    std::fs::write(&path, image).unwrap();
+    let mut run = Run::new(path);
+    run.tail_ns = 100_000;
+    run.sampling_deadline_ns = 1_000_000;
+    Bench { run, _folder: folder }
+}
+
+/// Scans of both channels at 10 kHz into a ring of 8, each full ring sent over USART1 at 1 Mbit/s; all at 16 MHz.
+fn acquiring() -> Vec<u8> {
+    let dma_halfwords = 1 << 13 | 1 << 11 | 1 << 10;
+    let main = [
+        (RCC + 0x30, 1 << 22),
+        (RCC + 0x40, 1 << 1),
+        (RCC + 0x44, 1 << 4 | 1 << 8),
+        (NVIC_ISER1, 1 << (DMA2_STREAM0 - 32)),
+        (STREAM0 + 0x04, 16),
+        (STREAM0 + 0x08, ADC1 + 0x4c),
+        (STREAM0 + 0x0c, SRAM),
+        (STREAM0, dma_halfwords | 1 << 8 | 1 << 4 | 1),
+        (ADC1 + 0x04, 1 << 8),
+        (ADC1 + 0x2c, 1 << 20),
+        (ADC1 + 0x34, 1 << 5),
+        (ADC1 + 0x08, 0b01 << 28 | 0b1000 << 24 | 1 << 9 | 1 << 8 | 1),
+        (USART1 + 0x08, 16),
+        (USART1 + 0x0c, 1 << 13 | 1 << 3),
+        (USART1 + 0x14, 1 << 7),
+        (TIM3 + 0x2c, 1599),
+        (TIM3 + 0x04, 0b010 << 4),
+        (TIM3, 1),
+    ];
+    let handler = [
+        (DMA2 + 0x08, 0x3f),
+        (DMA2 + 0x0c, 0x3f << 22),
+        (STREAM7 + 0x04, 32),
+        (STREAM7 + 0x08, USART1 + 0x04),
+        (STREAM7 + 0x0c, SRAM),
+        (STREAM7, 4 << 25 | 1 << 10 | 1 << 6 | 1),
+    ];
+    image(&main, SLEEP, &handler)
+}
+
+fn run_acquiring(change: impl FnOnce(&mut Run)) -> Outcome {
+    let mut bench = bench(&acquiring());
+    bench.run.stimulus = (0..80).map(|i| [i, 4095 - i]).collect();
+    bench.run.sample_period_ns = 100_000;
+    bench.run.tail_ns = 700_000;
+    change(&mut bench.run);
+    bench.run.execute().unwrap()
+}
+
+#[test]
+fn every_row_of_the_stimulus_comes_out_of_the_uart_in_order() {
+    let outcome = run_acquiring(|_| {});
+    let rows: Vec<u8> = (0..80u16)
+        .flat_map(|i| [i, 4095 - i])
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    assert_eq!(outcome.uart, rows);
+    // 8 ms of rows and 0.7 ms of tail, both ends included.
+    assert_eq!(outcome.sampling.unwrap().scans, 88);
+    assert_eq!(
+        (outcome.overruns, outcome.triggers_ignored, outcome.resets.len()),
+        (0, 0, 0)
+    );
+    assert_eq!(
+        (outcome.unknown_registers.len(), outcome.unmodelled.len()),
+        (0, 0)
+    );
+}
+
+#[test]
+fn the_same_run_gives_the_same_bytes_counts_and_times() {
+    let [a, b] = [(); 2].map(|()| run_acquiring(|_| {}));
+    assert_eq!(
+        (a.uart, a.instructions, a.sampling, a.virtual_ns),
+        (b.uart, b.instructions, b.sampling, b.virtual_ns)
+    );
+}
+
+#[test]
+fn instructions_are_counted_by_function_and_by_block() {
+    let outcome = run_acquiring(|run| {
+        run.functions = vec![
+            ("block".into(), "handler".into()),
+            ("none".into(), "no_such".into()),
+        ];
+    });
+    let instructions = outcome.instructions.unwrap();
+    // A load, six turns of five, the last of three, and the return.
+    let one_handler = 1 + 6 * 5 + 3 + 1;
+    let [block, none] = &instructions.functions[..] else {
+        panic!("two labels")
+    };
+    assert_eq!(
+        (block.calls, block.instructions, block.symbols),
+        (10, 10 * one_handler, 1)
+    );
+    assert_eq!((none.calls, none.instructions, none.symbols), (0, 0, 0));
+    // From one full ring to the next: half of the ring is a block too, and does not wake the processor.
+    let worst = instructions.worst_block.unwrap();
+    assert_eq!(worst.scans, 4);
+    // The handler, and the branch and the WFI of the loop that it came back to.
+    assert_eq!(worst.instructions, one_handler + 2);
+    assert_eq!(
+        run_acquiring(|run| run.count_instructions = false).instructions,
+        None
+    );
+}
+
+#[test]
+fn flash_blocks_are_where_they_were_put() {
+    let main = [
+        (RCC + 0x30, 1 << 22),
+        (RCC + 0x44, 1 << 4),
+        (USART1 + 0x08, 16),
+        (USART1 + 0x0c, 1 << 13 | 1 << 3),
+        (USART1 + 0x14, 1 << 7),
+        (STREAM7 + 0x04, 8),
+        (STREAM7 + 0x08, USART1 + 0x04),
+        (STREAM7 + 0x0c, 0x080e_0000),
+        (STREAM7, 4 << 25 | 1 << 10 | 1 << 6 | 1),
+    ];
+    let mut bench = bench(&image(&main, SLEEP, &[]));
+    bench.run.flash = vec![(0x080e_0000, b"settings".to_vec())];
+    assert_eq!(bench.run.execute().unwrap().uart, b"settings");
+}
+
+#[test]
+fn an_image_that_never_samples_ends_at_the_deadline_and_says_so() {
+    let outcome = bench(&image(&[], SLEEP, &[])).run.execute().unwrap();
+    assert_eq!((outcome.sampling, outcome.virtual_ns), (None, 1_000_000));
+}
+
+#[test]
+fn unknown_registers_and_moved_pins_are_reported_by_name() {
+    let main = [
+        (RCC + 0x30, 1 << 2),
+        (0x4002_0800, 1),
+        (0x4002_0818, 1),
+        (0x4001_3008, 7),
+    ];
+    let outcome = bench(&image(&main, SLEEP, &[])).run.execute().unwrap();
+    let unknown: Vec<_> = outcome
+        .unknown_registers
+        .iter()
+        .map(|u| (u.name.as_str(), u.last_write))
+        .collect();
+    assert_eq!(unknown, [("SPI1+0x08", Some(7))]);
+    let pins: Vec<_> = outcome.pins.iter().map(|p| (p.name.as_str(), p.edges)).collect();
+    assert_eq!(pins, [("PC0", 1)]);
+}
+
+#[test]
+fn a_plain_rtt_log_is_read_out_of_guest_memory() {
+    let word = |s: &[u8; 4]| u32::from_le_bytes(*s);
+    let block = SRAM + 0x100;
+    let main = [
+        (block + 28, SRAM + 0x200),
+        (block + 32, 64),
+        (block + 36, 8),
+        (block + 40, 0),
+        (block + 16, 1),
+        (SRAM + 0x200, word(b"hell")),
+        (SRAM + 0x204, word(b"o\nx\n")),
+        (block, word(b"SEGG")),
+        (block + 4, word(b"ER R")),
+        (block + 8, word(b"TT\0\0")),
+    ];
+    let outcome = bench(&image(&main, SLEEP, &[])).run.execute().unwrap();
+    let lines: Vec<String> = outcome.log.iter().map(ToString::to_string).collect();
+    assert_eq!(lines, ["hello", "x"]);
+}
+
+#[test]
+fn a_firmware_that_resets_itself_is_counted_at_the_same_times_in_every_run() {
+    let [a, b] = [(); 2].map(|()| {
+        let mut bench = bench(&image(&[RESET_REQUEST], SLEEP, &[]));
+        bench.run.sampling_deadline_ns = 2_000;
+        bench.run.execute().unwrap()
+    });
+    assert!(a.resets.len() > 20, "{:?}", a.resets);
+    assert!(a.resets.iter().all(|r| r.cause == ResetCause::Software));
+    assert_eq!((a.resets, a.instructions), (b.resets, b.instructions));
+}
+
+#[test]
+fn a_poke_over_the_code_locks_up_an_image_without_a_fault_handler() {
+    let mut bench = bench(&acquiring());
+    bench.run.stimulus = vec![[0, 0]; 80];
+    bench.run.sample_period_ns = 100_000;
+    bench.run.pokes = vec![Poke {
+        at_ns: 3_000_000,
+        address: HANDLER_AT,
+        bytes: vec![0xde; 20],
+    }];
+    let error = bench.run.execute().unwrap_err();
+    assert!(matches!(error, RunError::GuestLockup { .. }), "{error}");
+}
+
+#[test]
+fn an_image_that_hangs_is_stopped_by_the_timeout() {
+    let mut bench = bench(&image(&[], BRANCH_TO_SELF, &[]));
+    bench.run.sampling_deadline_ns = u64::MAX;
+    bench.run.timeout = Duration::from_millis(300);
+    let error = bench.run.execute().unwrap_err();
+    assert!(matches!(error, RunError::Timeout { .. }), "{error}");
+}
+
+#[test]
+fn a_missing_image_a_foreign_one_and_one_without_symbols_are_told_apart() {
+    let missing = Run::new("/no/such/image").execute().unwrap_err();
+    assert!(matches!(missing, RunError::ImageMissing { .. }), "{missing}");
+    let foreign = Run::new(std::env::current_exe().unwrap()).execute().unwrap_err();
+    assert!(matches!(foreign, RunError::NotArmElf { .. }), "{foreign}");
+    let mut stripped = bench(&elf(&[0; 8], &[]));
+    stripped.run.functions = vec![("a".into(), "b".into())];
+    let stripped = stripped.run.execute().unwrap_err();
+    assert!(matches!(stripped, RunError::NoSymbols { .. }), "{stripped}");
+}
+
+#[test]
+fn codes_beyond_the_adc_and_blocks_beyond_flash_are_refused() {
+    let refused = |change: fn(&mut Run)| {
+        let mut bench = bench(&image(&[], SLEEP, &[]));
+        change(&mut bench.run);
+        bench.run.execute().unwrap_err().to_string()
+    };
+    let code = refused(|run| run.stimulus = vec![[0, 4096]]);
+    assert!(code.starts_with("stimulus row 0 is [0, 4096]"), "{code}");
+    let block = refused(|run| run.flash = vec![(0x080f_ffff, vec![0; 2])]);
+    assert!(block.contains("are outside 0x08000000..0x08100000"), "{block}");
+}
