@@ -18,7 +18,7 @@ use crate::failure::Failure;
 use crate::frames::{flag_names, joules};
 use crate::front_end::SCAN_SKEW;
 use crate::replay::{Replay, replay};
-use crate::sensed::{Truth, bead_of, simulate_with_ring_down};
+use crate::sensed::{Truth, bead_of, near_the_end, simulate_with_ring_down};
 use crate::strikes::RecordedStrike;
 
 /// Goal for estimate A against the full chain.
@@ -162,6 +162,11 @@ impl Chain {
         let peaks = solution.summary().peak_force;
         let peak_time = peaks.iter().find(|peak| peak.contact == bead).map_or(0.0, |peak| peak.time);
         Ok(Self { bead, physics, solution, truth, peak_time })
+    }
+
+    /// What to know about estimate B at this bead, if anything.
+    pub fn note(&self) -> Option<String> {
+        near_the_end(&self.solution, self.bead)
     }
 
     /// The strike, four times.

@@ -8,11 +8,10 @@
 //! return the running energy, sample by sample.
 
 use bead_model::design::Bead;
+use bead_model::reduced_chain::FOLLOWERS;
 
 use crate::front_end::first_order_hold;
 
-/// Beads behind the host in the reduced chain: a free end after four is within 0.006 % of the endless chain.
-pub const FOLLOWERS: usize = 4;
 /// Runge-Kutta steps in one sample period: 2 MHz at 100 kHz.
 pub const SUBSTEPS: usize = 20;
 

@@ -1,5 +1,7 @@
 //! The command line as scripts see it: exit status, one line of why, keys of JSON.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -72,6 +72,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let chain = Chain::run(&scenario, bead)?;
+    if let Some(note) = chain.note() {
+        progress.suspend(|| eprintln!("bead: {note}"));
+    }
     let mut strikes = Vec::with_capacity(recorded.len());
     for (number, strike) in recorded.iter().enumerate() {
         progress.set_message(format!("comparing strike {} of {}", number + 1, recorded.len()));

@@ -16,7 +16,7 @@ use crate::front_end_options::FrontEndOptions;
 use crate::output::{self, Format};
 use crate::recording::{About, Part, Writer};
 use crate::replay::replay;
-use crate::sensed::{Timing, Truth, bead_of, load_scenario, simulate_with_ring_down};
+use crate::sensed::{Timing, Truth, bead_of, load_scenario, near_the_end, simulate_with_ring_down};
 use crate::strikes::assemble;
 
 const AFTER_HELP: &str = "\
@@ -110,6 +110,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let solution = simulate_with_ring_down(&scenario)?;
     bead_of(&solution, arguments.bead)?;
+    if let Some(note) = near_the_end(&solution, arguments.bead) {
+        progress.suspend(|| eprintln!("bead: {note}"));
+    }
     progress.set_message("digitising what the bead senses");
     let timing = Timing { lead_in: LEAD_IN, strikes: arguments.strikes, interval: arguments.interval };
     let seed = arguments.front_end.seed();
@@ -282,16 +285,19 @@ fn table(report: &Report) -> String {
     }
     parts.push(output::table_text(&strikes));
 
-    let mut counts = output::table(["frames", "", ""]);
+    let mut counts = output::table(["frames", ""]);
     let Frames { received, lost, corrupt, dropped_by_cause } = &report.frames;
-    counts.add_row(["received".to_owned(), received.to_string(), String::new()]);
-    counts.add_row(["lost".to_owned(), lost.to_string(), String::new()]);
-    counts.add_row(["corrupt".to_owned(), corrupt.to_string(), String::new()]);
-    for (cause, count) in dropped_by_cause {
-        counts.add_row([format!("dropped, {}", cause.replace('_', " ")), count.to_string(), String::new()]);
+    let dropped = dropped_by_cause.iter().map(|(cause, count)| {
+        (format!("dropped by the bead, {}", cause.replace('_', " ")), *count)
+    });
+    let rows = [("received", *received), ("lost", *lost), ("corrupt", *corrupt)];
+    let rows = rows.into_iter().map(|(name, count)| (name.to_owned(), count)).chain(dropped).chain([
+        ("overruns".to_owned(), report.overruns),
+        ("resets".to_owned(), report.resets as u64),
+    ]);
+    for (name, count) in rows {
+        counts.add_row([name, count.to_string()]);
     }
-    counts.add_row(["overruns".to_owned(), report.overruns.to_string(), String::new()]);
-    counts.add_row(["resets".to_owned(), report.resets.to_string(), String::new()]);
     parts.push(output::table_text(&counts));
 
     let per_sample = report.instructions_per_sample;
@@ -317,4 +323,107 @@ fn table(report: &Report) -> String {
         parts.push(format!("recording: {}", recording.display()));
     }
     parts.join("\n\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn the_json_has_the_keys_of_the_contract() {
+        let report = Report {
+            frames: Frames {
+                received: 27,
+                lost: 0,
+                corrupt: 0,
+                dropped_by_cause: BTreeMap::from([("queue_full", 0)]),
+            },
+            overruns: 0,
+            resets: 0,
+            strikes: vec![Strike {
+                sample_index: 2144,
+                peak_force: 6.0,
+                absorbed_measured: 8e-7,
+                absorbed_predicted: 8e-7,
+                flags: vec!["force_railed"],
+                truth: Truth { peak_force: 6.0, absorbed: 8e-7 },
+                replay_identical: true,
+                first_difference: None,
+            }],
+            instructions_per_sample: InstructionsPerSample {
+                observer: 1.0,
+                reduced_chain: 2.0,
+                total: 3.0,
+                worst_block: 4.0,
+            },
+            instructions_available: 1250.0,
+            saturated: [0, 0],
+            unknown_registers: Vec::new(),
+            recording: None,
+        };
+        let printed = serde_json::to_value(&report).unwrap();
+        let contract = json!({
+            "frames": {"received": 27, "lost": 0, "corrupt": 0, "dropped_by_cause": {"queue_full": 0}},
+            "overruns": 0,
+            "resets": 0,
+            "strikes": [{
+                "sample_index": 2144,
+                "peak_force": 6.0,
+                "absorbed_measured": 8e-7,
+                "absorbed_predicted": 8e-7,
+                "flags": ["force_railed"],
+                "truth": {"peak_force": 6.0, "absorbed": 8e-7},
+                "replay_identical": true,
+            }],
+            "instructions_per_sample":
+                {"observer": 1.0, "reduced_chain": 2.0, "total": 3.0, "worst_block": 4.0},
+        });
+        for (key, value) in contract.as_object().unwrap() {
+            assert_eq!(&printed[key], value, "{key}");
+        }
+    }
+
+    #[test]
+    fn what_a_check_says_no_to_is_the_gravest() {
+        let strike = |first_difference: Option<&str>| Strike {
+            sample_index: 0,
+            peak_force: 0.0,
+            absorbed_measured: 0.0,
+            absorbed_predicted: 0.0,
+            flags: Vec::new(),
+            truth: Truth { peak_force: 1.0, absorbed: 1.0 },
+            replay_identical: first_difference.is_none(),
+            first_difference: first_difference.map(str::to_owned),
+        };
+        let report = |lost, overruns, resets, strikes| Report {
+            frames: Frames { received: 9, lost, corrupt: 0, dropped_by_cause: BTreeMap::new() },
+            overruns,
+            resets,
+            strikes,
+            instructions_per_sample: InstructionsPerSample {
+                observer: 0.0,
+                reduced_chain: 0.0,
+                total: 0.0,
+                worst_block: 0.0,
+            },
+            instructions_available: 1250.0,
+            saturated: [0, 0],
+            unknown_registers: Vec::new(),
+            recording: None,
+        };
+        let says = |report: Report| match verdict(&report, 1) {
+            Ok(()) => "passed".to_owned(),
+            Err(failure) => {
+                assert_eq!(failure.exit_status(), 1);
+                failure.to_string()
+            }
+        };
+        assert_eq!(says(report(0, 0, 0, vec![strike(None)])), "passed");
+        assert!(says(report(1, 2, 3, vec![strike(Some("strike 0: x"))])).starts_with("replay differs"));
+        assert!(says(report(1, 2, 3, vec![strike(None)])).starts_with("1 frames were lost"));
+        assert!(says(report(0, 2, 3, vec![strike(None)])).starts_with("2 overruns"));
+        assert!(says(report(0, 0, 3, vec![strike(None)])).starts_with("the image reset 3 times"));
+        assert!(says(report(0, 0, 0, Vec::new())).starts_with("0 of 1 strikes"));
+    }
 }
