@@ -5,7 +5,7 @@
 //! into y with `s = y + ẏ/ω_p`; the derivative is the central difference, so the compensated value of a
 //! sample is known one sample later.
 
-use crate::quantity::{AdcCode, product};
+use crate::quantity::{AdcCode, bounded_product};
 use fixed::FixedI32;
 use fixed::types::extra::U16;
 use fixed::types::{I2F30, I4F28, I16F16};
@@ -19,7 +19,8 @@ pub const BASELINE: u16 = 64;
 pub struct Channel {
     /// Quantity (N or m/s²) per code.
     pub per_code: I4F28,
-    /// `f_s/(2 ω_p)`: the pole's time constant in samples, halved for the central difference; 0 for no pole.
+    /// `f_s/(2 ω_p)`: the pole's time constant in samples, halved for the central difference; 0 for no pole,
+    /// below 1.
     pub pole: I2F30,
 }
 
@@ -45,10 +46,12 @@ impl Channel {
     pub fn process(&self, state: &mut ChannelState, code: AdcCode) -> I16F16 {
         const FRACTION: u32 = BASELINE.trailing_zeros();
         let above = (i32::from(code.get()) << FRACTION) - state.baseline as i32;
-        let value: I16F16 = product(I16F16::from_bits(above << (16 - FRACTION)), self.per_code);
+        // 4095 codes of at most 8 fit.
+        let value: I16F16 = bounded_product(I16F16::from_bits(above << (16 - FRACTION)), self.per_code);
         let [last, before] = state.last;
         state.last = [value, last];
-        last.saturating_add(product(value.saturating_sub(before), self.pole))
+        // A part of a value fits.
+        last.saturating_add(bounded_product(value.saturating_sub(before), self.pole))
     }
 }
 

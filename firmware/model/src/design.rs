@@ -242,13 +242,16 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         .noise_rms
         .hypot(front_end.force.per_code / 12f64.sqrt());
     let chain = ReducedChain {
-        contact: fix("contact", bead.contact_stiffness / UM.powf(1.5))?,
+        contact: fix(
+            "contact",
+            bead.contact_stiffness / UM.sqrt() * dt * dt / bead.mass,
+        )?,
         relaxation: fix("relaxation", 1.5 * bead.relaxation / dt)?,
-        bead: fix("bead", dt * dt / bead.mass * UM)?,
-        host: fix("host", dt * dt / host_mass * UM)?,
-        intruder: fix("intruder", dt * dt / bead.intruder_mass * UM)?,
-        stiffness: fix("stiffness", bead.stiffness / UM)?,
-        damping: fix("damping", bead.damping / dt / UM)?,
+        incoming: fix("incoming", dt * dt / host_mass * UM)?,
+        host: fix("host", bead.mass / host_mass)?,
+        stiffness: fix("stiffness", bead.stiffness * dt * dt / bead.intruder_mass)?,
+        damping: fix("damping", bead.damping * dt / bead.intruder_mass)?,
+        intruder: fix("intruder", bead.intruder_mass / host_mass)?,
         gate: Force::from_num(3.0 * force_noise),
         energy: fix("energy", energy)?,
     };

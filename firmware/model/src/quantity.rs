@@ -68,20 +68,37 @@ where
     C: LeEqU32,
 {
     let shift = const { A::U32 + B::U32 - C::U32 };
-    FixedI32::from_bits(round_shift(
-        i64::from(a.to_bits()) * i64::from(b.to_bits()),
-        shift,
-    ))
+    FixedI32::from_bits(round_shift(wide(a, b), shift))
+}
+
+/// [`product`] where the ranges of `a` and `b` keep the result inside `C`: no saturation, a third of the
+/// instructions. The caller says why it holds; a build with debug assertions checks.
+#[inline(always)]
+pub(crate) fn bounded_product<A, B, C>(a: FixedI32<A>, b: FixedI32<B>) -> FixedI32<C>
+where
+    A: LeEqU32,
+    B: LeEqU32,
+    C: LeEqU32,
+{
+    let shift = const { A::U32 + B::U32 - C::U32 };
+    let rounded = rounded_shift(wide(a, b), shift);
+    debug_assert!(i32::try_from(rounded).is_ok(), "a product left its format");
+    FixedI32::from_bits(rounded as i32)
 }
 
 /// `bits / 2^shift` rounded to nearest and saturated to 32 bits.
-///
-/// `shift` is at least 1, and `bits` is a product of two 32-bit numbers or a sum of two such (|bits| < 2^63
-/// - 2^shift), so that the rounding term cannot overflow.
 #[inline(always)]
 pub(crate) fn round_shift(bits: i64, shift: u32) -> i32 {
-    let rounded = (bits + (1 << (shift - 1))) >> shift;
-    rounded.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+    rounded_shift(bits, shift).clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+}
+
+/// `bits / 2^shift` rounded to nearest.
+///
+/// `shift` is at least 1, and `bits` is a product of two 32-bit numbers or a sum of two such (|bits| < 2^63 -
+/// 2^shift), so that the rounding term cannot overflow.
+#[inline(always)]
+fn rounded_shift(bits: i64, shift: u32) -> i64 {
+    (bits + (1 << (shift - 1))) >> shift
 }
 
 /// Whether a state variable stands at an end of its format: it has saturated, or is about to.

@@ -20,10 +20,12 @@
 //! the Taylor expansion with a at n extrapolated from the two samples before). It needs a quarter of the
 //! force evaluations of RK4, and no force between samples.
 
-use crate::quantity::{EnergyScale, Force, Length, SquareSum, Step, at_range_end, product};
+use crate::quantity::{
+    EnergyScale, Force, Length, SquareSum, Step, at_range_end, bounded_product, product, round_shift, wide,
+};
 use crate::sqrt::sqrt;
-use fixed::types::extra::{U16, U20, U24};
-use fixed::types::{I2F30, I8F24, I12F20};
+use fixed::types::I2F30;
+use fixed::types::extra::{U20, U24};
 use serde::{Deserialize, Serialize};
 
 /// Beads behind the host in the reduced chain.
@@ -33,23 +35,23 @@ pub const FOLLOWERS: usize = 4;
 const COORDINATES: usize = FOLLOWERS + 1;
 const INTRUDER: usize = FOLLOWERS;
 
-/// Coefficients of estimate B.
+/// Coefficients of estimate B. Forces are counted in the acceleration that they give a bead of mass M, µm/sample².
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReducedChain {
-    /// κ of the contacts between beads, N/µm^1.5.
-    pub contact: I8F24,
+    /// κ dt²/M of the contacts between beads, µm^-0.5/sample².
+    pub contact: I2F30,
     /// 3τ/(2 dt): the relaxation time of the contacts, in samples, by 3/2.
     pub relaxation: I2F30,
-    /// dt²/M of a bead, µm/sample² per N.
-    pub bead: I2F30,
-    /// dt²/(M - m) of the host without its intruder, µm/sample² per N.
+    /// dt²/(M - m): what the incoming force does to the host, µm/sample² per N.
+    pub incoming: I2F30,
+    /// M/(M - m): what the outgoing contact does to the host.
     pub host: I2F30,
-    /// dt²/m of the intruder, µm/sample² per N.
+    /// k dt²/m of the intruder.
+    pub stiffness: I2F30,
+    /// c dt/m of the intruder.
+    pub damping: I2F30,
+    /// m/(M - m): what the intruder's springs do to the host.
     pub intruder: I2F30,
-    /// k of the intruder, N/µm.
-    pub stiffness: I8F24,
-    /// c/dt of the intruder, N/(µm/sample).
-    pub damping: I8F24,
     /// Forces below this are noise and taken for zero: they would be rectified by the contacts.
     pub gate: Force,
     /// c (1 µm/sample)² dt, nJ.
@@ -62,7 +64,7 @@ pub struct ReducedChainState {
     position: [Length; COORDINATES],
     /// Change of each coordinate over the last sample.
     step: [Step; COORDINATES],
-    /// Accelerations (µm/sample²) at the last three samples, the latest first.
+    /// Accelerations at the last three samples, the latest first.
     acceleration: [[Step; COORDINATES]; 3],
     squares: SquareSum,
     saturated: bool,
@@ -80,11 +82,33 @@ impl ReducedChainState {
     }
 }
 
-/// An acceleration beyond ±4 µm/sample² (40 km/s² at 100 kHz) is no bead's; the limit keeps the weighted sum of
-/// four samples inside 32 bits.
-const ACCELERATION_LIMIT: Step = Step::lit("4");
+/// Accelerations from -8 to just below 8 µm/sample² (80 km/s² at 100 kHz): a range of 28 bits, which the core
+/// saturates to in one instruction, and which keeps the weighted sum of four samples inside 32.
+const ACCELERATION: (Step, Step) = (Step::from_bits(-(1 << 27)), Step::from_bits((1 << 27) - 1));
+
+/// Highest coefficient of the contacts: with √2048 it stays below 2.
+const CONTACT_MAX: I2F30 = I2F30::lit("0.04");
+
+#[inline(always)]
+fn limited(acceleration: Step) -> Step {
+    acceleration.clamp(ACCELERATION.0, ACCELERATION.1)
+}
 
 impl ReducedChain {
+    /// Whether the coefficients keep every product that is not saturated inside its format.
+    pub fn is_bounded(&self) -> bool {
+        let coefficients = [
+            self.contact,
+            self.relaxation,
+            self.incoming,
+            self.host,
+            self.stiffness,
+            self.damping,
+            self.intruder,
+        ];
+        coefficients.into_iter().all(|value| value >= I2F30::ZERO) && self.contact <= CONTACT_MAX
+    }
+
     /// Takes the force at the host's incoming contact at one more sample. Never inlined into its caller, so
     /// that its instructions can be counted by its symbol.
     #[inline(never)]
@@ -92,7 +116,7 @@ impl ReducedChain {
         let [a1, a2, a3] = state.acceleration;
         let velocity = |i: usize| state.step[i].saturating_add((a1[i] * 5 - a2[i] * 2) / 6);
 
-        let mut contact = [Force::ZERO; FOLLOWERS];
+        let mut contact = [Step::ZERO; FOLLOWERS];
         for (i, force) in contact.iter_mut().enumerate() {
             let overlap = state.position[i];
             if overlap > Length::ZERO {
@@ -101,55 +125,64 @@ impl ReducedChain {
         }
 
         let intruder_velocity = velocity(INTRUDER);
-        let spring: Force = product::<_, _, U16>(self.stiffness, state.position[INTRUDER])
-            .saturating_add(product(self.damping, intruder_velocity));
+        // (k x + c ẋ)/m: both products at Q50, the second after a shift, rounded once to Q24.
+        let springs = wide(self.stiffness, state.position[INTRUDER])
+            + (wide(self.damping, intruder_velocity) >> (Step::FRAC_NBITS - Length::FRAC_NBITS));
+        let springs = limited(Step::from_bits(round_shift(
+            springs,
+            I2F30::FRAC_NBITS + Length::FRAC_NBITS - 24,
+        )));
         let incoming = if measured.abs() < self.gate {
             Force::ZERO
         } else {
             measured
         };
 
-        let host: Step = product(
-            self.host,
-            incoming.saturating_add(spring).saturating_sub(contact[0]),
-        );
+        // A limited acceleration by a ratio below 2 fits.
+        let host: Step = limited(product(self.incoming, incoming))
+            + bounded_product::<_, _, U24>(self.intruder, springs)
+            - bounded_product::<_, _, U24>(self.host, contact[0]);
         let mut acceleration = [Step::ZERO; COORDINATES];
         let mut ahead = host;
         for i in 0..FOLLOWERS {
             let outgoing = if i + 1 < FOLLOWERS {
                 contact[i + 1]
             } else {
-                Force::ZERO
+                Step::ZERO
             };
-            let bead: Step = product(self.bead, contact[i].saturating_sub(outgoing));
-            acceleration[i] = ahead.saturating_sub(bead);
+            let bead = contact[i] - outgoing;
+            acceleration[i] = ahead - bead;
             ahead = bead;
         }
-        acceleration[INTRUDER] = -product::<_, _, U24>(self.intruder, spring).saturating_add(host);
+        acceleration[INTRUDER] = -springs - host;
 
         state.squares.add(intruder_velocity);
+        let mut saturated = false;
         for i in 0..COORDINATES {
-            let a = acceleration[i].clamp(-ACCELERATION_LIMIT, ACCELERATION_LIMIT);
-            let step = state.step[i].saturating_add((a * 14 - a1[i] * 5 + a2[i] * 4 - a3[i]) / 12);
+            let a = limited(acceleration[i]);
+            let change = a + (a * 2 - a1[i] * 5 + a2[i] * 4 - a3[i]) / 12;
+            let step = state.step[i].saturating_add(change);
             // Beads that have parted may drift out of range: an open contact stays open.
             let position = state.position[i].saturating_add(length(step));
-            state.saturated |= a.abs() == ACCELERATION_LIMIT
-                || at_range_end(step)
-                || position == Length::MAX
-                || (i == INTRUDER && at_range_end(position));
+            saturated |= a != acceleration[i] || at_range_end(step) || position == Length::MAX;
             acceleration[i] = a;
             state.step[i] = step;
             state.position[i] = position;
         }
+        state.saturated |= saturated
+            || state.position[INTRUDER] == Length::MIN
+            || springs == ACCELERATION.0
+            || springs == ACCELERATION.1;
         state.acceleration = [acceleration, a1, a2];
     }
 
-    /// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0.
+    /// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0, as an acceleration of a bead.
     #[inline(always)]
-    fn contact_force(&self, overlap: Length, velocity: Step) -> Force {
-        let stiffness: I12F20 = product(self.contact, sqrt(overlap));
-        let viscous: Length = product::<_, _, U20>(self.relaxation, velocity);
-        product(stiffness, overlap.saturating_add(viscous))
+    fn contact_force(&self, overlap: Length, velocity: Step) -> Step {
+        // 0.04 √2048 and 2·128 fit.
+        let stiffness: I2F30 = bounded_product(self.contact, sqrt(overlap));
+        let viscous: Length = bounded_product::<_, _, U20>(self.relaxation, velocity);
+        limited(product(stiffness, overlap.saturating_add(viscous)))
     }
 }
 

@@ -8,7 +8,7 @@ use crate::calibration::{BASELINE, Channel};
 use crate::observer::Observer;
 use crate::reduced_chain::ReducedChain;
 use core::fmt;
-use fixed::types::I16F16;
+use fixed::types::{I2F30, I16F16};
 use serde::{Deserialize, Serialize};
 
 /// Version of the settings block; a block of another one is refused.
@@ -155,6 +155,7 @@ impl Settings {
     /// Checks what the code relies on; a block with a good checksum can still be nonsense.
     pub fn validate(&self) -> Result<(), SettingsError> {
         let window = &self.window;
+        let pole = |channel: &Channel| (I2F30::ZERO..I2F30::ONE).contains(&channel.pole);
         let rules = [
             (self.sample_rate_hz > 0, "sample rate is 0"),
             (
@@ -173,6 +174,14 @@ impl Settings {
             (
                 window.lookback > 0 && window.lookback < window.history,
                 "lookback is 0 or not shorter than the history",
+            ),
+            (
+                pole(&self.force) && pole(&self.acceleration),
+                "a pole is below f_s/4π, or negative",
+            ),
+            (
+                self.chain.is_bounded(),
+                "a coefficient of the reduced chain is negative, or its contact above 0.04",
             ),
             (
                 window.threshold > 0 && window.threshold < 4096,
