@@ -62,6 +62,10 @@ pub struct Run {
     pub sampling_deadline_ns: u64,
     /// When to give up in real time.
     pub timeout: Duration,
+    /// The QEMU to run; `None` for what `STM32F405_QEMU` names, else `qemu-system-arm` from `PATH`.
+    pub qemu: Option<PathBuf>,
+    /// The overlay to load; `None` to look for it where the README says.
+    pub overlay: Option<PathBuf>,
     /// Crystal on the HSE pins, in Hz.
     pub hse_hz: u32,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
@@ -85,6 +89,8 @@ impl Run {
             tail_ns: 10_000_000,
             sampling_deadline_ns: 2_000_000_000,
             timeout: Duration::from_secs(120),
+            qemu: None,
+            overlay: None,
             hse_hz: 8_000_000,
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
@@ -100,8 +106,8 @@ impl Run {
         self.check()?;
         let image = Image::read(&self.elf)?;
         let (labels, ranges) = image.find(&self.functions)?;
-        let qemu = Qemu::find()?;
-        let overlay = overlay::find()?;
+        let qemu = Qemu::find(self.qemu.as_deref())?;
+        let overlay = overlay::find(self.overlay.as_deref())?;
 
         let folder = tempfile::Builder::new()
             .prefix("stm32f405-qemu-")

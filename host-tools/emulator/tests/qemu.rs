@@ -6,6 +6,7 @@
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
 use std::path::PathBuf;
+use std::process::Command;
 use std::time::Duration;
 
 use stm32f405_qemu::{Outcome, Poke, ResetCause, Run, RunError};
@@ -332,6 +333,63 @@ fn a_missing_image_a_foreign_one_and_one_without_symbols_are_told_apart() {
     stripped.run.functions = vec![("a".into(), "b".into())];
     let stripped = stripped.run.execute().unwrap_err();
     assert!(matches!(stripped, RunError::NoSymbols { .. }), "{stripped}");
+}
+
+#[test]
+fn a_missing_qemu_and_a_program_that_is_none_are_told_apart() {
+    let mut bench = bench(&image(&[], SLEEP, &[]));
+    bench.run.qemu = Some("/no/such/qemu".into());
+    let missing = bench.run.execute().unwrap_err();
+    assert!(matches!(missing, RunError::QemuMissing { .. }), "{missing}");
+    bench.run.qemu = Some("true".into());
+    let other = bench.run.execute().unwrap_err();
+    assert!(matches!(other, RunError::QemuVersion { .. }), "{other}");
+}
+
+#[test]
+fn a_missing_overlay_and_a_file_that_is_none_are_told_apart() {
+    let mut bench = bench(&image(&[], SLEEP, &[]));
+    bench.run.overlay = Some("/no/such/overlay.so".into());
+    let missing = bench.run.execute().unwrap_err();
+    assert!(matches!(missing, RunError::OverlayMissing { .. }), "{missing}");
+    bench.run.overlay = Some(bench.run.elf.clone());
+    let other = bench.run.execute().unwrap_err();
+    assert!(matches!(other, RunError::OverlayOdd { .. }), "{other}");
+}
+
+/// A program that stands for QEMU: a shell script. Another process writes it, since a file that this one has open for
+/// writing, be it in a child just forked, cannot be executed.
+fn script(bench: &Bench, text: &str) -> PathBuf {
+    let path = bench.run.elf.with_file_name("qemu.sh");
+    let write = "printf '#!/bin/sh\\n%s\\n' \"$1\" > \"$0\" && chmod +x \"$0\"";
+    let status = Command::new("sh")
+        .arg("-c")
+        .arg(write)
+        .arg(&path)
+        .arg(text)
+        .status()
+        .unwrap();
+    assert!(status.success());
+    path
+}
+
+#[test]
+fn a_qemu_of_unknown_version_is_asked_again_with_the_plugin_version_that_it_names() {
+    let mut bench = bench(&acquiring());
+    let real = std::env::var("STM32F405_QEMU").unwrap_or_else(|_| "qemu-system-arm".into());
+    let newer =
+        format!("[ \"$1\" = --version ] && echo 'QEMU emulator version 99.0.0' && exit\nexec {real} \"$@\"");
+    bench.run.qemu = Some(script(&bench, &newer));
+    assert!(bench.run.execute().unwrap().sampling.is_some());
+}
+
+#[test]
+fn what_a_qemu_that_fails_says_is_passed_on() {
+    let mut bench = bench(&image(&[], SLEEP, &[]));
+    let failing = "[ \"$1\" = --version ] && echo 'QEMU emulator version 7.2.0' && exit\necho 'no such machine' >&2; exit 1";
+    bench.run.qemu = Some(script(&bench, failing));
+    let error = bench.run.execute().unwrap_err().to_string();
+    assert!(error.contains("no such machine"), "{error}");
 }
 
 #[test]

@@ -9,19 +9,19 @@ use super::RunError;
 
 const VERSION_SYMBOL: &str = "qemu_plugin_version";
 
-/// The overlay's path: what `STM32F405_QEMU_OVERLAY` names; else the newest of the builds beside this executable, in
+/// The overlay's path: the one named; else what `STM32F405_QEMU_OVERLAY` names; else the newest of the builds beside this executable, in
 /// its `deps` folder (where cargo puts it) and in the folder above (for tests, which run from `deps`).
 ///
 /// # Errors
 /// [`RunError::OverlayMissing`].
-pub(super) fn find() -> Result<PathBuf, RunError> {
+pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
     let file = format!(
         "{}stm32f405_qemu{}",
         std::env::consts::DLL_PREFIX,
         std::env::consts::DLL_SUFFIX
     );
-    if let Some(named) = std::env::var_os("STM32F405_QEMU_OVERLAY") {
-        let named = PathBuf::from(named);
+    let named = named.map(Path::to_path_buf);
+    if let Some(named) = named.or_else(|| std::env::var_os("STM32F405_QEMU_OVERLAY").map(PathBuf::from)) {
         return match named.is_file() {
             true => Ok(named),
             false => Err(RunError::OverlayMissing {

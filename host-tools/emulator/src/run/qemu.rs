@@ -1,6 +1,7 @@
 //! Finding QEMU, and the plugin interface version that it asks for.
 
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::RunError;
@@ -14,12 +15,15 @@ pub(super) struct Qemu {
 }
 
 impl Qemu {
-    /// `qemu-system-arm` from `PATH`, or what `STM32F405_QEMU` names.
+    /// The program named; else what `STM32F405_QEMU` names; else `qemu-system-arm` from `PATH`.
     ///
     /// # Errors
     /// [`RunError::QemuMissing`] and [`RunError::QemuVersion`].
-    pub(super) fn find() -> Result<Self, RunError> {
-        let program = std::env::var_os("STM32F405_QEMU").unwrap_or_else(|| "qemu-system-arm".into());
+    pub(super) fn find(named: Option<&Path>) -> Result<Self, RunError> {
+        let named = named.map(|path| path.as_os_str().to_owned());
+        let program = named
+            .or_else(|| std::env::var_os("STM32F405_QEMU"))
+            .unwrap_or_else(|| "qemu-system-arm".into());
         let shown = program.to_string_lossy().into_owned();
         let output = Command::new(&program)
             .arg("--version")
@@ -69,9 +73,9 @@ fn version(line: &str) -> Option<(u32, u32)> {
 }
 
 /// The version at the end of QEMU's refusal, `… requires API version 7, but this QEMU supports only up to version 4`.
-pub(super) fn wanted_version(line: &str) -> Option<i32> {
-    let (_, tail) = line.split_once("this QEMU supports only")?;
-    tail.trim_end_matches('.').rsplit(' ').next()?.parse().ok()
+pub(super) fn wanted_version(stderr: &str) -> Option<i32> {
+    let (_, tail) = stderr.split_once("this QEMU supports only")?;
+    tail.lines().next()?.rsplit(' ').next()?.parse().ok()
 }
 
 #[cfg(test)]
@@ -107,8 +111,10 @@ mod tests {
 
     #[test]
     fn qemus_refusal_names_the_version_that_it_takes() {
-        let line = "Could not load plugin /tmp/x.so: plugin requires API version 9, but this QEMU supports only up to version 1";
-        assert_eq!(wanted_version(line), Some(1));
+        let refusal = "qemu-system-arm: a warning\n\
+             qemu-system-arm: Could not load plugin /tmp/x.so: plugin requires API version 9, \
+             but this QEMU supports only up to version 1\nand more\n";
+        assert_eq!(wanted_version(refusal), Some(1));
         assert_eq!(
             wanted_version("Could not load plugin /tmp/x.so: no such file"),
             None
