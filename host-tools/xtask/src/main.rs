@@ -127,7 +127,10 @@ fn demo(steps: &Steps, place: &Place) -> Result<(), Stop> {
     let bead = |words: &str| Line::program(place.built("release/bead")).words(words);
     let recording = place.built("demo/bead-8.mcap");
     let report = place.built("demo/report.html");
-    let emulate = bead(&format!("emulate {scenario} --bead 8 --out")).arg(place.built("demo"));
+    let emulate = bead(&format!("emulate {scenario} --bead 8 --firmware"))
+        .arg(place.image())
+        .words("--out")
+        .arg(place.built("demo"));
     steps.run(
         "a striker hits the chain; the flash image senses it inside bead 8, in QEMU",
         &emulate,
