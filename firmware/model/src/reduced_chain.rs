@@ -31,10 +31,6 @@ use serde::{Deserialize, Serialize};
 /// Beads behind the host in the reduced chain.
 pub const FOLLOWERS: usize = 4;
 
-/// Coordinates: the overlaps behind the host, then the intruder's displacement relative to it.
-const COORDINATES: usize = FOLLOWERS + 1;
-const INTRUDER: usize = FOLLOWERS;
-
 /// Coefficients of estimate B. Forces are counted in the acceleration that they give a bead of mass M, µm/sample².
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReducedChain {
@@ -58,14 +54,44 @@ pub struct ReducedChain {
     pub energy: EnergyScale,
 }
 
+/// One coordinate with what its next step needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Coordinate {
+    position: Length,
+    /// Change of the position over the last sample.
+    step: Step,
+    /// Accelerations at the last three samples, the latest first.
+    acceleration: [Step; 3],
+}
+
+impl Coordinate {
+    /// ẋ at the sample at which the position is.
+    #[inline(always)]
+    fn velocity(&self) -> Step {
+        let [a1, a2, _] = self.acceleration;
+        self.step.saturating_add((a1 * 5 - a2 * 2) / 6)
+    }
+
+    /// Goes one sample on with the acceleration at this one. Whether it had to saturate.
+    #[inline(always)]
+    fn advance(&mut self, acceleration: Step) -> bool {
+        let a = limited(acceleration);
+        let [a1, a2, a3] = self.acceleration;
+        self.step = self.step.saturating_add(a + (a * 2 - a1 * 5 + a2 * 4 - a3) / 12);
+        self.position = self.position.saturating_add(length(self.step));
+        self.acceleration = [a, a1, a2];
+        // Beads that have parted may drift out of range below: an open contact stays open.
+        a != acceleration || at_range_end(self.step) || self.position == Length::MAX
+    }
+}
+
 /// What estimate B remembers. Everything starts at rest, beads just touching.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReducedChainState {
-    position: [Length; COORDINATES],
-    /// Change of each coordinate over the last sample.
-    step: [Step; COORDINATES],
-    /// Accelerations at the last three samples, the latest first.
-    acceleration: [[Step; COORDINATES]; 3],
+    /// The overlaps behind the host.
+    overlaps: [Coordinate; FOLLOWERS],
+    /// The intruder's displacement relative to its host.
+    intruder: Coordinate,
     squares: SquareSum,
     saturated: bool,
 }
@@ -94,6 +120,11 @@ fn limited(acceleration: Step) -> Step {
     acceleration.clamp(ACCELERATION.0, ACCELERATION.1)
 }
 
+#[inline(always)]
+fn at_limit(acceleration: Step) -> bool {
+    acceleration == ACCELERATION.0 || acceleration == ACCELERATION.1
+}
+
 impl ReducedChain {
     /// Whether the coefficients keep every product that is not saturated inside its format.
     pub fn is_bounded(&self) -> bool {
@@ -113,75 +144,55 @@ impl ReducedChain {
     /// that its instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(&self, state: &mut ReducedChainState, measured: Force) {
-        let [a1, a2, a3] = state.acceleration;
-        let velocity = |i: usize| state.step[i].saturating_add((a1[i] * 5 - a2[i] * 2) / 6);
+        let contacts = state
+            .overlaps
+            .each_ref()
+            .map(|overlap| self.contact_force(overlap));
 
-        let mut contact = [Step::ZERO; FOLLOWERS];
-        for (i, force) in contact.iter_mut().enumerate() {
-            let overlap = state.position[i];
-            if overlap > Length::ZERO {
-                *force = self.contact_force(overlap, velocity(i));
-            }
-        }
-
-        let intruder_velocity = velocity(INTRUDER);
+        let velocity = state.intruder.velocity();
         // (k x + c ẋ)/m: both products at Q50, the second after a shift, rounded once to Q24.
-        let springs = wide(self.stiffness, state.position[INTRUDER])
-            + (wide(self.damping, intruder_velocity) >> (Step::FRAC_NBITS - Length::FRAC_NBITS));
-        let springs = limited(Step::from_bits(round_shift(
-            springs,
-            I2F30::FRAC_NBITS + Length::FRAC_NBITS - 24,
-        )));
+        let springs = wide(self.stiffness, state.intruder.position)
+            + (wide(self.damping, velocity) >> (Step::FRAC_NBITS - Length::FRAC_NBITS));
+        let shift = I2F30::FRAC_NBITS + Length::FRAC_NBITS - Step::FRAC_NBITS;
+        let springs = limited(Step::from_bits(round_shift(springs, shift)));
+        state.squares.add(velocity);
+
         let incoming = if measured.abs() < self.gate {
             Force::ZERO
         } else {
             measured
         };
-
         // A limited acceleration by a ratio below 2 fits.
         let host: Step = limited(product(self.incoming, incoming))
             + bounded_product::<_, _, U24>(self.intruder, springs)
-            - bounded_product::<_, _, U24>(self.host, contact[0]);
-        let mut acceleration = [Step::ZERO; COORDINATES];
+            - bounded_product::<_, _, U24>(self.host, contacts[0]);
+
         let mut ahead = host;
-        for i in 0..FOLLOWERS {
-            let outgoing = if i + 1 < FOLLOWERS {
-                contact[i + 1]
+        let mut saturated = state.intruder.advance(-springs - host)
+            || state.intruder.position == Length::MIN
+            || at_limit(springs);
+        for (i, overlap) in state.overlaps.iter_mut().enumerate() {
+            let bead = if i + 1 < FOLLOWERS {
+                contacts[i] - contacts[i + 1]
             } else {
-                Step::ZERO
+                contacts[i]
             };
-            let bead = contact[i] - outgoing;
-            acceleration[i] = ahead - bead;
+            saturated |= overlap.advance(ahead - bead);
             ahead = bead;
         }
-        acceleration[INTRUDER] = -springs - host;
-
-        state.squares.add(intruder_velocity);
-        let mut saturated = false;
-        for i in 0..COORDINATES {
-            let a = limited(acceleration[i]);
-            let change = a + (a * 2 - a1[i] * 5 + a2[i] * 4 - a3[i]) / 12;
-            let step = state.step[i].saturating_add(change);
-            // Beads that have parted may drift out of range: an open contact stays open.
-            let position = state.position[i].saturating_add(length(step));
-            saturated |= a != acceleration[i] || at_range_end(step) || position == Length::MAX;
-            acceleration[i] = a;
-            state.step[i] = step;
-            state.position[i] = position;
-        }
-        state.saturated |= saturated
-            || state.position[INTRUDER] == Length::MIN
-            || springs == ACCELERATION.0
-            || springs == ACCELERATION.1;
-        state.acceleration = [acceleration, a1, a2];
+        state.saturated |= saturated;
     }
 
     /// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0, as an acceleration of a bead.
     #[inline(always)]
-    fn contact_force(&self, overlap: Length, velocity: Step) -> Step {
+    fn contact_force(&self, contact: &Coordinate) -> Step {
+        let overlap = contact.position;
+        if overlap <= Length::ZERO {
+            return Step::ZERO;
+        }
         // 0.04 √2048 and 2·128 fit.
         let stiffness: I2F30 = bounded_product(self.contact, sqrt(overlap));
-        let viscous: Length = bounded_product::<_, _, U20>(self.relaxation, velocity);
+        let viscous: Length = bounded_product::<_, _, U20>(self.relaxation, contact.velocity());
         limited(product(stiffness, overlap.saturating_add(viscous)))
     }
 }

@@ -44,11 +44,13 @@ pub fn sqrt(length: Length) -> SqrtLength {
 }
 
 /// One step of `y ← y·(3 - v·y²)/2`, y in Q30.
+///
+/// It never overshoots 1/√v, whatever y is (3y - vy³ is highest there), so it stays at or below 2.
 #[inline(always)]
 fn newton(m: u32, y: u32) -> u32 {
     let y_squared = high(y, y); // Q28
     let error = (3 << 28) - high(m, y_squared); // 3 - v·y², Q28
-    (((u64::from(y) * u64::from(error)) >> 29).min(u64::from(u32::MAX))) as u32
+    ((u64::from(y) * u64::from(error)) >> 29) as u32
 }
 
 /// The upper half of a product of two unsigned 32-bit numbers.
