@@ -2,6 +2,7 @@
 
 use std::env;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use bead_model::design::{Capture, derive};
@@ -71,6 +72,8 @@ pub struct RunTruth {
 pub struct EmulatorReport {
     /// The image that was run.
     pub image: String,
+    /// The first line of what QEMU says of its version, if it says it.
+    pub qemu: Option<String>,
     /// Instructions of each function, and of all.
     pub instructions_per_sample: InstructionsPerSample,
     /// Instructions that fit between two samples here.
@@ -98,14 +101,14 @@ pub struct EmulatorReport {
 /// Instructions executed for each sample.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct InstructionsPerSample {
-    /// In estimate A, for each sample that it took.
-    pub observer: f64,
-    /// In estimate B and its square root, for each sample that it took.
-    pub reduced_chain: f64,
+    /// In estimate A, for each sample that it took; none if it took none.
+    pub observer: Option<f64>,
+    /// In estimate B and its square root, for each sample that it took; none if it took none.
+    pub reduced_chain: Option<f64>,
     /// In the whole image, for each sample of the whole run.
     pub total: f64,
-    /// In the whole image, for each sample of the busiest block.
-    pub worst_block: f64,
+    /// In the whole image, for each sample of the busiest block; none if no block was taken.
+    pub worst_block: Option<f64>,
 }
 
 /// A run that is ready to start.
@@ -207,15 +210,16 @@ impl Emulation {
             let calls = function(label).map_or(0, |function| function.calls);
             let instructions = function(label).map_or(0, |function| function.instructions)
                 + function(within).map_or(0, |function| function.instructions);
-            if calls == 0 { 0.0 } else { instructions as f64 / calls as f64 }
+            (calls > 0).then(|| instructions as f64 / calls as f64)
         };
         Ok(EmulatorReport {
             image: self.image.display().to_string(),
+            qemu: qemu_version(),
             instructions_per_sample: InstructionsPerSample {
                 observer: per_call("observer", ""),
                 reduced_chain: per_call("reduced_chain", "sqrt"),
                 total: counted.total as f64 / sampling.scans.max(1) as f64,
-                worst_block: counted.worst_block.map_or(0.0, |block| block.instructions_per_scan()),
+                worst_block: counted.worst_block.map(|block| block.instructions_per_scan()),
             },
             instructions_available: INSTRUCTIONS_A_SAMPLE,
             overruns: outcome.overruns,
@@ -229,6 +233,14 @@ impl Emulation {
             log: outcome.log.iter().map(ToString::to_string).collect(),
         })
     }
+}
+
+/// What QEMU, where the emulator finds it, says of its version.
+fn qemu_version() -> Option<String> {
+    let program = env::var_os("STM32F405_QEMU").unwrap_or_else(|| "qemu-system-arm".into());
+    let said = Command::new(program).arg("--version").output().ok()?;
+    let first = String::from_utf8_lossy(&said.stdout).lines().next()?.to_owned();
+    Some(first)
 }
 
 /// Whose fault a failed run is.

@@ -146,7 +146,7 @@ th,td{text-align:right;padding:.42em .7em;border-bottom:1px solid var(--grid);wh
 th:first-child,td:first-child{text-align:left;padding-left:0}\
 thead th{color:var(--faint);font-weight:500}\
 .facts td{white-space:normal;text-align:left}.facts td:first-child{color:var(--faint);width:34%}\
-svg.chart{display:block;width:100%;height:auto;margin:.6em 0 0}\
+svg.chart{display:block;width:100%;min-width:640px;height:auto;margin:.6em 0 0}\
 .bar{height:9px;border-radius:5px;background:var(--grid);min-width:180px;overflow:hidden}\
 .bar i{display:block;height:100%;background:var(--measured);border-radius:5px}\
 pre{overflow-x:auto;font:13px/1.5 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace;\
@@ -166,11 +166,11 @@ impl Report<'_> {
         if let Some(traces) = self.strikes.iter().find_map(|strike| strike.traces.as_ref()) {
             body.push_str("<h2>The strike</h2><p>Each dot is one sample, turned back into its unit with the bead’s own calibration. Rings and discs are the \
                 running energies that the bead sent, one of each a chunk of samples.</p>");
-            body.push_str(&strike_chart(traces).inline_svg()?);
+            push(&mut body, format_args!("<div class=\"scroll\">{}</div>", strike_chart(traces).inline_svg()?));
             body.push_str("<h2>What is left when the simulation is subtracted</h2><p>Noise and the steps of the \
                 twelve bits for the sensors; for the energies, the error of each estimate \
                 on its way: f64 is the same estimate in floating point from the same samples.</p>");
-            body.push_str(&residual_chart(traces).inline_svg()?);
+            push(&mut body, format_args!("<div class=\"scroll\">{}</div>", residual_chart(traces).inline_svg()?));
         }
         self.cost(&mut body);
         self.facts(&mut body);
@@ -268,8 +268,9 @@ impl Report<'_> {
             ("estimate A, observer", per_sample.observer),
             ("estimate B, reduced chain", per_sample.reduced_chain),
             ("everything, in the busiest block", per_sample.worst_block),
-            ("everything, over the whole run", per_sample.total),
+            ("everything, over the whole run", Some(per_sample.total)),
         ] {
+            let Some(count) = count else { continue };
             let part = count / available * 100.0;
             push(out, format_args!(
                 "<tr><td>{name}</td><td>{count:.0}</td><td>{part:.1} %</td><td style=\"width:45%\">\
@@ -335,7 +336,8 @@ impl Report<'_> {
         if let Some(emulator) = self.emulator {
             fact("image", emulator.image.clone());
             fact("emulator", format!(
-                "QEMU, {:.2} s of virtual time in {:.2} s; {} resets; {} overruns seen by the converter",
+                "{}: {:.2} s of virtual time in {:.2} s; {} resets; {} overruns seen by the converter",
+emulator.qemu.as_deref().unwrap_or("QEMU"),
                 emulator.virtual_seconds, emulator.real_seconds, emulator.resets, emulator.overruns
             ));
             fact("registers without a model", match emulator.unknown_registers.is_empty() {

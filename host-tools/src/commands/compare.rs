@@ -159,7 +159,7 @@ fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), F
         return Err(Failure::input("no strike was received whole, so there is nothing to draw"));
     };
     fs::create_dir_all(directory)
-        .or_input(|| format!("cannot make the directory {}", directory.display()))?;
+        .or_input(|| format!("cannot make the directory {}; give --figures another", directory.display()))?;
     write_text(&directory.join("strike.svg"), &strike_chart(traces).standalone_svg()?)?;
     write_text(&directory.join("residuals.svg"), &residual_chart(traces).standalone_svg()?)
 }

@@ -104,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (scenario, text) = load_scenario(&arguments.scenario)?;
     let image = find_image(arguments.firmware.as_deref())?;
     if let Some(out) = &arguments.out {
-        fs::create_dir_all(out).or_input(|| format!("cannot make the directory {}", out.display()))?;
+        fs::create_dir_all(out).or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
     }
 
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
@@ -305,14 +305,14 @@ fn table(report: &Report) -> String {
     for (name, count) in [
         ("estimate A, observer", per_sample.observer),
         ("estimate B, reduced chain", per_sample.reduced_chain),
-        ("all, over the run", per_sample.total),
+        ("all, over the run", Some(per_sample.total)),
         ("all, in the busiest block", per_sample.worst_block),
     ] {
-        instructions.add_row([
-            name.to_owned(),
-            format!("{count:.1}"),
-            format!("{:.1} %", count / report.instructions_available * 100.0),
-        ]);
+        let cells = count.map(|count| {
+            [format!("{count:.1}"), format!("{:.1} %", count / report.instructions_available * 100.0)]
+        });
+        let [count, part] = cells.unwrap_or_else(|| ["-".to_owned(), "-".to_owned()]);
+        instructions.add_row([name.to_owned(), count, part]);
     }
     parts.push(output::table_text(&instructions));
 
@@ -352,10 +352,10 @@ mod tests {
                 first_difference: None,
             }],
             instructions_per_sample: InstructionsPerSample {
-                observer: 1.0,
-                reduced_chain: 2.0,
+                observer: Some(1.0),
+                reduced_chain: Some(2.0),
                 total: 3.0,
-                worst_block: 4.0,
+                worst_block: Some(4.0),
             },
             instructions_available: 1250.0,
             saturated: [0, 0],
@@ -402,10 +402,10 @@ mod tests {
             resets,
             strikes,
             instructions_per_sample: InstructionsPerSample {
-                observer: 0.0,
-                reduced_chain: 0.0,
+                observer: None,
+                reduced_chain: None,
                 total: 0.0,
-                worst_block: 0.0,
+                worst_block: None,
             },
             instructions_available: 1250.0,
             saturated: [0, 0],
