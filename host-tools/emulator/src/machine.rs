@@ -492,7 +492,13 @@ impl Machine {
     /// When the ADC will next raise a line: its own, or that of the DMA stream which serves it.
     fn next_acquisition(&self) -> Option<u64> {
         let trigger = |n: u64| self.trigger_timer().and_then(|t| self.tim[t].trigger(n));
-        let beats = match self.dma[DMA2].serving(&ADC1_REQUEST) {
+        if self.adc.blocked() {
+            return None;
+        }
+        let stream = self.dma[DMA2]
+            .serving(&ADC1_REQUEST)
+            .filter(|_| self.adc.requests_dma());
+        let beats = match stream {
             Some(stream) => u64::from(self.dma[DMA2].beats_to_interrupt(stream)?),
             None if self.adc.interrupts_on_conversion() => 1,
             None => return None,

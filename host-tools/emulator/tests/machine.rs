@@ -237,6 +237,20 @@ fn a_ring_whose_stream_is_stopped_overruns_and_goes_on_only_after_ovr_is_cleared
 }
 
 #[test]
+fn an_overrun_that_nobody_clears_wakes_nobody() {
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM, 128);
+    bench.run(35_000, |_| {});
+    let cr = bench.read(STREAM0);
+    bench.write(STREAM0, cr & !1);
+    bench.wakes = 0;
+    bench.run(2_000_000, |_| {});
+    // The interrupt of the overrun, perhaps a conversion before it, and nothing at the 190 triggers that follow.
+    assert!(bench.wakes <= 2, "{} wakes", bench.wakes);
+    assert!(bench.board.lines[18]);
+}
+
+#[test]
 fn scans_longer_than_the_trigger_period_skip_triggers_and_keep_their_rows() {
     let mut bench = Bench::new(ramp(400));
     bench.start_acquisition(SRAM, 128);

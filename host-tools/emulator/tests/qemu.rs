@@ -301,6 +301,21 @@ fn a_firmware_that_resets_itself_is_counted_at_the_same_times_in_every_run() {
 }
 
 #[test]
+fn a_watchdog_that_nobody_feeds_resets_a_sleeping_image_every_time_it_runs_out() {
+    const IWDG: u32 = 0x4000_3000;
+    // Prescaler 4 and reload 7: 1 ms of the 32 kHz clock.
+    let main = [(IWDG, 0x5555), (IWDG + 0x08, 7), (IWDG, 0xcccc)];
+    let mut bench = bench(&image(&main, SLEEP, &[]));
+    bench.run.sampling_deadline_ns = 4_500_000;
+    let resets = bench.run.execute().unwrap().resets;
+    assert!(resets.iter().all(|r| r.cause == ResetCause::Watchdog));
+    assert_eq!(
+        resets.iter().map(|r| r.at_ns / 1_000_000).collect::<Vec<_>>(),
+        [1, 2, 3, 4]
+    );
+}
+
+#[test]
 fn a_poke_over_the_code_locks_up_an_image_without_a_fault_handler() {
     let mut bench = bench(&acquiring());
     bench.run.stimulus = vec![[0, 0]; 80];

@@ -144,7 +144,7 @@ impl Adc {
     }
 
     /// An overrun under DMA: no conversion until OVR is cleared.
-    fn blocked(&self) -> bool {
+    pub fn blocked(&self) -> bool {
         self.sr & OVR != 0 && self.cr2 & DMA != 0
     }
 
@@ -260,7 +260,7 @@ impl Adc {
                 code << (16 - self.bits()) & 0xffff
             };
             self.unread = true;
-            self.request = self.cr2 & DMA != 0 && !self.requests_ended;
+            self.request = self.requests_dma();
             if last || self.cr2 & EOCS != 0 {
                 self.sr |= EOC;
             }
@@ -276,6 +276,11 @@ impl Adc {
         if last && self.cr2 & CONT != 0 {
             self.start(now);
         }
+    }
+
+    /// Whether each conversion makes a DMA request.
+    pub fn requests_dma(&self) -> bool {
+        self.cr2 & DMA != 0 && !self.requests_ended
     }
 
     /// Whether a DMA request stands.

@@ -143,10 +143,10 @@ impl Tim {
 
     /// When the interrupt line will rise by itself.
     pub fn next_interrupt(&self) -> Option<u64> {
-        if !self.counting() || self.interrupt() {
+        let wanted = self.dier & FLAGS & !self.sr;
+        if !self.counting() || self.interrupt() || wanted == 0 {
             return None;
         }
-        let wanted = self.dier & !self.sr;
         let update = (wanted & UPDATE != 0 && self.cr1 & UDIS == 0).then(|| self.update_after(self.seen));
         let compares = (0..CHANNELS)
             .filter(|c| bit(wanted, 1 + *c as u32))
