@@ -237,10 +237,12 @@ impl Chain {
         // Both estimates of the device know a sample when the next one is there, and count it in full: after
         // sample n they stand for the time n - 1/2. A's samples are the acceleration's, a skew later.
         let along = |offset: f64, energies: &mut dyn Iterator<Item = (usize, f64)>| -> Vec<Absorbed> {
+            let mut sampler = self.solution.sampler();
             energies
                 .map(|(sample, estimate)| {
                     let time = at(sample as f64) + offset;
-                    Absorbed { time, estimate, chain: self.absorbed(time) }
+                    let inside = sampler.at(time.clamp(0.0, self.solution.end()));
+                    Absorbed { time, estimate, chain: inside.intruder_dissipated(self.bead).unwrap_or(0.0) }
                 })
                 .collect()
         };
@@ -283,12 +285,6 @@ impl Chain {
                 Sensed { time, sensed, simulated: if inside { quantity(&sampler.at(time)) } else { 0.0 } }
             })
             .collect()
-    }
-
-    /// Energy that the intruder of the full chain has dissipated by `time`, J.
-    fn absorbed(&self, time: f64) -> f64 {
-        let time = time.clamp(0.0, self.solution.end());
-        self.solution.intruder_dissipated(self.bead, time).unwrap_or(0.0)
     }
 
     /// Time since the striker hit of the window's first sample: where the squared distance of sensed and simulated
