@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 2;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of two little-endian u16: the code of ADC channel 0, then that of channel 1.
@@ -44,6 +44,7 @@ pub(crate) struct Description {
     pub(crate) labels: usize,
     pub(crate) uart_input: Vec<UartInput>,
     pub(crate) pokes: Vec<Poke>,
+    pub(crate) faults: Vec<Fault>,
 }
 
 /// One function of the image that belongs to a label: `[start, end)`.
@@ -76,6 +77,26 @@ pub struct Poke {
     pub bytes: Vec<u8>,
 }
 
+/// A fault on demand in the acquisition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fault {
+    /// Virtual time, in ns since power-up.
+    pub at_ns: u64,
+    /// What fails.
+    pub kind: FaultKind,
+}
+
+/// What fails.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FaultKind {
+    /// ADC1 loses a conversion, as when the DMA does not fetch in time: SR.OVR is set, DMA requests and triggers stop
+    /// until it is cleared (RM0090 section 13.8.1).
+    AdcOverrun,
+    /// The DMA stream that serves ADC1 meets a bus error: TEIF is set and the stream stops (section 10.3.18). Nothing
+    /// happens if no stream serves it.
+    AdcDmaError,
+}
+
 /// What was seen, plugin to host.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Report {
@@ -90,6 +111,7 @@ pub(crate) struct Report {
     pub(crate) instructions: u64,
     pub(crate) labels: Vec<Count>,
     pub(crate) worst_block: Option<Block>,
+    pub(crate) working: Option<Block>,
 }
 
 /// The externally triggered scans of ADC1.
@@ -152,8 +174,8 @@ pub(crate) struct Count {
     pub(crate) calls: u64,
 }
 
-/// The stretch between two interrupts of the ADC's DMA stream in which the most instructions a scan were executed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// A stretch from interrupt to interrupt of the ADC's DMA stream, or several of them together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Block {
     /// Instructions of the whole image, interrupts and all.
     pub instructions: u64,

@@ -6,5 +6,7 @@ pub mod peripherals;
 mod plugin;
 mod run;
 
-pub use exchange::{Block, Pin, Poke, Reset, ResetCause, Sampling, UartInput, UnknownRegister};
+pub use exchange::{
+    Block, Fault, FaultKind, Pin, Poke, Reset, ResetCause, Sampling, UartInput, UnknownRegister,
+};
 pub use run::{FunctionCount, Instructions, LogLine, Outcome, Run, RunError};

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 pub use stimulus::Stimulus;
 
-use crate::exchange::{Pin, Reset, ResetCause, UartInput, UnknownRegister};
+use crate::exchange::{FaultKind, Pin, Reset, ResetCause, UartInput, UnknownRegister};
 use crate::peripherals::adc::{Adc, TriggerSource};
 use crate::peripherals::dbgmcu::Dbgmcu;
 use crate::peripherals::dma::{Direction, Dma, STREAMS};
@@ -217,6 +217,20 @@ impl Machine {
     /// Plays everything up to `now` and sets the interrupt lines.
     pub fn advance(&mut self, now: u64, board: &mut impl Board) {
         self.play(now, board);
+        self.settle(board);
+    }
+
+    /// Something fails on demand.
+    pub fn fail(&mut self, kind: FaultKind, now: u64, board: &mut impl Board) {
+        self.play(now, board);
+        match kind {
+            FaultKind::AdcOverrun => self.adc.overrun(),
+            FaultKind::AdcDmaError => {
+                if let Some(stream) = self.dma[DMA2].serving(&ADC1_REQUEST) {
+                    self.dma[DMA2].failed(stream);
+                }
+            }
+        }
         self.settle(board);
     }
 

@@ -16,7 +16,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use crate::exchange::{self, Block, Description, FORMAT, LINE_PREFIX, Poke, Report, SELF_TEST_STATUS};
+use crate::exchange::{self, Block, Description, FORMAT, Fault, LINE_PREFIX, Poke, Report, SELF_TEST_STATUS};
 use crate::machine::{Board, FLASH, Machine, Stimulus};
 use count::Counters;
 use qemu::Qemu;
@@ -32,6 +32,7 @@ struct Overlay {
     recorder: Recorder,
     /// In order of time.
     pokes: VecDeque<Poke>,
+    faults: VecDeque<Fault>,
     /// What stood in flash before the pokes.
     flash_before: Vec<(u32, Vec<u8>)>,
     rtt_looked_at_ns: u64,
@@ -47,7 +48,11 @@ struct Recorder {
     counters: Option<&'static Counters>,
     /// Instructions at the end of the last block.
     block_began: Option<u64>,
+    /// Instructions in functions with a label at that time.
+    labelled: u64,
     worst_block: Option<Block>,
+    /// All blocks together in which a function with a label ran.
+    working: Option<Block>,
 }
 
 impl Overlay {
@@ -83,6 +88,8 @@ impl Overlay {
         );
         let mut pokes = description.pokes.clone();
         pokes.sort_by_key(|poke| poke.at_ns);
+        let mut faults = description.faults.clone();
+        faults.sort_by_key(|fault| fault.at_ns);
         let counters = description.count_instructions.then(|| {
             // Kept for the life of QEMU: its callbacks point there.
             &*Box::leak(Box::new(Counters::new(
@@ -98,9 +105,12 @@ impl Overlay {
                 rtt: create(exchange::RTT)?,
                 counters,
                 block_began: None,
+                labelled: 0,
                 worst_block: None,
+                working: None,
             },
             pokes: pokes.into(),
+            faults: faults.into(),
             flash_before: Vec::new(),
             rtt_looked_at_ns: 0,
             powered_up: false,
@@ -139,6 +149,10 @@ impl Overlay {
         self.machine.advance(now, &mut Outside(qemu, &mut self.recorder));
         while let Some(poke) = self.pokes.pop_front_if(|poke| poke.at_ns <= now) {
             self.poke(&poke, qemu);
+        }
+        while let Some(fault) = self.faults.pop_front_if(|fault| fault.at_ns <= now) {
+            self.machine
+                .fail(fault.kind, now, &mut Outside(qemu, &mut self.recorder));
         }
         self.after(now, true, qemu);
         if self.ends_at().is_some_and(|end| end <= now) {
@@ -188,7 +202,8 @@ impl Overlay {
             self.rtt_looked_at_ns = now;
         }
         let poke = self.pokes.front().map(|poke| poke.at_ns);
-        let next = [self.machine.next_interrupt(), poke, self.ends_at()]
+        let fault = self.faults.front().map(|fault| fault.at_ns);
+        let next = [self.machine.next_interrupt(), poke, fault, self.ends_at()]
             .into_iter()
             .flatten()
             .min();
@@ -222,6 +237,7 @@ impl Overlay {
             instructions: self.recorder.counters.map_or(0, Counters::total),
             labels: self.recorder.counters.map_or_else(Vec::new, Counters::labels),
             worst_block: self.recorder.worst_block,
+            working: self.recorder.working,
         };
         let json = serde_json::to_vec(&report).expect("a plain struct has a JSON form");
         written(std::fs::write(self.folder.join(exchange::REPORT), json));
@@ -265,6 +281,8 @@ impl Board for Outside<'_> {
             return;
         };
         let now = counters.total();
+        let labelled = counters.labelled();
+        let worked = std::mem::replace(&mut self.1.labelled, labelled) < labelled;
         // The first block after a reset has the start-up in it.
         if let Some(began) = self.1.block_began.replace(now).filter(|_| scans > 0) {
             let block = Block {
@@ -274,6 +292,11 @@ impl Board for Outside<'_> {
             let worst = self.1.worst_block.get_or_insert(block);
             if block.instructions_per_scan() > worst.instructions_per_scan() {
                 *worst = block;
+            }
+            if worked {
+                let all = self.1.working.get_or_insert_default();
+                all.instructions += block.instructions;
+                all.scans += block.scans;
             }
         }
     }

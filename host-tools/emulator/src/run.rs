@@ -21,8 +21,8 @@ pub use error::RunError;
 pub use log::LogLine;
 
 use crate::exchange::{
-    self, Block, Description, FORMAT, LINE_PREFIX, Pin, Poke, Report, Reset, SELF_TEST_STATUS, Sampling,
-    UartInput, UnknownRegister,
+    self, Block, Description, FORMAT, Fault, LINE_PREFIX, Pin, Poke, Report, Reset, SELF_TEST_STATUS,
+    Sampling, UartInput, UnknownRegister,
 };
 use crate::machine::FLASH;
 use image::Image;
@@ -74,6 +74,8 @@ pub struct Run {
     pub uart_input: Vec<UartInput>,
     /// Writes over guest memory, to provoke faults.
     pub pokes: Vec<Poke>,
+    /// Faults of the acquisition.
+    pub faults: Vec<Fault>,
 }
 
 impl Run {
@@ -95,6 +97,7 @@ impl Run {
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
             pokes: Vec::new(),
+            faults: Vec::new(),
         }
     }
 
@@ -137,6 +140,7 @@ impl Run {
             functions: ranges.clone(),
             uart_input: self.uart_input.clone(),
             pokes: self.pokes.clone(),
+            faults: self.faults.clone(),
         };
         let json = serde_json::to_vec(&description).expect("a plain struct has a JSON form");
         folder.write(exchange::DESCRIPTION, &json)?;
@@ -160,6 +164,7 @@ impl Run {
         let instructions = self.count_instructions.then(|| Instructions {
             total: report.instructions,
             worst_block: report.worst_block,
+            working: report.working,
             functions: labels
                 .into_iter()
                 .zip(&report.labels)
@@ -319,6 +324,8 @@ pub struct Instructions {
     pub functions: Vec<FunctionCount>,
     /// The busiest stretch between two interrupts of the ADC's DMA stream.
     pub worst_block: Option<Block>,
+    /// All stretches together in which one of the labelled functions ran; `None` if none ever did.
+    pub working: Option<Block>,
 }
 
 /// Instructions inside the functions of one label, without those of functions that they call.

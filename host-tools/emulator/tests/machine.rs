@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use stm32f405_qemu::machine::{Board, INTERRUPTS, Machine, Stimulus};
-use stm32f405_qemu::{ResetCause, UartInput};
+use stm32f405_qemu::{FaultKind, ResetCause, UartInput};
 
 const RCC: u32 = 0x4002_3800;
 const TIM3: u32 = 0x4000_0400;
@@ -248,6 +248,36 @@ fn an_overrun_that_nobody_clears_wakes_nobody() {
     // The interrupt of the overrun, perhaps a conversion before it, and nothing at the 190 triggers that follow.
     assert!(bench.wakes <= 2, "{} wakes", bench.wakes);
     assert!(bench.board.lines[18]);
+}
+
+#[test]
+fn faults_on_demand_look_like_those_of_the_hardware() {
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM, 128);
+    bench.run(35_000, |_| {});
+    bench
+        .machine
+        .fail(FaultKind::AdcOverrun, 35_000, &mut bench.board);
+    bench.run(95_000, |_| {});
+    assert_eq!((bench.read(ADC1) & 1 << 5, bench.machine.overruns()), (1 << 5, 1));
+    assert_eq!(
+        bench.read(STREAM0 + 0x04),
+        128 - 5,
+        "the scan of 30 µs was aborted half way"
+    );
+
+    let mut bench = Bench::new(ramp(400));
+    bench.start_acquisition(SRAM, 128);
+    bench.run(35_000, |_| {});
+    bench
+        .machine
+        .fail(FaultKind::AdcDmaError, 35_000, &mut bench.board);
+    assert!(bench.board.lines[DMA2_STREAM0]);
+    assert_eq!(
+        (bench.read(DMA2) & 0x3f, bench.read(STREAM0) & 1),
+        (1 << 3, 0),
+        "TEIF0, and stopped"
+    );
 }
 
 #[test]

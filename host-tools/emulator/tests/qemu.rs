@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
-use stm32f405_qemu::{Outcome, Poke, ResetCause, Run, RunError};
+use stm32f405_qemu::{Fault, FaultKind, Outcome, Poke, ResetCause, Run, RunError};
 
 const FLASH: u32 = 0x0800_0000;
 const SRAM: u32 = 0x2000_0000;
@@ -218,6 +218,12 @@ fn instructions_are_counted_by_function_and_by_block() {
     assert_eq!(worst.scans, 4);
     // The handler, and the branch and the WFI of the loop that it came back to.
     assert_eq!(worst.instructions, one_handler + 2);
+    // Every second block has the handler in it.
+    let working = instructions.working.unwrap();
+    assert_eq!(
+        (working.scans, working.instructions),
+        (10 * 4, 10 * (one_handler + 2))
+    );
     assert_eq!(
         run_acquiring(|run| run.count_instructions = false).instructions,
         None
@@ -298,6 +304,19 @@ fn a_firmware_that_resets_itself_is_counted_at_the_same_times_in_every_run() {
     assert!(a.resets.len() > 20, "{:?}", a.resets);
     assert!(a.resets.iter().all(|r| r.cause == ResetCause::Software));
     assert_eq!((a.resets, a.instructions), (b.resets, b.instructions));
+}
+
+#[test]
+fn an_overrun_on_demand_ends_the_samples_of_an_image_that_does_not_clear_it() {
+    let outcome = run_acquiring(|run| {
+        run.faults = vec![Fault {
+            at_ns: 4_150_000,
+            kind: FaultKind::AdcOverrun,
+        }];
+    });
+    // Five full rings had been sent.
+    assert_eq!((outcome.overruns, outcome.uart.len()), (1, 5 * 32));
+    assert!(outcome.triggers_ignored > 40, "{}", outcome.triggers_ignored);
 }
 
 #[test]

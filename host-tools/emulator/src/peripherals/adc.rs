@@ -245,11 +245,8 @@ impl Adc {
         let lost = self.unread && self.cr2 & (DMA | EOCS) != 0;
         let last = scan.rank + 1 >= self.scan_length();
         if lost {
-            self.sr |= OVR;
-            self.overruns += 1;
-            if self.cr2 & DMA != 0 {
-                self.scan = None;
-                self.request = false;
+            self.overrun();
+            if self.blocked() {
                 return;
             }
         } else {
@@ -275,6 +272,16 @@ impl Adc {
         });
         if last && self.cr2 & CONT != 0 {
             self.start(now);
+        }
+    }
+
+    /// A conversion is lost. Under DMA the scan is aborted and the request withdrawn.
+    pub fn overrun(&mut self) {
+        self.sr |= OVR;
+        self.overruns += 1;
+        if self.blocked() {
+            self.scan = None;
+            self.request = false;
         }
     }
 

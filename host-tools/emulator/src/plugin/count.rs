@@ -74,6 +74,11 @@ impl Counters {
         self.total.load(Relaxed)
     }
 
+    /// Instructions in functions with a label: grows if and only if one of them runs.
+    pub(super) fn labelled(&self) -> u64 {
+        self.labels.iter().map(|l| l.instructions.load(Relaxed)).sum()
+    }
+
     pub(super) fn labels(&self) -> Vec<Count> {
         let count = |l: &Label| Count {
             instructions: l.instructions.load(Relaxed),
