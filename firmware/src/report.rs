@@ -1,4 +1,4 @@
-//! Who the bead is and how it fares: identity, settings and status, at boot and every few seconds.
+//! Who the bead is and how it fares: identity, settings and status, at boot and every second.
 
 use bead_wire::{Fault, FaultCause, Identity, Message, Settings, SettingsSource, Status};
 use embassy_time::{Duration, Instant, Ticker};
@@ -12,7 +12,7 @@ use crate::stack;
 use crate::trace::{self, Boot};
 
 /// A host that starts to listen knows within this time what it listens to.
-const PERIOD: Duration = Duration::from_secs(2);
+const PERIOD: Duration = Duration::from_secs(1);
 
 /// Reports for ever.
 #[embassy_executor::task]

@@ -160,8 +160,17 @@ impl Chain {
         let physics = bead_of(&solution, bead)?;
         let truth = Truth::of(scenario, &solution, bead)?;
         let peaks = solution.summary().peak_force;
-        let peak_time = peaks.iter().find(|peak| peak.contact == bead).map_or(0.0, |peak| peak.time);
-        Ok(Self { bead, physics, solution, truth, peak_time })
+        let peak_time = peaks
+            .iter()
+            .find(|peak| peak.contact == bead)
+            .map_or(0.0, |peak| peak.time);
+        Ok(Self {
+            bead,
+            physics,
+            solution,
+            truth,
+            peak_time,
+        })
     }
 
     /// What to know about estimate B at this bead, if anything.
@@ -183,7 +192,11 @@ impl Chain {
         let force_noise = force_noise(strike);
         let goal = Goal {
             absorbed_measured: GOAL_A,
-            absorbed_predicted: if force_noise.1 > NOISY_CODES { GOAL_B_NOISY } else { GOAL_B_QUIET },
+            absorbed_predicted: if force_noise.1 > NOISY_CODES {
+                GOAL_B_NOISY
+            } else {
+                GOAL_B_QUIET
+            },
             force_noise: force_noise.0,
         };
         let pass = replay.identical()
@@ -197,8 +210,10 @@ impl Chain {
             replay_identical: replay.identical(),
             first_difference: replay.first_difference,
             f64_samples: traces.as_ref().map(|traces| {
-                let [measured, predicted] =
-                    traces.f64_samples.each_ref().map(|curve| curve.last().map_or(0.0, |last| last.estimate));
+                let [measured, predicted] = traces
+                    .f64_samples
+                    .each_ref()
+                    .map(|curve| curve.last().map_or(0.0, |last| last.estimate));
                 Values {
                     peak_force: traces.force.iter().map(|point| point.sensed).fold(0.0, f64::max),
                     absorbed_measured: measured,
@@ -224,7 +239,10 @@ impl Chain {
         let force = sensed(column(0), &settings.force, rate);
         let acceleration = sensed(column(1), &settings.acceleration, rate);
         let gate = settings.chain.gate.to_num::<f64>();
-        let gated: Vec<f64> = force.iter().map(|&f| if f.abs() < gate { 0.0 } else { f }).collect();
+        let gated: Vec<f64> = force
+            .iter()
+            .map(|&f| if f.abs() < gate { 0.0 } else { f })
+            .collect();
         let measured = f64_estimators::measured(&self.physics, &acceleration, rate);
         let predicted = f64_estimators::predicted(&self.physics, &gated, rate);
         let start = self.place(&force, rate);
@@ -242,7 +260,11 @@ impl Chain {
                 .map(|(sample, estimate)| {
                     let time = at(sample as f64) + offset;
                     let inside = sampler.at(time.clamp(0.0, self.solution.end()));
-                    Absorbed { time, estimate, chain: inside.intruder_dissipated(self.bead).unwrap_or(0.0) }
+                    Absorbed {
+                        time,
+                        estimate,
+                        chain: inside.intruder_dissipated(self.bead).unwrap_or(0.0),
+                    }
                 })
                 .collect()
         };
@@ -257,12 +279,21 @@ impl Chain {
                 along(0.0, &mut predicted.iter().copied().enumerate()),
             ],
             replay: [
-                along(half + SCAN_SKEW, &mut replayed().map(|(i, energy)| (i, joules(energy.0)))),
+                along(
+                    half + SCAN_SKEW,
+                    &mut replayed().map(|(i, energy)| (i, joules(energy.0))),
+                ),
                 along(half, &mut replayed().map(|(i, energy)| (i, joules(energy.1)))),
             ],
             device: [
-                along(half + SCAN_SKEW, &mut chunks().map(|c| (c.end - 1, joules(c.absorbed_measured)))),
-                along(half, &mut chunks().map(|c| (c.end - 1, joules(c.absorbed_predicted)))),
+                along(
+                    half + SCAN_SKEW,
+                    &mut chunks().map(|c| (c.end - 1, joules(c.absorbed_measured))),
+                ),
+                along(
+                    half,
+                    &mut chunks().map(|c| (c.end - 1, joules(c.absorbed_predicted))),
+                ),
             ],
         })
     }
@@ -282,7 +313,11 @@ impl Chain {
             .map(|(i, &sensed)| {
                 let time = start + i as f64 / rate;
                 let inside = (0.0..=self.solution.end()).contains(&time);
-                Sensed { time, sensed, simulated: if inside { quantity(&sampler.at(time)) } else { 0.0 } }
+                Sensed {
+                    time,
+                    sensed,
+                    simulated: if inside { quantity(&sampler.at(time)) } else { 0.0 },
+                }
             })
             .collect()
     }
@@ -290,7 +325,9 @@ impl Chain {
     /// Time since the striker hit of the window's first sample: where the squared distance of sensed and simulated
     /// force is least.
     fn place(&self, force: &[f64], rate: f64) -> f64 {
-        let peak = (0..force.len()).max_by(|&a, &b| force[a].total_cmp(&force[b])).unwrap_or(0);
+        let peak = (0..force.len())
+            .max_by(|&a, &b| force[a].total_cmp(&force[b]))
+            .unwrap_or(0);
         // The pulse and what follows it at once: later waves are small and cost time.
         let near = peak.saturating_sub(40)..(peak + 80).min(force.len());
         let distance = |start: f64| -> f64 {
@@ -299,7 +336,11 @@ impl Chain {
                 .map(|i| {
                     let t = start + i as f64 / rate;
                     let inside = (0.0..=self.solution.end()).contains(&t);
-                    let simulated = if inside { sampler.at(t).force(self.bead) } else { 0.0 };
+                    let simulated = if inside {
+                        sampler.at(t).force(self.bead)
+                    } else {
+                        0.0
+                    };
                     (force[i] - simulated).powi(2)
                 })
                 .sum()
@@ -325,11 +366,17 @@ fn sensed(codes: impl Iterator<Item = u16> + Clone, channel: &Channel, rate: f64
 
 /// Noise of the force before the strike, rms, in N and in codes.
 fn force_noise(strike: &RecordedStrike) -> (f64, f64) {
-    let quiet = strike.scans.iter().take(usize::from(BASELINE)).map(|scan| f64::from(scan[0]));
+    let quiet = strike
+        .scans
+        .iter()
+        .take(usize::from(BASELINE))
+        .map(|scan| f64::from(scan[0]));
     let count = quiet.clone().count().max(1) as f64;
     let mean = quiet.clone().sum::<f64>() / count;
     let codes = (quiet.map(|code| (code - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let per_code = strike.settings.map_or(0.0, |settings| settings.force.per_code.to_num::<f64>());
+    let per_code = strike
+        .settings
+        .map_or(0.0, |settings| settings.force.per_code.to_num::<f64>());
     (codes * per_code, codes)
 }
 
@@ -366,7 +413,11 @@ mod tests {
         assert!(comparison.pass);
         assert_eq!(comparison.first_difference, None);
         // 5 mN of noise and twelve bits over 16 N.
-        assert!((comparison.goal.force_noise / 5.1e-3 - 1.0).abs() < 0.3, "{}", comparison.goal.force_noise);
+        assert!(
+            (comparison.goal.force_noise / 5.1e-3 - 1.0).abs() < 0.3,
+            "{}",
+            comparison.goal.force_noise
+        );
         assert_eq!(comparison.goal.absorbed_predicted, GOAL_B_NOISY);
     }
 
@@ -379,14 +430,26 @@ mod tests {
         let true_start = (strike.said.first_index as f64 - 1.0) * 1e-5 - 0.02;
         let samples = (traces.force[0].time - true_start) * 1e5;
         assert!(samples.abs() < 0.01, "{samples}");
-        let worst = |curve: &[Sensed]| curve.iter().map(|p| (p.sensed - p.simulated).abs()).fold(0.0, f64::max);
+        let worst = |curve: &[Sensed]| {
+            curve
+                .iter()
+                .map(|p| (p.sensed - p.simulated).abs())
+                .fold(0.0, f64::max)
+        };
         // Noise of 5 mN at four sigma, and rounding; noise of 0.05 m/s², and rounding to 0.12 m/s².
         assert!(worst(&traces.force) < 0.03, "{}", worst(&traces.force));
-        assert!(worst(&traces.acceleration) < 0.5, "{}", worst(&traces.acceleration));
+        assert!(
+            worst(&traces.acceleration) < 0.5,
+            "{}",
+            worst(&traces.acceleration)
+        );
         // The curves of energy stay together all the way, not at their ends only.
         for curves in [&traces.f64_samples, &traces.replay, &traces.device] {
             for curve in curves {
-                let off = curve.iter().map(|p| (p.estimate - p.chain).abs()).fold(0.0, f64::max);
+                let off = curve
+                    .iter()
+                    .map(|p| (p.estimate - p.chain).abs())
+                    .fold(0.0, f64::max);
                 assert!(off < 3e-3 * 8.297e-7, "{off:e} J");
             }
         }

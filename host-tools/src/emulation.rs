@@ -19,8 +19,8 @@ use crate::sensed::{Sensed, Timing, Truth, bead_of};
 pub const SETTINGS_ADDRESS: u32 = 0x080E_0000;
 /// The image as `cargo xtask build` leaves it, from the workspace's root.
 const IMAGE: &str = "target/thumbv7em-none-eabihf/firmware/bead-firmware";
-/// Virtual time after the last strike: long enough for the next status, sent every two seconds.
-const TAIL: Duration = Duration::from_millis(2200);
+/// Virtual time after the last strike: long enough for the next status, sent every second.
+const TAIL: Duration = Duration::from_millis(1200);
 /// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
 pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
 
@@ -105,10 +105,12 @@ pub struct InstructionsPerSample {
     pub observer: Option<f64>,
     /// In estimate B and its square root, for each sample that it took; none if it took none.
     pub reduced_chain: Option<f64>,
-    /// In the whole image, for each sample of the whole run.
-    pub total: f64,
+    /// In the whole image, for each sample of the blocks in which a strike was measured; none if none was.
+    pub total: Option<f64>,
     /// In the whole image, for each sample of the busiest block; none if no block was taken.
     pub worst_block: Option<f64>,
+    /// In the whole image, for each sample of the whole run, quiet and strikes.
+    pub run: f64,
 }
 
 /// A run that is ready to start.
@@ -141,7 +143,9 @@ impl Emulation {
         let settings = derive(&physics, &front_end.calibration(), &Capture::default())
             .or_input(|| format!("no settings fit bead {bead} and this front end"))?;
         let mut block = [0; BLOCK_MAX];
-        let length = settings.encode(&mut block).or_input(|| "cannot encode the settings")?;
+        let length = settings
+            .encode(&mut block)
+            .or_input(|| "cannot encode the settings")?;
         if timing.strikes > 1 && timing.interval < solution.end() {
             return Err(Failure::input(format!(
                 "--interval {} s: a strike and its ring-down take {} s; give at least that",
@@ -164,14 +168,17 @@ impl Emulation {
             front_end: *front_end,
             seed,
         };
-        Ok(Self { settings, block: block[..length].to_vec(), truth, codes, image: image.to_owned() })
+        Ok(Self {
+            settings,
+            block: block[..length].to_vec(),
+            truth,
+            codes,
+            image: image.to_owned(),
+        })
     }
 
-    /// Runs the image. Returns the bytes that it sent and what was measured.
-    ///
-    /// # Errors
-    /// The image is none, QEMU fails, or the image never samples.
-    pub fn run(&self) -> Result<(Vec<u8>, EmulatorReport), Failure> {
+    /// The machine with the image, its settings and its stimulus: what [`run`](Self::run) executes.
+    pub fn machine(&self) -> Run {
         let mut run = Run::new(&self.image);
         run.stimulus = self.codes.scans.clone();
         run.sample_period_ns = u64::from(1_000_000_000 / SAMPLE_RATE_HZ);
@@ -187,15 +194,26 @@ impl Emulation {
         // An image that keeps the core busy runs some thirty times slower here than on silicon.
         let seconds = self.codes.scans.len() as f64 / f64::from(SAMPLE_RATE_HZ) + TAIL.as_secs_f64();
         run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * seconds);
+        run
+    }
+
+    /// Runs the image. Returns the bytes that it sent and what was measured.
+    ///
+    /// # Errors
+    /// The image is none, QEMU fails, or the image never samples.
+    pub fn run(&self) -> Result<(Vec<u8>, EmulatorReport), Failure> {
         let clock = Instant::now();
-        let outcome = run.execute().map_err(blame)?;
+        let outcome = self.machine().execute().map_err(blame)?;
         let report = self.report(&outcome, clock.elapsed().as_secs_f64())?;
         Ok((outcome.uart, report))
     }
 
     fn report(&self, outcome: &Outcome, real_seconds: f64) -> Result<EmulatorReport, Failure> {
         let Some(sampling) = &outcome.sampling else {
-            let last = outcome.log.last().map_or_else(|| "nothing".to_owned(), ToString::to_string);
+            let last = outcome
+                .log
+                .last()
+                .map_or_else(|| "nothing".to_owned(), ToString::to_string);
             return Err(Failure::device(format!(
                 "{} never started to sample in {:.1} s; the last that it logged: {last}",
                 self.image.display(),
@@ -218,15 +236,20 @@ impl Emulation {
             instructions_per_sample: InstructionsPerSample {
                 observer: per_call("observer", ""),
                 reduced_chain: per_call("reduced_chain", "sqrt"),
-                total: counted.total as f64 / sampling.scans.max(1) as f64,
+                total: counted.working.map(|blocks| blocks.instructions_per_scan()),
                 worst_block: counted.worst_block.map(|block| block.instructions_per_scan()),
+                run: counted.total as f64 / sampling.scans.max(1) as f64,
             },
             instructions_available: INSTRUCTIONS_A_SAMPLE,
             overruns: outcome.overruns,
             resets: outcome.resets.len(),
             scans: sampling.scans,
             saturated: self.codes.saturated,
-            unknown_registers: outcome.unknown_registers.iter().map(|register| register.name.clone()).collect(),
+            unknown_registers: outcome
+                .unknown_registers
+                .iter()
+                .map(|register| register.name.clone())
+                .collect(),
             unmodelled: outcome.unmodelled.clone(),
             virtual_seconds: outcome.virtual_ns as f64 * 1e-9,
             real_seconds,

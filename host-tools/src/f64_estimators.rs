@@ -217,8 +217,10 @@ mod tests {
         let a = |samples: &[f64]| error(&measured(&bead, samples, RATE), truth);
         let b = |samples: &[f64]| error(&predicted(&bead, samples, RATE), truth);
         let (raw_a, raw_b) = (a(&acceleration), b(&force));
-        let (a, b) =
-            (a(&compensate(&acceleration, 40e3, RATE)), b(&compensate(&force, 40e3, RATE)));
+        let (a, b) = (
+            a(&compensate(&acceleration, 40e3, RATE)),
+            b(&compensate(&force, 40e3, RATE)),
+        );
         println!("pole at 40 kHz: A {raw_a:.2e} -> {a:.2e}, B {raw_b:.2e} -> {b:.2e}");
         assert!(raw_a.abs() > 1e-3, "the pole costs A something: {raw_a:e}");
         assert!(a.abs() < 2e-5, "{a:e}");

@@ -252,7 +252,12 @@ impl Chart {
                     chart.draw_series(LineSeries::new(points, colour.stroke_width(px(THIN))))?;
                 }
                 Mark::Dashed => {
-                    chart.draw_series(DashedLineSeries::new(points, px(6), px(4), colour.stroke_width(px(THIN))))?;
+                    chart.draw_series(DashedLineSeries::new(
+                        points,
+                        px(6),
+                        px(4),
+                        colour.stroke_width(px(THIN)),
+                    ))?;
                 }
                 Mark::Dots => {
                     chart.draw_series(points.map(|point| Circle::new(point, px(DOT), colour.filled())))?;
@@ -311,7 +316,11 @@ where
             Mark::Rings => area.draw(&Circle::new((x + at(12), middle), px(RING), ring(colour)))?,
             Mark::Discs => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
         }
-        area.draw(&Text::new(series.name.as_str(), (x + at(30), middle), style.clone()))?;
+        area.draw(&Text::new(
+            series.name.as_str(),
+            (x + at(30), middle),
+            style.clone(),
+        ))?;
         // Plotters cannot measure text without a font: half the size is the mean advance of sans-serif.
         x += at(30 + series.name.chars().count() as u32 * TICKS / 2 + 22);
     }

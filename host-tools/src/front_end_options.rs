@@ -49,15 +49,15 @@ impl FrontEndOptions {
     /// A value that no front end has.
     pub(crate) fn front_end(&self) -> Result<FrontEnd, Failure> {
         let not_negative = |name: &str, value: Option<f64>, unit: &str| match value {
-            Some(value) if !(value.is_finite() && value >= 0.0) => {
-                Err(Failure::input(format!("{name} {value}: give 0 or more, in {unit}")))
-            }
+            Some(value) if !(value.is_finite() && value >= 0.0) => Err(Failure::input(format!(
+                "{name} {value}: give 0 or more, in {unit}"
+            ))),
             value => Ok(value),
         };
         let positive = |name: &str, value: Option<f64>, unit: &str| match value {
-            Some(value) if !(value.is_finite() && value > 0.0) => {
-                Err(Failure::input(format!("{name} {value}: give more than 0, in {unit}")))
-            }
+            Some(value) if !(value.is_finite() && value > 0.0) => Err(Failure::input(format!(
+                "{name} {value}: give more than 0, in {unit}"
+            ))),
             value => Ok(value),
         };
         let mut front_end = FrontEnd::default();

@@ -34,7 +34,12 @@ impl Received {
             eprintln!("bead: {}: {warning}", path.display());
         }
         let (frames, counters) = frames::decode(&recording.stream());
-        Ok(Self { path: path.to_owned(), frames, counters, recording })
+        Ok(Self {
+            path: path.to_owned(),
+            frames,
+            counters,
+            recording,
+        })
     }
 
     /// The strikes, with their samples and settings.
@@ -78,7 +83,10 @@ impl Received {
 
     /// A part of the recording that is text.
     pub fn text(&self, part: Part) -> Option<&str> {
-        self.recording.parts.get(&part).and_then(|bytes| std::str::from_utf8(bytes).ok())
+        self.recording
+            .parts
+            .get(&part)
+            .and_then(|bytes| std::str::from_utf8(bytes).ok())
     }
 
     /// A part of the recording that is JSON.
@@ -86,9 +94,15 @@ impl Received {
     /// # Errors
     /// The part is there and is not what this version writes.
     pub fn json<T: serde::de::DeserializeOwned>(&self, part: Part) -> Result<Option<T>, Failure> {
-        let Some(text) = self.text(part) else { return Ok(None) };
+        let Some(text) = self.text(part) else {
+            return Ok(None);
+        };
         let value = serde_json::from_str(text).or_input(|| {
-            format!("{}: cannot read its {}; record it again", self.path.display(), part.name())
+            format!(
+                "{}: cannot read its {}; record it again",
+                self.path.display(),
+                part.name()
+            )
         })?;
         Ok(Some(value))
     }

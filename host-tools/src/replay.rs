@@ -24,13 +24,20 @@ impl Replay {
     }
 
     fn impossible(why: String) -> Self {
-        Self { said: None, energies: Vec::new(), first_difference: Some(why) }
+        Self {
+            said: None,
+            energies: Vec::new(),
+            first_difference: Some(why),
+        }
     }
 }
 
 /// A scan from its recorded codes.
 fn scan([force, acceleration]: [u16; 2]) -> Scan {
-    Scan { force: AdcCode::new(force), acceleration: AdcCode::new(acceleration) }
+    Scan {
+        force: AdcCode::new(force),
+        acceleration: AdcCode::new(acceleration),
+    }
 }
 
 /// Replays one strike twice: its window alone, and as a stream through the strike detector, which must fire at the
@@ -65,7 +72,11 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
         .or_else(|| differs_in_report(&strike.said, &said))
         .map(|what| format!("strike {number}: {what}"))
         .or_else(|| differs_as_stream(strike, settings));
-    Replay { said: Some(said), energies, first_difference }
+    Replay {
+        said: Some(said),
+        energies,
+        first_difference,
+    }
 }
 
 fn differs_in_chunks(strike: &RecordedStrike, energies: &[(i64, i64)]) -> Option<String> {
@@ -85,11 +96,13 @@ fn differs_in_chunks(strike: &RecordedStrike, energies: &[(i64, i64)]) -> Option
 }
 
 fn differs_in_report(device: &Strike, replay: &Strike) -> Option<String> {
-    fields(device).into_iter().zip(fields(replay)).find(|(device, replay)| device != replay).map(
-        |((what, device), (_, replay))| {
+    fields(device)
+        .into_iter()
+        .zip(fields(replay))
+        .find(|(device, replay)| device != replay)
+        .map(|((what, device), (_, replay))| {
             format!("{what} of the strike frame: device {device:#x}, replay {replay:#x}")
-        },
-    )
+        })
 }
 
 /// Every field of a strike frame, by name, as bits.
@@ -191,13 +204,16 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
             strike.said.trigger_index
         ));
     };
-    let said = Strike { strike: number, ..wire_strike(&report) };
-    differs_in_report(&strike.said, &said).map(|what| format!("strike {number}, as a stream: {what}")).or_else(
-        || {
+    let said = Strike {
+        strike: number,
+        ..wire_strike(&report)
+    };
+    differs_in_report(&strike.said, &said)
+        .map(|what| format!("strike {number}, as a stream: {what}"))
+        .or_else(|| {
             (heard.chunks != strike.chunks)
                 .then(|| format!("strike {number}, as a stream: the chunks are cut otherwise"))
-        },
-    )
+        })
 }
 
 #[cfg(test)]
@@ -220,7 +236,10 @@ mod tests {
             strike.chunks[chunk].absorbed_predicted ^= 1;
             let what = replay(&strike).first_difference.unwrap();
             let index = strike.said.first_index + strike.chunks[chunk].end as u64 - 1;
-            assert!(what.contains(&format!("absorbed_predicted at sample index {index}:")), "{what}");
+            assert!(
+                what.contains(&format!("absorbed_predicted at sample index {index}:")),
+                "{what}"
+            );
         }
     }
 
@@ -258,7 +277,10 @@ mod tests {
         strike.chunks.pop();
         let what = replay(&strike).first_difference.unwrap();
         assert!(what.contains("40 of its 640 samples"), "{what}");
-        let strike = RecordedStrike { settings: None, ..recorded_strike() };
+        let strike = RecordedStrike {
+            settings: None,
+            ..recorded_strike()
+        };
         assert!(replay(&strike).first_difference.unwrap().contains("no settings"));
     }
 }

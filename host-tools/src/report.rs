@@ -43,26 +43,55 @@ pub fn strike_chart(traces: &Traces) -> Chart {
         y_label: y_label.to_owned(),
         height: 165,
         series: vec![
-            series(simulated, Ink::Chain, Mark::Broad, points.iter().map(|p| (p.time, p.simulated)), 1.0),
-            series(sensed, Ink::Sensed, Mark::Dots, points.iter().map(|p| (p.time, p.sensed)), 1.0),
+            series(
+                simulated,
+                Ink::Chain,
+                Mark::Broad,
+                points.iter().map(|p| (p.time, p.simulated)),
+                1.0,
+            ),
+            series(
+                sensed,
+                Ink::Sensed,
+                Mark::Dots,
+                points.iter().map(|p| (p.time, p.sensed)),
+                1.0,
+            ),
         ],
     };
     let chain = traces.f64_samples[1].iter().map(|p| (p.time, p.chain));
     let [measured, predicted] = traces.device.each_ref().map(|curve| energies(curve));
     let absorbed = vec![
         series("", Ink::Chain, Mark::Broad, chain, 1e9),
-        series("A, measured by the acceleration", Ink::Measured, Mark::Rings, measured, 1e9),
-        series("B, predicted from the force", Ink::Predicted, Mark::Discs, predicted, 1e9),
+        series(
+            "A, measured by the acceleration",
+            Ink::Measured,
+            Mark::Rings,
+            measured,
+            1e9,
+        ),
+        series(
+            "B, predicted from the force",
+            Ink::Predicted,
+            Mark::Discs,
+            predicted,
+            1e9,
+        ),
     ];
     Chart {
-        description: "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time"
-            .to_owned(),
+        description:
+            "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time"
+                .to_owned(),
         x_label: "time since the striker hit (ms)".to_owned(),
         x_range,
         panels: vec![
             sensed(&traces.force, "force (N)", ["simulated", "sensed by the bead"]),
             sensed(&traces.acceleration, "acceleration (m/s²)", ["", ""]),
-            Panel { y_label: "absorbed energy (nJ)".to_owned(), height: 230, series: absorbed },
+            Panel {
+                y_label: "absorbed energy (nJ)".to_owned(),
+                height: 230,
+                series: absorbed,
+            },
         ],
     }
 }
@@ -81,31 +110,66 @@ pub fn residual_chart(traces: &Traces) -> Chart {
         )],
     };
     let last = traces.f64_samples[1].last().map_or(1.0, |last| last.chain);
-    let off = |points: &[Absorbed]| points.iter().map(|p| (p.time, p.estimate - p.chain)).collect::<Vec<_>>();
+    let off = |points: &[Absorbed]| {
+        points
+            .iter()
+            .map(|p| (p.time, p.estimate - p.chain))
+            .collect::<Vec<_>>()
+    };
     let mut absorbed = Vec::new();
     for (which, ink, name) in [(0, Ink::Measured, "A"), (1, Ink::Predicted, "B")] {
         let f64_name = format!("{name}, f64");
-        absorbed.push(series(&f64_name, ink, Mark::Dashed, off(&traces.f64_samples[which]), 100.0 / last));
-        absorbed.push(series(&format!("{name}, replay"), ink, Mark::Line, off(&traces.replay[which]), 100.0 / last));
+        absorbed.push(series(
+            &f64_name,
+            ink,
+            Mark::Dashed,
+            off(&traces.f64_samples[which]),
+            100.0 / last,
+        ));
+        absorbed.push(series(
+            &format!("{name}, replay"),
+            ink,
+            Mark::Line,
+            off(&traces.replay[which]),
+            100.0 / last,
+        ));
         let mark = if which == 0 { Mark::Rings } else { Mark::Discs };
-        absorbed.push(series(&format!("{name}, bead"), ink, mark, off(&traces.device[which]), 100.0 / last));
+        absorbed.push(series(
+            &format!("{name}, bead"),
+            ink,
+            mark,
+            off(&traces.device[which]),
+            100.0 / last,
+        ));
     }
     Chart {
-        description: "What remains of force, acceleration and absorbed energy when the simulation is subtracted"
-            .to_owned(),
+        description:
+            "What remains of force, acceleration and absorbed energy when the simulation is subtracted"
+                .to_owned(),
         x_label: "time since the striker hit (ms)".to_owned(),
         x_range: x_range(traces),
         panels: vec![
             residual(&traces.force, "sensed − simulated force", "force (mN)", 1e3),
-            residual(&traces.acceleration, "sensed − simulated acceleration", "acceleration (m/s²)", 1.0),
-            Panel { y_label: "energy (% of final)".to_owned(), height: 230, series: absorbed },
+            residual(
+                &traces.acceleration,
+                "sensed − simulated acceleration",
+                "acceleration (m/s²)",
+                1.0,
+            ),
+            Panel {
+                y_label: "energy (% of final)".to_owned(),
+                height: 230,
+                series: absorbed,
+            },
         ],
     }
 }
 
 fn x_range(traces: &Traces) -> (f64, f64) {
     let ends = (traces.force.first(), traces.force.last());
-    let (Some(first), Some(last)) = ends else { return (0.0, 1.0) };
+    let (Some(first), Some(last)) = ends else {
+        return (0.0, 1.0);
+    };
     (first.time * 1e3, last.time * 1e3)
 }
 
@@ -117,8 +181,16 @@ fn series(
     points: impl IntoIterator<Item = (f64, f64)>,
     scale: f64,
 ) -> Series {
-    let points = points.into_iter().map(|(time, value)| (time * 1e3, value * scale)).collect();
-    Series { name: name.to_owned(), ink, mark, points }
+    let points = points
+        .into_iter()
+        .map(|(time, value)| (time * 1e3, value * scale))
+        .collect();
+    Series {
+        name: name.to_owned(),
+        ink,
+        mark,
+        points,
+    }
 }
 
 fn energies(points: &[Absorbed]) -> Vec<(f64, f64)> {
@@ -166,11 +238,25 @@ impl Report<'_> {
         if let Some(traces) = self.strikes.iter().find_map(|strike| strike.traces.as_ref()) {
             body.push_str("<h2>The strike</h2><p>Each dot is one sample, turned back into its unit with the bead’s own calibration. Rings and discs are the \
                 running energies that the bead sent, one of each a chunk of samples.</p>");
-            push(&mut body, format_args!("<div class=\"scroll\">{}</div>", strike_chart(traces).inline_svg()?));
-            body.push_str("<h2>What is left when the simulation is subtracted</h2><p>Noise and the steps of the \
+            push(
+                &mut body,
+                format_args!(
+                    "<div class=\"scroll\">{}</div>",
+                    strike_chart(traces).inline_svg()?
+                ),
+            );
+            body.push_str(
+                "<h2>What is left when the simulation is subtracted</h2><p>Noise and the steps of the \
                 twelve bits for the sensors; for the energies, the error of each estimate \
-                on its way: f64 is the same estimate in floating point from the same samples.</p>");
-            push(&mut body, format_args!("<div class=\"scroll\">{}</div>", residual_chart(traces).inline_svg()?));
+                on its way: f64 is the same estimate in floating point from the same samples.</p>",
+            );
+            push(
+                &mut body,
+                format_args!(
+                    "<div class=\"scroll\">{}</div>",
+                    residual_chart(traces).inline_svg()?
+                ),
+            );
         }
         self.cost(&mut body);
         self.facts(&mut body);
@@ -188,25 +274,58 @@ impl Report<'_> {
             None => ("pass", "Every check passed".to_owned()),
             Some(why) => ("fail", why.to_owned()),
         };
-        push(out, format_args!(
-            "<p class=\"above\">Bead {} · {}</p><h1>{}</h1><p><span class=\"verdict {class}\">{}</span></p>",
-            self.bead,
-            escape(self.recording),
-            escape(if self.title.is_empty() { "A strike" } else { self.title }),
-            escape(&verdict),
-        ));
-        let Some(strike) = self.strikes.first() else { return };
+        push(
+            out,
+            format_args!(
+                "<p class=\"above\">Bead {} · {}</p><h1>{}</h1><p><span class=\"verdict {class}\">{}</span></p>",
+                self.bead,
+                escape(self.recording),
+                escape(if self.title.is_empty() {
+                    "A strike"
+                } else {
+                    self.title
+                }),
+                escape(&verdict),
+            ),
+        );
+        let Some(strike) = self.strikes.first() else {
+            return;
+        };
         let tile = |out: &mut String, value: String, what: &str| {
             push(out, format_args!("<div><b>{value}</b><span>{what}</span></div>"));
         };
         out.push_str("<div class=\"key\">");
-        tile(out, format!("{:.1} nJ", strike.f64_chain.absorbed_measured * 1e9), "absorbed, by the full simulation");
-        tile(out, percent(strike.deviation.absorbed_measured), "A, measured by the acceleration");
-        tile(out, percent(strike.deviation.absorbed_predicted), "B, predicted from the force");
-        let identical = self.strikes.iter().filter(|strike| strike.replay_identical).count();
-        tile(out, format!("{identical} of {}", self.strikes.len()), "strikes replayed bit for bit");
+        tile(
+            out,
+            format!("{:.1} nJ", strike.f64_chain.absorbed_measured * 1e9),
+            "absorbed, by the full simulation",
+        );
+        tile(
+            out,
+            percent(strike.deviation.absorbed_measured),
+            "A, measured by the acceleration",
+        );
+        tile(
+            out,
+            percent(strike.deviation.absorbed_predicted),
+            "B, predicted from the force",
+        );
+        let identical = self
+            .strikes
+            .iter()
+            .filter(|strike| strike.replay_identical)
+            .count();
+        tile(
+            out,
+            format!("{identical} of {}", self.strikes.len()),
+            "strikes replayed bit for bit",
+        );
         let gone = self.counters.lost + self.counters.rejected.total();
-        tile(out, format!("{gone} of {}", self.counters.frames + self.counters.lost), "frames lost or corrupt");
+        tile(
+            out,
+            format!("{gone} of {}", self.counters.frames + self.counters.lost),
+            "frames lost or corrupt",
+        );
         out.push_str("</div>");
     }
 
@@ -217,38 +336,62 @@ impl Report<'_> {
              bit.</p>",
         );
         for strike in self.strikes {
-            push(out, format_args!(
-                "<div class=\"scroll\"><table><thead><tr><th>Strike {}, sample {}</th><th>device</th><th>replay</th>\
+            push(
+                out,
+                format_args!(
+                    "<div class=\"scroll\"><table><thead><tr><th>Strike {}, sample {}</th><th>device</th><th>replay</th>\
                  <th>f64, same samples</th><th>f64 chain</th><th>device off by</th><th>goal</th></tr></thead><tbody>",
-                strike.strike, strike.sample_index,
-            ));
+                    strike.strike, strike.sample_index,
+                ),
+            );
             type Of = fn(&Values) -> f64;
             let rows: [(&str, Of, f64, usize, Option<f64>); 3] = [
-                ("A, measured (nJ)", |v| v.absorbed_measured, 1e9, 2, Some(strike.goal.absorbed_measured)),
-                ("B, predicted (nJ)", |v| v.absorbed_predicted, 1e9, 2, Some(strike.goal.absorbed_predicted)),
+                (
+                    "A, measured (nJ)",
+                    |v| v.absorbed_measured,
+                    1e9,
+                    2,
+                    Some(strike.goal.absorbed_measured),
+                ),
+                (
+                    "B, predicted (nJ)",
+                    |v| v.absorbed_predicted,
+                    1e9,
+                    2,
+                    Some(strike.goal.absorbed_predicted),
+                ),
                 ("peak force (N)", |v| v.peak_force, 1.0, 4, None),
             ];
             for (name, of, scale, digits, goal) in rows {
                 let cell = |values: Option<Values>| {
-                    values.map_or_else(|| "–".to_owned(), |values| format!("{:.digits$}", of(&values) * scale))
+                    values.map_or_else(
+                        || "–".to_owned(),
+                        |values| format!("{:.digits$}", of(&values) * scale),
+                    )
                 };
                 let off = of(&strike.deviation);
                 let met = goal.map(|goal| off.abs() <= goal);
                 let class = met.map_or("", |met| if met { "pass" } else { "fail" });
-                push(out, format_args!(
-                    "<tr><td>{name}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"{class}\">{}</td>\
+                push(
+                    out,
+                    format_args!(
+                        "<tr><td>{name}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"{class}\">{}</td>\
                      <td>{}</td></tr>",
-                    cell(Some(strike.device)),
-                    cell(strike.replay),
-                    cell(strike.f64_samples),
-                    cell(Some(strike.f64_chain)),
-                    percent(off),
-                    goal.map_or_else(|| "–".to_owned(), |goal| format!("±{:.1} %", goal * 100.0)),
-                ));
+                        cell(Some(strike.device)),
+                        cell(strike.replay),
+                        cell(strike.f64_samples),
+                        cell(Some(strike.f64_chain)),
+                        percent(off),
+                        goal.map_or_else(|| "–".to_owned(), |goal| format!("±{:.1} %", goal * 100.0)),
+                    ),
+                );
             }
             out.push_str("</tbody></table></div>");
             if !strike.flags.is_empty() {
-                push(out, format_args!("<p>Flags: {}</p>", escape(&strike.flags.join(", "))));
+                push(
+                    out,
+                    format_args!("<p>Flags: {}</p>", escape(&strike.flags.join(", "))),
+                );
             }
             if let Some(what) = &strike.first_difference {
                 push(out, format_args!("<p class=\"fail\">{}</p>", escape(what)));
@@ -259,24 +402,31 @@ impl Report<'_> {
     fn cost(&self, out: &mut String) {
         let Some(emulator) = self.emulator else { return };
         let available = emulator.instructions_available;
-        push(out, format_args!(
-            "<h2>What it costs</h2><p>Instructions for each sample. The emulator executes {available:.0} in a sample \
+        push(
+            out,
+            format_args!(
+                "<h2>What it costs</h2><p>Instructions for each sample. The emulator executes {available:.0} in a sample \
              period; the core at 168 MHz has 1680 cycles.</p><div class=\"scroll\"><table><tbody>"
-        ));
+            ),
+        );
         let per_sample = emulator.instructions_per_sample;
         for (name, count) in [
             ("estimate A, observer", per_sample.observer),
             ("estimate B, reduced chain", per_sample.reduced_chain),
+            ("everything, while a strike is measured", per_sample.total),
             ("everything, in the busiest block", per_sample.worst_block),
-            ("everything, over the whole run", Some(per_sample.total)),
+            ("everything, over the whole run", Some(per_sample.run)),
         ] {
             let Some(count) = count else { continue };
             let part = count / available * 100.0;
-            push(out, format_args!(
-                "<tr><td>{name}</td><td>{count:.0}</td><td>{part:.1} %</td><td style=\"width:45%\">\
+            push(
+                out,
+                format_args!(
+                    "<tr><td>{name}</td><td>{count:.0}</td><td>{part:.1} %</td><td style=\"width:45%\">\
                  <div class=\"bar\"><i style=\"width:{:.1}%\"></i></div></td></tr>",
-                part.clamp(0.0, 100.0)
-            ));
+                    part.clamp(0.0, 100.0)
+                ),
+            );
         }
         out.push_str("</tbody></table></div>");
     }
@@ -284,76 +434,130 @@ impl Report<'_> {
     fn facts(&self, out: &mut String) {
         out.push_str("<h2>The run</h2><table class=\"facts\"><tbody>");
         let mut fact = |name: &str, value: String| {
-            push(out, format_args!("<tr><td>{name}</td><td>{}</td></tr>", escape(&value)));
+            push(
+                out,
+                format_args!("<tr><td>{name}</td><td>{}</td></tr>", escape(&value)),
+            );
         };
         if let Some(identity) = self.identity {
             fact("firmware", format!("{} ({})", identity.firmware, identity.git));
-            fact("device", identity.uid.iter().map(|byte| format!("{byte:02x}")).collect());
-            fact("boot", format!("{}, reset by {}", identity.boot, reset_causes(identity.reset_cause).join(", ")));
-            fact("sampling", format!("{} channels at {} Hz", identity.channels, identity.sample_rate_hz));
+            fact(
+                "device",
+                identity.uid.iter().map(|byte| format!("{byte:02x}")).collect(),
+            );
+            fact(
+                "boot",
+                format!(
+                    "{}, reset by {}",
+                    identity.boot,
+                    reset_causes(identity.reset_cause).join(", ")
+                ),
+            );
+            fact(
+                "sampling",
+                format!("{} channels at {} Hz", identity.channels, identity.sample_rate_hz),
+            );
         }
         if let Some(settings) = self.settings {
             let rate = f64::from(settings.sample_rate_hz);
             let window = &settings.window;
             let per_code = settings.force.per_code.to_num::<f64>();
-            fact("window", format!(
-                "{:.2} ms, {:.2} ms of it before the trigger, which is a rise of {:.3} N in {:.2} ms",
-                f64::from(window.length) / rate * 1e3,
-                f64::from(window.history) / rate * 1e3,
-                f64::from(window.threshold) * per_code,
-                f64::from(window.lookback) / rate * 1e3,
-            ));
-            fact("resolution", format!(
-                "{:.2} mN and {:.3} m/s² a code",
-                per_code * 1e3,
-                settings.acceleration.per_code.to_num::<f64>()
-            ));
+            fact(
+                "window",
+                format!(
+                    "{:.2} ms, {:.2} ms of it before the trigger, which is a rise of {:.3} N in {:.2} ms",
+                    f64::from(window.length) / rate * 1e3,
+                    f64::from(window.history) / rate * 1e3,
+                    f64::from(window.threshold) * per_code,
+                    f64::from(window.lookback) / rate * 1e3,
+                ),
+            );
+            fact(
+                "resolution",
+                format!(
+                    "{:.2} mN and {:.3} m/s² a code",
+                    per_code * 1e3,
+                    settings.acceleration.per_code.to_num::<f64>()
+                ),
+            );
         }
         if let Some(strike) = self.strikes.first() {
-            fact("force noise before the strike", format!("{:.1} mN rms", strike.goal.force_noise * 1e3));
+            fact(
+                "force noise before the strike",
+                format!("{:.1} mN rms", strike.goal.force_noise * 1e3),
+            );
         }
         let counters = self.counters;
-        fact("frames", format!(
-            "{} received in {} bytes, {} lost, {} refused",
-            counters.frames, counters.bytes, counters.lost, counters.rejected.total()
-        ));
+        fact(
+            "frames",
+            format!(
+                "{} received in {} bytes, {} lost, {} refused",
+                counters.frames,
+                counters.bytes,
+                counters.lost,
+                counters.rejected.total()
+            ),
+        );
         if let Some(status) = self.status {
-            fact("settings came from", match status.settings_source {
-                SettingsSource::Flash => "flash".to_owned(),
-                SettingsSource::BuiltIn => "the image: the flash sector is erased".to_owned(),
-                SettingsSource::FlashRefused => "the image: those in flash were refused".to_owned(),
-            });
-            fact("acquisition", format!(
-                "{} samples in epoch {}, {} overruns, {} blocks dropped",
-                status.samples, status.epoch, status.overruns, status.blocks_dropped
-            ));
-            fact("frames dropped by the bead", format!(
-                "{} for a full queue, {} too long",
-                status.frames_dropped_queue_full, status.frames_dropped_too_long
-            ));
+            fact(
+                "settings came from",
+                match status.settings_source {
+                    SettingsSource::Flash => "flash".to_owned(),
+                    SettingsSource::BuiltIn => "the image: the flash sector is erased".to_owned(),
+                    SettingsSource::FlashRefused => "the image: those in flash were refused".to_owned(),
+                },
+            );
+            fact(
+                "acquisition",
+                format!(
+                    "{} samples in epoch {}, {} overruns, {} blocks dropped",
+                    status.samples, status.epoch, status.overruns, status.blocks_dropped
+                ),
+            );
+            fact(
+                "frames dropped by the bead",
+                format!(
+                    "{} for a full queue, {} too long",
+                    status.frames_dropped_queue_full, status.frames_dropped_too_long
+                ),
+            );
             fact("least free stack", format!("{} bytes", status.stack_free_min));
         }
         if let Some(emulator) = self.emulator {
             fact("image", emulator.image.clone());
-            fact("emulator", format!(
-                "{}: {:.2} s of virtual time in {:.2} s; {} resets; {} overruns seen by the converter",
-emulator.qemu.as_deref().unwrap_or("QEMU"),
-                emulator.virtual_seconds, emulator.real_seconds, emulator.resets, emulator.overruns
-            ));
-            fact("registers without a model", match emulator.unknown_registers.is_empty() {
-                true => "none touched".to_owned(),
-                false => emulator.unknown_registers.join(", "),
-            });
+            fact(
+                "emulator",
+                format!(
+                    "{}: {:.2} s of virtual time in {:.2} s; {} resets; {} overruns seen by the converter",
+                    emulator.qemu.as_deref().unwrap_or("QEMU"),
+                    emulator.virtual_seconds,
+                    emulator.real_seconds,
+                    emulator.resets,
+                    emulator.overruns
+                ),
+            );
+            fact(
+                "registers without a model",
+                match emulator.unknown_registers.is_empty() {
+                    true => "none touched".to_owned(),
+                    false => emulator.unknown_registers.join(", "),
+                },
+            );
         }
         out.push_str("</tbody></table>");
     }
 
     fn log(&self, out: &mut String) {
-        let Some(emulator) = self.emulator.filter(|emulator| !emulator.log.is_empty()) else { return };
-        push(out, format_args!(
-            "<h2>The image’s own log</h2><pre>{}</pre>",
-            escape(&emulator.log.join("\n"))
-        ));
+        let Some(emulator) = self.emulator.filter(|emulator| !emulator.log.is_empty()) else {
+            return;
+        };
+        push(
+            out,
+            format_args!(
+                "<h2>The image’s own log</h2><pre>{}</pre>",
+                escape(&emulator.log.join("\n"))
+            ),
+        );
     }
 }
 

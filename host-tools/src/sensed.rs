@@ -24,7 +24,10 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
         return Err(Failure::input(if with.is_empty() {
             format!("--bead {bead}: no bead of this scenario has an intruder; add an [[intruder]] to it")
         } else {
-            format!("--bead {bead}: this bead has no intruder; give one of: {}", with.join(", "))
+            format!(
+                "--bead {bead}: this bead has no intruder; give one of: {}",
+                with.join(", ")
+            )
         }));
     };
     if bead == model.contacts() {
@@ -62,11 +65,19 @@ pub fn near_the_end(solution: &Solution, bead: usize) -> Option<String> {
 /// # Errors
 /// There is none, or more than one.
 pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
-    let hosts: Vec<usize> = scenario.intruders.iter().flat_map(|intruder| intruder.beads.clone()).collect();
+    let hosts: Vec<usize> = scenario
+        .intruders
+        .iter()
+        .flat_map(|intruder| intruder.beads.clone())
+        .collect();
     match hosts[..] {
         [host] => Ok(host),
-        [] => Err(Failure::input("no bead of this scenario has an intruder; add an [[intruder]] to it")),
-        _ => Err(Failure::input(format!("several beads have intruders ({hosts:?}); say which with --bead"))),
+        [] => Err(Failure::input(
+            "no bead of this scenario has an intruder; add an [[intruder]] to it",
+        )),
+        _ => Err(Failure::input(format!(
+            "several beads have intruders ({hosts:?}); say which with --bead"
+        ))),
     }
 }
 
@@ -86,7 +97,10 @@ pub fn load_scenario(path: &Path) -> Result<(Scenario, String), Failure> {
 /// # Errors
 /// The scenario cannot be integrated.
 pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, Failure> {
-    let options = Options { duration: Some(scenario.duration + RING_DOWN), ..Options::default() };
+    let options = Options {
+        duration: Some(scenario.duration + RING_DOWN),
+        ..Options::default()
+    };
     simulate(scenario, &options).map_err(Failure::input)
 }
 
@@ -110,7 +124,10 @@ impl Truth {
         let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
         let absorbed = solution.intruder_dissipated(bead, scenario.duration);
         match (peak, absorbed) {
-            (Some(peak), Some(absorbed)) => Ok(Self { peak_force: peak.force, absorbed }),
+            (Some(peak), Some(absorbed)) => Ok(Self {
+                peak_force: peak.force,
+                absorbed,
+            }),
             _ => Err(Failure::input(format!(
                 "no force reaches bead {bead} within {} s; make the scenario's duration longer",
                 scenario.duration
@@ -159,7 +176,13 @@ pub struct Sensed<'a> {
 impl<'a> Sensed<'a> {
     /// Of the bead `bead`, which has an intruder, of `solution`.
     pub fn new(solution: &'a Solution, bead: usize, timing: Timing) -> Self {
-        Self { bead, timing, solution, force: solution.sampler(), acceleration: solution.sampler() }
+        Self {
+            bead,
+            timing,
+            solution,
+            force: solution.sampler(),
+            acceleration: solution.sampler(),
+        }
     }
 
     /// Time since the last strike began, if its simulation goes so far.
@@ -171,14 +194,19 @@ impl<'a> Sensed<'a> {
         let number = (guess as u32).min(self.timing.strikes.checked_sub(1)?);
         // A strike starts up to a sample after its place in the row: just after it, the one before still counts.
         let start = self.timing.start(number);
-        let start = if time < start && number > 0 { self.timing.start(number - 1) } else { start };
+        let start = if time < start && number > 0 {
+            self.timing.start(number - 1)
+        } else {
+            start
+        };
         Some(time - start).filter(|since| (0.0..=self.solution.end()).contains(since))
     }
 }
 
 impl Stimulus for Sensed<'_> {
     fn force(&mut self, time: f64) -> f64 {
-        self.in_strike(time).map_or(0.0, |since| self.force.at(since).force(self.bead))
+        self.in_strike(time)
+            .map_or(0.0, |since| self.force.at(since).force(self.bead))
     }
 
     fn acceleration(&mut self, time: f64) -> f64 {
@@ -203,7 +231,12 @@ mod tests {
         assert!(error.to_string().contains("one of: 4, 9"), "{error}");
         scenario.intruders.clear();
         let solution = simulate(&scenario, &Options::default()).unwrap();
-        assert!(bead_of(&solution, 5).unwrap_err().to_string().contains("[[intruder]]"));
+        assert!(
+            bead_of(&solution, 5)
+                .unwrap_err()
+                .to_string()
+                .contains("[[intruder]]")
+        );
     }
 
     #[test]
@@ -226,7 +259,11 @@ mod tests {
     fn every_strike_is_the_same_signal_at_its_own_phase_of_the_clock() {
         let scenario = paper_scenario();
         let solution = simulate_with_ring_down(&scenario).unwrap();
-        let timing = Timing { lead_in: 0.02, strikes: 3, interval: 0.05 };
+        let timing = Timing {
+            lead_in: 0.02,
+            strikes: 3,
+            interval: 0.05,
+        };
         let mut sensed = Sensed::new(&solution, 8, timing);
         let phase = |n: u32| (timing.start(n) * f64::from(SAMPLE_RATE_HZ)).fract();
         assert!((phase(1) - phase(2)).abs() > 0.1);

@@ -63,7 +63,10 @@ pub fn assemble(frames: &[Frame], settings: Option<&Settings>) -> Vec<RecordedSt
             _ => {}
         }
     }
-    boots.into_iter().flat_map(|boot| boot.assemble(settings)).collect()
+    boots
+        .into_iter()
+        .flat_map(|boot| boot.assemble(settings))
+        .collect()
 }
 
 impl Boot {
@@ -72,9 +75,17 @@ impl Boot {
         self.strikes.sort_by_key(|strike| strike.strike);
         let settings = self.settings.or(known.copied());
         let strike = |said: Strike| {
-            let mut recorded =
-                RecordedStrike { said, scans: Vec::new(), chunks: Vec::new(), settings };
-            for waveform in self.waveforms.iter().filter(|waveform| waveform.strike == said.strike) {
+            let mut recorded = RecordedStrike {
+                said,
+                scans: Vec::new(),
+                chunks: Vec::new(),
+                settings,
+            };
+            for waveform in self
+                .waveforms
+                .iter()
+                .filter(|waveform| waveform.strike == said.strike)
+            {
                 if waveform.first_index != said.first_index + recorded.scans.len() as u64 {
                     break;
                 }

@@ -20,18 +20,32 @@ pub(crate) fn paper_scenario() -> Scenario {
 
 /// Its first millisecond: the wave does not reach the intruder.
 pub(crate) fn short_scenario() -> Scenario {
-    Scenario { duration: 1e-3, ..paper_scenario() }
+    Scenario {
+        duration: 1e-3,
+        ..paper_scenario()
+    }
 }
 
 /// The paper's strike as bead 8 would report it, made by the model on this computer.
 pub(crate) fn recorded_strike() -> RecordedStrike {
     let solution = simulate_with_ring_down(&paper_scenario()).unwrap();
     let front_end = FrontEnd::default();
-    let settings =
-        derive(&bead_of(&solution, 8).unwrap(), &front_end.calibration(), &Capture::default()).unwrap();
-    let timing = Timing { lead_in: 0.02, strikes: 1, interval: 0.1 };
-    let codes =
-        front_end.digitise(&mut Sensed::new(&solution, 8, timing), timing.scans(solution.end()), Some(1));
+    let settings = derive(
+        &bead_of(&solution, 8).unwrap(),
+        &front_end.calibration(),
+        &Capture::default(),
+    )
+    .unwrap();
+    let timing = Timing {
+        lead_in: 0.02,
+        strikes: 1,
+        interval: 0.1,
+    };
+    let codes = front_end.digitise(
+        &mut Sensed::new(&solution, 8, timing),
+        timing.scans(solution.end()),
+        Some(1),
+    );
     let mut strike = RecordedStrike {
         said: wire_strike(&bead_model::Window::open(0, 0).report(&settings)),
         scans: Vec::new(),
@@ -46,7 +60,10 @@ fn feed(settings: &Settings, codes: &[[u16; 2]], strike: &mut RecordedStrike) {
     struct Into<'a>(&'a mut RecordedStrike);
     impl Sink for Into<'_> {
         fn chunk(&mut self, chunk: &bead_model::Chunk) {
-            let scans = chunk.scans.iter().map(|scan| [scan.force.get(), scan.acceleration.get()]);
+            let scans = chunk
+                .scans
+                .iter()
+                .map(|scan| [scan.force.get(), scan.acceleration.get()]);
             self.0.scans.extend(scans);
             self.0.chunks.push(Chunk {
                 end: self.0.scans.len(),
@@ -60,7 +77,10 @@ fn feed(settings: &Settings, codes: &[[u16; 2]], strike: &mut RecordedStrike) {
     }
     let mut meter = Meter::new();
     for (index, &[force, acceleration]) in (1..).zip(codes) {
-        let scan = Scan { force: AdcCode::new(force), acceleration: AdcCode::new(acceleration) };
+        let scan = Scan {
+            force: AdcCode::new(force),
+            acceleration: AdcCode::new(acceleration),
+        };
         meter.process(settings, index, scan, &mut Into(strike));
     }
     assert_eq!(meter.strikes(), 1);

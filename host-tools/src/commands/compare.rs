@@ -156,28 +156,66 @@ fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
 
 fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), Failure> {
     let Some(traces) = strikes.iter().find_map(|strike| strike.traces.as_ref()) else {
-        return Err(Failure::input("no strike was received whole, so there is nothing to draw"));
+        return Err(Failure::input(
+            "no strike was received whole, so there is nothing to draw",
+        ));
     };
-    fs::create_dir_all(directory)
-        .or_input(|| format!("cannot make the directory {}; give --figures another", directory.display()))?;
-    write_text(&directory.join("strike.svg"), &strike_chart(traces).standalone_svg()?)?;
-    write_text(&directory.join("residuals.svg"), &residual_chart(traces).standalone_svg()?)
+    fs::create_dir_all(directory).or_input(|| {
+        format!(
+            "cannot make the directory {}; give --figures another",
+            directory.display()
+        )
+    })?;
+    write_text(
+        &directory.join("strike.svg"),
+        &strike_chart(traces).standalone_svg()?,
+    )?;
+    write_text(
+        &directory.join("residuals.svg"),
+        &residual_chart(traces).standalone_svg()?,
+    )
 }
 
 fn table(strikes: &[StrikeComparison]) -> String {
-    let mut table =
-        output::table(["", "device", "replay", "f64, same samples", "f64 chain", "device off by", "goal", ""]);
+    let mut table = output::table([
+        "",
+        "device",
+        "replay",
+        "f64, same samples",
+        "f64 chain",
+        "device off by",
+        "goal",
+        "",
+    ]);
     for strike in strikes {
-        table.add_row([format!("strike {}, sample {}", strike.strike, strike.sample_index)]);
+        table.add_row([format!(
+            "strike {}, sample {}",
+            strike.strike, strike.sample_index
+        )]);
         type Of = fn(&Values) -> f64;
         let rows: [(&str, Of, f64, usize, Option<f64>); 3] = [
-            ("  A, measured (nJ)", |v| v.absorbed_measured, 1e9, 3, Some(strike.goal.absorbed_measured)),
-            ("  B, predicted (nJ)", |v| v.absorbed_predicted, 1e9, 3, Some(strike.goal.absorbed_predicted)),
+            (
+                "  A, measured (nJ)",
+                |v| v.absorbed_measured,
+                1e9,
+                3,
+                Some(strike.goal.absorbed_measured),
+            ),
+            (
+                "  B, predicted (nJ)",
+                |v| v.absorbed_predicted,
+                1e9,
+                3,
+                Some(strike.goal.absorbed_predicted),
+            ),
             ("  peak force (N)", |v| v.peak_force, 1.0, 5, None),
         ];
         for (name, of, scale, digits, goal) in rows {
             let cell = |values: Option<Values>| {
-                values.map_or_else(|| "-".to_owned(), |values| format!("{:.digits$}", of(&values) * scale))
+                values.map_or_else(
+                    || "-".to_owned(),
+                    |values| format!("{:.digits$}", of(&values) * scale),
+                )
             };
             let off = of(&strike.deviation);
             table.add_row([
@@ -188,12 +226,18 @@ fn table(strikes: &[StrikeComparison]) -> String {
                 cell(Some(strike.f64_chain)),
                 format!("{:+.3} %", off * 100.0),
                 goal.map_or_else(String::new, |goal| format!("{:.1} %", goal * 100.0)),
-                goal.map_or("", |goal| if off.abs() <= goal { "met" } else { "missed" }).to_owned(),
+                goal.map_or("", |goal| if off.abs() <= goal { "met" } else { "missed" })
+                    .to_owned(),
             ]);
         }
         table.add_row([
             "  replay".to_owned(),
-            (if strike.replay_identical { "identical in every bit" } else { "differs" }).to_owned(),
+            (if strike.replay_identical {
+                "identical in every bit"
+            } else {
+                "differs"
+            })
+            .to_owned(),
         ]);
         if !strike.flags.is_empty() {
             table.add_row(["  flags".to_owned(), strike.flags.join(", ")]);

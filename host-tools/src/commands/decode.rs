@@ -38,7 +38,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Box::new(File::open(path).or_input(context)?)
     };
     let mut head = Vec::new();
-    input.by_ref().take(MCAP.len() as u64).read_to_end(&mut head).or_input(context)?;
+    input
+        .by_ref()
+        .take(MCAP.len() as u64)
+        .read_to_end(&mut head)
+        .or_input(context)?;
     let mut input: Box<dyn Read> = if head == MCAP {
         if path.as_os_str() == "-" {
             return Err(Failure::input(

@@ -98,13 +98,17 @@ struct Strike {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if !(arguments.interval.is_finite() && arguments.interval > 0.0) {
-        return Err(Failure::input(format!("--interval {}: give a time in s", arguments.interval)));
+        return Err(Failure::input(format!(
+            "--interval {}: give a time in s",
+            arguments.interval
+        )));
     }
     let front_end = arguments.front_end.front_end()?;
     let (scenario, text) = load_scenario(&arguments.scenario)?;
     let image = find_image(arguments.firmware.as_deref())?;
     if let Some(out) = &arguments.out {
-        fs::create_dir_all(out).or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
+        fs::create_dir_all(out)
+            .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
     }
 
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
@@ -114,10 +118,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         progress.suspend(|| eprintln!("bead: {note}"));
     }
     progress.set_message("digitising what the bead senses");
-    let timing = Timing { lead_in: LEAD_IN, strikes: arguments.strikes, interval: arguments.interval };
+    let timing = Timing {
+        lead_in: LEAD_IN,
+        strikes: arguments.strikes,
+        interval: arguments.interval,
+    };
     let seed = arguments.front_end.seed();
-    let emulation =
-        Emulation::prepare(&scenario, &solution, arguments.bead, &front_end, seed, timing, &image)?;
+    let emulation = Emulation::prepare(
+        &scenario,
+        &solution,
+        arguments.bead,
+        &front_end,
+        seed,
+        timing,
+        &image,
+    )?;
     progress.set_message("running the image in QEMU");
     let (stream, measured) = emulation.run()?;
     progress.finish_and_clear();
@@ -206,12 +221,20 @@ fn report(
             lost: counters.lost,
             corrupt: counters.rejected.total(),
             dropped_by_cause: BTreeMap::from([
-                ("queue_full", status.map_or(0, |status| status.frames_dropped_queue_full.into())),
-                ("too_long", status.map_or(0, |status| status.frames_dropped_too_long.into())),
+                (
+                    "queue_full",
+                    status.map_or(0, |status| status.frames_dropped_queue_full.into()),
+                ),
+                (
+                    "too_long",
+                    status.map_or(0, |status| status.frames_dropped_too_long.into()),
+                ),
             ]),
         },
         // What the bead noticed and what the converter saw must be the same.
-        overruns: measured.overruns.max(status.map_or(0, |status| status.overruns.into())),
+        overruns: measured
+            .overruns
+            .max(status.map_or(0, |status| status.overruns.into())),
         resets: measured.resets,
         strikes,
         instructions_per_sample: measured.instructions_per_sample,
@@ -232,17 +255,29 @@ fn last_status(frames: &[Frame]) -> Option<&bead_wire::Status> {
 fn verdict(report: &Report, struck: u32) -> Result<(), Failure> {
     let Frames { lost, corrupt, .. } = report.frames;
     let no = |what: String| Err(Failure::Verdict(what));
-    if let Some(what) = report.strikes.iter().find_map(|strike| strike.first_difference.as_ref()) {
+    if let Some(what) = report
+        .strikes
+        .iter()
+        .find_map(|strike| strike.first_difference.as_ref())
+    {
         return no(format!("replay differs: {what}"));
     }
     if lost + corrupt > 0 {
-        return no(format!("{lost} frames were lost and {corrupt} corrupt; see `bead decode` of the recording"));
+        return no(format!(
+            "{lost} frames were lost and {corrupt} corrupt; see `bead decode` of the recording"
+        ));
     }
     if report.overruns > 0 {
-        return no(format!("{} overruns: the image is too slow for its sample rate", report.overruns));
+        return no(format!(
+            "{} overruns: the image is too slow for its sample rate",
+            report.overruns
+        ));
     }
     if report.resets > 0 {
-        return no(format!("the image reset {} times; its fault frames say why", report.resets));
+        return no(format!(
+            "the image reset {} times; its fault frames say why",
+            report.resets
+        ));
     }
     if report.strikes.len() != struck as usize {
         return no(format!(
@@ -279,22 +314,43 @@ fn table(report: &Report) -> String {
             format!("{:.2}", truth.absorbed * 1e9),
             off(strike.absorbed_measured),
             off(strike.absorbed_predicted),
-            (if strike.replay_identical { "identical" } else { "differs" }).to_owned(),
-            if strike.flags.is_empty() { "-".to_owned() } else { strike.flags.join(", ") },
+            (if strike.replay_identical {
+                "identical"
+            } else {
+                "differs"
+            })
+            .to_owned(),
+            if strike.flags.is_empty() {
+                "-".to_owned()
+            } else {
+                strike.flags.join(", ")
+            },
         ]);
     }
     parts.push(output::table_text(&strikes));
 
     let mut counts = output::table(["frames", ""]);
-    let Frames { received, lost, corrupt, dropped_by_cause } = &report.frames;
+    let Frames {
+        received,
+        lost,
+        corrupt,
+        dropped_by_cause,
+    } = &report.frames;
     let dropped = dropped_by_cause.iter().map(|(cause, count)| {
-        (format!("dropped by the bead, {}", cause.replace('_', " ")), *count)
+        (
+            format!("dropped by the bead, {}", cause.replace('_', " ")),
+            *count,
+        )
     });
     let rows = [("received", *received), ("lost", *lost), ("corrupt", *corrupt)];
-    let rows = rows.into_iter().map(|(name, count)| (name.to_owned(), count)).chain(dropped).chain([
-        ("overruns".to_owned(), report.overruns),
-        ("resets".to_owned(), report.resets as u64),
-    ]);
+    let rows = rows
+        .into_iter()
+        .map(|(name, count)| (name.to_owned(), count))
+        .chain(dropped)
+        .chain([
+            ("overruns".to_owned(), report.overruns),
+            ("resets".to_owned(), report.resets as u64),
+        ]);
     for (name, count) in rows {
         counts.add_row([name, count.to_string()]);
     }
@@ -305,11 +361,15 @@ fn table(report: &Report) -> String {
     for (name, count) in [
         ("estimate A, observer", per_sample.observer),
         ("estimate B, reduced chain", per_sample.reduced_chain),
-        ("all, over the run", Some(per_sample.total)),
+        ("all, while a strike is measured", per_sample.total),
         ("all, in the busiest block", per_sample.worst_block),
+        ("all, over the run", Some(per_sample.run)),
     ] {
         let cells = count.map(|count| {
-            [format!("{count:.1}"), format!("{:.1} %", count / report.instructions_available * 100.0)]
+            [
+                format!("{count:.1}"),
+                format!("{:.1} %", count / report.instructions_available * 100.0),
+            ]
         });
         let [count, part] = cells.unwrap_or_else(|| ["-".to_owned(), "-".to_owned()]);
         instructions.add_row([name.to_owned(), count, part]);
@@ -317,7 +377,10 @@ fn table(report: &Report) -> String {
     parts.push(output::table_text(&instructions));
 
     if !report.unknown_registers.is_empty() {
-        parts.push(format!("registers without a model: {}", report.unknown_registers.join(", ")));
+        parts.push(format!(
+            "registers without a model: {}",
+            report.unknown_registers.join(", ")
+        ));
     }
     if let Some(recording) = &report.recording {
         parts.push(format!("recording: {}", recording.display()));
@@ -347,15 +410,19 @@ mod tests {
                 absorbed_measured: 8e-7,
                 absorbed_predicted: 8e-7,
                 flags: vec!["force_railed"],
-                truth: Truth { peak_force: 6.0, absorbed: 8e-7 },
+                truth: Truth {
+                    peak_force: 6.0,
+                    absorbed: 8e-7,
+                },
                 replay_identical: true,
                 first_difference: None,
             }],
             instructions_per_sample: InstructionsPerSample {
                 observer: Some(1.0),
                 reduced_chain: Some(2.0),
-                total: 3.0,
+                total: Some(3.0),
                 worst_block: Some(4.0),
+                run: 5.0,
             },
             instructions_available: 1250.0,
             saturated: [0, 0],
@@ -377,7 +444,7 @@ mod tests {
                 "replay_identical": true,
             }],
             "instructions_per_sample":
-                {"observer": 1.0, "reduced_chain": 2.0, "total": 3.0, "worst_block": 4.0},
+                {"observer": 1.0, "reduced_chain": 2.0, "total": 3.0, "worst_block": 4.0, "run": 5.0},
         });
         for (key, value) in contract.as_object().unwrap() {
             assert_eq!(&printed[key], value, "{key}");
@@ -392,20 +459,29 @@ mod tests {
             absorbed_measured: 0.0,
             absorbed_predicted: 0.0,
             flags: Vec::new(),
-            truth: Truth { peak_force: 1.0, absorbed: 1.0 },
+            truth: Truth {
+                peak_force: 1.0,
+                absorbed: 1.0,
+            },
             replay_identical: first_difference.is_none(),
             first_difference: first_difference.map(str::to_owned),
         };
         let report = |lost, overruns, resets, strikes| Report {
-            frames: Frames { received: 9, lost, corrupt: 0, dropped_by_cause: BTreeMap::new() },
+            frames: Frames {
+                received: 9,
+                lost,
+                corrupt: 0,
+                dropped_by_cause: BTreeMap::new(),
+            },
             overruns,
             resets,
             strikes,
             instructions_per_sample: InstructionsPerSample {
                 observer: None,
                 reduced_chain: None,
-                total: 0.0,
+                total: None,
                 worst_block: None,
+                run: 0.0,
             },
             instructions_available: 1250.0,
             saturated: [0, 0],

@@ -5,6 +5,7 @@
 //! that has paused costs memory, never bytes. It ends at `--duration`, at a signal, or when the port goes away;
 //! what it has read is recorded to the last byte in each case.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -92,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let deadline = arguments
         .duration
         .and_then(|duration| opened.checked_add(duration));
-    let mut notes = std::collections::BTreeMap::from([("started".into(), started.to_rfc3339())]);
+    let mut notes = BTreeMap::from([("started".into(), started.to_rfc3339())]);
     if let Address::Serial(_) = arguments.port {
         notes.insert("baud".into(), arguments.baud.to_string());
     }
@@ -167,7 +168,7 @@ fn stop_at_signals() -> io::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// Reads the port until told to stop. An error is the port going away.
+/// Reads the port until told to stop, at least once. An error is the port going away.
 fn listen(
     port: &mut Port,
     stop: &AtomicBool,
@@ -175,13 +176,14 @@ fn listen(
     sender: Sender<Vec<u8>>,
 ) -> io::Result<()> {
     let mut buffer = vec![0; 64 * 1024];
-    while !stop.load(Ordering::Relaxed) && deadline.is_none_or(|deadline| Instant::now() < deadline) {
+    loop {
         let length = port.read(&mut buffer)?;
-        if length > 0 && sender.send(buffer[..length].to_vec()).is_err() {
-            break;
+        let wanted = length == 0 || sender.send(buffer[..length].to_vec()).is_ok();
+        let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        if late || !wanted || stop.load(Ordering::Relaxed) {
+            return Ok(());
         }
     }
-    Ok(())
 }
 
 struct Recorder {

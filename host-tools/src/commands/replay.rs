@@ -61,12 +61,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
         })
         .collect();
-    let report = Report { identical: strikes.iter().all(|strike| strike.identical), strikes };
+    let report = Report {
+        identical: strikes.iter().all(|strike| strike.identical),
+        strikes,
+    };
     match arguments.format {
         Format::Json => output::print_json(&report)?,
         Format::Table => output::print_line(&table(&report))?,
     }
-    match report.strikes.into_iter().find_map(|strike| strike.first_difference) {
+    match report
+        .strikes
+        .into_iter()
+        .find_map(|strike| strike.first_difference)
+    {
         None => Ok(()),
         Some(what) => Err(Failure::Verdict(format!("replay differs: {what}"))),
     }

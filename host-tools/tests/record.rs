@@ -1,0 +1,460 @@
+//! `bead record` as its users run it: over pseudo-terminals and sockets, interrupted, unplugged, refused.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpListener;
+use std::os::unix::net::UnixListener;
+use std::path::Path;
+use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use bead::frames::{self, Message};
+use bead::recording::{Recording, State};
+use bead_wire::{Codes, Header, Identity, MAX_FRAME, Strike, Waveform, encode};
+use rustix::{pty, termios};
+use tempfile::TempDir;
+
+fn frame(sequence: u32, message: &bead_wire::Message<'_>) -> Vec<u8> {
+    let header = Header {
+        boot: 1,
+        sequence,
+        sample_index: 100 * u64::from(sequence),
+    };
+    encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+}
+
+fn identity(sequence: u32) -> Vec<u8> {
+    frame(
+        sequence,
+        &bead_wire::Message::Identity(Identity {
+            firmware: "0.1.0",
+            git: "abc",
+            uid: [7; 12],
+            boot: 1,
+            reset_cause: 0b0000_1100,
+            sample_rate_hz: 100_000,
+            channels: 2,
+        }),
+    )
+}
+
+fn waveform(sequence: u32) -> Vec<u8> {
+    let mut packed = [0; 3 * 32];
+    let codes = Codes::pack((0..32).map(|code| [code, 4095 - code]), &mut packed).unwrap();
+    frame(
+        sequence,
+        &bead_wire::Message::Waveform(Waveform {
+            strike: 1,
+            first_index: 1000,
+            codes,
+            absorbed_measured: 1,
+            absorbed_predicted: 2,
+        }),
+    )
+}
+
+fn strike(sequence: u32) -> Vec<u8> {
+    frame(
+        sequence,
+        &bead_wire::Message::Strike(Strike {
+            strike: 1,
+            first_index: 1000,
+            trigger_index: 1032,
+            samples: 32,
+            peak_force: 3 << 15,
+            peak_index: 1040,
+            acceleration_max: 5 << 16,
+            acceleration_min: -(1 << 16),
+            absorbed_measured: 830 << 24,
+            absorbed_predicted: 812 << 24,
+            incident_energy: 2000 << 24,
+            flags: 0b10,
+        }),
+    )
+}
+
+/// A strike as a bead sends it over a bad line: a frame is damaged, another one never comes.
+fn stream() -> Vec<u8> {
+    let mut damaged = waveform(1);
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 0x55;
+    assert_ne!(damaged[middle], 0, "the damage must not be a delimiter");
+    [identity(0), damaged, waveform(3), strike(4)].concat()
+}
+
+/// A pseudo-terminal in place of a serial line: the bead's end of it, and the path of the computer's.
+///
+/// Not serialport's, whose bead's end is inherited by every recorder and so is never closed.
+fn line() -> (File, String) {
+    use pty::OpenptFlags;
+    let bead = pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+    pty::grantpt(&bead).unwrap();
+    pty::unlockpt(&bead).unwrap();
+    let mut settings = termios::tcgetattr(&bead).unwrap();
+    settings.make_raw();
+    termios::tcsetattr(&bead, termios::OptionalActions::Now, &settings).unwrap();
+    let port = pty::ptsname(&bead, Vec::new()).unwrap().into_string().unwrap();
+    (bead.into(), port)
+}
+
+fn bead(directory: &TempDir, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bead"));
+    command
+        .current_dir(directory)
+        .arg("record")
+        .args(arguments)
+        .stdin(Stdio::null());
+    command
+}
+
+/// Runs a recorder to its end by itself: exit status and standard error.
+fn run(directory: &TempDir, arguments: &[&str]) -> (i32, String) {
+    let Output { status, stderr, .. } = bead(directory, arguments).output().unwrap();
+    (status.code().unwrap(), String::from_utf8(stderr).unwrap())
+}
+
+/// A recorder that runs. Dropped before it ends, as by a test that fails, it is killed.
+struct Running {
+    child: Child,
+    stdout: BufReader<ChildStdout>,
+    stderr: ChildStderr,
+}
+
+impl Running {
+    fn start(directory: &TempDir, arguments: &[&str]) -> Self {
+        let mut child = bead(directory, arguments)
+            .args(["--duration", "60"]) // a test that waits in vain fails
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        Self {
+            stdout: BufReader::new(child.stdout.take().unwrap()),
+            stderr: child.stderr.take().unwrap(),
+            child,
+        }
+    }
+
+    /// Waits for a strike's line, or for the recorder's end: what was sent before it has been received.
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).unwrap();
+        line
+    }
+
+    fn signal(&self, name: &str) {
+        let kill = format!("kill -{name} {}", self.child.id());
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    }
+
+    /// Exit status and standard error.
+    fn end(mut self) -> (i32, String) {
+        let mut text = String::new();
+        self.stderr.read_to_string(&mut text).unwrap();
+        (self.child.wait().unwrap().code().unwrap(), text)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It has ended, as it should, or there is nothing better to do.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What is in a whole recording.
+fn recorded(path: &Path) -> Recording {
+    let recording = Recording::open(path).unwrap();
+    assert_eq!(recording.state, State::Whole);
+    recording
+}
+
+/// Holds a recording against the bytes that were sent, which it keeps as what stood between the delimiters.
+fn assert_holds(recording: &Recording, sent: &[u8]) {
+    let sent: Vec<&[u8]> = sent
+        .split(|&byte| byte == 0)
+        .filter(|run| !run.is_empty())
+        .collect();
+    let kept: Vec<&[u8]> = recording.runs.iter().map(|run| &run.bytes[..]).collect();
+    assert_eq!(kept.len(), sent.len());
+    assert_eq!(kept, sent);
+}
+
+fn files(directory: &TempDir) -> Vec<String> {
+    let names = fs::read_dir(directory).unwrap();
+    names
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect()
+}
+
+/// A refusal: its exit status, its one line on standard error, and nothing else anywhere.
+fn refusal(directory: &TempDir, arguments: &[&str]) -> (i32, String) {
+    let before = files(directory);
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = bead(directory, arguments).output().unwrap();
+    let stderr = String::from_utf8(stderr).unwrap();
+    assert_eq!(stderr.trim_end().lines().count(), 1, "{stderr}");
+    assert_eq!(String::from_utf8(stdout).unwrap(), "");
+    assert_eq!(files(directory), before);
+    (status.code().unwrap(), stderr)
+}
+
+#[test]
+fn a_recording_over_a_pty_holds_every_byte_sent_corrupt_ones_included() {
+    let (mut bead, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    let mut running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    bead.write_all(&stream()).unwrap();
+    assert_eq!(
+        running.line(),
+        "strike 1 at 0.01032 s: 1.500 N, -1.0 to +5.0 m/s², absorbed 830.00 nJ measured, 812.00 nJ predicted, \
+         acceleration_railed\n"
+    );
+    // Cut short by the end of the recording, and kept all the same.
+    let tail = &waveform(5)[..50];
+    bead.write_all(tail).unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    running.signal("INT");
+    let (status, stderr) = running.end();
+    assert_eq!(status, 0, "{stderr}");
+    assert!(
+        stderr.starts_with("bead: a.mcap: 1 strikes, 3 frames in "),
+        "{stderr}"
+    );
+    assert!(stderr.contains("; 2 lost, 1 corrupt, 0 restarts"), "{stderr}");
+
+    assert_eq!(files(&directory), ["a.mcap"]);
+    let recording = recorded(&directory.path().join("a.mcap"));
+    assert_holds(&recording, &[&stream(), tail].concat());
+    assert_eq!(recording.about.source, port);
+    assert_eq!(recording.about.notes["baud"], "2000000");
+    assert!(
+        recording.about.notes["started"].ends_with("+00:00"),
+        "{:?}",
+        recording.about.notes
+    );
+}
+
+#[test]
+fn an_unplugged_port_ends_with_status_3_and_a_whole_recording() {
+    let (mut bead, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    let mut running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    bead.write_all(&stream()).unwrap();
+    assert!(running.line().starts_with("strike 1 "));
+    drop(bead);
+    let (status, stderr) = running.end();
+    assert_eq!(status, 3);
+    assert_eq!(stderr.trim_end().lines().count(), 1, "{stderr}");
+    assert!(
+        stderr.starts_with(&format!("bead: {port} went away (")),
+        "{stderr}"
+    );
+    assert!(stderr.contains("in a.mcap: 1 strikes, 3 frames"), "{stderr}");
+    assert_eq!(files(&directory), ["a.mcap"]);
+    assert_holds(&recorded(&directory.path().join("a.mcap")), &stream());
+}
+
+#[test]
+fn a_megabyte_over_tcp_is_recorded_to_the_last_byte_before_the_server_closes() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    let running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    let (mut bead, _) = listener.accept().unwrap();
+    let sent: Vec<u8> = (0..9000).flat_map(waveform).collect();
+    assert!(sent.len() > 1 << 20);
+    bead.write_all(&sent).unwrap();
+    drop(bead);
+    let (status, stderr) = running.end();
+    assert_eq!(status, 3, "{stderr}");
+    let recording = recorded(&directory.path().join("a.mcap"));
+    assert_holds(&recording, &sent);
+    assert_eq!(recording.about.source, port);
+    assert_eq!(recording.about.notes.get("baud"), None);
+}
+
+#[test]
+fn strikes_over_a_unix_socket_are_printed_as_json_objects_while_it_runs() {
+    let directory = tempfile::tempdir().unwrap();
+    let listener = UnixListener::bind(directory.path().join("bead.sock")).unwrap();
+    let arguments = ["--port", "unix:bead.sock", "--out", "a.mcap", "--format", "json"];
+    let mut running = Running::start(&directory, &arguments);
+    let (mut bead, _) = listener.accept().unwrap();
+    bead.write_all(&stream()).unwrap();
+    let printed: serde_json::Value = serde_json::from_str(&running.line()).unwrap();
+    let (frames, _) = frames::decode(&stream());
+    assert!(matches!(frames[2].message, Message::Strike(_)));
+    assert_eq!(printed, frames[2].json());
+    running.signal("TERM");
+    assert_eq!(running.end().0, 0);
+    assert_holds(&recorded(&directory.path().join("a.mcap")), &stream());
+}
+
+#[test]
+fn a_duration_ends_a_recording_with_status_0_and_a_dated_name() {
+    let (mut bead, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    bead.write_all(&identity(0)).unwrap();
+    let started = Instant::now();
+    let (status, stderr) = run(&directory, &["--port", &port, "--duration", "0.7"]);
+    let took = started.elapsed();
+    assert_eq!(status, 0, "{stderr}");
+    assert!(took >= Duration::from_millis(700), "{took:?}");
+    let names = files(&directory);
+    let [name] = &names[..] else { panic!("{names:?}") };
+    let shape: String = name
+        .chars()
+        .map(|letter| if letter.is_ascii_digit() { '0' } else { letter })
+        .collect();
+    assert_eq!(shape, "bead-00000000-000000.mcap");
+    assert_holds(&recorded(&directory.path().join(name)), &identity(0));
+}
+
+#[test]
+fn silence_and_noise_are_told_apart_at_the_end() {
+    for (sent, advice) in [
+        (&b""[..], "bead: nothing came: "),
+        (b"no\0frames\0", "bead: bytes came, but no frame"),
+    ] {
+        let (mut bead, port) = line();
+        let directory = tempfile::tempdir().unwrap();
+        bead.write_all(sent).unwrap();
+        let arguments = ["--port", &port, "--duration", "0.3"];
+        let (status, stderr) = run(&directory, &arguments);
+        assert_eq!(status, 0, "{stderr}");
+        assert!(stderr.lines().last().unwrap().starts_with(advice), "{stderr}");
+    }
+}
+
+#[test]
+fn standard_output_that_is_full_costs_no_recording() {
+    let (mut bead_end, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    bead_end.write_all(&[stream(), identity(5)].concat()).unwrap();
+    let arguments = ["--port", &port, "--out", "a.mcap", "--duration", "0.5"];
+    let full = File::options().write(true).open("/dev/full").unwrap();
+    let output = bead(&directory, &arguments).stdout(full).output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
+    assert!(stderr.contains("cannot write to standard output"), "{stderr}");
+    assert_holds(
+        &recorded(&directory.path().join("a.mcap")),
+        &[stream(), identity(5)].concat(),
+    );
+}
+
+#[test]
+fn a_recorder_that_is_killed_in_a_silence_leaves_all_that_it_received() {
+    let (mut bead, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    let mut running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    bead.write_all(&stream()).unwrap();
+    assert!(running.line().starts_with("strike 1 "));
+    // Silence follows: what came must not wait for more to come.
+    let partial = directory.path().join("a.mcap.partial");
+    let started = Instant::now();
+    while Recording::open(&partial).unwrap().runs.is_empty() && started.elapsed() < Duration::from_secs(30) {
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    running.signal("KILL");
+    running.child.wait().unwrap();
+    assert_eq!(files(&directory), ["a.mcap.partial"]);
+    let recording = Recording::open(&partial).unwrap();
+    assert_holds(&recording, &stream());
+}
+
+#[test]
+fn a_missing_port_is_one_line_with_status_3_and_no_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let (status, stderr) = refusal(&directory, &["--port", "/dev/ttyNotThere", "--out", "a.mcap"]);
+    assert_eq!(status, 3);
+    assert!(
+        stderr.starts_with("bead: there is no /dev/ttyNotThere; "),
+        "{stderr}"
+    );
+    let ports = serialport::available_ports().unwrap();
+    match &ports[..] {
+        [] => assert!(stderr.contains("has no serial port"), "{stderr}"),
+        ports => ports
+            .iter()
+            .for_each(|port| assert!(stderr.contains(&port.port_name), "{stderr}")),
+    }
+}
+
+#[test]
+fn a_file_a_directory_and_a_device_that_are_no_ports_are_refused_with_status_3() {
+    let directory = tempfile::tempdir().unwrap();
+    File::create(directory.path().join("notes.txt")).unwrap();
+    for port in ["notes.txt", ".", "/dev/null"] {
+        let (status, stderr) = refusal(&directory, &["--port", port, "--out", "a.mcap"]);
+        assert_eq!(status, 3);
+        assert!(
+            stderr.starts_with(&format!("bead: {port} is no serial port")),
+            "{stderr}"
+        );
+    }
+}
+
+#[test]
+fn a_port_in_use_is_refused_with_status_3() {
+    let (_bead, port) = line();
+    let _other = serialport::new(&port, 2_000_000).open().unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let (status, stderr) = refusal(&directory, &["--port", &port, "--out", "a.mcap"]);
+    assert_eq!(status, 3);
+    assert!(
+        stderr.starts_with(&format!("bead: {port} is in use by another program")),
+        "{stderr}"
+    );
+}
+
+#[test]
+fn an_address_where_nobody_listens_is_refused_with_status_3() {
+    let closed = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    for port in [format!("tcp:{closed}"), "unix:not-there.sock".to_owned()] {
+        let (status, stderr) = refusal(&directory, &["--port", &port, "--out", "a.mcap"]);
+        assert_eq!(status, 3);
+        assert!(
+            stderr.starts_with(&format!("bead: cannot connect to {port}: ")),
+            "{stderr}"
+        );
+    }
+}
+
+#[test]
+fn a_recording_that_is_there_is_replaced_only_with_force() {
+    let (mut bead, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.mcap");
+    fs::write(&path, "precious").unwrap();
+    bead.write_all(&identity(0)).unwrap();
+    let arguments = ["--port", &port, "--out", "a.mcap", "--duration", "0.3", "--force"];
+    let (status, stderr) = refusal(&directory, &arguments[..6]);
+    assert_eq!(status, 2);
+    assert!(
+        stderr.contains("a.mcap is there already") && stderr.contains("--force"),
+        "{stderr}"
+    );
+    assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
+    assert_eq!(run(&directory, &arguments).0, 0);
+    assert_holds(&recorded(&path), &identity(0));
+}
+
+#[test]
+fn a_place_that_cannot_be_written_to_is_refused_with_status_2() {
+    let (_bead, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    for (out, why) in [("none/a.mcap", "cannot create"), (".", "is a directory")] {
+        let (status, stderr) = refusal(&directory, &["--port", &port, "--out", out, "--force"]);
+        assert_eq!(status, 2);
+        assert!(stderr.contains(why), "{stderr}");
+    }
+}
