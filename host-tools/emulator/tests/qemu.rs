@@ -419,11 +419,27 @@ fn a_qemu_of_unknown_version_is_asked_again_with_the_plugin_version_that_it_name
 
 #[test]
 fn what_a_qemu_that_fails_says_is_passed_on() {
-    let mut bench = bench(&image(&[], SLEEP, &[]));
-    let failing = "[ \"$1\" = --version ] && echo 'QEMU emulator version 7.2.0' && exit\necho 'no such machine' >&2; exit 1";
-    bench.run.qemu = Some(script(&bench, failing));
-    let error = bench.run.execute().unwrap_err().to_string();
-    assert!(error.contains("no such machine"), "{error}");
+    let error = |said: &str, status: i32| {
+        let mut bench = bench(&image(&[], SLEEP, &[]));
+        let version = "[ \"$1\" = --version ] && echo 'QEMU emulator version 7.2.0' && exit";
+        bench.run.qemu = Some(script(
+            &bench,
+            &format!("{version}\necho '{said}' >&2; exit {status}"),
+        ));
+        bench.run.execute().unwrap_err()
+    };
+    let odd = error("no such machine", 1);
+    assert!(
+        matches!(&odd, RunError::Qemu { line, .. } if line == "no such machine"),
+        "{odd}"
+    );
+    let misfit = error("stm32f405-qemu: FLASH_ACR is odd", 86);
+    assert!(
+        matches!(&misfit, RunError::SelfTest { line } if line == "FLASH_ACR is odd"),
+        "{misfit}"
+    );
+    let refused = error("stm32f405-qemu: this QEMU does not export timer_mod", 1);
+    assert!(matches!(refused, RunError::OverlayRefused { .. }), "{refused}");
 }
 
 #[test]
