@@ -5,7 +5,7 @@
 
 use super::{NoRegister, Notes, bit, clock};
 
-/// One comparator and the cycle counter are announced: NUMCOMP = 4, as on the Cortex-M4.
+/// NUMCOMP: the Cortex-M4 has four comparators; NOCYCCNT is clear.
 const NUMCOMP: u32 = 4 << 28;
 
 /// DWT's registers, as far as the counter goes.

@@ -4,15 +4,16 @@
 //!
 //! QEMU's own functions are looked up by name when the plugin is loaded, not linked, so that this crate links into host
 //! programs and a QEMU that does not export them gets a clear line. They are QEMU's internal interface: Debian's and
-//! Ubuntu's builds export them, and as used here they are the same from 7.2 to 11.1 (tried: 7.2.22, 10.0.2, 11.1.3). [`self_test`] tries each
-//! effect that the overlay rests on, before the first instruction, so that a QEMU that differs says so.
+//! Ubuntu's builds export them, and as used here they are the same in 7.2.22, 10.0.2 and 11.1.3, which were tried.
+//! [`self_test`] and [`interrupt_test`] try each effect that the overlay rests on, so that a QEMU that differs says so.
 //!
 //! # Safety
 //!
-//! Structures of QEMU's are never looked into: they are given room ([`room`]) larger than in any known version and
-//! filled in by QEMU itself, except for three small ones whose layout is part of its plugin-visible headers ([`Ops`],
-//! [`Notifier`]). Every call in is made with QEMU's big lock held: in its callbacks for memory, timers, reset and the end of
-//! machine creation. The callbacks for instructions run without it and touch atomics only.
+//! QEMU's structures are never looked into. They are given room ([`room`]) larger than in any known version and filled
+//! in by QEMU itself, but for two small ones that a caller fills in, [`Ops`] and [`Notifier`]. Every call in is made with
+//! QEMU's big lock held, in its callbacks for memory, timers, reset and the end of machine creation. The callbacks for
+//! translation and instructions run without it: they touch counters, which are atomics, and [`Sites`], which has its
+//! own lock, and never the overlay.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char, c_int, c_void};
