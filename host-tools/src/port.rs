@@ -15,6 +15,9 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// How long a connection may take.
 const CONNECT: Duration = Duration::from_secs(5);
 
+/// Why nothing more will come.
+const GONE: &str = "unplugged, or closed at the other end";
+
 /// What `--port` names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {
@@ -235,9 +238,11 @@ impl Port {
     /// # Errors
     /// The port has gone away: nothing more will come.
     pub fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        use io::ErrorKind::{Interrupted, TimedOut, UnexpectedEof, WouldBlock};
+        use io::ErrorKind::{BrokenPipe, Interrupted, TimedOut, UnexpectedEof, WouldBlock};
         match self.source.read(buffer) {
-            Ok(0) => Err(io::Error::new(UnexpectedEof, "closed at the other end")),
+            Ok(0) => Err(io::Error::new(UnexpectedEof, GONE)),
+            // So serialport reports a line that hung up.
+            Err(error) if error.kind() == BrokenPipe => Err(io::Error::new(BrokenPipe, GONE)),
             Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => Ok(0),
             other => other,
         }

@@ -253,7 +253,9 @@ fn an_unplugged_port_ends_with_status_3_and_a_whole_recording() {
     assert_eq!(status, 3);
     assert_eq!(stderr.trim_end().lines().count(), 1, "{stderr}");
     assert!(
-        stderr.starts_with(&format!("bead: {port} went away (")),
+        stderr.starts_with(&format!(
+            "bead: {port} went away (unplugged, or closed at the other end): "
+        )),
         "{stderr}"
     );
     assert!(stderr.contains("in a.mcap: 1 strikes, 3 frames"), "{stderr}");

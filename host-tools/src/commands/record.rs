@@ -144,7 +144,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let result = format!("{}: {}", out.display(), summary(&counters, strikes, seconds));
     if let Err(reason) = heard {
         return Err(Failure::device(format!(
-            "{} went away ({reason}), all that came before is in {result}; plug it in or start it again, and record \
+            "{} went away ({reason}): all that came before is in {result}; plug it in or start it again, and record \
              to another file",
             arguments.port
         )));
