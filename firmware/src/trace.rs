@@ -212,12 +212,18 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     // The DMA driver panics when a stream reports a transfer error. That is a fault of the bus, not of the
     // code, and the host should not have to read the text to know.
     let message = info.message();
-    let cause = match message.as_str() {
-        Some(text) if text.starts_with("DMA") => FaultCause::DmaError,
-        _ => FaultCause::Panic,
+    let mut text = Cut(String::new());
+    let _ = write!(text, "{message}");
+    let cause = match text.0.starts_with("DMA: error") {
+        true => FaultCause::DmaError,
+        false => FaultCause::Panic,
     };
     match info.location() {
-        Some(at) => end(cause, 0, format_args!("{}:{}: {message}", at.file(), at.line())),
+        Some(at) => {
+            // The name alone: its folder is that of the machine that built the image.
+            let file = at.file().rsplit('/').next().unwrap_or_default();
+            end(cause, 0, format_args!("{message} ({file}:{})", at.line()))
+        }
         None => end(cause, 0, format_args!("{message}")),
     }
 }

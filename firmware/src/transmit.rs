@@ -41,7 +41,11 @@ pub(crate) async fn transmit(mut port: UartTx<'static, Async>, buffer: &'static 
         match frame(&queued, buffer) {
             Ok(frame) => {
                 if let Err(error) = port.write(frame).await {
-                    defmt::error!("frame {=u32} was not sent: {}", queued.sequence, error);
+                    defmt::error!(
+                        "frame {=u32} was not sent: {}",
+                        queued.sequence,
+                        defmt::Debug2Format(&error)
+                    );
                 }
             }
             Err(_) => counters::update(|c| c.frames_dropped_too_long += 1),

@@ -23,13 +23,8 @@ use crate::strikes::RecordedStrike;
 
 /// Goal for estimate A against the full chain.
 pub const GOAL_A: f64 = 2e-3;
-/// Goal for estimate B against the full chain, from a force without noise.
-pub const GOAL_B_QUIET: f64 = 5e-3;
-/// Goal for estimate B from a force with some milli-newtons of noise.
-pub const GOAL_B_NOISY: f64 = 1e-2;
-/// Noise of the quiet force, in codes rms, above which it is no longer rounding alone: a signal within one code
-/// of a boundary flickers by up to half a code.
-const NOISY_CODES: f64 = 0.5;
+/// Goal for estimate B against the full chain.
+pub const GOAL_B: f64 = 5e-3;
 
 /// What one side says of a strike, SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -84,6 +79,8 @@ pub struct StrikeComparison {
     pub deviation: Values,
     /// What the deviations of A and B may be.
     pub goal: Goal,
+    /// Noise of the force before the strike, N rms.
+    pub force_noise: f64,
     /// Names of the strike's flags.
     pub flags: Vec<&'static str>,
     /// Whether the goals are met and replay is identical.
@@ -98,10 +95,8 @@ pub struct StrikeComparison {
 pub struct Goal {
     /// For A.
     pub absorbed_measured: f64,
-    /// For B, which a noisy force may miss by more.
+    /// For B.
     pub absorbed_predicted: f64,
-    /// Noise of the force before the strike, N rms, that B's goal depends on.
-    pub force_noise: f64,
 }
 
 /// What the sensors delivered, or what the chain did, over the time since the striker hit.
@@ -189,15 +184,9 @@ impl Chain {
         };
         let deviation = device.relative_to(&f64_chain);
         let traces = self.traces(strike, &replay);
-        let force_noise = force_noise(strike);
         let goal = Goal {
             absorbed_measured: GOAL_A,
-            absorbed_predicted: if force_noise.1 > NOISY_CODES {
-                GOAL_B_NOISY
-            } else {
-                GOAL_B_QUIET
-            },
-            force_noise: force_noise.0,
+            absorbed_predicted: GOAL_B,
         };
         let pass = replay.identical()
             && deviation.absorbed_measured.abs() <= goal.absorbed_measured
@@ -223,6 +212,7 @@ impl Chain {
             f64_chain,
             deviation,
             goal,
+            force_noise: force_noise(strike),
             flags: flag_names(strike.said.flags),
             pass,
             traces,
@@ -364,8 +354,8 @@ fn sensed(codes: impl Iterator<Item = u16> + Clone, channel: &Channel, rate: f64
     f64_estimators::compensate(&values, 1.0 / (std::f64::consts::TAU * time_constant), rate)
 }
 
-/// Noise of the force before the strike, rms, in N and in codes.
-fn force_noise(strike: &RecordedStrike) -> (f64, f64) {
+/// Noise of the force before the strike, N rms.
+fn force_noise(strike: &RecordedStrike) -> f64 {
     let quiet = strike
         .scans
         .iter()
@@ -377,7 +367,7 @@ fn force_noise(strike: &RecordedStrike) -> (f64, f64) {
     let per_code = strike
         .settings
         .map_or(0.0, |settings| settings.force.per_code.to_num::<f64>());
-    (codes * per_code, codes)
+    codes * per_code
 }
 
 /// Where a function with one minimum between `low` and `high` has it: golden section, to a part in a million of
@@ -414,11 +404,10 @@ mod tests {
         assert_eq!(comparison.first_difference, None);
         // 5 mN of noise and twelve bits over 16 N.
         assert!(
-            (comparison.goal.force_noise / 5.1e-3 - 1.0).abs() < 0.3,
+            (comparison.force_noise / 5.1e-3 - 1.0).abs() < 0.3,
             "{}",
-            comparison.goal.force_noise
+            comparison.force_noise
         );
-        assert_eq!(comparison.goal.absorbed_predicted, GOAL_B_NOISY);
     }
 
     #[test]

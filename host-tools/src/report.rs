@@ -484,7 +484,7 @@ impl Report<'_> {
         if let Some(strike) = self.strikes.first() {
             fact(
                 "force noise before the strike",
-                format!("{:.1} mN rms", strike.goal.force_noise * 1e3),
+                format!("{:.1} mN rms", strike.force_noise * 1e3),
             );
         }
         let counters = self.counters;

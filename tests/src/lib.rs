@@ -70,6 +70,14 @@ pub struct Heard {
 }
 
 impl Heard {
+    /// The fault frames, in the order in which they came.
+    pub fn faults(&self) -> impl Iterator<Item = &frames::Fault> {
+        self.frames.iter().filter_map(|frame| match &frame.message {
+            Message::Fault(fault) => Some(fault),
+            _ => None,
+        })
+    }
+
     /// Decodes a stream.
     pub fn new(stream: Vec<u8>) -> Self {
         let (frames, counters) = frames::decode(&stream);

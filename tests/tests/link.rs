@@ -8,7 +8,10 @@ use bead_tests::{Heard, paper};
 use proptest::prelude::*;
 
 /// A run with two strikes, heard without noise.
-static CLEAN: LazyLock<Heard> = LazyLock::new(|| Heard::new(paper(2, 0.05, Some(1)).run().unwrap().0));
+static CLEAN: LazyLock<Heard> = LazyLock::new(|| {
+    let run = paper(2, 0.05, Some(1)).run();
+    Heard::new(run.unwrap_or_else(|failure| panic!("{failure}")).0)
+});
 
 /// A frame's identity: nothing that depends on what was lost before it.
 fn key(frame: &Frame) -> (u32, String) {

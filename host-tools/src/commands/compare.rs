@@ -17,7 +17,7 @@ use crate::report::{Report, percent, residual_chart, strike_chart};
 use crate::sensed::{load_scenario, only_host};
 
 const AFTER_HELP: &str = "\
-Goals: A within 0.2 % of the full chain, B within 0.5 %, or 1 % where the recording shows noise on the force.
+Goals: A within 0.2 % of the full chain, B within 0.5 %.
 Exit status 1 if one is missed, replay differs, a frame is lost or a sample overran.
 
 Examples:
