@@ -1,4 +1,4 @@
-//! How much of the STM32F405RG the flash image takes.
+//! How much of the STM32F405RG's memories the flash image takes.
 
 use std::path::Path;
 
@@ -6,10 +6,10 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 
 use crate::step::Stop;
 
-/// The memories of the STM32F405RG that an image fills (datasheet DS8626, memory map).
+/// What `memory.x` gives an image: the flash below the sector of the settings, and the SRAM.
 const FLASH: Memory = Memory {
     start: 0x0800_0000,
-    bytes: 1024 * 1024,
+    bytes: 896 * 1024,
 };
 const RAM: Memory = Memory {
     start: 0x2000_0000,
