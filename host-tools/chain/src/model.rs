@@ -67,6 +67,8 @@ pub struct Resonator {
 /// What a scenario comes to: masses, contacts, resonators.
 #[derive(Debug, Clone)]
 pub struct Model {
+    /// Radii of bodies 0..=N, m.
+    radii: Vec<f64>,
     /// Mass of bodies 0..=N, intruders included, kg.
     masses: Vec<f64>,
     /// The same less the intruders: what the contacts accelerate directly.
@@ -130,6 +132,7 @@ impl Model {
         }
         let clipped = scenario.chain.contact_force == ContactForce::Clipped;
         Self {
+            radii: bodies.iter().map(|body| body.radius).collect(),
             masses,
             shells,
             contacts,
@@ -150,6 +153,14 @@ impl Model {
     /// If there is no such body.
     pub fn mass(&self, body: usize) -> f64 {
         self.masses[body]
+    }
+
+    /// Radius of a body, m.
+    ///
+    /// # Panics
+    /// If there is no such body.
+    pub fn radius(&self, body: usize) -> f64 {
+        self.radii[body]
     }
 
     /// How many contacts, counted from 1.
@@ -182,6 +193,11 @@ impl Model {
     /// Speed of the striker at t = 0, m/s.
     pub fn striker_speed(&self) -> f64 {
         self.striker_speed
+    }
+
+    /// Mass of a body without its intruder, kg: what contacts and spring accelerate directly.
+    pub(crate) fn shell(&self, body: usize) -> f64 {
+        self.shells[body]
     }
 
     /// Whether contact forces are kept from falling below zero.

@@ -8,8 +8,8 @@
 
 use serde::Serialize;
 
-use crate::dop853::{Dense, System, crossing};
-use crate::model::Model;
+use crate::dop853::{System, crossing};
+use crate::quantity::{Inside, Quantity};
 use crate::solution::Solution;
 
 /// What a run came to, named as in the JSON of `bead simulate`. SI units.
@@ -108,37 +108,6 @@ pub struct SolverSummary {
 /// A force below this part of the greatest is below what the integration resolves: such a contact carried none.
 const NO_FORCE: f64 = 1e-12;
 
-/// Something that has peaks.
-#[derive(Debug, Clone, Copy)]
-enum Quantity {
-    Force(usize),
-    Acceleration(usize),
-    RelativeDisplacement(usize),
-    ChainEnergy,
-}
-
-impl Quantity {
-    fn value(self, model: &Model, y: &[f64]) -> f64 {
-        match self {
-            Self::Force(contact) => model.force(y, contact),
-            Self::Acceleration(intruder) => model.intruder_acceleration(y, intruder),
-            Self::RelativeDisplacement(intruder) => y[model.layout().relative(intruder)],
-            Self::ChainEnergy => model.energies(y).chain,
-        }
-    }
-
-    /// Its rate of change where the state is `y` and changes by `dy`.
-    fn rate(self, model: &Model, y: &[f64], dy: &[f64]) -> f64 {
-        match self {
-            Self::Force(contact) => model.force_rate(y, dy, contact),
-            // Linear in the state: the rate is the same function of the state's rate.
-            Self::Acceleration(intruder) => model.intruder_acceleration(dy, intruder),
-            Self::RelativeDisplacement(intruder) => dy[model.layout().relative(intruder)],
-            Self::ChainEnergy => model.chain_energy_rate(y, dy),
-        }
-    }
-}
-
 /// Which way a peak points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Side {
@@ -151,38 +120,6 @@ struct Peak {
     time: f64,
     /// The step that ends next to it.
     knot: usize,
-}
-
-/// A step's dense output with room to look at it.
-struct Inside<'a> {
-    model: &'a Model,
-    dense: Dense,
-    y: Vec<f64>,
-    dy: Vec<f64>,
-}
-
-impl<'a> Inside<'a> {
-    fn new(solution: &'a Solution, knot: usize) -> Self {
-        let dimension = solution.model().layout().dimension();
-        let dense = solution.dense(knot);
-        Self {
-            model: solution.model(),
-            dense,
-            y: vec![0.0; dimension],
-            dy: vec![0.0; dimension],
-        }
-    }
-
-    fn value(&mut self, quantity: Quantity, t: f64) -> f64 {
-        self.dense.at(t, &mut self.y);
-        quantity.value(self.model, &self.y)
-    }
-
-    fn rate(&mut self, quantity: Quantity, t: f64) -> f64 {
-        self.dense.at(t, &mut self.y);
-        self.model.rate(&self.y, &mut self.dy);
-        quantity.rate(self.model, &self.y, &self.dy)
-    }
 }
 
 impl Solution {

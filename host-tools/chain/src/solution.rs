@@ -5,8 +5,11 @@
 //! Kept is the state after every step. What happens inside a step comes from the method's own dense output, found by
 //! repeating the step ([`crate::dop853::Dense`]); a [`Sampler`] keeps the last step that it looked into.
 
+use std::ops::RangeInclusive;
+
 use crate::dop853::Dense;
 use crate::model::{Energies, Model};
+use crate::region::RegionEnergies;
 
 /// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and contacts from 1.
 ///
@@ -102,6 +105,17 @@ impl Solution {
         self.at(t).energies()
     }
 
+    /// The step that holds time `t`, s. Panics as [`Solution::at`].
+    pub(crate) fn step_at(&self, t: f64) -> usize {
+        let end = self.end();
+        assert!(
+            (0.0..=end).contains(&t),
+            "{t} s is not within the run, 0 to {end} s"
+        );
+        let knot = self.times.partition_point(|&time| time <= t);
+        knot.clamp(1, self.times.len() - 1) - 1
+    }
+
     /// Step whose end is the end of the scenario.
     pub(crate) fn summary_end(&self) -> usize {
         self.summary_end
@@ -146,17 +160,9 @@ impl<'a> Sampler<'a> {
     /// Everything at time `t`, s. Panics as [`Solution::at`].
     pub fn at(&mut self, t: f64) -> Snapshot<'a> {
         let solution = self.solution;
-        let end = solution.end();
-        assert!(
-            (0.0..=end).contains(&t),
-            "{t} s is not within the run, 0 to {end} s"
-        );
         let dense = match self.dense.take() {
             Some(dense) if dense.holds(t) => dense,
-            _ => {
-                let knot = solution.times.partition_point(|&time| time <= t);
-                solution.dense(knot.clamp(1, solution.times.len() - 1) - 1)
-            }
+            _ => solution.dense(solution.step_at(t)),
         };
         let mut state = vec![0.0; solution.model.layout().dimension()];
         dense.at(t, &mut state);
@@ -245,6 +251,15 @@ impl Snapshot<'_> {
     /// Energy lost so far in the intruder of `bead`, ∫ c x'² dt, J.
     pub fn intruder_dissipated(&self, bead: usize) -> Option<f64> {
         Some(self.state[self.model.layout().intruder_loss(self.model.intruder_of(bead)?)])
+    }
+
+    /// Energies of beads `beads.start()` to `beads.end()`, by kind, J; body 0 is the striker.
+    ///
+    /// # Panics
+    /// If a bead is not of this chain.
+    pub fn region(&self, beads: RangeInclusive<usize>) -> RegionEnergies {
+        self.body(*beads.end());
+        self.model.region_energies(&self.state, beads)
     }
 
     /// Energies, J.

@@ -1,0 +1,278 @@
+//! Pulses of force at a contact.
+//!
+//! # Design
+//!
+//! Peaks and valleys are roots of the force's rate, looked for between the ends of steps where it changes sign and found
+//! inside as exactly as the motion is known. Of the many ripples that a chain leaves behind, a peak counts as a pulse if it
+//! is high enough and if the force falls far enough on the way to the next one; the lower of two that it does not fall
+//! between is taken for a ripple of the other.
+
+use crate::dop853::{System, crossing};
+use crate::flow::Flow;
+use crate::quantity::{Inside, Quantity};
+use crate::solution::Solution;
+
+/// Which peaks of a force are pulses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PulseSearch {
+    /// Where to begin, s.
+    pub from: f64,
+    /// Where to end, s; the end of the run if that is earlier.
+    pub to: f64,
+    /// Least height of a pulse, as a part of the greatest force at the contact within the search.
+    pub height: f64,
+    /// How far the force must fall between two pulses, as a part of the lower one's height; from one half on, every pulse
+    /// between two others has a full width at half its height.
+    pub fall: f64,
+}
+
+impl Default for PulseSearch {
+    /// The whole run; pulses of a thousandth of the greatest, between which the force halves.
+    fn default() -> Self {
+        Self {
+            from: 0.0,
+            to: f64::INFINITY,
+            height: 1e-3,
+            fall: 0.5,
+        }
+    }
+}
+
+/// One pulse of force at a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Pulse {
+    /// The contact, which joins bodies `contact - 1` and `contact`.
+    pub contact: usize,
+    /// Greatest force, N.
+    pub force: f64,
+    /// When it arrives: the time of the greatest force, s.
+    pub time: f64,
+    /// Where it begins, s: where the force was last zero before, or least since the pulse before.
+    pub from: f64,
+    /// Where it ends, s: where the force is first zero after, or least before the next pulse.
+    pub to: f64,
+    /// Full width at half its height, s; none if the force does not fall to half on both sides of it.
+    pub fwhm: Option<f64>,
+    /// Momentum that it carries through the contact, ∫ F dt over the pulse, N·s.
+    pub impulse: f64,
+    /// Energy that it carries through the contact, ∫ F V[j-1] dt over the pulse, J (see [`Passed`](crate::Passed));
+    /// negative in a pulse that goes back to the striker.
+    pub energy: f64,
+}
+
+/// The force at the end of a step, or at an end of the search.
+struct Point {
+    time: f64,
+    force: f64,
+    rising: bool,
+    /// The step that follows.
+    step: usize,
+}
+
+/// A peak between points `before` and `before + 1`.
+#[derive(Clone, Copy)]
+struct Peak {
+    time: f64,
+    force: f64,
+    before: usize,
+}
+
+/// The force of one contact over the time of a search.
+struct Trace<'a> {
+    solution: &'a Solution,
+    quantity: Quantity,
+    points: Vec<Point>,
+}
+
+impl Solution {
+    /// The pulses that pass `contact` (from 1), in the order of their time. A force that still rises where the search ends is
+    /// none yet.
+    ///
+    /// # Panics
+    /// If there is no such contact, or `search.from` is not within the run.
+    pub fn pulses(&self, contact: usize, search: &PulseSearch) -> Vec<Pulse> {
+        self.pulses_of(&self.flow(contact), contact, search)
+    }
+
+    pub(crate) fn pulses_of(&self, flow: &Flow<'_>, contact: usize, search: &PulseSearch) -> Vec<Pulse> {
+        let trace = Trace::new(self, contact, search.from, search.to.min(self.end()));
+        let peaks = trace.peaks(search);
+        (0..peaks.len())
+            .map(|i| {
+                let peak = peaks[i];
+                let first = if i == 0 { 0 } else { peaks[i - 1].before + 1 };
+                let last = peaks
+                    .get(i + 1)
+                    .map_or(trace.points.len() - 1, |next| next.before);
+                let (from, to) = (trace.begin(peak, first), trace.end(peak, last));
+                let passed = flow.between(from, to);
+                Pulse {
+                    contact,
+                    force: peak.force,
+                    time: peak.time,
+                    from,
+                    to,
+                    fwhm: trace.width(peak, first, last),
+                    impulse: passed.impulse,
+                    energy: passed.energy,
+                }
+            })
+            .collect()
+    }
+
+    /// Speed of a wave that is `earlier` at one contact and `later` at another, m/s: the sum of the diameters between the
+    /// contacts over the time between the peaks. Negative if it goes back to the striker.
+    ///
+    /// # Panics
+    /// If both are at the same contact.
+    pub fn speed(&self, earlier: &Pulse, later: &Pulse) -> f64 {
+        assert!(
+            earlier.contact != later.contact,
+            "a speed takes pulses at two contacts"
+        );
+        let (near, far) = (
+            earlier.contact.min(later.contact),
+            earlier.contact.max(later.contact),
+        );
+        let way: f64 = (near..far).map(|bead| 2.0 * self.model().radius(bead)).sum();
+        let sign = if earlier.contact < later.contact {
+            1.0
+        } else {
+            -1.0
+        };
+        sign * way / (later.time - earlier.time)
+    }
+}
+
+impl<'a> Trace<'a> {
+    fn new(solution: &'a Solution, contact: usize, from: f64, to: f64) -> Self {
+        let quantity = Quantity::Force(contact);
+        let model = solution.model();
+        let edge = |time: f64| {
+            let step = solution.step_at(time);
+            let mut inside = Inside::new(solution, step);
+            Point {
+                time,
+                force: inside.value(quantity, time),
+                rising: inside.rate(quantity, time) > 0.0,
+                step,
+            }
+        };
+        let mut rate = vec![0.0; solution.state(0).len()];
+        let mut points = vec![edge(from)];
+        for (knot, &time) in solution.step_times().iter().enumerate() {
+            if from < time && time < to {
+                let state = solution.state(knot);
+                model.rate(state, &mut rate);
+                points.push(Point {
+                    time,
+                    force: quantity.value(model, state),
+                    rising: quantity.rate(model, state, &rate) > 0.0,
+                    step: knot,
+                });
+            }
+        }
+        if to > from {
+            points.push(edge(to));
+        }
+        Self {
+            solution,
+            quantity,
+            points,
+        }
+    }
+
+    /// Where `f` of the motion changes sign between points `before` and `before + 1`.
+    fn root(&self, before: usize, mut f: impl FnMut(&mut Inside<'_>, f64) -> f64) -> f64 {
+        let mut inside = Inside::new(self.solution, self.points[before].step);
+        let (from, to) = (self.points[before].time, self.points[before + 1].time);
+        crossing(from, to, |t| f(&mut inside, t))
+    }
+
+    fn turn(&self, before: usize) -> f64 {
+        self.root(before, |inside, t| inside.rate(self.quantity, t))
+    }
+
+    fn passage(&self, before: usize, level: f64) -> f64 {
+        self.root(before, |inside, t| inside.value(self.quantity, t) - level)
+    }
+
+    fn peaks(&self, search: &PulseSearch) -> Vec<Peak> {
+        let greatest = self.points.iter().map(|point| point.force).fold(0.0, f64::max);
+        let least = search.height * greatest;
+        let mut peaks: Vec<Peak> = (1..self.points.len())
+            .map(|after| (after - 1, &self.points[after - 1], &self.points[after]))
+            // The top between two points can stand above both: look where they come near.
+            .filter(|(_, a, b)| a.rising && !b.rising && a.force.max(b.force) > 0.5 * least)
+            .map(|(before, a, _)| {
+                let time = self.turn(before);
+                let force = Inside::new(self.solution, a.step).value(self.quantity, time);
+                Peak { time, force, before }
+            })
+            .filter(|peak| peak.force > 0.0 && peak.force >= least)
+            .collect();
+        // The pair between which the force falls least loses its lower peak, until it falls enough between all.
+        loop {
+            let shallow = peaks
+                .windows(2)
+                .enumerate()
+                .map(|(i, pair)| {
+                    let lower = pair[0].force.min(pair[1].force);
+                    (i, 1.0 - self.least(pair[0], pair[1]) / lower)
+                })
+                .filter(|(_, fall)| *fall < search.fall)
+                .min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((i, _)) = shallow else { return peaks };
+            let lower = if peaks[i].force < peaks[i + 1].force {
+                i
+            } else {
+                i + 1
+            };
+            peaks.remove(lower);
+        }
+    }
+
+    /// The least force between two peaks, to the nearest step.
+    fn least(&self, one: Peak, other: Peak) -> f64 {
+        (one.before + 1..=other.before)
+            .map(|i| self.points[i].force)
+            .fold(one.force.min(other.force), f64::min)
+    }
+
+    /// Where a pulse begins that has the points from `first` on before its peak.
+    fn begin(&self, peak: Peak, first: usize) -> f64 {
+        match (first..=peak.before).rev().find(|&i| self.points[i].force <= 0.0) {
+            Some(i) => self.passage(i, 0.0),
+            None => self.valley(first, peak.before),
+        }
+    }
+
+    /// Where a pulse ends that has the points up to `last` after its peak.
+    fn end(&self, peak: Peak, last: usize) -> f64 {
+        match (peak.before + 1..=last).find(|&i| self.points[i].force <= 0.0) {
+            Some(i) => self.passage(i - 1, 0.0),
+            None => self.valley(peak.before + 1, last),
+        }
+    }
+
+    /// Where the force is least about points `first` to `last`.
+    fn valley(&self, first: usize, last: usize) -> f64 {
+        let force = |i: &usize| self.points[*i].force;
+        let least = (first..=last)
+            .min_by(|a, b| force(a).total_cmp(&force(b)))
+            .unwrap_or(first);
+        (least.saturating_sub(1)..=least)
+            .filter(|i| i + 1 < self.points.len())
+            .find(|&i| !self.points[i].rising && self.points[i + 1].rising)
+            .map_or(self.points[least].time, |i| self.turn(i))
+    }
+
+    fn width(&self, peak: Peak, first: usize, last: usize) -> Option<f64> {
+        let half = 0.5 * peak.force;
+        let below = |i: &usize| self.points[*i].force < half;
+        let rise = (first..=peak.before).rev().find(below)?;
+        let fall = (peak.before + 1..=last).find(below)?;
+        Some(self.passage(fall - 1, half) - self.passage(rise, half))
+    }
+}

@@ -1,0 +1,73 @@
+//! A quantity of the motion beside its rate, at the ends of steps and inside them.
+
+use crate::dop853::{Dense, System};
+use crate::model::Model;
+use crate::solution::Solution;
+
+/// Something that has peaks.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Quantity {
+    Force(usize),
+    Acceleration(usize),
+    RelativeDisplacement(usize),
+    ChainEnergy,
+}
+
+impl Quantity {
+    pub(crate) fn value(self, model: &Model, y: &[f64]) -> f64 {
+        match self {
+            Self::Force(contact) => model.force(y, contact),
+            Self::Acceleration(intruder) => model.intruder_acceleration(y, intruder),
+            Self::RelativeDisplacement(intruder) => y[model.layout().relative(intruder)],
+            Self::ChainEnergy => model.energies(y).chain,
+        }
+    }
+
+    /// Its rate of change where the state is `y` and changes by `dy`.
+    pub(crate) fn rate(self, model: &Model, y: &[f64], dy: &[f64]) -> f64 {
+        match self {
+            Self::Force(contact) => model.force_rate(y, dy, contact),
+            // Linear in the state: the rate is the same function of the state's rate.
+            Self::Acceleration(intruder) => model.intruder_acceleration(dy, intruder),
+            Self::RelativeDisplacement(intruder) => dy[model.layout().relative(intruder)],
+            Self::ChainEnergy => model.chain_energy_rate(y, dy),
+        }
+    }
+}
+
+/// A step's dense output with room to look at it.
+pub(crate) struct Inside<'a> {
+    model: &'a Model,
+    dense: Dense,
+    y: Vec<f64>,
+    dy: Vec<f64>,
+}
+
+impl<'a> Inside<'a> {
+    pub(crate) fn new(solution: &'a Solution, knot: usize) -> Self {
+        let dimension = solution.model().layout().dimension();
+        let dense = solution.dense(knot);
+        Self {
+            model: solution.model(),
+            dense,
+            y: vec![0.0; dimension],
+            dy: vec![0.0; dimension],
+        }
+    }
+
+    pub(crate) fn at(&mut self, t: f64) -> (&Model, &[f64]) {
+        self.dense.at(t, &mut self.y);
+        (self.model, &self.y)
+    }
+
+    pub(crate) fn value(&mut self, quantity: Quantity, t: f64) -> f64 {
+        self.dense.at(t, &mut self.y);
+        quantity.value(self.model, &self.y)
+    }
+
+    pub(crate) fn rate(&mut self, quantity: Quantity, t: f64) -> f64 {
+        self.dense.at(t, &mut self.y);
+        self.model.rate(&self.y, &mut self.dy);
+        quantity.rate(self.model, &self.y, &self.dy)
+    }
+}

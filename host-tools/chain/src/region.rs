@@ -1,0 +1,67 @@
+//! Energy of a part of the chain, by kind.
+
+use std::ops::RangeInclusive;
+
+use crate::model::Model;
+
+/// Energies of some neighbouring beads at one time, J. A bead has the contact on its left, as in the paper's E_n (eq. 4).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct RegionEnergies {
+    /// Of the beads, with M - m for a host's shell: Σ ½ (M - m) V².
+    pub kinetic: f64,
+    /// The same with M for every bead, as the paper prints it.
+    pub kinetic_as_printed: f64,
+    /// Of the contacts on the beads' left: Σ (2/5) κ δ^(5/2).
+    pub elastic: f64,
+    /// Of the intruders: Σ ½ m u'².
+    pub intruder_kinetic: f64,
+    /// Of the intruders' springs: Σ ½ k x².
+    pub intruder_elastic: f64,
+    /// Lost in the intruders so far: Σ ∫ c x'² dt.
+    pub intruder_dissipated: f64,
+}
+
+impl RegionEnergies {
+    /// What beads, contacts and intruders have and what the intruders lost. It grows by what passes the first bead's contact
+    /// less what passes the contact after the last bead ([`Solution::flow`](crate::Solution::flow)), and falls by what the
+    /// contacts lose.
+    pub fn total(&self) -> f64 {
+        self.mechanical() + self.intruder_dissipated
+    }
+
+    /// What beads, contacts and intruders have.
+    pub fn mechanical(&self) -> f64 {
+        self.kinetic + self.elastic + self.intruder_kinetic + self.intruder_elastic
+    }
+
+    /// The paper's Σ E_n over these beads, eq. (4).
+    pub fn as_printed(&self) -> f64 {
+        self.kinetic_as_printed + self.elastic
+    }
+}
+
+impl Model {
+    pub(crate) fn region_energies(&self, y: &[f64], beads: RangeInclusive<usize>) -> RegionEnergies {
+        let layout = self.layout();
+        let square = |body: usize| y[layout.velocity(body)] * y[layout.velocity(body)];
+        let mut energies = RegionEnergies::default();
+        for body in beads.clone() {
+            energies.kinetic += 0.5 * self.shell(body) * square(body);
+            energies.kinetic_as_printed += 0.5 * self.mass(body) * square(body);
+            if body > 0 {
+                energies.elastic += self.contact(body).energy(self.overlap(y, body).0);
+            }
+        }
+        for (i, intruder) in self.resonators().iter().enumerate() {
+            if beads.contains(&intruder.bead) {
+                let x = y[layout.relative(i)];
+                let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
+                energies.intruder_kinetic += 0.5 * intruder.mass * velocity * velocity;
+                energies.intruder_elastic += 0.5 * intruder.stiffness * x * x;
+                energies.intruder_dissipated += y[layout.intruder_loss(i)];
+            }
+        }
+        energies
+    }
+}
