@@ -61,10 +61,10 @@ pub struct Pulse {
     pub energy: f64,
 }
 
-/// The force at the end of a step, or at an end of the search.
+/// The quantity at the end of a step, or at an end of the search.
 struct Point {
     time: f64,
-    force: f64,
+    value: f64,
     rising: bool,
     /// The step that follows.
     step: usize,
@@ -72,14 +72,14 @@ struct Point {
 
 /// A peak between points `before` and `before + 1`.
 #[derive(Clone, Copy)]
-struct Peak {
-    time: f64,
-    force: f64,
+pub(crate) struct Peak {
+    pub(crate) time: f64,
+    pub(crate) value: f64,
     before: usize,
 }
 
-/// The force of one contact over the time of a search.
-struct Trace<'a> {
+/// A quantity, mostly the force of a contact, over the time of a search.
+pub(crate) struct Trace<'a> {
     solution: &'a Solution,
     quantity: Quantity,
     points: Vec<Point>,
@@ -96,7 +96,12 @@ impl Solution {
     }
 
     pub(crate) fn pulses_of(&self, flow: &Flow<'_>, contact: usize, search: &PulseSearch) -> Vec<Pulse> {
-        let trace = Trace::new(self, contact, search.from, search.to.min(self.end()));
+        let trace = Trace::new(
+            self,
+            Quantity::Force(contact),
+            search.from,
+            search.to.min(self.end()),
+        );
         let peaks = trace.peaks(search);
         (0..peaks.len())
             .map(|i| {
@@ -109,7 +114,7 @@ impl Solution {
                 let passed = flow.between(from, to);
                 Pulse {
                     contact,
-                    force: peak.force,
+                    force: peak.value,
                     time: peak.time,
                     from,
                     to,
@@ -146,15 +151,14 @@ impl Solution {
 }
 
 impl<'a> Trace<'a> {
-    fn new(solution: &'a Solution, contact: usize, from: f64, to: f64) -> Self {
-        let quantity = Quantity::Force(contact);
+    pub(crate) fn new(solution: &'a Solution, quantity: Quantity, from: f64, to: f64) -> Self {
         let model = solution.model();
         let edge = |time: f64| {
             let step = solution.step_at(time);
             let mut inside = Inside::new(solution, step);
             Point {
                 time,
-                force: inside.value(quantity, time),
+                value: inside.value(quantity, time),
                 rising: inside.rate(quantity, time) > 0.0,
                 step,
             }
@@ -167,7 +171,7 @@ impl<'a> Trace<'a> {
                 model.rate(state, &mut rate);
                 points.push(Point {
                     time,
-                    force: quantity.value(model, state),
+                    value: quantity.value(model, state),
                     rising: quantity.rate(model, state, &rate) > 0.0,
                     step: knot,
                 });
@@ -198,19 +202,19 @@ impl<'a> Trace<'a> {
         self.root(before, |inside, t| inside.value(self.quantity, t) - level)
     }
 
-    fn peaks(&self, search: &PulseSearch) -> Vec<Peak> {
-        let greatest = self.points.iter().map(|point| point.force).fold(0.0, f64::max);
+    pub(crate) fn peaks(&self, search: &PulseSearch) -> Vec<Peak> {
+        let greatest = self.points.iter().map(|point| point.value).fold(0.0, f64::max);
         let least = search.height * greatest;
         let mut peaks: Vec<Peak> = (1..self.points.len())
             .map(|after| (after - 1, &self.points[after - 1], &self.points[after]))
             // The top between two points can stand above both: look where they come near.
-            .filter(|(_, a, b)| a.rising && !b.rising && a.force.max(b.force) > 0.5 * least)
+            .filter(|(_, a, b)| a.rising && !b.rising && a.value.max(b.value) > 0.5 * least)
             .map(|(before, a, _)| {
                 let time = self.turn(before);
-                let force = Inside::new(self.solution, a.step).value(self.quantity, time);
-                Peak { time, force, before }
+                let value = Inside::new(self.solution, a.step).value(self.quantity, time);
+                Peak { time, value, before }
             })
-            .filter(|peak| peak.force > 0.0 && peak.force >= least)
+            .filter(|peak| peak.value > 0.0 && peak.value >= least)
             .collect();
         // The pair between which the force falls least loses its lower peak, until it falls enough between all.
         loop {
@@ -218,13 +222,13 @@ impl<'a> Trace<'a> {
                 .windows(2)
                 .enumerate()
                 .map(|(i, pair)| {
-                    let lower = pair[0].force.min(pair[1].force);
+                    let lower = pair[0].value.min(pair[1].value);
                     (i, 1.0 - self.least(pair[0], pair[1]) / lower)
                 })
                 .filter(|(_, fall)| *fall < search.fall)
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             let Some((i, _)) = shallow else { return peaks };
-            let lower = if peaks[i].force < peaks[i + 1].force {
+            let lower = if peaks[i].value < peaks[i + 1].value {
                 i
             } else {
                 i + 1
@@ -233,16 +237,16 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// The least force between two peaks, to the nearest step.
+    /// The least value between two peaks, to the nearest step.
     fn least(&self, one: Peak, other: Peak) -> f64 {
         (one.before + 1..=other.before)
-            .map(|i| self.points[i].force)
-            .fold(one.force.min(other.force), f64::min)
+            .map(|i| self.points[i].value)
+            .fold(one.value.min(other.value), f64::min)
     }
 
     /// Where a pulse begins that has the points from `first` on before its peak.
     fn begin(&self, peak: Peak, first: usize) -> f64 {
-        match (first..=peak.before).rev().find(|&i| self.points[i].force <= 0.0) {
+        match (first..=peak.before).rev().find(|&i| self.points[i].value <= 0.0) {
             Some(i) => self.passage(i, 0.0),
             None => self.valley(first, peak.before),
         }
@@ -250,17 +254,17 @@ impl<'a> Trace<'a> {
 
     /// Where a pulse ends that has the points up to `last` after its peak.
     fn end(&self, peak: Peak, last: usize) -> f64 {
-        match (peak.before + 1..=last).find(|&i| self.points[i].force <= 0.0) {
+        match (peak.before + 1..=last).find(|&i| self.points[i].value <= 0.0) {
             Some(i) => self.passage(i - 1, 0.0),
             None => self.valley(peak.before + 1, last),
         }
     }
 
-    /// Where the force is least about points `first` to `last`.
+    /// Where the quantity is least about points `first` to `last`.
     fn valley(&self, first: usize, last: usize) -> f64 {
-        let force = |i: &usize| self.points[*i].force;
+        let value = |i: &usize| self.points[*i].value;
         let least = (first..=last)
-            .min_by(|a, b| force(a).total_cmp(&force(b)))
+            .min_by(|a, b| value(a).total_cmp(&value(b)))
             .unwrap_or(first);
         (least.saturating_sub(1)..=least)
             .filter(|i| i + 1 < self.points.len())
@@ -269,8 +273,8 @@ impl<'a> Trace<'a> {
     }
 
     fn width(&self, peak: Peak, first: usize, last: usize) -> Option<f64> {
-        let half = 0.5 * peak.force;
-        let below = |i: &usize| self.points[*i].force < half;
+        let half = 0.5 * peak.value;
+        let below = |i: &usize| self.points[*i].value < half;
         let rise = (first..=peak.before).rev().find(below)?;
         let fall = (peak.before + 1..=last).find(below)?;
         Some(self.passage(fall - 1, half) - self.passage(rise, half))

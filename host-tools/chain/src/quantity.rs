@@ -8,6 +8,7 @@ use crate::solution::Solution;
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Quantity {
     Force(usize),
+    Velocity(usize),
     Acceleration(usize),
     RelativeDisplacement(usize),
     ChainEnergy,
@@ -17,6 +18,7 @@ impl Quantity {
     pub(crate) fn value(self, model: &Model, y: &[f64]) -> f64 {
         match self {
             Self::Force(contact) => model.force(y, contact),
+            Self::Velocity(body) => y[model.layout().velocity(body)],
             Self::Acceleration(intruder) => model.intruder_acceleration(y, intruder),
             Self::RelativeDisplacement(intruder) => y[model.layout().relative(intruder)],
             Self::ChainEnergy => model.energies(y).chain,
@@ -27,6 +29,7 @@ impl Quantity {
     pub(crate) fn rate(self, model: &Model, y: &[f64], dy: &[f64]) -> f64 {
         match self {
             Self::Force(contact) => model.force_rate(y, dy, contact),
+            Self::Velocity(body) => dy[model.layout().velocity(body)],
             // Linear in the state: the rate is the same function of the state's rate.
             Self::Acceleration(intruder) => model.intruder_acceleration(dy, intruder),
             Self::RelativeDisplacement(intruder) => dy[model.layout().relative(intruder)],

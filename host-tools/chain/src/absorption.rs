@@ -1,0 +1,45 @@
+//! What each intruder took.
+
+use serde::Serialize;
+
+use crate::solution::{Snapshot, Solution};
+
+/// What one intruder took by some time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Absorption {
+    /// Its host.
+    pub bead: usize,
+    /// Lost in its damper, ∫ c x'² dt, J.
+    pub dissipated: f64,
+    /// Still in its motion and its spring, ½ m u'² + ½ k x², J.
+    pub stored: f64,
+    /// `dissipated` as a part of the striker's energy at t = 0.
+    pub of_striker: f64,
+    /// `dissipated` as a part of what the striker has given to the chain by then.
+    pub of_injected: f64,
+}
+
+impl Solution {
+    /// What each intruder took by time `t`, s, in the order of the beads. Panics as [`Solution::at`].
+    pub fn absorption(&self, t: f64) -> Vec<Absorption> {
+        let snapshot = self.at(t);
+        let striker = self.model().striker_energy();
+        let injected = striker - snapshot.energies().striker;
+        let of = |snapshot: &Snapshot<'_>, bead: usize| {
+            let region = snapshot.region(bead..=bead);
+            Absorption {
+                bead,
+                dissipated: region.intruder_dissipated,
+                stored: region.intruder_kinetic + region.intruder_elastic,
+                of_striker: region.intruder_dissipated / striker,
+                of_injected: region.intruder_dissipated / injected,
+            }
+        };
+        self.model()
+            .resonators()
+            .iter()
+            .map(|resonator| of(&snapshot, resonator.bead))
+            .collect()
+    }
+}

@@ -1,0 +1,120 @@
+//! The solitary wave of equal elastic spheres, and how near a wave of a run comes to it.
+//!
+//! In units where κ = M = 1 the wave's speed c in beads per time depends on its strength alone, and the numbers below say
+//! how. Nesterenko's long-wave forms have the same powers, with (16/25)^(1/5) and √(4/5) before them.
+
+use crate::pulse::{Pulse, PulseSearch, Trace};
+use crate::quantity::Quantity;
+use crate::solution::Solution;
+
+/// c / v^(1/5) of the discrete wave, v being a bead's greatest speed.
+pub const SPEED_FROM_VELOCITY: f64 = 0.907_47;
+/// c / F^(1/6) of the discrete wave, F being a contact's greatest force.
+pub const SPEED_FROM_FORCE: f64 = 0.905_52;
+/// Kinetic part of the wave's energy in the mean over time: 5/9, by the virial theorem for forces that go as δ^(3/2).
+pub const KINETIC_SHARE: f64 = 5.0 / 9.0;
+
+/// Equal spheres in a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EqualSpheres {
+    /// Hertz stiffness κ of their contacts, N/m^(3/2).
+    pub stiffness: f64,
+    /// Mass M, kg.
+    pub mass: f64,
+    /// Radius, m.
+    pub radius: f64,
+}
+
+impl EqualSpheres {
+    /// Speed of the discrete solitary wave of greatest force `force` in N, m/s.
+    pub fn speed_from_force(&self, force: f64) -> f64 {
+        SPEED_FROM_FORCE * self.force_unit(force)
+    }
+
+    /// Speed of the discrete solitary wave that moves beads at up to `velocity` in m/s, m/s.
+    pub fn speed_from_velocity(&self, velocity: f64) -> f64 {
+        SPEED_FROM_VELOCITY * self.velocity_unit(velocity)
+    }
+
+    /// Nesterenko's speed for a greatest force in N, m/s: √(4/5) κ^(1/3) M^(-1/2) F^(1/6) 2R.
+    pub fn long_wave_speed_from_force(&self, force: f64) -> f64 {
+        0.8_f64.sqrt() * self.force_unit(force)
+    }
+
+    /// Nesterenko's speed for a greatest velocity in m/s, m/s: (16/25)^(1/5) (κ/M)^(2/5) v^(1/5) 2R.
+    pub fn long_wave_speed_from_velocity(&self, velocity: f64) -> f64 {
+        0.64_f64.powf(0.2) * self.velocity_unit(velocity)
+    }
+
+    fn force_unit(&self, force: f64) -> f64 {
+        2.0 * self.radius * self.stiffness.powf(1.0 / 3.0) * self.mass.powf(-0.5) * force.powf(1.0 / 6.0)
+    }
+
+    fn velocity_unit(&self, velocity: f64) -> f64 {
+        2.0 * self.radius * (self.stiffness / self.mass).powf(0.4) * velocity.powf(0.2)
+    }
+}
+
+/// What does not change from one solitary wave to another, as measured in a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Invariants {
+    /// c / F^(1/6) in units of κ and M: [`SPEED_FROM_FORCE`] for the discrete wave.
+    pub speed_from_force: f64,
+    /// c / v^(1/5) in those units: [`SPEED_FROM_VELOCITY`] for the discrete wave.
+    pub speed_from_velocity: f64,
+    /// Kinetic part of the energy, mean over the way between the contacts: [`KINETIC_SHARE`] for the discrete wave.
+    pub kinetic_share: f64,
+}
+
+impl Solution {
+    /// Measures a wave between two contacts of equal spheres without intruders; κ, M and R are those of the first. The energy
+    /// is that of ten beads behind to ten ahead, far more than the wave covers.
+    ///
+    /// # Panics
+    /// If `later` is not at a contact after `earlier`'s.
+    pub fn solitary_invariants(&self, earlier: &Pulse, later: &Pulse) -> Invariants {
+        assert!(
+            earlier.contact < later.contact,
+            "a wave is measured between a contact and a later one"
+        );
+        let model = self.model();
+        let spheres = EqualSpheres {
+            stiffness: model.contact(earlier.contact).stiffness,
+            mass: model.mass(earlier.contact),
+            radius: model.radius(earlier.contact),
+        };
+        let speed = self.speed(earlier, later);
+        let force = 0.5 * (earlier.force + later.force);
+        let search = PulseSearch {
+            from: later.from,
+            to: later.to,
+            ..PulseSearch::default()
+        };
+        let velocity = Trace::new(
+            self,
+            Quantity::Velocity(later.contact - 1),
+            search.from,
+            search.to,
+        )
+        .peaks(&search)
+        .iter()
+        .map(|peak| peak.value)
+        .fold(0.0, f64::max);
+
+        // The share repeats from bead to bead: equal intervals over whole beads converge faster than any power.
+        let count = 64 * (later.contact - earlier.contact);
+        let beads = earlier.contact.saturating_sub(10)..=(later.contact + 10).min(model.bodies() - 1);
+        let mut sampler = self.sampler();
+        let share: f64 = (0..count)
+            .map(|i| earlier.time + (later.time - earlier.time) * i as f64 / count as f64)
+            .map(|t| sampler.at(t).region(beads.clone()))
+            .map(|region| region.kinetic / (region.kinetic + region.elastic))
+            .sum();
+        Invariants {
+            speed_from_force: speed / spheres.force_unit(force),
+            speed_from_velocity: speed / spheres.velocity_unit(velocity),
+            kinetic_share: share / count as f64,
+        }
+    }
+}
