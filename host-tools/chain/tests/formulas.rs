@@ -97,7 +97,6 @@ fn a_pulse_has_the_invariants_of_the_solitary_wave() {
     let first = |contact| solution.pulses(contact, &PulseSearch::default())[0];
     let (early, late) = (first(30), first(36));
     let invariants = solution.solitary_invariants(&early, &late);
-    println!("{invariants:?}");
     assert!((invariants.speed_from_force - SPEED_FROM_FORCE).abs() < 1e-5);
     assert!((invariants.speed_from_velocity - SPEED_FROM_VELOCITY).abs() < 1e-5);
     assert!(
@@ -124,9 +123,6 @@ fn a_striker_injects_most_at_the_mass_of_a_bead_and_keeps_nothing_above() {
     let scenario = elastic(30, 0.006);
     let ratios = [0.06, 0.2, 0.5, 1.0, 2.0];
     let curve = injection_curve(&scenario, &ratios, &Options::default()).expect("runs");
-    for injection in &curve {
-        println!("{injection:?}");
-    }
     for (injection, ratio) in curve.iter().zip(ratios) {
         assert!((injection.mass_ratio / ratio - 1.0).abs() < 1e-14);
     }
@@ -216,7 +212,6 @@ fn each_light_intruder_of_the_paper_lets_97_percent_pass() {
         })
         .collect();
     let fit = TransmissionFit::of(&points).expect("enough points");
-    println!("{fit:?}");
     assert!((fit.transmission - 0.969).abs() < 0.002, "{fit:?}");
     assert!(fit.residual < 0.005, "{fit:?}");
 }

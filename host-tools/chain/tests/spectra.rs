@@ -122,7 +122,6 @@ fn the_incident_pulse_of_the_paper_is_three_decibels_down_near_900_hz() {
     let spectrum = Spectrum::of(&force, Taper::None);
     assert!((spectrum.at(0.0).norm() / pulse.impulse - 1.0).abs() < 1e-9);
     let found = spectrum.half_power_frequency().expect("it falls");
-    println!("{found} Hz");
     assert!((850.0..950.0).contains(&found), "{found} Hz");
 }
 

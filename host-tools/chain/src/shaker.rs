@@ -1,0 +1,156 @@
+//! A host on a shaker: the experiment of Appendix A1, integrated.
+
+use std::f64::consts::{PI, TAU};
+
+use realfft::num_complex::Complex64;
+
+use crate::dop853::{Stepper, System};
+use crate::oscillator::Oscillator;
+use crate::signal::Signal;
+use crate::spectrum::{Spectrum, Taper};
+
+/// A sine of rising frequency that moves the host, swelling and fading over a twentieth of the sweep at either end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sweep {
+    /// First frequency, Hz.
+    pub from: f64,
+    /// Last frequency, Hz; it rises in proportion to time.
+    pub to: f64,
+    /// Length, s.
+    pub duration: f64,
+    /// Amplitude of the host's motion, m.
+    pub amplitude: f64,
+}
+
+/// What a sweep gave: both displacements, m, at the same times, to where the mass has come to rest.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Shaken {
+    /// Of the host.
+    pub host: Signal,
+    /// Of the mass.
+    pub mass: Signal,
+}
+
+impl Sweep {
+    /// Displacement of the host and its rate at time `t`.
+    fn motion(&self, t: f64) -> (f64, f64) {
+        if !(0.0..self.duration).contains(&t) {
+            return (0.0, 0.0);
+        }
+        let chirp = (self.to - self.from) / self.duration;
+        let (sin, cos) = (TAU * (self.from + 0.5 * chirp * t) * t).sin_cos();
+        let omega = TAU * (self.from + chirp * t);
+        let ramp = 0.05 * self.duration;
+        let (edge, sign) = if t < 0.5 * self.duration {
+            (t, 1.0)
+        } else {
+            (self.duration - t, -1.0)
+        };
+        let (size, swell) = if edge < ramp {
+            let x = 0.5 * PI * edge / ramp;
+            (x.sin().powi(2), sign * 0.5 * PI / ramp * (2.0 * x).sin())
+        } else {
+            (1.0, 0.0)
+        };
+        (
+            self.amplitude * size * sin,
+            self.amplitude * (size * omega * cos + swell * sin),
+        )
+    }
+}
+
+/// State: displacement and velocity of the mass, and the time.
+struct Driven {
+    oscillator: Oscillator,
+    sweep: Sweep,
+}
+
+impl System for Driven {
+    fn rate(&self, y: &[f64], rate: &mut [f64]) {
+        let (host, host_rate) = self.sweep.motion(y[2]);
+        let Oscillator {
+            mass,
+            stiffness,
+            damping,
+        } = self.oscillator;
+        rate[0] = y[1];
+        rate[1] = (stiffness * (host - y[0]) + damping * (host_rate - y[1])) / mass;
+        rate[2] = 1.0;
+    }
+}
+
+impl Oscillator {
+    /// Shakes the host through a sweep and lets the mass ring down, to some 1e-12 of its motion; a damper must see to that.
+    /// Sampled at twenty times the sweep's last frequency.
+    ///
+    /// # Panics
+    /// If a value of the oscillator or the sweep is not positive, or if the sweep is not upwards.
+    pub fn shake(&self, sweep: &Sweep) -> Shaken {
+        let values = [
+            self.mass,
+            self.stiffness,
+            self.damping,
+            sweep.from,
+            sweep.to - sweep.from,
+            sweep.duration,
+            sweep.amplitude,
+        ];
+        assert!(
+            values.iter().all(|value| value.is_finite() && *value > 0.0),
+            "a sweep takes positive values and goes upwards: {self:?} {sweep:?}"
+        );
+        let interval = 1.0 / (20.0 * sweep.to);
+        // The slower of the two decays, where there are two.
+        let beta = 0.5 * self.damping / self.mass;
+        let square = self.stiffness / self.mass;
+        let slowest = if beta * beta > square {
+            square / (beta + (beta * beta - square).sqrt())
+        } else {
+            beta
+        };
+        let count = ((sweep.duration + 28.0 / slowest) / interval).ceil() as usize;
+
+        let driven = Driven {
+            oscillator: *self,
+            sweep: *sweep,
+        };
+        let speed = TAU * sweep.to * sweep.amplitude;
+        let floor = vec![1e-14 * sweep.amplitude, 1e-14 * speed, 1.0];
+        let mut stepper = Stepper::new(&driven, vec![0.0; 3], 1e-13, floor, interval);
+        let (mut host, mut mass) = (vec![0.0], vec![0.0]);
+        for i in 1..=count {
+            let t = interval * i as f64;
+            while stepper.time < t {
+                stepper
+                    .advance(&driven, t)
+                    .expect("the equation is linear and its values are finite");
+            }
+            host.push(sweep.motion(t).0);
+            mass.push(stepper.state[0]);
+        }
+        let signal = |values| Signal {
+            start: 0.0,
+            interval,
+            values,
+        };
+        Shaken {
+            host: signal(host),
+            mass: signal(mass),
+        }
+    }
+}
+
+impl Shaken {
+    /// h = û/Û at some frequencies in Hz, which the sweep should have gone through.
+    pub fn response(&self, frequencies: &[f64]) -> Vec<(f64, Complex64)> {
+        let (host, mass) = (
+            Spectrum::of(&self.host, Taper::None),
+            Spectrum::of(&self.mass, Taper::None),
+        );
+        frequencies
+            .iter()
+            .map(|&f| (f, mass.at(f) / host.at(f)))
+            .collect()
+    }
+}
