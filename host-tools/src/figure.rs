@@ -5,6 +5,9 @@
 //! [`STYLE`] maps it to a CSS variable that has a light and a dark value. A chart inside a page and one in a file of
 //! its own share that sheet.
 
+use std::ops::Range;
+
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{RGBColor, ShapeStyle};
@@ -22,7 +25,23 @@ pub enum Ink {
     Predicted,
     /// What the sensors delivered.
     Sensed,
+    /// One of a family of curves, by its place in it; the hues come round again after [`FAMILY`].
+    Curve(usize),
+    /// Guides: levels, expected places.
+    Guide,
 }
+
+/// How many curves of a family differ in colour.
+pub const FAMILY: usize = 7;
+const FAMILY_INKS: [RGBColor; FAMILY] = [
+    RGBColor(0x1f, 0x4e, 0x9e),
+    RGBColor(0xc4, 0x3c, 0x2e),
+    RGBColor(0x1b, 0x86, 0x4f),
+    RGBColor(0x8a, 0x4f, 0xb0),
+    RGBColor(0xb0, 0x73, 0x00),
+    RGBColor(0x0f, 0x8b, 0x9d),
+    RGBColor(0xc2, 0x4f, 0x8c),
+];
 
 const TEXT: RGBColor = RGBColor(0x1c, 0x25, 0x2e);
 const FAINT: RGBColor = RGBColor(0x5a, 0x67, 0x73);
@@ -36,6 +55,8 @@ impl Ink {
             Self::Measured => RGBColor(0x00, 0x6d, 0xb0),
             Self::Predicted => RGBColor(0xc2, 0x50, 0x00),
             Self::Sensed => RGBColor(0x10, 0x7a, 0x5e),
+            Self::Curve(index) => FAMILY_INKS[index % FAMILY],
+            Self::Guide => FAINT,
         }
     }
 }
@@ -43,9 +64,11 @@ impl Ink {
 /// The style sheet of every chart: literal colours to variables, light and dark.
 pub const STYLE: &str = "\
 :root{color-scheme:light dark;--paper:#fffffe;--text:#1c252e;--faint:#5a6773;--grid:#e3e8ec;\
---chain:#8c97a1;--measured:#006db0;--predicted:#c25000;--sensed:#107a5e}\
+--chain:#8c97a1;--measured:#006db0;--predicted:#c25000;--sensed:#107a5e;\
+--c1:#1f4e9e;--c2:#c43c2e;--c3:#1b864f;--c4:#8a4fb0;--c5:#b07300;--c6:#0f8b9d;--c7:#c24f8c}\
 @media (prefers-color-scheme:dark){:root{--paper:#14191e;--text:#e6ebef;--faint:#9aa7b2;--grid:#2b343c;\
---chain:#8d99a4;--measured:#5cb8f2;--predicted:#ff9a52;--sensed:#4fd0a8}}\
+--chain:#8d99a4;--measured:#5cb8f2;--predicted:#ff9a52;--sensed:#4fd0a8;\
+--c1:#7fa8f0;--c2:#ff8a7a;--c3:#5fd096;--c4:#cc9bf0;--c5:#e8b04a;--c6:#5ccbdb;--c7:#f59ac8}}\
 svg.chart text{font-family:system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif}\
 svg.chart [fill='#FFFFFE']{fill:var(--paper)}\
 svg.chart [fill='#1C252E']{fill:var(--text)}svg.chart [stroke='#1C252E']{stroke:var(--text)}\
@@ -54,7 +77,14 @@ svg.chart [stroke='#E3E8EC']{stroke:var(--grid)}\
 svg.chart [fill='#8C97A1']{fill:var(--chain)}svg.chart [stroke='#8C97A1']{stroke:var(--chain)}\
 svg.chart [fill='#006DB0']{fill:var(--measured)}svg.chart [stroke='#006DB0']{stroke:var(--measured)}\
 svg.chart [fill='#C25000']{fill:var(--predicted)}svg.chart [stroke='#C25000']{stroke:var(--predicted)}\
-svg.chart [fill='#107A5E']{fill:var(--sensed)}svg.chart [stroke='#107A5E']{stroke:var(--sensed)}";
+svg.chart [fill='#107A5E']{fill:var(--sensed)}svg.chart [stroke='#107A5E']{stroke:var(--sensed)}\
+svg.chart [fill='#1F4E9E']{fill:var(--c1)}svg.chart [stroke='#1F4E9E']{stroke:var(--c1)}\
+svg.chart [fill='#C43C2E']{fill:var(--c2)}svg.chart [stroke='#C43C2E']{stroke:var(--c2)}\
+svg.chart [fill='#1B864F']{fill:var(--c3)}svg.chart [stroke='#1B864F']{stroke:var(--c3)}\
+svg.chart [fill='#8A4FB0']{fill:var(--c4)}svg.chart [stroke='#8A4FB0']{stroke:var(--c4)}\
+svg.chart [fill='#B07300']{fill:var(--c5)}svg.chart [stroke='#B07300']{stroke:var(--c5)}\
+svg.chart [fill='#0F8B9D']{fill:var(--c6)}svg.chart [stroke='#0F8B9D']{stroke:var(--c6)}\
+svg.chart [fill='#C24F8C']{fill:var(--c7)}svg.chart [stroke='#C24F8C']{stroke:var(--c7)}";
 
 /// How a curve is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,15 +116,52 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
+/// How an axis runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Scale {
+    /// Equal steps, equal lengths.
+    #[default]
+    Linear,
+    /// Equal factors, equal lengths; points that are not positive are left out.
+    Log,
+}
+
+impl Scale {
+    /// Where a value stands on the axis.
+    fn place(self, value: f64) -> f64 {
+        match self {
+            Self::Linear => value,
+            Self::Log => value.log10(),
+        }
+    }
+}
+
+/// A horizontal axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// Its quantity and unit.
+    pub label: String,
+    /// From where to where.
+    pub range: (f64, f64),
+    /// How it runs.
+    pub scale: Scale,
+}
+
 /// One panel: a pair of axes with curves.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Panel {
     /// The quantity and unit of the vertical axis.
     pub y_label: String,
+    /// How the vertical axis runs.
+    pub y_scale: Scale,
+    /// The vertical range; without one, the extent of the curves.
+    pub y_range: Option<(f64, f64)>,
     /// The curves, drawn in order.
     pub series: Vec<Series>,
-    /// Height in pixels at the width of [`WIDTH`].
+    /// Height in pixels at the chart's width.
     pub height: u32,
+    /// A horizontal axis of its own, in place of the chart's.
+    pub x: Option<Axis>,
 }
 
 /// Panels over one horizontal axis.
@@ -102,22 +169,27 @@ pub struct Panel {
 pub struct Chart {
     /// What the chart shows, for readers that cannot see it.
     pub description: String,
-    /// The quantity and unit of the horizontal axis.
-    pub x_label: String,
-    /// The horizontal range.
-    pub x_range: (f64, f64),
+    /// The horizontal axis that the panels share.
+    pub x: Axis,
     /// The panels, top to bottom.
     pub panels: Vec<Panel>,
+    /// Width in pixels: [`WIDTH`] for a page, [`COLUMN`] for a column of print.
+    pub width: u32,
 }
 
-/// Width of every chart in pixels; text sizes are chosen for it.
+/// Width in pixels of a chart that fills a page; text sizes are chosen for it.
 pub const WIDTH: u32 = 860;
+/// Width in pixels of a chart that stays legible in a column of print (86 mm: text of 7 points).
+pub const COLUMN: u32 = 480;
 /// Plotters rounds to whole pixels: a chart is drawn larger by this and scaled back, so that curves are smooth.
 const FINE: u32 = 4;
 const LEGEND_HEIGHT: u32 = 30;
+const LEGEND_ROW: u32 = 20;
 const X_LABELS_HEIGHT: u32 = 50;
 const Y_LABELS_WIDTH: u32 = 70;
 const MARGIN: u32 = 12;
+/// Room for half of the last tick's figure.
+const RIGHT: u32 = 24;
 const TICKS: u32 = 14;
 const TITLES: u32 = 15;
 const THIN: u32 = 2;
@@ -144,12 +216,12 @@ impl Chart {
             .draw()
             .or_input(|| format!("cannot draw \"{}\"", self.description))?;
         let open = svg.find('>').map_or(0, |end| end + 1);
-        let (_, height) = self.size();
+        let (width, height) = self.size();
         Ok(format!(
             "<svg class=\"chart\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {} {}\" \
              xmlns=\"http://www.w3.org/2000/svg\">{}",
             escape(&self.description),
-            px(WIDTH),
+            px(width),
             px(height),
             svg[open..].trim_start()
         ))
@@ -161,8 +233,8 @@ impl Chart {
     /// As [`Chart::inline_svg`].
     pub fn standalone_svg(&self) -> Result<String, Failure> {
         let svg = self.inline_svg()?;
-        let (_, height) = self.size();
-        let size = format!("<svg width=\"{WIDTH}\" height=\"{height}\" ");
+        let (width, height) = self.size();
+        let size = format!("<svg width=\"{width}\" height=\"{height}\" ");
         let svg = svg.replacen("<svg ", &size, 1);
         let open = svg.find('>').map_or(0, |end| end + 1);
         Ok(format!(
@@ -172,13 +244,47 @@ impl Chart {
         ))
     }
 
+    /// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the text set in
+    /// a font of this program, so that it looks the same everywhere.
+    ///
+    /// # Errors
+    /// As [`Chart::inline_svg`].
+    pub fn png(&self) -> Result<Vec<u8>, Failure> {
+        let context = || format!("cannot draw \"{}\" as PNG", self.description);
+        let mut options = resvg::usvg::Options::default();
+        let fonts = options.fontdb_mut();
+        fonts.load_font_data(dejavu::sans::regular().to_vec());
+        fonts.set_sans_serif_family("DejaVu Sans");
+        let tree = resvg::usvg::Tree::from_str(&self.inline_svg()?, &options).or_input(context)?;
+        let size = tree.size().to_int_size();
+        let mut pixels = resvg::tiny_skia::Pixmap::new(size.width(), size.height())
+            .ok_or_else(|| Failure::input(format!("{}: it has no extent", context())))?;
+        resvg::render(
+            &tree,
+            resvg::tiny_skia::Transform::identity(),
+            &mut pixels.as_mut(),
+        );
+        pixels.encode_png().or_input(context)
+    }
+
     fn size(&self) -> (u32, u32) {
-        let panels: u32 = self
-            .panels
-            .iter()
-            .map(|panel| panel.height + legend_height(panel))
-            .sum();
-        (WIDTH, panels + X_LABELS_HEIGHT)
+        let panels = 0..self.panels.len();
+        (self.width, panels.map(|index| self.panel_height(index)).sum())
+    }
+
+    fn panel_height(&self, index: usize) -> u32 {
+        let panel = &self.panels[index];
+        let labels = if self.labelled(index) { X_LABELS_HEIGHT } else { 0 };
+        panel.height + self.legend(panel).height() + labels
+    }
+
+    /// Whether the horizontal axis of a panel is written out: one of its own, or the shared one where it is last.
+    fn labelled(&self, index: usize) -> bool {
+        self.panels[index].x.is_some() || index + 1 == self.panels.len()
+    }
+
+    fn legend<'a>(&self, panel: &'a Panel) -> Legend<'a> {
+        Legend::new(panel, self.width)
     }
 
     fn draw(&self) -> anyhow::Result<String> {
@@ -189,10 +295,8 @@ impl Chart {
             root.fill(&PAPER)?;
             let mut rest = root.clone();
             for (index, panel) in self.panels.iter().enumerate() {
-                let last = index + 1 == self.panels.len();
-                let labels = if last { X_LABELS_HEIGHT } else { 0 };
-                let (area, below) = rest.split_vertically(px(panel.height + legend_height(panel) + labels));
-                self.draw_panel(panel, &area, last)?;
+                let (area, below) = rest.split_vertically(px(self.panel_height(index)));
+                self.draw_panel(panel, &area, self.labelled(index))?;
                 rest = below;
             }
             root.present()?;
@@ -204,22 +308,37 @@ impl Chart {
         &self,
         panel: &Panel,
         area: &DrawingArea<DB, plotters::coord::Shift>,
-        last: bool,
+        labelled: bool,
     ) -> anyhow::Result<()>
     where
         DB::ErrorType: 'static,
     {
-        let (legend, plot) = area.split_vertically(px(legend_height(panel)));
-        draw_legend(panel, &legend)?;
-        let (low, high) = panel.y_range(self.x_range);
+        let legend = self.legend(panel);
+        let (above, plot) = area.split_vertically(px(legend.height()));
+        legend.draw(&above)?;
+        let x = panel.x.as_ref().unwrap_or(&self.x);
+        let x_range = (x.scale.place(x.range.0), x.scale.place(x.range.1));
+        let y_range = panel.y_extent(x.range);
+        let inner = self.width - Y_LABELS_WIDTH - MARGIN - RIGHT;
+        let x_ticks = ticks(x.scale, x_range, (inner / 75).max(3) as usize);
+        let y_ticks = ticks(panel.y_scale, y_range, (panel.height / 32).clamp(3, 8) as usize);
         let mut chart = ChartBuilder::on(&plot)
             .margin_top(px(6))
-            .margin_right(px(MARGIN))
+            .margin_right(px(RIGHT))
             .margin_left(px(MARGIN))
-            .margin_bottom(if last { 0 } else { px(6) })
-            .x_label_area_size(if last { px(X_LABELS_HEIGHT) } else { 0 })
+            .margin_bottom(if labelled { 0 } else { px(6) })
+            .x_label_area_size(if labelled { px(X_LABELS_HEIGHT) } else { 0 })
             .y_label_area_size(px(Y_LABELS_WIDTH))
-            .build_cartesian_2d(self.x_range.0..self.x_range.1, low..high)?;
+            .build_cartesian_2d(
+                Ticked {
+                    range: x_range,
+                    ticks: x_ticks,
+                },
+                Ticked {
+                    range: y_range,
+                    ticks: y_ticks,
+                },
+            )?;
         let ticks = (FONT, px(TICKS)).into_font().color(&FAINT);
         let title = (FONT, px(TITLES)).into_font().color(&TEXT);
         chart
@@ -230,12 +349,12 @@ impl Chart {
             .set_all_tick_mark_size(px(5))
             .label_style(ticks)
             .axis_desc_style(title)
-            .x_desc(if last { self.x_label.as_str() } else { "" })
+            .x_desc(if labelled { x.label.as_str() } else { "" })
             .y_desc(panel.y_label.as_str())
             .x_labels(10)
             .y_labels((panel.height / 32).clamp(3, 8) as usize)
-            .x_label_formatter(&|v| label(*v))
-            .y_label_formatter(&|v| label(*v))
+            .x_label_formatter(&|v| x.scale.label(*v))
+            .y_label_formatter(&|v| panel.y_scale.label(*v))
             .draw()?;
         for series in &panel.series {
             let colour = series.ink.colour();
@@ -243,7 +362,9 @@ impl Chart {
                 .points
                 .iter()
                 .copied()
-                .filter(|(x, _)| (self.x_range.0..=self.x_range.1).contains(x));
+                .filter(|(at, _)| (x.range.0..=x.range.1).contains(at))
+                .map(|(at, value)| (x.scale.place(at), panel.y_scale.place(value)))
+                .filter(|(_, value)| value.is_finite());
             match series.mark {
                 Mark::Broad => {
                     chart.draw_series(LineSeries::new(points, colour.stroke_width(px(BROAD))))?;
@@ -278,64 +399,89 @@ fn ring(colour: RGBColor) -> ShapeStyle {
     colour.stroke_width(px(THIN))
 }
 
-fn legend_height(panel: &Panel) -> u32 {
-    if panel.series.iter().any(|series| !series.name.is_empty()) {
-        LEGEND_HEIGHT
-    } else {
-        0
-    }
+/// The legend stands above the axes, where it hides no data, in as many rows as it needs.
+struct Legend<'a> {
+    /// Each curve that has a name, with its place: pixels from the left, row.
+    entries: Vec<(&'a Series, u32, u32)>,
+    rows: u32,
 }
 
-/// The legend stands above the axes, where it hides no data.
-fn draw_legend<DB: DrawingBackend>(
-    panel: &Panel,
-    area: &DrawingArea<DB, plotters::coord::Shift>,
-) -> anyhow::Result<()>
-where
-    DB::ErrorType: 'static,
-{
-    let at = |pixels: u32| px(pixels) as i32;
-    let middle = at(LEGEND_HEIGHT / 2 + 3);
-    let mut x = at(MARGIN + Y_LABELS_WIDTH);
-    let style = TextStyle::from((FONT, px(TICKS)).into_font())
-        .color(&TEXT)
-        .pos(Pos::new(HPos::Left, VPos::Center));
-    for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
-        let colour = series.ink.colour();
-        let line = [(x, middle), (x + at(24), middle)];
-        match series.mark {
-            Mark::Broad => area.draw(&PathElement::new(line, colour.stroke_width(px(BROAD))))?,
-            Mark::Line => area.draw(&PathElement::new(line, colour.stroke_width(px(THIN))))?,
-            Mark::Dashed => {
-                for start in [x, x + at(9), x + at(18)] {
-                    let dash = [(start, middle), (start + at(6), middle)];
-                    area.draw(&PathElement::new(dash, colour.stroke_width(px(THIN))))?;
-                }
+impl<'a> Legend<'a> {
+    fn new(panel: &'a Panel, width: u32) -> Self {
+        let left = MARGIN + Y_LABELS_WIDTH;
+        let (mut x, mut rows) = (left, 0);
+        let mut entries = Vec::new();
+        for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
+            // Plotters cannot measure text without a font: somewhat more than half the size is the mean advance of sans-serif.
+            let advance = 30 + series.name.chars().count() as u32 * TICKS * 11 / 20 + 8;
+            if rows == 0 {
+                rows = 1;
+            } else if x + advance > width {
+                rows += 1;
+                x = left;
             }
-            Mark::Dots => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
-            Mark::Rings => area.draw(&Circle::new((x + at(12), middle), px(RING), ring(colour)))?,
-            Mark::Discs => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
+            entries.push((series, x, rows - 1));
+            x += advance;
         }
-        area.draw(&Text::new(
-            series.name.as_str(),
-            (x + at(30), middle),
-            style.clone(),
-        ))?;
-        // Plotters cannot measure text without a font: half the size is the mean advance of sans-serif.
-        x += at(30 + series.name.chars().count() as u32 * TICKS / 2 + 22);
+        Self { entries, rows }
     }
-    Ok(())
+
+    fn height(&self) -> u32 {
+        match self.rows {
+            0 => 0,
+            rows => LEGEND_HEIGHT + (rows - 1) * LEGEND_ROW,
+        }
+    }
+
+    fn draw<DB: DrawingBackend>(&self, area: &DrawingArea<DB, plotters::coord::Shift>) -> anyhow::Result<()>
+    where
+        DB::ErrorType: 'static,
+    {
+        let at = |pixels: u32| px(pixels) as i32;
+        let style = TextStyle::from((FONT, px(TICKS)).into_font())
+            .color(&TEXT)
+            .pos(Pos::new(HPos::Left, VPos::Center));
+        for &(series, x, row) in &self.entries {
+            let (x, middle) = (at(x), at(LEGEND_HEIGHT / 2 + 3 + row * LEGEND_ROW));
+            let colour = series.ink.colour();
+            let line = [(x, middle), (x + at(24), middle)];
+            match series.mark {
+                Mark::Broad => area.draw(&PathElement::new(line, colour.stroke_width(px(BROAD))))?,
+                Mark::Line => area.draw(&PathElement::new(line, colour.stroke_width(px(THIN))))?,
+                Mark::Dashed => {
+                    for start in [x, x + at(9), x + at(18)] {
+                        let dash = [(start, middle), (start + at(6), middle)];
+                        area.draw(&PathElement::new(dash, colour.stroke_width(px(THIN))))?;
+                    }
+                }
+                Mark::Dots => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
+                Mark::Rings => area.draw(&Circle::new((x + at(12), middle), px(RING), ring(colour)))?,
+                Mark::Discs => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
+            }
+            area.draw(&Text::new(
+                series.name.as_str(),
+                (x + at(30), middle),
+                style.clone(),
+            ))?;
+        }
+        Ok(())
+    }
 }
 
 impl Panel {
-    /// The extent of the curves inside the horizontal range, with a margin, and never empty.
-    fn y_range(&self, x_range: (f64, f64)) -> (f64, f64) {
+    /// The vertical range in places of its scale: the one given, or the extent of the curves inside the horizontal
+    /// range with a margin, and never empty.
+    fn y_extent(&self, x_range: (f64, f64)) -> (f64, f64) {
+        if let Some((low, high)) = self.y_range {
+            return (self.y_scale.place(low), self.y_scale.place(high));
+        }
         let values = self
             .series
             .iter()
             .flat_map(|series| &series.points)
-            .filter(|(x, y)| (x_range.0..=x_range.1).contains(x) && y.is_finite())
-            .map(|(_, y)| *y);
+            .filter(|(x, _)| (x_range.0..=x_range.1).contains(x))
+            .map(|(_, y)| self.y_scale.place(*y))
+            .filter(|y| y.is_finite());
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| {
             (l.min(y), h.max(y))
         });
@@ -349,6 +495,78 @@ impl Panel {
             (low - 1.0, high + 1.0)
         }
     }
+}
+
+/// A coordinate whose ticks stand where they are told to.
+struct Ticked {
+    range: (f64, f64),
+    ticks: Vec<f64>,
+}
+
+impl Ranged for Ticked {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (start, end): (i32, i32)) -> i32 {
+        let part = (value - self.range.0) / (self.range.1 - self.range.0);
+        start + (part * f64::from(end - start)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.ticks.clone()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.range.0..self.range.1
+    }
+}
+
+/// Where ticks stand, in places of the scale: steps of 1, 2 or 5, at most `most` of them; on a logarithmic axis decades,
+/// or 1, 2, 5 of each where there are few.
+fn ticks(scale: Scale, (low, high): (f64, f64), most: usize) -> Vec<f64> {
+    let inside = |place: &f64| *place >= low - 1e-9 * (high - low) && *place <= high + 1e-9 * (high - low);
+    let decades = (low.floor() as i32)..=(high.ceil() as i32);
+    if scale == Scale::Log && high - low < 2.5 {
+        let all =
+            decades.flat_map(|decade| [1.0_f64, 2.0, 5.0].map(|digit| f64::from(decade) + digit.log10()));
+        return all.filter(inside).collect();
+    }
+    if scale == Scale::Log {
+        return decades.map(f64::from).filter(inside).collect();
+    }
+    let rough = (high - low) / most as f64;
+    let decade = 10_f64.powf(rough.log10().floor());
+    let steps = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * decade);
+    let step = steps.into_iter().find(|step| *step >= rough).unwrap_or(rough);
+    let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
+    (first..=last).map(|n| n as f64 * step).collect()
+}
+
+impl Scale {
+    /// The figure at a place of the axis.
+    fn label(self, place: f64) -> String {
+        let digit = 10_f64.powf(place - place.floor());
+        match self {
+            Self::Linear => label(place),
+            Self::Log if (-2.01..3.99).contains(&place) => label(10_f64.powf(place)),
+            Self::Log if digit > 1.5 && digit < 9.5 => {
+                format!("{}·10{}", digit.round(), superscript(place.floor()))
+            }
+            Self::Log => format!("10{}", superscript(place.round())),
+        }
+    }
+}
+
+fn superscript(exponent: f64) -> String {
+    let small = |character: char| match character {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        '0' | '4'..='9' => char::from_u32(0x2070 + character as u32 - '0' as u32).unwrap_or(character),
+        other => other,
+    };
+    format!("{exponent:.0}").chars().map(small).collect()
 }
 
 /// A tick's figure: as many decimals as it needs, a true minus, no negative zero.
@@ -386,8 +604,12 @@ mod tests {
             .collect();
         Chart {
             description: "a \"sine\" & more".to_owned(),
-            x_label: "time (ms)".to_owned(),
-            x_range: (0.0, 10.0),
+            x: Axis {
+                label: "time (ms)".to_owned(),
+                range: (0.0, 10.0),
+                scale: Scale::Linear,
+            },
+            width: WIDTH,
             panels: vec![Panel {
                 y_label: "force (N)".to_owned(),
                 height: 200,
@@ -397,6 +619,7 @@ mod tests {
                     mark: Mark::Line,
                     points,
                 }],
+                ..Panel::default()
             }],
         }
     }
@@ -411,7 +634,11 @@ mod tests {
             (Ink::Predicted, Mark::Rings),
             (Ink::Sensed, Mark::Dots),
             (Ink::Sensed, Mark::Discs),
-        ] {
+            (Ink::Guide, Mark::Dashed),
+        ]
+        .into_iter()
+        .chain((0..FAMILY).map(|index| (Ink::Curve(index), Mark::Line)))
+        {
             chart.panels[0].series.push(Series {
                 ink,
                 mark,

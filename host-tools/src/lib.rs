@@ -10,6 +10,7 @@ pub mod emulation;
 pub mod f64_estimators;
 pub mod failure;
 pub mod figure;
+pub mod figures;
 pub mod frames;
 pub mod front_end;
 mod front_end_options;

@@ -8,7 +8,7 @@ use bead_wire::{Counters, SettingsSource, Status};
 use crate::comparison::{Absorbed, Sensed, StrikeComparison, Traces, Values};
 use crate::emulation::EmulatorReport;
 use crate::failure::Failure;
-use crate::figure::{Chart, Ink, Mark, Panel, STYLE, Series, escape};
+use crate::figure::{Axis, Chart, Ink, Mark, Panel, STYLE, Scale, Series, WIDTH, escape};
 use crate::frames::{Identity, reset_causes};
 
 /// What a report tells.
@@ -38,7 +38,6 @@ pub struct Report<'a> {
 
 /// What the sensors delivered and what came of it, over one time axis: the picture of a strike.
 pub fn strike_chart(traces: &Traces) -> Chart {
-    let x_range = x_range(traces);
     let sensed = |points: &[Sensed], y_label: &str, [simulated, sensed]: [&str; 2]| Panel {
         y_label: y_label.to_owned(),
         height: 165,
@@ -58,6 +57,7 @@ pub fn strike_chart(traces: &Traces) -> Chart {
                 1.0,
             ),
         ],
+        ..Panel::default()
     };
     let chain = traces.f64_samples[1].iter().map(|p| (p.time, p.chain));
     let [measured, predicted] = traces.device.each_ref().map(|curve| energies(curve));
@@ -82,8 +82,8 @@ pub fn strike_chart(traces: &Traces) -> Chart {
         description:
             "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time"
                 .to_owned(),
-        x_label: "time since the striker hit (ms)".to_owned(),
-        x_range,
+        x: time_axis(traces),
+        width: WIDTH,
         panels: vec![
             sensed(&traces.force, "force (N)", ["simulated", "sensed by the bead"]),
             sensed(&traces.acceleration, "acceleration (m/s²)", ["", ""]),
@@ -91,6 +91,7 @@ pub fn strike_chart(traces: &Traces) -> Chart {
                 y_label: "absorbed energy (nJ)".to_owned(),
                 height: 230,
                 series: absorbed,
+                ..Panel::default()
             },
         ],
     }
@@ -108,6 +109,7 @@ pub fn residual_chart(traces: &Traces) -> Chart {
             points.iter().map(|p| (p.time, p.sensed - p.simulated)),
             scale,
         )],
+        ..Panel::default()
     };
     let last = traces.f64_samples[1].last().map_or(1.0, |last| last.chain);
     let off = |points: &[Absorbed]| {
@@ -146,8 +148,8 @@ pub fn residual_chart(traces: &Traces) -> Chart {
         description:
             "What remains of force, acceleration and absorbed energy when the simulation is subtracted"
                 .to_owned(),
-        x_label: "time since the striker hit (ms)".to_owned(),
-        x_range: x_range(traces),
+        x: time_axis(traces),
+        width: WIDTH,
         panels: vec![
             residual(&traces.force, "sensed − simulated force", "force (mN)", 1e3),
             residual(
@@ -160,8 +162,17 @@ pub fn residual_chart(traces: &Traces) -> Chart {
                 y_label: "energy (% of final)".to_owned(),
                 height: 230,
                 series: absorbed,
+                ..Panel::default()
             },
         ],
+    }
+}
+
+fn time_axis(traces: &Traces) -> Axis {
+    Axis {
+        label: "time since the striker hit (ms)".to_owned(),
+        range: x_range(traces),
+        scale: Scale::Linear,
     }
 }
 

@@ -1,0 +1,152 @@
+//! The paper's figures, each a thing that runs: simulation, picture, data and checks.
+//!
+//! # Design
+//! A [`Plan`] names a figure and says how to draw it; drawing gives a [`Figure`], which is a chart and a list of
+//! [`Check`]s. Files are made from the chart alone, so what is written is what is drawn. Figures of one plate share runs
+//! through the [`Lab`], which also keeps account of how well energy and momentum held in every run that a figure used.
+
+mod check;
+mod curve;
+mod fig2;
+mod fig3;
+mod fig4;
+mod fig5;
+mod fig6;
+mod fig7;
+mod files;
+mod lab;
+mod observe;
+mod setting;
+
+use serde::Serialize;
+
+pub use check::{Check, Relation};
+pub use files::write;
+pub use lab::Lab;
+
+use crate::failure::Failure;
+use crate::figure::Chart;
+
+/// A figure that can be drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct Plan {
+    /// As the paper numbers it: `5b`, `A4`, `eq9`.
+    pub name: &'static str,
+    /// What it shows, one line.
+    pub title: &'static str,
+    /// What is simulated for it, one line.
+    pub setting: &'static str,
+    draw: fn(&Lab) -> Result<Figure, Failure>,
+}
+
+/// A figure that was drawn.
+#[derive(Debug, Clone)]
+pub struct Figure {
+    /// The picture, which holds the data too.
+    pub chart: Chart,
+    /// What must be true of it.
+    pub checks: Vec<Check>,
+}
+
+/// How one figure came out, as in the JSON of `bead figures`.
+#[derive(Debug, Clone, Serialize)]
+pub struct Outcome {
+    /// The figure.
+    pub name: &'static str,
+    /// What it shows.
+    pub title: &'static str,
+    /// What was simulated.
+    pub setting: &'static str,
+    /// Whether every check passed.
+    pub pass: bool,
+    /// The checks.
+    pub checks: Vec<Check>,
+    /// The files written.
+    pub files: Vec<String>,
+}
+
+/// Parts of the striker's energy that the balance of a run may be off by.
+const BALANCE: f64 = 1e-10;
+/// Parts of the striker's momentum that the momentum of a run may be off by.
+const MOMENTUM: f64 = 1e-12;
+
+/// Every figure, in the paper's order.
+pub fn catalogue() -> Vec<Plan> {
+    [
+        fig2::PLANS,
+        fig3::PLANS,
+        fig4::PLANS,
+        fig5::PLANS,
+        fig6::PLANS,
+        fig7::PLANS,
+    ]
+    .concat()
+}
+
+/// The figures of these names, in the paper's order; all of them for no name.
+///
+/// # Errors
+/// A name that is no figure's.
+pub fn chosen(names: &[String]) -> Result<Vec<Plan>, Failure> {
+    let all = catalogue();
+    for name in names {
+        if !all.iter().any(|plan| plan.name.eq_ignore_ascii_case(name)) {
+            let known: Vec<&str> = all.iter().map(|plan| plan.name).collect();
+            return Err(Failure::input(format!(
+                "{name}: no such figure; there are {}",
+                known.join(", ")
+            )));
+        }
+    }
+    let wanted =
+        |plan: &Plan| names.is_empty() || names.iter().any(|name| plan.name.eq_ignore_ascii_case(name));
+    Ok(all.into_iter().filter(wanted).collect())
+}
+
+impl Plan {
+    /// The figures that share runs: those of one number.
+    pub fn plate(&self) -> &'static str {
+        self.name
+            .trim_end_matches(|character: char| character.is_ascii_lowercase())
+    }
+
+    /// Runs what the figure needs, and draws it. The checks end with the conservation laws over the runs used.
+    ///
+    /// # Errors
+    /// A simulation that does not get on.
+    pub fn draw(&self, lab: &Lab) -> Result<Figure, Failure> {
+        lab.begin();
+        let mut figure = (self.draw)(lab)?;
+        figure.chart.description = format!("Figure {}: {}", self.name, self.title);
+        if let Some(worst) = lab.worst() {
+            let of = format!("{} runs", worst.runs);
+            figure.checks.extend([
+                Check::at_most(
+                    format!("energy balance, worst of {of}, part of the striker's energy"),
+                    "",
+                    worst.balance,
+                    BALANCE,
+                ),
+                Check::at_most(
+                    format!("momentum, worst of {of}, part of the striker's momentum"),
+                    "",
+                    worst.momentum,
+                    MOMENTUM,
+                ),
+            ]);
+        }
+        Ok(figure)
+    }
+
+    /// The outcome of a figure that was drawn and written.
+    pub fn outcome(&self, figure: &Figure, files: Vec<String>) -> Outcome {
+        Outcome {
+            name: self.name,
+            title: self.title,
+            setting: self.setting,
+            pass: figure.checks.iter().all(|check| check.pass),
+            checks: figure.checks.clone(),
+            files,
+        }
+    }
+}
