@@ -157,7 +157,7 @@ impl ReducedChain {
         let springs = limited(Step::from_bits(round_shift(springs, shift)));
         state.squares.add(velocity);
 
-        let incoming = if measured.abs() < self.gate {
+        let incoming = if measured.saturating_abs() < self.gate {
             Force::ZERO
         } else {
             measured
