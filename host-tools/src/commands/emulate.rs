@@ -108,9 +108,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let front_end = arguments.front_end.front_end()?;
     let (scenario, text) = load_scenario(&arguments.scenario)?;
     let image = find_image(arguments.firmware.as_deref())?;
-    if let Some(out) = &arguments.out {
-        fs::create_dir_all(out)
-            .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
+    if let Some(out) = arguments
+        .out
+        .as_deref()
+        .filter(|out| out.exists() && !out.is_dir())
+    {
+        return Err(Failure::input(format!(
+            "--out {} is a file; give a directory",
+            out.display()
+        )));
     }
 
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
@@ -160,6 +166,8 @@ fn record(
     stream: &[u8],
     measured: &EmulatorReport,
 ) -> Result<PathBuf, Failure> {
+    fs::create_dir_all(out)
+        .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
     let path = out.join(format!("bead-{}.mcap", arguments.bead));
     let (frames, _) = frames::decode(stream);
     let firmware = frames.iter().find_map(|frame| match &frame.message {
