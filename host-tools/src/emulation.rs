@@ -17,14 +17,14 @@ use crate::sensed::{Sensed, Timing, Truth, bead_of};
 
 /// Where the image looks for its settings: the last sector of flash (`memory.x`).
 pub const SETTINGS_ADDRESS: u32 = 0x080E_0000;
-/// The image as `cargo xtask build` leaves it, from the workspace's root.
-const IMAGE: &str = "target/thumbv7em-none-eabihf/firmware/bead-firmware";
+/// The image as `cargo xtask build` leaves it in the target directory.
+const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
 /// Virtual time after the last strike: long enough for the next status, sent every second.
 const TAIL: Duration = Duration::from_millis(1200);
 /// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
 pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
 
-/// Finds the image: as given, or as built, upwards from here and from this program.
+/// Finds the image: as given, or as built, beside this program or upwards from here.
 ///
 /// # Errors
 /// There is none; the message says how to build it.
@@ -38,16 +38,24 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, Failure> {
             ))),
         };
     }
-    let starts = [env::current_dir().ok(), env::current_exe().ok()];
-    starts
+    // This program lies in the target directory itself, unless it was installed.
+    let program = env::current_exe().ok();
+    let built_with = program
         .iter()
-        .flatten()
-        .flat_map(|start| start.ancestors())
+        .flat_map(|path| path.ancestors())
+        .map(Path::to_owned);
+    let here = env::current_dir().ok();
+    let above = here
+        .iter()
+        .flat_map(|path| path.ancestors())
+        .map(|folder| folder.join("target"));
+    built_with
+        .chain(above)
         .map(|folder| folder.join(IMAGE))
         .find(|path| path.is_file())
         .ok_or_else(|| {
             Failure::input(format!(
-                "the image {IMAGE} was not found here or above; build it with `cargo xtask build`, or name one with --firmware"
+                "the image {IMAGE} was not found in a target directory here or above; build it with `cargo xtask build`, or name one with --firmware"
             ))
         })
 }

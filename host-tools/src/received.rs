@@ -56,7 +56,7 @@ impl Received {
     pub fn some_strikes(&self) -> Result<Vec<RecordedStrike>, Failure> {
         let strikes = self.strikes();
         if strikes.is_empty() {
-            return Err(Failure::Verdict(format!(
+            return Err(Failure::input(format!(
                 "{}: no strike among its {} frames, so there is nothing to check; record one",
                 self.path.display(),
                 self.frames.len()

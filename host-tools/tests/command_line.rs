@@ -435,7 +435,7 @@ fn a_recording_cut_short_is_read_as_far_as_it_goes() {
     fs::write(&path, &whole[..whole.len() / 2]).unwrap();
     let output = bead(&["replay", path.to_str().unwrap()]);
     let error = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert_eq!(output.status.code(), Some(2), "{error}");
     assert!(
         error.contains("cut short") && error.contains("no strike"),
         "{error}"
@@ -481,4 +481,25 @@ fn output_that_is_no_terminal_has_no_colour() {
             "{arguments:?}"
         );
     }
+}
+
+#[test]
+fn a_run_that_cannot_start_leaves_nothing_behind() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("run");
+    refused(
+        &[
+            "emulate",
+            SCENARIO,
+            "--bead",
+            "8",
+            "--firmware",
+            SCENARIO,
+            "--out",
+            out.to_str().unwrap(),
+        ],
+        2,
+        &["not an ARM ELF"],
+    );
+    assert!(!out.exists());
 }

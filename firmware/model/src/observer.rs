@@ -56,6 +56,13 @@ impl ObserverState {
 }
 
 impl Observer {
+    /// Whether the coefficients keep the sum of three products inside 64 bits.
+    pub fn is_bounded(&self) -> bool {
+        [self.start, self.end]
+            .into_iter()
+            .all(|value| (-I2F30::ONE..=I2F30::ONE).contains(&value))
+    }
+
     /// Takes the acceleration of one more sample. Never inlined into its caller, so that its instructions
     /// can be counted by its symbol.
     #[inline(never)]

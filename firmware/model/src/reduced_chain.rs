@@ -157,7 +157,7 @@ impl ReducedChain {
         let springs = limited(Step::from_bits(round_shift(springs, shift)));
         state.squares.add(velocity);
 
-        let incoming = if measured.abs() < self.gate {
+        let incoming = if measured.unsigned_abs() < self.gate.unsigned_abs() {
             Force::ZERO
         } else {
             measured

@@ -180,6 +180,10 @@ impl Settings {
                 "a pole is below f_s/4π, or negative",
             ),
             (
+                self.observer.is_bounded(),
+                "a response of the observer is beyond 1 µm per m/s²",
+            ),
+            (
                 self.chain.is_bounded(),
                 "a coefficient of the reduced chain is negative, or its contact above 0.04",
             ),

@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport};
+use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window};
+use fixed::types::{I2F30, I4F28, I8F24, I16F16};
 use proptest::prelude::*;
 
 #[derive(Default)]
@@ -129,6 +130,48 @@ proptest! {
             meter.process(&settings, index as u64, scan, &mut heard);
         }
         prop_assert!(!heard.reports.is_empty());
+    }
+
+    #[test]
+    fn any_settings_that_validate_are_survived_with_any_codes(
+        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 20),
+        codes in prop::collection::vec((0u16..4096, 0u16..4096), 600),
+    ) {
+        let mut bits = bits.into_iter();
+        let mut next = || bits.next().unwrap();
+        let mut settings = settings();
+        for channel in [&mut settings.force, &mut settings.acceleration] {
+            channel.per_code = I4F28::from_bits(next());
+            channel.pole = I2F30::from_bits(next() & 0x3fff_ffff);
+        }
+        let observer = &mut settings.observer;
+        observer.decay = I2F30::from_bits(next());
+        observer.start = I2F30::from_bits(next() >> 1);
+        observer.end = I2F30::from_bits(next() >> 1);
+        observer.velocity_per_displacement = I8F24::from_bits(next());
+        observer.velocity_per_acceleration = I2F30::from_bits(next());
+        observer.energy = I16F16::from_bits(next());
+        let chain = &mut settings.chain;
+        chain.contact = I2F30::from_bits((next() & 0x7fff_ffff) / 64);
+        for coefficient in [
+            &mut chain.relaxation,
+            &mut chain.incoming,
+            &mut chain.host,
+            &mut chain.stiffness,
+            &mut chain.damping,
+            &mut chain.intruder,
+        ] {
+            *coefficient = I2F30::from_bits(next() & 0x7fff_ffff);
+        }
+        chain.energy = I16F16::from_bits(next());
+        prop_assert_eq!(settings.validate(), Ok(()));
+
+        // Products that leave their format panic in a build with debug assertions, sums in one with overflow checks.
+        let mut window = Window::open(0, 0);
+        for (force, acceleration) in codes {
+            window.process(&settings, Scan { force: AdcCode::new(force), acceleration: AdcCode::new(acceleration) });
+        }
+        window.report(&settings);
     }
 
     #[test]

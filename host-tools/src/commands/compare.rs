@@ -17,8 +17,8 @@ use crate::report::{Report, percent, residual_chart, strike_chart};
 use crate::sensed::{load_scenario, only_host};
 
 const AFTER_HELP: &str = "\
-Goals: A within 0.2 % of the full chain, B within 0.5 %.
-Exit status 1 if one is missed, replay differs, a frame is lost or a sample overran.
+Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun; of an
+emulated run also a quarter of the core free while a strike is measured. Exit status 1 if one is missed.
 
 Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
@@ -55,9 +55,22 @@ struct Output<'a> {
     frames_lost: u64,
     frames_corrupt: u64,
     overruns: u64,
+    instructions_per_sample: Option<f64>,
     pass: bool,
     failure: Option<&'a str>,
 }
+
+/// What must hold of the run as a whole.
+struct Soundness {
+    lost: u64,
+    corrupt: u64,
+    overruns: u64,
+    /// Of an emulated run: instructions a sample while a strike was measured, and how many fit.
+    instructions: Option<(f64, f64)>,
+}
+
+/// Part of the core that work on a strike may take.
+const BUSY_MOST: f64 = 0.75;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (scenario, _) = load_scenario(&arguments.scenario)?;
@@ -82,11 +95,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     progress.finish_and_clear();
 
-    let overruns = received
-        .status()
-        .map_or(0, |status| status.overruns.into())
-        .max(emulator.as_ref().map_or(0, |emulator| emulator.overruns));
-    let failure = failure(&strikes, &received, overruns);
+    let soundness = Soundness {
+        lost: received.counters.lost,
+        corrupt: received.counters.rejected.total(),
+        overruns: received
+            .status()
+            .map_or(0, |status| status.overruns.into())
+            .max(emulator.as_ref().map_or(0, |emulator| emulator.overruns)),
+        instructions: emulator.as_ref().and_then(|emulator| {
+            let total = emulator.instructions_per_sample.total?;
+            Some((total, emulator.instructions_available))
+        }),
+    };
+    let failure = failure(&strikes, &soundness);
     let report = Report {
         title: &scenario.title,
         recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
@@ -109,28 +130,40 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Format::Json => output::print_json(&Output {
             bead,
             strikes: &strikes,
-            frames_lost: received.counters.lost,
-            frames_corrupt: received.counters.rejected.total(),
-            overruns,
+            frames_lost: soundness.lost,
+            frames_corrupt: soundness.corrupt,
+            overruns: soundness.overruns,
+            instructions_per_sample: soundness.instructions.map(|(total, _)| total),
             pass: failure.is_none(),
             failure: failure.as_deref(),
         })?,
-        Format::Table => output::print_line(&table(&strikes))?,
+        Format::Table => output::print_line(&table(&strikes, &soundness))?,
     }
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }
 
 /// The first check that said no, gravest first.
-fn failure(strikes: &[StrikeComparison], received: &Received, overruns: u64) -> Option<String> {
+fn failure(strikes: &[StrikeComparison], soundness: &Soundness) -> Option<String> {
     if let Some(what) = strikes.iter().find_map(|strike| strike.first_difference.as_ref()) {
         return Some(format!("replay differs: {what}"));
     }
-    let (lost, corrupt) = (received.counters.lost, received.counters.rejected.total());
+    let &Soundness {
+        lost,
+        corrupt,
+        overruns,
+        instructions,
+    } = soundness;
     if lost + corrupt > 0 {
         return Some(format!("{lost} frames were lost and {corrupt} corrupt"));
     }
     if overruns > 0 {
         return Some(format!("{overruns} overruns: samples are missing"));
+    }
+    if let Some((total, available)) = instructions.filter(|(total, fit)| *total > BUSY_MOST * fit) {
+        return Some(format!(
+            "a sample of a strike costs {total:.0} instructions, more than {:.0} % of the {available:.0} that fit",
+            BUSY_MOST * 100.0
+        ));
     }
     strikes.iter().find_map(|strike| {
         [
@@ -176,7 +209,7 @@ fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), F
     )
 }
 
-fn table(strikes: &[StrikeComparison]) -> String {
+fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
     let mut table = output::table([
         "",
         "device",
@@ -231,17 +264,47 @@ fn table(strikes: &[StrikeComparison]) -> String {
             ]);
         }
         table.add_row([
-            "  replay".to_owned(),
+            "  bits of device and replay".to_owned(),
             (if strike.replay_identical {
-                "identical in every bit"
+                "identical"
             } else {
-                "differs"
+                "differ"
             })
             .to_owned(),
         ]);
         if !strike.flags.is_empty() {
             table.add_row(["  flags".to_owned(), strike.flags.join(", ")]);
         }
+    }
+    let mut must = |name: &str, value: String, goal: String, met: bool| {
+        let blank = String::new;
+        let verdict = (if met { "met" } else { "missed" }).to_owned();
+        table.add_row([
+            name.to_owned(),
+            value,
+            blank(),
+            blank(),
+            blank(),
+            blank(),
+            goal,
+            verdict,
+        ]);
+    };
+    for (name, count) in [
+        ("frames lost", soundness.lost),
+        ("frames corrupt", soundness.corrupt),
+        ("overruns", soundness.overruns),
+    ] {
+        must(name, count.to_string(), "0".to_owned(), count == 0);
+    }
+    if let Some((total, available)) = soundness.instructions {
+        let most = BUSY_MOST * available;
+        must(
+            "instructions a sample",
+            format!("{total:.1}"),
+            format!("{most:.1}"),
+            total <= most,
+        );
     }
     output::table_text(&table)
 }

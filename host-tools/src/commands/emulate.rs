@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use bead_wire::FORCE_UNIT_N;
@@ -22,7 +23,8 @@ use crate::strikes::assemble;
 const AFTER_HELP: &str = "\
 The image is the very file that is flashed to a board. It gets the bead's settings in its flash sector and codes at
 its converter; what it sends is decoded, replayed and held against the full f64 chain. With --out the recording
-DIR/bead-N.mcap is left for `bead decode`, `bead replay` and `bead compare`.
+DIR/bead-N.mcap is left for `bead decode`, `bead replay` and `bead compare`, and the settings block that the image
+was given as DIR/bead-N.settings, to be flashed to a board of this calibration at 0x080E0000.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs.
 
@@ -43,7 +45,7 @@ pub(crate) struct Arguments {
     /// The flash image [default: as `cargo xtask build` leaves it].
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
-    /// Leave the recording in this directory, which is made if need be.
+    /// Leave the recording and the settings block in this directory, which is made if need be.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// How often the chain is struck.
@@ -106,9 +108,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let front_end = arguments.front_end.front_end()?;
     let (scenario, text) = load_scenario(&arguments.scenario)?;
     let image = find_image(arguments.firmware.as_deref())?;
-    if let Some(out) = &arguments.out {
-        fs::create_dir_all(out)
-            .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
+    if let Some(out) = arguments
+        .out
+        .as_deref()
+        .filter(|out| out.exists() && !out.is_dir())
+    {
+        return Err(Failure::input(format!(
+            "--out {} is a file; give a directory",
+            out.display()
+        )));
     }
 
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
@@ -158,6 +166,8 @@ fn record(
     stream: &[u8],
     measured: &EmulatorReport,
 ) -> Result<PathBuf, Failure> {
+    fs::create_dir_all(out)
+        .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
     let path = out.join(format!("bead-{}.mcap", arguments.bead));
     let (frames, _) = frames::decode(stream);
     let firmware = frames.iter().find_map(|frame| match &frame.message {
@@ -188,6 +198,8 @@ fn record(
         writer.finish()
     };
     write().map_err(Failure::input)?;
+    let settings = out.join(format!("bead-{}.settings", arguments.bead));
+    output::write_whole(&settings, |file| Ok(file.write_all(&emulation.block)?))?;
     Ok(path)
 }
 
