@@ -11,6 +11,8 @@ use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{RGBColor, ShapeStyle};
+use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::usvg;
 
 use crate::failure::{Blame, Failure};
 
@@ -183,6 +185,10 @@ pub const WIDTH: u32 = 860;
 pub const COLUMN: u32 = 480;
 /// Plotters rounds to whole pixels: a chart is drawn larger by this and scaled back, so that curves are smooth.
 const FINE: u32 = 4;
+/// Pixels of a PNG a pixel of the chart: 560 dots an inch for a chart of a column's width.
+const PRINT: f32 = 4.0;
+/// Pixels of an animation a pixel of the chart.
+pub(crate) const SCREEN: f32 = 1.5;
 const LEGEND_HEIGHT: u32 = 30;
 const LEGEND_ROW: u32 = 20;
 const X_LABELS_HEIGHT: u32 = 50;
@@ -244,27 +250,36 @@ impl Chart {
         ))
     }
 
-    /// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the text set in
-    /// a font of this program, so that it looks the same everywhere.
+    /// The chart as a PNG of [`PRINT`] times its size in pixels: the same drawing in its light colours, with the text set
+    /// in a font of this program, so that it looks the same everywhere.
     ///
     /// # Errors
     /// As [`Chart::inline_svg`].
     pub fn png(&self) -> Result<Vec<u8>, Failure> {
-        let context = || format!("cannot draw \"{}\" as PNG", self.description);
-        let mut options = resvg::usvg::Options::default();
+        let pixels = self.pixels(PRINT)?;
+        pixels
+            .encode_png()
+            .or_input(|| format!("cannot write \"{}\" as PNG", self.description))
+    }
+
+    /// The pixels of [`Chart::png`] at any scale.
+    ///
+    /// # Errors
+    /// As [`Chart::inline_svg`].
+    pub(crate) fn pixels(&self, scale: f32) -> Result<Pixmap, Failure> {
+        let context = || format!("cannot draw \"{}\" as pixels", self.description);
+        let mut options = usvg::Options::default();
         let fonts = options.fontdb_mut();
         fonts.load_font_data(dejavu::sans::regular().to_vec());
         fonts.set_sans_serif_family("DejaVu Sans");
-        let tree = resvg::usvg::Tree::from_str(&self.inline_svg()?, &options).or_input(context)?;
-        let size = tree.size().to_int_size();
-        let mut pixels = resvg::tiny_skia::Pixmap::new(size.width(), size.height())
+        let tree = usvg::Tree::from_str(&self.inline_svg()?, &options).or_input(context)?;
+        let scale = scale / FINE as f32;
+        let [width, height] =
+            [tree.size().width(), tree.size().height()].map(|size| (size * scale).ceil() as u32);
+        let mut pixels = Pixmap::new(width, height)
             .ok_or_else(|| Failure::input(format!("{}: it has no extent", context())))?;
-        resvg::render(
-            &tree,
-            resvg::tiny_skia::Transform::identity(),
-            &mut pixels.as_mut(),
-        );
-        pixels.encode_png().or_input(context)
+        resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
+        Ok(pixels)
     }
 
     fn size(&self) -> (u32, u32) {
@@ -522,7 +537,7 @@ impl Ranged for Ticked {
 }
 
 /// Where ticks stand, in places of the scale: steps of 1, 2 or 5, at most `most` of them; on a logarithmic axis decades,
-/// or 1, 2, 5 of each where there are few.
+/// or 1, 2, 5 of each where there are few, or some of them where there are many.
 fn ticks(scale: Scale, (low, high): (f64, f64), most: usize) -> Vec<f64> {
     let inside = |place: &f64| *place >= low - 1e-9 * (high - low) && *place <= high + 1e-9 * (high - low);
     let decades = (low.floor() as i32)..=(high.ceil() as i32);
@@ -532,7 +547,12 @@ fn ticks(scale: Scale, (low, high): (f64, f64), most: usize) -> Vec<f64> {
         return all.filter(inside).collect();
     }
     if scale == Scale::Log {
-        return decades.map(f64::from).filter(inside).collect();
+        let apart = (decades.clone().count() - 1).div_ceil(most).max(1) as i32;
+        return decades
+            .filter(|decade| decade % apart == 0)
+            .map(f64::from)
+            .filter(inside)
+            .collect();
     }
     let rough = (high - low) / most as f64;
     let decade = 10_f64.powf(rough.log10().floor());

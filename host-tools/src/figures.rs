@@ -5,7 +5,9 @@
 //! [`Check`]s. Files are made from the chart alone, so what is written is what is drawn. Figures of one plate share runs
 //! through the [`Lab`], which also keeps account of how well energy and momentum held in every run that a figure used.
 
+mod beyond;
 mod check;
+mod collision;
 mod curve;
 mod fig2;
 mod fig3;
@@ -13,10 +15,14 @@ mod fig4;
 mod fig5;
 mod fig6;
 mod fig7;
+mod fig_a2_a3;
+mod fig_a4;
+mod fig_a5_a6;
 mod files;
 mod lab;
 mod observe;
 mod setting;
+mod shaken;
 
 use serde::Serialize;
 
@@ -46,6 +52,8 @@ pub struct Figure {
     pub chart: Chart,
     /// What must be true of it.
     pub checks: Vec<Check>,
+    /// Pictures that follow one another; none but in an animation.
+    pub frames: Vec<Chart>,
 }
 
 /// How one figure came out, as in the JSON of `bead figures`.
@@ -79,18 +87,24 @@ pub fn catalogue() -> Vec<Plan> {
         fig5::PLANS,
         fig6::PLANS,
         fig7::PLANS,
+        shaken::PLANS,
+        fig_a2_a3::PLANS,
+        fig_a4::PLANS,
+        fig_a5_a6::PLANS,
+        collision::PLANS,
+        beyond::PLANS,
     ]
     .concat()
 }
 
-/// The figures of these names, in the paper's order; all of them for no name.
+/// The figures of these names, in the paper's order; all of them for no name. `6` is all of Fig. 6.
 ///
 /// # Errors
 /// A name that is no figure's.
 pub fn chosen(names: &[String]) -> Result<Vec<Plan>, Failure> {
     let all = catalogue();
     for name in names {
-        if !all.iter().any(|plan| plan.name.eq_ignore_ascii_case(name)) {
+        if !all.iter().any(|plan| plan.goes_by(name)) {
             let known: Vec<&str> = all.iter().map(|plan| plan.name).collect();
             return Err(Failure::input(format!(
                 "{name}: no such figure; there are {}",
@@ -98,16 +112,24 @@ pub fn chosen(names: &[String]) -> Result<Vec<Plan>, Failure> {
             )));
         }
     }
-    let wanted =
-        |plan: &Plan| names.is_empty() || names.iter().any(|name| plan.name.eq_ignore_ascii_case(name));
+    let wanted = |plan: &Plan| names.is_empty() || names.iter().any(|name| plan.goes_by(name));
     Ok(all.into_iter().filter(wanted).collect())
 }
 
 impl Plan {
+    /// Whether this is the name of the figure or of its plate.
+    fn goes_by(&self, name: &str) -> bool {
+        [self.name, self.plate()]
+            .iter()
+            .any(|own| own.eq_ignore_ascii_case(name))
+    }
+
     /// The figures that share runs: those of one number.
     pub fn plate(&self) -> &'static str {
-        self.name
-            .trim_end_matches(|character: char| character.is_ascii_lowercase())
+        let number = self
+            .name
+            .trim_end_matches(|character: char| character.is_ascii_lowercase());
+        if number.is_empty() { self.name } else { number }
     }
 
     /// Runs what the figure needs, and draws it. The checks end with the conservation laws over the runs used.

@@ -121,6 +121,7 @@ fn motion(lab: &Lab, which: usize) -> Result<Figure, Failure> {
             )],
         ),
         checks,
+        frames: Vec::new(),
     })
 }
 
@@ -187,6 +188,7 @@ fn energy(lab: &Lab) -> Result<Figure, Failure> {
                 1e-3,
             ),
         ],
+        frames: Vec::new(),
     })
 }
 
@@ -229,5 +231,6 @@ fn responses(lab: &Lab) -> Result<Figure, Failure> {
                 1.0,
             ),
         ],
+        frames: Vec::new(),
     })
 }

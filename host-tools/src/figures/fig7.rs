@@ -130,6 +130,7 @@ fn energy(lab: &Lab, which: usize) -> Result<Figure, Failure> {
             )],
         ),
         checks,
+        frames: Vec::new(),
     })
 }
 
@@ -167,5 +168,6 @@ fn force(lab: &Lab, which: usize) -> Result<Figure, Failure> {
             vec![panel("force at contact 30 (N)", vec![line("", 0, points)])],
         ),
         checks,
+        frames: Vec::new(),
     })
 }

@@ -14,9 +14,11 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
+use rayon::prelude::*;
+
 use super::{Figure, Plan};
-use crate::failure::Failure;
-use crate::figure::Chart;
+use crate::failure::{Blame, Failure};
+use crate::figure::{Chart, SCREEN};
 use crate::output;
 
 struct Row<'a> {
@@ -44,7 +46,8 @@ fn rows(chart: &Chart) -> impl Iterator<Item = Row<'_>> {
     })
 }
 
-/// Writes `figure-NAME.svg`, `.png`, `.csv` and `.parquet` into a directory that is there, and gives their paths.
+/// Writes `figure-NAME.svg`, `.png`, `.csv`, `.parquet` and, of an animation, `.gif` into a directory that is there, and
+/// gives their paths.
 ///
 /// # Errors
 /// A file that cannot be written.
@@ -57,9 +60,39 @@ pub fn write(plan: &Plan, figure: &Figure, directory: &Path) -> Result<Vec<Strin
     output::write_whole(&path("png"), |file| Ok(file.write_all(&png)?))?;
     output::write_whole(&path("csv"), |file| Ok(file.write_all(csv(chart).as_bytes())?))?;
     output::write_whole(&path("parquet"), |file| parquet(plan, chart, file))?;
-    Ok(["svg", "png", "csv", "parquet"]
-        .map(|extension| path(extension).display().to_string())
-        .to_vec())
+    let mut extensions = vec!["svg", "png", "csv", "parquet"];
+    if !figure.frames.is_empty() {
+        output::write_whole(&path("gif"), |file| animation(&figure.frames, file))?;
+        extensions.push("gif");
+    }
+    let written = extensions
+        .iter()
+        .map(|extension| path(extension).display().to_string());
+    Ok(written.collect())
+}
+
+/// Hundredths of a second that a frame stays.
+const FRAME: u16 = 12;
+
+fn animation(frames: &[Chart], file: &mut std::fs::File) -> anyhow::Result<()> {
+    let images = frames
+        .par_iter()
+        .map(|chart| {
+            let pixels = chart.pixels(SCREEN)?;
+            let size = |pixels: u32| u16::try_from(pixels).or_input(|| "a picture is too large for GIF");
+            let (width, height) = (size(pixels.width())?, size(pixels.height())?);
+            let mut image = gif::Frame::from_rgba_speed(width, height, &mut pixels.take(), 10);
+            image.delay = FRAME;
+            Ok(image)
+        })
+        .collect::<Result<Vec<_>, Failure>>()?;
+    let first = &images[0];
+    let mut encoder = gif::Encoder::new(std::io::BufWriter::new(file), first.width, first.height, &[])?;
+    encoder.set_repeat(gif::Repeat::Infinite)?;
+    for image in &images {
+        encoder.write_frame(image)?;
+    }
+    Ok(())
 }
 
 fn csv(chart: &Chart) -> String {

@@ -24,6 +24,19 @@ pub(super) fn train(solution: &Solution, contact: usize) -> Vec<Pulse> {
     solution.pulses(contact, &search)
 }
 
+/// How long the striker first touches, s: to where contact 1 opens, over however many humps of the force.
+pub(super) fn contact_time(run: &Run) -> f64 {
+    let search = PulseSearch {
+        height: 1e-6,
+        fall: 0.01,
+        ..PulseSearch::default()
+    };
+    let humps = run.solution.pulses(1, &search);
+    let touching = |hump: &Pulse| run.solution.force(1, hump.to) > 1e-9 * hump.force;
+    let last = humps.iter().find(|hump| !touching(hump)).or(humps.last());
+    last.map_or(f64::NAN, |hump| hump.to)
+}
+
 /// From one sample of a force to the next when it is transformed, s: far above what a pulse contains.
 const INTERVAL: f64 = 2e-6;
 
