@@ -6,6 +6,7 @@
 //! through the [`Lab`], which also keeps account of how well energy and momentum held in every run that a figure used.
 
 mod beyond;
+pub mod chapter;
 mod check;
 mod collision;
 mod curve;
@@ -71,6 +72,9 @@ pub struct Outcome {
     pub checks: Vec<Check>,
     /// The files written.
     pub files: Vec<String>,
+    /// Whether it moves.
+    #[serde(skip)]
+    pub animated: bool,
 }
 
 /// Parts of the striker's energy that the balance of a run may be off by.
@@ -141,21 +145,19 @@ impl Plan {
         let mut figure = (self.draw)(lab)?;
         figure.chart.description = format!("Figure {}: {}", self.name, self.title);
         if let Some(worst) = lab.worst() {
-            let of = format!("{} runs", worst.runs);
-            figure.checks.extend([
-                Check::at_most(
-                    format!("energy balance, worst of {of}, part of the striker's energy"),
-                    "",
+            for (law, off, bound) in [
+                (
+                    "energy balance as a part of the striker's energy",
                     worst.balance,
                     BALANCE,
                 ),
-                Check::at_most(
-                    format!("momentum, worst of {of}, part of the striker's momentum"),
-                    "",
-                    worst.momentum,
-                    MOMENTUM,
-                ),
-            ]);
+                ("momentum as a part of the striker's", worst.momentum, MOMENTUM),
+            ] {
+                let what = format!("{law}, worst of {} runs", worst.runs);
+                figure
+                    .checks
+                    .push(Check::at_most(what, "", off, bound).of_law(law));
+            }
         }
         Ok(figure)
     }
@@ -169,6 +171,54 @@ impl Plan {
             pass: figure.checks.iter().all(|check| check.pass),
             checks: figure.checks.clone(),
             files,
+            animated: !figure.frames.is_empty(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_check_of_every_figure_passes() {
+        let lab = Lab::default();
+        let mut failed = Vec::new();
+        for plan in catalogue() {
+            let figure = plan.draw(&lab).unwrap();
+            assert!(!figure.checks.is_empty(), "figure {} checks nothing", plan.name);
+            for check in figure.checks.iter().filter(|check| !check.pass) {
+                failed.push(format!(
+                    "{}: {} is {}, expected {}",
+                    plan.name,
+                    check.what,
+                    chapter::number(check.value),
+                    chapter::expectation(check)
+                ));
+            }
+        }
+        assert!(
+            failed.is_empty(),
+            "{} checks fail:\n{}",
+            failed.len(),
+            failed.join("\n")
+        );
+    }
+
+    #[test]
+    fn a_figure_goes_by_its_name_and_by_that_of_its_plate() {
+        let names = |asked: &str| -> Vec<&str> {
+            let plans = chosen(&[asked.to_owned()]).unwrap();
+            plans.iter().map(|plan| plan.name).collect()
+        };
+        assert_eq!(names("5B"), ["5b"]);
+        assert_eq!(names("2"), ["2a", "2b", "2c", "2d"]);
+        assert_eq!(names("A1"), ["A1"]);
+        assert_eq!(names("solitary"), ["solitary"]);
+        let message = chosen(&["9z".to_owned()]).unwrap_err().to_string();
+        assert!(
+            message.starts_with("9z: no such figure; there are 2a, 2b"),
+            "{message}"
+        );
     }
 }

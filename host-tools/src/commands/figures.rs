@@ -1,19 +1,22 @@
 //! `bead figures`: the paper's figures, each with its data and its checks.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 
 use crate::failure::{Blame, Failure};
-use crate::figures::{self, Check, Lab, Outcome, Relation};
+use crate::figures::{self, Lab, Outcome, chapter};
 use crate::output::{self, Format};
 
 const AFTER_HELP: &str = "\
-Each figure is written as figure-NAME.svg, .png, .csv and .parquet.
+Each figure is written as figure-NAME.svg, .png, .csv and .parquet, an animation as .gif too; index.html shows them all
+with their checks.
 
 Examples:
   bead figures --list
   bead figures 5b
+  bead figures 6 A4
   bead figures --check --out figures
   bead figures --check --format json | jq '.[] | select(.pass | not)'";
 
@@ -21,7 +24,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// The figures, as the paper numbers them, such as 2a; all of them without a name.
+    /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; every figure without a name.
     names: Vec<String>,
     /// Where the files go; made if it is not there.
     #[arg(long, value_name = "DIR", default_value = "figures")]
@@ -29,6 +32,9 @@ pub(crate) struct Arguments {
     /// End with status 1 if a check says no.
     #[arg(long)]
     check: bool,
+    /// Write the checks to this file too, as a Markdown table.
+    #[arg(long, value_name = "F.md")]
+    table: Option<PathBuf>,
     /// Print the names and what the figures show, and draw nothing.
     #[arg(long)]
     list: bool,
@@ -64,6 +70,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         progress.inc(1);
     }
     progress.finish_and_clear();
+    let page = chapter::html(&outcomes);
+    output::write_whole(&arguments.out.join("index.html"), |file| {
+        Ok(file.write_all(page.as_bytes())?)
+    })?;
+    if let Some(path) = &arguments.table {
+        let table = chapter::markdown(&outcomes);
+        output::write_whole(path, |file| Ok(file.write_all(table.as_bytes())?))?;
+    }
     match arguments.format {
         Format::Json => output::print_json(&outcomes)?,
         Format::Table => output::print_line(&table(&outcomes))?,
@@ -113,36 +127,12 @@ fn table(outcomes: &[Outcome]) -> String {
         for check in &outcome.checks {
             table.add_row([
                 format!("{:<5} {}", outcome.name, check.what),
-                figure(check.value),
-                expectation(check),
+                chapter::number(check.value),
+                chapter::expectation(check),
                 check.unit.to_owned(),
                 if check.pass { "ok" } else { "FAILED" }.to_owned(),
             ]);
         }
     }
     output::table_text(&table)
-}
-
-/// Six digits, which is more than any tolerance asks for.
-fn figure(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    if !(1e-3..1e6).contains(&value.abs()) {
-        return format!("{value:.2e}");
-    }
-    let decimals = (5 - value.abs().log10().floor() as i32).clamp(0, 8) as usize;
-    let text = format!("{value:.decimals$}");
-    if !text.contains('.') {
-        return text;
-    }
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
-}
-
-fn expectation(check: &Check) -> String {
-    match check.relation {
-        Relation::Near => format!("{} ± {:.1e}", figure(check.expected), check.tolerance),
-        Relation::AtMost => format!("≤ {}", figure(check.expected)),
-        Relation::AtLeast => format!("≥ {}", figure(check.expected)),
-    }
 }

@@ -343,7 +343,7 @@ fn convergence(_: &Lab) -> Result<Figure, Failure> {
             // What is exactly right would have no place on a logarithmic axis.
             efforts
                 .iter()
-                .map(|effort| (effort.evaluations, value(effort).max(1e-17)))
+                .map(|effort| (effort.evaluations, value(effort).max(1e-16)))
                 .collect()
         };
         let best = &efforts[0];
@@ -367,7 +367,7 @@ fn convergence(_: &Lab) -> Result<Figure, Failure> {
         ));
         panels.push(Panel {
             y_scale: Scale::Log,
-            y_range: Some((1e-17, 1e-2)),
+            y_range: Some((1e-16, 1e-3)),
             x: Some(log_axis(format!("evaluations ({name})"), 3e3..2e4)),
             height: 200,
             ..panel(

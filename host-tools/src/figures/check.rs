@@ -34,6 +34,9 @@ pub struct Check {
     /// What the paper says, where the equations say otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub paper: Option<&'static str>,
+    /// The conservation law that it checks over all runs of a figure, if it does.
+    #[serde(skip)]
+    pub law: Option<&'static str>,
 }
 
 impl Check {
@@ -54,6 +57,7 @@ impl Check {
             tolerance,
             pass: (value - expected).abs() <= tolerance,
             paper: None,
+            law: None,
         }
     }
 
@@ -77,6 +81,14 @@ impl Check {
             relation: Relation::AtLeast,
             pass: value >= bound,
             ..Self::near(what, unit, value, bound, 0.0)
+        }
+    }
+
+    /// Marks it as the check of a conservation law.
+    pub fn of_law(self, law: &'static str) -> Self {
+        Self {
+            law: Some(law),
+            ..self
         }
     }
 
