@@ -153,7 +153,8 @@ impl Plan {
                 ),
                 ("momentum as a part of the striker's", worst.momentum, MOMENTUM),
             ] {
-                let what = format!("{law}, worst of {} runs", worst.runs);
+                let runs = if worst.runs == 1 { "run" } else { "runs" };
+                let what = format!("{law}, worst of {} {runs}", worst.runs);
                 figure
                     .checks
                     .push(Check::at_most(what, "", off, bound).of_law(law));

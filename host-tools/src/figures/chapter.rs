@@ -12,7 +12,7 @@ section{display:grid;grid-template-columns:minmax(280px,440px) 1fr;gap:8px 28px;
 border-top:1px solid var(--grid);padding:20px 0}\
 section h2{grid-column:1/-1;font-size:1.05rem;margin:0}section p{grid-column:1/-1;margin:0;color:var(--faint);font-size:.9rem}\
 img{width:100%;height:auto}table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums}\
-td{padding:.3em .6em .3em 0;border-bottom:1px solid var(--grid);vertical-align:top}\
+td{padding:.3em .6em .3em 0;border-bottom:1px solid var(--grid);vertical-align:top}td+td{white-space:nowrap}\
 .fail{color:var(--predicted);font-weight:600}\
 @media(max-width:760px){section{grid-template-columns:1fr}}";
 
@@ -73,7 +73,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
             }
             let mut what = check.what.clone();
             if let Some(paper) = check.paper {
-                what.push_str(&format!("; the paper: “{paper}”"));
+                what.push_str(&format!(" (the paper: {paper})"));
             }
             push_row(&mut text, outcome.name, &what, check);
         }
@@ -121,7 +121,7 @@ pub fn html(outcomes: &[Outcome]) -> String {
         for check in &outcome.checks {
             let paper = check
                 .paper
-                .map(|says| format!("; the paper: “{says}”"))
+                .map(|says| format!(" (the paper: {says})"))
                 .unwrap_or_default();
             push(format_args!(
                 "<tr><td>{}{}</td><td>{}</td><td>{}</td><td class=\"{}\">{}</td></tr>",

@@ -3,8 +3,10 @@
 //! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. `demo` ends with the status
 //! of the `bead` command that ended it.
 
+mod checks;
 mod image;
 mod links;
+mod mutants;
 mod setup;
 mod step;
 
@@ -49,6 +51,8 @@ enum Task {
     Test,
     /// The checks of `test` that run nothing: format, lints, documentation and its links
     Lint,
+    /// Make mistakes in a copy of the simulator, one by one, and see that the figures' checks notice each
+    Mutants,
 }
 
 fn main() -> ExitCode {
@@ -77,6 +81,7 @@ fn run(task: Task) -> Result<(), Stop> {
             lint(&steps, &place)
         }
         Task::Test => test(&steps, &place),
+        Task::Mutants => mutants::check(&steps, &place),
     }
 }
 
@@ -186,6 +191,16 @@ fn test(steps: &Steps, place: &Place) -> Result<(), Stop> {
         "tests",
         &Line::new("cargo test --release --workspace --exclude bead-firmware"),
     )?;
+    let (figures, table) = (place.built("figures"), place.built("figures/checks.md"));
+    let draw = Line::program(place.built("release/bead"))
+        .words("figures --check --out")
+        .arg(&figures)
+        .words("--table")
+        .arg(&table)
+        .words("--format json");
+    steps.run_quietly("the paper's figures, and every check of them", &draw)?;
+    let rows = checks::compare(&place.root.join("docs/checks.md"), &place.root.join(&table))?;
+    steps.announce(&format!("docs/checks.md tells the same in {rows} lines"));
     steps.announce(&format!("all checks pass, after {}", steps.elapsed()));
     Ok(())
 }

@@ -7,7 +7,7 @@
 use std::ffi::OsStr;
 use std::fmt;
 use std::path::PathBuf;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Why the run ends early, and with which exit status.
@@ -134,6 +134,18 @@ impl Steps {
     /// The command cannot be started or ends with another status than 0. The status of a command other than cargo is
     /// passed on, so that `cargo xtask demo` ends as the `bead` command did that ended it.
     pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
+        self.run_into(title, line, Stdio::inherit())
+    }
+
+    /// As [`Steps::run`], without what the command prints as its result.
+    ///
+    /// # Errors
+    /// As [`Steps::run`].
+    pub(crate) fn run_quietly(&self, title: &str, line: &Line) -> Result<(), Stop> {
+        self.run_into(title, line, Stdio::null())
+    }
+
+    fn run_into(&self, title: &str, line: &Line, result: Stdio) -> Result<(), Stop> {
         self.announce(title);
         eprintln!("          $ {line}");
         let repeat = || {
@@ -143,7 +155,7 @@ impl Steps {
             )
         };
         let mut command = line.command();
-        command.current_dir(&self.root);
+        command.current_dir(&self.root).stdout(result);
         if std::env::var_os("CARGO_TARGET_DIR").is_some() {
             // It may be relative to where `cargo xtask` was called.
             command.env("CARGO_TARGET_DIR", &self.target_dir);

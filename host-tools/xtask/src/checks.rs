@@ -1,0 +1,81 @@
+//! Whether docs/checks.md is what `bead figures --table` writes today.
+
+use std::path::Path;
+
+use crate::step::Stop;
+
+/// A value that is this small is an error or a rounding, which differs from computer to computer.
+const ROUNDING: f64 = 1e-8;
+/// Parts that a value may differ by: the table has six digits.
+const DIFFERENCE: f64 = 1e-4;
+
+/// Compares two tables of checks, the one in the book and the one just written.
+///
+/// # Errors
+/// A file that cannot be read, a row that is in one table alone, or a value that is another.
+pub(crate) fn compare(book: &Path, fresh: &Path) -> Result<usize, Stop> {
+    let read = |path: &Path| {
+        std::fs::read_to_string(path)
+            .map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))
+    };
+    let (book_text, fresh_text) = (read(book)?, read(fresh)?);
+    let rows = fresh_text.lines().count();
+    let differs = |line: &str| {
+        Stop::failed(format!(
+            "{} is not what the figures came to at `{line}`; copy {} over it",
+            book.display(),
+            fresh.display()
+        ))
+    };
+    if book_text.lines().count() != rows {
+        return Err(differs("the number of rows"));
+    }
+    match book_text
+        .lines()
+        .zip(fresh_text.lines())
+        .find(|(one, other)| !same(one, other))
+    {
+        Some((_, line)) => Err(differs(line)),
+        None => Ok(rows),
+    }
+}
+
+/// Whether two rows say the same: word for word, but for the value.
+fn same(one: &str, other: &str) -> bool {
+    const VALUE: usize = 3;
+    let cells = |row: &'_ str| row.split(" | ").map(str::to_owned).collect::<Vec<_>>();
+    let (one, other) = (cells(one), cells(other));
+    one.len() == other.len()
+        && one
+            .iter()
+            .zip(&other)
+            .enumerate()
+            .all(|(cell, (one, other))| one == other || cell + 1 == VALUE && near(one, other))
+}
+
+fn near(one: &str, other: &str) -> bool {
+    let number = |cell: &str| {
+        cell.split(' ')
+            .next()
+            .and_then(|number| number.parse::<f64>().ok())
+    };
+    let (Some(a), Some(b)) = (number(one), number(other)) else {
+        return false;
+    };
+    (a - b).abs() <= DIFFERENCE * b.abs() || a.abs().max(b.abs()) < ROUNDING
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_differ_by_more_than_rounding_or_not_at_all() {
+        let row = |value: &str| format!("| 2a | force | {value} | 6.6 ± 6.6e-3 N | ok |");
+        assert!(same(&row("6.60162 N"), &row("6.60163 N")));
+        assert!(!same(&row("6.60162 N"), &row("6.61 N")));
+        assert!(same(&row("2.46e-15"), &row("-7.1e-13")));
+        assert!(!same(&row("6.6 N"), &row("6.6 N").replace("ok", "FAILED")));
+        assert!(!same(&row("6.6 N"), &row("6.6 N").replace("force", "speed")));
+    }
+}

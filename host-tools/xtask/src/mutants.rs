@@ -1,0 +1,253 @@
+//! Whether the checks of the figures would notice wrong physics: each mutant is the simulator with one mistake in it, and
+//! some check must break.
+//!
+//! # Design
+//! The workspace is copied to target/mutants and the mistakes are made there, one after another, by replacing text that must
+//! stand in the file exactly once: a mutant that no longer fits the source stops the run instead of testing nothing.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::Place;
+use crate::step::{Steps, Stop};
+
+/// Where all the physics is.
+const MODEL: &str = "host-tools/chain/src/model.rs";
+const TEST: &str = "every_check_of_every_figure_passes";
+
+struct Mutant {
+    mistake: &'static str,
+    /// What stands in the model, and what is put in its place.
+    changes: &'static [(&'static str, &'static str)],
+}
+
+const MUTANTS: &[Mutant] = &[
+    Mutant {
+        mistake: "Hertz' exponent 1.55 in place of 1.5, force and energy alike",
+        changes: &[
+            (
+                "self.stiffness * overlap * overlap.sqrt()",
+                "self.stiffness * overlap.powf(1.55)",
+            ),
+            (
+                "0.4 * overlap * self.elastic_force(overlap)",
+                "overlap / 2.55 * self.elastic_force(overlap)",
+            ),
+            (
+                "let elastic = stiffness * overlap;",
+                "let elastic = contact.stiffness * overlap.powf(1.55);",
+            ),
+        ],
+    },
+    Mutant {
+        mistake: "no viscosity: τ left out",
+        changes: &[
+            (
+                "1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate",
+                "0.0 * rate",
+            ),
+            (
+                "elastic + 1.5 * contact.relaxation * stiffness * approach",
+                "elastic + 0.0 * stiffness * approach",
+            ),
+        ],
+    },
+    Mutant {
+        mistake: "viscosity without its 3/2",
+        changes: &[
+            (
+                "1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate",
+                "self.relaxation * self.stiffness * overlap.sqrt() * rate",
+            ),
+            (
+                "elastic + 1.5 * contact.relaxation * stiffness * approach",
+                "elastic + contact.relaxation * stiffness * approach",
+            ),
+        ],
+    },
+    Mutant {
+        mistake: "M in place of M - m for a host, motion and energy alike",
+        changes: &[(
+            "shells[resonator.bead] -= resonator.mass;",
+            "shells[resonator.bead] -= 0.0 * resonator.mass;",
+        )],
+    },
+    Mutant {
+        mistake: "M in place of M - m for a host, in the energy alone",
+        changes: &[(
+            "energies.chain += kinetic(self.shells[j], velocity)",
+            "energies.chain += kinetic(self.masses[j], velocity)",
+        )],
+    },
+    Mutant {
+        mistake: "the clip lost: parting beads pull where they may not",
+        changes: &[("if self.clipped { force.max(0.0) } else { force }", "force")],
+    },
+    Mutant {
+        mistake: "an intruder that the host does not feel",
+        changes: &[(
+            "acceleration[intruder.bead] += pull;",
+            "acceleration[intruder.bead] += 0.0 * pull;",
+        )],
+    },
+];
+
+/// Tests every mutant.
+///
+/// # Errors
+/// A mutant that no check notices, or that does not fit the source or does not compile.
+pub(crate) fn check(steps: &Steps, place: &Place) -> Result<(), Stop> {
+    let copy = place.target.join("mutants");
+    copy_tree(&place.root, &copy)?;
+    let path = copy.join(MODEL);
+    let sound = read(&path)?;
+    steps.announce("without a mistake every check must pass");
+    if let Some(broken) = broken_checks(place, &copy)? {
+        return Err(Stop::failed(format!(
+            "checks fail without a mutant: {}",
+            broken.join("; ")
+        )));
+    }
+    let mut survivors = Vec::new();
+    for mutant in MUTANTS {
+        steps.announce(mutant.mistake);
+        let mut text = sound.clone();
+        for (from, to) in mutant.changes {
+            if text.matches(from).count() != 1 {
+                return Err(Stop::failed(format!(
+                    "`{from}` does not stand in {MODEL} exactly once; rewrite the mutant"
+                )));
+            }
+            text = text.replace(from, to);
+        }
+        write(&path, &text)?;
+        match broken_checks(place, &copy)? {
+            Some(broken) => {
+                eprintln!("          noticed by {} checks, such as", broken.len());
+                for check in broken.iter().take(3) {
+                    eprintln!("            {check}");
+                }
+            }
+            None => survivors.push(mutant.mistake),
+        }
+    }
+    write(&path, &sound)?;
+    if survivors.is_empty() {
+        steps.announce(&format!("all {} mistakes are noticed", MUTANTS.len()));
+        return Ok(());
+    }
+    Err(Stop::failed(format!(
+        "no check notices: {}",
+        survivors.join("; ")
+    )))
+}
+
+/// The checks that fail in a copy of the workspace; none if all pass.
+fn broken_checks(place: &Place, copy: &Path) -> Result<Option<Vec<String>>, Stop> {
+    // The library's own test, so that no program with a mistake in it is left where programs are built.
+    let output = Command::new("cargo")
+        .args(["test", "--release", "--quiet", "-p", "bead", "--lib", TEST])
+        .current_dir(copy)
+        .env("CARGO_TARGET_DIR", &place.target)
+        .output()
+        .map_err(|error| Stop::missing(format!("cannot start cargo: {error}")))?;
+    let told = String::from_utf8_lossy(&output.stdout);
+    if output.status.success() {
+        return Ok(None);
+    }
+    let checks: Vec<String> = told
+        .lines()
+        .skip_while(|line| !line.contains("checks fail:"))
+        .skip(1)
+        .take_while(|line| line.contains(", expected "))
+        .map(str::to_owned)
+        .collect();
+    if checks.is_empty() && !told.contains(TEST) {
+        let why = String::from_utf8_lossy(&output.stderr);
+        return Err(Stop::failed(format!("the mutant does not compile:\n{why}")));
+    }
+    if checks.is_empty() {
+        return Ok(Some(vec!["a figure that could not be drawn at all".to_owned()]));
+    }
+    Ok(Some(checks))
+}
+
+fn read(path: &Path) -> Result<String, Stop> {
+    std::fs::read_to_string(path)
+        .map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))
+}
+
+/// Writes a file, unless it says that already: what did not change need not be compiled again.
+fn write(path: &Path, text: &str) -> Result<(), Stop> {
+    if std::fs::read_to_string(path).is_ok_and(|old| old == text) {
+        return Ok(());
+    }
+    std::fs::write(path, text)
+        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", path.display())))
+}
+
+/// Copies what is source: no hidden entries but cargo's, nothing built.
+fn copy_tree(from: &Path, to: &Path) -> Result<(), Stop> {
+    let failed = |error: std::io::Error| {
+        Stop::failed(format!(
+            "cannot copy {} to {}: {error}",
+            from.display(),
+            to.display()
+        ))
+    };
+    std::fs::create_dir_all(to).map_err(failed)?;
+    for entry in std::fs::read_dir(from).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let name = entry.file_name();
+        let hidden = name.to_string_lossy().starts_with('.') && name != ".cargo";
+        if hidden || name == "target" || name == "figures" && from.join("Cargo.lock").exists() {
+            continue;
+        }
+        let (source, goal) = (entry.path(), to.join(&name));
+        if entry.file_type().map_err(failed)?.is_dir() {
+            copy_tree(&source, &goal)?;
+            continue;
+        }
+        let bytes = std::fs::read(&source).map_err(failed)?;
+        if std::fs::read(&goal).is_ok_and(|old| old == bytes) {
+            continue;
+        }
+        std::fs::write(&goal, bytes).map_err(failed)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_mutant_fits_the_source() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
+        let model = read(&root.join(MODEL)).unwrap();
+        for (from, _) in MUTANTS.iter().flat_map(|mutant| mutant.changes) {
+            assert_eq!(model.matches(from).count(), 1, "`{from}` in {MODEL}");
+        }
+    }
+
+    #[test]
+    fn a_copy_holds_the_source_and_nothing_built() {
+        let (from, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        for name in [
+            "src/a.rs",
+            "target/a",
+            ".git/a",
+            ".cargo/config.toml",
+            "Cargo.lock",
+            "figures/a.svg",
+        ] {
+            let path = from.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "a").unwrap();
+        }
+        copy_tree(from.path(), to.path()).unwrap();
+        let there = |name: &str| to.path().join(name).exists();
+        assert!(there("src/a.rs") && there(".cargo/config.toml") && there("Cargo.lock"));
+        assert!(!there("target") && !there(".git") && !there("figures"));
+    }
+}
