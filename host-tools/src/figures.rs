@@ -186,7 +186,13 @@ mod tests {
         let lab = Lab::default();
         let mut failed = Vec::new();
         for plan in catalogue() {
-            let figure = plan.draw(&lab).unwrap();
+            let figure = match plan.draw(&lab) {
+                Ok(figure) => figure,
+                Err(error) => {
+                    failed.push(format!("{}: cannot be drawn: {error}, expected a figure", plan.name));
+                    continue;
+                }
+            };
             assert!(!figure.checks.is_empty(), "figure {} checks nothing", plan.name);
             for check in figure.checks.iter().filter(|check| !check.pass) {
                 failed.push(format!(

@@ -23,19 +23,19 @@ struct Mutant {
 
 const MUTANTS: &[Mutant] = &[
     Mutant {
-        mistake: "Hertz' exponent 1.55 in place of 1.5, force and energy alike",
+        mistake: "Hertz' exponent 1.49 in place of 1.5, force and energy alike",
         changes: &[
             (
                 "self.stiffness * overlap * overlap.sqrt()",
-                "self.stiffness * overlap.powf(1.55)",
+                "self.stiffness * overlap.powf(1.49)",
             ),
             (
                 "0.4 * overlap * self.elastic_force(overlap)",
-                "overlap / 2.55 * self.elastic_force(overlap)",
+                "overlap / 2.49 * self.elastic_force(overlap)",
             ),
             (
                 "let elastic = stiffness * overlap;",
-                "let elastic = contact.stiffness * overlap.powf(1.55);",
+                "let elastic = contact.stiffness * overlap.powf(1.49);",
             ),
         ],
     },
