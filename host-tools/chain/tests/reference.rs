@@ -66,6 +66,7 @@ fn scenario(name: &str, case: &Value) -> Scenario {
                 true => ContactForce::Clipped,
                 false => ContactForce::Printed,
             },
+            precompression: 0.0,
         },
         striker: Striker {
             radius: p["Rs"].as_f64().unwrap_or(0.0045),
@@ -76,6 +77,7 @@ fn scenario(name: &str, case: &Value) -> Scenario {
             mass: None,
             relaxation: None,
         },
+        wall: None,
         intruders: (0..hosts.len()).map(intruder).collect(),
         sections: vec![],
     }

@@ -193,6 +193,16 @@ fn a_value_out_of_range_says_what_would_do() {
             "s.toml:9: chain.relaxation: -0.0000042 is not zero or a positive",
         ),
         (
+            "contact_force",
+            "precompression = -1.0\ncontact_force",
+            "s.toml:10: chain.precompression: -1 is not zero or a positive number; give a force in N",
+        ),
+        (
+            "contact_force",
+            "precompression = inf\ncontact_force",
+            "s.toml:10: chain.precompression: inf is not zero or a positive number; give a force in N",
+        ),
+        (
             "radius = 0.0045",
             "radius = 0.0",
             "s.toml:12: striker.radius: 0 is not",
@@ -230,6 +240,60 @@ fn a_value_out_of_range_says_what_would_do() {
         ),
     ] {
         let line = complaint(old, new);
+        assert!(line.starts_with(start), "{line}\n{start}");
+    }
+}
+
+#[test]
+fn a_wall_is_checked_as_a_body_is() {
+    let wall = "[wall]\nyoung = 203e9\npoisson = 0.27\n";
+    let about = |wall: &str| complaint_about(&format!("{SOUND}{wall}"));
+    let scenario = Scenario::from_toml(&format!("{SOUND}{wall}"), "s.toml").expect("sound");
+    assert!(scenario.wall.expect("it has one").radius.is_none());
+    for (old, new, start) in [
+        (
+            "young = 203e9",
+            "young = -203e9",
+            "s.toml:23: wall.young: -203000000000 is not a positive number; give",
+        ),
+        (
+            "young = 203e9",
+            "young = nan",
+            "s.toml:23: wall.young: NaN is not a positive number; give",
+        ),
+        (
+            "poisson = 0.27",
+            "poisson = 0.6",
+            "s.toml:24: wall.poisson: 0.6 is no Poisson's ratio; give",
+        ),
+        (
+            "young",
+            "radius = 0.0\nyoung",
+            "s.toml:23: wall.radius: 0 is not a positive number; give",
+        ),
+        (
+            "young",
+            "relaxation = -1.0\nyoung",
+            "s.toml:23: wall.relaxation: -1 is not zero or a positive",
+        ),
+        (
+            "young",
+            "yuong",
+            "s.toml:23: wall.yuong: unknown key; did you mean `young`?",
+        ),
+        (
+            "young = 203e9\n",
+            "",
+            "s.toml:22: wall: missing field `young`; add it, in SI units",
+        ),
+        (
+            "[wall]",
+            "[wal]",
+            "s.toml:22: wal: unknown key; did you mean `wall`?",
+        ),
+    ] {
+        assert!(wall.contains(old));
+        let line = about(&wall.replacen(old, new, 1));
         assert!(line.starts_with(start), "{line}\n{start}");
     }
 }
