@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
 
-use crate::scenario::{Scenario, Sphere};
+use crate::scenario::Scenario;
 
 /// What is wrong with a scenario: where, what, and what would do. Its text is one line.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -144,7 +144,15 @@ impl At {
         ))
     }
 
-    fn beads(&self, beads: &[usize], count: usize) -> Result<(), Complaint> {
+    /// Notes in `taken` that these beads belong to table `index`; `belongs` says so of one that belongs to an earlier table.
+    fn beads(
+        &self,
+        beads: &[usize],
+        index: usize,
+        taken: &mut Taken,
+        belongs: impl Fn(usize, usize) -> (String, &'static str),
+    ) -> Result<(), Complaint> {
+        let count = taken.0.len();
         if beads.is_empty() {
             return Err(self.complaint(
                 "beads",
@@ -152,19 +160,26 @@ impl At {
                 format!("name at least one from 1 to {count}, or leave the table out"),
             ));
         }
-        for (index, bead) in beads.iter().enumerate() {
-            if *bead < 1 || *bead > count {
+        for &bead in beads {
+            if bead < 1 || bead > count {
                 let advice = format!("beads are counted from 1 to {count} (chain.beads)");
                 return Err(self.complaint("beads", format!("bead {bead} is not in the chain"), advice));
             }
-            if beads[..index].contains(bead) {
-                let what = format!("bead {bead} is named twice");
-                return Err(self.complaint("beads", what, "name each bead once"));
+            if let Some(other) = taken.0[bead - 1].replace(index) {
+                let (what, advice) = if other == index {
+                    (format!("bead {bead} is named twice"), "name each bead once")
+                } else {
+                    belongs(bead, other + 1)
+                };
+                return Err(self.complaint("beads", what, advice));
             }
         }
         Ok(())
     }
 }
+
+/// Which table of its kind each bead belongs to, from bead 1.
+struct Taken(Vec<Option<usize>>);
 
 const RELAXATION: &str = "give a time in s, such as 4.2e-6, or 0 for an elastic contact";
 const RADIUS: &str = "0.019";
@@ -188,6 +203,11 @@ pub(crate) fn values(scenario: &Scenario) -> Result<(), Complaint> {
     at.positive("young", chain.young, "Pa", YOUNG)?;
     at.poisson(chain.poisson)?;
     at.not_negative("relaxation", chain.relaxation, RELAXATION)?;
+    at.not_negative(
+        "precompression",
+        chain.precompression,
+        "give a force in N, such as 10.0, or leave it out for a chain that just touches",
+    )?;
 
     let (at, striker) = (At::table("striker"), &scenario.striker);
     at.positive("radius", striker.radius, "m", "0.0045")?;
@@ -202,21 +222,32 @@ pub(crate) fn values(scenario: &Scenario) -> Result<(), Complaint> {
         at.not_negative("relaxation", relaxation, RELAXATION)?;
     }
 
+    if let Some(wall) = &scenario.wall {
+        let at = At::table("wall");
+        at.positive("young", wall.young, "Pa", "203e9")?;
+        at.poisson(wall.poisson)?;
+        if let Some(radius) = wall.radius {
+            at.positive("radius", radius, "m", "0.1; a flat wall has none")?;
+        }
+        if let Some(relaxation) = wall.relaxation {
+            at.not_negative("relaxation", relaxation, RELAXATION)?;
+        }
+    }
+
     sections(scenario)?;
     intruders(scenario)
 }
 
 fn sections(scenario: &Scenario) -> Result<(), Complaint> {
-    let mut taken = vec![None; scenario.chain.beads + 1];
+    let mut taken = Taken(vec![None; scenario.chain.beads]);
     for (index, section) in scenario.sections.iter().enumerate() {
         let at = At::entry("section", index);
-        at.beads(&section.beads, scenario.chain.beads)?;
-        for &bead in &section.beads {
-            if let Some(other) = taken[bead].replace(index) {
-                let what = format!("bead {bead} is already in section[{}]", other + 1);
-                return Err(at.complaint("beads", what, "put each bead in one section only"));
-            }
-        }
+        at.beads(&section.beads, index, &mut taken, |bead, other| {
+            (
+                format!("bead {bead} is already in section[{other}]"),
+                "put each bead in one section only",
+            )
+        })?;
         for (key, value, unit, example) in [
             ("radius", section.radius, "m", RADIUS),
             ("density", section.density, "kg/m³", DENSITY),
@@ -233,10 +264,16 @@ fn sections(scenario: &Scenario) -> Result<(), Complaint> {
 }
 
 fn intruders(scenario: &Scenario) -> Result<(), Complaint> {
-    let mut taken = vec![None; scenario.chain.beads + 1];
+    let mut taken = Taken(vec![None; scenario.chain.beads]);
+    let spheres = scenario.spheres();
     for (index, intruder) in scenario.intruders.iter().enumerate() {
         let at = At::entry("intruder", index);
-        at.beads(&intruder.beads, scenario.chain.beads)?;
+        at.beads(&intruder.beads, index, &mut taken, |bead, other| {
+            (
+                format!("bead {bead} already holds intruder[{other}]"),
+                "give each bead one intruder at most",
+            )
+        })?;
         at.positive("mass", intruder.mass, "kg", "3.7e-3")?;
         at.positive("stiffness", intruder.stiffness, "N/m", "3.95e5")?;
         at.not_negative(
@@ -245,11 +282,7 @@ fn intruders(scenario: &Scenario) -> Result<(), Complaint> {
             "give zero or more in N·s/m, such as 12.0",
         )?;
         for &bead in &intruder.beads {
-            if let Some(other) = taken[bead].replace(index) {
-                let what = format!("bead {bead} already holds intruder[{}]", other + 1);
-                return Err(at.complaint("beads", what, "give each bead one intruder at most"));
-            }
-            let host = Sphere::mass(&scenario.sphere(bead));
+            let host = spheres[bead - 1].mass();
             if intruder.mass >= host {
                 let what = format!(
                     "{} kg is as heavy as its host, bead {bead} of {host:.3e} kg",
@@ -308,7 +341,9 @@ fn advice_for(message: &str) -> String {
     .to_owned()
 }
 
-const TOP: &[&str] = &["title", "duration", "chain", "striker", "intruder", "section"];
+const TOP: &[&str] = &[
+    "title", "duration", "chain", "striker", "wall", "intruder", "section",
+];
 const CHAIN: &[&str] = &[
     "beads",
     "radius",
@@ -317,6 +352,7 @@ const CHAIN: &[&str] = &[
     "poisson",
     "relaxation",
     "contact_force",
+    "precompression",
 ];
 const STRIKER: &[&str] = &[
     "radius",
@@ -327,12 +363,13 @@ const STRIKER: &[&str] = &[
     "mass",
     "relaxation",
 ];
+const WALL: &[&str] = &["young", "poisson", "radius", "relaxation"];
 const INTRUDER: &[&str] = &["beads", "mass", "stiffness", "damping"];
 const SECTION: &[&str] = &["beads", "radius", "density", "young", "poisson", "relaxation"];
 
 fn known_keys(table: &DeTable<'_>) -> Result<(), Complaint> {
     keys_of(&At(Vec::new()), table, TOP)?;
-    for (name, known) in [("chain", CHAIN), ("striker", STRIKER)] {
+    for (name, known) in [("chain", CHAIN), ("striker", STRIKER), ("wall", WALL)] {
         if let Some(DeValue::Table(inner)) = table.get(name).map(|value| value.get_ref()) {
             keys_of(&At::table(name), inner, known)?;
         }

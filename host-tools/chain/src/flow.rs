@@ -5,7 +5,11 @@
 //! Contact j pushes bead j with F and body j - 1 with -F. The energy that passes it is counted on the near side, as the
 //! work that body j - 1 does on it, ∫ F V[j-1] dt. Contact j then belongs to bead j, as in the paper's E_n (eq. 4), and the
 //! books close exactly: what beads a..=b have and lose is what passes contact a less what passes contact b + 1. A wave on
-//! its way back carries a force that pushes while the beads move backwards: its energy counts negative.
+//! its way back carries a force that pushes while the beads move backwards: its energy counts negative. The wall's contact
+//! belongs to the last bead, and nothing but momentum passes it.
+//!
+//! The work of a static load is in the energies of the contacts that carry it ([`Contact::energy`](crate::Contact::energy)),
+//! so that energy is counted with what F is beyond the load; the impulse is all of F.
 //!
 //! Each step is integrated by Gauss and Legendre's five points over the dense output, which is exact to the order of the
 //! method itself.
@@ -22,7 +26,7 @@ use crate::solution::Solution;
 pub struct Passed {
     /// Momentum, ∫ F dt, N·s.
     pub impulse: f64,
-    /// Energy, ∫ F V[j-1] dt, J; negative where it goes back to the striker.
+    /// Energy, ∫ F V[j-1] dt, J, with F less the static load; negative where it goes back to the striker.
     pub energy: f64,
     /// Of it lost in the contact itself, ∫ (F - F_Hertz) δ' dt, J.
     pub lost: f64,
@@ -63,12 +67,13 @@ impl Solution {
     /// # Panics
     /// If there is no such contact.
     pub fn flow(&self, contact: usize) -> Flow<'_> {
-        self.model().contact(contact);
+        // An open contact passes nothing, unless it has a load to fall short of.
+        let unloaded = self.model().contact(contact).load == 0.0;
         let mut sum = Passed::default();
         let mut passed = vec![sum];
         for (step, ends) in self.step_times().windows(2).enumerate() {
             // Steps are far shorter than any contact lasts: one open at both ends did not close between.
-            let open = |knot: usize| self.model().overlap(self.state(knot), contact).0 <= 0.0;
+            let open = |knot: usize| unloaded && self.model().overlap(self.state(knot), contact).0 <= 0.0;
             if !(open(step) && open(step + 1)) {
                 sum += integrate(&mut Inside::new(self, step), contact, ends[0], ends[1]);
             }
@@ -133,7 +138,7 @@ fn rate(model: &Model, y: &[f64], contact: usize) -> Passed {
     let force = model.force(y, contact);
     Passed {
         impulse: force,
-        energy: force * y[model.layout().velocity(contact - 1)],
+        energy: model.force_beyond(y, contact) * y[model.layout().velocity(contact - 1)],
         lost: (force - model.contact(contact).elastic_force(overlap)) * approach,
     }
 }

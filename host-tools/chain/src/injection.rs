@@ -50,7 +50,7 @@ pub fn injection_curve(
     options: &Options<'_>,
 ) -> Result<Vec<Injection>, SimulateError> {
     scenario.check()?;
-    let bead = scenario.sphere(1).mass();
+    let bead = scenario.spheres()[0].mass();
     mass_ratios
         .iter()
         .map(|ratio| {

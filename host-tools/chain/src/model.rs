@@ -9,13 +9,21 @@
 //! m u'' = -k x - c x'                           the intruder
 //! ```
 //!
-//! Eq. (1) as printed lacks the condition on δ. The work that the viscous parts of the contacts and the intruders' dampers
+//! Eq. (1) as printed lacks the condition on δ. A static load F₀ on the chain adds a constant to the force of every contact
+//! but the striker's and takes it away again at either end, so it is left out on both sides: displacements count from the
+//! loaded chain at rest, and what accelerates a bead is what its contacts exert *beyond* F₀, worked out without the
+//! difference of two large numbers. A weak wave on a strongly loaded chain is then as exact as any.
+//!
+//! The work that the viscous parts of the contacts and the intruders' dampers
 //! take is integrated with the motion, as components of the state, and so is as exact as the motion.
 
-use crate::dop853::System;
-use crate::scenario::{ContactForce, Scenario};
+#[cfg(test)]
+mod symmetry;
 
-/// One contact: it joins bodies j-1 and j.
+use crate::dop853::System;
+use crate::scenario::{ContactForce, Scenario, Sphere};
+
+/// One contact: it joins bodies j-1 and j, the one after the last bead that bead and the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Contact {
@@ -23,9 +31,42 @@ pub struct Contact {
     pub stiffness: f64,
     /// Relaxation time τ, s.
     pub relaxation: f64,
+    /// Static load F₀ that it carries at rest, N.
+    pub load: f64,
+    /// Overlap at rest, (F₀/κ)^(2/3), m.
+    pub static_overlap: f64,
+}
+
+/// A body at a contact.
+struct Side {
+    /// θ = 3 (1 - ν²) / (4 Y), 1/Pa.
+    compliance: f64,
+    /// 1/R, 1/m.
+    curvature: f64,
+}
+
+impl Side {
+    fn new(poisson: f64, young: f64, curvature: f64) -> Self {
+        Self {
+            compliance: 0.75 * (1.0 - poisson * poisson) / young,
+            curvature,
+        }
+    }
 }
 
 impl Contact {
+    fn new(sides: [Side; 2], relaxation: f64, load: f64) -> Self {
+        let theta: f64 = sides.iter().map(|side| side.compliance).sum();
+        let curvature: f64 = sides.iter().map(|side| side.curvature).sum();
+        let stiffness = 1.0 / (theta * curvature.sqrt());
+        Self {
+            stiffness,
+            relaxation,
+            load,
+            static_overlap: (load / stiffness).powf(2.0 / 3.0),
+        }
+    }
+
     /// Hertz' part of the force, N, at an overlap in m.
     pub fn elastic_force(&self, overlap: f64) -> f64 {
         if overlap > 0.0 {
@@ -44,9 +85,45 @@ impl Contact {
         }
     }
 
-    /// Elastic energy, J, at an overlap in m.
+    /// Elastic energy, J, at an overlap in m, counted from the state at rest and less what the static load does on the way:
+    /// (2/5) κ (δ^(5/2) - δ₀^(5/2)) - F₀ (δ - δ₀). It is zero at rest and positive anywhere else.
     pub fn energy(&self, overlap: f64) -> f64 {
-        0.4 * overlap * self.elastic_force(overlap)
+        self.energy_beyond(overlap - self.static_overlap)
+    }
+
+    /// The same at a change of the overlap since rest. With r = √(δ/δ₀) it is (2/5) κ δ₀^(5/2) (r - 1)² (r³ + 2r² + 3r + 3/2).
+    pub(crate) fn energy_beyond(&self, change: f64) -> f64 {
+        let overlap = self.static_overlap + change;
+        if self.load == 0.0 {
+            return 0.4 * overlap * self.elastic_force(overlap);
+        }
+        if overlap <= 0.0 {
+            return -self.load * (change + 0.4 * self.static_overlap);
+        }
+        let r = (overlap / self.static_overlap).sqrt();
+        // r - 1, as it is for a small change too.
+        let growth = change / (self.static_overlap * (r + 1.0));
+        let cubic = ((r + 2.0) * r + 3.0) * r + 1.5;
+        0.4 * self.load * self.static_overlap * growth * growth * cubic
+    }
+
+    /// Hertz' part of the force less the static load, N, at a change of the overlap since rest. With a² = δ and b² = δ₀ it is
+    /// κ (a³ - b³) = κ (δ - δ₀) (a² + ab + b²) / (a + b).
+    pub(crate) fn elastic_force_beyond(&self, change: f64) -> f64 {
+        let overlap = self.static_overlap + change;
+        if self.load == 0.0 {
+            return self.elastic_force(overlap);
+        }
+        if overlap <= 0.0 {
+            return -self.load;
+        }
+        let (a, b) = (overlap.sqrt(), self.static_overlap.sqrt());
+        self.stiffness * change * (overlap + a * b + self.static_overlap) / (a + b)
+    }
+
+    /// Stiffness against small changes of the overlap at rest, (3/2) κ^(2/3) F₀^(1/3), N/m: zero without a static load.
+    pub fn linear_stiffness(&self) -> f64 {
+        1.5 * self.stiffness * self.static_overlap.sqrt()
     }
 }
 
@@ -73,7 +150,7 @@ pub struct Model {
     masses: Vec<f64>,
     /// The same less the intruders: what the contacts accelerate directly.
     shells: Vec<f64>,
-    /// Contacts 1..=N, at index j - 1.
+    /// Contacts 1..=N, and N + 1 if there is a wall, at index j - 1.
     contacts: Vec<Contact>,
     /// In the order of their beads.
     resonators: Vec<Resonator>,
@@ -85,10 +162,8 @@ impl Model {
     /// The model of a scenario that has been checked.
     pub(crate) fn new(scenario: &Scenario) -> Self {
         let striker = &scenario.striker;
-        let beads: Vec<_> = (1..=scenario.chain.beads)
-            .map(|bead| scenario.sphere(bead))
-            .collect();
-        let first = crate::scenario::Sphere {
+        let beads = scenario.spheres();
+        let first = Sphere {
             radius: striker.radius,
             density: striker.density,
             young: striker.young,
@@ -96,22 +171,27 @@ impl Model {
             relaxation: beads[0].relaxation,
         };
         let bodies: Vec<_> = std::iter::once(first).chain(beads).collect();
-        let mut masses: Vec<f64> = bodies.iter().map(crate::scenario::Sphere::mass).collect();
+        let mut masses: Vec<f64> = bodies.iter().map(Sphere::mass).collect();
         masses[0] = striker.mass.unwrap_or(masses[0]);
 
+        let side = |body: &Sphere| Side::new(body.poisson, body.young, 1.0 / body.radius);
+        let load = scenario.chain.precompression;
         let mut contacts: Vec<Contact> = bodies
             .windows(2)
             .map(|pair| {
-                let compliance = |nu: f64, young: f64| 0.75 * (1.0 - nu * nu) / young;
-                let theta: f64 = pair.iter().map(|body| compliance(body.poisson, body.young)).sum();
-                let curvature: f64 = pair.iter().map(|body| 1.0 / body.radius).sum();
-                Contact {
-                    stiffness: 1.0 / (theta * curvature.sqrt()),
-                    relaxation: 0.5 * (pair[0].relaxation + pair[1].relaxation),
-                }
+                let relaxation = 0.5 * (pair[0].relaxation + pair[1].relaxation);
+                Contact::new([side(&pair[0]), side(&pair[1])], relaxation, load)
             })
             .collect();
         contacts[0].relaxation = striker.relaxation.unwrap_or(contacts[0].relaxation);
+        (contacts[0].load, contacts[0].static_overlap) = (0.0, 0.0);
+        if let Some(wall) = &scenario.wall {
+            let last = &bodies[bodies.len() - 1];
+            let relaxation = wall.relaxation.unwrap_or(last.relaxation);
+            let curvature = wall.radius.map_or(0.0, |radius| 1.0 / radius);
+            let sides = [side(last), Side::new(wall.poisson, wall.young, curvature)];
+            contacts.push(Contact::new(sides, relaxation, load));
+        }
 
         let mut resonators: Vec<Resonator> = scenario
             .intruders
@@ -163,12 +243,12 @@ impl Model {
         self.radii[body]
     }
 
-    /// How many contacts, counted from 1.
+    /// How many contacts, counted from 1: as many as beads, and one more where there is a wall.
     pub fn contacts(&self) -> usize {
         self.contacts.len()
     }
 
-    /// Contact `contact`, which joins bodies `contact - 1` and `contact`.
+    /// Contact `contact`, which joins bodies `contact - 1` and `contact`, or the last bead and the wall.
     ///
     /// # Panics
     /// If there is no such contact.
@@ -209,6 +289,7 @@ impl Model {
         Layout {
             bodies: self.masses.len(),
             intruders: self.resonators.len(),
+            walled: self.contacts.len() == self.masses.len(),
         }
     }
 
@@ -220,11 +301,21 @@ impl Model {
         state
     }
 
+    /// How far the overlap of contact `j` (from 1) is from the one at rest, and its rate.
+    pub(crate) fn change(&self, y: &[f64], j: usize) -> (f64, f64) {
+        let (displacement, rest) = y.split_at(self.masses.len());
+        // The wall does not move.
+        let after = |of: &[f64]| if j < self.masses.len() { of[j] } else { 0.0 };
+        (
+            displacement[j - 1] - after(displacement),
+            rest[j - 1] - after(rest),
+        )
+    }
+
     /// Overlap of contact `j` (from 1) and its rate.
     pub(crate) fn overlap(&self, y: &[f64], j: usize) -> (f64, f64) {
-        let layout = self.layout();
-        let velocity = layout.velocity(0);
-        (y[j - 1] - y[j], y[velocity + j - 1] - y[velocity + j])
+        let (change, rate) = self.change(y, j);
+        (self.contacts[j - 1].static_overlap + change, rate)
     }
 
     /// Total force of contact `j` (from 1).
@@ -232,6 +323,16 @@ impl Model {
         let (overlap, rate) = self.overlap(y, j);
         let contact = &self.contacts[j - 1];
         self.limit(contact.elastic_force(overlap) + contact.viscous_force(overlap, rate))
+    }
+
+    /// What of it is beyond the static load.
+    pub(crate) fn force_beyond(&self, y: &[f64], j: usize) -> f64 {
+        let contact = &self.contacts[j - 1];
+        if contact.load == 0.0 {
+            return self.force(y, j);
+        }
+        let (change, rate) = self.change(y, j);
+        self.push(contact, change, rate).0
     }
 
     /// Whether the force of contact `j` (from 1) is being kept from falling below zero.
@@ -247,21 +348,56 @@ impl Model {
         if self.clipped { force.max(0.0) } else { force }
     }
 
+    /// Force of a contact beyond its static load, and the part of the force that takes energy, where the overlap has changed
+    /// by `change` since rest and goes on at the rate `approach`.
+    #[inline]
+    fn push(&self, contact: &Contact, change: f64, approach: f64) -> (f64, f64) {
+        let overlap = contact.static_overlap + change;
+        if overlap <= 0.0 {
+            return (-contact.load, 0.0);
+        }
+        let stiffness = contact.stiffness * overlap.sqrt();
+        let elastic = stiffness * overlap;
+        let viscous = 1.5 * contact.relaxation * stiffness * approach;
+        if self.clipped && elastic + viscous < 0.0 {
+            return (-contact.load, -elastic);
+        }
+        if contact.load == 0.0 {
+            let force = elastic + viscous;
+            return (force, force - elastic);
+        }
+        (contact.elastic_force_beyond(change) + viscous, viscous)
+    }
+
     /// The shortest time that two of these bodies touch when they meet at the striker's speed: Hertz' contact time,
     /// 2.943 (5/4)^(2/5) (μ/κ)^(2/5) V^(-1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
     pub(crate) fn shortest_contact(&self) -> f64 {
         self.contacts
             .iter()
-            .zip(self.masses.windows(2))
-            .map(|(contact, pair)| {
-                let reduced = pair[0] * pair[1] / (pair[0] + pair[1]);
+            .zip(self.reduced_masses())
+            .map(|(contact, reduced)| {
                 2.943_275_184 * (1.25 * reduced / contact.stiffness).powf(0.4) * self.striker_speed.powf(-0.2)
             })
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// The fastest rate of change that an intruder brings, 1/s: that of its spring or its damper.
+    /// Reduced mass at each contact, kg; against the wall a bead counts whole.
+    fn reduced_masses(&self) -> impl Iterator<Item = f64> {
+        let last = self.masses[self.masses.len() - 1];
+        self.masses
+            .windows(2)
+            .map(|pair| pair[0] * pair[1] / (pair[0] + pair[1]))
+            .chain(std::iter::once(last))
+    }
+
+    /// The fastest rate of change that an intruder or a loaded contact brings, 1/s: that of its spring or its damper.
     pub(crate) fn fastest_rate(&self) -> f64 {
+        let contacts = self.contacts.iter().zip(self.reduced_masses());
+        let loaded = contacts.map(|(contact, reduced)| {
+            // A bead has a contact on either side, so twice what one would do.
+            let rate = 2.0 * contact.linear_stiffness() / reduced;
+            rate.sqrt().max(rate * contact.relaxation)
+        });
         self.resonators
             .iter()
             .map(|resonator| {
@@ -271,6 +407,7 @@ impl Model {
                     .sqrt()
                     .max(resonator.damping / reduced)
             })
+            .chain(loaded)
             .fold(0.0, f64::max)
     }
 
@@ -281,11 +418,12 @@ impl Model {
 }
 
 /// Where the state vector keeps what: displacements and velocities of the bodies, relative displacements and velocities of
-/// the intruders, the work lost in all contacts, the work lost in each intruder.
+/// the intruders, the work lost in all contacts, the work lost in each intruder, the momentum lost to the wall if there is one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layout {
     bodies: usize,
     intruders: usize,
+    walled: bool,
 }
 
 impl Layout {
@@ -309,8 +447,12 @@ impl Layout {
         self.contact_loss() + 1 + intruder
     }
 
+    pub(crate) fn wall_impulse(&self) -> Option<usize> {
+        self.walled.then_some(self.contact_loss() + 1 + self.intruders)
+    }
+
     pub(crate) fn dimension(&self) -> usize {
-        self.contact_loss() + 1 + self.intruders
+        self.contact_loss() + 1 + self.intruders + usize::from(self.walled)
     }
 }
 
@@ -325,21 +467,27 @@ impl System for Model {
         acceleration.fill(0.0);
 
         let mut loss = 0.0;
-        for (j, contact) in self.contacts.iter().enumerate() {
-            let overlap = displacement[j] - displacement[j + 1];
-            if overlap > 0.0 {
-                let approach = velocity[j] - velocity[j + 1];
-                let stiffness = contact.stiffness * overlap.sqrt();
-                let elastic = stiffness * overlap;
-                let force = self.limit(elastic + 1.5 * contact.relaxation * stiffness * approach);
-                loss += (force - elastic) * approach;
-                acceleration[j] -= force;
-                acceleration[j + 1] += force;
-            }
+        let beads = layout.bodies - 1;
+        for (j, contact) in self.contacts[..beads].iter().enumerate() {
+            let approach = velocity[j] - velocity[j + 1];
+            let (force, viscous) = self.push(contact, displacement[j] - displacement[j + 1], approach);
+            loss += viscous * approach;
+            acceleration[j] -= force;
+            acceleration[j + 1] += force;
+        }
+        let mut wall_force = 0.0;
+        if let Some(wall) = self.contacts.get(beads) {
+            let (force, viscous) = self.push(wall, displacement[beads], velocity[beads]);
+            loss += viscous * velocity[beads];
+            acceleration[beads] -= force;
+            wall_force = force;
         }
 
         // `rest` begins where the intruders' relative displacements do.
         let base = 2 * layout.bodies;
+        if let Some(index) = layout.wall_impulse() {
+            rest[index - base] = wall_force;
+        }
         for (i, intruder) in self.resonators.iter().enumerate() {
             let x = y[layout.relative(i)];
             let x_rate = y[layout.relative_velocity(i)];
@@ -368,7 +516,8 @@ impl System for Model {
 pub struct Energies {
     /// Kinetic energy of the striker.
     pub striker: f64,
-    /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2).
+    /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2). Contacts under a static load
+    /// count from their state at rest, less the work of that load ([`Contact::energy`]).
     pub chain: f64,
     /// The same with M for every bead: the paper's E_T.
     pub chain_as_printed: f64,
@@ -388,6 +537,11 @@ impl Energies {
 }
 
 impl Model {
+    /// Energy of contact `j` (from 1).
+    pub(crate) fn contact_energy(&self, y: &[f64], j: usize) -> f64 {
+        self.contacts[j - 1].energy_beyond(self.change(y, j).0)
+    }
+
     pub(crate) fn energies(&self, y: &[f64]) -> Energies {
         let layout = self.layout();
         let kinetic = |mass: f64, velocity: f64| 0.5 * mass * velocity * velocity;
@@ -396,11 +550,15 @@ impl Model {
             ..Energies::default()
         };
         for j in 1..layout.bodies {
-            let (overlap, _) = self.overlap(y, j);
             let velocity = y[layout.velocity(j)];
-            let elastic = self.contacts[j - 1].energy(overlap);
+            let elastic = self.contact_energy(y, j);
             energies.chain += kinetic(self.shells[j], velocity) + elastic;
             energies.chain_as_printed += kinetic(self.masses[j], velocity) + elastic;
+        }
+        if self.contacts.len() == layout.bodies {
+            let elastic = self.contact_energy(y, layout.bodies);
+            energies.chain += elastic;
+            energies.chain_as_printed += elastic;
         }
         for (i, intruder) in self.resonators.iter().enumerate() {
             let x = y[layout.relative(i)];
@@ -457,6 +615,9 @@ impl Model {
         scales[layout.velocity(0)..layout.relative(0)].fill(self.striker_speed);
         scales[layout.relative(0)..layout.relative_velocity(0)].fill(self.displacement_scale());
         scales[layout.relative_velocity(0)..layout.contact_loss()].fill(self.striker_speed);
+        if let Some(index) = layout.wall_impulse() {
+            scales[index] = self.masses[0] * self.striker_speed;
+        }
         scales
     }
 }
@@ -472,6 +633,7 @@ impl Model {
         let Contact {
             stiffness,
             relaxation,
+            ..
         } = self.contacts[j - 1];
         let root = overlap.sqrt();
         let viscous = relaxation * (0.5 * approach * approach / root + root * acceleration);
@@ -481,13 +643,16 @@ impl Model {
     /// Rate of [`Energies::chain`] where the state changes by `dy`.
     pub(crate) fn chain_energy_rate(&self, y: &[f64], dy: &[f64]) -> f64 {
         let layout = self.layout();
-        (1..layout.bodies)
+        let elastic = |j: usize| {
+            let (change, approach) = self.change(y, j);
+            self.contacts[j - 1].elastic_force_beyond(change) * approach
+        };
+        let beads: f64 = (1..layout.bodies)
             .map(|j| {
                 let velocity = layout.velocity(j);
-                let (overlap, approach) = self.overlap(y, j);
-                self.shells[j] * y[velocity] * dy[velocity]
-                    + self.contacts[j - 1].elastic_force(overlap) * approach
+                self.shells[j] * y[velocity] * dy[velocity] + elastic(j)
             })
-            .sum()
+            .sum();
+        beads + (layout.bodies..=self.contacts.len()).map(elastic).sum::<f64>()
     }
 }

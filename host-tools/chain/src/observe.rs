@@ -33,13 +33,14 @@ pub struct Summary {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ContactPeak {
-    /// The contact, which joins bodies `contact - 1` and `contact`.
+    /// The contact, which joins bodies `contact - 1` and `contact`; N + 1 is the last bead's with the wall.
     pub contact: usize,
     /// Greatest total force, N.
     pub force: f64,
-    /// When, s. The end of the run for a force that still rises then.
+    /// When, s. The end of the run for a force that still rises then, 0 for a static load that no wave added to.
     pub time: f64,
-    /// Full width at half of `force`, s; none if the run ends before the force is down to half.
+    /// Full width at half of `force`, s, or half way from the static load to it; none if the run ends before the force is down
+    /// to that.
     pub fwhm: Option<f64>,
 }
 
@@ -177,19 +178,29 @@ impl Solution {
     }
 
     fn contact_peaks(&self) -> Vec<ContactPeak> {
+        let load = |contact: usize| self.model().contact(contact).load;
         let peaks: Vec<Peak> = (1..=self.model().contacts())
-            .map(|contact| self.peak(Quantity::Force(contact), Side::Up))
+            .map(|contact| self.peak(Quantity::ForceBeyond(contact), Side::Up))
             .collect();
-        let greatest = peaks.iter().map(|peak| peak.value).fold(0.0, f64::max);
+        let forces = || {
+            (1..)
+                .zip(&peaks)
+                .map(|(contact, peak)| load(contact) + peak.value)
+        };
+        let least = NO_FORCE * forces().fold(0.0, f64::max);
         peaks
             .iter()
+            .zip(forces())
             .zip(1..)
-            .filter(|(peak, _)| peak.value > NO_FORCE * greatest)
-            .map(|(peak, contact)| ContactPeak {
-                contact,
-                force: peak.value,
-                time: peak.time,
-                fwhm: self.width(contact, peak),
+            .filter(|((_, force), _)| *force > least)
+            .map(|((peak, force), contact)| {
+                let reached = peak.value > least;
+                ContactPeak {
+                    contact,
+                    force,
+                    time: if reached { peak.time } else { 0.0 },
+                    fwhm: self.width(contact, peak).filter(|_| reached),
+                }
             })
             .collect()
     }
@@ -246,7 +257,7 @@ impl Solution {
 
     /// Time from the last rise through half of a peak before it to the first fall through half after it.
     fn width(&self, contact: usize, peak: &Peak) -> Option<f64> {
-        let quantity = Quantity::Force(contact);
+        let quantity = Quantity::ForceBeyond(contact);
         let half = 0.5 * peak.value;
         let below = |knot: &usize| quantity.value(self.model(), self.state(*knot)) < half;
         let rise = (0..=peak.knot).rev().find(below)?;

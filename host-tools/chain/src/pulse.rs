@@ -6,6 +6,8 @@
 //! inside as exactly as the motion is known. Of the many ripples that a chain leaves behind, a peak counts as a pulse if it
 //! is high enough and if the force falls far enough on the way to the next one; the lower of two that it does not fall
 //! between is taken for a ripple of the other.
+//!
+//! In a chain under a static load all this is about what the force is beyond the load.
 
 use crate::dop853::{System, crossing};
 use crate::flow::Flow;
@@ -19,7 +21,7 @@ pub struct PulseSearch {
     pub from: f64,
     /// Where to end, s; the end of the run if that is earlier.
     pub to: f64,
-    /// Least height of a pulse, as a part of the greatest force at the contact within the search.
+    /// Least height of a pulse, as a part of the greatest at the contact within the search.
     pub height: f64,
     /// How far the force must fall between two pulses, as a part of the lower one's height; from one half on, every pulse
     /// between two others has a full width at half its height.
@@ -44,7 +46,7 @@ impl Default for PulseSearch {
 pub struct Pulse {
     /// The contact, which joins bodies `contact - 1` and `contact`.
     pub contact: usize,
-    /// Greatest force, N.
+    /// Greatest force, N, a static load included. Everything else is about the force beyond the load.
     pub force: f64,
     /// When it arrives: the time of the greatest force, s.
     pub time: f64,
@@ -98,11 +100,12 @@ impl Solution {
     pub(crate) fn pulses_of(&self, flow: &Flow<'_>, contact: usize, search: &PulseSearch) -> Vec<Pulse> {
         let trace = Trace::new(
             self,
-            Quantity::Force(contact),
+            Quantity::ForceBeyond(contact),
             search.from,
             search.to.min(self.end()),
         );
         let peaks = trace.peaks(search);
+        let load = self.model().contact(contact).load;
         (0..peaks.len())
             .map(|i| {
                 let peak = peaks[i];
@@ -114,12 +117,12 @@ impl Solution {
                 let passed = flow.between(from, to);
                 Pulse {
                     contact,
-                    force: peak.value,
+                    force: load + peak.value,
                     time: peak.time,
                     from,
                     to,
                     fwhm: trace.width(peak, first, last),
-                    impulse: passed.impulse,
+                    impulse: passed.impulse - load * (to - from),
                     energy: passed.energy,
                 }
             })

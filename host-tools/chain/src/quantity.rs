@@ -7,7 +7,8 @@ use crate::solution::Solution;
 /// Something that has peaks.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Quantity {
-    Force(usize),
+    /// Force of a contact beyond its static load.
+    ForceBeyond(usize),
     Velocity(usize),
     Acceleration(usize),
     RelativeDisplacement(usize),
@@ -17,7 +18,7 @@ pub(crate) enum Quantity {
 impl Quantity {
     pub(crate) fn value(self, model: &Model, y: &[f64]) -> f64 {
         match self {
-            Self::Force(contact) => model.force(y, contact),
+            Self::ForceBeyond(contact) => model.force_beyond(y, contact),
             Self::Velocity(body) => y[model.layout().velocity(body)],
             Self::Acceleration(intruder) => model.intruder_acceleration(y, intruder),
             Self::RelativeDisplacement(intruder) => y[model.layout().relative(intruder)],
@@ -28,7 +29,7 @@ impl Quantity {
     /// Its rate of change where the state is `y` and changes by `dy`.
     pub(crate) fn rate(self, model: &Model, y: &[f64], dy: &[f64]) -> f64 {
         match self {
-            Self::Force(contact) => model.force_rate(y, dy, contact),
+            Self::ForceBeyond(contact) => model.force_rate(y, dy, contact),
             Self::Velocity(body) => dy[model.layout().velocity(body)],
             // Linear in the state: the rate is the same function of the state's rate.
             Self::Acceleration(intruder) => model.intruder_acceleration(dy, intruder),

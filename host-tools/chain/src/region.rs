@@ -4,7 +4,8 @@ use std::ops::RangeInclusive;
 
 use crate::model::Model;
 
-/// Energies of some neighbouring beads at one time, J. A bead has the contact on its left, as in the paper's E_n (eq. 4).
+/// Energies of some neighbouring beads at one time, J. A bead has the contact on its left, as in the paper's E_n (eq. 4); the
+/// last bead has that with the wall too.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct RegionEnergies {
@@ -12,7 +13,8 @@ pub struct RegionEnergies {
     pub kinetic: f64,
     /// The same with M for every bead, as the paper prints it.
     pub kinetic_as_printed: f64,
-    /// Of the contacts on the beads' left: Σ (2/5) κ δ^(5/2).
+    /// Of the beads' contacts: Σ (2/5) κ δ^(5/2), from rest where there is a static load
+    /// ([`Contact::energy`](crate::Contact::energy)).
     pub elastic: f64,
     /// Of the intruders: Σ ½ m u'².
     pub intruder_kinetic: f64,
@@ -50,7 +52,11 @@ impl Model {
             energies.kinetic += 0.5 * self.shell(body) * square(body);
             energies.kinetic_as_printed += 0.5 * self.mass(body) * square(body);
             if body > 0 {
-                energies.elastic += self.contact(body).energy(self.overlap(y, body).0);
+                energies.elastic += self.contact_energy(y, body);
+            }
+            // Only the wall's contact has the number of no body.
+            if body + 1 == self.bodies() && self.contacts() == self.bodies() {
+                energies.elastic += self.contact_energy(y, self.bodies());
             }
         }
         for (i, intruder) in self.resonators().iter().enumerate() {

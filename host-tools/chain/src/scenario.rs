@@ -19,6 +19,9 @@ pub struct Scenario {
     pub chain: Chain,
     /// What hits bead 1.
     pub striker: Striker,
+    /// What the last bead leans on; without it the far end is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wall: Option<Wall>,
     /// Resonators inside beads.
     #[serde(default, rename = "intruder", skip_serializing_if = "Vec::is_empty")]
     pub intruders: Vec<Intruder>,
@@ -46,6 +49,14 @@ pub struct Chain {
     /// What becomes of a total contact force below zero.
     #[serde(default)]
     pub contact_force: ContactForce,
+    /// Static load F₀ that presses the chain together from before the strike, N: it pushes bead 1 forwards, and the last bead
+    /// back unless there is a wall to do so, at all times. The striker touches bead 1 without force.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub precompression: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// What becomes of a total contact force below zero, which the viscous term can make while beads part.
@@ -77,6 +88,22 @@ pub struct Striker {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,
     /// Relaxation time of its contact, s; without it that of bead 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<f64>,
+}
+
+/// A body behind the last bead that does not move.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Radius, m; without it the wall is flat.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
+    /// Relaxation time of its contact, s; without it that of the last bead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<f64>,
 }
@@ -162,23 +189,28 @@ impl Scenario {
         check::values(self).map_err(ScenarioError::of)
     }
 
-    /// Bead `bead` (from 1) of the chain.
-    pub(crate) fn sphere(&self, bead: usize) -> Sphere {
+    /// Beads 1 to N of the chain, at index 0 to N - 1.
+    pub(crate) fn spheres(&self) -> Vec<Sphere> {
         let chain = &self.chain;
-        let mut sphere = Sphere {
+        let plain = Sphere {
             radius: chain.radius,
             density: chain.density,
             young: chain.young,
             poisson: chain.poisson,
             relaxation: chain.relaxation,
         };
-        if let Some(section) = self.sections.iter().find(|section| section.beads.contains(&bead)) {
-            sphere.radius = section.radius.unwrap_or(sphere.radius);
-            sphere.density = section.density.unwrap_or(sphere.density);
-            sphere.young = section.young.unwrap_or(sphere.young);
-            sphere.poisson = section.poisson.unwrap_or(sphere.poisson);
-            sphere.relaxation = section.relaxation.unwrap_or(sphere.relaxation);
+        let mut spheres = vec![plain; chain.beads];
+        for section in &self.sections {
+            for bead in &section.beads {
+                spheres[bead - 1] = Sphere {
+                    radius: section.radius.unwrap_or(plain.radius),
+                    density: section.density.unwrap_or(plain.density),
+                    young: section.young.unwrap_or(plain.young),
+                    poisson: section.poisson.unwrap_or(plain.poisson),
+                    relaxation: section.relaxation.unwrap_or(plain.relaxation),
+                };
+            }
         }
-        sphere
+        spheres
     }
 }

@@ -13,7 +13,7 @@ use crate::region::RegionEnergies;
 
 /// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and contacts from 1.
 ///
-/// One state is kept for each step, 8 bytes × (2 bodies + 3 intruders + 1): 0.3 MB for the paper's strike. A run that would
+/// One state is kept for each step, 8 bytes × (2 bodies + 3 intruders + 1), 8 more with a wall: 0.3 MB for the paper's strike. A run that would
 /// keep more than 4 GB is refused.
 #[derive(Debug, Clone)]
 pub struct Solution {
@@ -189,7 +189,7 @@ impl Snapshot<'_> {
         self.time
     }
 
-    /// Displacement of `body` since t = 0, m.
+    /// Displacement of `body` since t = 0, m: a chain under a static load is at rest there.
     ///
     /// # Panics
     /// If there is no such body.
@@ -267,9 +267,16 @@ impl Snapshot<'_> {
         self.model.energies(&self.state)
     }
 
-    /// Momentum of all bodies and intruders, kg·m/s: constant over a run.
+    /// Momentum of all bodies and intruders, kg·m/s. With [`Snapshot::wall_impulse`] it is constant over a run.
     pub fn momentum(&self) -> f64 {
         self.model.momentum(&self.state)
+    }
+
+    /// Momentum that the wall has taken beyond what the static load gives to the chain, ∫ (F - F₀) dt, kg·m/s; zero where the
+    /// far end is free.
+    pub fn wall_impulse(&self) -> f64 {
+        let index = self.model.layout().wall_impulse();
+        index.map_or(0.0, |index| self.state[index])
     }
 
     fn body(&self, body: usize) {

@@ -1,6 +1,6 @@
 //! How exact the integration is, measured against itself and against what is known of the equations.
 
-use hertz_chain::{Accuracy, Options, Scenario, Solution, simulate};
+use hertz_chain::{Accuracy, Options, Scenario, Section, Solution, Wall, simulate};
 
 const PAPER: &str = r#"
 duration = 0.004
@@ -164,27 +164,123 @@ fn the_energy_balance_closes() {
     assert!((as_printed / energy.striker_initial - 1.0).abs() > 1e-3);
 }
 
+/// How the numbers of one run follow from those of another.
+struct Scale {
+    force: f64,
+    time: f64,
+    energy: f64,
+}
+
+/// The worst distance of peaks, widths, energies and absorbed energies from what the scale says.
+fn off_scale(one: &Scenario, other: &Scenario, scale: &Scale) -> f64 {
+    let (one, other) = (run(one).summary(), run(other).summary());
+    assert_eq!(one.peak_force.len(), other.peak_force.len());
+    let mut worst = 0.0_f64;
+    let mut see = |a: f64, b: f64, factor: f64| worst = worst.max((b / a / factor - 1.0).abs());
+    for (a, b) in one.peak_force.iter().zip(&other.peak_force) {
+        see(a.force, b.force, scale.force);
+        see(a.time, b.time, scale.time);
+        assert_eq!(a.fwhm.is_some(), b.fwhm.is_some());
+        if let Some((a, b)) = a.fwhm.zip(b.fwhm) {
+            see(a, b, scale.time);
+        }
+    }
+    see(one.energy.chain_final, other.energy.chain_final, scale.energy);
+    see(one.energy.striker_final, other.energy.striker_final, scale.energy);
+    if one.energy.dissipated_contacts > 0.0 {
+        let (a, b) = (&one.energy, &other.energy);
+        see(a.dissipated_contacts, b.dissipated_contacts, scale.energy);
+    }
+    for (a, b) in one.intruders.iter().zip(&other.intruders) {
+        see(a.dissipated, b.dissipated, scale.energy);
+    }
+    worst
+}
+
+/// F ~ V^(6/5), t ~ V^(-1/5), E ~ V²; an intruder's stiffness must go as V^(2/5) and its damping as V^(1/5) to follow.
 #[test]
 fn an_elastic_chain_scales_with_the_speed() {
-    let slow = elastic(12, 0.003);
-    let mut fast = slow.clone();
-    let ratio: f64 = 7.0;
-    fast.striker.velocity *= ratio;
-    fast.duration *= ratio.powf(-0.2);
-    let (slow, fast) = (run(&slow).summary(), run(&fast).summary());
-    assert_eq!(slow.peak_force.len(), fast.peak_force.len());
-    for (a, b) in slow.peak_force.iter().zip(&fast.peak_force) {
-        assert!(
-            (b.force / a.force / ratio.powf(1.2) - 1.0).abs() < 1e-11,
-            "{a:?} {b:?}"
-        );
-        assert!(
-            (b.time / a.time * ratio.powf(0.2) - 1.0).abs() < 1e-12,
-            "{a:?} {b:?}"
-        );
+    let plain = elastic(12, 0.003);
+    let mut hosting = plain.clone();
+    hosting.intruders = paper().intruders;
+    for (name, slow) in [("plain", plain), ("hosting", hosting)] {
+        let mut slow = slow;
+        slow.striker.velocity = 0.05;
+        slow.duration *= (0.05_f64 / 0.45).powf(-0.2);
+        for ratio in [2.0_f64, 10.0, 100.0] {
+            let mut fast = slow.clone();
+            fast.striker.velocity *= ratio;
+            fast.duration *= ratio.powf(-0.2);
+            for intruder in &mut fast.intruders {
+                intruder.stiffness *= ratio.powf(0.4);
+                intruder.damping *= ratio.powf(0.2);
+            }
+            let scale = Scale {
+                force: ratio.powf(1.2),
+                time: ratio.powf(-0.2),
+                energy: ratio.powi(2),
+            };
+            let error = off_scale(&slow, &fast, &scale);
+            println!("{name}, {ratio} times as fast: {error:.1e}");
+            assert!(error < 1e-11, "{name}, {ratio}: {error:e}");
+        }
     }
-    let energy = fast.energy.chain_final / slow.energy.chain_final;
-    assert!((energy / ratio.powi(2) - 1.0).abs() < 1e-11, "{energy}");
+}
+
+/// Lengths times l, densities times r, moduli times y: times go as l √(r/y), forces as y l², energies as y l³, whatever else
+/// is in the chain.
+#[test]
+fn a_chain_of_other_size_and_material_is_the_same_on_another_scale() {
+    let mut small = paper();
+    small.chain.precompression = 0.3;
+    small.wall = Some(Wall {
+        young: 203e9,
+        poisson: 0.27,
+        radius: Some(0.05),
+        relaxation: None,
+    });
+    small.sections = vec![Section {
+        beads: vec![4, 5],
+        radius: Some(0.012),
+        ..Section::default()
+    }];
+    for (l, r, y) in [
+        (3.0, 1.0, 1.0),
+        (1.0, 4.4, 1.0),
+        (1.0, 1.0, 45.0),
+        (0.2, 1.7, 0.03),
+    ] {
+        let mut large = small.clone();
+        let time = l * f64::sqrt(r / y);
+        large.duration *= time;
+        for radius in [&mut large.chain.radius, &mut large.striker.radius] {
+            *radius *= l;
+        }
+        for density in [&mut large.chain.density, &mut large.striker.density] {
+            *density *= r;
+        }
+        for young in [&mut large.chain.young, &mut large.striker.young] {
+            *young *= y;
+        }
+        let wall = large.wall.as_mut().expect("it has one");
+        wall.young *= y;
+        wall.radius = wall.radius.map(|radius| radius * l);
+        large.sections[0].radius = large.sections[0].radius.map(|radius| radius * l);
+        large.chain.relaxation *= time;
+        large.chain.precompression *= y * l * l;
+        large.striker.velocity *= f64::sqrt(y / r);
+        large.intruders[0].mass *= r * l.powi(3);
+        large.intruders[0].stiffness *= y * l;
+        large.intruders[0].damping *= l * l * f64::sqrt(r * y);
+        let scale = Scale {
+            force: y * l * l,
+            time,
+            energy: y * l.powi(3),
+        };
+        let error = off_scale(&small, &large, &scale);
+        println!("lengths {l}, densities {r}, moduli {y}: {error:.1e}");
+        assert!(error < 1e-11, "{l} {r} {y}: {error:e}");
+    }
 }
 
 /// Eqs. (9) and (10) with the factor of (10) as it must be, (5/4)^(3/5).

@@ -1,6 +1,6 @@
 //! What holds for every scenario, on scenarios drawn at random.
 
-use hertz_chain::{Chain, ContactForce, Intruder, Options, Scenario, Section, Striker, simulate};
+use hertz_chain::{Chain, ContactForce, Intruder, Options, Scenario, Section, Striker, Wall, simulate};
 use proptest::prelude::*;
 
 /// Numbers between two positive ones, each decade as likely as the next.
@@ -35,41 +35,62 @@ fn section(beads: usize) -> impl Strategy<Value = Section> {
     })
 }
 
+fn wall() -> impl Strategy<Value = Wall> {
+    (
+        decades(1e8, 1e12),
+        prop::option::of(decades(0.005, 1.0)),
+        prop::option::of(0.0..1e-5),
+    )
+        .prop_map(|(young, radius, relaxation)| Wall {
+            young,
+            poisson: 0.3,
+            radius,
+            relaxation,
+        })
+}
+
 fn scenario() -> impl Strategy<Value = Scenario> {
     (1_usize..12).prop_flat_map(|beads| {
         let striker = (decades(0.003, 0.04), decades(1e8, 2e11), decades(0.05, 5.0));
         let tables = (
             prop::option::of(intruder(beads)),
             prop::option::of(section(beads)),
+            prop::option::of(wall()),
         );
-        (striker, tables, prop::option::of(0.0..1e-5), any::<bool>()).prop_map(
-            move |((radius, young, velocity), (intruder, section), relaxation, clipped)| Scenario {
-                title: String::new(),
-                duration: 0.004,
-                chain: Chain {
-                    beads,
-                    radius: 0.019,
-                    density: 1775.0,
-                    young: 4.5e9,
-                    poisson: 0.44,
-                    relaxation: relaxation.unwrap_or(0.0),
-                    contact_force: if clipped {
-                        ContactForce::Clipped
-                    } else {
-                        ContactForce::Printed
+        let contacts = (prop::option::of(0.0..1e-5), any::<bool>());
+        let load = prop::option::of(decades(1e-3, 1e3));
+        (striker, tables, contacts, load).prop_map(
+            move |((radius, young, velocity), (intruder, section, wall), (relaxation, clipped), load)| {
+                Scenario {
+                    title: String::new(),
+                    duration: 0.004,
+                    chain: Chain {
+                        beads,
+                        radius: 0.019,
+                        density: 1775.0,
+                        young: 4.5e9,
+                        poisson: 0.44,
+                        relaxation: relaxation.unwrap_or(0.0),
+                        contact_force: if clipped {
+                            ContactForce::Clipped
+                        } else {
+                            ContactForce::Printed
+                        },
+                        precompression: load.unwrap_or(0.0),
                     },
-                },
-                striker: Striker {
-                    radius,
-                    density: 7980.0,
-                    young,
-                    poisson: 0.27,
-                    velocity,
-                    mass: None,
-                    relaxation: None,
-                },
-                intruders: intruder.into_iter().collect(),
-                sections: section.into_iter().collect(),
+                    striker: Striker {
+                        radius,
+                        density: 7980.0,
+                        young,
+                        poisson: 0.27,
+                        velocity,
+                        mass: None,
+                        relaxation: None,
+                    },
+                    wall,
+                    intruders: intruder.into_iter().collect(),
+                    sections: section.into_iter().collect(),
+                }
             },
         )
     })
@@ -89,7 +110,8 @@ proptest! {
 
         let start = solution.model().mass(0) * scenario.striker.velocity;
         let end = solution.at(scenario.duration);
-        prop_assert!((end.momentum() / start - 1.0).abs() < 1e-12, "{}", end.momentum() / start);
+        let momentum = end.momentum() + end.wall_impulse();
+        prop_assert!((momentum / start - 1.0).abs() < 1e-12, "{momentum} of {start}");
 
         // No sample of the motion lies above what the summary calls the greatest.
         let mut sampler = solution.sampler();

@@ -193,6 +193,16 @@ fn a_value_out_of_range_says_what_would_do() {
             "s.toml:9: chain.relaxation: -0.0000042 is not zero or a positive",
         ),
         (
+            "contact_force",
+            "precompression = -1.0\ncontact_force",
+            "s.toml:10: chain.precompression: -1 is not zero or a positive number; give a force in N",
+        ),
+        (
+            "contact_force",
+            "precompression = inf\ncontact_force",
+            "s.toml:10: chain.precompression: inf is not zero or a positive number; give a force in N",
+        ),
+        (
             "radius = 0.0045",
             "radius = 0.0",
             "s.toml:12: striker.radius: 0 is not",
@@ -230,6 +240,60 @@ fn a_value_out_of_range_says_what_would_do() {
         ),
     ] {
         let line = complaint(old, new);
+        assert!(line.starts_with(start), "{line}\n{start}");
+    }
+}
+
+#[test]
+fn a_wall_is_checked_as_a_body_is() {
+    let wall = "[wall]\nyoung = 203e9\npoisson = 0.27\n";
+    let about = |wall: &str| complaint_about(&format!("{SOUND}{wall}"));
+    let scenario = Scenario::from_toml(&format!("{SOUND}{wall}"), "s.toml").expect("sound");
+    assert!(scenario.wall.expect("it has one").radius.is_none());
+    for (old, new, start) in [
+        (
+            "young = 203e9",
+            "young = -203e9",
+            "s.toml:23: wall.young: -203000000000 is not a positive number; give",
+        ),
+        (
+            "young = 203e9",
+            "young = nan",
+            "s.toml:23: wall.young: NaN is not a positive number; give",
+        ),
+        (
+            "poisson = 0.27",
+            "poisson = 0.6",
+            "s.toml:24: wall.poisson: 0.6 is no Poisson's ratio; give",
+        ),
+        (
+            "young",
+            "radius = 0.0\nyoung",
+            "s.toml:23: wall.radius: 0 is not a positive number; give",
+        ),
+        (
+            "young",
+            "relaxation = -1.0\nyoung",
+            "s.toml:23: wall.relaxation: -1 is not zero or a positive",
+        ),
+        (
+            "young",
+            "yuong",
+            "s.toml:23: wall.yuong: unknown key; did you mean `young`?",
+        ),
+        (
+            "young = 203e9\n",
+            "",
+            "s.toml:22: wall: missing field `young`; add it, in SI units",
+        ),
+        (
+            "[wall]",
+            "[wal]",
+            "s.toml:22: wal: unknown key; did you mean `wall`?",
+        ),
+    ] {
+        assert!(wall.contains(old));
+        let line = about(&wall.replacen(old, new, 1));
         assert!(line.starts_with(start), "{line}\n{start}");
     }
 }
@@ -289,6 +353,164 @@ fn beads_out_of_the_chain_or_named_twice_are_refused() {
         line.starts_with("s.toml:24: section[1].radius: -0.01 is not a positive number"),
         "{line}"
     );
+}
+
+#[test]
+fn no_number_of_a_scenario_passes_that_is_none_zero_or_negative() {
+    let sound = Scenario::from_toml(
+        &format!(
+            "{SOUND}[wall]\nyoung = 203e9\npoisson = 0.27\nradius = 0.1\nrelaxation = 0.0\n\
+             [[section]]\nbeads = [3]\nradius = 0.01\ndensity = 1e3\nyoung = 1e9\npoisson = 0.3\nrelaxation = 0.0\n"
+        ),
+        "s.toml",
+    )
+    .expect("sound");
+    type Set = fn(&mut Scenario, f64);
+    let positive: [(&str, Set); 16] = [
+        ("duration", |s, v| s.duration = v),
+        ("chain.radius", |s, v| s.chain.radius = v),
+        ("chain.density", |s, v| s.chain.density = v),
+        ("chain.young", |s, v| s.chain.young = v),
+        ("striker.radius", |s, v| s.striker.radius = v),
+        ("striker.density", |s, v| s.striker.density = v),
+        ("striker.young", |s, v| s.striker.young = v),
+        ("striker.velocity", |s, v| s.striker.velocity = v),
+        ("striker.mass", |s, v| s.striker.mass = Some(v)),
+        ("wall.young", |s, v| s.wall.as_mut().expect("sound").young = v),
+        ("wall.radius", |s, v| {
+            s.wall.as_mut().expect("sound").radius = Some(v)
+        }),
+        ("section[1].radius", |s, v| s.sections[0].radius = Some(v)),
+        ("section[1].density", |s, v| s.sections[0].density = Some(v)),
+        ("section[1].young", |s, v| s.sections[0].young = Some(v)),
+        ("intruder[1].mass", |s, v| s.intruders[0].mass = v),
+        ("intruder[1].stiffness", |s, v| s.intruders[0].stiffness = v),
+    ];
+    let not_negative: [(&str, Set); 6] = [
+        ("chain.relaxation", |s, v| s.chain.relaxation = v),
+        ("chain.precompression", |s, v| s.chain.precompression = v),
+        ("striker.relaxation", |s, v| s.striker.relaxation = Some(v)),
+        ("wall.relaxation", |s, v| {
+            s.wall.as_mut().expect("sound").relaxation = Some(v)
+        }),
+        ("section[1].relaxation", |s, v| s.sections[0].relaxation = Some(v)),
+        ("intruder[1].damping", |s, v| s.intruders[0].damping = v),
+    ];
+    let poisson: [(&str, Set); 4] = [
+        ("chain.poisson", |s, v| s.chain.poisson = v),
+        ("striker.poisson", |s, v| s.striker.poisson = v),
+        ("wall.poisson", |s, v| s.wall.as_mut().expect("sound").poisson = v),
+        ("section[1].poisson", |s, v| s.sections[0].poisson = Some(v)),
+    ];
+    let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e-3];
+    let refused = positive
+        .iter()
+        .flat_map(|entry| {
+            bad.into_iter()
+                .chain([0.0, -0.0])
+                .map(move |value| (entry, value))
+        })
+        .chain(
+            not_negative
+                .iter()
+                .flat_map(|entry| bad.map(move |value| (entry, value))),
+        )
+        .chain(poisson.iter().flat_map(|entry| {
+            [f64::NAN, f64::INFINITY, -1.0, -1.5, 0.500_000_1].map(move |value| (entry, value))
+        }));
+    let mut count = 0;
+    for ((key, set), value) in refused {
+        let mut scenario = sound.clone();
+        set(&mut scenario, value);
+        let error = scenario.check().expect_err(key);
+        assert_eq!(error.key, *key, "{value}: {error}");
+        assert!(
+            !error.advice.is_empty() && !error.to_string().contains('\n'),
+            "{error}"
+        );
+        count += 1;
+    }
+    assert_eq!(count, 16 * 6 + 6 * 4 + 4 * 5);
+    let allowed = not_negative.iter().map(|entry| (entry, 0.0)).chain(
+        poisson
+            .iter()
+            .flat_map(|entry| [0.5, 0.0, -0.999].map(move |value| (entry, value))),
+    );
+    for ((key, set), value) in allowed {
+        let mut scenario = sound.clone();
+        set(&mut scenario, value);
+        assert_eq!(scenario.check(), Ok(()), "{key} {value}");
+    }
+}
+
+#[test]
+fn an_intruder_exactly_as_heavy_as_its_host_is_refused() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let chain = &scenario.chain;
+    let host = 4.0 / 3.0 * std::f64::consts::PI * chain.radius.powi(3) * chain.density;
+    scenario.intruders[0].mass = host;
+    assert_eq!(
+        scenario.check().expect_err("no shell is left").key,
+        "intruder[1].mass"
+    );
+    scenario.intruders[0].mass = host * (1.0 - 1e-15);
+    assert_eq!(scenario.check(), Ok(()));
+}
+
+#[test]
+fn more_beads_than_anybody_means_are_refused_at_once() {
+    for beads in ["1000000", "1000000000000", "9223372036854775807"] {
+        let line = complaint("beads = 16", &format!("beads = {beads}"));
+        assert_eq!(
+            line,
+            format!(
+                "s.toml:4: chain.beads: a chain of {beads} beads cannot be simulated; give a number from 1 to 100000"
+            )
+        );
+    }
+    let line = complaint("beads = 16", "beads = 1e12");
+    assert!(
+        line.starts_with("s.toml:4: chain.beads: invalid type: floating point"),
+        "{line}"
+    );
+    let line = complaint("[8]", "[8, 1000000000000]");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: bead 1000000000000 is not in the chain"),
+        "{line}"
+    );
+}
+
+/// Lists as long as a chain can be are looked through once, not once for each of their beads.
+#[test]
+fn lists_as_long_as_the_longest_chain_are_checked_in_no_time() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.chain.beads = 100_000;
+    let intruder = scenario.intruders[0].clone();
+    let one_by_one = |bead: usize| hertz_chain::Intruder {
+        beads: vec![bead],
+        ..intruder.clone()
+    };
+    scenario.intruders = (1..=50_000).map(one_by_one).collect();
+    scenario.intruders.push(hertz_chain::Intruder {
+        beads: (50_001..=100_000).collect(),
+        ..intruder.clone()
+    });
+    scenario.sections = (1..=100_000)
+        .map(|bead| hertz_chain::Section {
+            beads: vec![bead],
+            radius: Some(0.02),
+            ..hertz_chain::Section::default()
+        })
+        .collect();
+    let clock = std::time::Instant::now();
+    assert_eq!(scenario.check(), Ok(()));
+    scenario.intruders[50_000].beads = (0..3_000_000).map(|i| 50_001 + i % 50_000).collect();
+    assert_eq!(
+        scenario.check().expect_err("named twice").key,
+        "intruder[50001].beads"
+    );
+    // Some 5 ms; a list looked through for each of its beads would take minutes.
+    assert!(clock.elapsed().as_secs_f64() < 2.0, "{:?}", clock.elapsed());
 }
 
 #[test]

@@ -1,0 +1,61 @@
+//! A stepped chain: twenty large beads, then forty of half the radius. The one wave of the large beads goes on in the small ones
+//! as a train of waves, each weaker and slower than the one before (Job et al., Granular Matter 10, 13, 2007).
+
+use hertz_chain::{Chain, Options, PulseSearch, Scenario, Section, Striker, simulate};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let (radius, density, young, poisson) = (0.019, 1775.0, 4.5e9, 0.44);
+    let scenario = Scenario {
+        title: "Twenty beads of 38 mm, forty of 19 mm".to_owned(),
+        duration: 0.0076,
+        chain: Chain {
+            beads: 60,
+            radius,
+            density,
+            young,
+            poisson,
+            relaxation: 0.0,
+            contact_force: Default::default(),
+            precompression: 0.0,
+        },
+        // A bead like the first ones, so that one wave has nearly all of the energy.
+        striker: Striker {
+            radius,
+            density,
+            young,
+            poisson,
+            velocity: 0.45,
+            mass: None,
+            relaxation: None,
+        },
+        wall: None,
+        intruders: Vec::new(),
+        sections: vec![Section {
+            beads: (21..=60).collect(),
+            radius: Some(0.5 * radius),
+            ..Section::default()
+        }],
+    };
+    let solution = simulate(&scenario, &Options::default())?;
+    let search = PulseSearch {
+        height: 0.05,
+        ..PulseSearch::default()
+    };
+
+    println!("{}\n", scenario.title);
+    println!("contact   arrives (ms)   peak force (N)   width at half (ms)   energy (mJ)");
+    for contact in [10, 50] {
+        for pulse in solution.pulses(contact, &search) {
+            let width = pulse
+                .fwhm
+                .map_or("-".to_owned(), |width| format!("{:.4}", 1e3 * width));
+            println!(
+                "{contact:7}   {:12.4}   {:14.3}   {width:>18}   {:11.4}",
+                1e3 * pulse.time,
+                pulse.force,
+                1e3 * pulse.energy,
+            );
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,319 @@
+//! What the equations of motion leave as it is, on states that no scenario starts from; and that leaving a static load out
+//! on both sides changes nothing.
+
+use super::{Contact, Model};
+use crate::dop853::{Stepper, System};
+use crate::scenario::{ContactForce, Intruder, Scenario, Section, Wall};
+
+/// The paper's strike on `beads` elastic beads, no intruder.
+fn elastic(beads: usize) -> Scenario {
+    let text = include_str!("../../examples/paper_strike.toml");
+    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
+    scenario.intruders.clear();
+    scenario.chain.relaxation = 0.0;
+    scenario.chain.beads = beads;
+    scenario
+}
+
+fn with_intruder(mut scenario: Scenario, bead: usize, damping: f64) -> Scenario {
+    scenario.intruders = vec![Intruder {
+        beads: vec![bead],
+        mass: 3.7e-3,
+        stiffness: 1e5,
+        damping,
+    }];
+    scenario
+}
+
+fn steel_wall() -> Wall {
+    Wall {
+        young: 203e9,
+        poisson: 0.27,
+        radius: None,
+        relaxation: None,
+    }
+}
+
+/// The state a time `duration` after `state`, at the reference accuracy.
+fn evolve(model: &Model, state: Vec<f64>, duration: f64) -> Vec<f64> {
+    let floor = model.scales().iter().map(|scale| 1e-15 * scale).collect();
+    let longest = model.shortest_contact() / 24.0;
+    let mut stepper = Stepper::new(model, state, 1e-13, floor, longest);
+    while stepper.time < duration {
+        stepper.advance(model, duration).expect("the motion goes on");
+    }
+    stepper.state
+}
+
+/// The greatest distance of two states, as parts of the scale of each component, all losses left out.
+fn distance(model: &Model, one: &[f64], other: &[f64]) -> f64 {
+    let scales = model.scales();
+    (0..model.layout().contact_loss())
+        .map(|i| (one[i] - other[i]).abs() / scales[i])
+        .fold(0.0, f64::max)
+}
+
+/// Turns all velocities round.
+fn turn(model: &Model, state: &mut [f64]) {
+    let layout = model.layout();
+    let bodies = (0..model.bodies()).map(|body| layout.velocity(body));
+    let intruders = (0..model.resonators().len()).map(|i| layout.relative_velocity(i));
+    for i in bodies.chain(intruders) {
+        state[i] = -state[i];
+    }
+}
+
+#[test]
+fn an_elastic_chain_runs_backwards_to_where_it_came_from() {
+    let mut loaded = with_intruder(elastic(12), 5, 0.0);
+    loaded.chain.precompression = 3.0;
+    loaded.wall = Some(steel_wall());
+    for (name, scenario) in [("free", with_intruder(elastic(12), 5, 0.0)), ("loaded", loaded)] {
+        let model = Model::new(&scenario);
+        let start = model.initial();
+        let mut turned = evolve(&model, start.clone(), 0.003);
+        assert!(distance(&model, &turned, &start) > 1.0);
+        turn(&model, &mut turned);
+        let mut back = evolve(&model, turned, 0.003);
+        turn(&model, &mut back);
+        let error = distance(&model, &back, &start);
+        println!("{name}: {error:.1e}");
+        assert!(error < 5e-11, "{name}: {error:e}");
+    }
+}
+
+/// A chain seen from behind: the last bead becomes the striker, the striker the last bead.
+#[test]
+fn a_chain_seen_in_a_mirror_moves_as_its_image() {
+    let mut scenario = with_intruder(elastic(9), 4, 12.0);
+    scenario.chain.relaxation = 4.2e-6;
+    scenario.sections = vec![Section {
+        beads: vec![2, 5],
+        radius: Some(0.012),
+        young: Some(2e9),
+        ..Section::default()
+    }];
+    let mut image = scenario.clone();
+    image.intruders[0].beads = vec![9 - 4];
+    image.sections[0].beads = vec![9 - 2, 9 - 5];
+    image.sections.push(Section {
+        beads: vec![9],
+        radius: Some(scenario.striker.radius),
+        density: Some(scenario.striker.density),
+        young: Some(scenario.striker.young),
+        poisson: Some(scenario.striker.poisson),
+        relaxation: None,
+    });
+    image.striker.radius = scenario.chain.radius;
+    image.striker.density = scenario.chain.density;
+    image.striker.young = scenario.chain.young;
+    image.striker.poisson = scenario.chain.poisson;
+    let (model, other) = (Model::new(&scenario), Model::new(&image));
+    let layout = model.layout();
+    let mirrored = |state: &[f64]| {
+        let mut image = state.to_vec();
+        for body in 0..model.bodies() {
+            image[body] = -state[model.bodies() - 1 - body];
+            image[layout.velocity(body)] = -state[layout.velocity(model.bodies() - 1 - body)];
+        }
+        for i in [layout.relative(0), layout.relative_velocity(0)] {
+            image[i] = -state[i];
+        }
+        image
+    };
+    let start = model.initial();
+    let end = evolve(&model, start.clone(), 0.002);
+    let error = distance(&model, &evolve(&other, mirrored(&start), 0.002), &mirrored(&end));
+    println!("mirror {error:.1e}");
+    assert!(error < 2e-10, "{error:e}");
+}
+
+/// A rigid flat wall is a mirror: behind it the same chain may be thought, struck at the same time from the other side. Two
+/// equal spheres that press each other by δ both press the plane between by δ/2, and κ (δ/2)^(3/2) is 2^(3/2) times theirs.
+#[test]
+fn a_rigid_wall_is_a_mirror() {
+    for (relaxation, load) in [(0.0, 0.0), (4.2e-6, 0.0), (4.2e-6, 5.0)] {
+        let mut walled = with_intruder(elastic(6), 4, 12.0);
+        walled.chain.relaxation = relaxation;
+        walled.chain.precompression = load;
+        walled.wall = Some(Wall {
+            young: 1e300,
+            ..steel_wall()
+        });
+        let mut double = walled.clone();
+        double.wall = None;
+        double.chain.beads = 13;
+        double.intruders[0].beads = vec![4, 9];
+        double.sections = vec![Section {
+            beads: vec![13],
+            radius: Some(walled.striker.radius),
+            density: Some(walled.striker.density),
+            young: Some(walled.striker.young),
+            poisson: Some(walled.striker.poisson),
+            relaxation: None,
+        }];
+        let (model, mut double) = (Model::new(&walled), Model::new(&double));
+        // The other striker just touches, too, and the load acts on the bead that it strikes.
+        double.contacts[12] = Contact {
+            load: 0.0,
+            static_overlap: 0.0,
+            ..double.contacts[12]
+        };
+        let mut start = double.initial();
+        start[double.layout().velocity(13)] = -walled.striker.velocity;
+        let (ours, theirs) = (
+            evolve(&model, model.initial(), 0.003),
+            evolve(&double, start, 0.003),
+        );
+        let (layout, twice) = (model.layout(), double.layout());
+        let pairs = (0..7)
+            .flat_map(|body| [(body, body), (layout.velocity(body), twice.velocity(body))])
+            .chain([
+                (layout.relative(0), twice.relative(0)),
+                (layout.relative_velocity(0), twice.relative_velocity(0)),
+            ]);
+        let scales = model.scales();
+        let error = pairs
+            .map(|(i, j)| (ours[i] - theirs[j]).abs() / scales[i])
+            .fold(0.0, f64::max);
+        println!("wall as mirror, {relaxation} s, {load} N: {error:.1e}");
+        assert!(error < 2e-11, "{error:e}");
+        // The wave has been at the wall.
+        walled.wall = None;
+        let free = Model::new(&walled);
+        let free = evolve(&free, free.initial(), 0.003);
+        assert!((ours[6] - free[6]).abs() > 0.1 * scales[6]);
+    }
+}
+
+#[test]
+fn the_motion_from_any_time_on_depends_on_the_state_then_alone() {
+    let mut scenario = with_intruder(elastic(12), 5, 12.0);
+    scenario.chain.relaxation = 4.2e-6;
+    scenario.wall = Some(steel_wall());
+    let model = Model::new(&scenario);
+    let whole = evolve(&model, model.initial(), 0.003);
+    for first in [0.0004, 0.0013, 0.0027] {
+        let half = evolve(&model, model.initial(), first);
+        let error = distance(&model, &evolve(&model, half, 0.003 - first), &whole);
+        println!("time shift {error:.1e}");
+        assert!(error < 1e-11, "{error:e}");
+    }
+}
+
+#[test]
+fn a_chain_on_a_moving_table_moves_as_on_one_at_rest() {
+    let mut scenario = with_intruder(elastic(12), 5, 12.0);
+    scenario.chain.relaxation = 4.2e-6;
+    let model = Model::new(&scenario);
+    let (speed, place, duration) = (0.3, 2e-4, 0.003);
+    let layout = model.layout();
+    let carried = |state: &[f64], t: f64| {
+        let mut carried = state.to_vec();
+        for body in 0..model.bodies() {
+            carried[body] += place + speed * t;
+            carried[layout.velocity(body)] += speed;
+        }
+        carried
+    };
+    let end = evolve(&model, model.initial(), duration);
+    let moving = evolve(&model, carried(&model.initial(), 0.0), duration);
+    let error = distance(&model, &moving, &carried(&end, duration));
+    println!("moving table {error:.1e}");
+    assert!(error < 5e-11, "{error:e}");
+}
+
+/// ω = 2 √(K/M) sin(qa/2) with K = (3/2) κ^(2/3) F₀^(1/3): a standing wave of N beads under a load, with q a = p π / N.
+#[test]
+fn small_waves_on_a_loaded_chain_have_the_frequencies_of_a_lattice() {
+    let beads = 12;
+    let mut scenario = elastic(beads);
+    scenario.chain.precompression = 40.0;
+    let model = Model::new(&scenario);
+    let layout = model.layout();
+    let stiffness = 1.5 * model.contact(2).stiffness.powf(2.0 / 3.0) * 40.0_f64.powf(1.0 / 3.0);
+    for p in [1, 2, 5, 11] {
+        let phase = std::f64::consts::PI * p as f64 / beads as f64;
+        let omega = 2.0 * (stiffness / model.mass(1)).sqrt() * (0.5 * phase).sin();
+        let shape = |bead: usize| (phase * (bead as f64 - 0.5)).cos();
+        let amplitude = 1e-6 * model.contact(2).static_overlap;
+        let mut start = vec![0.0; layout.dimension()];
+        // The striker is on its way back.
+        start[layout.velocity(0)] = -0.45;
+        for bead in 1..=beads {
+            start[layout.velocity(bead)] = amplitude * omega * shape(bead);
+        }
+        start[0] = -1e-3;
+        // An eighth of a period on, displacement and velocity over its greatest are alike.
+        let end = evolve(&model, start, 0.25 * std::f64::consts::PI / omega);
+        for bead in 1..=beads {
+            let expected = 0.5_f64.sqrt() * shape(bead);
+            let (place, rate) = (
+                end[bead] / amplitude,
+                end[layout.velocity(bead)] / (amplitude * omega),
+            );
+            let error = (place - expected).abs().max((rate - expected).abs());
+            assert!(error < 1e-6, "p = {p}, bead {bead}: {place} {rate} {expected}");
+        }
+    }
+}
+
+/// The same equations with F₀ written out on both sides.
+#[test]
+fn leaving_the_static_load_out_on_both_sides_changes_nothing() {
+    for clipped in [false, true] {
+        for walled in [false, true] {
+            let mut scenario = with_intruder(elastic(5), 3, 12.0);
+            scenario.chain.relaxation = 2e-5;
+            scenario.chain.precompression = 2.0;
+            scenario.wall = walled.then(steel_wall);
+            if clipped {
+                scenario.chain.contact_force = ContactForce::Clipped;
+            }
+            let model = Model::new(&scenario);
+            let layout = model.layout();
+            // Contacts near rest, far from it, parting fast, and open.
+            let mut state = model.initial();
+            for body in 0..6 {
+                state[body] = 3e-6 * (2.7 * body as f64).sin();
+                state[layout.velocity(body)] = 0.2 * (1.9 * body as f64).cos();
+            }
+            let mut rate = vec![0.0; layout.dimension()];
+            model.rate(&state, &mut rate);
+            let open = (2..=model.contacts())
+                .filter(|&j| model.overlap(&state, j).0 <= 0.0)
+                .count();
+            assert!(open > 0 && open < 4, "{open}");
+            let force = |j: usize| {
+                if j > model.contacts() {
+                    return if j == 6 { 2.0 } else { 0.0 };
+                }
+                let (overlap, approach) = model.overlap(&state, j);
+                let contact = model.contact(j);
+                let force = contact.elastic_force(overlap) + contact.viscous_force(overlap, approach);
+                if clipped { force.max(0.0) } else { force }
+            };
+            let mut total = 0.0;
+            for bead in 1..=5 {
+                let load = if bead == 1 { 2.0 } else { 0.0 };
+                let expected = load + force(bead) - force(bead + 1);
+                let ours = model.shell(bead) * rate[layout.velocity(bead)];
+                assert!((ours - expected).abs() < 1e-13 * 2.0, "{bead}: {ours} {expected}");
+                total += expected.abs();
+            }
+            assert!(total > 1.0);
+            for j in 2..=model.contacts() {
+                let contact = model.contact(j);
+                let (overlap, _) = model.overlap(&state, j);
+                let rest = contact.static_overlap;
+                let whole = |overlap: f64| 0.4 * contact.stiffness * overlap.max(0.0).powf(2.5);
+                let expected = whole(overlap) - whole(rest) - 2.0 * (overlap - rest);
+                let ours = model.contact_energy(&state, j);
+                assert!(
+                    ours >= 0.0 && (ours - expected).abs() < 1e-13 * whole(rest),
+                    "{ours} {expected}"
+                );
+            }
+        }
+    }
+}
