@@ -18,7 +18,7 @@ use crate::failure::Failure;
 use crate::frames::{flag_names, joules};
 use crate::front_end::SCAN_SKEW;
 use crate::replay::{Replay, replay};
-use crate::sensed::{Truth, bead_of, near_the_end, simulate_with_ring_down};
+use crate::sensed::{Truth, bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
 use crate::strikes::RecordedStrike;
 
 /// Goal for estimate A against the full chain.
@@ -170,7 +170,7 @@ impl Chain {
 
     /// What to know about estimate B at this bead, if anything.
     pub fn note(&self) -> Option<String> {
-        near_the_end(&self.solution, self.bead)
+        unlike_the_reduced_chain(&self.solution, self.bead)
     }
 
     /// The strike, four times.

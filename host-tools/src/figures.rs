@@ -189,7 +189,10 @@ mod tests {
             let figure = match plan.draw(&lab) {
                 Ok(figure) => figure,
                 Err(error) => {
-                    failed.push(format!("{}: cannot be drawn: {error}, expected a figure", plan.name));
+                    failed.push(format!(
+                        "{}: cannot be drawn: {error}, expected a figure",
+                        plan.name
+                    ));
                     continue;
                 }
             };

@@ -47,15 +47,23 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
     })
 }
 
-/// What to know about estimate B at a bead near the end of the chain, if anything.
+/// What to know about estimate B where the reduced chain is not like the real one, if anything.
 ///
-/// The reduced chain follows the host with four beads and a free end: three of the real ones are as good (0.15 %),
-/// with fewer the end's reflection comes back while the intruder still moves.
-pub fn near_the_end(solution: &Solution, bead: usize) -> Option<String> {
-    let behind = solution.model().contacts().saturating_sub(bead);
-    (behind < 3).then(|| {
-        format!(
+/// The reduced chain follows the host with four beads that touch without force, and a free end: three of the real ones are
+/// as good (0.15 %), with fewer the end's reflection comes back while the intruder still moves.
+pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<String> {
+    let model = solution.model();
+    let behind = (model.bodies() - 1).saturating_sub(bead);
+    if behind < 3 {
+        return Some(format!(
             "bead {bead} is followed by {behind} only: estimate B reckons with {FOLLOWERS} and is off here; A is not concerned"
+        ));
+    }
+    let load = model.contact(model.bodies() - 1).load;
+    (load > 0.0).then(|| {
+        format!(
+            "the chain is pressed together by {load} N: estimate B reckons with beads that touch without force and is off \
+             here; A is not concerned, and the bead's forces are what comes on top of the load"
         )
     })
 }

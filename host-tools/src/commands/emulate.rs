@@ -17,7 +17,9 @@ use crate::front_end_options::FrontEndOptions;
 use crate::output::{self, Format};
 use crate::recording::{About, Part, Writer};
 use crate::replay::replay;
-use crate::sensed::{Timing, Truth, bead_of, load_scenario, near_the_end, simulate_with_ring_down};
+use crate::sensed::{
+    Timing, Truth, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
+};
 use crate::strikes::assemble;
 
 const AFTER_HELP: &str = "\
@@ -122,7 +124,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let solution = simulate_with_ring_down(&scenario)?;
     bead_of(&solution, arguments.bead)?;
-    if let Some(note) = near_the_end(&solution, arguments.bead) {
+    if let Some(note) = unlike_the_reduced_chain(&solution, arguments.bead) {
         progress.suspend(|| eprintln!("bead: {note}"));
     }
     progress.set_message("digitising what the bead senses");

@@ -26,6 +26,7 @@ pub(super) fn strike(beads: usize, relaxation: f64, duration: f64) -> Scenario {
             poisson: 0.44,
             relaxation,
             contact_force: hertz_chain::ContactForce::Printed,
+            precompression: 0.0,
         },
         striker: Striker {
             radius: 0.0045,
@@ -38,6 +39,7 @@ pub(super) fn strike(beads: usize, relaxation: f64, duration: f64) -> Scenario {
         },
         intruders: Vec::new(),
         sections: Vec::new(),
+        wall: None,
     }
 }
 

@@ -47,8 +47,8 @@ const MUTANTS: &[Mutant] = &[
                 "0.0 * rate",
             ),
             (
-                "elastic + 1.5 * contact.relaxation * stiffness * approach",
-                "elastic + 0.0 * stiffness * approach",
+                "let viscous = 1.5 * contact.relaxation * stiffness * approach;",
+                "let viscous = 0.0 * stiffness * approach;",
             ),
         ],
     },
@@ -60,8 +60,8 @@ const MUTANTS: &[Mutant] = &[
                 "self.relaxation * self.stiffness * overlap.sqrt() * rate",
             ),
             (
-                "elastic + 1.5 * contact.relaxation * stiffness * approach",
-                "elastic + contact.relaxation * stiffness * approach",
+                "let viscous = 1.5 * contact.relaxation * stiffness * approach;",
+                "let viscous = contact.relaxation * stiffness * approach;",
             ),
         ],
     },
@@ -81,7 +81,13 @@ const MUTANTS: &[Mutant] = &[
     },
     Mutant {
         mistake: "the clip lost: parting beads pull where they may not",
-        changes: &[("if self.clipped { force.max(0.0) } else { force }", "force")],
+        changes: &[
+            ("if self.clipped { force.max(0.0) } else { force }", "force"),
+            (
+                "if self.clipped && elastic + viscous < 0.0",
+                "if self.clipped && false",
+            ),
+        ],
     },
     Mutant {
         mistake: "an intruder that the host does not feel",
