@@ -62,6 +62,16 @@ pub enum Aim {
     Worst,
 }
 
+impl Aim {
+    /// Of these shares. Not a number without any.
+    pub fn of(self, shares: &[f64]) -> f64 {
+        match self {
+            Self::Mean => shares.iter().sum::<f64>() / shares.len() as f64,
+            Self::Worst => shares.iter().copied().fold(f64::NAN, f64::max),
+        }
+    }
+}
+
 impl Search {
     /// A search with bounds taken from the chain: masses up to half the lightest host; stiffness and damping from far below to
     /// far above what answers to a strike, which is M ω² and M ω with M of the lightest host and π/ω the time of a contact.
@@ -284,7 +294,9 @@ pub fn optimise(
         .fold(0.0, f64::max);
     Ok(Optimum {
         intruders,
-        share: problem.aim(&strikes.iter().map(|strike| strike.share).collect::<Vec<_>>()),
+        share: search
+            .aim
+            .of(&strikes.iter().map(|strike| strike.share).collect::<Vec<_>>()),
         strikes,
         share_searched: best.value,
         share_alike,
@@ -377,18 +389,10 @@ impl Problem<'_> {
         shares
     }
 
-    /// What designs are compared by.
-    fn aim(&self, shares: &[f64]) -> f64 {
-        match self.search.aim {
-            Aim::Mean => shares.iter().sum::<f64>() / shares.len() as f64,
-            Aim::Worst => shares.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-        }
-    }
-
     /// What the descent follows: the aim, made smooth.
     fn follow(&self, shares: &[f64]) -> f64 {
         match self.search.aim {
-            Aim::Mean => self.aim(shares),
+            Aim::Mean => self.search.aim.of(shares),
             Aim::Worst => {
                 let mean = shares.iter().map(|share| share.powf(POWER)).sum::<f64>() / shares.len() as f64;
                 mean.powf(1.0 / POWER)
@@ -426,7 +430,7 @@ impl Problem<'_> {
         let values: Vec<f64> = self
             .shares(sets, spent)?
             .iter()
-            .map(|shares| self.aim(shares))
+            .map(|shares| self.search.aim.of(shares))
             .collect();
         let best = (0..values.len())
             .min_by(|&a, &b| values[a].total_cmp(&values[b]))
@@ -547,7 +551,7 @@ impl Problem<'_> {
                 }
                 return state.best.value;
             };
-            let value = self.aim(&shares[0]);
+            let value = self.search.aim.of(&shares[0]);
             if value < state.best.value {
                 state.best.value = value;
                 state.best.design = design(x);
