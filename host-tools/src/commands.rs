@@ -4,6 +4,7 @@ pub(crate) mod compare;
 pub(crate) mod decode;
 pub(crate) mod emulate;
 pub(crate) mod figures;
+pub(crate) mod optimise;
 pub(crate) mod record;
 pub(crate) mod replay;
 pub(crate) mod simulate;

@@ -186,7 +186,7 @@ fn the_command_line_is_consistent() {
 fn every_command_teaches_by_example() {
     let root = String::from_utf8(bead(&["--help"]).stdout).unwrap();
     assert!(root.contains("Exit status") && root.contains("Examples:"));
-    for command in ["simulate", "emulate", "decode", "replay", "compare"] {
+    for command in ["simulate", "emulate", "decode", "replay", "compare", "optimise"] {
         let help = String::from_utf8(bead(&[command, "--help"]).stdout).unwrap();
         assert!(
             help.contains(&format!("  bead {command} ")),
@@ -289,6 +289,120 @@ fn simulate_writes_nothing_when_it_fails() {
         &["is the directory there"],
     );
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
+}
+
+/// The paper's strike on so few beads that a search takes no second.
+fn short_scenario(directory: &TempDir) -> String {
+    let text = fs::read_to_string(SCENARIO).unwrap();
+    let path = directory.path().join("short.toml");
+    fs::write(
+        &path,
+        text.replace("beads = 16", "beads = 12")
+            .replace("= 0.006", "= 0.003"),
+    )
+    .unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
+    let directory = tempfile::tempdir().unwrap();
+    let scenario = short_scenario(&directory);
+    let out = directory.path().join("best.toml");
+    let out = out.to_str().unwrap();
+    let search = ["optimise", &scenario, "--hosts", "7,8", "--total-mass", "0.01"];
+    let few = ["--evaluations", "400", "--format", "json", "--out", out];
+    let found = json(&[&search[..], &few].concat());
+    assert_eq!(
+        keys(&found),
+        [
+            "aim",
+            "compared",
+            "damping",
+            "hosts",
+            "mass",
+            "optimum",
+            "stiffness",
+            "total_mass",
+        ]
+    );
+    let share = found["optimum"]["share"].as_f64().unwrap();
+    let own = &found["compared"][0];
+    assert_eq!(own["name"], "the scenario's own");
+    assert!(share < own["share"].as_f64().unwrap());
+    assert_eq!(found["compared"].as_array().unwrap().len(), 3);
+
+    let summary = json(&["simulate", out, "--format", "json"]);
+    let energy = |name: &str| summary["energy"][name].as_f64().unwrap();
+    let injected = energy("striker_initial") - energy("striker_final");
+    let again = 1.0 - energy("dissipated_intruders") / injected;
+    assert!((share - again).abs() < 1e-12, "{share} {again}");
+    let beads: Vec<u64> = summary["intruders"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|intruder| intruder["bead"].as_u64().unwrap())
+        .collect();
+    assert_eq!(beads, [7, 8]);
+}
+
+#[test]
+fn optimise_prints_each_intruder_with_units_and_what_remains() {
+    let directory = tempfile::tempdir().unwrap();
+    let scenario = short_scenario(&directory);
+    let search = ["optimise", &scenario, "--hosts", "7-8", "--total-mass", "0.01"];
+    let output = bead(&[&search[..], &["--alike", "--speeds", "0.3,1", "--worst"]].concat());
+    let text = String::from_utf8(output.stdout).unwrap();
+    for part in [
+        "m (g)",
+        "k (kN/m)",
+        "c (N·s/m)",
+        "f0 (Hz)",
+        "ζ",
+        "remains, worst (%)",
+        "the scenario's own",
+    ] {
+        assert!(text.contains(part), "{part} is not in:\n{text}");
+    }
+    let masses: Vec<&str> = text
+        .lines()
+        .filter(|line| line.starts_with("7 ") || line.starts_with("8 "))
+        .map(|line| line.split_whitespace().nth(1).unwrap())
+        .collect();
+    assert_eq!(masses, ["5.000", "5.000"]);
+}
+
+#[test]
+fn a_search_that_cannot_be_meant_is_refused_by_option() {
+    let optimise = |options: &[&str], parts: &[&str]| {
+        refused(&[&["optimise", SCENARIO], options].concat(), 2, parts);
+    };
+    optimise(
+        &["--hosts", "7-17", "--total-mass", "0.01"],
+        &["--hosts", "bead 17", "1 to 16"],
+    );
+    optimise(&["--hosts", "7,7", "--total-mass", "0.01"], &["--hosts", "twice"]);
+    optimise(
+        &["--hosts", "7", "--total-mass", "0.06"],
+        &["--total-mass", "less than 0.051"],
+    );
+    let with = |options: &[&str], parts: &[&str]| {
+        optimise(
+            &[&["--hosts", "7", "--total-mass", "0.01"], options].concat(),
+            parts,
+        );
+    };
+    with(&["--mass", "0.01:0.001"], &["--mass", "lesser first"]);
+    with(&["--speeds", "0"], &["--speeds", "m/s"]);
+    with(&["--evaluations", "0"], &["--evaluations", "1000 or more"]);
+    with(
+        &["--evaluations", "126", "--out", "/no/such/best.toml"],
+        &["is the directory there"],
+    );
+    for options in [["--mass", "3"], ["--hosts", "9-7"], ["--hosts", "seven"]] {
+        let arguments = [&["optimise", SCENARIO, "--total-mass", "0.01"][..], &options].concat();
+        assert_eq!(bead(&arguments).status.code(), Some(2), "{options:?}");
+    }
 }
 
 #[test]

@@ -187,7 +187,7 @@ const DENSITY: &str = "1775.0";
 const YOUNG: &str = "4.5e9";
 
 /// Chains longer than this are refused: they would ask for memory and time that nobody meant.
-const MOST_BEADS: usize = 100_000;
+pub(crate) const MOST_BEADS: usize = 100_000;
 
 /// Checks every value; the first that is wrong is reported.
 pub(crate) fn values(scenario: &Scenario) -> Result<(), Complaint> {

@@ -181,6 +181,11 @@ impl Scenario {
         Self::from_toml(&text, &file)
     }
 
+    /// The scenario as TOML, for [`Scenario::from_toml`] to read: equal to the last digit.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("tables, numbers and strings are TOML")
+    }
+
     /// Checks every value of a scenario built in code.
     ///
     /// # Errors

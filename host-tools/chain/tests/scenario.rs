@@ -45,7 +45,7 @@ fn a_sound_scenario_is_read_and_written_back_the_same() {
     let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
     assert_eq!(scenario.chain.beads, 16);
     assert_eq!(scenario.intruders[0].beads, [8]);
-    let text = toml::to_string(&scenario).expect("writes");
+    let text = scenario.to_toml();
     assert_eq!(Scenario::from_toml(&text, "t.toml").expect("sound"), scenario);
 }
 
