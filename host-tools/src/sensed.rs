@@ -30,7 +30,7 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
             )
         }));
     };
-    if bead == model.contacts() {
+    if bead + 1 == model.bodies() {
         return Err(Failure::input(format!(
             "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
         )));

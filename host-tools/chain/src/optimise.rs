@@ -612,9 +612,10 @@ fn complaint(key: &'static str, what: String, advice: impl Into<String>) -> Opti
 }
 
 fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
+    let beads = scenario.spheres();
     hosts
         .iter()
-        .map(|&bead| (bead, scenario.sphere(bead).mass()))
+        .map(|&bead| (bead, beads[bead - 1].mass()))
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .expect("hosts have been checked to be there")
 }
