@@ -2,10 +2,12 @@
 
 use core::cell::Cell;
 
+use bead_wire::Health;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
-/// Counts since the reset. Each has one writer; the fields mean what those of [`bead_wire::Status`] do.
+/// Counts since the reset. Each has one writer; the fields mean what those of [`bead_wire::Status`]
+/// and [`Health`] do.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Counters {
     /// Index of the newest scan.
@@ -24,7 +26,10 @@ pub(crate) struct Counters {
     pub(crate) frames: u32,
     pub(crate) frames_dropped_queue_full: u32,
     pub(crate) frames_dropped_too_long: u32,
+    /// Frames that the transmitter is done with.
+    pub(crate) frames_sent: u32,
     pub(crate) armed: bool,
+    pub(crate) health: Health,
 }
 
 static COUNTERS: Mutex<CriticalSectionRawMutex, Cell<Counters>> = Mutex::new(Cell::new(Counters {
@@ -39,7 +44,17 @@ static COUNTERS: Mutex<CriticalSectionRawMutex, Cell<Counters>> = Mutex::new(Cel
     frames: 0,
     frames_dropped_queue_full: 0,
     frames_dropped_too_long: 0,
+    frames_sent: 0,
     armed: false,
+    health: Health {
+        strikes_cut: 0,
+        force_stuck: 0,
+        force_railed: 0,
+        acceleration_stuck: 0,
+        acceleration_railed: 0,
+        supply_low: 0,
+        standing: 0,
+    },
 }));
 
 /// Changes some of the counts.

@@ -6,13 +6,15 @@
 //! a block is lost.
 
 use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport};
-use bead_wire::{Message, Strike};
+use bead_wire::{FaultCause, Message, Strike};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
 
 use crate::acquire::Block;
 use crate::counters;
+use crate::health::Watch;
 use crate::outbox::{self, Record};
+use crate::report;
 
 /// Blocks between acquisition and estimation: 8 ms.
 pub(crate) const BLOCKS: usize = 4;
@@ -25,13 +27,20 @@ pub(crate) async fn estimate(
     mut blocks: Receiver<'static, CriticalSectionRawMutex, Block>,
 ) -> ! {
     let mut epoch = 0;
+    let mut watch = Watch::new();
     loop {
         let block = blocks.receive().await;
         if block.epoch != epoch {
             epoch = block.epoch;
+            let cut = meter.is_measuring();
             meter.restart();
+            if cut {
+                counters::update(|c| c.health.strikes_cut += 1);
+                report::fault(FaultCause::StrikeCut, "samples of its window were lost");
+            }
         }
         process_block(settings, meter, block);
+        watch.look(block);
         blocks.receive_done();
         counters::update(|c| {
             c.blocks_estimated = c.blocks_estimated.wrapping_add(1);

@@ -11,6 +11,7 @@ mod acquire;
 mod clocks;
 mod counters;
 mod estimate;
+mod health;
 mod heartbeat;
 mod outbox;
 mod priorities;
@@ -47,6 +48,7 @@ fn main() -> ! {
     let mut core = cortex_m::Peripherals::take().expect("main runs once");
     stack::close_fence(&mut core.MPU);
     let p = embassy_stm32::init(clocks::config());
+    health::watch_supply();
     defmt::info!(
         "bead {=str} ({=str}), boot {=u32}, reset cause {=u8:#04x}",
         env!("CARGO_PKG_VERSION"),

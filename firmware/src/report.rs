@@ -1,4 +1,4 @@
-//! Who the bead is and how it fares: identity, settings and status, at boot and every second.
+//! Who the bead is and how it fares: identity, settings, status and health, at boot and every second.
 
 use bead_wire::{Fault, FaultCause, Identity, Message, Settings, SettingsSource, Status};
 use embassy_time::{Duration, Instant, Ticker};
@@ -30,6 +30,7 @@ pub(crate) async fn report(boot: &'static Boot, loaded: &'static Loaded) -> ! {
     tell(Message::Identity(identity));
     tell(Message::Settings(Settings { block: loaded.block }));
     tell(Message::Status(status(loaded.source)));
+    tell(Message::Health(counters::snapshot().health));
     if let Some(left) = &boot.left {
         tell(Message::Fault(Fault {
             cause: left.cause,
@@ -46,6 +47,7 @@ pub(crate) async fn report(boot: &'static Boot, loaded: &'static Loaded) -> ! {
         tell(Message::Identity(identity));
         tell(Message::Settings(Settings { block: loaded.block }));
         tell(Message::Status(status(loaded.source)));
+        tell(Message::Health(counters::snapshot().health));
     }
 }
 

@@ -39,15 +39,14 @@ pub(crate) async fn transmit(mut port: UartTx<'static, Async>, buffer: &'static 
     loop {
         let queued = outbox::next().await;
         match frame(&queued, buffer) {
-            Ok(frame) => {
-                if let Err(error) = port.write(frame).await {
-                    defmt::error!(
-                        "frame {=u32} was not sent: {}",
-                        queued.sequence,
-                        defmt::Debug2Format(&error)
-                    );
-                }
-            }
+            Ok(frame) => match port.write(frame).await {
+                Ok(()) => counters::update(|c| c.frames_sent = c.frames_sent.wrapping_add(1)),
+                Err(error) => defmt::error!(
+                    "frame {=u32} was not sent: {}",
+                    queued.sequence,
+                    defmt::Debug2Format(&error)
+                ),
+            },
             Err(_) => counters::update(|c| c.frames_dropped_too_long += 1),
         }
     }

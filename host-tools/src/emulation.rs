@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use stm32f405_qemu::{Outcome, Run, RunError};
 
 use crate::failure::{Blame, Failure};
+use crate::faults::Planned;
 use crate::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ};
 use crate::sensed::{Sensed, Timing, Truth, bead_of};
 
@@ -19,8 +20,9 @@ use crate::sensed::{Sensed, Timing, Truth, bead_of};
 pub const SETTINGS_ADDRESS: u32 = 0x080E_0000;
 /// The image as `cargo xtask build` leaves it in the target directory.
 const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
-/// Virtual time after the last strike: long enough for the next status, sent every second.
-const TAIL: Duration = Duration::from_millis(1200);
+/// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, since a sensor
+/// without any is one that fails.
+const TAIL: f64 = 1.2;
 /// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
 pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
 
@@ -129,6 +131,8 @@ pub struct Emulation {
     pub block: Vec<u8>,
     /// What is true.
     pub truth: RunTruth,
+    /// What is to fail.
+    pub faults: Vec<Planned>,
     codes: Digitised,
     image: PathBuf,
 }
@@ -163,7 +167,7 @@ impl Emulation {
         }
         let codes = front_end.digitise(
             &mut Sensed::new(solution, bead, timing),
-            timing.scans(solution.end()),
+            timing.scans(solution.end() + TAIL),
             seed,
         );
         let truth = RunTruth {
@@ -180,9 +184,15 @@ impl Emulation {
             settings,
             block: block[..length].to_vec(),
             truth,
+            faults: Vec::new(),
             codes,
             image: image.to_owned(),
         })
+    }
+
+    /// Virtual time from the first scan to the end, s.
+    pub fn seconds(&self) -> f64 {
+        self.codes.scans.len() as f64 / f64::from(SAMPLE_RATE_HZ)
     }
 
     /// The machine with the image, its settings and its stimulus: what [`run`](Self::run) executes.
@@ -198,10 +208,12 @@ impl Emulation {
         ]
         .map(|(label, pattern)| (label.to_owned(), pattern.to_owned()))
         .to_vec();
-        run.tail_ns = TAIL.as_nanos() as u64;
+        run.tail_ns = 0;
+        for fault in &self.faults {
+            fault.provoke(&mut run);
+        }
         // An image that keeps the core busy runs some thirty times slower here than on silicon.
-        let seconds = self.codes.scans.len() as f64 / f64::from(SAMPLE_RATE_HZ) + TAIL.as_secs_f64();
-        run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * seconds);
+        run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * self.seconds());
         run
     }
 

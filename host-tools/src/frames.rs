@@ -10,7 +10,7 @@ use std::fmt::Write;
 use bead_model::{Flags, Settings};
 use bead_wire::{
     ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FORCE_UNIT_N, FaultCause, Header,
-    Kind, Reject, Status, Strike,
+    Health, Kind, Reject, Status, Strike,
 };
 use serde_json::{Map, Value, json};
 
@@ -42,6 +42,8 @@ pub enum Message {
     Fault(Fault),
     /// The settings block in force, as `bead-model` encoded it.
     Settings(Vec<u8>),
+    /// How often sensors and supply failed.
+    Health(Health),
 }
 
 /// [`bead_wire::Identity`] with its own text.
@@ -177,6 +179,7 @@ impl From<bead_wire::Message<'_>> for Message {
                 detail: fault.detail.to_owned(),
             }),
             bead_wire::Message::Settings(settings) => Self::Settings(settings.block.to_owned()),
+            bead_wire::Message::Health(health) => Self::Health(health),
         }
     }
 }
@@ -191,6 +194,7 @@ impl Message {
             Self::Waveform(_) => Kind::Waveform,
             Self::Fault(_) => Kind::Fault,
             Self::Settings(_) => Kind::Settings,
+            Self::Health(_) => Kind::Health,
         }
     }
 }
@@ -221,7 +225,16 @@ impl Frame {
             Value::Object(object) => object,
             _ => Map::new(),
         };
-        let body = match &self.message {
+        if let Value::Object(body) = self.body() {
+            object.extend(body);
+        }
+        Value::Object(object)
+    }
+
+    /// What the message says, as [`Self::json`] has it after the header.
+    pub fn body(&self) -> Value {
+        let time = |index: u64| self.sample_rate_hz.map(|rate| index as f64 / f64::from(rate));
+        match &self.message {
             Message::Identity(identity) => json!({
                 "firmware": identity.firmware,
                 "git": identity.git,
@@ -271,18 +284,34 @@ impl Frame {
                 "pc": fault.pc,
                 "detail": fault.detail,
             }),
+            Message::Health(health) => {
+                let mut object = serde_json::to_value(health).unwrap_or_default();
+                object["standing"] = json!(standing_names(health.standing));
+                object["standing_raw"] = json!(health.standing);
+                object
+            }
             Message::Settings(block) => match Settings::decode(block) {
                 Ok(settings) => json!({ "settings": settings, "block": hex(block) }),
                 Err(error) => {
                     json!({ "settings": null, "refused": error.to_string(), "block": hex(block) })
                 }
             },
-        };
-        if let Value::Object(body) = body {
-            object.extend(body);
         }
-        Value::Object(object)
     }
+}
+
+/// Names of what a health frame says is wrong now, as causes of faults are named; bits without a name are in the raw
+/// number only.
+pub fn standing_names(standing: u8) -> Vec<&'static str> {
+    let named = [
+        (Health::FORCE_STUCK, FaultCause::ForceStuck),
+        (Health::FORCE_RAILED, FaultCause::ForceRailed),
+        (Health::ACCELERATION_STUCK, FaultCause::AccelerationStuck),
+        (Health::ACCELERATION_RAILED, FaultCause::AccelerationRailed),
+        (Health::SUPPLY_LOW, FaultCause::SupplyLow),
+    ];
+    let set = named.into_iter().filter(|(bit, _)| standing & bit != 0);
+    set.map(|(_, cause)| cause.name()).collect()
 }
 
 /// Joules of energy bits.

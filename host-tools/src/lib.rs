@@ -9,6 +9,7 @@ pub mod comparison;
 pub mod emulation;
 pub mod f64_estimators;
 pub mod failure;
+pub mod faults;
 pub mod figure;
 pub mod figures;
 pub mod frames;

@@ -40,13 +40,24 @@ pub fn image() -> PathBuf {
 /// # Panics
 /// Something that it needs is missing; the message says what.
 pub fn paper(strikes: u32, interval: f64, seed: Option<u64>) -> Emulation {
+    let lead_in = LEAD_IN;
+    paper_at(
+        Timing {
+            lead_in,
+            strikes,
+            interval,
+        },
+        seed,
+    )
+}
+
+/// As [`paper`], the first strike when `timing` says.
+///
+/// # Panics
+/// Something that it needs is missing; the message says what.
+pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
     let (scenario, _) = load_scenario(&scenario()).unwrap_or_else(|failure| panic!("{failure}"));
     let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
-    let timing = Timing {
-        lead_in: LEAD_IN,
-        strikes,
-        interval,
-    };
     Emulation::prepare(
         &scenario,
         &solution,
@@ -76,6 +87,29 @@ impl Heard {
             Message::Fault(fault) => Some(fault),
             _ => None,
         })
+    }
+
+    /// The last health frame.
+    ///
+    /// # Panics
+    /// There is none: the bead sends one at boot.
+    pub fn health(&self) -> bead_wire::Health {
+        let health = self.frames.iter().rev().find_map(|frame| match &frame.message {
+            Message::Health(health) => Some(*health),
+            _ => None,
+        });
+        health.expect("the bead sends its health at boot")
+    }
+
+    /// Boot and reset cause of each identity, one a boot.
+    pub fn boots(&self) -> Vec<(u32, u8)> {
+        let identities = self.frames.iter().filter_map(|frame| match &frame.message {
+            Message::Identity(identity) => Some((identity.boot, identity.reset_cause)),
+            _ => None,
+        });
+        let mut boots: Vec<_> = identities.collect();
+        boots.dedup();
+        boots
     }
 
     /// Decodes a stream.

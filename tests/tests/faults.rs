@@ -1,96 +1,384 @@
-//! What goes wrong is survived, reported and counted, and a strike that comes later is measured.
+//! What goes wrong is survived, reported and counted, and a strike that comes 50 ms later is measured.
 
-use bead::frames::Message;
+use bead::emulation::Emulation;
+use bead::faults::{self, Planned};
+use bead::frames::joules;
 use bead::replay::replay;
-use bead::strikes::assemble;
-use bead_tests::{Heard, paper};
-use bead_wire::{Arrival, FaultCause};
-use stm32f405_qemu::{Fault, FaultKind, Outcome, Poke};
+use bead::sensed::Timing;
+use bead::strikes::{RecordedStrike, assemble};
+use bead_tests::{Heard, paper_at};
+use bead_wire::{FaultCause, Health};
+use stm32f405_qemu::{Outcome, Poke};
 
-#[test]
-fn a_hard_fault_leaves_a_trace_that_the_next_boot_reports_and_a_later_strike_is_measured() {
-    let run = paper(1, 0.1, Some(1));
-    let mut machine = run.machine();
-    // The strike moves to 120 ms; at 50 ms the vector table's entry of the DMA stream that fills the ring is
-    // overwritten, so that the next interrupt of the acquisition jumps out of memory. The reset loads the
-    // image again.
-    let quiet = machine.stimulus[0];
-    machine.stimulus.splice(0..0, std::iter::repeat_n(quiet, 10_000));
-    const DMA2_STREAM0: u32 = 0x0800_0000 + 4 * (16 + 56);
-    machine.pokes = vec![Poke {
-        at_ns: 50_000_000,
-        address: DMA2_STREAM0,
-        bytes: vec![0xf1, 0xff, 0xff, 0xef],
-    }];
-    let outcome = machine.execute().unwrap();
-    assert_eq!(outcome.resets.len(), 1, "{:?}", outcome.log);
+/// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A reset from
+/// within pulls the pin as well.
+const SOFTWARE: u8 = 1 << 4 | PIN;
+const WATCHDOG: u8 = 1 << 5 | PIN;
+const PIN: u8 = 1 << 2;
 
-    let heard = Heard::new(outcome.uart);
-    let boots: Vec<u32> = heard
-        .frames
-        .iter()
-        .filter_map(|frame| match &frame.message {
-            Message::Identity(identity) => Some(identity.boot),
-            _ => None,
-        })
-        .collect();
-    assert!(boots.contains(&0) && boots.contains(&1), "{boots:?}");
-    let fault = heard
-        .faults()
-        .next()
-        .expect("the second boot reports the fault of the first");
-    assert_eq!((fault.cause, fault.boot), (FaultCause::HardFault, 0), "{fault:?}");
-    assert!(
-        heard
-            .frames
-            .iter()
-            .any(|frame| matches!(frame.arrival, Arrival::Restart { .. }))
-    );
-    assert_eq!(assemble(&heard.frames, None).len(), 1);
+/// A run of the image with faults as their file has them.
+struct Survived {
+    run: Emulation,
+    rows: Vec<[u16; 2]>,
+    outcome: Outcome,
+    heard: Heard,
+    strikes: Vec<RecordedStrike>,
 }
 
-/// Runs a quiet chain with a fault at 50 ms and a strike at 120 ms.
-fn struck_after(fault: Fault) -> (Outcome, Heard) {
-    let run = paper(1, 0.1, Some(1));
-    let mut machine = run.machine();
-    let quiet = machine.stimulus[0];
-    machine.stimulus.splice(0..0, std::iter::repeat_n(quiet, 10_000));
-    machine.faults = vec![fault];
-    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
-    let heard = Heard::new(outcome.uart.clone());
-    let strikes = assemble(&heard.frames, None);
-    assert_eq!(strikes.len(), 1, "{:?}", outcome.log);
-    assert_eq!(replay(&strikes[0]).first_difference, None);
-    // The index goes on over the gap: the recorded codes are those injected at their indices.
-    if outcome.resets.is_empty() {
-        for (i, codes) in strikes[0].scans.iter().enumerate() {
-            let row = strikes[0].said.first_index as usize + i - 1;
-            assert_eq!(*codes, machine.stimulus[row], "row {row}");
+impl Survived {
+    fn new(timing: Timing, faults: &str) -> Self {
+        Self::poked(timing, faults, Vec::new())
+    }
+
+    fn poked(timing: Timing, faults: &str, pokes: Vec<Poke>) -> Self {
+        let mut run = paper_at(timing, Some(1));
+        run.faults = faults::parse(faults, "faults").unwrap();
+        let mut machine = run.machine();
+        machine.pokes = pokes;
+        let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+        let heard = Heard::new(outcome.uart.clone());
+        let strikes = assemble(&heard.frames, None);
+        Self {
+            run,
+            rows: machine.stimulus,
+            outcome,
+            heard,
+            strikes,
         }
     }
-    (outcome, heard)
+
+    fn causes(&self) -> Vec<FaultCause> {
+        self.heard.faults().map(|fault| fault.cause).collect()
+    }
+
+    fn details(&self) -> Vec<&str> {
+        self.heard.faults().map(|fault| fault.detail.as_str()).collect()
+    }
+
+    /// The last strike is measured as any other: no flag, replayed bit for bit, of the samples that were put in, A and B
+    /// within their usual error.
+    fn assert_last_strike_is_measured(&self) {
+        let strike = self
+            .strikes
+            .last()
+            .expect("the strike after the fault is measured");
+        assert_eq!(replay(strike).first_difference, None);
+        assert_eq!(strike.said.flags, 0);
+        let absorbed = self.run.truth.truth.absorbed;
+        let off = |bits: i64| joules(bits) / absorbed - 1.0;
+        let (a, b) = (
+            off(strike.said.absorbed_measured),
+            off(strike.said.absorbed_predicted),
+        );
+        println!("A {:+.3} %, B {:+.3} %", a * 100.0, b * 100.0);
+        assert!(a.abs() < 2e-3, "A off by {a}");
+        assert!(b.abs() < 5e-3, "B off by {b}");
+        if self.outcome.resets.is_empty() {
+            // The index goes on over a gap: the recorded codes are those put in at their indices.
+            for (i, codes) in strike.scans.iter().enumerate() {
+                let row = strike.said.first_index as usize + i - 1;
+                assert_eq!(*codes, self.rows[row], "row {row}");
+            }
+            let start = self.run.truth.starts.last().unwrap();
+            let arrival = (strike.said.trigger_index as f64 - start) / 100e3;
+            assert!(
+                (1.3e-3..1.6e-3).contains(&arrival),
+                "{arrival} s after the strike"
+            );
+        }
+    }
+
+    /// Every frame that the bead made came, or was counted by it as dropped.
+    fn assert_every_frame_is_accounted_for(&self) {
+        let status = self.heard.status();
+        let dropped = status.frames_dropped_queue_full + status.frames_dropped_too_long;
+        assert_eq!(self.heard.counters.lost, u64::from(dropped));
+        assert!(self.heard.counters.rejected.total() <= self.outcome.resets.len() as u64);
+        assert_eq!(self.outcome.unknown_registers, []);
+    }
+}
+
+/// One strike at `at`, s after the first scan.
+fn strike_at(at: f64) -> Timing {
+    Timing {
+        lead_in: at,
+        strikes: 1,
+        interval: 0.1,
+    }
+}
+
+/// A fault at 50 ms that lasts for `duration`, and one strike 50 ms after its end.
+fn condition(kind: &str, duration: f64, more: &str) -> Survived {
+    let faults = format!("[[fault]]\nat = 0.05\nkind = \"{kind}\"\nduration = {duration}\n{more}\n");
+    let survived = Survived::new(strike_at(0.05 + duration + 0.05), &faults);
+    survived.assert_last_strike_is_measured();
+    survived.assert_every_frame_is_accounted_for();
+    assert_eq!(survived.outcome.resets, []);
+    survived
+}
+
+/// A fault at 50 ms that ends in a reset, `took` seconds later at most, and one strike 50 ms after that.
+fn crash(kind: &str, took: f64, flags: u8, cause: FaultCause, detail: &str) {
+    let faults = format!("[[fault]]\nat = 0.05\nkind = \"{kind}\"\n");
+    let survived = Survived::new(strike_at(0.05 + took + 0.05), &faults);
+    assert_eq!(survived.outcome.resets.len(), 1, "{:?}", survived.outcome.log);
+    let sampling = survived.outcome.sampling.unwrap().first_ns;
+    let reset = (survived.outcome.resets[0].at_ns - sampling) as f64 * 1e-9;
+    assert!((0.05..0.05 + took).contains(&reset), "{reset} s");
+    survived.assert_last_strike_is_measured();
+    survived.assert_every_frame_is_accounted_for();
+    assert_eq!(survived.strikes.len(), 1);
+    let told: Vec<_> = survived
+        .heard
+        .faults()
+        .map(|fault| (fault.cause, fault.boot))
+        .collect();
+    assert_eq!(told, [(cause, 0)], "{:?}", survived.outcome.log);
+    assert!(
+        survived.details()[0].starts_with(detail),
+        "{:?}",
+        survived.details()
+    );
+    let boots = survived.heard.boots();
+    assert_eq!(boots.len(), 2, "{boots:?}");
+    assert_eq!(boots[1], (1, flags));
 }
 
 #[test]
 fn an_adc_overrun_costs_an_epoch_is_counted_and_a_later_strike_is_measured_at_its_true_index() {
-    let (outcome, heard) = struck_after(Fault {
-        at_ns: 50_000_000,
-        kind: FaultKind::AdcOverrun,
-    });
-    assert_eq!((outcome.overruns, outcome.resets.len()), (1, 0));
-    let status = heard.status();
+    let survived = Survived::new(strike_at(0.112), "[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n");
+    survived.assert_last_strike_is_measured();
+    survived.assert_every_frame_is_accounted_for();
+    assert_eq!(survived.strikes.len(), 1);
+    assert_eq!((survived.outcome.overruns, survived.outcome.resets.len()), (1, 0));
+    let status = survived.heard.status();
     assert_eq!((status.overruns, status.epoch, status.strikes), (1, 1, 1));
-    let faults: Vec<_> = heard.faults().map(|fault| fault.cause).collect();
-    assert_eq!(faults, [FaultCause::AdcOverrun]);
+    assert_eq!(survived.causes(), [FaultCause::AdcOverrun]);
+    assert_eq!(survived.heard.health(), Health::default());
+}
+
+#[test]
+fn a_strike_whose_window_an_overrun_cuts_has_no_result_and_is_counted() {
+    let timing = Timing {
+        lead_in: 0.05,
+        strikes: 2,
+        interval: 0.065,
+    };
+    let survived = Survived::new(timing, "[[fault]]\nat = 0.0525\nkind = \"adc_overrun\"\n");
+    survived.assert_last_strike_is_measured();
+    survived.assert_every_frame_is_accounted_for();
+    assert_eq!(survived.causes(), [FaultCause::AdcOverrun, FaultCause::StrikeCut]);
+    let measured: Vec<u32> = survived.strikes.iter().map(|strike| strike.said.strike).collect();
+    assert_eq!(measured, [1], "strike 0 is the one that was cut");
+    let (status, health) = (survived.heard.status(), survived.heard.health());
+    assert_eq!((status.strikes, status.overruns, health.strikes_cut), (2, 1, 1));
+    // What was not sampled can be told to the sample, to what a ring holds when it is given up.
+    let samples = survived.outcome.sampling.unwrap().scans;
+    assert!(status.samples < samples);
 }
 
 #[test]
 fn a_dma_error_ends_in_a_reset_that_is_reported_and_a_later_strike_is_measured() {
-    let (outcome, heard) = struck_after(Fault {
-        at_ns: 50_000_000,
-        kind: FaultKind::AdcDmaError,
-    });
-    assert_eq!(outcome.resets.len(), 1);
-    let faults: Vec<_> = heard.faults().map(|fault| (fault.cause, fault.boot)).collect();
-    assert_eq!(faults, [(FaultCause::DmaError, 0)], "{:?}", outcome.log);
+    crash(
+        "adc_dma_error",
+        0.02,
+        SOFTWARE,
+        FaultCause::DmaError,
+        "DMA: error",
+    );
+}
+
+#[test]
+fn a_hard_fault_leaves_a_trace_that_the_next_boot_reports_and_a_later_strike_is_measured() {
+    crash("hard_fault", 0.02, SOFTWARE, FaultCause::HardFault, "CFSR 0x");
+}
+
+#[test]
+fn a_panic_leaves_its_message_that_the_next_boot_reports_and_a_later_strike_is_measured() {
+    crash(
+        "panic",
+        0.02,
+        SOFTWARE,
+        FaultCause::Panic,
+        "interrupt 56 has no handler (trace.rs:",
+    );
+}
+
+#[test]
+fn a_runaway_stack_meets_its_fence_and_a_later_strike_is_measured() {
+    crash(
+        "stack_overflow",
+        0.02,
+        SOFTWARE,
+        FaultCause::StackOverflow,
+        "the stack reached 0x2000",
+    );
+}
+
+#[test]
+fn a_bead_that_hangs_is_reset_by_the_watchdog_and_a_later_strike_is_measured() {
+    crash("hang", 2.1, WATCHDOG, FaultCause::Watchdog, "");
+}
+
+#[test]
+fn a_force_sensor_that_is_stuck_is_told_once_when_it_begins_and_once_when_it_is_over() {
+    let survived = condition("force_stuck", 0.25, "");
+    assert_eq!(survived.causes(), [FaultCause::ForceStuck, FaultCause::Recovered]);
+    assert_eq!(survived.details()[1], "force_stuck");
+    assert_eq!(survived.strikes.len(), 1);
+    let expected = Health {
+        force_stuck: 1,
+        ..Health::default()
+    };
+    assert_eq!(survived.heard.health(), expected);
+}
+
+#[test]
+fn an_acceleration_sensor_that_is_stuck_is_told_once_when_it_begins_and_once_when_it_is_over() {
+    let survived = condition("acceleration_stuck", 0.25, "");
+    assert_eq!(
+        survived.causes(),
+        [FaultCause::AccelerationStuck, FaultCause::Recovered]
+    );
+    assert_eq!(survived.details()[1], "acceleration_stuck");
+    assert_eq!(survived.strikes.len(), 1);
+    let expected = Health {
+        acceleration_stuck: 1,
+        ..Health::default()
+    };
+    assert_eq!(survived.heard.health(), expected);
+}
+
+#[test]
+fn a_force_at_its_rail_is_told_and_the_strike_that_its_step_looks_like_is_flagged() {
+    let survived = condition("force_railed", 0.25, "");
+    assert_eq!(
+        survived.causes(),
+        [FaultCause::ForceRailed, FaultCause::Recovered]
+    );
+    assert_eq!(survived.details()[1], "force_railed");
+    assert_eq!(survived.strikes.len(), 2);
+    assert_ne!(survived.strikes[0].said.flags & 1, 0, "force at a rail");
+    let expected = Health {
+        force_railed: 1,
+        ..Health::default()
+    };
+    assert_eq!(survived.heard.health(), expected);
+}
+
+#[test]
+fn an_acceleration_at_its_rail_is_told_once_when_it_begins_and_once_when_it_is_over() {
+    let survived = condition("acceleration_railed", 0.25, "");
+    assert_eq!(
+        survived.causes(),
+        [FaultCause::AccelerationRailed, FaultCause::Recovered]
+    );
+    assert_eq!(survived.details()[1], "acceleration_railed");
+    assert_eq!(survived.strikes.len(), 1);
+    let expected = Health {
+        acceleration_railed: 1,
+        ..Health::default()
+    };
+    assert_eq!(survived.heard.health(), expected);
+}
+
+#[test]
+fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame() {
+    let survived = Survived::new(
+        strike_at(0.01),
+        "[[fault]]\nat = 0.05\nkind = \"acceleration_stuck\"\n",
+    );
+    assert_eq!(survived.causes(), [FaultCause::AccelerationStuck]);
+    assert_eq!(survived.heard.health().standing, Health::ACCELERATION_STUCK);
+}
+
+#[test]
+fn a_supply_that_dips_is_told_and_one_above_the_limit_is_not() {
+    let survived = condition("supply", 0.03, "volts = 2.9");
+    assert_eq!(survived.causes(), [FaultCause::SupplyLow, FaultCause::Recovered]);
+    let expected = Health {
+        supply_low: 1,
+        ..Health::default()
+    };
+    assert_eq!(survived.heard.health(), expected);
+    let survived = condition("supply", 0.03, "volts = 3.0");
+    assert_eq!(survived.causes(), []);
+    assert_eq!(survived.heard.health(), Health::default());
+}
+
+#[test]
+fn a_port_that_stalls_costs_frames_that_are_counted_and_no_sample_and_a_later_strike_is_measured() {
+    // Eight strikes during the stall fill the queue; the ninth comes 10 ms after its end, the tenth 60 ms.
+    let timing = Timing {
+        lead_in: 0.06,
+        strikes: 10,
+        interval: 0.05,
+    };
+    let faults = "[[fault]]\nat = 0.05\nkind = \"uart_stall\"\nduration = 0.4\n";
+    let survived = Survived::new(timing, faults);
+    survived.assert_last_strike_is_measured();
+    survived.assert_every_frame_is_accounted_for();
+    assert_eq!((survived.causes(), survived.outcome.resets.len()), (vec![], 0));
+    let status = survived.heard.status();
+    assert!(status.frames_dropped_queue_full > 0);
+    assert_eq!(
+        (status.strikes, status.overruns, status.blocks_dropped),
+        (10, 0, 0)
+    );
+}
+
+#[test]
+fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
+    let faults = "[[fault]]\nat = 0.05\nkind = \"uart_stall\"\nduration = 1.5\n";
+    let survived = Survived::new(strike_at(1.6), faults);
+    survived.assert_last_strike_is_measured();
+    assert_eq!(survived.outcome.resets.len(), 1);
+    assert_eq!(survived.causes(), [FaultCause::Panic]);
+    assert!(
+        survived.details()[0].starts_with("transmission hangs (watchdog.rs:"),
+        "{:?}",
+        survived.details()
+    );
+    assert_eq!(survived.heard.boots()[1], (1, SOFTWARE));
+}
+
+#[test]
+fn the_stack_that_was_never_used_is_counted_to_the_word() {
+    /// The stack's highest address, one past the region RAM of `memory.x`.
+    const START: u32 = 0x2001_FF00;
+    let free = |pokes: Vec<Poke>| {
+        let survived = Survived::poked(
+            strike_at(0.02),
+            "[[fault]]\nat = 0.5\nkind = \"supply\"\nvolts = 3.3\n",
+            pokes,
+        );
+        survived.heard.status().stack_free_min
+    };
+    // A word that the stack never reaches is written: as if it had been there.
+    let at = |address: u32| Poke {
+        at_ns: 500_000_000,
+        address,
+        bytes: vec![1, 2, 3, 4],
+    };
+    let untouched = free(Vec::new());
+    let deep = START - 40_000;
+    let left = free(vec![at(deep)]);
+    let bottom = deep - left;
+    assert!(bottom.is_multiple_of(1024), "{bottom:#x}: the end of the fence");
+    assert_eq!(free(vec![at(bottom + 100)]), 100);
+    // What the tasks really used: 2 to 4 kB.
+    let used = START - bottom - untouched;
+    println!("{used} bytes of stack used, {untouched} never");
+    assert!((1000..4000).contains(&used), "{used}");
+}
+
+#[test]
+fn every_fault_that_is_to_be_reported_is_named_by_a_kind() {
+    // The file of the documentation is read, and has every kind.
+    let file = bead_tests::workspace().join("docs/scenarios/faults.toml");
+    let planned = faults::load(&file).unwrap();
+    let mut kinds: Vec<_> = planned.iter().map(|fault: &Planned| fault.kind.name()).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    assert_eq!(kinds.len(), 12, "{kinds:?}");
 }

@@ -112,6 +112,11 @@ impl Meter {
         matches!(self.phase, Phase::Armed)
     }
 
+    /// Whether a strike has triggered whose window is not complete: [`restart`](Self::restart) would cut it.
+    pub fn is_measuring(&self) -> bool {
+        matches!(self.phase, Phase::Measuring { .. })
+    }
+
     /// Takes the scan with sample index `index`; indices are consecutive between calls of
     /// [`restart`](Self::restart).
     #[inline]

@@ -170,6 +170,7 @@ fn encode_body(message: &Message<'_>, buffer: &mut [u8]) -> Result<usize, Encode
             within(settings.block, MAX_BLOCK)?;
             postcard::to_slice(settings, buffer)
         }
+        Message::Health(health) => postcard::to_slice(health, buffer),
     };
     // Slices are bounded above and `MAX_BODY` covers the rest, so this cannot fail; were that sum ever
     // wrong, one frame is refused instead of the bead stopped.
@@ -250,6 +251,7 @@ impl<'a> Checked<'a> {
             Kind::Waveform => Message::Waveform(whole(self.body)?),
             Kind::Fault => Message::Fault(whole(self.body)?),
             Kind::Settings => Message::Settings(whole(self.body)?),
+            Kind::Health => Message::Health(whole(self.body)?),
         })
     }
 }

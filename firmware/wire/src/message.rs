@@ -45,6 +45,8 @@ pub enum Kind {
     Fault = 5,
     /// [`Settings`]
     Settings = 6,
+    /// [`Health`]
+    Health = 7,
 }
 
 impl Kind {
@@ -57,6 +59,7 @@ impl Kind {
             4 => Some(Self::Waveform),
             5 => Some(Self::Fault),
             6 => Some(Self::Settings),
+            7 => Some(Self::Health),
             _ => None,
         }
     }
@@ -80,6 +83,8 @@ pub enum Message<'a> {
     Fault(Fault<'a>),
     /// The settings that the estimators run with.
     Settings(Settings<'a>),
+    /// How often sensors and supply failed.
+    Health(Health),
 }
 
 impl Message<'_> {
@@ -92,6 +97,7 @@ impl Message<'_> {
             Self::Waveform(_) => Kind::Waveform,
             Self::Fault(_) => Kind::Fault,
             Self::Settings(_) => Kind::Settings,
+            Self::Health(_) => Kind::Health,
         }
     }
 }
@@ -206,6 +212,40 @@ pub struct Waveform<'a> {
     pub absorbed_predicted: i64,
 }
 
+/// How often sensors and supply failed since the last reset, and what is wrong now: beside every [`Status`].
+///
+/// A kind of its own, so that status frames stay what they were and old recordings are read as before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Health {
+    /// Strikes that ended without a result, since samples of their window were lost.
+    pub strikes_cut: u32,
+    /// Times that the force sensor got stuck.
+    pub force_stuck: u32,
+    /// Times that the force came to lie at a rail.
+    pub force_railed: u32,
+    /// Times that the acceleration sensor got stuck.
+    pub acceleration_stuck: u32,
+    /// Times that the acceleration came to lie at a rail.
+    pub acceleration_railed: u32,
+    /// Times that the supply fell below its limit.
+    pub supply_low: u32,
+    /// What is wrong now, if anything: [`Health::FORCE_STUCK`] and the others.
+    pub standing: u8,
+}
+
+impl Health {
+    /// Bit of `standing`: the force sensor is stuck.
+    pub const FORCE_STUCK: u8 = 1;
+    /// Bit of `standing`: the force lies at a rail.
+    pub const FORCE_RAILED: u8 = 1 << 1;
+    /// Bit of `standing`: the acceleration sensor is stuck.
+    pub const ACCELERATION_STUCK: u8 = 1 << 2;
+    /// Bit of `standing`: the acceleration lies at a rail.
+    pub const ACCELERATION_RAILED: u8 = 1 << 3;
+    /// Bit of `standing`: the supply is below its limit.
+    pub const SUPPLY_LOW: u8 = 1 << 4;
+}
+
 /// What went wrong. The order is the wire's: add at the end only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -226,6 +266,43 @@ pub enum FaultCause {
     SettingsRefused,
     /// The stack reached its guard.
     StackOverflow,
+    /// The window of a strike was cut by lost samples: the strike has no result.
+    StrikeCut,
+    /// The force code does not move, although noise should move it.
+    ForceStuck,
+    /// The force lies at a rail for longer than any strike.
+    ForceRailed,
+    /// The acceleration code does not move, although noise should move it.
+    AccelerationStuck,
+    /// The acceleration lies at a rail for longer than any strike.
+    AccelerationRailed,
+    /// The supply is below its limit.
+    SupplyLow,
+    /// What the cause in `detail` reported is over.
+    Recovered,
+}
+
+impl FaultCause {
+    /// Its name in JSON, and what `detail` says when it is [`Recovered`](Self::Recovered).
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Panic => "panic",
+            Self::HardFault => "hard_fault",
+            Self::Watchdog => "watchdog",
+            Self::AdcOverrun => "adc_overrun",
+            Self::DmaError => "dma_error",
+            Self::BlockLost => "block_lost",
+            Self::SettingsRefused => "settings_refused",
+            Self::StackOverflow => "stack_overflow",
+            Self::StrikeCut => "strike_cut",
+            Self::ForceStuck => "force_stuck",
+            Self::ForceRailed => "force_railed",
+            Self::AccelerationStuck => "acceleration_stuck",
+            Self::AccelerationRailed => "acceleration_railed",
+            Self::SupplyLow => "supply_low",
+            Self::Recovered => "recovered",
+        }
+    }
 }
 
 /// Something went wrong.
@@ -253,13 +330,14 @@ const fn slice(longest: usize) -> usize {
 }
 
 /// Longest body of each kind, in bytes, kinds in the order of their numbers.
-pub(crate) const MAX_BODIES: [usize; 6] = [
+pub(crate) const MAX_BODIES: [usize; 7] = [
     slice(MAX_FIRMWARE) + slice(MAX_GIT) + 12 + U32 + U8 + U32 + U8,
     U64 + U32 + U64 + 6 * U32 + U8 + U8,
     U32 + 2 * U64 + U16 + U32 + U64 + 2 * U32 + 3 * U64 + U16,
     U32 + U64 + slice(3 * MAX_SCANS) + 2 * U64,
     U8 + U32 + U32 + slice(MAX_DETAIL),
     slice(MAX_BLOCK),
+    6 * U32 + U8,
 ];
 
 /// Longest body of any kind, in bytes.
@@ -326,13 +404,22 @@ mod tests {
             absorbed_predicted: i64::MIN,
         };
         let fault = Fault {
-            cause: FaultCause::StackOverflow,
+            cause: FaultCause::Recovered,
             boot: u32::MAX,
             pc: u32::MAX,
             detail: &text[..MAX_DETAIL],
         };
         let settings = Settings {
             block: &[0xFF; MAX_BLOCK],
+        };
+        let health = Health {
+            strikes_cut: u32::MAX,
+            force_stuck: u32::MAX,
+            force_railed: u32::MAX,
+            acceleration_stuck: u32::MAX,
+            acceleration_railed: u32::MAX,
+            supply_low: u32::MAX,
+            standing: u8::MAX,
         };
 
         let mut buffer = [0; MAX_BODY];
@@ -343,6 +430,7 @@ mod tests {
             postcard::to_slice(&waveform, &mut buffer).unwrap().len(),
             postcard::to_slice(&fault, &mut buffer).unwrap().len(),
             postcard::to_slice(&settings, &mut buffer).unwrap().len(),
+            postcard::to_slice(&health, &mut buffer).unwrap().len(),
         ];
         assert_eq!(lengths, MAX_BODIES);
     }

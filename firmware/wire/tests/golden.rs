@@ -7,8 +7,8 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use bead_wire::{
-    Codes, Decoder, Fault, FaultCause, Header, Identity, MAX_FRAME, Message, Settings, SettingsSource,
-    Status, Strike, Waveform, encode,
+    Codes, Decoder, Fault, FaultCause, Header, Health, Identity, MAX_FRAME, Message, Settings,
+    SettingsSource, Status, Strike, Waveform, encode,
 };
 
 const HEADER: Header = Header {
@@ -18,7 +18,7 @@ const HEADER: Header = Header {
 };
 
 /// The frames of version 1, delimiters included.
-const GOLDEN: [(&str, &str); 6] = [
+const GOLDEN: [(&str, &str); 7] = [
     (
         "identity",
         "000a010102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0602e121c61a00",
@@ -43,10 +43,14 @@ const GOLDEN: [(&str, &str); 6] = [
         "settings",
         "000a010602040302010c0b01020a01010707424541440106ffb5082f5800",
     ),
+    (
+        "health",
+        "000a010702040302010c0b01020a010102010402ac0209f0a204121475767a00",
+    ),
 ];
 
 /// What they say.
-fn messages() -> [Message<'static>; 6] {
+fn messages() -> [Message<'static>; 7] {
     const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
     [
         Message::Identity(Identity {
@@ -101,6 +105,15 @@ fn messages() -> [Message<'static>; 6] {
         Message::Settings(Settings {
             block: b"BEAD\x01\x00\xff",
         }),
+        Message::Health(Health {
+            strikes_cut: 1,
+            force_stuck: 0,
+            force_railed: 2,
+            acceleration_stuck: 300,
+            acceleration_railed: 0,
+            supply_low: 70_000,
+            standing: Health::FORCE_RAILED | Health::SUPPLY_LOW,
+        }),
     ]
 }
 
@@ -151,9 +164,17 @@ fn causes_and_sources_keep_their_numbers() {
         FaultCause::BlockLost,
         FaultCause::SettingsRefused,
         FaultCause::StackOverflow,
+        FaultCause::StrikeCut,
+        FaultCause::ForceStuck,
+        FaultCause::ForceRailed,
+        FaultCause::AccelerationStuck,
+        FaultCause::AccelerationRailed,
+        FaultCause::SupplyLow,
+        FaultCause::Recovered,
     ];
     for (number, cause) in (0..).zip(causes) {
         assert_eq!(postcard::to_slice(&cause, &mut [0; 2]).unwrap(), [number]);
+        assert_eq!(serde_json::to_value(cause).unwrap(), cause.name());
     }
     let sources = [
         SettingsSource::BuiltIn,

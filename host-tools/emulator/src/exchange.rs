@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 2;
+pub(crate) const FORMAT: u32 = 3;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of two little-endian u16: the code of ADC channel 0, then that of channel 1.
@@ -77,16 +77,19 @@ pub struct Poke {
     pub bytes: Vec<u8>,
 }
 
-/// A fault on demand in the acquisition.
+/// A fault on demand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
-    /// Virtual time, in ns since power-up.
+    /// Virtual time, in ns after the first externally triggered scan: the time of the stimulus.
     pub at_ns: u64,
     /// What fails.
     pub kind: FaultKind,
 }
 
 /// What fails.
+///
+/// The last four make the processor run wild: the vector of the DMA stream that serves ADC1 is overwritten in flash, and
+/// that stream's next interrupt does the rest. The reset brings flash back. Nothing happens if no stream serves ADC1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FaultKind {
     /// ADC1 loses a conversion, as when the DMA does not fetch in time: SR.OVR is set, DMA requests and triggers stop
@@ -95,6 +98,27 @@ pub enum FaultKind {
     /// The DMA stream that serves ADC1 meets a bus error: TEIF is set and the stream stops (section 10.3.18). Nothing
     /// happens if no stream serves it.
     AdcDmaError,
+    /// USART1 ends no frame for so many ns: what is in its registers stays there, and the DMA waits. A USART without flow
+    /// control never does this by itself; it is what a transmitter held by CTS, or a DMA stream that got stuck, looks like.
+    TransmitterStalled {
+        /// How long, in ns.
+        for_ns: u64,
+    },
+    /// The supply is so high from now on, in mV; 3300 before. Only the programmable voltage detector sees it: below 1.8 V
+    /// silicon would not run.
+    Supply {
+        /// In mV.
+        millivolts: u32,
+    },
+    /// The vector leads out of memory: a hard fault.
+    WildJump,
+    /// The vector becomes that of WWDG (position 0): where an image does not use the window watchdog, its handler for
+    /// interrupts that have none.
+    UnhandledInterrupt,
+    /// The vector leads to `b .` in the last bytes of flash: the processor never leaves the handler.
+    Hang,
+    /// The vector leads to a loop in the last bytes of flash that pushes on the stack for ever.
+    RunawayStack,
 }
 
 /// What was seen, plugin to host.

@@ -68,6 +68,8 @@ pub trait Board {
     fn read_memory(&mut self, address: u32, bytes: &mut [u8]);
     /// Writes SRAM.
     fn write_memory(&mut self, address: u32, bytes: &[u8]);
+    /// Writes flash behind the processor's back, until the next reset.
+    fn overwrite_flash(&mut self, address: u32, bytes: &[u8]);
     /// An interrupt line of the NVIC changed its level.
     fn set_interrupt(&mut self, number: usize, level: bool);
     /// A byte left the USART1 transmitter.
@@ -76,6 +78,24 @@ pub trait Board {
     fn acquired(&mut self, scans: u64);
     /// The watchdog ran out: reset the processor, and call [`Machine::reset`] when that happens.
     fn reset_wanted(&mut self);
+}
+
+/// Makes the next interrupt on `line` the processor's last before a reset.
+fn crash(kind: FaultKind, line: usize, board: &mut impl Board) {
+    /// Thumb: `b .`
+    const FOR_EVER: [u8; 2] = [0xfe, 0xe7];
+    /// Thumb: `push {r0-r3}`, `b .-2`.
+    const PUSH_FOR_EVER: [u8; 4] = [0x0f, 0xb4, 0xfd, 0xe7];
+    let vector = |line: usize| FLASH.start + 4 * (16 + line as u32);
+    let unused = FLASH.end - 16;
+    let mut handler = (unused | 1).to_le_bytes();
+    match kind {
+        FaultKind::Hang => board.overwrite_flash(unused, &FOR_EVER),
+        FaultKind::RunawayStack => board.overwrite_flash(unused, &PUSH_FOR_EVER),
+        FaultKind::UnhandledInterrupt => board.read_memory(vector(0), &mut handler),
+        _ => handler = 0xefff_fff1_u32.to_le_bytes(),
+    }
+    board.overwrite_flash(vector(line), &handler);
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -228,6 +248,16 @@ impl Machine {
             FaultKind::AdcDmaError => {
                 if let Some(stream) = self.dma[DMA2].serving(&ADC1_REQUEST) {
                     self.dma[DMA2].failed(stream);
+                }
+            }
+            FaultKind::TransmitterStalled { for_ns } => self.usart1.stall(now.saturating_add(for_ns)),
+            FaultKind::Supply { millivolts } => self.pwr.set_supply(millivolts),
+            FaultKind::WildJump
+            | FaultKind::UnhandledInterrupt
+            | FaultKind::Hang
+            | FaultKind::RunawayStack => {
+                if let Some(stream) = self.dma[DMA2].serving(&ADC1_REQUEST) {
+                    crash(kind, DMA_LINES[DMA2][stream], board);
                 }
             }
         }

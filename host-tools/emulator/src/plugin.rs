@@ -33,8 +33,6 @@ struct Overlay {
     /// In order of time.
     pokes: VecDeque<Poke>,
     faults: VecDeque<Fault>,
-    /// What stood in flash before the pokes.
-    flash_before: Vec<(u32, Vec<u8>)>,
     rtt_looked_at_ns: u64,
     powered_up: bool,
     interrupts_tested: bool,
@@ -53,6 +51,8 @@ struct Recorder {
     worst_block: Option<Block>,
     /// All blocks together in which a function with a label ran.
     working: Option<Block>,
+    /// What stood in flash before it was overwritten.
+    flash_before: Vec<(u32, Vec<u8>)>,
 }
 
 impl Overlay {
@@ -108,10 +108,10 @@ impl Overlay {
                 labelled: 0,
                 worst_block: None,
                 working: None,
+                flash_before: Vec::new(),
             },
             pokes: pokes.into(),
             faults: faults.into(),
-            flash_before: Vec::new(),
             rtt_looked_at_ns: 0,
             powered_up: false,
             interrupts_tested: false,
@@ -150,7 +150,9 @@ impl Overlay {
         while let Some(poke) = self.pokes.pop_front_if(|poke| poke.at_ns <= now) {
             self.poke(&poke, qemu);
         }
-        while let Some(fault) = self.faults.pop_front_if(|fault| fault.at_ns <= now) {
+        while self.next_fault().is_some_and(|at| at <= now)
+            && let Some(fault) = self.faults.pop_front()
+        {
             self.machine
                 .fail(fault.kind, now, &mut Outside(qemu, &mut self.recorder));
         }
@@ -161,12 +163,18 @@ impl Overlay {
     }
 
     fn poke(&mut self, poke: &Poke, qemu: &Qemu) {
+        let mut outside = Outside(qemu, &mut self.recorder);
         if FLASH.contains(&poke.address) {
-            let mut before = vec![0; poke.bytes.len()];
-            qemu.read_memory(poke.address, &mut before);
-            self.flash_before.push((poke.address, before));
+            outside.overwrite_flash(poke.address, &poke.bytes);
+        } else {
+            qemu.poke(poke.address, &poke.bytes);
         }
-        qemu.poke(poke.address, &poke.bytes);
+    }
+
+    /// When the next fault is due: not known before sampling has begun.
+    fn next_fault(&self) -> Option<u64> {
+        let sampling = self.machine.stimulus().sampling()?;
+        Some(sampling.first_ns.saturating_add(self.faults.front()?.at_ns))
     }
 
     /// The machine is reset. The first time is power-up, which the machine was made for.
@@ -179,7 +187,7 @@ impl Overlay {
         let now = qemu.now();
         self.machine.reset(now, &mut Outside(qemu, &mut self.recorder));
         self.recorder.block_began = None;
-        while let Some((address, bytes)) = self.flash_before.pop() {
+        while let Some((address, bytes)) = self.recorder.flash_before.pop() {
             qemu.poke(address, &bytes);
         }
         self.after(now, true, qemu);
@@ -202,11 +210,15 @@ impl Overlay {
             self.rtt_looked_at_ns = now;
         }
         let poke = self.pokes.front().map(|poke| poke.at_ns);
-        let fault = self.faults.front().map(|fault| fault.at_ns);
-        let next = [self.machine.next_interrupt(), poke, fault, self.ends_at()]
-            .into_iter()
-            .flatten()
-            .min();
+        let next = [
+            self.machine.next_interrupt(),
+            poke,
+            self.next_fault(),
+            self.ends_at(),
+        ]
+        .into_iter()
+        .flatten()
+        .min();
         if let Some(next) = next {
             qemu.wake_at(next.max(now + 1));
         }
@@ -266,6 +278,13 @@ impl Board for Outside<'_> {
 
     fn write_memory(&mut self, address: u32, bytes: &[u8]) {
         self.0.write_memory(address, bytes);
+    }
+
+    fn overwrite_flash(&mut self, address: u32, bytes: &[u8]) {
+        let mut before = vec![0; bytes.len()];
+        self.0.read_memory(address, &mut before);
+        self.1.flash_before.push((address, before));
+        self.0.poke(address, bytes);
     }
 
     fn set_interrupt(&mut self, number: usize, level: bool) {

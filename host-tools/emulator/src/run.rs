@@ -74,7 +74,7 @@ pub struct Run {
     pub uart_input: Vec<UartInput>,
     /// Writes over guest memory, to provoke faults.
     pub pokes: Vec<Poke>,
-    /// Faults of the acquisition.
+    /// Faults on demand.
     pub faults: Vec<Fault>,
 }
 

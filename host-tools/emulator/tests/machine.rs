@@ -27,6 +27,7 @@ struct TestBoard {
     now: u64,
     uart: Vec<u8>,
     blocks: Vec<u64>,
+    flash_writes: Vec<(u32, Vec<u8>)>,
     resets_wanted: usize,
 }
 
@@ -39,6 +40,10 @@ impl Board for TestBoard {
     fn write_memory(&mut self, address: u32, bytes: &[u8]) {
         let at = (address - SRAM) as usize;
         self.sram[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+
+    fn overwrite_flash(&mut self, address: u32, bytes: &[u8]) {
+        self.flash_writes.push((address, bytes.to_vec()));
     }
 
     fn set_interrupt(&mut self, number: usize, level: bool) {
@@ -83,6 +88,7 @@ impl Bench {
                 now: 0,
                 uart: Vec::new(),
                 blocks: Vec::new(),
+                flash_writes: Vec::new(),
                 resets_wanted: 0,
             },
             wakes: 0,
@@ -278,6 +284,32 @@ fn faults_on_demand_look_like_those_of_the_hardware() {
         (1 << 3, 0),
         "TEIF0, and stopped"
     );
+}
+
+#[test]
+fn a_crash_on_demand_overwrites_the_vector_of_the_stream_that_serves_the_adc() {
+    const VECTOR: u32 = 0x0800_0000 + 4 * (16 + DMA2_STREAM0 as u32);
+    let written = |kind: FaultKind| {
+        let mut bench = Bench::new(ramp(400));
+        bench.machine.fail(kind, 0, &mut bench.board);
+        assert_eq!(bench.board.flash_writes, [], "no stream serves the ADC yet");
+        bench.start_acquisition(SRAM, 128);
+        bench.machine.fail(kind, 35_000, &mut bench.board);
+        bench.board.flash_writes
+    };
+    assert_eq!(
+        written(FaultKind::WildJump),
+        [(VECTOR, vec![0xf1, 0xff, 0xff, 0xef])]
+    );
+    for (kind, code) in [
+        (FaultKind::Hang, vec![0xfe, 0xe7]),
+        (FaultKind::RunawayStack, vec![0x0f, 0xb4, 0xfd, 0xe7]),
+    ] {
+        assert_eq!(
+            written(kind),
+            [(0x080f_fff0, code), (VECTOR, vec![0xf1, 0xff, 0x0f, 0x08])]
+        );
+    }
 }
 
 #[test]

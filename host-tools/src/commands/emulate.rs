@@ -5,12 +5,14 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use bead_wire::FORCE_UNIT_N;
+use bead_wire::{FORCE_UNIT_N, FaultCause, Status};
 use clap::Args;
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::emulation::{Emulation, EmulatorReport, InstructionsPerSample, find_image};
 use crate::failure::{Blame, Failure};
+use crate::faults::{self, Planned};
 use crate::frames::{self, Frame, Message, flag_names, joules};
 use crate::front_end::SAMPLE_RATE_HZ;
 use crate::front_end_options::FrontEndOptions;
@@ -28,12 +30,15 @@ its converter; what it sends is decoded, replayed and held against the full f64 
 DIR/bead-N.mcap is left for `bead decode`, `bead replay` and `bead compare`, and the settings block that the image
 was given as DIR/bead-N.settings, to be flashed to a board of this calibration at 0x080E0000.
 
-Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs.
+Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs. With
+--faults: if a fault is not reported, one is reported that was not provoked, something is lost that is not counted, or
+replay differs.
 
 Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --noise off --format json
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 --interval 0.05 --seed 7";
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 --interval 0.05 --seed 7
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 20 --faults docs/scenarios/faults.toml";
 
 /// Arguments of `bead emulate`.
 #[derive(Debug, Args)]
@@ -56,6 +61,9 @@ pub(crate) struct Arguments {
     /// Time from strike to strike, s.
     #[arg(long, value_name = "S", default_value_t = 0.1)]
     interval: f64,
+    /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
+    #[arg(long, value_name = "F.toml")]
+    faults: Option<PathBuf>,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -72,11 +80,33 @@ struct Report {
     overruns: u64,
     resets: usize,
     strikes: Vec<Strike>,
+    provoked: Vec<Provoked>,
+    faults: Vec<Told>,
+    health: Option<Value>,
     instructions_per_sample: InstructionsPerSample,
     instructions_available: f64,
     saturated: [usize; 2],
     unknown_registers: Vec<String>,
     recording: Option<PathBuf>,
+}
+
+/// A fault of the file, and whether the bead told of it.
+#[derive(Debug, Serialize)]
+struct Provoked {
+    #[serde(flatten)]
+    fault: Planned,
+    /// What the bead is to report; none if it is to notice nothing.
+    cause: Option<FaultCause>,
+    reported: bool,
+}
+
+/// A fault that the bead told of.
+#[derive(Debug, Serialize)]
+struct Told {
+    sample_index: u64,
+    cause: FaultCause,
+    boot: u32,
+    detail: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -109,6 +139,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let front_end = arguments.front_end.front_end()?;
     let (scenario, text) = load_scenario(&arguments.scenario)?;
+    let faults = match &arguments.faults {
+        Some(path) => faults::load(path)?,
+        None => Vec::new(),
+    };
     let image = find_image(arguments.firmware.as_deref())?;
     if let Some(out) = arguments
         .out
@@ -134,7 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         interval: arguments.interval,
     };
     let seed = arguments.front_end.seed();
-    let emulation = Emulation::prepare(
+    let mut emulation = Emulation::prepare(
         &scenario,
         &solution,
         arguments.bead,
@@ -143,6 +177,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         timing,
         &image,
     )?;
+    if let Some(late) = faults.iter().find(|fault| fault.at >= emulation.seconds()) {
+        return Err(Failure::input(format!(
+            "--faults: {} at {} s comes after the end of the run at {} s; make it earlier, or strike more often",
+            late.kind.name(),
+            late.at,
+            emulation.seconds()
+        )));
+    }
+    emulation.faults = faults;
     progress.set_message("running the image in QEMU");
     let (stream, measured) = emulation.run()?;
     progress.finish_and_clear();
@@ -212,7 +255,9 @@ fn report(
     recording: Option<PathBuf>,
 ) -> Report {
     let (frames, counters) = frames::decode(stream);
-    let status = last_status(&frames);
+    let statuses = last_statuses(&frames);
+    let counted =
+        |count: &dyn Fn(&Status) -> u32| statuses.iter().map(|status| u64::from(count(status))).sum();
     let strikes = assemble(&frames, Some(&emulation.settings))
         .iter()
         .map(|strike| {
@@ -229,28 +274,28 @@ fn report(
             }
         })
         .collect();
+    let told = told(&frames);
     Report {
         frames: Frames {
             received: counters.frames,
             lost: counters.lost,
             corrupt: counters.rejected.total(),
             dropped_by_cause: BTreeMap::from([
-                (
-                    "queue_full",
-                    status.map_or(0, |status| status.frames_dropped_queue_full.into()),
-                ),
-                (
-                    "too_long",
-                    status.map_or(0, |status| status.frames_dropped_too_long.into()),
-                ),
+                ("queue_full", counted(&|status| status.frames_dropped_queue_full)),
+                ("too_long", counted(&|status| status.frames_dropped_too_long)),
             ]),
         },
         // What the bead noticed and what the converter saw must be the same.
-        overruns: measured
-            .overruns
-            .max(status.map_or(0, |status| status.overruns.into())),
+        overruns: measured.overruns.max(counted(&|status| status.overruns)),
         resets: measured.resets,
         strikes,
+        provoked: answered(&emulation.faults, &told),
+        faults: told,
+        health: frames
+            .iter()
+            .rev()
+            .find(|frame| matches!(frame.message, Message::Health(_)))
+            .map(Frame::body),
         instructions_per_sample: measured.instructions_per_sample,
         instructions_available: measured.instructions_available,
         saturated: measured.saturated,
@@ -259,11 +304,49 @@ fn report(
     }
 }
 
-fn last_status(frames: &[Frame]) -> Option<&bead_wire::Status> {
-    frames.iter().rev().find_map(|frame| match &frame.message {
-        Message::Status(status) => Some(status),
+/// The last status of every boot: its counts are since the reset.
+fn last_statuses(frames: &[Frame]) -> Vec<Status> {
+    let mut last: Vec<(u8, Status)> = Vec::new();
+    for frame in frames {
+        let Message::Status(status) = frame.message else {
+            continue;
+        };
+        match last.last_mut().filter(|(boot, _)| *boot == frame.header.boot) {
+            Some((_, before)) => *before = status,
+            None => last.push((frame.header.boot, status)),
+        }
+    }
+    last.into_iter().map(|(_, status)| status).collect()
+}
+
+fn told(frames: &[Frame]) -> Vec<Told> {
+    let faults = frames.iter().filter_map(|frame| match &frame.message {
+        Message::Fault(fault) => Some(Told {
+            sample_index: frame.header.sample_index,
+            cause: fault.cause,
+            boot: fault.boot,
+            detail: fault.detail.clone(),
+        }),
         _ => None,
-    })
+    });
+    faults.collect()
+}
+
+/// Which faults of the file the bead told of: the first of a cause answers the first that was to have it.
+fn answered(planned: &[Planned], told: &[Told]) -> Vec<Provoked> {
+    let mut in_time: Vec<&Planned> = planned.iter().collect();
+    in_time.sort_by(|a, b| a.at.total_cmp(&b.at));
+    let mut open: Vec<FaultCause> = told.iter().map(|fault| fault.cause).collect();
+    let mut answer = |fault: &&Planned| {
+        let cause = fault.cause();
+        let at = open.iter().position(|told| Some(*told) == cause);
+        Provoked {
+            fault: **fault,
+            cause,
+            reported: at.map(|at| open.remove(at)).is_some(),
+        }
+    };
+    in_time.iter().map(&mut answer).collect()
 }
 
 fn verdict(report: &Report, struck: u32) -> Result<(), Failure> {
@@ -275,6 +358,9 @@ fn verdict(report: &Report, struck: u32) -> Result<(), Failure> {
         .find_map(|strike| strike.first_difference.as_ref())
     {
         return no(format!("replay differs: {what}"));
+    }
+    if !report.provoked.is_empty() {
+        return verdict_on_faults(report, struck);
     }
     if lost + corrupt > 0 {
         return no(format!(
@@ -297,6 +383,73 @@ fn verdict(report: &Report, struck: u32) -> Result<(), Failure> {
         return no(format!(
             "{} of {struck} strikes were seen; strikes closer than a window, or below the trigger, are not",
             report.strikes.len()
+        ));
+    }
+    Ok(())
+}
+
+/// With faults: each is told, none is made up, and all that was lost is counted.
+fn verdict_on_faults(report: &Report, struck: u32) -> Result<(), Failure> {
+    let no = |what: String| Err(Failure::Verdict(what));
+    if let Some(silent) = report
+        .provoked
+        .iter()
+        .find(|fault| fault.cause.is_some() && !fault.reported)
+    {
+        return no(format!(
+            "{} at {} s was not reported",
+            silent.fault.kind.name(),
+            silent.fault.at
+        ));
+    }
+    let reported = report.provoked.iter().filter(|fault| fault.reported).count();
+    // What follows from a fault: a strike that it cut, and the end of a condition.
+    let follows = |told: &&Told| matches!(told.cause, FaultCause::StrikeCut | FaultCause::Recovered);
+    let told = report.faults.len() - report.faults.iter().filter(follows).count();
+    if told != reported {
+        return no(format!(
+            "{told} faults were reported where {reported} were provoked"
+        ));
+    }
+    let resets = report
+        .provoked
+        .iter()
+        .filter(|fault| fault.fault.resets())
+        .count();
+    if report.resets != resets {
+        return no(format!(
+            "the image reset {} times where {resets} faults end in a reset",
+            report.resets
+        ));
+    }
+    let overruns = report
+        .faults
+        .iter()
+        .filter(|told| told.cause == FaultCause::AdcOverrun);
+    if overruns.count() as u64 != report.overruns {
+        return no(format!("{} overruns were not all reported", report.overruns));
+    }
+    let Frames {
+        lost,
+        corrupt,
+        dropped_by_cause,
+        ..
+    } = &report.frames;
+    let dropped: u64 = dropped_by_cause.values().sum();
+    // A reset cuts the frame that is being sent, and takes what waits with it.
+    if *lost != dropped || *corrupt > resets as u64 {
+        return no(format!(
+            "{lost} frames were lost and {corrupt} corrupt where the bead dropped {dropped} and {resets} resets cut one each at most"
+        ));
+    }
+    let cut = report
+        .faults
+        .iter()
+        .filter(|told| told.cause == FaultCause::StrikeCut);
+    let known = report.strikes.len() + cut.count();
+    if resets == 0 && known < struck as usize {
+        return no(format!(
+            "{known} of {struck} strikes were measured or reported as cut"
         ));
     }
     Ok(())
@@ -370,6 +523,41 @@ fn table(report: &Report) -> String {
     }
     parts.push(output::table_text(&counts));
 
+    if !report.provoked.is_empty() {
+        let mut provoked = output::table(["provoked", "at (s)", "to be reported as", "reported"]);
+        for Provoked {
+            fault,
+            cause,
+            reported,
+        } in &report.provoked
+        {
+            provoked.add_row([
+                fault.kind.name().to_owned(),
+                fault.at.to_string(),
+                cause.map_or("-", FaultCause::name).to_owned(),
+                match (cause, reported) {
+                    (None, _) => "-",
+                    (_, true) => "yes",
+                    (_, false) => "no",
+                }
+                .to_owned(),
+            ]);
+        }
+        parts.push(output::table_text(&provoked));
+    }
+    if !report.faults.is_empty() {
+        let mut told = output::table(["the bead reported", "at sample", "of boot", "detail"]);
+        for fault in &report.faults {
+            told.add_row([
+                fault.cause.name().to_owned(),
+                fault.sample_index.to_string(),
+                fault.boot.to_string(),
+                fault.detail.clone(),
+            ]);
+        }
+        parts.push(output::table_text(&told));
+    }
+
     let per_sample = report.instructions_per_sample;
     let mut instructions = output::table(["instructions a sample", "", "of those that fit"]);
     for (name, count) in [
@@ -418,6 +606,9 @@ mod tests {
             },
             overruns: 0,
             resets: 0,
+            provoked: Vec::new(),
+            faults: Vec::new(),
+            health: None,
             strikes: vec![Strike {
                 sample_index: 2144,
                 peak_force: 6.0,
@@ -490,6 +681,9 @@ mod tests {
             overruns,
             resets,
             strikes,
+            provoked: Vec::new(),
+            faults: Vec::new(),
+            health: None,
             instructions_per_sample: InstructionsPerSample {
                 observer: None,
                 reduced_chain: None,

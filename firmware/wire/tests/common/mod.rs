@@ -8,8 +8,9 @@
 )]
 
 use bead_wire::{
-    Codes, Decoder, Fault, FaultCause, Header, Identity, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE, MAX_FRAME,
-    MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Status, Strike, Waveform, encode,
+    Codes, Decoder, Fault, FaultCause, Header, Health, Identity, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE,
+    MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Status, Strike, Waveform,
+    encode,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -43,6 +44,7 @@ pub enum Draft {
     Settings {
         block: Vec<u8>,
     },
+    Health(Health),
 }
 
 impl Draft {
@@ -91,6 +93,7 @@ impl Draft {
                 detail,
             }),
             Self::Settings { block } => Message::Settings(Settings { block }),
+            Self::Health(health) => Message::Health(*health),
         }
     }
 }
@@ -110,6 +113,13 @@ pub fn draft() -> impl Strategy<Value = Draft> {
         FaultCause::BlockLost,
         FaultCause::SettingsRefused,
         FaultCause::StackOverflow,
+        FaultCause::StrikeCut,
+        FaultCause::ForceStuck,
+        FaultCause::ForceRailed,
+        FaultCause::AccelerationStuck,
+        FaultCause::AccelerationRailed,
+        FaultCause::SupplyLow,
+        FaultCause::Recovered,
     ]);
     let source = prop::sample::select(vec![
         SettingsSource::BuiltIn,
@@ -198,6 +208,25 @@ pub fn draft() -> impl Strategy<Value = Draft> {
             detail
         }),
         vec(any::<u8>(), 0..=MAX_BLOCK).prop_map(|block| Draft::Settings { block }),
+        any::<([u32; 6], u8)>().prop_map(|(counts, standing)| {
+            let [
+                strikes_cut,
+                force_stuck,
+                force_railed,
+                acceleration_stuck,
+                acceleration_railed,
+                supply_low,
+            ] = counts;
+            Draft::Health(Health {
+                strikes_cut,
+                force_stuck,
+                force_railed,
+                acceleration_stuck,
+                acceleration_railed,
+                supply_low,
+                standing,
+            })
+        }),
     ]
 }
 

@@ -1,15 +1,35 @@
-//! Power control (RM0090 section 5.4). The regulator is ready at once; the supply never dips.
+//! Power control (RM0090 section 5.4). The regulator is ready at once; the supply is as high as the outside
+//! says, and the programmable voltage detector compares it.
 
-use super::{NoRegister, Notes, bit};
+use super::{NoRegister, Notes, bit, field};
 
 const VOS: u32 = 1 << 14;
 const DBP: u32 = 1 << 8;
+const PVDE: u32 = 1 << 4;
+
+/// Millivolts at which the detector finds a falling and a rising supply, by CR.PLS: typical values of DocID022152, table of
+/// the reset and power control block.
+const DETECTOR: [[u32; 2]; 8] = [
+    [2040, 2140],
+    [2190, 2300],
+    [2350, 2450],
+    [2510, 2600],
+    [2660, 2760],
+    [2840, 2930],
+    [2930, 3030],
+    [3030, 3140],
+];
+/// A good supply.
+const GOOD_MV: u32 = 3300;
 
 /// PWR's registers.
 #[derive(Debug, Clone)]
 pub struct Pwr {
     cr: u32,
     csr: u32,
+    supply_mv: u32,
+    /// The detector's comparator: the supply is below the threshold.
+    below: bool,
     /// See [`Notes`].
     pub notes: Notes,
 }
@@ -19,18 +39,33 @@ impl Default for Pwr {
         Self {
             cr: VOS,
             csr: 0,
+            supply_mv: GOOD_MV,
+            below: false,
             notes: Notes::default(),
         }
     }
 }
 
 impl Pwr {
-    /// A reset; the notes stay.
+    /// A reset; the notes and the supply stay.
     pub fn reset(&mut self) {
         *self = Self {
             notes: std::mem::take(&mut self.notes),
+            supply_mv: self.supply_mv,
             ..Self::default()
         };
+    }
+
+    /// The supply is so high from now on, in mV.
+    pub fn set_supply(&mut self, millivolts: u32) {
+        self.supply_mv = millivolts;
+        self.compare();
+    }
+
+    fn compare(&mut self) {
+        let [falling, rising] = DETECTOR[field(self.cr, 5, 3) as usize];
+        let threshold = if self.below { rising } else { falling };
+        self.below = self.cr & PVDE != 0 && self.supply_mv < threshold;
     }
 
     /// The backup domain may be written (CR.DBP).
@@ -43,8 +78,8 @@ impl Pwr {
     pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
         match offset {
             0x00 => Ok(self.cr),
-            // VOSRDY always; BRR follows BRE.
-            0x04 => Ok(self.csr | 1 << 14 | (u32::from(bit(self.csr, 9)) << 3)),
+            // VOSRDY always; BRR follows BRE; PVDO.
+            0x04 => Ok(self.csr | 1 << 14 | (u32::from(bit(self.csr, 9)) << 3) | u32::from(self.below) << 2),
             _ => Err(NoRegister),
         }
     }
@@ -56,8 +91,7 @@ impl Pwr {
             0x00 => {
                 // CWUF and CSBF read as 0.
                 self.cr = value & 0x43f3;
-                self.notes
-                    .note_if(bit(value, 4), "CR.PVDE: the supply is always above the threshold");
+                self.compare();
             }
             0x04 => self.csr = value & 0x300,
             _ => return Err(NoRegister),
@@ -78,6 +112,39 @@ mod tests {
         pwr.write(0x00, VOS | DBP).unwrap();
         assert!(pwr.backup_domain_open());
         assert_eq!(pwr.read(0x00), Ok(VOS | DBP));
+    }
+
+    #[test]
+    fn the_detector_finds_a_supply_below_its_threshold_and_lets_go_above_the_hysteresis() {
+        let mut pwr = Pwr::default();
+        let low = |pwr: &Pwr| pwr.read(0x04).unwrap() & 1 << 2 != 0;
+        pwr.set_supply(2800);
+        assert!(!low(&pwr), "the detector is off");
+        pwr.write(0x00, VOS | PVDE | 6 << 5).unwrap();
+        assert!(low(&pwr));
+        for (millivolts, expected) in [
+            (2940, true),
+            (3029, true),
+            (3030, false),
+            (2930, false),
+            (2929, true),
+        ] {
+            pwr.set_supply(millivolts);
+            assert_eq!(low(&pwr), expected, "{millivolts} mV");
+        }
+        pwr.write(0x00, VOS | PVDE).unwrap();
+        assert!(!low(&pwr), "2.0 V is the threshold now");
+    }
+
+    #[test]
+    fn the_supply_outlives_a_reset_and_the_detector_is_off_after_it() {
+        let mut pwr = Pwr::default();
+        pwr.write(0x00, VOS | PVDE | 6 << 5).unwrap();
+        pwr.set_supply(2800);
+        pwr.reset();
+        assert_eq!(pwr.read(0x04), Ok(1 << 14));
+        pwr.write(0x00, VOS | PVDE | 6 << 5).unwrap();
+        assert_eq!(pwr.read(0x04), Ok(1 << 14 | 1 << 2));
     }
 
     #[test]

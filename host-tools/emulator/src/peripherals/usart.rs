@@ -56,6 +56,8 @@ pub struct Usart {
     gtpr: u32,
     waiting: Option<u32>,
     shifting: Option<Frame>,
+    /// No frame ends before this time.
+    stalled_until_ns: u64,
     input: VecDeque<Incoming>,
     /// When the last received frame ended.
     input_seen_ns: u64,
@@ -79,6 +81,7 @@ impl Usart {
             gtpr: 0,
             waiting: None,
             shifting: None,
+            stalled_until_ns: 0,
             input: VecDeque::new(),
             input_seen_ns: 0,
             idle_at: None,
@@ -94,6 +97,7 @@ impl Usart {
             notes,
             input,
             input_seen_ns: self.input_seen_ns,
+            stalled_until_ns: self.stalled_until_ns,
             ..Self::new(self.pclk)
         };
     }
@@ -140,9 +144,17 @@ impl Usart {
         if let Some(data) = self.waiting.take() {
             self.shifting = Some(Frame {
                 data,
-                ends_ns: now + self.frame_ns(),
+                ends_ns: (now + self.frame_ns()).max(self.stalled_until_ns),
             });
             self.sr |= TXE;
+        }
+    }
+
+    /// Ends no frame before `until_ns`: what is being sent waits, and what comes after it.
+    pub fn stall(&mut self, until_ns: u64) {
+        self.stalled_until_ns = self.stalled_until_ns.max(until_ns);
+        if let Some(frame) = &mut self.shifting {
+            frame.ends_ns = frame.ends_ns.max(until_ns);
         }
     }
 
@@ -357,6 +369,22 @@ mod tests {
         assert_eq!(usart.next_sent(), Some(2 * FRAME_NS));
         assert_eq!(usart.sent(), Some(0xaa));
         assert_eq!(usart.read(SR), Ok(TXE | TC));
+    }
+
+    #[test]
+    fn a_stalled_transmitter_ends_no_frame_until_its_time_and_loses_none() {
+        let mut usart = running(TE);
+        usart.write(DR, 0x55, 0).unwrap();
+        usart.write(DR, 0xaa, 0).unwrap();
+        usart.stall(1_000_000);
+        assert_eq!(usart.next_sent(), Some(1_000_000));
+        assert_eq!(usart.sent(), Some(0x55));
+        assert_eq!(usart.next_sent(), Some(1_000_000 + FRAME_NS));
+        assert_eq!(usart.sent(), Some(0xaa));
+        let mut usart = running(TE);
+        usart.stall(1_000_000);
+        usart.write(DR, 0x55, 5_000).unwrap();
+        assert_eq!(usart.next_sent(), Some(1_000_000), "also what comes after");
     }
 
     #[test]
