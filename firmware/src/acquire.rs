@@ -31,6 +31,7 @@ use bead_wire::FaultCause;
 
 use crate::clocks::ADC_HZ;
 use crate::counters;
+use crate::health;
 use crate::report;
 use crate::sample_clock::{SAMPLE_RATE_HZ, SampleClock};
 
@@ -119,7 +120,9 @@ async fn epoch(
     ring: &mut Ring,
     outlet: &mut Outlet,
 ) -> &'static str {
-    let mut adc = Adc::new(inputs.adc.reborrow()).into_ring_buffered(
+    let mut adc = Adc::new(inputs.adc.reborrow());
+    health::measure_supply(&mut adc);
+    let mut adc = adc.into_ring_buffered(
         inputs.dma.reborrow(),
         ring,
         Irqs,

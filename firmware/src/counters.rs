@@ -53,6 +53,7 @@ static COUNTERS: Mutex<CriticalSectionRawMutex, Cell<Counters>> = Mutex::new(Cel
         acceleration_stuck: 0,
         acceleration_railed: 0,
         supply_low: 0,
+        supply_mv: 0,
         standing: 0,
     },
 }));

@@ -91,7 +91,11 @@ impl Sink for Telemetry {
             absorbed_measured: report.absorbed_measured.to_bits(),
             absorbed_predicted: report.absorbed_predicted.to_bits(),
             incident_energy: report.incident_energy.to_bits(),
-            flags: report.flags.bits(),
+            flags: report.flags.bits()
+                | match counters::snapshot().health.standing {
+                    0 => 0,
+                    _ => Strike::SENSOR_FAULT,
+                },
         })));
     }
 }

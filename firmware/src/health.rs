@@ -3,20 +3,24 @@
 //! # Design
 //! Looked at is every [`STEP`]th scan of every block, which costs two instructions a sample. All codes of a
 //! channel are put together by OR and by AND: if both give the same, the code never moved; if all are next to
-//! one rail, their high bits agree. A verdict falls every [`WINDOW`] blocks, so each condition is told at most
-//! once in that time, when it begins and when it is over, however it flickers.
+//! one rail, their high bits agree. A condition begins when a whole [`WINDOW`] of blocks was so, and is over with
+//! the first block that is not: each is told when it begins and when it is over, ten times a second at most.
 //!
 //! A sensor with its noise moves the code: of the 1250 codes looked at, some ten differ from the rest if the
 //! noise is a fifth of a code and lies as badly as it can, in the middle between two steps. A sensor that is
 //! quieter looks stuck, and is reported as such.
 //!
-//! The supply is the reference of the ADC. Its internal reference voltage, on ADC1 alone, has to be sampled for
-//! 10 µs at least (DocID022152, embedded reference voltage), more than the 7.4 µs between two scans: it cannot be
-//! measured without losing scans. So the programmable voltage detector watches instead, which needs no ADC
-//! (RM0090 section 5.2.3), and is looked at once a block.
+//! The supply is the reference of the ADC. The internal reference voltage tells it, on ADC1 alone, and has to be
+//! sampled for 10 µs at least (DocID022152, embedded reference voltage), more than the 7.4 µs between two scans:
+//! while scans are made it cannot be measured without losing some. So it is measured whenever acquisition is
+//! started, and while it runs the programmable voltage detector watches, which needs no ADC (RM0090 section
+//! 5.2.3) and is looked at once a block.
 
 use bead_wire::{FaultCause, Health};
+use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
 use embassy_stm32::pac::PWR;
+use embassy_stm32::peripherals;
+use embassy_time::{Duration, block_for};
 
 use crate::acquire::{Block, CHANNELS};
 use crate::counters;
@@ -33,12 +37,41 @@ const HIGH: u16 = 0xFF0;
 /// (DocID022152, table of the reset and power control block, typical values).
 const THRESHOLD: u8 = 6;
 
+/// Blocks without a low supply after which it is good again: 20 ms, so that one that flickers is told 50 times a
+/// second at most.
+const SUPPLY_HOLD: u32 = 10;
+
 /// Switches the supply's detector on.
 pub(crate) fn watch_supply() {
     PWR.cr1().modify(|w| {
         w.set_pls(THRESHOLD.into());
         w.set_pvde(true);
     });
+}
+
+/// Measures the supply by an ADC that is not scanning. Takes some 60 µs.
+pub(crate) fn measure_supply(adc: &mut Adc<'_, peripherals::ADC1>) {
+    let mut reference = adc.enable_vrefint();
+    block_for(Duration::from_micros(VrefInt::start_time_us().into()));
+    // 22.9 µs at 21 MHz.
+    let code = adc.blocking_read(&mut reference, SampleTime::CYCLES480);
+    let supply_mv = match code {
+        0 => 0,
+        code => 3300 * u32::from(factory_reference()) / u32::from(code),
+    };
+    counters::update(|c| c.health.supply_mv = supply_mv.try_into().unwrap_or(u16::MAX));
+}
+
+/// The code of the internal reference voltage at a supply of 3.3 V and 30 °C, as the factory measured it
+/// (DocID022152, internal reference voltage calibration values).
+#[allow(
+    unsafe_code,
+    reason = "the factory's words are memory that no Rust object stands for"
+)]
+fn factory_reference() -> u16 {
+    const VREFIN_CAL: *const u16 = core::ptr::without_provenance(0x1FFF_7A2A);
+    // SAFETY: the address is that of a halfword of system memory, which is always readable and never changes.
+    unsafe { VREFIN_CAL.read_volatile() }
 }
 
 /// What a window found of one sensor.
@@ -49,10 +82,38 @@ enum Verdict {
     Railed,
 }
 
-/// One sensor.
-struct Sensor {
+/// Codes put together.
+#[derive(Clone, Copy)]
+struct Codes {
     any: u16,
     all: u16,
+}
+
+impl Codes {
+    const NONE: Self = Self {
+        any: 0,
+        all: u16::MAX,
+    };
+
+    fn add(&mut self, other: Self) {
+        self.any |= other.any;
+        self.all &= other.all;
+    }
+
+    fn verdict(self) -> Verdict {
+        if self.any & HIGH == 0 || self.all & HIGH == HIGH {
+            Verdict::Railed
+        } else if self.any == self.all {
+            Verdict::Stuck
+        } else {
+            Verdict::Good
+        }
+    }
+}
+
+/// One sensor.
+struct Sensor {
+    window: Codes,
     verdict: Verdict,
     stuck: Condition,
     railed: Condition,
@@ -61,27 +122,30 @@ struct Sensor {
 impl Sensor {
     const fn new(stuck: Condition, railed: Condition) -> Self {
         Self {
-            any: 0,
-            all: u16::MAX,
+            window: Codes::NONE,
             verdict: Verdict::Good,
             stuck,
             railed,
         }
     }
 
+    /// Takes the codes of a block.
+    fn block(&mut self, codes: Codes) {
+        self.window.add(codes);
+        if self.verdict != Verdict::Good && codes.verdict() == Verdict::Good {
+            self.becomes(Verdict::Good);
+        }
+    }
+
     /// Judges the window, and begins the next.
     fn judge(&mut self) {
-        let found = if self.any & HIGH == 0 || self.all & HIGH == HIGH {
-            Verdict::Railed
-        } else if self.any == self.all {
-            Verdict::Stuck
-        } else {
-            Verdict::Good
-        };
-        (self.any, self.all) = (0, u16::MAX);
-        if found == self.verdict {
-            return;
+        let found = core::mem::replace(&mut self.window, Codes::NONE).verdict();
+        if found != Verdict::Good && found != self.verdict {
+            self.becomes(found);
         }
+    }
+
+    fn becomes(&mut self, found: Verdict) {
         match self.verdict {
             Verdict::Good => {}
             Verdict::Stuck => self.stuck.ends(),
@@ -124,9 +188,8 @@ pub(crate) struct Watch {
     blocks: u32,
     sensors: [Sensor; CHANNELS],
     supply: Condition,
-    supply_is_low: bool,
-    /// The supply was low in this window.
-    supply_was_low: bool,
+    /// Blocks for which the supply still counts as low.
+    supply_low_blocks: u32,
 }
 
 impl Watch {
@@ -168,35 +231,42 @@ impl Watch {
                 bit: Health::SUPPLY_LOW,
                 count: |health| &mut health.supply_low,
             },
-            supply_is_low: false,
-            supply_was_low: false,
+            supply_low_blocks: 0,
         }
     }
 
     /// Looks at a block, and at the supply.
     pub(crate) fn look(&mut self, block: &Block) {
+        let mut codes = [Codes::NONE; CHANNELS];
         let scans: &[[u16; CHANNELS]] = block.codes.as_chunks().0;
         for scan in scans.iter().step_by(STEP) {
-            for (sensor, &code) in self.sensors.iter_mut().zip(scan) {
-                sensor.any |= code;
-                sensor.all &= code;
+            for (codes, &code) in codes.iter_mut().zip(scan) {
+                codes.add(Codes { any: code, all: code });
             }
         }
-        let low = PWR.csr1().read().pvdo();
-        self.supply_was_low |= low;
-        if low && !self.supply_is_low {
-            self.supply_is_low = true;
-            self.supply.begins();
+        for (sensor, codes) in self.sensors.iter_mut().zip(codes) {
+            sensor.block(codes);
         }
         self.blocks += 1;
         if self.blocks == WINDOW {
             self.blocks = 0;
             self.sensors.iter_mut().for_each(Sensor::judge);
-            if self.supply_is_low && !self.supply_was_low {
-                self.supply_is_low = false;
+        }
+        self.look_at_supply();
+    }
+
+    fn look_at_supply(&mut self) {
+        let was_low = self.supply_low_blocks > 0;
+        if PWR.csr1().read().pvdo() {
+            self.supply_low_blocks = SUPPLY_HOLD;
+            if !was_low {
+                self.supply.begins();
+            }
+        } else if was_low {
+            self.supply_low_blocks -= 1;
+            if self.supply_low_blocks == 0 {
                 self.supply.ends();
             }
-            self.supply_was_low = false;
         }
     }
 }

@@ -1,11 +1,13 @@
 //! A light that says that the bead runs.
 //!
-//! One short flash a second: all is well. Two: the reset before this boot was a fault's. None: it hangs, as
-//! this is the last task to get the core.
+//! One short flash a second: all is well. Two: the reset before this boot was a fault's. Three: a sensor or
+//! the supply cannot be believed. None: it hangs, as this is the last task to get the core.
 
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Duration, Ticker, Timer};
+
+use crate::counters;
 
 const FLASH: Duration = Duration::from_millis(20);
 const PAUSE: Duration = Duration::from_millis(180);
@@ -17,7 +19,12 @@ pub(crate) async fn heartbeat(pin: Peri<'static, peripherals::PC13>, after_fault
     let mut led = Output::new(pin, Level::High, Speed::Low);
     let mut second = Ticker::every(Duration::from_secs(1));
     loop {
-        for _ in 0..1 + u8::from(after_fault) {
+        let flashes = match (counters::snapshot().health.standing, after_fault) {
+            (0, false) => 1,
+            (0, true) => 2,
+            _ => 3,
+        };
+        for _ in 0..flashes {
             led.set_low();
             Timer::after(FLASH).await;
             led.set_high();

@@ -51,11 +51,16 @@ pub(crate) fn overflown(address: usize) -> bool {
 pub(crate) fn never_used() -> u32 {
     let (end, start) = bounds();
     let bottom = end.with_addr(fence() + FENCE);
-    let mut word = bottom;
     // SAFETY: the words from `bottom` up to `start` are RAM, aligned (asserted by `link.x`), and hold no Rust
     // object below the stack pointer. Those above belong to live frames, which change while they are read;
     // the reads are volatile and only compared with the pattern.
-    while word < start && unsafe { word.read_volatile() } == STACK_PAINT_VALUE {
+    let differs = |word: *const u32| unsafe { word.read_volatile() } ^ STACK_PAINT_VALUE;
+    let mut word = bottom;
+    // There are some 24 000 words: by eights first, which takes half the time.
+    while word.wrapping_add(8) <= start && (0..8).fold(0, |any, n| any | differs(word.wrapping_add(n))) == 0 {
+        word = word.wrapping_add(8);
+    }
+    while word < start && differs(word) == 0 {
         word = word.wrapping_add(1);
     }
     (word.addr() - bottom.addr()) as u32

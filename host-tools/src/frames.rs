@@ -326,6 +326,7 @@ pub fn flag_names(bits: u16) -> Vec<&'static str> {
         .into_iter()
         .filter(|&(flag, _)| flags.contains(flag))
         .map(|(_, name)| name)
+        .chain((bits & Strike::SENSOR_FAULT != 0).then_some("sensor_fault"))
         .collect()
 }
 
@@ -397,7 +398,7 @@ mod tests {
             absorbed_measured: 830 << 24,
             absorbed_predicted: 1 << 23,
             incident_energy: -(1 << 24),
-            flags: 0b1000_0000_0000_0010,
+            flags: 0b1100_0000_0000_0010,
         }
     }
 
@@ -427,8 +428,8 @@ mod tests {
         near("time_s", 0.014);
         near("trigger_time_s", 0.01032);
         assert_eq!(json["absorbed_measured_raw"], json!(830i64 << 24));
-        assert_eq!(json["flags"], json!(["acceleration_railed"]));
-        assert_eq!(json["flags_raw"], json!(0x8002));
+        assert_eq!(json["flags"], json!(["acceleration_railed", "sensor_fault"]));
+        assert_eq!(json["flags_raw"], json!(0xc002));
         assert_eq!(
             (&json["kind"], &json["lost_before"], &json["arrival"]),
             (&json!("strike"), &json!(2), &json!("next"))

@@ -105,7 +105,7 @@ fn differs_in_report(device: &Strike, replay: &Strike) -> Option<String> {
         })
 }
 
-/// Every field of a strike frame, by name, as bits.
+/// Every field of a strike frame, by name, as bits; without what the bead knew of its sensors from before the window.
 fn fields(strike: &Strike) -> [(&'static str, i128); 12] {
     let Strike {
         strike,
@@ -133,7 +133,7 @@ fn fields(strike: &Strike) -> [(&'static str, i128); 12] {
         ("absorbed_measured", absorbed_measured.into()),
         ("absorbed_predicted", absorbed_predicted.into()),
         ("incident_energy", incident_energy.into()),
-        ("flags", flags.into()),
+        ("flags", (flags & !Strike::SENSOR_FAULT).into()),
     ]
 }
 

@@ -7,7 +7,7 @@ use bead::replay::replay;
 use bead::sensed::Timing;
 use bead::strikes::{RecordedStrike, assemble};
 use bead_tests::{Heard, paper_at};
-use bead_wire::{FaultCause, Health};
+use bead_wire::{FaultCause, Health, Strike};
 use stm32f405_qemu::{Outcome, Poke};
 
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A reset from
@@ -98,6 +98,14 @@ impl Survived {
     }
 }
 
+/// What a bead says whose sensors and supply are good.
+fn sound() -> Health {
+    Health {
+        supply_mv: 3300,
+        ..Health::default()
+    }
+}
+
 /// One strike at `at`, s after the first scan.
 fn strike_at(at: f64) -> Timing {
     Timing {
@@ -154,7 +162,7 @@ fn an_adc_overrun_costs_an_epoch_is_counted_and_a_later_strike_is_measured_at_it
     let status = survived.heard.status();
     assert_eq!((status.overruns, status.epoch, status.strikes), (1, 1, 1));
     assert_eq!(survived.causes(), [FaultCause::AdcOverrun]);
-    assert_eq!(survived.heard.health(), Health::default());
+    assert_eq!(survived.heard.health(), sound());
 }
 
 #[test]
@@ -228,7 +236,7 @@ fn a_force_sensor_that_is_stuck_is_told_once_when_it_begins_and_once_when_it_is_
     assert_eq!(survived.strikes.len(), 1);
     let expected = Health {
         force_stuck: 1,
-        ..Health::default()
+        ..sound()
     };
     assert_eq!(survived.heard.health(), expected);
 }
@@ -244,7 +252,7 @@ fn an_acceleration_sensor_that_is_stuck_is_told_once_when_it_begins_and_once_whe
     assert_eq!(survived.strikes.len(), 1);
     let expected = Health {
         acceleration_stuck: 1,
-        ..Health::default()
+        ..sound()
     };
     assert_eq!(survived.heard.health(), expected);
 }
@@ -261,7 +269,7 @@ fn a_force_at_its_rail_is_told_and_the_strike_that_its_step_looks_like_is_flagge
     assert_ne!(survived.strikes[0].said.flags & 1, 0, "force at a rail");
     let expected = Health {
         force_railed: 1,
-        ..Health::default()
+        ..sound()
     };
     assert_eq!(survived.heard.health(), expected);
 }
@@ -277,18 +285,22 @@ fn an_acceleration_at_its_rail_is_told_once_when_it_begins_and_once_when_it_is_o
     assert_eq!(survived.strikes.len(), 1);
     let expected = Health {
         acceleration_railed: 1,
-        ..Health::default()
+        ..sound()
     };
     assert_eq!(survived.heard.health(), expected);
 }
 
 #[test]
-fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame() {
-    let survived = Survived::new(
-        strike_at(0.01),
-        "[[fault]]\nat = 0.05\nkind = \"acceleration_stuck\"\n",
-    );
+fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame_and_flags_strikes() {
+    let timing = Timing {
+        lead_in: 0.01,
+        strikes: 2,
+        interval: 0.4,
+    };
+    let survived = Survived::new(timing, "[[fault]]\nat = 0.05\nkind = \"acceleration_stuck\"\n");
     assert_eq!(survived.causes(), [FaultCause::AccelerationStuck]);
+    let flags: Vec<u16> = survived.strikes.iter().map(|strike| strike.said.flags).collect();
+    assert_eq!(flags, [0, Strike::SENSOR_FAULT], "before it was stuck, and after");
     assert_eq!(survived.heard.health().standing, Health::ACCELERATION_STUCK);
 }
 
@@ -298,12 +310,24 @@ fn a_supply_that_dips_is_told_and_one_above_the_limit_is_not() {
     assert_eq!(survived.causes(), [FaultCause::SupplyLow, FaultCause::Recovered]);
     let expected = Health {
         supply_low: 1,
-        ..Health::default()
+        ..sound()
     };
     assert_eq!(survived.heard.health(), expected);
     let survived = condition("supply", 0.03, "volts = 3.0");
     assert_eq!(survived.causes(), []);
-    assert_eq!(survived.heard.health(), Health::default());
+    assert_eq!(survived.heard.health(), sound());
+}
+
+#[test]
+fn the_supply_is_measured_whenever_acquisition_starts() {
+    let faults = "[[fault]]\nat = 0.03\nkind = \"supply\"\nvolts = 2.95\nduration = 0.05\n\
+                  [[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n";
+    let survived = Survived::new(strike_at(0.112), faults);
+    survived.assert_last_strike_is_measured();
+    assert_eq!(survived.causes(), [FaultCause::AdcOverrun]);
+    let measured = survived.heard.health().supply_mv;
+    // A code of 1680 stands for 2950.4 mV, and the next ones for 1.8 mV less or more.
+    assert!(measured.abs_diff(2950) <= 2, "{measured} mV");
 }
 
 #[test]

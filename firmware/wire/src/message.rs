@@ -192,8 +192,14 @@ pub struct Strike {
     pub absorbed_predicted: i64,
     /// Energy of the wave that came in, from its peak force, in [`ENERGY_UNIT_J`].
     pub incident_energy: i64,
-    /// What to hold against the result: the flag bits of `bead-model`.
+    /// What to hold against the result: the flag bits of `bead-model`, and [`Strike::SENSOR_FAULT`].
     pub flags: u16,
+}
+
+impl Strike {
+    /// Bit of `flags`: something stood in [`Health::standing`] when the window was complete. Not `bead-model`'s, which sees
+    /// one window and no more: a replay does not have it.
+    pub const SENSOR_FAULT: u16 = 1 << 14;
 }
 
 /// A run of samples of a strike, raw, with the estimates as they stood after the last of them.
@@ -229,6 +235,8 @@ pub struct Health {
     pub acceleration_railed: u32,
     /// Times that the supply fell below its limit.
     pub supply_low: u32,
+    /// The supply when acquisition was started last, in mV; 0 before the first start.
+    pub supply_mv: u16,
     /// What is wrong now, if anything: [`Health::FORCE_STUCK`] and the others.
     pub standing: u8,
 }
@@ -337,7 +345,7 @@ pub(crate) const MAX_BODIES: [usize; 7] = [
     U32 + U64 + slice(3 * MAX_SCANS) + 2 * U64,
     U8 + U32 + U32 + slice(MAX_DETAIL),
     slice(MAX_BLOCK),
-    6 * U32 + U8,
+    6 * U32 + U16 + U8,
 ];
 
 /// Longest body of any kind, in bytes.
@@ -419,6 +427,7 @@ mod tests {
             acceleration_stuck: u32::MAX,
             acceleration_railed: u32::MAX,
             supply_low: u32::MAX,
+            supply_mv: u16::MAX,
             standing: u8::MAX,
         };
 

@@ -45,7 +45,7 @@ const GOLDEN: [(&str, &str); 7] = [
     ),
     (
         "health",
-        "000a010702040302010c0b01020a010102010402ac0209f0a204121475767a00",
+        "000a010702040302010c0b01020a010102010402ac020bf0a204db1912f04fdfb900",
     ),
 ];
 
@@ -112,6 +112,7 @@ fn messages() -> [Message<'static>; 7] {
             acceleration_stuck: 300,
             acceleration_railed: 0,
             supply_low: 70_000,
+            supply_mv: 3_291,
             standing: Health::FORCE_RAILED | Health::SUPPLY_LOW,
         }),
     ]

@@ -27,7 +27,7 @@ use crate::peripherals::gpio::Gpio;
 use crate::peripherals::iwdg::Iwdg;
 use crate::peripherals::pwr::Pwr;
 use crate::peripherals::rcc::{Cause, Clocks, Rcc};
-use crate::peripherals::signature::Signature;
+use crate::peripherals::signature::{self, Signature};
 use crate::peripherals::syscfg::Syscfg;
 use crate::peripherals::tim::Tim;
 use crate::peripherals::usart::Usart;
@@ -57,6 +57,9 @@ const USART1_TX_REQUEST: [(usize, u32); 1] = [(7, 4)];
 const USART1_RX_REQUEST: [(usize, u32); 2] = [(2, 4), (5, 4)];
 const DMA2: usize = 1;
 
+/// ADC1's channel of the internal reference voltage (section 13.10).
+const REFERENCE: u32 = 17;
+
 /// SRAM1 and SRAM2 (section 2.3). The DMA reaches them, and reads flash; CCM is on the processor's bus only.
 pub const SRAM: std::ops::Range<u32> = 0x2000_0000..0x2002_0000;
 /// The flash on the AHB (section 2.3).
@@ -74,7 +77,8 @@ pub trait Board {
     fn set_interrupt(&mut self, number: usize, level: bool);
     /// A byte left the USART1 transmitter.
     fn sent(&mut self, byte: u8);
-    /// The ADC's DMA stream filled a half of its buffer; so many scans were started since the last.
+    /// The ADC's DMA stream filled a half of its buffer; so many scans were started since the last. None if the interrupt
+    /// of the half before has not been served.
     fn acquired(&mut self, scans: u64);
     /// The watchdog ran out: reset the processor, and call [`Machine::reset`] when that happens.
     fn reset_wanted(&mut self);
@@ -357,7 +361,10 @@ impl Machine {
             match event {
                 Event::Converted => {
                     if let Some(channel) = self.adc.converting() {
-                        let code = self.stimulus.code(channel);
+                        let code = match channel {
+                            REFERENCE if self.adc.reference_on() => self.reference(),
+                            _ => self.stimulus.code(channel),
+                        };
                         self.adc.finish(code, at);
                         self.note_scan(at, false);
                     }
@@ -383,6 +390,11 @@ impl Machine {
         for tim in &mut self.tim {
             tim.advance(now);
         }
+    }
+
+    /// The code of the internal reference voltage: the converter's own reference is the supply.
+    fn reference(&self) -> u16 {
+        (signature::REFERENCE_CODE * 3300 / self.pwr.supply().max(1)).min(4095) as u16
     }
 
     /// What happens next; of things at one time, a conversion ends before a trigger comes.
@@ -426,6 +438,7 @@ impl Machine {
         if self.adc.dma_request()
             && let Some(stream) = self.dma[DMA2].serving(&ADC1_REQUEST)
         {
+            let unserved = self.dma[DMA2].interrupt(stream);
             let (block, ended) = self.transfer(DMA2, stream, now, board);
             // Also where the stream reads another register than DR: the request is answered once.
             self.adc.take_data();
@@ -434,7 +447,11 @@ impl Machine {
             }
             if block {
                 self.flush(board);
-                board.acquired(self.scans - self.scans_at_last_block);
+                // A processor that hangs is not woken for a block, and what it executed is no block's.
+                board.acquired(match unserved {
+                    true => 0,
+                    false => self.scans - self.scans_at_last_block,
+                });
                 self.scans_at_last_block = self.scans;
             }
         }

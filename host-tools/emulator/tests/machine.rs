@@ -287,6 +287,28 @@ fn faults_on_demand_look_like_those_of_the_hardware() {
 }
 
 #[test]
+fn channel_17_is_the_internal_reference_against_the_supply_once_it_is_on() {
+    let mut bench = Bench::new(ramp(1));
+    let mut convert = |ccr: u32, supply: Option<u32>| {
+        let now = bench.board.now;
+        if let Some(millivolts) = supply {
+            bench
+                .machine
+                .fail(FaultKind::Supply { millivolts }, now, &mut bench.board);
+        }
+        bench.write(ADC1 + 0x304, ccr);
+        bench.write(ADC1 + 0x34, 17);
+        bench.write(ADC1 + 0x08, 1);
+        bench.write(ADC1 + 0x08, 1 << 30 | 1);
+        bench.run(now + 100_000, |_| {});
+        bench.read(ADC1 + 0x4c)
+    };
+    assert_eq!(convert(0, None), 0, "off: it floats");
+    assert_eq!(convert(1 << 23, None), 1502, "the factory's code at 3.3 V");
+    assert_eq!(convert(1 << 23, Some(2700)), 1502 * 3300 / 2700);
+}
+
+#[test]
 fn a_crash_on_demand_overwrites_the_vector_of_the_stream_that_serves_the_adc() {
     const VECTOR: u32 = 0x0800_0000 + 4 * (16 + DMA2_STREAM0 as u32);
     let written = |kind: FaultKind| {

@@ -208,7 +208,7 @@ pub fn draft() -> impl Strategy<Value = Draft> {
             detail
         }),
         vec(any::<u8>(), 0..=MAX_BLOCK).prop_map(|block| Draft::Settings { block }),
-        any::<([u32; 6], u8)>().prop_map(|(counts, standing)| {
+        any::<([u32; 6], u16, u8)>().prop_map(|(counts, supply_mv, standing)| {
             let [
                 strikes_cut,
                 force_stuck,
@@ -224,6 +224,7 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                 acceleration_stuck,
                 acceleration_railed,
                 supply_low,
+                supply_mv,
                 standing,
             })
         }),

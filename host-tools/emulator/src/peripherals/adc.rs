@@ -28,6 +28,7 @@ const DDS: u32 = 1 << 9;
 const EOCS: u32 = 1 << 10;
 const ALIGN: u32 = 1 << 11;
 const SWSTART: u32 = 1 << 30;
+const TSVREFE: u32 = 1 << 23;
 
 /// Sampling time in ADC clock cycles, by SMPx (section 13.13.5).
 const SAMPLING: [u32; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
@@ -202,6 +203,11 @@ impl Adc {
     pub fn next_conversion(&self) -> Option<u64> {
         self.scan
             .map(|s| s.started_ns + self.cycles_ns(u64::from(s.cycles)))
+    }
+
+    /// Whether channel 17 is the internal reference voltage (CCR.TSVREFE); it floats otherwise.
+    pub fn reference_on(&self) -> bool {
+        self.ccr & TSVREFE != 0
     }
 
     /// The channel under conversion.

@@ -62,6 +62,11 @@ impl Pwr {
         self.compare();
     }
 
+    /// The supply, in mV.
+    pub fn supply(&self) -> u32 {
+        self.supply_mv
+    }
+
     fn compare(&mut self) {
         let [falling, rising] = DETECTOR[field(self.cr, 5, 3) as usize];
         let threshold = if self.below { rising } else { falling };

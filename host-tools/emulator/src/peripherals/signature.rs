@@ -5,6 +5,9 @@ use super::NoRegister;
 /// Where it starts in the system memory.
 pub const START: u32 = 0x1fff_7a10;
 const FLASH_KIB: u32 = 1024;
+/// VREFIN_CAL: the code of the internal reference voltage, 1.21 V, at a supply of 3.3 V (DocID022152, internal reference
+/// voltage calibration values).
+pub const REFERENCE_CODE: u32 = 1502;
 
 /// The factory's words.
 #[derive(Debug, Clone)]
@@ -25,6 +28,8 @@ impl Signature {
             }
             // F_SIZE is the halfword at 0x1fff_7a22.
             0x10 => Ok(FLASH_KIB << 16),
+            // VREFIN_CAL is the halfword at 0x1fff_7a2a.
+            0x18 => Ok(REFERENCE_CODE << 16),
             _ => Err(NoRegister),
         }
     }
@@ -41,5 +46,6 @@ mod tests {
         };
         assert_eq!(signature.read(0x04), Ok(u32::from_le_bytes(*b"4567")));
         assert_eq!(signature.read(0x10).unwrap() >> 16, 1024);
+        assert_eq!(signature.read(0x18).unwrap() >> 16, 1502);
     }
 }
