@@ -44,7 +44,7 @@ const SUPPLY_HOLD: u32 = 10;
 /// Switches the supply's detector on.
 pub(crate) fn watch_supply() {
     PWR.cr1().modify(|w| {
-        w.set_pls(THRESHOLD.into());
+        w.set_pls(THRESHOLD);
         w.set_pvde(true);
     });
 }

@@ -38,7 +38,7 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --noise off --format json
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 --interval 0.05 --seed 7
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 20 --faults docs/scenarios/faults.toml";
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 --faults docs/scenarios/faults.toml";
 
 /// Arguments of `bead emulate`.
 #[derive(Debug, Args)]
