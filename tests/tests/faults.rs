@@ -7,7 +7,7 @@ use bead::replay::replay;
 use bead::sensed::Timing;
 use bead::strikes::{RecordedStrike, assemble};
 use bead_tests::{Heard, paper_at};
-use bead_wire::{FaultCause, Health, Strike};
+use bead_wire::{FaultCause, Health, SettingsSource, Strike};
 use stm32f405_qemu::{Outcome, Poke};
 
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A reset from
@@ -371,6 +371,52 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
         survived.details()
     );
     assert_eq!(survived.heard.boots()[1], (1, SOFTWARE));
+}
+
+#[test]
+fn a_converter_that_never_recovers_is_given_up_by_the_bead_itself_which_says_so() {
+    // An overrun every 1 ms: no block of 2 ms is ever complete. The last comes at 1.6 s, after the reset.
+    let faults: String = (0..1550)
+        .map(|n| {
+            format!(
+                "[[fault]]\nat = {}\nkind = \"adc_overrun\"\n",
+                0.05 + 0.001 * f64::from(n)
+            )
+        })
+        .collect();
+    let survived = Survived::new(strike_at(1.65), &faults);
+    survived.assert_last_strike_is_measured();
+    assert_eq!(survived.outcome.resets.len(), 1);
+    let reported = survived
+        .heard
+        .faults()
+        .find(|fault| fault.cause == FaultCause::Panic);
+    let detail = &reported.expect("the panic is reported").detail;
+    assert!(detail.starts_with("no samples arrive (watchdog.rs:"), "{detail}");
+}
+
+#[test]
+fn settings_that_are_damaged_are_refused_and_said_to_be_and_the_built_in_ones_measure() {
+    let run = paper_at(strike_at(0.02), Some(1));
+    let mut machine = run.machine();
+    let (_, block) = &mut machine.flash[0];
+    *block.last_mut().expect("a block is not empty") ^= 1;
+    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+    let survived = Survived {
+        rows: machine.stimulus,
+        heard: Heard::new(outcome.uart.clone()),
+        strikes: assemble(&Heard::new(outcome.uart.clone()).frames, None),
+        outcome,
+        run,
+    };
+    // The built-in bead is the paper's.
+    survived.assert_last_strike_is_measured();
+    assert_eq!(survived.causes(), [FaultCause::SettingsRefused]);
+    assert_eq!(survived.details(), ["wrong checksum"]);
+    assert_eq!(
+        survived.heard.status().settings_source,
+        SettingsSource::FlashRefused
+    );
 }
 
 #[test]
