@@ -28,6 +28,8 @@ pub(crate) struct Counters {
     pub(crate) frames_dropped_too_long: u32,
     /// Frames that the transmitter is done with.
     pub(crate) frames_sent: u32,
+    /// Frames that wait, or are being sent; kept over a reset.
+    pub(crate) frames_waiting: u32,
     pub(crate) armed: bool,
     pub(crate) health: Health,
 }
@@ -45,8 +47,10 @@ static COUNTERS: Mutex<CriticalSectionRawMutex, Cell<Counters>> = Mutex::new(Cel
     frames_dropped_queue_full: 0,
     frames_dropped_too_long: 0,
     frames_sent: 0,
+    frames_waiting: 0,
     armed: false,
     health: Health {
+        frames_lost_by_reset: 0,
         strikes_cut: 0,
         force_stuck: 0,
         force_railed: 0,

@@ -11,7 +11,7 @@ use bead_wire::Message;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 
-use crate::counters;
+use crate::{counters, trace};
 
 /// Records that wait: several windows of a strike, each some 30 records.
 const DEPTH: usize = 128;
@@ -43,8 +43,12 @@ pub(crate) fn push(record: Record) {
             record,
         };
         c.frames = c.frames.wrapping_add(1);
-        if QUEUE.try_send(queued).is_err() {
-            c.frames_dropped_queue_full += 1;
+        match QUEUE.try_send(queued) {
+            Ok(()) => {
+                c.frames_waiting += 1;
+                trace::keep_waiting(c.frames_waiting);
+            }
+            Err(_) => c.frames_dropped_queue_full += 1,
         }
     });
 }

@@ -27,6 +27,7 @@ pub(crate) async fn report(boot: &'static Boot, loaded: &'static Loaded) -> ! {
         sample_rate_hz: SAMPLE_RATE_HZ,
         channels: CHANNELS as u8,
     };
+    counters::update(|c| c.health.frames_lost_by_reset = boot.frames_lost);
     tell(Message::Identity(identity));
     tell(Message::Settings(Settings { block: loaded.block }));
     tell(Message::Status(status(loaded.source)));

@@ -27,6 +27,8 @@ pub(crate) struct Boot {
     pub(crate) reset_cause: u8,
     /// The fault that ended the boot before, if one did.
     pub(crate) left: Option<Left>,
+    /// Frames that the boot before had made and not sent to the end.
+    pub(crate) frames_lost: u32,
 }
 
 /// A fault that ended a boot.
@@ -49,6 +51,11 @@ pub(crate) fn begin() -> Boot {
     let flags = RCC.csr().read();
     RCC.csr().modify(|w| w.set_rmvf(true));
     let before = Kept::load().filter(|_| !flags.porrstf());
+    let frames_lost = match before {
+        Some(_) => region::read_waiting().number().unwrap_or(0),
+        None => 0,
+    };
+    keep_waiting(0);
     let number = before.as_ref().map_or(0, |kept| kept.boot.wrapping_add(1));
     let left = before.and_then(|kept| {
         kept.left().or_else(|| {
@@ -66,7 +73,42 @@ pub(crate) fn begin() -> Boot {
         number,
         reset_cause: (flags.0 >> 24) as u8,
         left,
+        frames_lost,
     }
+}
+
+/// Keeps how many frames wait, so that the next boot can tell how many were lost with this one.
+pub(crate) fn keep_waiting(frames: u32) {
+    region::write_waiting(Waiting::new(frames));
+}
+
+/// How many frames wait, beside the record and apart from it: it changes with every frame.
+#[derive(Clone, Copy)]
+#[repr(C)]
+struct Waiting {
+    frames: u32,
+    /// The same inverted: RAM after power-up is not like that.
+    inverted: u32,
+}
+
+impl Waiting {
+    const fn new(frames: u32) -> Self {
+        Self {
+            frames,
+            inverted: !frames,
+        }
+    }
+
+    fn number(self) -> Option<u32> {
+        (self.inverted == !self.frames).then_some(self.frames)
+    }
+}
+
+/// What is in the region KEPT.
+#[repr(C)]
+struct Region {
+    kept: Kept,
+    waiting: Waiting,
 }
 
 /// The record in the region KEPT. Plain words and bytes only: any memory contents are a value of it.
@@ -94,8 +136,8 @@ const CAUSES: [(u32, FaultCause); 4] = [
     (4, FaultCause::StackOverflow),
 ];
 const _: () = assert!(
-    size_of::<Kept>() <= 256,
-    "the record fits the region KEPT of memory.x"
+    size_of::<Region>() <= 256,
+    "it all fits the region KEPT of memory.x"
 );
 
 #[allow(
@@ -103,24 +145,35 @@ const _: () = assert!(
     reason = "the region KEPT is memory that no other Rust object stands for"
 )]
 mod region {
-    use super::Kept;
+    use super::{Kept, Region, Waiting};
 
     unsafe extern "C" {
         /// Start of the region KEPT of `memory.x`.
         #[link_name = "_kept"]
-        static mut KEPT: Kept;
+        static mut REGION: Region;
     }
 
     pub(super) fn read() -> Kept {
         // SAFETY: the symbol is the start of 256 bytes of RAM, aligned to 256, that are reserved for this;
         // any contents are a `Kept`. Volatile, since a boot before this one wrote them.
-        unsafe { (&raw const KEPT).read_volatile() }
+        unsafe { (&raw const REGION.kept).read_volatile() }
     }
 
     pub(super) fn write(kept: Kept) {
         // SAFETY: as for `read`. Written by `begin`, before there are tasks, and by handlers that never
         // return; nobody holds a reference. Volatile, since a boot after this one reads it.
-        unsafe { (&raw mut KEPT).write_volatile(kept) }
+        unsafe { (&raw mut REGION.kept).write_volatile(kept) }
+    }
+
+    pub(super) fn read_waiting() -> Waiting {
+        // SAFETY: as for `read`; any contents are a `Waiting`.
+        unsafe { (&raw const REGION.waiting).read_volatile() }
+    }
+
+    pub(super) fn write_waiting(waiting: Waiting) {
+        // SAFETY: as for `read`. Written by `begin`, and within the lock of the counters; nobody holds a
+        // reference. Volatile, since a boot after this one reads it.
+        unsafe { (&raw mut REGION.waiting).write_volatile(waiting) }
     }
 }
 

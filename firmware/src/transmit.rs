@@ -49,6 +49,10 @@ pub(crate) async fn transmit(mut port: UartTx<'static, Async>, buffer: &'static 
             },
             Err(_) => counters::update(|c| c.frames_dropped_too_long += 1),
         }
+        counters::update(|c| {
+            c.frames_waiting -= 1;
+            trace::keep_waiting(c.frames_waiting);
+        });
     }
 }
 

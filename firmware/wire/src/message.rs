@@ -223,6 +223,8 @@ pub struct Waveform<'a> {
 /// A kind of its own, so that status frames stay what they were and old recordings are read as before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Health {
+    /// Frames that the boot before had made and not sent to the end when it was reset; 0 after power-up.
+    pub frames_lost_by_reset: u32,
     /// Strikes that ended without a result, since samples of their window were lost.
     pub strikes_cut: u32,
     /// Times that the force sensor got stuck.
@@ -345,7 +347,7 @@ pub(crate) const MAX_BODIES: [usize; 7] = [
     U32 + U64 + slice(3 * MAX_SCANS) + 2 * U64,
     U8 + U32 + U32 + slice(MAX_DETAIL),
     slice(MAX_BLOCK),
-    6 * U32 + U16 + U8,
+    7 * U32 + U16 + U8,
 ];
 
 /// Longest body of any kind, in bytes.
@@ -421,6 +423,7 @@ mod tests {
             block: &[0xFF; MAX_BLOCK],
         };
         let health = Health {
+            frames_lost_by_reset: u32::MAX,
             strikes_cut: u32::MAX,
             force_stuck: u32::MAX,
             force_railed: u32::MAX,

@@ -45,7 +45,7 @@ const GOLDEN: [(&str, &str); 7] = [
     ),
     (
         "health",
-        "000a010702040302010c0b01020a010102010402ac020bf0a204db1912f04fdfb900",
+        "000a010702040302010c0b01020a01010305010402ac020bf0a204db1912f683aa9300",
     ),
 ];
 
@@ -106,6 +106,7 @@ fn messages() -> [Message<'static>; 7] {
             block: b"BEAD\x01\x00\xff",
         }),
         Message::Health(Health {
+            frames_lost_by_reset: 5,
             strikes_cut: 1,
             force_stuck: 0,
             force_railed: 2,

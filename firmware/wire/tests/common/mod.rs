@@ -208,8 +208,9 @@ pub fn draft() -> impl Strategy<Value = Draft> {
             detail
         }),
         vec(any::<u8>(), 0..=MAX_BLOCK).prop_map(|block| Draft::Settings { block }),
-        any::<([u32; 6], u16, u8)>().prop_map(|(counts, supply_mv, standing)| {
+        any::<([u32; 7], u16, u8)>().prop_map(|(counts, supply_mv, standing)| {
             let [
+                frames_lost_by_reset,
                 strikes_cut,
                 force_stuck,
                 force_railed,
@@ -218,6 +219,7 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                 supply_low,
             ] = counts;
             Draft::Health(Health {
+                frames_lost_by_reset,
                 strikes_cut,
                 force_stuck,
                 force_railed,
