@@ -22,7 +22,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use crate::failure::{Blame, Failure};
-use crate::frames::{Frame, Item, Message, Reader, flag_names, joules};
+use crate::frames::{Fault, Frame, Item, Message, Reader, flag_names, joules};
 use crate::output::{self, Format};
 use crate::port::{Address, Port};
 use crate::recording::{About, RecordingError, Writer};
@@ -222,15 +222,21 @@ impl Recorder {
         } = self;
         reader.feed(bytes, |item| {
             let Item::Frame(frame) = item else { return };
-            let (Message::Strike(strike), false) = (&frame.message, frame.arrival == Arrival::Duplicate)
-            else {
+            if frame.arrival == Arrival::Duplicate {
                 return;
+            }
+            let line = match &frame.message {
+                Message::Strike(strike) => {
+                    *strikes += 1;
+                    strike_line(&frame, strike)
+                }
+                Message::Fault(fault) => fault_line(fault),
+                _ => return,
             };
-            *strikes += 1;
             if printed.is_ok() {
                 let line = match format {
                     Format::Json => frame.json().to_string(),
-                    Format::Table => strike_line(&frame, strike),
+                    Format::Table => line,
                 };
                 *printed = progress.suspend(|| output::print_line(&line));
             }
@@ -266,6 +272,15 @@ fn strike_line(frame: &Frame, strike: &Strike) -> String {
     line
 }
 
+fn fault_line(fault: &Fault) -> String {
+    let mut line = format!("fault in boot {}: {}", fault.boot, fault.cause.name());
+    if !fault.detail.is_empty() {
+        line.push_str(", ");
+        line.push_str(&fault.detail);
+    }
+    line
+}
+
 fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
     format!(
         "{strikes} strikes, {} frames in {} bytes and {seconds:.1} s; {} lost, {} corrupt, {} restarts",
@@ -291,6 +306,24 @@ fn advice(counters: &Counters) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_fault_is_a_line_with_its_cause_and_what_the_bead_said_of_it() {
+        let fault = |cause, detail: &str| Fault {
+            cause,
+            boot: 3,
+            pc: 0,
+            detail: detail.to_owned(),
+        };
+        assert_eq!(
+            fault_line(&fault(bead_wire::FaultCause::Recovered, "force_stuck")),
+            "fault in boot 3: recovered, force_stuck"
+        );
+        assert_eq!(
+            fault_line(&fault(bead_wire::FaultCause::Watchdog, "")),
+            "fault in boot 3: watchdog"
+        );
+    }
 
     #[test]
     fn a_duration_is_a_positive_number_of_seconds() {
