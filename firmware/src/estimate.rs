@@ -5,7 +5,7 @@
 //! block has 2 ms; the channel holds [`BLOCKS`], so a burst of work may take that many times as long before
 //! a block is lost.
 
-use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport};
+use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Shape, Sink, StrikeReport};
 use bead_wire::{Message, Strike};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
@@ -83,6 +83,18 @@ impl Sink for Telemetry {
             absorbed_predicted: report.absorbed_predicted.to_bits(),
             incident_energy: report.incident_energy.to_bits(),
             flags: report.flags.bits(),
+        })));
+    }
+
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        outbox::push(Record::Message(Message::Shape(bead_wire::Shape {
+            strike: report.strike,
+            first_index: report.first_index,
+            arrival: shape.arrival.to_bits(),
+            width: shape.width.to_bits(),
+            impulse: shape.impulse.to_bits(),
+            ring_frequency: shape.ring_frequency.to_bits(),
+            ring_decay: shape.ring_decay.to_bits(),
         })));
     }
 }

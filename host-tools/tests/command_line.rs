@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use bead::front_end::FrontEnd;
 use bead::recording::{About, Part, Writer};
-use bead::replay::wire_strike;
+use bead::replay::{wire_shape, wire_strike};
 use bead::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead_model::design::{Capture, derive};
 use bead_model::settings::BLOCK_MAX;
-use bead_model::{AdcCode, Chunk, Meter, Scan, Sink, StrikeReport};
+use bead_model::{AdcCode, Chunk, Meter, Scan, Shape, Sink, StrikeReport};
 use bead_wire::{Codes, Header, Identity, MAX_FRAME, Message, Settings, Waveform, encode};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -95,6 +95,10 @@ impl Sink for Bead {
 
     fn report(&mut self, report: &StrikeReport) {
         self.say(report.trigger_index, &Message::Strike(wire_strike(report)));
+    }
+
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        self.say(report.trigger_index, &Message::Shape(wire_shape(report, shape)));
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::quantity::{Energy, Scan};
 use crate::settings::{HISTORY_MAX, Settings};
+use crate::shape::Shape;
 use crate::window::{StrikeReport, Window};
 
 /// Scans in a full chunk of a window's waveform.
@@ -28,12 +29,18 @@ pub trait Sink {
     fn chunk(&mut self, chunk: &Chunk);
     /// A window is complete; comes after its last chunk.
     fn report(&mut self, report: &StrikeReport);
+    /// The shape of the window just reported; none of one longer than [`KEPT`].
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape);
 }
 
-/// The last [`HISTORY_MAX`] scans.
+/// Scans that are kept: what came before a trigger, and at a window's end the whole of it.
+pub const KEPT: usize = 1024;
+const _: () = assert!(HISTORY_MAX <= KEPT);
+
+/// The last [`KEPT`] scans.
 #[derive(Clone)]
 struct History {
-    scans: [Scan; HISTORY_MAX],
+    scans: [Scan; KEPT],
     next: usize,
 }
 
@@ -41,13 +48,13 @@ impl History {
     #[inline(always)]
     fn push(&mut self, scan: Scan) {
         self.scans[self.next] = scan;
-        self.next = (self.next + 1) % HISTORY_MAX;
+        self.next = (self.next + 1) % KEPT;
     }
 
     /// The scan `ago` samples before the latest one.
     #[inline(always)]
     fn back(&self, ago: usize) -> Scan {
-        self.scans[(self.next + HISTORY_MAX - 1 - ago) % HISTORY_MAX]
+        self.scans[(self.next + KEPT - 1 - ago) % KEPT]
     }
 }
 
@@ -88,7 +95,7 @@ impl Meter {
         };
         Self {
             history: History {
-                scans: [NOTHING; HISTORY_MAX],
+                scans: [NOTHING; KEPT],
                 next: 0,
             },
             phase: Phase::Settling { quiet: 0 },
@@ -189,7 +196,14 @@ impl Meter {
             chunk.first_index = index + 1;
         }
         if done {
-            sink.report(&window.report(settings));
+            let report = window.report(settings);
+            sink.report(&report);
+            let samples = usize::from(report.samples);
+            if samples <= KEPT {
+                let history = &self.history;
+                let scans = (0..samples).rev().map(|ago| history.back(ago));
+                sink.shape(&report, &Shape::of(settings, scans));
+            }
             self.phase = Phase::Settling { quiet: 0 };
         }
     }

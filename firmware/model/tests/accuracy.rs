@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport};
+use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Shape, Sink, StrikeReport};
 use hertz_chain::{Options, Scenario, simulate};
 
 const HOST: usize = 8;
@@ -125,6 +125,7 @@ impl Gauss {
 struct Heard {
     chunks: Vec<Chunk>,
     reports: Vec<StrikeReport>,
+    shapes: Vec<Shape>,
 }
 
 impl Sink for Heard {
@@ -133,6 +134,10 @@ impl Sink for Heard {
     }
     fn report(&mut self, report: &StrikeReport) {
         self.reports.push(*report);
+    }
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        assert_eq!(self.reports.last(), Some(report));
+        self.shapes.push(*shape);
     }
 }
 
@@ -245,6 +250,10 @@ fn chunks_cover_the_window_and_replay_gives_the_same_bits() {
         u64::from(strike.settings.window.length)
     );
     assert_eq!(window.report(&strike.settings), report);
+    let scans = strike.codes[report.first_index as usize..index as usize]
+        .iter()
+        .copied();
+    assert_eq!(heard.shapes, [Shape::of(&strike.settings, scans)]);
 }
 
 #[test]

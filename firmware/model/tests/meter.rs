@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window};
+use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Shape, Sink, StrikeReport, Window};
 use fixed::types::{I2F30, I4F28, I8F24, I16F16};
 use proptest::prelude::*;
 
@@ -10,6 +10,7 @@ use proptest::prelude::*;
 struct Heard {
     samples: usize,
     reports: Vec<StrikeReport>,
+    shapes: Vec<Shape>,
 }
 
 impl Sink for Heard {
@@ -18,6 +19,10 @@ impl Sink for Heard {
     }
     fn report(&mut self, report: &StrikeReport) {
         self.reports.push(*report);
+    }
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        assert_eq!(self.reports.last(), Some(report));
+        self.shapes.push(*shape);
     }
 }
 

@@ -7,7 +7,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use bead_wire::{
-    Codes, Decoder, Fault, FaultCause, Header, Identity, MAX_FRAME, Message, Settings, SettingsSource,
+    Codes, Decoder, Fault, FaultCause, Header, Identity, MAX_FRAME, Message, Settings, SettingsSource, Shape,
     Status, Strike, Waveform, encode,
 };
 
@@ -18,7 +18,7 @@ const HEADER: Header = Header {
 };
 
 /// The frames of version 1, delimiters included.
-const GOLDEN: [(&str, &str); 6] = [
+const GOLDEN: [(&str, &str); 7] = [
     (
         "identity",
         "000a010102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0602e121c61a00",
@@ -43,10 +43,14 @@ const GOLDEN: [(&str, &str); 6] = [
         "settings",
         "000a010602040302010c0b01020a01010707424541440106ffb5082f5800",
     ),
+    (
+        "shape",
+        "000a010702040302010c0b01020a01011a03d0c1028080d405b3e694018080c80e99f3d3348080d2361303c7c900",
+    ),
 ];
 
 /// What they say.
-fn messages() -> [Message<'static>; 6] {
+fn messages() -> [Message<'static>; 7] {
     const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
     [
         Message::Identity(Identity {
@@ -100,6 +104,15 @@ fn messages() -> [Message<'static>; 6] {
         }),
         Message::Settings(Settings {
             block: b"BEAD\x01\x00\xff",
+        }),
+        Message::Shape(Shape {
+            strike: 3,
+            first_index: 41_168,
+            arrival: 11_862_016,
+            width: 2_437_939,
+            impulse: 15_269_888,
+            ring_frequency: 110_426_521,
+            ring_decay: 114_589_696,
         }),
     ]
 }

@@ -9,7 +9,7 @@
 
 use bead_wire::{
     Codes, Decoder, Fault, FaultCause, Header, Identity, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE, MAX_FRAME,
-    MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Status, Strike, Waveform, encode,
+    MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Shape, Status, Strike, Waveform, encode,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -27,6 +27,7 @@ pub enum Draft {
     },
     Status(Status),
     Strike(Strike),
+    Shape(Shape),
     Waveform {
         strike: u32,
         first_index: u64,
@@ -66,6 +67,7 @@ impl Draft {
             }),
             Self::Status(status) => Message::Status(*status),
             Self::Strike(strike) => Message::Strike(*strike),
+            Self::Shape(shape) => Message::Shape(*shape),
             Self::Waveform {
                 strike,
                 first_index,
@@ -176,6 +178,17 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                 })
             }
         ),
+        any::<(u32, u64, i64, [u32; 4])>().prop_map(|(strike, first_index, impulse, fine)| {
+            Draft::Shape(Shape {
+                strike,
+                first_index,
+                arrival: fine[0],
+                width: fine[1],
+                impulse,
+                ring_frequency: fine[2],
+                ring_decay: fine[3],
+            })
+        }),
         (
             any::<(u32, u64, i64, i64)>(),
             vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS)
