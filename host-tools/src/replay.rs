@@ -61,7 +61,7 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     let mut window = Window::open(number, strike.said.first_index);
     let mut energies = Vec::with_capacity(strike.scans.len());
     for &codes in &strike.scans {
-        window.process(settings, scan(codes));
+        window.process(settings, &[scan(codes)]);
         energies.push((
             window.absorbed_measured(settings).to_bits(),
             window.absorbed_predicted(settings).to_bits(),
@@ -189,7 +189,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
     for (offset, &codes) in (0..).zip(stream) {
         let fired = meter.strikes();
-        meter.process(settings, first.wrapping_add(offset), scan(codes), &mut heard);
+        meter.process(settings, first.wrapping_add(offset), &[scan(codes)], &mut heard);
         let index = first.wrapping_add(offset);
         if meter.strikes() > fired && index != strike.said.trigger_index {
             return Some(format!(

@@ -138,9 +138,7 @@ impl Sink for Heard {
 
 fn hear(settings: &Settings, codes: &[Scan]) -> Heard {
     let (mut meter, mut heard) = (Meter::new(), Heard::default());
-    for (index, &scan) in codes.iter().enumerate() {
-        meter.process(settings, index as u64, scan, &mut heard);
-    }
+    meter.process(settings, 0, codes, &mut heard);
     heard
 }
 
@@ -228,7 +226,7 @@ fn chunks_cover_the_window_and_replay_gives_the_same_bits() {
         assert_eq!(chunk.first_index, index);
         for &scan in &chunk.scans {
             assert_eq!(scan, strike.codes[index as usize]);
-            window.process(&strike.settings, scan);
+            window.process(&strike.settings, &[scan]);
             index += 1;
         }
         assert_eq!(
