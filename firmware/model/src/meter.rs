@@ -141,9 +141,10 @@ impl Meter {
         let scans = &self.recent.scans;
         match &mut self.phase {
             Phase::Armed => {
-                let Some(before) = rise(settings, scans, new.clone()) else {
-                    return new.len();
-                };
+                let before = before_rise(settings, scans, new.clone());
+                if before == new.len() {
+                    return before;
+                }
                 // The window starts with the history up to and with the scan that triggered.
                 let trigger = new.start + before;
                 let history = usize::from(settings.window.history);
@@ -159,7 +160,7 @@ impl Meter {
                     // The first samples look back on scans from before the gap; a false rise only starts the
                     // count anew.
                     *quiet += 1;
-                    if *quiet > settings.window.lookback && rise(settings, scans, at..at + 1).is_some() {
+                    if *quiet > settings.window.lookback && before_rise(settings, scans, at..at + 1) == 0 {
                         *quiet = 0;
                     } else if *quiet >= settings.window.history {
                         self.phase = Phase::Armed;
@@ -181,14 +182,18 @@ impl Meter {
 
 /// The trigger: the force has risen by the threshold since `lookback` samples ago. An offset that drifts does not
 /// matter, and a recorded window says on its own when it fires. Returns how many of the scans `new` come before.
+///
+/// A function of its own so that its instructions can be counted.
 #[inline(never)]
-fn rise(settings: &Settings, scans: &[Scan], new: Range<usize>) -> Option<usize> {
+fn before_rise(settings: &Settings, scans: &[Scan], new: Range<usize>) -> usize {
     let lookback = usize::from(settings.window.lookback);
-    let threshold = settings.window.threshold;
+    let threshold = u32::from(settings.window.threshold);
+    let force = |scan: &Scan| u32::from(scan.force.get());
     scans[new.start - lookback..]
         .iter()
         .zip(&scans[new])
-        .position(|(before, now)| now.force.get() >= before.force.get() + threshold)
+        .take_while(|(before, now)| force(now) < force(before) + threshold)
+        .count()
 }
 
 /// A strike while it is measured.

@@ -51,17 +51,19 @@ pub struct ReducedChain {
 }
 
 /// One coordinate with what its next step needs, as bits of their formats.
+///
+/// The sums over past accelerations are kept, not the accelerations: each is added once, when it comes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Coordinate {
-    /// x at this sample, [`Length`].
+    /// x[n], [`Length`].
     position: i32,
-    /// ẋ at this sample, [`Step`].
+    /// ẋ[n], [`Step`].
     velocity: i32,
-    /// The step to the next sample, without this one's acceleration, [`Step`].
+    /// x[n+1] - x[n] but for 14 a[n], [`Step`].
     step: i32,
-    /// p2
-    p2: i32,
-    /// The acceleration at the last sample, in twelfths, [`Step`].
+    /// What a[n-1] and a[n-2] add to the step after: 4 a[n-1] - a[n-2], [`Step`].
+    after: i32,
+    /// a[n-1] in twelfths, [`Step`].
     last: i32,
 }
 
@@ -70,12 +72,13 @@ impl Coordinate {
     #[inline(always)]
     fn advance(&mut self, a: i32, watch: &mut Watch) {
         let step = self.step.saturating_add(14 * a);
+        watch.state(step);
+        // Rounded down: a quarter of a picometre a sample.
         self.position = self.position.saturating_add(step >> STEP_TO_LENGTH);
         self.velocity = step.saturating_add(2 * (5 * a - 2 * self.last));
-        self.step = step.saturating_add(self.p2 - 5 * a);
-        self.p2 = 4 * a - self.last;
+        self.step = step.saturating_add(self.after - 5 * a);
+        self.after = 4 * a - self.last;
         self.last = a;
-        watch.state(step);
     }
 }
 

@@ -123,7 +123,9 @@ impl Window {
         }
     }
 
-    /// Takes the next samples. The result does not depend on how they are cut into calls.
+    /// Takes the next samples. The result does not depend on how they are cut into calls. Never inlined, so that
+    /// its instructions can be counted by its symbol.
+    #[inline(never)]
     pub fn process(&mut self, settings: &Settings, scans: &[Scan]) {
         for scan in scans {
             self.railed.set_if(Flags::FORCE_RAILED, scan.force.is_railed());
