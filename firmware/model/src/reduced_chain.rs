@@ -170,9 +170,14 @@ impl ReducedChain {
         } = *state;
         let mut squares = 0;
         for &measured in forces {
-            let contacts = overlaps
-                .each_ref()
-                .map(|overlap| self.contact_force(overlap, &mut watch));
+            // From the free end to the host, so that little has to be kept at a time.
+            let mut behind = 0;
+            let mut contact = self.contact_force(&overlaps[FOLLOWERS - 1], &mut watch);
+            for i in (1..FOLLOWERS).rev() {
+                let ahead = self.contact_force(&overlaps[i - 1], &mut watch);
+                overlaps[i].advance(ahead - 2 * contact + behind, &mut watch);
+                (behind, contact) = (contact, ahead);
+            }
 
             let velocity = intruder.velocity;
             squares += square(velocity >> STEP_TO_LENGTH);
@@ -183,16 +188,10 @@ impl ReducedChain {
             );
             let incoming = watch.limited(high_rounded(self.incoming.to_bits(), self.gated(measured)));
             // M/(M - m) is 1 + m/(M - m).
-            let host = incoming - contacts[0] + high_rounded(self.intruder.to_bits(), springs - contacts[0]);
-
+            let host = incoming - contact + high_rounded(self.intruder.to_bits(), springs - contact);
+            overlaps[0].advance(host - contact + behind, &mut watch);
             intruder.advance(-springs - host, &mut watch);
             watch.state(intruder.position);
-            let mut ahead = host;
-            for (i, overlap) in overlaps.iter_mut().enumerate() {
-                let bead = contacts[i] - contacts.get(i + 1).unwrap_or(&0);
-                overlap.advance(ahead - bead, &mut watch);
-                ahead = bead;
-            }
         }
         (state.overlaps, state.intruder, state.watch) = (overlaps, intruder, watch);
         state.squares.add(squares);
