@@ -186,6 +186,14 @@ fn a_strike_of_two_metres_per_second_fits_a_wider_range() {
 }
 
 #[test]
+fn a_strike_of_a_tenth_of_a_metre_per_second_fits_a_narrower_range() {
+    let (a, b) = errors(&strike(0.1, 100_000, 2.0, 60.0, 0.0));
+    println!("0.1 m/s, 100 kHz: A {a:+.4} %, B {b:+.4} %");
+    assert!(a.abs() < 0.02, "A {a} %");
+    assert!(b.abs() < 0.15, "B {b} %");
+}
+
+#[test]
 fn the_estimates_depend_on_the_calibration_that_they_claim_to_use() {
     // The same codes with k off by 5 % and c off by 10 % must come out wrong by about 9 and 8 %, B without τ
     // by about 6 %: were a coefficient not used, the accuracy above would prove nothing.

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window};
+use bead_model::{AdcCode, Chunk, Flags, Meter, Scan, Settings, Sink, StrikeReport, Window};
 use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
 
@@ -120,6 +120,31 @@ fn a_strike_straight_after_a_restart_is_left_out_rather_than_measured_without_it
     }
     assert!(heard.reports.is_empty());
     assert!(meter.is_armed());
+}
+
+#[test]
+fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
+    let flags = |newtons_per_code: f64| {
+        let mut front_end = FrontEnd::reference();
+        front_end.force.per_code = newtons_per_code;
+        let capture = Capture {
+            threshold: 30.0,
+            ..Capture::default()
+        };
+        let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
+        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        let quiet = std::iter::repeat_n(128, 1000);
+        let scans: Vec<Scan> = quiet
+            .chain((0..50).map(pulse))
+            .chain(std::iter::repeat_n(128, 1000))
+            .map(scan)
+            .collect();
+        meter.process(&settings, 0, &scans, &mut heard);
+        heard.reports[0].flags
+    };
+    // Peaks of 300 N and of 2.8 kN: overlaps of 80 and 390 µm, and half the format is 256.
+    assert_eq!(flags(0.2), Flags::default());
+    assert_eq!(flags(1.9), Flags::CHAIN_RANGE);
 }
 
 proptest! {
