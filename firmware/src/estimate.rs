@@ -5,7 +5,7 @@
 //! block has 2 ms; the channel holds [`BLOCKS`], so a burst of work may take that many times as long before
 //! a block is lost.
 
-use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Shape, Sink, StrikeReport};
+use bead_model::{Chunk, Meter, Settings, Shape, Sink, StrikeReport};
 use bead_wire::{Message, Strike};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
@@ -46,10 +46,7 @@ pub(crate) async fn estimate(
 /// A function of its own so that its instructions can be counted.
 #[inline(never)]
 fn process_block(settings: &Settings, meter: &mut Meter, block: &Block) {
-    for (index, codes) in (block.first_index..).zip(block.codes.as_chunks().0) {
-        let [force, acceleration] = codes.map(AdcCode::new);
-        meter.process(settings, index, Scan { force, acceleration }, &mut Telemetry);
-    }
+    meter.process(settings, block.first_index, &block.scans, &mut Telemetry);
 }
 
 /// Sends what the meter finds.

@@ -7,7 +7,7 @@
 //! The recording does not say when the striker hit. Each strike is therefore placed in time where its force fits the
 //! simulated one best; the acceleration, taken [`SCAN_SKEW`] later, follows.
 
-use bead_model::calibration::{BASELINE, Channel};
+use bead_model::calibration::BASELINE;
 use bead_model::design::Bead;
 use bead_wire::{FINE_UNIT, FORCE_UNIT_N};
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
@@ -305,8 +305,10 @@ impl Chain {
         }
         let rate = f64::from(settings.sample_rate_hz);
         let column = |channel: usize| strike.scans.iter().map(move |scan| scan[channel]);
-        let force = sensed(column(0), &settings.force, rate);
-        let acceleration = sensed(column(1), &settings.acceleration, rate);
+        let channel = &settings.force;
+        let force = sensed(column(0), channel.per_code.to_num(), channel.slope.to_num(), rate);
+        let channel = &settings.acceleration;
+        let acceleration = sensed(column(1), channel.per_code.to_num(), channel.slope.to_num(), rate);
         let gate = settings.chain.gate.to_num::<f64>();
         let gated: Vec<f64> = force
             .iter()
@@ -420,13 +422,13 @@ impl Chain {
 }
 
 /// A channel's codes in its unit, relative to the quiet start of the window, the pole taken out.
-fn sensed(codes: impl Iterator<Item = u16> + Clone, channel: &Channel, rate: f64) -> Vec<f64> {
+/// `slope` is per code and change over two samples, see [`Channel`](bead_model::calibration::Channel).
+fn sensed(codes: impl Iterator<Item = u16> + Clone, per_code: f64, slope: f64, rate: f64) -> Vec<f64> {
     let quiet = usize::from(BASELINE);
     let zero = codes.clone().take(quiet).map(f64::from).sum::<f64>() / quiet as f64;
-    let per_code = channel.per_code.to_num::<f64>();
     let values: Vec<f64> = codes.map(|code| (f64::from(code) - zero) * per_code).collect();
-    // `pole` is f_s / (2 ω): half the pole's time constant in samples.
-    let time_constant = 2.0 * channel.pole.to_num::<f64>() / rate;
+    // The slope is that by f_s / (2 ω): half the pole's time constant in samples.
+    let time_constant = 2.0 * slope / per_code / rate;
     if time_constant == 0.0 {
         return values;
     }

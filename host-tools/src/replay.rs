@@ -59,9 +59,10 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     }
 
     let mut window = Window::open(number, strike.said.first_index);
-    let mut energies = Vec::with_capacity(strike.scans.len());
-    for &codes in &strike.scans {
-        window.process(settings, scan(codes));
+    let scans: Vec<Scan> = strike.scans.iter().copied().map(scan).collect();
+    let mut energies = Vec::with_capacity(scans.len());
+    for scan in &scans {
+        window.process(settings, std::slice::from_ref(scan));
         energies.push((
             window.absorbed_measured(settings).to_bits(),
             window.absorbed_predicted(settings).to_bits(),
@@ -69,12 +70,7 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     }
     let report = window.report(settings);
     let said = wire_strike(&report);
-    let shape = || {
-        wire_shape(
-            &report,
-            &Shape::of(settings, strike.scans.iter().copied().map(scan)),
-        )
-    };
+    let shape = || wire_shape(&report, &Shape::of(settings, &scans));
     let first_difference = differs_in_chunks(strike, &energies)
         .or_else(|| differs_in_report(&strike.said, &said))
         .or_else(|| differs_in_shape(&strike.shape?, &shape()))
@@ -247,7 +243,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
     for (offset, &codes) in (0..).zip(stream) {
         let fired = meter.strikes();
-        meter.process(settings, first.wrapping_add(offset), scan(codes), &mut heard);
+        meter.process(settings, first.wrapping_add(offset), &[scan(codes)], &mut heard);
         let index = first.wrapping_add(offset);
         if meter.strikes() > fired && index != strike.said.trigger_index {
             return Some(format!(

@@ -80,12 +80,13 @@ fn feed(settings: &Settings, codes: &[[u16; 2]], strike: &mut RecordedStrike) {
         }
     }
     let mut meter = Meter::new();
-    for (index, &[force, acceleration]) in (1..).zip(codes) {
-        let scan = Scan {
+    let scans: Vec<Scan> = codes
+        .iter()
+        .map(|&[force, acceleration]| Scan {
             force: AdcCode::new(force),
             acceleration: AdcCode::new(acceleration),
-        };
-        meter.process(settings, index, scan, &mut Into(strike));
-    }
+        })
+        .collect();
+    meter.process(settings, 1, &scans, &mut Into(strike));
     assert_eq!(meter.strikes(), 1);
 }

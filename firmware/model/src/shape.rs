@@ -4,8 +4,7 @@
 //! # Design
 //!
 //! Worked out once a strike from the codes of its window, by the host as by the bead: nothing is added to the work per
-//! sample, and the result is a function of settings and codes alone. The force is gone through three times, since a width
-//! is known only after the height, and the place of the top only after the width.
+//! sample but to keep the codes, and the result is a function of settings and codes alone.
 //!
 //! **Arrival** is the top of the parabola that fits the force best over a quarter of its width to either side: a highest
 //! sample alone would be known to a sample, and with noise to several. **Width** is between straight lines through the
@@ -19,14 +18,20 @@
 //! at which neighbours differ by more than noise. It starts when the wave has left the bead behind the host.
 
 use crate::calibration::{BASELINE, Channel, ChannelState};
-use crate::quantity::{Acceleration, AdcCode, Force, Scan};
+use crate::quantity::{AdcCode, Scan};
 use crate::settings::Settings;
+use crate::window::PIECE;
+use fixed::FixedI32;
+use fixed::types::extra::{LeEqU32, U12, U16};
 use fixed::types::{I48F16, U16F16};
 
 /// A time in samples, or a rate in 1/s.
 pub type Fine = U16F16;
 /// A momentum, N·samples.
 pub type Impulse = I48F16;
+
+/// Most scans that a shape is taken from.
+pub const SCANS_MAX: usize = 1024;
 
 /// Rate of the means that the ringing is fitted to, Hz: for oscillations of some 0.2 to 5 kHz.
 const RING_RATE_HZ: u32 = 12_500;
@@ -51,35 +56,32 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The shape of the window with these scans, its first first.
+    /// The shape of the window with these scans, its first first; those beyond [`SCANS_MAX`] do not count.
     ///
     /// Never inlined into its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub fn of(settings: &Settings, scans: impl Iterator<Item = Scan> + Clone) -> Self {
-        let forces = || calibrated(&settings.force, scans.clone().map(|scan| scan.force));
+    pub fn of(settings: &Settings, scans: &[Scan]) -> Self {
         let mut shape = Self::default();
-        let mut peak = (0, Force::ZERO);
-        let mut impulse = 0_i64;
-        for (sample, force) in forces() {
-            impulse += i64::from(force.to_bits());
-            if force > peak.1 {
-                peak = (sample, force);
-            }
-        }
-        shape.impulse = Impulse::from_bits(impulse);
-        let Some(width) = width(forces(), peak) else {
+        let mut values = [0; SCANS_MAX];
+        let force = |scan: &Scan| scan.force;
+        let forces = calibrated::<_, U16>(&settings.force, scans, force, &mut values);
+        shape.impulse = Impulse::from_bits(forces.iter().map(|&force| i64::from(force)).sum());
+        let Some(peak) = (0..forces.len()).rev().max_by_key(|&sample| forces[sample]) else {
             return shape;
         };
+        let Some(width) = width(forces, peak) else {
+            return shape;
+        };
+        let arrival = summit(forces, peak, (0.25 * width) as usize);
         shape.width = Fine::saturating_from_num(width);
-        let arrival = summit(forces(), peak.0, (0.25 * width) as usize);
         shape.arrival = Fine::saturating_from_num(arrival);
 
+        let acceleration = |scan: &Scan| scan.acceleration;
+        let accelerations = calibrated::<_, U12>(&settings.acceleration, scans, acceleration, &mut values);
         let free = (arrival + FREE_AFTER * width) as usize;
-        let accelerations = calibrated(&settings.acceleration, scans.map(|scan| scan.acceleration));
-        let ring = ringing(
-            accelerations.filter(|&(sample, _)| sample >= free),
-            settings.sample_rate_hz,
-        );
+        let ring = accelerations
+            .get(free..)
+            .and_then(|free| ringing(free, settings.sample_rate_hz));
         if let Some((frequency, decay)) = ring {
             shape.ring_frequency = Fine::saturating_from_num(frequency);
             shape.ring_decay = Fine::saturating_from_num(decay);
@@ -88,50 +90,49 @@ impl Shape {
     }
 }
 
-/// The quantity of a channel at every sample after the baseline, with the sample's number in the window.
-fn calibrated<'a>(
-    channel: &'a Channel,
-    codes: impl Iterator<Item = AdcCode> + 'a,
-) -> impl Iterator<Item = (usize, fixed::types::I16F16)> + 'a {
+/// Bits of the quantity of a channel at every sample of a window but its last, `V` fraction bits; 0 for the baseline.
+fn calibrated<'a, F: LeEqU32, V: LeEqU32>(
+    channel: &Channel<F>,
+    scans: &[Scan],
+    code: impl Fn(&Scan) -> AdcCode,
+    values: &'a mut [i32; SCANS_MAX],
+) -> &'a [i32] {
+    let scans = &scans[..scans.len().min(SCANS_MAX)];
+    let (quiet, strike) = scans.split_at(scans.len().min(usize::from(BASELINE)));
     let mut state = ChannelState::default();
-    codes.enumerate().filter_map(move |(sample, code)| {
-        if sample < usize::from(BASELINE) {
-            state.settle(code);
-            return None;
+    quiet.iter().for_each(|scan| state.settle(code(scan)));
+    values[..quiet.len()].fill(0);
+    // The compensated value is that of the sample before.
+    let mut at = quiet.len().saturating_sub(1);
+    for piece in strike.chunks(PIECE) {
+        let mut some = [FixedI32::<V>::ZERO; PIECE];
+        channel.process(&mut state, piece.iter().map(&code), &mut some[..piece.len()]);
+        for value in &some[..piece.len()] {
+            values[at] = value.to_bits();
+            at += 1;
         }
-        // The compensated value is that of the sample before.
-        Some((sample - 1, channel.process(&mut state, code)))
-    })
+    }
+    &values[..at]
 }
 
 /// Full width at half the height of the pulse around `peak`, samples; none if it does not fall to half on both sides.
-fn width(forces: impl Iterator<Item = (usize, Force)>, peak: (usize, Force)) -> Option<f32> {
-    let half = peak.1 / 2;
-    let mut before: Option<(usize, Force)> = None;
-    let mut rise = None;
-    for (sample, force) in forces {
-        if let Some((_, last)) = before
-            && (last < half) != (force < half)
-        {
-            let part = (half - last).to_num::<f32>() / (force - last).to_num::<f32>();
-            let crossing = sample as f32 - 1.0 + part;
-            if sample <= peak.0 {
-                rise = (force >= half).then_some(crossing);
-            } else {
-                return rise.map(|rise| crossing - rise);
-            }
-        }
-        before = Some((sample, force));
-    }
-    None
+fn width(forces: &[i32], peak: usize) -> Option<f32> {
+    let half = forces[peak] / 2;
+    let rise = (1..=peak).rev().find(|&after| forces[after - 1] < half)?;
+    let fall = (peak + 1..forces.len()).find(|&after| forces[after] < half)?;
+    let crossing = |after: usize| {
+        let (from, to) = (forces[after - 1], forces[after]);
+        (after - 1) as f32 + (half - from) as f32 / (to - from) as f32
+    };
+    Some(crossing(fall) - crossing(rise))
 }
 
 /// Where the parabola is highest that fits the forces best over `reach` samples to either side of `peak`.
-fn summit(forces: impl Iterator<Item = (usize, Force)>, peak: usize, reach: usize) -> f32 {
-    let reach = reach.clamp(1, 64);
+fn summit(forces: &[i32], peak: usize, reach: usize) -> f32 {
+    let reach = reach.clamp(1, 64).min(peak).min(forces.len() - 1 - peak);
     let (mut sum, mut first, mut second) = (0_i64, 0_i64, 0_i64);
-    for (sample, force) in forces.filter(|&(sample, _)| sample.abs_diff(peak) <= reach) {
-        let (x, force) = (sample as i64 - peak as i64, i64::from(force.to_bits()));
+    for (x, &force) in (-(reach as i64)..).zip(&forces[peak - reach..=peak + reach]) {
+        let force = i64::from(force);
         sum += force;
         first += x * force;
         second += x * x * force;
@@ -152,26 +153,16 @@ fn summit(forces: impl Iterator<Item = (usize, Force)>, peak: usize, reach: usiz
 }
 
 /// Frequency (Hz) and decay (1/s) of a free oscillation; none of what does not oscillate.
-fn ringing(
-    accelerations: impl Iterator<Item = (usize, Acceleration)>,
-    sample_rate_hz: u32,
-) -> Option<(f32, f32)> {
+fn ringing(accelerations: &[i32], sample_rate_hz: u32) -> Option<(f32, f32)> {
     let together = (sample_rate_hz / RING_RATE_HZ).max(1);
     let period = together as f32 / sample_rate_hz as f32;
-    let (mut sum, mut summed) = (0_i64, 0_u32);
     let mut last = [0.0_f32; 2];
     let mut means = 0_u32;
     // Σ of products: a₁a₁, a₁a₂, a₂a₂, a₀a₁, a₀a₂, with a₀ the latest mean.
     let mut products = [0.0_f32; 5];
-    for (_, acceleration) in accelerations {
-        sum += i64::from(acceleration.to_bits());
-        summed += 1;
-        if summed < together {
-            continue;
-        }
-        // m/s² times the number of samples: a common factor does not matter.
-        let mean = sum as f32 / (1 << 16) as f32;
-        (sum, summed) = (0, 0);
+    for some in accelerations.chunks_exact(together as usize) {
+        // A common factor does not matter: this one keeps the products far from the ends of f32's range.
+        let mean = some.iter().map(|&a| i64::from(a)).sum::<i64>() as f32 / (1 << 12) as f32;
         let [one, two] = last;
         if means >= 2 {
             for (product, value) in
@@ -205,12 +196,12 @@ fn ringing(
 mod tests {
     use super::*;
 
-    fn rung(frequency: f64, decay: f64, samples: usize) -> Vec<(usize, Acceleration)> {
+    fn rung(frequency: f64, decay: f64, samples: usize) -> Vec<i32> {
         (0..samples)
             .map(|n| {
                 let t = n as f64 / 100e3;
                 let value = 80.0 * (-decay * t).exp() * (core::f64::consts::TAU * frequency * t + 0.4).cos();
-                (n, Acceleration::from_num(value))
+                (value * 4096.0) as i32
             })
             .collect()
     }
@@ -218,7 +209,7 @@ mod tests {
     #[test]
     fn frequency_and_decay_of_a_free_oscillation_come_out_whatever_they_are() {
         for (frequency, decay) in [(1684.7, 1748.5), (800.0, 300.0), (300.0, 900.0), (4000.0, 100.0)] {
-            let (f, b) = ringing(rung(frequency, decay, 400).into_iter(), 100_000).unwrap();
+            let (f, b) = ringing(&rung(frequency, decay, 400), 100_000).unwrap();
             let (f, b) = (f64::from(f), f64::from(b));
             assert!((f / frequency - 1.0).abs() < 2e-4, "{f} for {frequency} Hz");
             assert!(
@@ -230,37 +221,51 @@ mod tests {
 
     #[test]
     fn what_does_not_oscillate_or_is_too_short_has_no_frequency() {
-        let zero = (0..400).map(|n| (n, Acceleration::ZERO));
-        assert_eq!(ringing(zero, 100_000), None);
-        assert_eq!(
-            ringing(rung(1700.0, 1700.0, 8 * 11 + 7).into_iter(), 100_000),
-            None
-        );
-        let decays = (0..400).map(|n| {
-            (
-                n,
-                Acceleration::from_num(80.0 * (-f64::from(n as u32) / 50.0).exp()),
-            )
-        });
-        assert_eq!(ringing(decays, 100_000), None);
+        assert_eq!(ringing(&[0; 400], 100_000), None);
+        assert_eq!(ringing(&rung(1700.0, 1700.0, 8 * 11 + 7), 100_000), None);
+        let decays: Vec<i32> = (0..400)
+            .map(|n| (3e5 * (-f64::from(n) / 50.0).exp()) as i32)
+            .collect();
+        assert_eq!(ringing(&decays, 100_000), None);
     }
 
     #[test]
     fn the_top_of_a_parabola_between_samples_is_found() {
-        let forces = (0..200).map(|n| {
-            let x = f64::from(n) - 97.3;
-            (n as usize, Force::from_num(6.0 - 0.01 * x * x))
-        });
-        let top = summit(forces, 97, 9);
+        let forces: Vec<i32> = (0..200)
+            .map(|n| {
+                let x = f64::from(n) - 97.3;
+                ((6.0 - 0.01 * x * x) * 65536.0) as i32
+            })
+            .collect();
+        let top = summit(&forces, 97, 9);
+        assert!((top - 97.3).abs() < 1e-3, "{top}");
+        // Near an end it makes do with what there is.
+        let top = summit(&forces[..100], 97, 9);
         assert!((top - 97.3).abs() < 1e-3, "{top}");
     }
 
     #[test]
     fn half_heights_are_crossed_between_samples_and_a_pulse_cut_off_has_no_width() {
-        let triangle = |n: i32| (n as usize, Force::from_num(10 - (n - 50).abs().min(10)));
-        let wide = width((0..100).map(triangle), (50, Force::from_num(10))).unwrap();
+        let triangle: Vec<i32> = (0..100)
+            .map(|n: i32| 1000 - 100 * (n - 50).abs().min(10))
+            .collect();
+        let wide = width(&triangle, 50).unwrap();
         assert!((wide - 10.0).abs() < 1e-6, "{wide}");
-        assert_eq!(width((0..53).map(triangle), (50, Force::from_num(10))), None);
-        assert_eq!(width((47..100).map(triangle), (50, Force::from_num(10))), None);
+        assert_eq!(width(&triangle[..53], 50), None);
+        assert_eq!(width(&triangle[47..], 3), None);
+    }
+
+    #[test]
+    fn a_window_of_nothing_has_no_shape() {
+        let settings = crate::design::derive(
+            &crate::design::Bead::paper(),
+            &crate::design::FrontEnd::reference(),
+            &crate::design::Capture::default(),
+        )
+        .unwrap();
+        for length in [0, 1, 63, 64, 65, 640, 5000] {
+            let scans = vec![Scan::ZERO; length];
+            assert_eq!(Shape::of(&settings, &scans), Shape::default(), "{length}");
+        }
     }
 }

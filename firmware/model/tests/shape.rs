@@ -132,7 +132,7 @@ fn the_shape_of_the_papers_strike_is_that_of_the_chain() {
     let solution = chain(0.45, 16, HOST, 3.95e5);
     for noise in [0.0, 1.3] {
         let (settings, scans) = sensed(&solution, HOST, 1.0, noise);
-        let shape = Shape::of(&settings, scans.iter().copied());
+        let shape = Shape::of(&settings, &scans);
         held(
             &format!("0.45 m/s, {noise} codes rms"),
             errors(&solution, HOST, 3.95e5, &shape),
@@ -146,7 +146,7 @@ fn a_spring_that_has_changed_is_heard_in_the_ringing() {
     for stiffness in [3.6e5, 3.95e5, 4.3e5] {
         let solution = chain(0.45, 16, HOST, stiffness);
         let (settings, scans) = sensed(&solution, HOST, 1.0, 1.3);
-        let shape = Shape::of(&settings, scans.iter().copied());
+        let shape = Shape::of(&settings, &scans);
         held(
             &format!("k = {stiffness} N/m"),
             errors(&solution, HOST, stiffness, &shape),
@@ -160,7 +160,7 @@ fn the_shape_holds_for_weak_and_strong_strikes() {
     for (speed, range) in [(0.1, 0.25), (2.0, 6.0), (5.0, 16.0)] {
         let solution = chain(speed, 16, HOST, 3.95e5);
         let (settings, scans) = sensed(&solution, HOST, range, 1.3);
-        let shape = Shape::of(&settings, scans.iter().copied());
+        let shape = Shape::of(&settings, &scans);
         held(
             &format!("{speed} m/s"),
             errors(&solution, HOST, 3.95e5, &shape),

@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 2;
+pub(crate) const FORMAT: u32 = 3;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of two little-endian u16: the code of ADC channel 0, then that of channel 1.
@@ -42,6 +42,8 @@ pub(crate) struct Description {
     pub(crate) count_instructions: bool,
     pub(crate) functions: Vec<FunctionRange>,
     pub(crate) labels: usize,
+    /// The labels whose functions make a block a working one.
+    pub(crate) work: Vec<usize>,
     pub(crate) uart_input: Vec<UartInput>,
     pub(crate) pokes: Vec<Poke>,
     pub(crate) faults: Vec<Fault>,
@@ -112,6 +114,7 @@ pub(crate) struct Report {
     pub(crate) labels: Vec<Count>,
     pub(crate) worst_block: Option<Block>,
     pub(crate) working: Option<Block>,
+    pub(crate) idle: Option<Block>,
 }
 
 /// The externally triggered scans of ADC1.
