@@ -154,7 +154,7 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
             force: AdcCode::new(force),
             acceleration: AdcCode::new(acceleration),
         };
-        meter.process(&settings, index, scan, &mut bead);
+        meter.process(&settings, index, &[scan], &mut bead);
     }
     assert_eq!(meter.strikes(), 1);
     spoil(&mut bead.stream);

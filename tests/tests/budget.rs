@@ -18,7 +18,7 @@ const TARGETS: [(&str, f64); 3] = [
 
 /// The figures of the table: name and value of every row whose second cell is a number.
 fn committed() -> Vec<(String, f64)> {
-    let text = fs::read_to_string(workspace().join("docs/budget.md")).unwrap();
+    let text = fs::read_to_string(workspace().join("docs/budget.md")).expect("the table is committed");
     text.lines()
         .filter_map(|line| {
             let mut cells = line.strip_prefix('|')?.split('|').map(str::trim);
@@ -30,7 +30,7 @@ fn committed() -> Vec<(String, f64)> {
 
 /// Bytes of flash and of RAM that an image's loaded segments take, and of stack below its start and above its fence.
 fn sizes(elf: &[u8]) -> [f64; 3] {
-    let elf: ElfFile32<'_> = ElfFile32::parse(elf).unwrap();
+    let elf: ElfFile32<'_> = ElfFile32::parse(elf).expect("the image is an ELF file");
     let [mut flash, mut variables] = [0, 0];
     for segment in elf.elf_program_headers() {
         let endian = elf.endian();
@@ -45,8 +45,8 @@ fn sizes(elf: &[u8]) -> [f64; 3] {
         }
     }
     let symbol = |name: &str| {
-        let symbol = elf.symbols().find(|symbol| symbol.name() == Ok(name)).unwrap();
-        symbol.address()
+        let symbol = elf.symbols().find(|symbol| symbol.name() == Ok(name));
+        symbol.expect("`link.x` defines it").address()
     };
     // `stack.rs`: the fence is the first whole KiB above the variables.
     let stack = symbol("_stack_start") - (symbol("_stack_end").next_multiple_of(1024) + 1024);

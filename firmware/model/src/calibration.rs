@@ -60,7 +60,7 @@ impl<F: LeEqU32> Channel<F> {
         let [mut last, mut before] = state.last;
         for (code, value) in codes.zip(values) {
             let above = (i32::from(code.get()) << CODE_FRACTION) - zero;
-            // Two codes are at most 4095 apart, and `is_bounded` looks to the sum.
+            // Two codes are at most 4095 apart, and `is_below` looks to the sum.
             *value = FixedI32::from_bits(
                 high_rounded(self.per_code.to_bits(), last)
                     + high_rounded(self.slope.to_bits(), above - before),
@@ -71,11 +71,15 @@ impl<F: LeEqU32> Channel<F> {
         state.last = [last, before];
     }
 
-    /// Whether the coefficients are such as a channel has, and every value that codes can give is below `most`.
-    pub fn is_bounded(&self, most: u32) -> bool {
+    /// Whether the slope is that of a pole above `f_s/4π`.
+    pub fn has_pole(&self) -> bool {
+        (FixedI32::ZERO..self.per_code).contains(&self.slope)
+    }
+
+    /// Whether every value that codes can give is below `most`.
+    pub fn is_below(&self, most: u32) -> bool {
         let [per_code, slope] = [self.per_code, self.slope].map(|value| i64::from(value.to_bits()));
-        let highest = (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope)) >> F::U32;
-        per_code > 0 && slope >= 0 && highest < i64::from(most)
+        (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope)) >> F::U32 < i64::from(most)
     }
 }
 

@@ -179,12 +179,12 @@ impl Settings {
                 "lookback is 0 or not shorter than the history",
             ),
             (
-                self.force.is_bounded(FORCE_MOST),
-                "the force's range is empty, its pole negative, or both beyond 32 kN",
+                self.force.has_pole() && self.acceleration.has_pole(),
+                "a pole is below f_s/4π, or negative",
             ),
             (
-                self.acceleration.is_bounded(Observer::MOST),
-                "the acceleration's range is empty, its pole negative, or both beyond 65 km/s²",
+                self.force.is_below(FORCE_MOST) && self.acceleration.is_below(Observer::MOST),
+                "the codes of a channel reach beyond 32 kN or 65 km/s²",
             ),
             (self.observer.is_bounded(), "a weight of the observer is negative"),
             (

@@ -152,6 +152,23 @@ fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
     assert_eq!(flags(1.9), Flags::CHAIN_RANGE);
 }
 
+#[test]
+fn settings_that_would_break_a_sum_are_refused() {
+    let refused = |change: fn(&mut Settings)| {
+        let mut settings = settings();
+        change(&mut settings);
+        settings.validate().unwrap_err().to_string()
+    };
+    let pole = "a pole is below f_s/4π, or negative";
+    assert!(refused(|s| s.force.per_code = -s.force.per_code).contains(pole));
+    assert!(refused(|s| s.force.slope = s.force.per_code).contains(pole));
+    assert!(refused(|s| s.acceleration.slope = -s.acceleration.slope).contains(pole));
+    assert!(refused(|s| s.acceleration.per_code = I6F26::from_num(16)).contains("65 km/s²"));
+    assert!(refused(|s| s.observer.end = -s.observer.end).contains("observer"));
+    assert!(refused(|s| s.chain.contact = -s.chain.contact).contains("reduced chain"));
+    assert!(refused(|s| s.chain.relaxation = -s.chain.relaxation).contains("reduced chain"));
+}
+
 proptest! {
     #[test]
     fn any_codes_whatever_are_survived(codes in prop::collection::vec((0u16..4096, 0u16..4096), 2000)) {
@@ -172,11 +189,13 @@ proptest! {
         // Any of the upper part of the range that a coefficient may have.
         let mut next = |most: i32| bits.next().unwrap().rem_euclid(most) + 1;
         let mut settings = settings();
-        // 32 kN and 65 km/s² over 4095 codes, a third for each of the three sums.
-        settings.force.per_code = I2F30::from_bits(next(i32::MAX));
-        settings.force.slope = I2F30::from_bits(next(i32::MAX));
-        settings.acceleration.per_code = I6F26::from_bits(next(1 << 28));
-        settings.acceleration.slope = I6F26::from_bits(next(1 << 28));
+        // 65 km/s² over 4095 codes, a third for each of the three sums; of the force the format holds all.
+        let most = next(i32::MAX - 1) + 1;
+        settings.force.per_code = I2F30::from_bits(most);
+        settings.force.slope = I2F30::from_bits(next(most - 1));
+        let most = next(1 << 28) + 1;
+        settings.acceleration.per_code = I6F26::from_bits(most);
+        settings.acceleration.slope = I6F26::from_bits(next(most - 1));
         settings.observer.start = I0F32::from_bits(next(i32::MAX));
         settings.observer.end = I0F32::from_bits(next(i32::MAX));
         settings.observer.energy = I2F30::from_bits(next(i32::MAX));
