@@ -111,11 +111,14 @@ pub struct Capture {
     pub threshold: f64,
     /// Time over which it must rise so much, s.
     pub lookback: f64,
+    /// Part of the greater by which A and B may differ before a strike is flagged.
+    pub disagreement: f64,
 }
 
 impl Default for Capture {
     /// 100 kHz; 1.28 ms of history, of which 0.64 ms give the zero; a window of 6.4 ms, over which the
-    /// intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms.
+    /// intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms; a flag where A and B are 3 % apart,
+    /// ten times what noise does, half of what a chain without viscosity does.
     fn default() -> Self {
         Self {
             sample_rate_hz: 100_000,
@@ -123,6 +126,7 @@ impl Default for Capture {
             length: 6.4e-3,
             threshold: 0.1,
             lookback: 0.5e-3,
+            disagreement: 0.03,
         }
     }
 }
@@ -272,6 +276,7 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
             "incident",
             SOLITARY_WAVE_ENERGY * bead.contact_stiffness.powf(-2.0 / 3.0) * NJ,
         )?,
+        disagreement: fix("disagreement", capture.disagreement)?,
     };
     settings.validate().map_err(DesignError::Window)?;
     Ok(settings)

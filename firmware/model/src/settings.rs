@@ -58,6 +58,8 @@ pub struct Settings {
     pub chain: ReducedChain,
     /// Energy of a solitary wave of 1 N peak, nJ/N^{5/3}.
     pub incident: I16F16,
+    /// Part of the greater by which A and B may differ before a strike is flagged.
+    pub disagreement: I16F16,
 }
 
 /// Why a settings block is refused.
@@ -186,6 +188,7 @@ impl Settings {
                 self.force.is_below(FORCE_MOST) && self.acceleration.is_below(Observer::MOST),
                 "the codes of a channel reach beyond 32 kN or 65 km/s²",
             ),
+            (self.disagreement > 0, "disagreement is not above 0"),
             (self.observer.is_bounded(), "a weight of the observer is negative"),
             (
                 self.chain.is_bounded(),

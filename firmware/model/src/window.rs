@@ -24,12 +24,16 @@ impl Flags {
     // Bit 2 said that estimate A had left its range, which it no longer can.
     /// A state of estimate B left half the range of its format.
     pub const CHAIN_RANGE: Self = Self(1 << 3);
+    /// A and B differ by more than the settings allow, and no other flag says why: c, τ, M or a gain is not what the
+    /// settings say. A wrong k moves both alike.
+    pub const ESTIMATES_DIFFER: Self = Self(1 << 4);
 
     /// Every flag with the name that reports show.
-    pub const NAMES: [(Self, &'static str); 3] = [
+    pub const NAMES: [(Self, &'static str); 4] = [
         (Self::FORCE_RAILED, "force_railed"),
         (Self::ACCELERATION_RAILED, "acceleration_railed"),
         (Self::CHAIN_RANGE, "chain_range"),
+        (Self::ESTIMATES_DIFFER, "estimates_differ"),
     ];
 
     /// From the bits of a strike frame; bits unknown to this version are kept.
@@ -193,6 +197,13 @@ impl Window {
     pub fn report(&self, settings: &Settings) -> StrikeReport {
         let mut flags = self.railed;
         flags.set_if(Flags::CHAIN_RANGE, self.chain.saturated());
+        let estimates = [
+            self.absorbed_measured(settings),
+            self.absorbed_predicted(settings),
+        ];
+        // What is wrong already explains a difference.
+        let unexplained = flags == Flags::default() && differ(estimates, settings.disagreement);
+        flags.set_if(Flags::ESTIMATES_DIFFER, unexplained);
         StrikeReport {
             strike: self.strike,
             first_index: self.first_index,
@@ -208,6 +219,13 @@ impl Window {
             flags,
         }
     }
+}
+
+/// Whether two energies are further apart than this part of the greater.
+fn differ([a, b]: [Energy; 2], part: I16F16) -> bool {
+    let apart = u128::from(a.to_bits().abs_diff(b.to_bits()));
+    let greater = u128::from(a.max(b).to_bits().unsigned_abs());
+    apart << I16F16::FRAC_NBITS > greater * u128::from(part.to_bits().unsigned_abs())
 }
 
 /// Energy of the solitary wave whose peak force is `peak`: `e F^{5/3}`, with `e` in nJ/N^{5/3}.
@@ -229,6 +247,17 @@ pub fn incident_energy(coefficient: I16F16, peak: Force) -> Energy {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn energies_differ_when_they_are_further_apart_than_a_part_of_the_greater() {
+        let part = I16F16::from_num(0.0625);
+        let [whole, near, far] = [800.0, 750.0, 749.9].map(Energy::from_num);
+        for (other, apart) in [(whole, false), (near, false), (far, true), (Energy::ZERO, true)] {
+            assert_eq!(differ([whole, other], part), apart, "{other}");
+            assert_eq!(differ([other, whole], part), apart, "{other}");
+        }
+        assert!(!differ([Energy::ZERO; 2], part));
+    }
 
     #[test]
     fn incident_energy_is_within_the_stated_error_of_the_power_law() {

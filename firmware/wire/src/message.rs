@@ -50,7 +50,7 @@ pub enum Kind {
     /// [`Settings`]
     Settings = 6,
     /// [`Shape`]
-    Shape = 7,
+    Shape = 8,
 }
 
 impl Kind {
@@ -63,7 +63,7 @@ impl Kind {
             4 => Some(Self::Waveform),
             5 => Some(Self::Fault),
             6 => Some(Self::Settings),
-            7 => Some(Self::Shape),
+            8 => Some(Self::Shape),
             _ => None,
         }
     }
