@@ -27,6 +27,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Sender;
 use embassy_time::{Duration, with_timeout};
 
+use bead_model::{AdcCode, Scan};
 use bead_wire::FaultCause;
 
 use crate::clocks::ADC_HZ;
@@ -68,15 +69,14 @@ pub(crate) struct Block {
     pub(crate) epoch: u32,
     /// Index of the first scan.
     pub(crate) first_index: u64,
-    /// Force and acceleration in turn.
-    pub(crate) codes: [u16; CODES],
+    pub(crate) scans: [Scan; SCANS_PER_BLOCK],
 }
 
 impl Block {
     pub(crate) const EMPTY: Self = Self {
         epoch: 0,
         first_index: 0,
-        codes: [0; CODES],
+        scans: [Scan::ZERO; SCANS_PER_BLOCK],
     };
 }
 
@@ -174,7 +174,10 @@ impl Outlet {
             Some(block) => {
                 block.epoch = self.epoch;
                 block.first_index = first_index;
-                block.codes = *codes;
+                for (scan, codes) in block.scans.iter_mut().zip(codes.as_chunks().0) {
+                    let [force, acceleration] = codes.map(AdcCode::new);
+                    *scan = Scan { force, acceleration };
+                }
                 self.blocks.send_done();
                 true
             }

@@ -5,7 +5,7 @@
 //! block has 2 ms; the channel holds [`BLOCKS`], so a burst of work may take that many times as long before
 //! a block is lost.
 
-use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport};
+use bead_model::{Chunk, Meter, Settings, Shape, Sink, StrikeReport};
 use bead_wire::{FaultCause, Message, Strike};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
@@ -55,10 +55,7 @@ pub(crate) async fn estimate(
 /// A function of its own so that its instructions can be counted.
 #[inline(never)]
 fn process_block(settings: &Settings, meter: &mut Meter, block: &Block) {
-    for (index, codes) in (block.first_index..).zip(block.codes.as_chunks().0) {
-        let [force, acceleration] = codes.map(AdcCode::new);
-        meter.process(settings, index, Scan { force, acceleration }, &mut Telemetry);
-    }
+    meter.process(settings, block.first_index, &block.scans, &mut Telemetry);
 }
 
 /// Sends what the meter finds.
@@ -96,6 +93,18 @@ impl Sink for Telemetry {
                     0 => 0,
                     _ => Strike::SENSOR_FAULT,
                 },
+        })));
+    }
+
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        outbox::push(Record::Message(Message::Shape(bead_wire::Shape {
+            strike: report.strike,
+            first_index: report.first_index,
+            arrival: shape.arrival.to_bits(),
+            width: shape.width.to_bits(),
+            impulse: shape.impulse.to_bits(),
+            ring_frequency: shape.ring_frequency.to_bits(),
+            ring_decay: shape.ring_decay.to_bits(),
         })));
     }
 }

@@ -238,9 +238,8 @@ impl Watch {
     /// Looks at a block, and at the supply.
     pub(crate) fn look(&mut self, block: &Block) {
         let mut codes = [Codes::NONE; CHANNELS];
-        let scans: &[[u16; CHANNELS]] = block.codes.as_chunks().0;
-        for scan in scans.iter().step_by(STEP) {
-            for (codes, &code) in codes.iter_mut().zip(scan) {
+        for scan in block.scans.iter().step_by(STEP) {
+            for (codes, code) in codes.iter_mut().zip([scan.force.get(), scan.acceleration.get()]) {
                 codes.add(Codes { any: code, all: code });
             }
         }

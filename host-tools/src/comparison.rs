@@ -7,15 +7,15 @@
 //! The recording does not say when the striker hit. Each strike is therefore placed in time where its force fits the
 //! simulated one best; the acceleration, taken [`SCAN_SKEW`] later, follows.
 
-use bead_model::calibration::{BASELINE, Channel};
+use bead_model::calibration::BASELINE;
 use bead_model::design::Bead;
-use bead_wire::FORCE_UNIT_N;
-use hertz_chain::{Scenario, Snapshot, Solution};
+use bead_wire::{FINE_UNIT, FORCE_UNIT_N};
+use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
 use serde::Serialize;
 
 use crate::f64_estimators;
 use crate::failure::Failure;
-use crate::frames::{flag_names, joules};
+use crate::frames::{flag_names, joules, newton_seconds};
 use crate::front_end::SCAN_SKEW;
 use crate::replay::{Replay, replay};
 use crate::sensed::{Truth, bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
@@ -83,11 +83,56 @@ pub struct StrikeComparison {
     pub force_noise: f64,
     /// Names of the strike's flags.
     pub flags: Vec<&'static str>,
+    /// Its shape; none if that or the samples were not received.
+    pub shape: Option<ShapeComparison>,
     /// Whether the goals are met and replay is identical.
     pub pass: bool,
     /// What the figures show.
     #[serde(skip)]
     pub traces: Option<Traces>,
+}
+
+/// The shape of a strike: of the bead, and of the full chain.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ShapeComparison {
+    /// As the bead sent it.
+    pub device: Shape,
+    /// Of the full chain; its ringing is that of a host that flies free.
+    pub f64_chain: Shape,
+}
+
+/// The shape of a strike in SI units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Shape {
+    /// Full width at half height of the force, s.
+    pub width: f64,
+    /// Momentum that came in over the window, N·s.
+    pub impulse: f64,
+    /// Frequency of the intruder's ringing after the pulse, Hz.
+    pub ring_frequency: f64,
+    /// Decay of its amplitude, 1/s.
+    pub ring_decay: f64,
+    /// Stiffness that rings so, k = μ (ω² + β²), N/m.
+    pub stiffness: f64,
+    /// Damping that decays so, c = 2 μ β, N·s/m.
+    pub damping: f64,
+}
+
+impl Shape {
+    /// With the reduced mass μ of intruder and host, kg.
+    fn of(said: &bead_wire::Shape, rate_hz: u32, reduced: f64) -> Self {
+        let fine = |bits: u32| f64::from(bits) * FINE_UNIT;
+        let (frequency, decay) = (fine(said.ring_frequency), fine(said.ring_decay));
+        let omega = std::f64::consts::TAU * frequency;
+        Self {
+            width: fine(said.width) / f64::from(rate_hz),
+            impulse: newton_seconds(said.impulse, rate_hz),
+            ring_frequency: frequency,
+            ring_decay: decay,
+            stiffness: reduced * (omega * omega + decay * decay),
+            damping: 2.0 * reduced * decay,
+        }
+    }
 }
 
 /// Goals for the estimates of a strike.
@@ -214,9 +259,43 @@ impl Chain {
             goal,
             force_noise: force_noise(strike),
             flags: flag_names(strike.said.flags),
+            shape: self.shape(strike, traces.as_ref()),
             pass,
             traces,
         }
+    }
+
+    fn shape(&self, strike: &RecordedStrike, traces: Option<&Traces>) -> Option<ShapeComparison> {
+        let (said, force) = (strike.shape?, &traces?.force);
+        let Bead {
+            mass,
+            intruder_mass,
+            stiffness,
+            damping,
+            ..
+        } = self.physics;
+        let reduced = intruder_mass * (mass - intruder_mass) / mass;
+        let device = Shape::of(&said, strike.settings?.sample_rate_hz, reduced);
+        let inside = |time: f64| time.clamp(0.0, self.solution.end());
+        let window = [force.first()?, force.last()?].map(|point| inside(point.time));
+        let pulses = self.solution.pulses(self.bead, &PulseSearch::default());
+        let pulse = pulses.into_iter().max_by(|a, b| a.force.total_cmp(&b.force))?;
+        let decay = 0.5 * damping / reduced;
+        Some(ShapeComparison {
+            device,
+            f64_chain: Shape {
+                width: pulse.fwhm?,
+                impulse: self
+                    .solution
+                    .flow(self.bead)
+                    .between(window[0], window[1])
+                    .impulse,
+                ring_frequency: (stiffness / reduced - decay * decay).max(0.0).sqrt() / std::f64::consts::TAU,
+                ring_decay: decay,
+                stiffness,
+                damping,
+            },
+        })
     }
 
     fn traces(&self, strike: &RecordedStrike, replay: &Replay) -> Option<Traces> {
@@ -226,8 +305,10 @@ impl Chain {
         }
         let rate = f64::from(settings.sample_rate_hz);
         let column = |channel: usize| strike.scans.iter().map(move |scan| scan[channel]);
-        let force = sensed(column(0), &settings.force, rate);
-        let acceleration = sensed(column(1), &settings.acceleration, rate);
+        let channel = &settings.force;
+        let force = sensed(column(0), channel.per_code.to_num(), channel.slope.to_num(), rate);
+        let channel = &settings.acceleration;
+        let acceleration = sensed(column(1), channel.per_code.to_num(), channel.slope.to_num(), rate);
         let gate = settings.chain.gate.to_num::<f64>();
         let gated: Vec<f64> = force
             .iter()
@@ -341,13 +422,13 @@ impl Chain {
 }
 
 /// A channel's codes in its unit, relative to the quiet start of the window, the pole taken out.
-fn sensed(codes: impl Iterator<Item = u16> + Clone, channel: &Channel, rate: f64) -> Vec<f64> {
+/// `slope` is per code and change over two samples, see [`Channel`](bead_model::calibration::Channel).
+fn sensed(codes: impl Iterator<Item = u16> + Clone, per_code: f64, slope: f64, rate: f64) -> Vec<f64> {
     let quiet = usize::from(BASELINE);
     let zero = codes.clone().take(quiet).map(f64::from).sum::<f64>() / quiet as f64;
-    let per_code = channel.per_code.to_num::<f64>();
     let values: Vec<f64> = codes.map(|code| (f64::from(code) - zero) * per_code).collect();
-    // `pole` is f_s / (2 ω): half the pole's time constant in samples.
-    let time_constant = 2.0 * channel.pole.to_num::<f64>() / rate;
+    // The slope is that by f_s / (2 ω): half the pole's time constant in samples.
+    let time_constant = 2.0 * slope / per_code / rate;
     if time_constant == 0.0 {
         return values;
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use bead_model::calibration::BASELINE;
 use bead_model::design::{Capture, derive};
 use bead_model::settings::{BLOCK_MAX, Settings};
 use hertz_chain::{Scenario, Solution};
@@ -13,6 +14,7 @@ use stm32f405_qemu::{Outcome, Run, RunError};
 
 use crate::failure::{Blame, Failure};
 use crate::faults::Planned;
+use crate::frames::{self, Message};
 use crate::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ};
 use crate::sensed::{Sensed, Timing, Truth, bead_of};
 
@@ -115,10 +117,18 @@ pub struct InstructionsPerSample {
     pub observer: Option<f64>,
     /// In estimate B and its square root, for each sample that it took; none if it took none.
     pub reduced_chain: Option<f64>,
+    /// In calibration, peaks and the cut into chunks, for each sample of a window; none if there was none.
+    pub window: Option<f64>,
+    /// In the encoding of all frames, for each sample of a window; none if there was none.
+    pub framing: Option<f64>,
+    /// In the search for a strike, for each sample of the run; none if the image has no such function.
+    pub trigger: Option<f64>,
     /// In the whole image, for each sample of the blocks in which a strike was measured; none if none was.
     pub total: Option<f64>,
     /// In the whole image, for each sample of the busiest block; none if no block was taken.
     pub worst_block: Option<f64>,
+    /// In the whole image, for each sample of the blocks in which no strike was measured; none if there was none.
+    pub idle: Option<f64>,
     /// In the whole image, for each sample of the whole run, quiet and strikes.
     pub run: f64,
 }
@@ -204,10 +214,14 @@ impl Emulation {
         run.functions = [
             ("observer", "bead_model::observer::"),
             ("reduced_chain", "bead_model::reduced_chain::"),
-            ("sqrt", "bead_model::sqrt::"),
+            ("window", "bead_model::window::"),
+            ("window", "bead_model::meter::Measurement::"),
+            ("trigger", "bead_model::meter::before_rise"),
+            ("framing", "bead_wire::"),
         ]
         .map(|(label, pattern)| (label.to_owned(), pattern.to_owned()))
         .to_vec();
+        run.work = ["observer", "reduced_chain"].map(str::to_owned).to_vec();
         run.tail_ns = 0;
         for fault in &self.faults {
             fault.provoke(&mut run);
@@ -244,20 +258,33 @@ impl Emulation {
             Failure::device("the emulator counted no instructions although it was asked to")
         })?;
         let function = |label: &str| counted.functions.iter().find(|function| function.label == label);
-        let per_call = |label: &str, within: &str| {
-            let calls = function(label).map_or(0, |function| function.calls);
-            let instructions = function(label).map_or(0, |function| function.instructions)
-                + function(within).map_or(0, |function| function.instructions);
-            (calls > 0).then(|| instructions as f64 / calls as f64)
+        // None also where the compiler has left no function of the label.
+        let per_sample = |label: &str, samples: u64| {
+            let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
+            Some(function.instructions as f64 / samples as f64)
         };
+        let windows: Vec<u64> = frames::decode(&outcome.uart)
+            .0
+            .iter()
+            .filter_map(|frame| match &frame.message {
+                Message::Strike(strike) => Some(strike.samples.into()),
+                _ => None,
+            })
+            .collect();
+        let in_windows = windows.iter().sum();
+        let estimated = windows.iter().map(|samples| samples - u64::from(BASELINE)).sum();
         Ok(EmulatorReport {
             image: self.image.display().to_string(),
             qemu: qemu_version(),
             instructions_per_sample: InstructionsPerSample {
-                observer: per_call("observer", ""),
-                reduced_chain: per_call("reduced_chain", "sqrt"),
+                observer: per_sample("observer", estimated),
+                reduced_chain: per_sample("reduced_chain", estimated),
+                window: per_sample("window", in_windows),
+                framing: per_sample("framing", in_windows),
+                trigger: per_sample("trigger", sampling.scans),
                 total: counted.working.map(|blocks| blocks.instructions_per_scan()),
                 worst_block: counted.worst_block.map(|block| block.instructions_per_scan()),
+                idle: counted.idle.map(|blocks| blocks.instructions_per_scan()),
                 run: counted.total as f64 / sampling.scans.max(1) as f64,
             },
             instructions_available: INSTRUCTIONS_A_SAMPLE,

@@ -250,7 +250,7 @@ impl Chart {
         ))
     }
 
-    /// The chart as a PNG of [`PRINT`] times its size in pixels: the same drawing in its light colours, with the text set
+    /// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the text set
     /// in a font of this program, so that it looks the same everywhere.
     ///
     /// # Errors

@@ -9,8 +9,8 @@ use std::fmt::Write;
 
 use bead_model::{Flags, Settings};
 use bead_wire::{
-    ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FORCE_UNIT_N, FaultCause, Header,
-    Health, Kind, Reject, Status, Strike,
+    ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, FaultCause,
+    Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Reject, Shape, Status, Strike,
 };
 use serde_json::{Map, Value, json};
 
@@ -36,6 +36,8 @@ pub enum Message {
     Status(Status),
     /// The result of one strike.
     Strike(Strike),
+    /// What the samples of one strike say beyond its energies.
+    Shape(Shape),
     /// A run of samples of a strike.
     Waveform(Waveform),
     /// Something went wrong.
@@ -165,6 +167,7 @@ impl From<bead_wire::Message<'_>> for Message {
             }),
             bead_wire::Message::Status(status) => Self::Status(status),
             bead_wire::Message::Strike(strike) => Self::Strike(strike),
+            bead_wire::Message::Shape(shape) => Self::Shape(shape),
             bead_wire::Message::Waveform(waveform) => Self::Waveform(Waveform {
                 strike: waveform.strike,
                 first_index: waveform.first_index,
@@ -191,6 +194,7 @@ impl Message {
             Self::Identity(_) => Kind::Identity,
             Self::Status(_) => Kind::Status,
             Self::Strike(_) => Kind::Strike,
+            Self::Shape(_) => Kind::Shape,
             Self::Waveform(_) => Kind::Waveform,
             Self::Fault(_) => Kind::Fault,
             Self::Settings(_) => Kind::Settings,
@@ -268,6 +272,24 @@ impl Frame {
                 "flags": flag_names(strike.flags),
                 "flags_raw": strike.flags,
             }),
+            Message::Shape(shape) => {
+                let samples = |fine: u32| f64::from(fine) * FINE_UNIT;
+                let seconds = |fine: u32| self.sample_rate_hz.map(|rate| samples(fine) / f64::from(rate));
+                json!({
+                    "strike": shape.strike,
+                    "first_index": shape.first_index,
+                    "arrival_time_s": time(shape.first_index).zip(seconds(shape.arrival)).map(|(first, after)| first + after),
+                    "arrival_raw": shape.arrival,
+                    "width_s": seconds(shape.width),
+                    "width_raw": shape.width,
+                    "impulse_ns": self.sample_rate_hz.map(|rate| newton_seconds(shape.impulse, rate)),
+                    "impulse_raw": shape.impulse,
+                    "ring_frequency_hz": samples(shape.ring_frequency),
+                    "ring_frequency_raw": shape.ring_frequency,
+                    "ring_decay_per_s": samples(shape.ring_decay),
+                    "ring_decay_raw": shape.ring_decay,
+                })
+            }
             Message::Waveform(waveform) => json!({
                 "strike": waveform.strike,
                 "first_index": waveform.first_index,
@@ -312,6 +334,11 @@ pub fn standing_names(standing: u8) -> Vec<&'static str> {
     ];
     let set = named.into_iter().filter(|(bit, _)| standing & bit != 0);
     set.map(|(_, cause)| cause.name()).collect()
+}
+
+/// Newton seconds of impulse bits, at a sample rate in Hz.
+pub fn newton_seconds(bits: i64, sample_rate_hz: u32) -> f64 {
+    bits as f64 * IMPULSE_UNIT_N_SAMPLES / f64::from(sample_rate_hz)
 }
 
 /// Joules of energy bits.

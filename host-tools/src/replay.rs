@@ -1,7 +1,7 @@
 //! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
 
 use bead_model::calibration::BASELINE;
-use bead_model::{AdcCode, Meter, Scan, Settings, Sink, StrikeReport, Window};
+use bead_model::{AdcCode, Meter, Scan, Settings, Shape, Sink, StrikeReport, Window};
 use bead_wire::Strike;
 
 use crate::strikes::{Chunk, RecordedStrike};
@@ -59,17 +59,21 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     }
 
     let mut window = Window::open(number, strike.said.first_index);
-    let mut energies = Vec::with_capacity(strike.scans.len());
-    for &codes in &strike.scans {
-        window.process(settings, scan(codes));
+    let scans: Vec<Scan> = strike.scans.iter().copied().map(scan).collect();
+    let mut energies = Vec::with_capacity(scans.len());
+    for scan in &scans {
+        window.process(settings, std::slice::from_ref(scan));
         energies.push((
             window.absorbed_measured(settings).to_bits(),
             window.absorbed_predicted(settings).to_bits(),
         ));
     }
-    let said = wire_strike(&window.report(settings));
+    let report = window.report(settings);
+    let said = wire_strike(&report);
+    let shape = || wire_shape(&report, &Shape::of(settings, &scans));
     let first_difference = differs_in_chunks(strike, &energies)
         .or_else(|| differs_in_report(&strike.said, &said))
+        .or_else(|| differs_in_shape(&strike.shape?, &shape()))
         .map(|what| format!("strike {number}: {what}"))
         .or_else(|| differs_as_stream(strike, settings));
     Replay {
@@ -103,6 +107,51 @@ fn differs_in_report(device: &Strike, replay: &Strike) -> Option<String> {
         .map(|((what, device), (_, replay))| {
             format!("{what} of the strike frame: device {device:#x}, replay {replay:#x}")
         })
+}
+
+fn differs_in_shape(device: &bead_wire::Shape, replay: &bead_wire::Shape) -> Option<String> {
+    shape_fields(device)
+        .into_iter()
+        .zip(shape_fields(replay))
+        .find(|(device, replay)| device != replay)
+        .map(|((what, device), (_, replay))| {
+            format!("{what} of the shape frame: device {device:#x}, replay {replay:#x}")
+        })
+}
+
+/// Every field of a shape frame, by name, as bits.
+fn shape_fields(shape: &bead_wire::Shape) -> [(&'static str, i128); 7] {
+    let bead_wire::Shape {
+        strike,
+        first_index,
+        arrival,
+        width,
+        impulse,
+        ring_frequency,
+        ring_decay,
+    } = *shape;
+    [
+        ("strike", strike.into()),
+        ("first_index", first_index.into()),
+        ("arrival", arrival.into()),
+        ("width", width.into()),
+        ("impulse", impulse.into()),
+        ("ring_frequency", ring_frequency.into()),
+        ("ring_decay", ring_decay.into()),
+    ]
+}
+
+/// A shape in the bits of its frame.
+pub fn wire_shape(report: &StrikeReport, shape: &Shape) -> bead_wire::Shape {
+    bead_wire::Shape {
+        strike: report.strike,
+        first_index: report.first_index,
+        arrival: shape.arrival.to_bits(),
+        width: shape.width.to_bits(),
+        impulse: shape.impulse.to_bits(),
+        ring_frequency: shape.ring_frequency.to_bits(),
+        ring_decay: shape.ring_decay.to_bits(),
+    }
 }
 
 /// Every field of a strike frame, by name, as bits; without what the bead knew of its sensors from before the window.
@@ -159,6 +208,7 @@ pub fn wire_strike(report: &StrikeReport) -> Strike {
 struct Heard {
     chunks: Vec<Chunk>,
     report: Option<StrikeReport>,
+    shape: Option<bead_wire::Shape>,
 }
 
 impl Sink for Heard {
@@ -173,6 +223,10 @@ impl Sink for Heard {
 
     fn report(&mut self, report: &StrikeReport) {
         self.report = Some(*report);
+    }
+
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        self.shape = Some(wire_shape(report, shape));
     }
 }
 
@@ -189,7 +243,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
     for (offset, &codes) in (0..).zip(stream) {
         let fired = meter.strikes();
-        meter.process(settings, first.wrapping_add(offset), scan(codes), &mut heard);
+        meter.process(settings, first.wrapping_add(offset), &[scan(codes)], &mut heard);
         let index = first.wrapping_add(offset);
         if meter.strikes() > fired && index != strike.said.trigger_index {
             return Some(format!(
@@ -210,6 +264,14 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     };
     differs_in_report(&strike.said, &said)
         .map(|what| format!("strike {number}, as a stream: {what}"))
+        .or_else(|| {
+            let heard = bead_wire::Shape {
+                strike: number,
+                ..heard.shape?
+            };
+            differs_in_shape(&strike.shape?, &heard)
+                .map(|what| format!("strike {number}, as a stream: {what}"))
+        })
         .or_else(|| {
             (heard.chunks != strike.chunks)
                 .then(|| format!("strike {number}, as a stream: the chunks are cut otherwise"))
@@ -261,6 +323,22 @@ mod tests {
         check("absorbed_predicted", |said| said.absorbed_predicted += 1);
         check("incident_energy", |said| said.incident_energy += 1);
         check("flags", |said| said.flags ^= 1);
+    }
+
+    #[test]
+    fn one_unit_of_any_field_of_the_shape_is_found_by_name() {
+        let good = recorded_strike();
+        let check = |name: &str, change: fn(&mut bead_wire::Shape)| {
+            let mut strike = good.clone();
+            change(strike.shape.as_mut().unwrap());
+            let what = replay(&strike).first_difference.unwrap();
+            assert!(what.contains(name), "{name}: {what}");
+        };
+        check("arrival", |shape| shape.arrival += 1);
+        check("width", |shape| shape.width += 1);
+        check("impulse", |shape| shape.impulse += 1);
+        check("ring_frequency", |shape| shape.ring_frequency += 1);
+        check("ring_decay", |shape| shape.ring_decay += 1);
     }
 
     #[test]

@@ -424,8 +424,12 @@ impl Report<'_> {
         for (name, count) in [
             ("estimate A, observer", per_sample.observer),
             ("estimate B, reduced chain", per_sample.reduced_chain),
+            ("calibration, peaks, chunks of a window", per_sample.window),
+            ("frames, by sample of a window", per_sample.framing),
+            ("trigger", per_sample.trigger),
             ("everything, while a strike is measured", per_sample.total),
             ("everything, in the busiest block", per_sample.worst_block),
+            ("everything, while none is measured", per_sample.idle),
             ("everything, over the whole run", Some(per_sample.run)),
         ] {
             let Some(count) = count else { continue };

@@ -1,7 +1,7 @@
 //! The strikes of a recording: each with its samples, what the bead said of it, and the settings it ran with.
 
 use bead_model::settings::Settings;
-use bead_wire::{Arrival, Strike};
+use bead_wire::{Arrival, Shape, Strike};
 
 use crate::frames::{Frame, Message, Waveform};
 
@@ -21,6 +21,8 @@ pub struct Chunk {
 pub struct RecordedStrike {
     /// What the bead said of it.
     pub said: Strike,
+    /// What it said of its shape, if that was received.
+    pub shape: Option<Shape>,
     /// The window's codes, as far as received without a gap from its start.
     pub scans: Vec<[u16; 2]>,
     /// The chunks that they came in.
@@ -42,6 +44,7 @@ struct Boot {
     settings: Option<Settings>,
     waveforms: Vec<Waveform>,
     strikes: Vec<Strike>,
+    shapes: Vec<Shape>,
 }
 
 /// Puts the frames of a recording together, strike by strike, over resets and with late frames in their place.
@@ -60,6 +63,7 @@ pub fn assemble(frames: &[Frame], settings: Option<&Settings>) -> Vec<RecordedSt
             Message::Settings(block) => boot.settings = Settings::decode(block).ok().or(boot.settings),
             Message::Waveform(waveform) => boot.waveforms.push(waveform.clone()),
             Message::Strike(strike) => boot.strikes.push(*strike),
+            Message::Shape(shape) => boot.shapes.push(*shape),
             _ => {}
         }
     }
@@ -77,6 +81,11 @@ impl Boot {
         let strike = |said: Strike| {
             let mut recorded = RecordedStrike {
                 said,
+                shape: self
+                    .shapes
+                    .iter()
+                    .find(|shape| shape.strike == said.strike)
+                    .copied(),
                 scans: Vec::new(),
                 chunks: Vec::new(),
                 settings,

@@ -5,7 +5,7 @@ use bead_model::{AdcCode, Meter, Scan, Settings, Sink, StrikeReport};
 use hertz_chain::Scenario;
 
 use crate::front_end::FrontEnd;
-use crate::replay::wire_strike;
+use crate::replay::{wire_shape, wire_strike};
 use crate::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
 use crate::strikes::{Chunk, RecordedStrike};
 
@@ -48,6 +48,7 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
     );
     let mut strike = RecordedStrike {
         said: wire_strike(&bead_model::Window::open(0, 0).report(&settings)),
+        shape: None,
         scans: Vec::new(),
         chunks: Vec::new(),
         settings: Some(settings),
@@ -74,14 +75,18 @@ fn feed(settings: &Settings, codes: &[[u16; 2]], strike: &mut RecordedStrike) {
         fn report(&mut self, report: &StrikeReport) {
             self.0.said = wire_strike(report);
         }
+        fn shape(&mut self, report: &StrikeReport, shape: &bead_model::Shape) {
+            self.0.shape = Some(wire_shape(report, shape));
+        }
     }
     let mut meter = Meter::new();
-    for (index, &[force, acceleration]) in (1..).zip(codes) {
-        let scan = Scan {
+    let scans: Vec<Scan> = codes
+        .iter()
+        .map(|&[force, acceleration]| Scan {
             force: AdcCode::new(force),
             acceleration: AdcCode::new(acceleration),
-        };
-        meter.process(settings, index, scan, &mut Into(strike));
-    }
+        })
+        .collect();
+    meter.process(settings, 1, &scans, &mut Into(strike));
     assert_eq!(meter.strikes(), 1);
 }

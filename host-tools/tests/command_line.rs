@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use bead::front_end::FrontEnd;
 use bead::recording::{About, Part, Writer};
-use bead::replay::wire_strike;
+use bead::replay::{wire_shape, wire_strike};
 use bead::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead_model::design::{Capture, derive};
 use bead_model::settings::BLOCK_MAX;
-use bead_model::{AdcCode, Chunk, Meter, Scan, Sink, StrikeReport};
+use bead_model::{AdcCode, Chunk, Meter, Scan, Shape, Sink, StrikeReport};
 use bead_wire::{Codes, Header, Identity, MAX_FRAME, Message, Settings, Waveform, encode};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -96,6 +96,10 @@ impl Sink for Bead {
     fn report(&mut self, report: &StrikeReport) {
         self.say(report.trigger_index, &Message::Strike(wire_strike(report)));
     }
+
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        self.say(report.trigger_index, &Message::Shape(wire_shape(report, shape)));
+    }
 }
 
 /// A recording of the paper's strike, its stream changed by `spoil`.
@@ -150,7 +154,7 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
             force: AdcCode::new(force),
             acceleration: AdcCode::new(acceleration),
         };
-        meter.process(&settings, index, scan, &mut bead);
+        meter.process(&settings, index, &[scan], &mut bead);
     }
     assert_eq!(meter.strikes(), 1);
     spoil(&mut bead.stream);
@@ -458,8 +462,18 @@ fn a_recorded_strike_decodes_replays_and_compares() {
         .lines()
         .map(|line| serde_json::from_str(line).unwrap())
         .collect();
-    assert_eq!(lines.len(), 2 + 20 + 1);
-    assert_eq!(lines.last().unwrap()["kind"], "strike");
+    assert_eq!(lines.len(), 2 + 20 + 2);
+    assert_eq!(lines[22]["kind"], "strike");
+    let shape = &lines[23];
+    assert_eq!(shape["kind"], "shape");
+    assert!(
+        (shape["width_s"].as_f64().unwrap() / 376.5e-6 - 1.0).abs() < 5e-3,
+        "{shape}"
+    );
+    assert!(
+        (shape["ring_frequency_hz"].as_f64().unwrap() / 1684.7 - 1.0).abs() < 6e-3,
+        "{shape}"
+    );
 
     let replayed = json(&["replay", path, "--format", "json"]);
     assert_eq!(replayed["identical"], true);
@@ -511,10 +525,10 @@ fn raw_bytes_decode_from_standard_input_and_what_is_cut_is_said() {
         .output()
         .unwrap();
     assert!(output.status.success());
-    assert_eq!(output.stdout.iter().filter(|&&byte| byte == b'\n').count(), 22);
+    assert_eq!(output.stdout.iter().filter(|&&byte| byte == b'\n').count(), 23);
     let error = String::from_utf8(output.stderr).unwrap();
     assert!(
-        error.contains("22 frames") && error.contains("cut short"),
+        error.contains("23 frames") && error.contains("cut short"),
         "{error}"
     );
 }

@@ -3,34 +3,40 @@
 //! The zero of a channel is the mean of the first [`BASELINE`] codes of a window, before the wave arrives, so
 //! that an offset that drifts costs nothing. A one-pole filter in front of the converter turns the signal s
 //! into y with `s = y + ẏ/ω_p`; the derivative is the central difference, so the compensated value of a
-//! sample is known one sample later.
+//! sample is known one sample later:
+//!
+//! ```text
+//! s[n-1] = g (code[n-1] - zero) + g f_s/(2 ω_p) (code[n] - code[n-2])
+//! ```
 
-use crate::quantity::{AdcCode, bounded_product};
+use crate::quantity::{AdcCode, high_rounded};
 use fixed::FixedI32;
-use fixed::types::extra::U16;
-use fixed::types::{I2F30, I4F28, I16F16};
+use fixed::types::extra::LeEqU32;
 use serde::{Deserialize, Serialize};
 
 /// Samples at the start of a window whose mean is the zero of the channel: a power of two.
 pub const BASELINE: u16 = 64;
 
-/// Calibration of one sensor channel.
+/// Fraction bits of a code in the sums: the difference of two of them has a sign and twelve bits before these.
+const CODE_FRACTION: u32 = 18;
+
+/// Calibration of one sensor channel, whose coefficients have `F` fraction bits and its values 14 less.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Channel {
-    /// Quantity (N or m/s²) per code.
-    pub per_code: I4F28,
-    /// `f_s/(2 ω_p)`: the pole's time constant in samples, halved for the central difference; 0 for no pole,
-    /// below 1.
-    pub pole: I2F30,
+#[serde(bound = "")]
+pub struct Channel<F: LeEqU32> {
+    /// Quantity (N or m/s²) per code: g.
+    pub per_code: FixedI32<F>,
+    /// Quantity per change of the code over two samples, `g f_s/(2 ω_p)`; 0 for no pole.
+    pub slope: FixedI32<F>,
 }
 
-/// What a channel remembers: its zero while it is being measured, then the last two values.
+/// What a channel remembers: its zero while it is being measured, then the last two codes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChannelState {
     /// Sum of the baseline's codes: twelve bits by sixty-four samples.
     baseline: u32,
-    /// Uncompensated values at the last sample and the one before.
-    last: [FixedI32<U16>; 2],
+    /// Codes at the last sample and the one before, less the zero.
+    last: [i32; 2],
 }
 
 impl ChannelState {
@@ -40,59 +46,87 @@ impl ChannelState {
     }
 }
 
-impl Channel {
-    /// The quantity at the sample *before* this one, relative to the baseline.
+impl<F: LeEqU32> Channel<F> {
+    /// The values at the samples *before* those of the codes, relative to the baseline.
     #[inline(always)]
-    pub fn process(&self, state: &mut ChannelState, code: AdcCode) -> I16F16 {
-        const FRACTION: u32 = BASELINE.trailing_zeros();
-        let above = (i32::from(code.get()) << FRACTION) - state.baseline as i32;
-        // 4095 codes of at most 8 fit.
-        let value: I16F16 = bounded_product(I16F16::from_bits(above << (16 - FRACTION)), self.per_code);
-        let [last, before] = state.last;
-        state.last = [value, last];
-        // A part of a value fits.
-        last.saturating_add(bounded_product(value.saturating_sub(before), self.pole))
+    pub fn process<V: LeEqU32>(
+        &self,
+        state: &mut ChannelState,
+        codes: impl Iterator<Item = AdcCode>,
+        values: &mut [FixedI32<V>],
+    ) {
+        const { assert!(F::U32 + CODE_FRACTION == V::U32 + 32) };
+        let zero = (state.baseline << (CODE_FRACTION - BASELINE.trailing_zeros())) as i32;
+        let [mut last, mut before] = state.last;
+        for (code, value) in codes.zip(values) {
+            let above = (i32::from(code.get()) << CODE_FRACTION) - zero;
+            // Two codes are at most 4095 apart, and `is_below` looks to the sum.
+            *value = FixedI32::from_bits(
+                high_rounded(self.per_code.to_bits(), last)
+                    + high_rounded(self.slope.to_bits(), above - before),
+            );
+            before = last;
+            last = above;
+        }
+        state.last = [last, before];
+    }
+
+    /// Whether the slope is that of a pole above `f_s/4π`.
+    pub fn has_pole(&self) -> bool {
+        (FixedI32::ZERO..self.per_code).contains(&self.slope)
+    }
+
+    /// Whether every value that codes can give is below `most`.
+    pub fn is_below(&self, most: u32) -> bool {
+        let [per_code, slope] = [self.per_code, self.slope].map(|value| i64::from(value.to_bits()));
+        (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope)) >> F::U32 < i64::from(most)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::quantity::Force;
+    use fixed::types::I2F30;
+    use fixed::types::extra::U30;
+
+    fn settled(codes: impl Iterator<Item = u16>) -> ChannelState {
+        let mut state = ChannelState::default();
+        codes.for_each(|code| state.settle(AdcCode::new(code)));
+        state
+    }
+
+    fn last_of<const N: usize>(channel: Channel<U30>, state: &mut ChannelState, codes: [u16; N]) -> Force {
+        let mut values = [Force::ZERO; N];
+        channel.process(state, codes.into_iter().map(AdcCode::new), &mut values);
+        values[N - 1]
+    }
 
     #[test]
     fn a_ramp_behind_the_pole_is_restored() {
         // A one-pole filter delays a ramp by its time constant; compensation by half of it twice over a
         // central difference of two steps takes the delay out.
         let channel = Channel {
-            per_code: I4F28::ONE,
-            pole: I2F30::from_num(0.25),
+            per_code: I2F30::ONE,
+            slope: I2F30::from_num(0.25),
         };
-        let mut state = ChannelState::default();
-        for _ in 0..BASELINE {
-            state.settle(AdcCode::new(100));
-        }
-        channel.process(&mut state, AdcCode::new(110));
-        channel.process(&mut state, AdcCode::new(120));
+        let mut state = settled([100; BASELINE as usize].into_iter());
         assert_eq!(
-            channel.process(&mut state, AdcCode::new(130)),
-            I16F16::from_num(20 + 5)
+            last_of(channel, &mut state, [110, 120, 130]),
+            Force::from_num(20 + 5)
         );
     }
 
     #[test]
     fn the_zero_is_the_mean_of_the_baseline_to_a_sixty_fourth_of_a_code() {
         let channel = Channel {
-            per_code: I4F28::ONE,
-            pole: I2F30::ZERO,
+            per_code: I2F30::ONE,
+            slope: I2F30::ZERO,
         };
-        let mut state = ChannelState::default();
-        for i in 0..BASELINE {
-            state.settle(AdcCode::new(100 + u16::from(i == 7)));
-        }
-        channel.process(&mut state, AdcCode::new(100));
+        let mut state = settled((0..BASELINE).map(|i| 100 + u16::from(i == 7)));
         assert_eq!(
-            channel.process(&mut state, AdcCode::new(100)),
-            I16F16::from_num(-1.0 / 64.0)
+            last_of(channel, &mut state, [100, 100]),
+            Force::from_num(-1.0 / 64.0)
         );
     }
 }

@@ -13,6 +13,7 @@ use crate::quantity::Force;
 use crate::reduced_chain::ReducedChain;
 use crate::settings::{Settings, SettingsError, WindowSettings};
 use fixed::traits::Fixed;
+use fixed::types::extra::LeEqU32;
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
@@ -110,11 +111,14 @@ pub struct Capture {
     pub threshold: f64,
     /// Time over which it must rise so much, s.
     pub lookback: f64,
+    /// Part of the greater by which A and B may differ before a strike is flagged.
+    pub disagreement: f64,
 }
 
 impl Default for Capture {
     /// 100 kHz; 1.28 ms of history, of which 0.64 ms give the zero; a window of 6.4 ms, over which the
-    /// intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms.
+    /// intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms; a flag where A and B are 3 % apart,
+    /// ten times what noise does, half of what a chain without viscosity does.
     fn default() -> Self {
         Self {
             sample_rate_hz: 100_000,
@@ -122,6 +126,7 @@ impl Default for Capture {
             length: 6.4e-3,
             threshold: 0.1,
             lookback: 0.5e-3,
+            disagreement: 0.03,
         }
     }
 }
@@ -219,41 +224,39 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
     const UM: f64 = 1e6; // µm in a metre
     const NJ: f64 = 1e9; // nJ in a joule
     let host_mass = bead.mass - bead.intruder_mass;
-    // c ẋ² dt of a velocity of 1 µm/sample.
-    let energy = bead.damping / dt / (UM * UM) * NJ;
 
     let rate = bead.stiffness / bead.damping; // λ
-    let gain = bead.intruder_mass / bead.damping; // m/c
-    let decay = (-rate * dt).exp();
-    // Responses of x over dt to an acceleration of 1 that is constant, and to one that grows from 0 to 1.
-    let constant = -(-rate * dt).exp_m1() / rate;
-    let growing = (1.0 - constant / dt) / rate;
+    let decay = (-rate * dt).exp(); // φ
+    // The mean of φ's course over a sample: (1 - φ)/(λ dt).
+    let mean = -(-rate * dt).exp_m1() / (rate * dt);
     let observer = Observer {
-        decay: fix("decay", decay)?,
-        start: fix("start", -gain * (constant - growing) * UM)?,
-        end: fix("end", -gain * growing * UM)?,
-        velocity_per_displacement: fix("velocity per displacement", rate * dt)?,
-        velocity_per_acceleration: fix("velocity per acceleration", gain * dt * UM)?,
-        energy: fix("energy", energy)?,
+        start: fix("weight of the old acceleration", mean - decay)?,
+        end: fix("weight of the new acceleration", 1.0 - mean)?,
+        energy: fix(
+            "energy by acceleration",
+            bead.intruder_mass * bead.intruder_mass / bead.damping * dt * NJ,
+        )?,
     };
 
     let force_noise = front_end
         .force
         .noise_rms
         .hypot(front_end.force.per_code / 12f64.sqrt());
+    // Accelerations are in twelfths, see `ReducedChain`.
+    let twelfth = dt * dt / 12.0;
     let chain = ReducedChain {
         contact: fix(
             "contact",
-            bead.contact_stiffness / UM.sqrt() * dt * dt / bead.mass,
+            256.0 * bead.contact_stiffness / UM.sqrt() / bead.mass * twelfth,
         )?,
         relaxation: fix("relaxation", 1.5 * bead.relaxation / dt)?,
-        incoming: fix("incoming", dt * dt / host_mass * UM)?,
-        host: fix("host", bead.mass / host_mass)?,
-        stiffness: fix("stiffness", bead.stiffness * dt * dt / bead.intruder_mass)?,
-        damping: fix("damping", bead.damping * dt / bead.intruder_mass)?,
+        incoming: fix("incoming", 256.0 / host_mass * twelfth * UM)?,
+        stiffness: fix("stiffness", 4.0 * bead.stiffness / bead.intruder_mass * twelfth)?,
+        damping: fix("damping", bead.damping / bead.intruder_mass * twelfth / dt)?,
         intruder: fix("intruder", bead.intruder_mass / host_mass)?,
         gate: Force::from_num(3.0 * force_noise),
-        energy: fix("energy", energy)?,
+        // c ẋ² dt of a velocity of 1 µm/sample.
+        energy: fix("energy by velocity", bead.damping / dt / (UM * UM) * NJ)?,
     };
 
     let samples = |seconds: f64| (seconds / dt).round().clamp(0.0, f64::from(u16::MAX)) as u16;
@@ -273,12 +276,13 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
             "incident",
             SOLITARY_WAVE_ENERGY * bead.contact_stiffness.powf(-2.0 / 3.0) * NJ,
         )?,
+        disagreement: fix("disagreement", capture.disagreement)?,
     };
     settings.validate().map_err(DesignError::Window)?;
     Ok(settings)
 }
 
-fn channel(channel: &ChannelFrontEnd, dt: f64) -> Result<Channel, DesignError> {
+fn channel<F: LeEqU32>(channel: &ChannelFrontEnd, dt: f64) -> Result<Channel<F>, DesignError> {
     let pole = match channel.pole_hz {
         Some(hz) if !(hz.is_finite() && hz > 0.0) => {
             return Err(DesignError::Input {
@@ -292,7 +296,7 @@ fn channel(channel: &ChannelFrontEnd, dt: f64) -> Result<Channel, DesignError> {
     };
     Ok(Channel {
         per_code: fix("per code", channel.per_code)?,
-        pole: fix("anti-alias pole", pole)?,
+        slope: fix("anti-alias pole", channel.per_code * pole)?,
     })
 }
 

@@ -36,10 +36,12 @@ pub mod observer;
 pub mod quantity;
 pub mod reduced_chain;
 pub mod settings;
+pub mod shape;
 pub mod sqrt;
 pub mod window;
 
 pub use meter::{Chunk, Meter, Sink};
 pub use quantity::{Acceleration, AdcCode, Energy, Force, Scan};
 pub use settings::{Settings, SettingsError};
+pub use shape::Shape;
 pub use window::{Flags, StrikeReport, Window};

@@ -1,7 +1,10 @@
 //! The strike meter: trigger, history before it, window, and the quiet that re-arms it.
 
+use core::ops::Range;
+
 use crate::quantity::{Energy, Scan};
 use crate::settings::{HISTORY_MAX, Settings};
+use crate::shape::{SCANS_MAX, Shape};
 use crate::window::{StrikeReport, Window};
 
 /// Scans in a full chunk of a window's waveform.
@@ -28,26 +31,33 @@ pub trait Sink {
     fn chunk(&mut self, chunk: &Chunk);
     /// A window is complete; comes after its last chunk.
     fn report(&mut self, report: &StrikeReport);
+    /// The shape of the window just reported; none of one longer than [`SCANS_MAX`].
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape);
 }
 
-/// The last [`HISTORY_MAX`] scans.
+/// Room for scans: what it takes to move the history to the front is shared by this many less [`HISTORY_MAX`].
+const ROOM: usize = 4 * HISTORY_MAX;
+
+/// The newest scans, in one piece, so that a strike is looked for without a ring's arithmetic.
 #[derive(Clone)]
-struct History {
-    scans: [Scan; HISTORY_MAX],
-    next: usize,
+struct Recent {
+    scans: [Scan; ROOM],
+    /// How many there are: always [`HISTORY_MAX`] or more.
+    length: usize,
 }
 
-impl History {
-    #[inline(always)]
-    fn push(&mut self, scan: Scan) {
-        self.scans[self.next] = scan;
-        self.next = (self.next + 1) % HISTORY_MAX;
-    }
-
-    /// The scan `ago` samples before the latest one.
-    #[inline(always)]
-    fn back(&self, ago: usize) -> Scan {
-        self.scans[(self.next + HISTORY_MAX - 1 - ago) % HISTORY_MAX]
+impl Recent {
+    /// Puts the first of `scans` behind the others, as many as there is room for, and returns which they are.
+    fn append(&mut self, scans: &[Scan]) -> Range<usize> {
+        if self.length == ROOM {
+            self.scans.copy_within(ROOM - HISTORY_MAX.., 0);
+            self.length = HISTORY_MAX;
+        }
+        let start = self.length;
+        let count = scans.len().min(ROOM - start);
+        self.length += count;
+        self.scans[start..self.length].copy_from_slice(&scans[..count]);
+        start..self.length
     }
 }
 
@@ -62,14 +72,16 @@ enum Phase {
     /// Waits for a strike.
     Armed,
     /// Measures one.
-    Measuring { window: Window, chunk: Chunk },
+    Measuring(Measurement),
 }
 
 /// Finds strikes in the stream of scans and measures each. State only: the settings come with every sample.
 #[derive(Clone)]
 pub struct Meter {
-    history: History,
+    recent: Recent,
     phase: Phase,
+    /// The window's scans so far, as far as there is room.
+    kept: heapless::Vec<Scan, SCANS_MAX>,
     strikes: u32,
 }
 
@@ -82,16 +94,13 @@ impl Default for Meter {
 impl Meter {
     /// A meter that has seen nothing yet: it arms after a history's worth of quiet.
     pub const fn new() -> Self {
-        const NOTHING: Scan = Scan {
-            force: crate::quantity::AdcCode::new(0),
-            acceleration: crate::quantity::AdcCode::new(0),
-        };
         Self {
-            history: History {
-                scans: [NOTHING; HISTORY_MAX],
-                next: 0,
+            recent: Recent {
+                scans: [Scan::ZERO; ROOM],
+                length: HISTORY_MAX,
             },
             phase: Phase::Settling { quiet: 0 },
+            kept: heapless::Vec::new(),
             strikes: 0,
         }
     }
@@ -114,88 +123,158 @@ impl Meter {
 
     /// Whether a strike has triggered whose window is not complete: [`restart`](Self::restart) would cut it.
     pub fn is_measuring(&self) -> bool {
-        matches!(self.phase, Phase::Measuring { .. })
+        matches!(self.phase, Phase::Measuring(_))
     }
 
-    /// Takes the scan with sample index `index`; indices are consecutive between calls of
-    /// [`restart`](Self::restart).
-    #[inline]
-    pub fn process(&mut self, settings: &Settings, index: u64, scan: Scan, sink: &mut impl Sink) {
-        self.history.push(scan);
-        match &mut self.phase {
-            Phase::Armed => {
-                if self.rises(settings) {
-                    self.open(settings, index, sink);
-                }
+    /// Takes scans, the first of which has the sample index `first_index`; indices are consecutive between calls
+    /// of [`restart`](Self::restart). The result does not depend on how the scans are cut into calls.
+    pub fn process(
+        &mut self,
+        settings: &Settings,
+        mut first_index: u64,
+        mut scans: &[Scan],
+        sink: &mut impl Sink,
+    ) {
+        while !scans.is_empty() {
+            let new = self.recent.append(scans);
+            scans = &scans[new.len()..];
+            let mut next = new.start;
+            while next < new.end {
+                let index = first_index + (next - new.start) as u64;
+                next += self.advance(settings, index, next..new.end, sink);
             }
-            Phase::Settling { quiet } => {
-                // The first samples look back on scans from before the gap; a false rise only starts the
-                // count anew.
-                *quiet = quiet.saturating_add(1);
-                let quiet = *quiet;
-                if quiet > settings.window.lookback && self.rises(settings) {
-                    self.phase = Phase::Settling { quiet: 0 };
-                } else if quiet >= settings.window.history {
-                    self.phase = Phase::Armed;
-                }
-            }
-            Phase::Measuring { .. } => self.measure(settings, index, scan, sink),
+            first_index += new.len() as u64;
         }
     }
 
-    /// The trigger: the force has risen by the threshold since `lookback` samples ago. An offset that drifts
-    /// does not matter, and a recorded window says on its own when it fires.
-    #[inline(always)]
-    fn rises(&self, settings: &Settings) -> bool {
-        let now = self.history.back(0).force.get();
-        let before = self
-            .history
-            .back(usize::from(settings.window.lookback))
-            .force
-            .get();
-        now >= before.saturating_add(settings.window.threshold)
+    /// Takes some of the recent scans `new`, the first of which has the index `index`; returns how many.
+    fn advance(&mut self, settings: &Settings, index: u64, new: Range<usize>, sink: &mut impl Sink) -> usize {
+        let scans = &self.recent.scans;
+        match &mut self.phase {
+            Phase::Armed => {
+                let before = before_rise(settings, scans, new.clone());
+                if before == new.len() {
+                    return before;
+                }
+                // The window starts with the history up to and with the scan that triggered.
+                let trigger = new.start + before;
+                let history = usize::from(settings.window.history);
+                let first_index = index + before as u64 + 1 - history as u64;
+                let mut strike = Measurement::open(self.strikes, first_index);
+                self.strikes += 1;
+                self.kept.clear();
+                strike.process(
+                    settings,
+                    &scans[trigger + 1 - history..=trigger],
+                    &mut self.kept,
+                    sink,
+                );
+                self.phase = Phase::Measuring(strike);
+                before + 1
+            }
+            Phase::Settling { quiet } => {
+                for (taken, at) in (1..).zip(new.clone()) {
+                    // The first samples look back on scans from before the gap; a false rise only starts the
+                    // count anew.
+                    *quiet += 1;
+                    if *quiet > settings.window.lookback && before_rise(settings, scans, at..at + 1) == 0 {
+                        *quiet = 0;
+                    } else if *quiet >= settings.window.history {
+                        self.phase = Phase::Armed;
+                        return taken;
+                    }
+                }
+                new.len()
+            }
+            Phase::Measuring(strike) => {
+                let taken = strike.process(settings, &scans[new], &mut self.kept, sink);
+                if strike.is_over(settings) {
+                    self.phase = Phase::Settling { quiet: 0 };
+                }
+                taken
+            }
+        }
     }
+}
 
-    /// Opens a window and runs it through the history up to and with the scan that triggered.
-    #[cold]
-    fn open(&mut self, settings: &Settings, index: u64, sink: &mut impl Sink) {
-        let history = settings.window.history;
-        let first_index = index + 1 - u64::from(history);
-        self.phase = Phase::Measuring {
-            window: Window::open(self.strikes, first_index),
+/// The trigger: the force has risen by the threshold since `lookback` samples ago. An offset that drifts does not
+/// matter, and a recorded window says on its own when it fires. Returns how many of the scans `new` come before.
+///
+/// A function of its own so that its instructions can be counted.
+#[inline(never)]
+fn before_rise(settings: &Settings, scans: &[Scan], new: Range<usize>) -> usize {
+    let lookback = usize::from(settings.window.lookback);
+    let threshold = u32::from(settings.window.threshold);
+    let force = |scan: &Scan| u32::from(scan.force.get());
+    scans[new.start - lookback..]
+        .iter()
+        .zip(&scans[new])
+        .take_while(|(before, now)| force(now) < force(before) + threshold)
+        .count()
+}
+
+/// A strike while it is measured.
+#[derive(Clone)]
+struct Measurement {
+    window: Window,
+    chunk: Chunk,
+}
+
+impl Measurement {
+    fn open(strike: u32, first_index: u64) -> Self {
+        Self {
+            window: Window::open(strike, first_index),
             chunk: Chunk {
-                strike: self.strikes,
+                strike,
                 first_index,
                 scans: heapless::Vec::new(),
                 absorbed_measured: Energy::ZERO,
                 absorbed_predicted: Energy::ZERO,
             },
-        };
-        self.strikes += 1;
-        for ago in (0..history).rev() {
-            let scan = self.history.back(usize::from(ago));
-            self.measure(settings, index - u64::from(ago), scan, sink);
         }
     }
 
-    fn measure(&mut self, settings: &Settings, index: u64, scan: Scan, sink: &mut impl Sink) {
-        let Phase::Measuring { window, chunk } = &mut self.phase else {
-            return;
-        };
-        window.process(settings, scan);
-        // There is room: a full chunk is sent and emptied below.
-        let _ = chunk.scans.push(scan);
-        let done = window.samples() >= settings.window.length;
-        if done || chunk.scans.is_full() {
-            chunk.absorbed_measured = window.absorbed_measured(settings);
-            chunk.absorbed_predicted = window.absorbed_predicted(settings);
-            sink.chunk(chunk);
-            chunk.scans.clear();
-            chunk.first_index = index + 1;
+    fn is_over(&self, settings: &Settings) -> bool {
+        self.window.samples() >= settings.window.length
+    }
+
+    /// Takes the next scans up to the end of the window; returns how many.
+    fn process(
+        &mut self,
+        settings: &Settings,
+        scans: &[Scan],
+        kept: &mut heapless::Vec<Scan, SCANS_MAX>,
+        sink: &mut impl Sink,
+    ) -> usize {
+        let Self { window, chunk } = self;
+        let left = settings.window.length - window.samples();
+        let scans = &scans[..scans.len().min(usize::from(left))];
+        // A window that is too long has no shape.
+        let _ = kept.extend_from_slice(scans);
+        let mut rest = scans;
+        while !rest.is_empty() {
+            let room = CHUNK - chunk.scans.len();
+            let (piece, after) = rest.split_at(rest.len().min(room));
+            rest = after;
+            window.process(settings, piece);
+            // There is room: that is how the piece was cut.
+            let _ = chunk.scans.extend_from_slice(piece);
+            let done = window.samples() == settings.window.length;
+            if done || chunk.scans.is_full() {
+                chunk.absorbed_measured = window.absorbed_measured(settings);
+                chunk.absorbed_predicted = window.absorbed_predicted(settings);
+                sink.chunk(chunk);
+                chunk.first_index += chunk.scans.len() as u64;
+                chunk.scans.clear();
+            }
+            if done {
+                let report = window.report(settings);
+                sink.report(&report);
+                if kept.len() == usize::from(report.samples) {
+                    sink.shape(&report, &Shape::of(settings, kept));
+                }
+            }
         }
-        if done {
-            sink.report(&window.report(settings));
-            self.phase = Phase::Settling { quiet: 0 };
-        }
+        scans.len()
     }
 }

@@ -2,84 +2,77 @@
 //!
 //! The accelerometer *is* the intruder. With x = u - U its displacement relative to the host, Newton's
 //! second law (the paper's Eq. 3) reads `c ẋ + k x = -m a`: first order in x, stable, with the pole
-//! λ = k/c, whatever the chain does. For an acceleration that is linear between samples (first-order hold)
-//! its solution is exact:
+//! λ = k/c, whatever the chain does. In the variable `y = -k x/m`, the acceleration that would hold the
+//! springs where they are, it is a low-pass of the acceleration, and what it leaves over is the velocity:
 //!
 //! ```text
-//! x[n+1] = φ x[n] + b₀ a[n] + b₁ a[n+1]        φ = exp(-λ dt)
-//! ẋ[n]   = -λ x[n] - (m/c) a[n]
-//! E      = c dt Σ ẋ[n]²
+//! ẏ = λ (a - y)        ẋ = (m/c) (y - a)        E = (m²/c) ∫ (a - y)² dt
 //! ```
+//!
+//! For an acceleration that is linear between samples (first-order hold) the solution is exact:
+//!
+//! ```text
+//! y[n+1] = y[n] + β₀ (a[n] - y[n]) + β₁ (a[n+1] - y[n])
+//! β₀ = (1 - φ)/(λ dt) - φ        β₁ = 1 - (1 - φ)/(λ dt)        φ = exp(-λ dt)
+//! ```
+//!
+//! Both weights are positive and their sum is below one, so y never leaves the range of a.
 
-use crate::quantity::{
-    Acceleration, EnergyScale, Length, SquareSum, Step, at_range_end, product, round_shift, wide,
-};
-use fixed::types::{I2F30, I8F24};
+use crate::quantity::{Energy, SensedAcceleration, SquareSum, high_rounded, square};
+use fixed::types::{I0F32, I2F30};
 use serde::{Deserialize, Serialize};
 
 /// Coefficients of estimate A.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Observer {
-    /// φ = exp(-k dt/c), the decay of the displacement over one sample.
-    pub decay: I2F30,
-    /// b₀, response to the acceleration at the start of the interval, µm per m/s².
-    pub start: I2F30,
-    /// b₁, response to the acceleration at its end, µm per m/s².
-    pub end: I2F30,
-    /// k dt/c: velocity per displacement, (µm/sample)/µm.
-    pub velocity_per_displacement: I8F24,
-    /// (m/c) dt: velocity per acceleration, (µm/sample)/(m/s²).
-    pub velocity_per_acceleration: I2F30,
-    /// c (1 µm/sample)² dt, nJ.
-    pub energy: EnergyScale,
+    /// β₀, weight of the acceleration at the start of the interval.
+    pub start: I0F32,
+    /// β₁, weight of the acceleration at its end.
+    pub end: I0F32,
+    /// (m²/c) dt, nJ/(m/s²)².
+    pub energy: I2F30,
 }
 
 /// What estimate A remembers. The intruder starts at rest on its springs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ObserverState {
-    displacement: Length,
-    acceleration: Acceleration,
-    squares: SquareSum,
-    saturated: bool,
-}
-
-impl ObserverState {
-    /// Whether a state left its range since the window opened.
-    pub fn saturated(&self) -> bool {
-        self.saturated
-    }
-
-    /// ∫ ẋ² dt so far.
-    pub fn squares(&self) -> SquareSum {
-        self.squares
-    }
+    /// y.
+    held: SensedAcceleration,
+    /// a - y.
+    left: SensedAcceleration,
+    squares: SquareSum<{ 2 * SensedAcceleration::FRAC_NBITS }>,
 }
 
 impl Observer {
-    /// Whether the coefficients keep the sum of three products inside 64 bits.
+    /// Bound of the accelerations, m/s²: 2^28 in their format, so that a difference of two stays below 2^29.
+    pub const MOST: u32 = 1 << (28 - SensedAcceleration::FRAC_NBITS);
+
+    /// Whether the coefficients are such as a first-order hold gives.
     pub fn is_bounded(&self) -> bool {
         [self.start, self.end]
             .into_iter()
-            .all(|value| (-I2F30::ONE..=I2F30::ONE).contains(&value))
+            .all(|weight| weight >= I0F32::ZERO)
     }
 
-    /// Takes the acceleration of one more sample. Never inlined into its caller, so that its instructions
-    /// can be counted by its symbol.
+    /// Takes the accelerations, at most [`PIECE`](crate::window::PIECE), of the next samples. Never inlined into
+    /// its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub fn process(&self, state: &mut ObserverState, acceleration: Acceleration) {
-        const { assert!(I2F30::FRAC_NBITS - Length::FRAC_NBITS + Acceleration::FRAC_NBITS == 26) };
-        // φ·x is Q50, b·a is Q46: add at Q46, round once to Q20.
-        let sum = (wide(self.decay, state.displacement) >> 4)
-            + wide(self.start, state.acceleration)
-            + wide(self.end, acceleration);
-        let displacement = Length::from_bits(round_shift(sum, 26));
-        let velocity: Step =
-            product::<_, _, fixed::types::extra::U24>(self.velocity_per_displacement, displacement)
-                .saturating_add(product(self.velocity_per_acceleration, acceleration));
-        // The sign of ẋ does not matter to ẋ².
-        state.squares.add(velocity);
-        state.saturated |= at_range_end(displacement) | at_range_end(velocity);
-        state.displacement = displacement;
-        state.acceleration = acceleration;
+    pub fn process(&self, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {
+        let [start, end] = [self.start, self.end].map(I0F32::to_bits);
+        let [mut held, mut left] = [state.held, state.left].map(SensedAcceleration::to_bits);
+        let mut squares = 0;
+        for acceleration in accelerations {
+            let acceleration = acceleration.to_bits();
+            held += high_rounded(start, left) + high_rounded(end, acceleration - held);
+            left = acceleration - held;
+            squares += square(left);
+        }
+        [state.held, state.left] = [held, left].map(SensedAcceleration::from_bits);
+        state.squares.add(squares);
+    }
+
+    /// The energy absorbed so far.
+    pub fn absorbed(&self, state: &ObserverState) -> Energy {
+        state.squares.energy(self.energy)
     }
 }

@@ -3,24 +3,32 @@
 //! | quantity | format | unit | range | resolution |
 //! |---|---|---|---|---|
 //! | [`Force`] | `I16F16` | N | ±32 kN | 15 µN |
-//! | [`Acceleration`] | `I16F16` | m/s² | ±32 km/s² | 15 µm/s² |
-//! | [`Length`] | `I12F20` | µm | ±2048 µm | 0.95 pm |
+//! | [`Acceleration`], as reported | `I16F16` | m/s² | ±32 km/s² | 15 µm/s² |
+//! | [`SensedAcceleration`], of a sample | `I20F12` | m/s² | ±524 km/s² | 0.24 mm/s² |
+//! | [`Length`] | `I10F22` | µm | ±512 µm | 0.24 pm |
 //! | [`Step`] | `I8F24` | µm/sample | ±128 µm/sample (12.8 m/s at 100 kHz) | 6 nm/s |
 //! | [`Energy`] | `I40F24` | nJ | ±550 J | 0.06 fJ |
+//!
+//! # Products
+//! The core multiplies 32 by 32 bits and keeps the upper 32, rounded or not, in one instruction, with a sum in
+//! the same (SMMUL, SMMULR, SMMLA, SMMLAR; Armv7-M Architecture Reference Manual, A7.7). So the formats of
+//! two factors have 32 fraction bits more between them than that of their product: no shift, and no
+//! product leaves its format. Coefficients take the powers of two that this wants on the host.
 
 use fixed::FixedI32;
-use fixed::traits::Fixed;
 use fixed::types::extra::LeEqU32;
-use fixed::types::{I8F24, I12F20, I16F16, I40F24};
+use fixed::types::{I8F24, I10F22, I16F16, I20F12, I40F24};
 use serde::{Deserialize, Serialize};
 
 /// A contact force, N.
 pub type Force = I16F16;
-/// An absolute acceleration, m/s².
+/// An absolute acceleration, m/s², as a strike's report has it.
 pub type Acceleration = I16F16;
+/// An absolute acceleration, m/s², of one sample: 1/500 of a code of 0.12 m/s².
+pub type SensedAcceleration = I20F12;
 /// An overlap or a displacement of the intruder relative to its host, µm.
-pub type Length = I12F20;
-/// A change of length over one sample (a velocity), or a change of that (an acceleration), µm.
+pub type Length = I10F22;
+/// A change of length over one sample (a velocity), µm.
 pub type Step = I8F24;
 /// An energy, nJ.
 pub type Energy = I40F24;
@@ -59,86 +67,54 @@ pub struct Scan {
     pub acceleration: AdcCode,
 }
 
-/// `a·b` rounded to the nearest value of the format `C`, saturated to its range.
-#[inline(always)]
-pub(crate) fn product<A, B, C>(a: FixedI32<A>, b: FixedI32<B>) -> FixedI32<C>
-where
-    A: LeEqU32,
-    B: LeEqU32,
-    C: LeEqU32,
-{
-    let shift = const { A::U32 + B::U32 - C::U32 };
-    FixedI32::from_bits(round_shift(wide(a, b), shift))
+impl Scan {
+    /// Both codes at their lower rail.
+    pub const ZERO: Self = Self {
+        force: AdcCode::new(0),
+        acceleration: AdcCode::new(0),
+    };
 }
 
-/// [`product`] where the ranges of `a` and `b` keep the result inside `C`: no saturation, a third of the
-/// instructions. The caller says why it holds; a build with debug assertions checks.
+/// The upper half of `a·b`, rounded down.
 #[inline(always)]
-pub(crate) fn bounded_product<A, B, C>(a: FixedI32<A>, b: FixedI32<B>) -> FixedI32<C>
-where
-    A: LeEqU32,
-    B: LeEqU32,
-    C: LeEqU32,
-{
-    let shift = const { A::U32 + B::U32 - C::U32 };
-    let rounded = rounded_shift(wide(a, b), shift);
-    debug_assert!(i32::try_from(rounded).is_ok(), "a product left its format");
-    FixedI32::from_bits(rounded as i32)
+pub(crate) fn high(a: i32, b: i32) -> i32 {
+    ((i64::from(a) * i64::from(b)) >> 32) as i32
 }
 
-/// `bits / 2^shift` rounded to nearest and saturated to 32 bits.
+/// The upper half of `a·b`, rounded to nearest.
 #[inline(always)]
-pub(crate) fn round_shift(bits: i64, shift: u32) -> i32 {
-    rounded_shift(bits, shift).clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+pub(crate) fn high_rounded(a: i32, b: i32) -> i32 {
+    ((i64::from(a) * i64::from(b) + (1 << 31)) >> 32) as i32
 }
 
-/// `bits / 2^shift` rounded to nearest.
+/// A running sum of squares, exact, of a number with `FRACTION / 2` fraction bits.
 ///
-/// `shift` is at least 1, and `bits` is a product of two 32-bit numbers or a sum of two such (|bits| < 2^63 -
-/// 2^shift), so that the rounding term cannot overflow.
-#[inline(always)]
-fn rounded_shift(bits: i64, shift: u32) -> i64 {
-    (bits + (1 << (shift - 1))) >> shift
-}
-
-/// Whether a state variable stands at an end of its format: it has saturated, or is about to.
-#[inline(always)]
-pub(crate) fn at_range_end<F: Fixed>(value: F) -> bool {
-    value == F::MAX || value == F::MIN
-}
-
-/// A running sum of squared velocities of the intruder relative to its host, (µm/sample)².
-///
-/// The trapezoidal rule over a window that starts and ends at rest is the plain sum of its samples.
+/// Exact, so that it does not depend on how the samples were cut into pieces. The trapezoidal rule over a
+/// window that starts and ends at rest is the plain sum of its samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SquareSum(u64);
+pub struct SquareSum<const FRACTION: u32>(u128);
 
-impl SquareSum {
-    /// Fraction bits of the sum: a squared [`Step`] (48) less 16, which leaves 2^32 (µm/sample)² of range.
-    const FRACTION: u32 = 32;
-
-    /// Adds `velocity²`; saturates.
-    #[inline(always)]
-    pub(crate) fn add(&mut self, velocity: Step) {
-        let bits = i64::from(velocity.to_bits());
-        self.0 = self
-            .0
-            .saturating_add((bits * bits) as u64 >> (2 * Step::FRAC_NBITS - Self::FRACTION));
+impl<const FRACTION: u32> SquareSum<FRACTION> {
+    /// Adds the sum of a piece.
+    pub(crate) fn add(&mut self, piece: u64) {
+        self.0 += u128::from(piece);
     }
 
-    /// The energy of the sum, with `scale` in nJ per (µm/sample)².
-    pub fn energy(self, scale: EnergyScale) -> Energy {
-        let product = u128::from(self.0) * u128::from(scale.to_bits().unsigned_abs());
-        let bits = product >> (Self::FRACTION + EnergyScale::FRAC_NBITS - Energy::FRAC_NBITS);
-        Energy::from_bits(i64::try_from(bits).unwrap_or(i64::MAX))
+    /// The energy of the sum, with `scale` in nJ for a square of 1; saturates.
+    pub(crate) fn energy<F: LeEqU32>(self, scale: FixedI32<F>) -> Energy {
+        // A window has at most 2^12 squares below 2^58.
+        let product = self.0 * u128::from(scale.to_bits().unsigned_abs());
+        Energy::from_bits(
+            i64::try_from(product >> (FRACTION + F::U32 - Energy::FRAC_NBITS)).unwrap_or(i64::MAX),
+        )
     }
+}
+
+/// The square of a number below 2^29, for the sum of a piece: 32 of them fit.
+#[inline(always)]
+pub(crate) fn square(value: i32) -> u64 {
+    (i64::from(value) * i64::from(value)) as u64
 }
 
 /// Energy dissipated by the intruder's damping per squared velocity and sample, nJ/(µm/sample)².
 pub type EnergyScale = I16F16;
-
-/// `a·b` in 64 bits, for sums of products that are rounded once.
-#[inline(always)]
-pub(crate) fn wide<A: LeEqU32, B: LeEqU32>(a: FixedI32<A>, b: FixedI32<B>) -> i64 {
-    i64::from(a.to_bits()) * i64::from(b.to_bits())
-}

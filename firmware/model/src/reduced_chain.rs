@@ -20,69 +20,99 @@
 //! the Taylor expansion with a at n extrapolated from the two samples before). It needs a quarter of the
 //! force evaluations of RK4, and no force between samples.
 
-use crate::quantity::{
-    EnergyScale, Force, Length, SquareSum, Step, at_range_end, bounded_product, product, round_shift, wide,
-};
+use crate::quantity::{Energy, EnergyScale, Force, Length, SquareSum, Step, high, high_rounded, square};
 use crate::sqrt::sqrt;
-use fixed::types::I2F30;
-use fixed::types::extra::{U20, U24};
+use fixed::types::{I0F32, I2F30};
 use serde::{Deserialize, Serialize};
 
 /// Beads behind the host in the reduced chain.
 pub const FOLLOWERS: usize = 4;
 
-/// Coefficients of estimate B. Forces are counted in the acceleration that they give a bead of mass M, µm/sample².
+/// Coefficients of estimate B. Accelerations are counted in twelfths of a µm/sample², the unit of Störmer's formula;
+/// the powers of two are those that a product's upper half wants (see [`crate::quantity`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReducedChain {
-    /// κ dt²/M of the contacts between beads, µm^-0.5/sample².
-    pub contact: I2F30,
+    /// 2^8/12 · κ dt²/M of the contacts between beads, µm^-0.5/sample².
+    pub contact: I0F32,
     /// 3τ/(2 dt): the relaxation time of the contacts, in samples, by 3/2.
     pub relaxation: I2F30,
-    /// dt²/(M - m): what the incoming force does to the host, µm/sample² per N.
-    pub incoming: I2F30,
-    /// M/(M - m): what the outgoing contact does to the host.
-    pub host: I2F30,
-    /// k dt²/m of the intruder.
-    pub stiffness: I2F30,
-    /// c dt/m of the intruder.
-    pub damping: I2F30,
-    /// m/(M - m): what the intruder's springs do to the host.
-    pub intruder: I2F30,
+    /// 2^8/12 · dt²/(M - m): what the incoming force does to the host, µm/sample² per N.
+    pub incoming: I0F32,
+    /// 2^2/12 · k dt²/m of the intruder.
+    pub stiffness: I0F32,
+    /// 1/12 · c dt/m of the intruder.
+    pub damping: I0F32,
+    /// m/(M - m): what the intruder's springs do to the host; one more is what the contact behind it does.
+    pub intruder: I0F32,
     /// Forces below this are noise and taken for zero: they would be rectified by the contacts.
     pub gate: Force,
     /// c (1 µm/sample)² dt, nJ.
     pub energy: EnergyScale,
 }
 
-/// One coordinate with what its next step needs.
+/// One coordinate with what its next step needs, as bits of their formats.
+///
+/// The sums over past accelerations are kept, not the accelerations: each is added once, when it comes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Coordinate {
-    position: Length,
-    /// Change of the position over the last sample.
-    step: Step,
-    /// Accelerations at the last three samples, the latest first.
-    acceleration: [Step; 3],
+    /// x[n], [`Length`].
+    position: i32,
+    /// ẋ[n], [`Step`].
+    velocity: i32,
+    /// x[n+1] - x[n] but for 14 a[n], [`Step`].
+    step: i32,
+    /// What a[n-1] and a[n-2] add to the step after: 4 a[n-1] - a[n-2], [`Step`].
+    after: i32,
+    /// a[n-1] in twelfths, [`Step`].
+    last: i32,
 }
 
 impl Coordinate {
-    /// ẋ at the sample at which the position is.
+    /// Goes one sample on with the acceleration at this one, in twelfths.
     #[inline(always)]
-    fn velocity(&self) -> Step {
-        let [a1, a2, _] = self.acceleration;
-        self.step.saturating_add((a1 * 5 - a2 * 2) / 6)
+    fn advance(&mut self, a: i32, watch: &mut Watch) {
+        let step = self.step.saturating_add(14 * a);
+        watch.state(step);
+        // Rounded down: a quarter of a picometre a sample.
+        self.position = self.position.saturating_add(step >> STEP_TO_LENGTH);
+        self.velocity = step.saturating_add(2 * (5 * a - 2 * self.last));
+        self.step = step.saturating_add(self.after - 5 * a);
+        self.after = 4 * a - self.last;
+        self.last = a;
+    }
+}
+
+/// A step has so many fraction bits more than a position.
+const STEP_TO_LENGTH: u32 = Step::FRAC_NBITS - Length::FRAC_NBITS;
+
+/// Accelerations are limited to ±6 µm/sample² (60 km/s² at 100 kHz), 2^23 as twelfths: a range to which the core
+/// saturates in one instruction, and which keeps the weighted sum of four samples inside 32 bits.
+const LIMIT: i32 = 1 << 23;
+
+/// Remembers whether anything has left its range: the bits of all magnitudes seen, those of states scaled so that
+/// [`LIMIT`] is half of their format. To collect bits is two instructions, to compare and remember twice as many.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Watch(i32);
+
+impl Watch {
+    /// Looks at a state.
+    #[inline(always)]
+    fn state(&mut self, value: i32) {
+        self.0 |= magnitude(value) >> 7;
     }
 
-    /// Goes one sample on with the acceleration at this one. Whether it had to saturate.
+    /// Looks at an acceleration in twelfths, and limits it.
     #[inline(always)]
-    fn advance(&mut self, acceleration: Step) -> bool {
-        let a = limited(acceleration);
-        let [a1, a2, a3] = self.acceleration;
-        self.step = self.step.saturating_add(a + (a * 2 - a1 * 5 + a2 * 4 - a3) / 12);
-        self.position = self.position.saturating_add(length(self.step));
-        self.acceleration = [a, a1, a2];
-        // Beads that have parted may drift out of range below: an open contact stays open.
-        a != acceleration || at_range_end(self.step) || self.position == Length::MAX
+    fn limited(&mut self, twelfths: i32) -> i32 {
+        self.0 |= magnitude(twelfths);
+        twelfths.clamp(-LIMIT, LIMIT - 1)
     }
+}
+
+/// `|value|`, or one less for a negative one.
+#[inline(always)]
+fn magnitude(value: i32) -> i32 {
+    value ^ (value >> 31)
 }
 
 /// What estimate B remembers. Everything starts at rest, beads just touching.
@@ -92,113 +122,107 @@ pub struct ReducedChainState {
     overlaps: [Coordinate; FOLLOWERS],
     /// The intruder's displacement relative to its host.
     intruder: Coordinate,
-    squares: SquareSum,
-    saturated: bool,
+    squares: SquareSum<{ 2 * Length::FRAC_NBITS }>,
+    watch: Watch,
+    /// Whether a force has come.
+    moving: bool,
 }
 
 impl ReducedChainState {
-    /// Whether a state left its range since the window opened.
+    /// Whether a state left half the range of its format since the window opened.
     pub fn saturated(&self) -> bool {
-        self.saturated
+        self.watch.0 >= LIMIT
     }
-
-    /// ∫ ẋ² dt of the intruder so far.
-    pub fn squares(&self) -> SquareSum {
-        self.squares
-    }
-}
-
-/// Accelerations from -8 to just below 8 µm/sample² (80 km/s² at 100 kHz): a range of 28 bits, which the core
-/// saturates to in one instruction, and which keeps the weighted sum of four samples inside 32.
-const ACCELERATION: (Step, Step) = (Step::from_bits(-(1 << 27)), Step::from_bits((1 << 27) - 1));
-
-/// Highest coefficient of the contacts: with √2048 it stays below 2.
-const CONTACT_MAX: I2F30 = I2F30::lit("0.04");
-
-#[inline(always)]
-fn limited(acceleration: Step) -> Step {
-    acceleration.clamp(ACCELERATION.0, ACCELERATION.1)
-}
-
-#[inline(always)]
-fn at_limit(acceleration: Step) -> bool {
-    acceleration == ACCELERATION.0 || acceleration == ACCELERATION.1
 }
 
 impl ReducedChain {
-    /// Whether the coefficients keep every product that is not saturated inside its format.
+    /// Whether no coefficient is negative; their formats bound every product.
     pub fn is_bounded(&self) -> bool {
         let coefficients = [
             self.contact,
-            self.relaxation,
             self.incoming,
-            self.host,
             self.stiffness,
             self.damping,
             self.intruder,
         ];
-        coefficients.into_iter().all(|value| value >= I2F30::ZERO) && self.contact <= CONTACT_MAX
+        coefficients.into_iter().all(|value| value >= I0F32::ZERO) && self.relaxation >= I2F30::ZERO
     }
 
-    /// Takes the force at the host's incoming contact at one more sample. Never inlined into its caller, so
-    /// that its instructions can be counted by its symbol.
+    /// Takes the forces, at most [`PIECE`](crate::window::PIECE), at the host's incoming contact at the next
+    /// samples. Never inlined into its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub fn process(&self, state: &mut ReducedChainState, measured: Force) {
-        let contacts = state
-            .overlaps
-            .each_ref()
-            .map(|overlap| self.contact_force(overlap));
-
-        let velocity = state.intruder.velocity();
-        // (k x + c ẋ)/m: both products at Q50, the second after a shift, rounded once to Q24.
-        let springs = wide(self.stiffness, state.intruder.position)
-            + (wide(self.damping, velocity) >> (Step::FRAC_NBITS - Length::FRAC_NBITS));
-        let shift = I2F30::FRAC_NBITS + Length::FRAC_NBITS - Step::FRAC_NBITS;
-        let springs = limited(Step::from_bits(round_shift(springs, shift)));
-        state.squares.add(velocity);
-
-        let incoming = if measured.unsigned_abs() < self.gate.unsigned_abs() {
-            Force::ZERO
-        } else {
-            measured
-        };
-        // A limited acceleration by a ratio below 2 fits.
-        let host: Step = limited(product(self.incoming, incoming))
-            + bounded_product::<_, _, U24>(self.intruder, springs)
-            - bounded_product::<_, _, U24>(self.host, contacts[0]);
-
-        let mut ahead = host;
-        let mut saturated = state.intruder.advance(-springs - host)
-            || state.intruder.position == Length::MIN
-            || at_limit(springs);
-        for (i, overlap) in state.overlaps.iter_mut().enumerate() {
-            let bead = if i + 1 < FOLLOWERS {
-                contacts[i] - contacts[i + 1]
-            } else {
-                contacts[i]
+    pub fn process(&self, state: &mut ReducedChainState, mut forces: &[Force]) {
+        // What is at rest stays so, exactly, until a force comes.
+        while !state.moving {
+            let Some((&first, rest)) = forces.split_first() else {
+                return;
             };
-            saturated |= overlap.advance(ahead - bead);
-            ahead = bead;
+            state.moving = self.gated(first) != 0;
+            if !state.moving {
+                forces = rest;
+            }
         }
-        state.saturated |= saturated;
+        let ReducedChainState {
+            mut overlaps,
+            mut intruder,
+            mut watch,
+            ..
+        } = *state;
+        let mut squares = 0;
+        for &measured in forces {
+            // From the free end to the host, so that little has to be kept at a time.
+            let mut behind = 0;
+            let mut contact = self.contact_force(&overlaps[FOLLOWERS - 1], &mut watch);
+            for i in (1..FOLLOWERS).rev() {
+                let ahead = self.contact_force(&overlaps[i - 1], &mut watch);
+                overlaps[i].advance(ahead - 2 * contact + behind, &mut watch);
+                (behind, contact) = (contact, ahead);
+            }
+
+            let velocity = intruder.velocity;
+            squares += square(velocity >> STEP_TO_LENGTH);
+            // (k x + c ẋ)/m
+            let springs = watch.limited(
+                high_rounded(self.stiffness.to_bits(), intruder.position)
+                    + high_rounded(self.damping.to_bits(), velocity),
+            );
+            let incoming = watch.limited(high_rounded(self.incoming.to_bits(), self.gated(measured)));
+            // M/(M - m) is 1 + m/(M - m).
+            let host = incoming - contact + high_rounded(self.intruder.to_bits(), springs - contact);
+            overlaps[0].advance(host - contact + behind, &mut watch);
+            intruder.advance(-springs - host, &mut watch);
+            watch.state(intruder.position);
+        }
+        (state.overlaps, state.intruder, state.watch) = (overlaps, intruder, watch);
+        state.squares.add(squares);
     }
 
-    /// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0, as an acceleration of a bead.
+    /// The bits of a force, or 0 if it is noise.
     #[inline(always)]
-    fn contact_force(&self, contact: &Coordinate) -> Step {
-        let overlap = contact.position;
-        if overlap <= Length::ZERO {
-            return Step::ZERO;
+    fn gated(&self, force: Force) -> i32 {
+        if force.unsigned_abs() < self.gate.unsigned_abs() {
+            0
+        } else {
+            force.to_bits()
         }
-        // 0.04 √2048 and 2·128 fit.
-        let stiffness: I2F30 = bounded_product(self.contact, sqrt(overlap));
-        let viscous: Length = bounded_product::<_, _, U20>(self.relaxation, contact.velocity());
-        limited(product(stiffness, overlap.saturating_add(viscous)))
     }
-}
 
-/// A step taken: the same length at the resolution of a position, rounded.
-#[inline(always)]
-fn length(step: Step) -> Length {
-    Length::from_bits(step.to_bits().saturating_add(1 << 3) >> 4)
+    /// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0, in twelfths of the acceleration of a bead.
+    #[inline(always)]
+    fn contact_force(&self, contact: &Coordinate, watch: &mut Watch) -> i32 {
+        let overlap = contact.position;
+        if overlap <= 0 {
+            // Beads that have parted may drift out of range: an open contact stays open.
+            return 0;
+        }
+        watch.state(overlap);
+        let stiffness = high(self.contact.to_bits(), sqrt(Length::from_bits(overlap)).to_bits());
+        let viscous = high_rounded(self.relaxation.to_bits(), contact.velocity);
+        watch.limited(high_rounded(stiffness, overlap.saturating_add(viscous)))
+    }
+
+    /// The energy absorbed so far.
+    pub fn absorbed(&self, state: &ReducedChainState) -> Energy {
+        state.squares.energy(self.energy)
+    }
 }

@@ -8,17 +8,21 @@ use crate::calibration::{BASELINE, Channel};
 use crate::observer::Observer;
 use crate::reduced_chain::ReducedChain;
 use core::fmt;
-use fixed::types::{I2F30, I16F16};
+use fixed::types::I16F16;
+use fixed::types::extra::{U26, U30};
 use serde::{Deserialize, Serialize};
 
 /// Version of the settings block; a block of another one is refused.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 /// Upper bound of an encoded block, bytes.
 pub const BLOCK_MAX: usize = 192;
 /// Longest history before the trigger, samples.
 pub const HISTORY_MAX: usize = 256;
 /// Longest window, samples.
 pub const WINDOW_MAX: u16 = 4096;
+
+/// Bound of the forces, N: the range of their format.
+const FORCE_MOST: u32 = 1 << 15;
 
 const MAGIC: [u8; 4] = *b"BEAD";
 const HEADER: usize = MAGIC.len() + 4;
@@ -43,9 +47,9 @@ pub struct Settings {
     /// Rate for which the coefficients hold, Hz.
     pub sample_rate_hz: u32,
     /// The force channel, N.
-    pub force: Channel,
+    pub force: Channel<U30>,
     /// The acceleration channel, m/s².
-    pub acceleration: Channel,
+    pub acceleration: Channel<U26>,
     /// Trigger and window.
     pub window: WindowSettings,
     /// Estimate A.
@@ -54,6 +58,8 @@ pub struct Settings {
     pub chain: ReducedChain,
     /// Energy of a solitary wave of 1 N peak, nJ/N^{5/3}.
     pub incident: I16F16,
+    /// Part of the greater by which A and B may differ before a strike is flagged.
+    pub disagreement: I16F16,
 }
 
 /// Why a settings block is refused.
@@ -155,7 +161,6 @@ impl Settings {
     /// Checks what the code relies on; a block with a good checksum can still be nonsense.
     pub fn validate(&self) -> Result<(), SettingsError> {
         let window = &self.window;
-        let pole = |channel: &Channel| (I2F30::ZERO..I2F30::ONE).contains(&channel.pole);
         let rules = [
             (self.sample_rate_hz > 0, "sample rate is 0"),
             (
@@ -176,16 +181,18 @@ impl Settings {
                 "lookback is 0 or not shorter than the history",
             ),
             (
-                pole(&self.force) && pole(&self.acceleration),
+                self.force.has_pole() && self.acceleration.has_pole(),
                 "a pole is below f_s/4π, or negative",
             ),
             (
-                self.observer.is_bounded(),
-                "a response of the observer is beyond 1 µm per m/s²",
+                self.force.is_below(FORCE_MOST) && self.acceleration.is_below(Observer::MOST),
+                "the codes of a channel reach beyond 32 kN or 65 km/s²",
             ),
+            (self.disagreement > 0, "disagreement is not above 0"),
+            (self.observer.is_bounded(), "a weight of the observer is negative"),
             (
                 self.chain.is_bounded(),
-                "a coefficient of the reduced chain is negative, or its contact above 0.04",
+                "a coefficient of the reduced chain is negative",
             ),
             (
                 window.threshold > 0 && window.threshold < 4096,

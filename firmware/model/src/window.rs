@@ -5,7 +5,7 @@
 
 use crate::calibration::{BASELINE, ChannelState};
 use crate::observer::ObserverState;
-use crate::quantity::{Acceleration, Energy, Force, Scan};
+use crate::quantity::{Acceleration, Energy, Force, Scan, SensedAcceleration};
 use crate::reduced_chain::ReducedChainState;
 use crate::settings::Settings;
 use fixed::types::I16F16;
@@ -21,17 +21,19 @@ impl Flags {
     pub const FORCE_RAILED: Self = Self(1 << 0);
     /// The acceleration stood at a rail of the converter: estimate A is too low.
     pub const ACCELERATION_RAILED: Self = Self(1 << 1);
-    /// A state of estimate A left the range of its format.
-    pub const OBSERVER_RANGE: Self = Self(1 << 2);
-    /// A state of estimate B left the range of its format.
+    // Bit 2 said that estimate A had left its range, which it no longer can.
+    /// A state of estimate B left half the range of its format.
     pub const CHAIN_RANGE: Self = Self(1 << 3);
+    /// A and B differ by more than the settings allow, and no other flag says why: c, τ, M or a gain is not what the
+    /// settings say. A wrong k moves both alike.
+    pub const ESTIMATES_DIFFER: Self = Self(1 << 4);
 
     /// Every flag with the name that reports show.
     pub const NAMES: [(Self, &'static str); 4] = [
         (Self::FORCE_RAILED, "force_railed"),
         (Self::ACCELERATION_RAILED, "acceleration_railed"),
-        (Self::OBSERVER_RANGE, "observer_range"),
         (Self::CHAIN_RANGE, "chain_range"),
+        (Self::ESTIMATES_DIFFER, "estimates_differ"),
     ];
 
     /// From the bits of a strike frame; bits unknown to this version are kept.
@@ -98,10 +100,13 @@ pub struct Window {
     chain: ReducedChainState,
     peak_force: Force,
     peak_sample: u16,
-    acceleration_max: Acceleration,
-    acceleration_min: Acceleration,
+    acceleration_max: SensedAcceleration,
+    acceleration_min: SensedAcceleration,
     railed: Flags,
 }
+
+/// Samples that the estimators take at a time, at most: what the sums of squares count on.
+pub const PIECE: usize = 32;
 
 impl Window {
     /// Opens a window for strike number `strike` whose first sample has the index `first_index`.
@@ -116,36 +121,61 @@ impl Window {
             chain: ReducedChainState::default(),
             peak_force: Force::ZERO,
             peak_sample: 0,
-            acceleration_max: Acceleration::ZERO,
-            acceleration_min: Acceleration::ZERO,
+            acceleration_max: SensedAcceleration::ZERO,
+            acceleration_min: SensedAcceleration::ZERO,
             railed: Flags::default(),
         }
     }
 
-    /// Takes the next sample.
-    pub fn process(&mut self, settings: &Settings, scan: Scan) {
-        self.railed.set_if(Flags::FORCE_RAILED, scan.force.is_railed());
-        self.railed
-            .set_if(Flags::ACCELERATION_RAILED, scan.acceleration.is_railed());
-        if self.samples < BASELINE {
+    /// Takes the next samples. The result does not depend on how they are cut into calls. Never inlined, so that
+    /// its instructions can be counted by its symbol.
+    #[inline(never)]
+    pub fn process(&mut self, settings: &Settings, scans: &[Scan]) {
+        for scan in scans {
+            self.railed.set_if(Flags::FORCE_RAILED, scan.force.is_railed());
+            self.railed
+                .set_if(Flags::ACCELERATION_RAILED, scan.acceleration.is_railed());
+        }
+        let quiet = usize::from(BASELINE.saturating_sub(self.samples)).min(scans.len());
+        let (quiet, strike) = scans.split_at(quiet);
+        for scan in quiet {
             self.force.settle(scan.force);
             self.acceleration.settle(scan.acceleration);
-        } else {
-            let force = settings.force.process(&mut self.force, scan.force);
-            let acceleration = settings
-                .acceleration
-                .process(&mut self.acceleration, scan.acceleration);
-            settings.observer.process(&mut self.observer, acceleration);
-            settings.chain.process(&mut self.chain, force);
+        }
+        self.samples += quiet.len() as u16;
+        for piece in strike.chunks(PIECE) {
+            self.measure(settings, piece);
+            self.samples += piece.len() as u16;
+        }
+    }
+
+    /// Takes samples after the baseline, at most [`PIECE`].
+    fn measure(&mut self, settings: &Settings, scans: &[Scan]) {
+        let mut forces = [Force::ZERO; PIECE];
+        let forces = &mut forces[..scans.len()];
+        let mut accelerations = [SensedAcceleration::ZERO; PIECE];
+        let accelerations = &mut accelerations[..scans.len()];
+        settings
+            .force
+            .process(&mut self.force, scans.iter().map(|scan| scan.force), forces);
+        settings.acceleration.process(
+            &mut self.acceleration,
+            scans.iter().map(|scan| scan.acceleration),
+            accelerations,
+        );
+        settings.observer.process(&mut self.observer, accelerations);
+        settings.chain.process(&mut self.chain, forces);
+        // The compensated value is that of the sample before.
+        for (sample, &force) in (self.samples - 1..).zip(&*forces) {
             if force > self.peak_force {
                 self.peak_force = force;
-                // The compensated value is that of the sample before.
-                self.peak_sample = self.samples - 1;
+                self.peak_sample = sample;
             }
+        }
+        for &acceleration in &*accelerations {
             self.acceleration_max = self.acceleration_max.max(acceleration);
             self.acceleration_min = self.acceleration_min.min(acceleration);
         }
-        self.samples += 1;
     }
 
     /// Samples taken so far.
@@ -155,19 +185,25 @@ impl Window {
 
     /// Estimate A so far.
     pub fn absorbed_measured(&self, settings: &Settings) -> Energy {
-        self.observer.squares().energy(settings.observer.energy)
+        settings.observer.absorbed(&self.observer)
     }
 
     /// Estimate B so far.
     pub fn absorbed_predicted(&self, settings: &Settings) -> Energy {
-        self.chain.squares().energy(settings.chain.energy)
+        settings.chain.absorbed(&self.chain)
     }
 
     /// What the window says; asked for when its last sample is in.
     pub fn report(&self, settings: &Settings) -> StrikeReport {
         let mut flags = self.railed;
-        flags.set_if(Flags::OBSERVER_RANGE, self.observer.saturated());
         flags.set_if(Flags::CHAIN_RANGE, self.chain.saturated());
+        let estimates = [
+            self.absorbed_measured(settings),
+            self.absorbed_predicted(settings),
+        ];
+        // What is wrong already explains a difference.
+        let unexplained = flags == Flags::default() && differ(estimates, settings.disagreement);
+        flags.set_if(Flags::ESTIMATES_DIFFER, unexplained);
         StrikeReport {
             strike: self.strike,
             first_index: self.first_index,
@@ -175,14 +211,21 @@ impl Window {
             samples: self.samples,
             peak_force: self.peak_force,
             peak_index: self.first_index + u64::from(self.peak_sample),
-            acceleration_max: self.acceleration_max,
-            acceleration_min: self.acceleration_min,
+            acceleration_max: Acceleration::saturating_from_num(self.acceleration_max),
+            acceleration_min: Acceleration::saturating_from_num(self.acceleration_min),
             absorbed_measured: self.absorbed_measured(settings),
             absorbed_predicted: self.absorbed_predicted(settings),
             incident_energy: incident_energy(settings.incident, self.peak_force),
             flags,
         }
     }
+}
+
+/// Whether two energies are further apart than this part of the greater.
+fn differ([a, b]: [Energy; 2], part: I16F16) -> bool {
+    let apart = u128::from(a.to_bits().abs_diff(b.to_bits()));
+    let greater = u128::from(a.max(b).to_bits().unsigned_abs());
+    apart << I16F16::FRAC_NBITS > greater * u128::from(part.to_bits().unsigned_abs())
 }
 
 /// Energy of the solitary wave whose peak force is `peak`: `e F^{5/3}`, with `e` in nJ/N^{5/3}.
@@ -204,6 +247,17 @@ pub fn incident_energy(coefficient: I16F16, peak: Force) -> Energy {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn energies_differ_when_they_are_further_apart_than_a_part_of_the_greater() {
+        let part = I16F16::from_num(0.0625);
+        let [whole, near, far] = [800.0, 750.0, 749.9].map(Energy::from_num);
+        for (other, apart) in [(whole, false), (near, false), (far, true), (Energy::ZERO, true)] {
+            assert_eq!(differ([whole, other], part), apart, "{other}");
+            assert_eq!(differ([other, whole], part), apart, "{other}");
+        }
+        assert!(!differ([Energy::ZERO; 2], part));
+    }
 
     #[test]
     fn incident_energy_is_within_the_stated_error_of_the_power_law() {

@@ -2,14 +2,15 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{AdcCode, Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window};
-use fixed::types::{I2F30, I4F28, I8F24, I16F16};
+use bead_model::{AdcCode, Chunk, Flags, Meter, Scan, Settings, Shape, Sink, StrikeReport, Window};
+use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
 
 #[derive(Default)]
 struct Heard {
     samples: usize,
     reports: Vec<StrikeReport>,
+    shapes: Vec<Shape>,
 }
 
 impl Sink for Heard {
@@ -19,6 +20,10 @@ impl Sink for Heard {
     fn report(&mut self, report: &StrikeReport) {
         self.reports.push(*report);
     }
+    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        assert_eq!(self.reports.last(), Some(report));
+        self.shapes.push(*shape);
+    }
 }
 
 fn settings() -> Settings {
@@ -26,18 +31,21 @@ fn settings() -> Settings {
 }
 
 fn scan(force: u16) -> Scan {
+    codes_of((force, 2048))
+}
+
+fn codes_of((force, acceleration): (u16, u16)) -> Scan {
     Scan {
         force: AdcCode::new(force),
-        acceleration: AdcCode::new(2048),
+        acceleration: AdcCode::new(acceleration),
     }
 }
 
 /// Feeds force codes from sample 0.
 fn hear(forces: impl IntoIterator<Item = u16>) -> (Meter, Heard) {
     let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
-    for (index, force) in forces.into_iter().enumerate() {
-        meter.process(&settings, index as u64, scan(force), &mut heard);
-    }
+    let scans: Vec<Scan> = forces.into_iter().map(scan).collect();
+    meter.process(&settings, 0, &scans, &mut heard);
     (meter, heard)
 }
 
@@ -113,10 +121,52 @@ fn a_strike_straight_after_a_restart_is_left_out_rather_than_measured_without_it
         if i == 950 {
             meter.restart();
         }
-        meter.process(&settings, i as u64, scan(stream(i)), &mut heard);
+        meter.process(&settings, i as u64, &[scan(stream(i))], &mut heard);
     }
     assert!(heard.reports.is_empty());
     assert!(meter.is_armed());
+}
+
+#[test]
+fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
+    let flags = |newtons_per_code: f64| {
+        let mut front_end = FrontEnd::reference();
+        front_end.force.per_code = newtons_per_code;
+        let capture = Capture {
+            threshold: 30.0,
+            ..Capture::default()
+        };
+        let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
+        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        let quiet = std::iter::repeat_n(128, 1000);
+        let scans: Vec<Scan> = quiet
+            .chain((0..50).map(pulse))
+            .chain(std::iter::repeat_n(128, 1000))
+            .map(scan)
+            .collect();
+        meter.process(&settings, 0, &scans, &mut heard);
+        heard.reports[0].flags
+    };
+    // Peaks of 300 N and of 2.8 kN: overlaps of 80 and 390 µm, and half the format is 256.
+    assert_eq!(flags(0.2), Flags::default());
+    assert_eq!(flags(1.9), Flags::CHAIN_RANGE);
+}
+
+#[test]
+fn settings_that_would_break_a_sum_are_refused() {
+    let refused = |change: fn(&mut Settings)| {
+        let mut settings = settings();
+        change(&mut settings);
+        settings.validate().unwrap_err().to_string()
+    };
+    let pole = "a pole is below f_s/4π, or negative";
+    assert!(refused(|s| s.force.per_code = -s.force.per_code).contains(pole));
+    assert!(refused(|s| s.force.slope = s.force.per_code).contains(pole));
+    assert!(refused(|s| s.acceleration.slope = -s.acceleration.slope).contains(pole));
+    assert!(refused(|s| s.acceleration.per_code = I6F26::from_num(16)).contains("65 km/s²"));
+    assert!(refused(|s| s.observer.end = -s.observer.end).contains("observer"));
+    assert!(refused(|s| s.chain.contact = -s.chain.contact).contains("reduced chain"));
+    assert!(refused(|s| s.chain.relaxation = -s.chain.relaxation).contains("reduced chain"));
 }
 
 proptest! {
@@ -125,53 +175,78 @@ proptest! {
         let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
         // A step first, so that the noise is measured and not waited out.
         let quiet = (0..300).map(|_| (128, 2048)).chain([(1000, 2048)]);
-        for (index, (force, acceleration)) in quiet.chain(codes).enumerate() {
-            let scan = Scan { force: AdcCode::new(force), acceleration: AdcCode::new(acceleration) };
-            meter.process(&settings, index as u64, scan, &mut heard);
-        }
+        let stream: Vec<Scan> = quiet.chain(codes).map(codes_of).collect();
+        meter.process(&settings, 0, &stream, &mut heard);
         prop_assert!(!heard.reports.is_empty());
     }
 
     #[test]
     fn any_settings_that_validate_are_survived_with_any_codes(
-        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 20),
+        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 16),
         codes in prop::collection::vec((0u16..4096, 0u16..4096), 600),
     ) {
         let mut bits = bits.into_iter();
-        let mut next = || bits.next().unwrap();
+        // Any of the upper part of the range that a coefficient may have.
+        let mut next = |most: i32| bits.next().unwrap().rem_euclid(most) + 1;
         let mut settings = settings();
-        for channel in [&mut settings.force, &mut settings.acceleration] {
-            channel.per_code = I4F28::from_bits(next());
-            channel.pole = I2F30::from_bits(next() & 0x3fff_ffff);
-        }
-        let observer = &mut settings.observer;
-        observer.decay = I2F30::from_bits(next());
-        observer.start = I2F30::from_bits(next() >> 1);
-        observer.end = I2F30::from_bits(next() >> 1);
-        observer.velocity_per_displacement = I8F24::from_bits(next());
-        observer.velocity_per_acceleration = I2F30::from_bits(next());
-        observer.energy = I16F16::from_bits(next());
+        // 65 km/s² over 4095 codes, a third for each of the three sums; of the force the format holds all.
+        let most = next(i32::MAX - 1) + 1;
+        settings.force.per_code = I2F30::from_bits(most);
+        settings.force.slope = I2F30::from_bits(next(most - 1));
+        let most = next(1 << 28) + 1;
+        settings.acceleration.per_code = I6F26::from_bits(most);
+        settings.acceleration.slope = I6F26::from_bits(next(most - 1));
+        settings.observer.start = I0F32::from_bits(next(i32::MAX));
+        settings.observer.end = I0F32::from_bits(next(i32::MAX));
+        settings.observer.energy = I2F30::from_bits(next(i32::MAX));
         let chain = &mut settings.chain;
-        chain.contact = I2F30::from_bits((next() & 0x7fff_ffff) / 64);
         for coefficient in [
-            &mut chain.relaxation,
+            &mut chain.contact,
             &mut chain.incoming,
-            &mut chain.host,
             &mut chain.stiffness,
             &mut chain.damping,
             &mut chain.intruder,
         ] {
-            *coefficient = I2F30::from_bits(next() & 0x7fff_ffff);
+            *coefficient = I0F32::from_bits(next(i32::MAX));
         }
-        chain.energy = I16F16::from_bits(next());
+        chain.relaxation = I2F30::from_bits(next(i32::MAX));
+        chain.energy = I16F16::from_bits(next(i32::MAX));
         prop_assert_eq!(settings.validate(), Ok(()));
 
-        // Products that leave their format panic in a build with debug assertions, sums in one with overflow checks.
+        // A sum that leaves its format panics in a build with overflow checks.
         let mut window = Window::open(0, 0);
-        for (force, acceleration) in codes {
-            window.process(&settings, Scan { force: AdcCode::new(force), acceleration: AdcCode::new(acceleration) });
-        }
+        let scans: Vec<Scan> = codes.into_iter().map(codes_of).collect();
+        window.process(&settings, &scans);
         window.report(&settings);
+    }
+
+    #[test]
+    fn how_the_stream_is_cut_into_calls_changes_nothing(
+        cuts in prop::collection::vec(1usize..400, 1..40),
+        noise in prop::collection::vec(0u16..8, 4000),
+    ) {
+        let settings = settings();
+        let stream: Vec<Scan> = (0..)
+            .zip(noise)
+            .map(|(i, noise)| {
+                let force = if (1000..1050).contains(&i) { pulse(i - 1000) } else { 128 };
+                codes_of((force + noise, 1920 + force + 7 * noise))
+            })
+            .collect();
+        let (mut whole, mut heard) = (Meter::new(), Heard::default());
+        whole.process(&settings, 0, &stream, &mut heard);
+        let (mut meter, mut in_pieces, mut start) = (Meter::new(), Heard::default(), 0);
+        for cut in cuts.into_iter().cycle() {
+            let end = (start + cut).min(stream.len());
+            meter.process(&settings, start as u64, &stream[start..end], &mut in_pieces);
+            start = end;
+            if start == stream.len() {
+                break;
+            }
+        }
+        prop_assert_eq!(heard.reports.len(), 1);
+        prop_assert_eq!(heard.reports, in_pieces.reports);
+        prop_assert_eq!(heard.samples, in_pieces.samples);
     }
 
     #[test]

@@ -155,6 +155,7 @@ fn encode_body(message: &Message<'_>, buffer: &mut [u8]) -> Result<usize, Encode
         ),
         Message::Status(status) => postcard::to_slice(status, buffer),
         Message::Strike(strike) => postcard::to_slice(strike, buffer),
+        Message::Shape(shape) => postcard::to_slice(shape, buffer),
         Message::Waveform(waveform) => {
             within(waveform.codes.bytes(), 3 * MAX_SCANS)?;
             postcard::to_slice(waveform, buffer)
@@ -248,6 +249,7 @@ impl<'a> Checked<'a> {
             Kind::Identity => Message::Identity(whole(self.body)?),
             Kind::Status => Message::Status(whole(self.body)?),
             Kind::Strike => Message::Strike(whole(self.body)?),
+            Kind::Shape => Message::Shape(whole(self.body)?),
             Kind::Waveform => Message::Waveform(whole(self.body)?),
             Kind::Fault => Message::Fault(whole(self.body)?),
             Kind::Settings => Message::Settings(whole(self.body)?),

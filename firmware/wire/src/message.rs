@@ -16,6 +16,10 @@ use crate::codes::{Codes, MAX_SCANS};
 pub const FORCE_UNIT_N: f64 = 1.0 / (1u32 << 16) as f64;
 /// One unit of an acceleration field, in m/s² (I16F16).
 pub const ACCELERATION_UNIT_MPS2: f64 = 1.0 / (1u32 << 16) as f64;
+/// One unit of an impulse field, in newton samples (I48F16): over the sample rate, newton seconds.
+pub const IMPULSE_UNIT_N_SAMPLES: f64 = FORCE_UNIT_N;
+/// One unit of a fine time or rate, in samples, hertz or 1/s (U16F16).
+pub const FINE_UNIT: f64 = 1.0 / (1u32 << 16) as f64;
 /// One unit of an energy field, in joules (I40F24 of a nanojoule).
 pub const ENERGY_UNIT_J: f64 = 1e-9 / (1u32 << 24) as f64;
 
@@ -47,6 +51,8 @@ pub enum Kind {
     Settings = 6,
     /// [`Health`]
     Health = 7,
+    /// [`Shape`]
+    Shape = 8,
 }
 
 impl Kind {
@@ -60,6 +66,7 @@ impl Kind {
             5 => Some(Self::Fault),
             6 => Some(Self::Settings),
             7 => Some(Self::Health),
+            8 => Some(Self::Shape),
             _ => None,
         }
     }
@@ -85,6 +92,8 @@ pub enum Message<'a> {
     Settings(Settings<'a>),
     /// How often sensors and supply failed.
     Health(Health),
+    /// The shape of one strike: follows its [`Strike`].
+    Shape(Shape),
 }
 
 impl Message<'_> {
@@ -98,6 +107,7 @@ impl Message<'_> {
             Self::Fault(_) => Kind::Fault,
             Self::Settings(_) => Kind::Settings,
             Self::Health(_) => Kind::Health,
+            Self::Shape(_) => Kind::Shape,
         }
     }
 }
@@ -200,6 +210,25 @@ impl Strike {
     /// Bit of `flags`: something stood in [`Health::standing`] when the window was complete. Not `bead-model`'s, which sees
     /// one window and no more: a replay does not have it.
     pub const SENSOR_FAULT: u16 = 1 << 14;
+}
+
+/// What the samples of one strike say beyond its energies. What could not be told is 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shape {
+    /// Number of the strike since the last reset, from 0.
+    pub strike: u32,
+    /// Sample index of the window's first scan.
+    pub first_index: u64,
+    /// When the force was highest, in [`FINE_UNIT`] samples after `first_index`.
+    pub arrival: u32,
+    /// Full width at half height of the pulse of force, in [`FINE_UNIT`] samples.
+    pub width: u32,
+    /// Momentum that came in over the window, in [`IMPULSE_UNIT_N_SAMPLES`].
+    pub impulse: i64,
+    /// Frequency at which the intruder rang when the pulse had passed, in [`FINE_UNIT`] Hz.
+    pub ring_frequency: u32,
+    /// Decay of that ringing's amplitude, in [`FINE_UNIT`] 1/s.
+    pub ring_decay: u32,
 }
 
 /// A run of samples of a strike, raw, with the estimates as they stood after the last of them.
@@ -340,7 +369,7 @@ const fn slice(longest: usize) -> usize {
 }
 
 /// Longest body of each kind, in bytes, kinds in the order of their numbers.
-pub(crate) const MAX_BODIES: [usize; 7] = [
+pub(crate) const MAX_BODIES: [usize; 8] = [
     slice(MAX_FIRMWARE) + slice(MAX_GIT) + 12 + U32 + U8 + U32 + U8,
     U64 + U32 + U64 + 6 * U32 + U8 + U8,
     U32 + 2 * U64 + U16 + U32 + U64 + 2 * U32 + 3 * U64 + U16,
@@ -348,6 +377,7 @@ pub(crate) const MAX_BODIES: [usize; 7] = [
     U8 + U32 + U32 + slice(MAX_DETAIL),
     slice(MAX_BLOCK),
     7 * U32 + U16 + U8,
+    U32 + U64 + 2 * U32 + U64 + 2 * U32,
 ];
 
 /// Longest body of any kind, in bytes.
@@ -433,6 +463,15 @@ mod tests {
             supply_mv: u16::MAX,
             standing: u8::MAX,
         };
+        let shape = Shape {
+            strike: u32::MAX,
+            first_index: u64::MAX,
+            arrival: u32::MAX,
+            width: u32::MAX,
+            impulse: i64::MIN,
+            ring_frequency: u32::MAX,
+            ring_decay: u32::MAX,
+        };
 
         let mut buffer = [0; MAX_BODY];
         let lengths = [
@@ -443,6 +482,7 @@ mod tests {
             postcard::to_slice(&fault, &mut buffer).unwrap().len(),
             postcard::to_slice(&settings, &mut buffer).unwrap().len(),
             postcard::to_slice(&health, &mut buffer).unwrap().len(),
+            postcard::to_slice(&shape, &mut buffer).unwrap().len(),
         ];
         assert_eq!(lengths, MAX_BODIES);
     }

@@ -8,7 +8,7 @@
 
 use bead_wire::{
     Codes, Decoder, Fault, FaultCause, Header, Health, Identity, MAX_FRAME, Message, Settings,
-    SettingsSource, Status, Strike, Waveform, encode,
+    SettingsSource, Shape, Status, Strike, Waveform, encode,
 };
 
 const HEADER: Header = Header {
@@ -18,7 +18,7 @@ const HEADER: Header = Header {
 };
 
 /// The frames of version 1, delimiters included.
-const GOLDEN: [(&str, &str); 7] = [
+const GOLDEN: [(&str, &str); 8] = [
     (
         "identity",
         "000a010102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0602e121c61a00",
@@ -47,10 +47,14 @@ const GOLDEN: [(&str, &str); 7] = [
         "health",
         "000a010702040302010c0b01020a01010305010402ac020bf0a204db1912f683aa9300",
     ),
+    (
+        "shape",
+        "000a010802040302010c0b01020a01011d03d0c1028080d405b3e694018080c80e99f3d3348080d236a907fe6800",
+    ),
 ];
 
 /// What they say.
-fn messages() -> [Message<'static>; 7] {
+fn messages() -> [Message<'static>; 8] {
     const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
     [
         Message::Identity(Identity {
@@ -115,6 +119,15 @@ fn messages() -> [Message<'static>; 7] {
             supply_low: 70_000,
             supply_mv: 3_291,
             standing: Health::FORCE_RAILED | Health::SUPPLY_LOW,
+        }),
+        Message::Shape(Shape {
+            strike: 3,
+            first_index: 41_168,
+            arrival: 11_862_016,
+            width: 2_437_939,
+            impulse: 15_269_888,
+            ring_frequency: 110_426_521,
+            ring_decay: 114_589_696,
         }),
     ]
 }

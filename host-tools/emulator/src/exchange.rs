@@ -42,6 +42,8 @@ pub(crate) struct Description {
     pub(crate) count_instructions: bool,
     pub(crate) functions: Vec<FunctionRange>,
     pub(crate) labels: usize,
+    /// The labels whose functions make a block a working one.
+    pub(crate) work: Vec<usize>,
     pub(crate) uart_input: Vec<UartInput>,
     pub(crate) pokes: Vec<Poke>,
     pub(crate) faults: Vec<Fault>,
@@ -136,6 +138,7 @@ pub(crate) struct Report {
     pub(crate) labels: Vec<Count>,
     pub(crate) worst_block: Option<Block>,
     pub(crate) working: Option<Block>,
+    pub(crate) idle: Option<Block>,
 }
 
 /// The externally triggered scans of ADC1.

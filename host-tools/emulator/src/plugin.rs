@@ -46,13 +46,17 @@ struct Recorder {
     counters: Option<&'static Counters>,
     /// Instructions at the end of the last block.
     block_began: Option<u64>,
-    /// Instructions in functions with a label at that time.
-    labelled: u64,
+    /// The labels whose functions make a block a working one.
+    work: Vec<usize>,
+    /// Instructions in those functions at that time.
+    worked: u64,
     worst_block: Option<Block>,
-    /// All blocks together in which a function with a label ran.
+    /// All working blocks together.
     working: Option<Block>,
     /// What stood in flash before it was overwritten.
     flash_before: Vec<(u32, Vec<u8>)>,
+    /// All others together.
+    idle: Option<Block>,
 }
 
 impl Overlay {
@@ -105,10 +109,12 @@ impl Overlay {
                 rtt: create(exchange::RTT)?,
                 counters,
                 block_began: None,
-                labelled: 0,
+                work: description.work.clone(),
+                worked: 0,
                 worst_block: None,
                 working: None,
                 flash_before: Vec::new(),
+                idle: None,
             },
             pokes: pokes.into(),
             faults: faults.into(),
@@ -250,6 +256,7 @@ impl Overlay {
             labels: self.recorder.counters.map_or_else(Vec::new, Counters::labels),
             worst_block: self.recorder.worst_block,
             working: self.recorder.working,
+            idle: self.recorder.idle,
         };
         let json = serde_json::to_vec(&report).expect("a plain struct has a JSON form");
         written(std::fs::write(self.folder.join(exchange::REPORT), json));
@@ -300,8 +307,8 @@ impl Board for Outside<'_> {
             return;
         };
         let now = counters.total();
-        let labelled = counters.labelled();
-        let worked = std::mem::replace(&mut self.1.labelled, labelled) < labelled;
+        let worked = counters.labelled(&self.1.work);
+        let working = std::mem::replace(&mut self.1.worked, worked) < worked;
         // The first block after a reset has the start-up in it.
         if let Some(began) = self.1.block_began.replace(now).filter(|_| scans > 0) {
             let block = Block {
@@ -312,11 +319,12 @@ impl Board for Outside<'_> {
             if block.instructions_per_scan() > worst.instructions_per_scan() {
                 *worst = block;
             }
-            if worked {
-                let all = self.1.working.get_or_insert_default();
-                all.instructions += block.instructions;
-                all.scans += block.scans;
-            }
+            let all = match working {
+                true => self.1.working.get_or_insert_default(),
+                false => self.1.idle.get_or_insert_default(),
+            };
+            all.instructions += block.instructions;
+            all.scans += block.scans;
         }
     }
 

@@ -54,6 +54,8 @@ pub struct Run {
     /// Which functions to count: a label and a part of a demangled path, for example
     /// `("observer", "bead_model::observer::")`. A label may stand more than once.
     pub functions: Vec<(String, String)>,
+    /// The labels whose functions make a block a working one ([`Instructions::working`]).
+    pub work: Vec<String>,
     /// Count instructions at all: it costs QEMU about half its speed. Turn it off for long runs.
     pub count_instructions: bool,
     /// How long the run goes on after the last row, in ns of virtual time.
@@ -87,6 +89,7 @@ impl Run {
             sample_period_ns: 10_000,
             flash: Vec::new(),
             functions: Vec::new(),
+            work: Vec::new(),
             count_instructions: true,
             tail_ns: 10_000_000,
             sampling_deadline_ns: 2_000_000_000,
@@ -109,6 +112,14 @@ impl Run {
         self.check()?;
         let image = Image::read(&self.elf)?;
         let (labels, ranges) = image.find(&self.functions)?;
+        let position = |work: &String| {
+            labels.iter().position(|label| label == work).ok_or_else(|| {
+                RunError::Input(format!(
+                    "{work:?} is said to be work and is no label of a function"
+                ))
+            })
+        };
+        let work = self.work.iter().map(position).collect::<Result<_, _>>()?;
         let qemu = Qemu::find(self.qemu.as_deref())?;
         let overlay = overlay::find(self.overlay.as_deref())?;
 
@@ -137,6 +148,7 @@ impl Run {
             rtt: image.rtt,
             count_instructions: self.count_instructions,
             labels: labels.len(),
+            work,
             functions: ranges.clone(),
             uart_input: self.uart_input.clone(),
             pokes: self.pokes.clone(),
@@ -165,6 +177,7 @@ impl Run {
             total: report.instructions,
             worst_block: report.worst_block,
             working: report.working,
+            idle: report.idle,
             functions: labels
                 .into_iter()
                 .zip(&report.labels)
@@ -324,8 +337,10 @@ pub struct Instructions {
     pub functions: Vec<FunctionCount>,
     /// The busiest stretch between two interrupts of the ADC's DMA stream.
     pub worst_block: Option<Block>,
-    /// All stretches together in which one of the labelled functions ran; `None` if none ever did.
+    /// All stretches together in which a function of [`Run::work`] ran; `None` if none ever did.
     pub working: Option<Block>,
+    /// All other stretches together; `None` if there were none.
+    pub idle: Option<Block>,
 }
 
 /// Instructions inside the functions of one label, without those of functions that they call.

@@ -201,6 +201,7 @@ fn instructions_are_counted_by_function_and_by_block() {
             ("block".into(), "handler".into()),
             ("none".into(), "no_such".into()),
         ];
+        run.work = vec!["block".into()];
     });
     let instructions = outcome.instructions.unwrap();
     // A load, six turns of five, the last of three, and the return.
@@ -224,6 +225,16 @@ fn instructions_are_counted_by_function_and_by_block() {
         (working.scans, working.instructions),
         (10 * 4, 10 * (one_handler + 2))
     );
+    // And no other has any.
+    let idle_of = |work: &str| {
+        let outcome = run_acquiring(|run| {
+            run.functions = vec![("none".into(), "no_such".into())];
+            run.work = vec![work.into()];
+        });
+        outcome.instructions.unwrap().idle
+    };
+    assert_eq!(instructions.idle.map(|idle| idle.instructions), Some(0));
+    assert!(idle_of("none").unwrap().instructions >= working.instructions);
     assert_eq!(
         run_acquiring(|run| run.count_instructions = false).instructions,
         None

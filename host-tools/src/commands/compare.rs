@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use crate::comparison::{Chain, StrikeComparison, Values};
+use crate::comparison::{Chain, Shape, ShapeComparison, StrikeComparison, Values};
 use crate::emulation::{EmulatorReport, RunTruth};
 use crate::failure::{Blame, Failure};
 use crate::output::{self, Format};
@@ -272,6 +272,27 @@ fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
             })
             .to_owned(),
         ]);
+        if let Some(ShapeComparison { device, f64_chain }) = &strike.shape {
+            type Of = fn(&Shape) -> f64;
+            let rows: [(&str, Of, f64, usize); 6] = [
+                ("  width at half height (µs)", |shape| shape.width, 1e6, 2),
+                ("  impulse (mN·s)", |shape| shape.impulse, 1e3, 4),
+                ("  ringing (Hz)", |shape| shape.ring_frequency, 1.0, 1),
+                ("  its decay (1/s)", |shape| shape.ring_decay, 1.0, 1),
+                ("  so k is (kN/m)", |shape| shape.stiffness, 1e-3, 1),
+                ("  and c (N·s/m)", |shape| shape.damping, 1.0, 2),
+            ];
+            for (name, of, scale, digits) in rows {
+                table.add_row([
+                    name.to_owned(),
+                    format!("{:.digits$}", of(device) * scale),
+                    String::new(),
+                    String::new(),
+                    format!("{:.digits$}", of(f64_chain) * scale),
+                    format!("{:+.3} %", 100.0 * (of(device) / of(f64_chain) - 1.0)),
+                ]);
+            }
+        }
         if !strike.flags.is_empty() {
             table.add_row(["  flags".to_owned(), strike.flags.join(", ")]);
         }

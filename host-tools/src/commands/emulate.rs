@@ -568,8 +568,12 @@ fn table(report: &Report) -> String {
     for (name, count) in [
         ("estimate A, observer", per_sample.observer),
         ("estimate B, reduced chain", per_sample.reduced_chain),
+        ("calibration, peaks, chunks of a window", per_sample.window),
+        ("frames, by sample of a window", per_sample.framing),
+        ("trigger", per_sample.trigger),
         ("all, while a strike is measured", per_sample.total),
         ("all, in the busiest block", per_sample.worst_block),
+        ("all, while none is", per_sample.idle),
         ("all, over the run", Some(per_sample.run)),
     ] {
         let cells = count.map(|count| {
@@ -630,8 +634,12 @@ mod tests {
             instructions_per_sample: InstructionsPerSample {
                 observer: Some(1.0),
                 reduced_chain: Some(2.0),
+                window: Some(6.0),
+                framing: Some(7.0),
+                trigger: Some(8.0),
                 total: Some(3.0),
                 worst_block: Some(4.0),
+                idle: Some(9.0),
                 run: 5.0,
             },
             instructions_available: 1250.0,
@@ -654,7 +662,8 @@ mod tests {
                 "replay_identical": true,
             }],
             "instructions_per_sample":
-                {"observer": 1.0, "reduced_chain": 2.0, "total": 3.0, "worst_block": 4.0, "run": 5.0},
+                {"observer": 1.0, "reduced_chain": 2.0, "window": 6.0, "framing": 7.0, "trigger": 8.0,
+                 "total": 3.0, "worst_block": 4.0, "idle": 9.0, "run": 5.0},
         });
         for (key, value) in contract.as_object().unwrap() {
             assert_eq!(&printed[key], value, "{key}");
@@ -692,8 +701,12 @@ mod tests {
             instructions_per_sample: InstructionsPerSample {
                 observer: None,
                 reduced_chain: None,
+                window: None,
+                framing: None,
+                trigger: None,
                 total: None,
                 worst_block: None,
+                idle: None,
                 run: 0.0,
             },
             instructions_available: 1250.0,

@@ -129,7 +129,8 @@ pub(crate) fn check(steps: &Steps, place: &Place) -> Result<(), Stop> {
         write(&path, &text)?;
         match broken_checks(place, &copy)? {
             Some(broken) => {
-                eprintln!("          noticed by {} checks, such as", broken.len());
+                let checks = if broken.len() == 1 { "check" } else { "checks" };
+                eprintln!("          noticed by {} {checks}, such as", broken.len());
                 for check in broken.iter().take(3) {
                     eprintln!("            {check}");
                 }

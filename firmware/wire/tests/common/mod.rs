@@ -9,8 +9,8 @@
 
 use bead_wire::{
     Codes, Decoder, Fault, FaultCause, Header, Health, Identity, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE,
-    MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Status, Strike, Waveform,
-    encode,
+    MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Shape, Status, Strike,
+    Waveform, encode,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -28,6 +28,7 @@ pub enum Draft {
     },
     Status(Status),
     Strike(Strike),
+    Shape(Shape),
     Waveform {
         strike: u32,
         first_index: u64,
@@ -68,6 +69,7 @@ impl Draft {
             }),
             Self::Status(status) => Message::Status(*status),
             Self::Strike(strike) => Message::Strike(*strike),
+            Self::Shape(shape) => Message::Shape(*shape),
             Self::Waveform {
                 strike,
                 first_index,
@@ -186,6 +188,17 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                 })
             }
         ),
+        any::<(u32, u64, i64, [u32; 4])>().prop_map(|(strike, first_index, impulse, fine)| {
+            Draft::Shape(Shape {
+                strike,
+                first_index,
+                arrival: fine[0],
+                width: fine[1],
+                impulse,
+                ring_frequency: fine[2],
+                ring_decay: fine[3],
+            })
+        }),
         (
             any::<(u32, u64, i64, i64)>(),
             vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS)

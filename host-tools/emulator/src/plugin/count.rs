@@ -74,9 +74,12 @@ impl Counters {
         self.total.load(Relaxed)
     }
 
-    /// Instructions in functions with a label: grows if and only if one of them runs.
-    pub(super) fn labelled(&self) -> u64 {
-        self.labels.iter().map(|l| l.instructions.load(Relaxed)).sum()
+    /// Instructions in functions with one of these labels: grows if and only if one of them runs.
+    pub(super) fn labelled(&self, labels: &[usize]) -> u64 {
+        labels
+            .iter()
+            .map(|l| self.labels[*l].instructions.load(Relaxed))
+            .sum()
     }
 
     pub(super) fn labels(&self) -> Vec<Count> {
@@ -120,6 +123,10 @@ mod tests {
             counters.executed(counters.site(address).as_ref());
         }
         assert_eq!(counters.total(), 6);
+        assert_eq!(
+            [&[0][..], &[1], &[0, 1], &[]].map(|labels| counters.labelled(labels)),
+            [4, 3, 7, 0]
+        );
         assert_eq!(
             counters.labels(),
             [
