@@ -6,6 +6,7 @@ use bead::frames::joules;
 use bead::replay::replay;
 use bead::sensed::Timing;
 use bead::strikes::{RecordedStrike, assemble};
+use bead_model::Flags;
 use bead_tests::{Heard, paper_at};
 use bead_wire::{FaultCause, Health, SettingsSource, Strike};
 use stm32f405_qemu::{Outcome, Poke};
@@ -306,7 +307,9 @@ fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame_and_flags_strike
     let survived = Survived::new(timing, "[[fault]]\nat = 0.05\nkind = \"acceleration_stuck\"\n");
     assert_eq!(survived.causes(), [FaultCause::AccelerationStuck]);
     let flags: Vec<u16> = survived.strikes.iter().map(|strike| strike.said.flags).collect();
-    assert_eq!(flags, [0, Strike::SENSOR_FAULT], "before it was stuck, and after");
+    // A stuck accelerometer feels nothing absorbed.
+    let after = Strike::SENSOR_FAULT | Flags::ESTIMATES_DIFFER.bits();
+    assert_eq!(flags, [0, after], "before it was stuck, and after");
     assert_eq!(survived.heard.health().standing, Health::ACCELERATION_STUCK);
     // Put out at first; one flash at once, three at 1 s.
     assert_eq!(survived.light(), 1 + 2 * (1 + 3));
@@ -434,18 +437,23 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
         );
         survived.heard.status().stack_free_min
     };
-    // A word that the stack never reaches is written: as if it had been there.
-    let at = |address: u32| Poke {
-        at_ns: 500_000_000,
-        address,
-        bytes: vec![1, 2, 3, 4],
+    // Words that the stack never reaches are written, down to this one and none of them further from the next than the
+    // fence is wide: as if the stack had been there.
+    let down_to = |address: u32| -> Vec<Poke> {
+        let way = (address..START - 1_500).step_by(1_000);
+        way.map(|address| Poke {
+            at_ns: 500_000_000,
+            address,
+            bytes: vec![1, 2, 3, 4],
+        })
+        .collect()
     };
     let untouched = free(Vec::new());
     let deep = START - 40_000;
-    let left = free(vec![at(deep)]);
+    let left = free(down_to(deep));
     let bottom = deep - left;
     assert!(bottom.is_multiple_of(1024), "{bottom:#x}: the end of the fence");
-    assert_eq!(free(vec![at(bottom + 100)]), 100);
+    assert_eq!(free(down_to(bottom + 100)), 100);
     // What the tasks really used: 2 to 4 kB.
     let used = START - bottom - untouched;
     println!("{used} bytes of stack used, {untouched} never");

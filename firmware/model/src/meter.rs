@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use crate::quantity::{Energy, Scan};
 use crate::settings::{HISTORY_MAX, Settings};
-use crate::shape::{SCANS_MAX, Shape};
+use crate::shape::{Record, Shape};
 use crate::window::{StrikeReport, Window};
 
 /// Scans in a full chunk of a window's waveform.
@@ -31,7 +31,7 @@ pub trait Sink {
     fn chunk(&mut self, chunk: &Chunk);
     /// A window is complete; comes after its last chunk.
     fn report(&mut self, report: &StrikeReport);
-    /// The shape of the window just reported; none of one longer than [`SCANS_MAX`].
+    /// The shape of the window just reported; none of one longer than [`SCANS_MAX`](crate::shape::SCANS_MAX).
     fn shape(&mut self, report: &StrikeReport, shape: &Shape);
 }
 
@@ -80,8 +80,8 @@ enum Phase {
 pub struct Meter {
     recent: Recent,
     phase: Phase,
-    /// The window's scans so far, as far as there is room.
-    kept: heapless::Vec<Scan, SCANS_MAX>,
+    /// The window's scans so far.
+    record: Record,
     strikes: u32,
 }
 
@@ -100,7 +100,7 @@ impl Meter {
                 length: HISTORY_MAX,
             },
             phase: Phase::Settling { quiet: 0 },
-            kept: heapless::Vec::new(),
+            record: Record::new(),
             strikes: 0,
         }
     }
@@ -162,11 +162,11 @@ impl Meter {
                 let first_index = index + before as u64 + 1 - history as u64;
                 let mut strike = Measurement::open(self.strikes, first_index);
                 self.strikes += 1;
-                self.kept.clear();
+                self.record.clear();
                 strike.process(
                     settings,
                     &scans[trigger + 1 - history..=trigger],
-                    &mut self.kept,
+                    &mut self.record,
                     sink,
                 );
                 self.phase = Phase::Measuring(strike);
@@ -187,7 +187,7 @@ impl Meter {
                 new.len()
             }
             Phase::Measuring(strike) => {
-                let taken = strike.process(settings, &scans[new], &mut self.kept, sink);
+                let taken = strike.process(settings, &scans[new], &mut self.record, sink);
                 if strike.is_over(settings) {
                     self.phase = Phase::Settling { quiet: 0 };
                 }
@@ -243,14 +243,13 @@ impl Measurement {
         &mut self,
         settings: &Settings,
         scans: &[Scan],
-        kept: &mut heapless::Vec<Scan, SCANS_MAX>,
+        record: &mut Record,
         sink: &mut impl Sink,
     ) -> usize {
         let Self { window, chunk } = self;
         let left = settings.window.length - window.samples();
         let scans = &scans[..scans.len().min(usize::from(left))];
-        // A window that is too long has no shape.
-        let _ = kept.extend_from_slice(scans);
+        record.extend(scans);
         let mut rest = scans;
         while !rest.is_empty() {
             let room = CHUNK - chunk.scans.len();
@@ -270,8 +269,8 @@ impl Measurement {
             if done {
                 let report = window.report(settings);
                 sink.report(&report);
-                if kept.len() == usize::from(report.samples) {
-                    sink.shape(&report, &Shape::of(settings, kept));
+                if let Some(shape) = record.shape(settings) {
+                    sink.shape(&report, &shape);
                 }
             }
         }

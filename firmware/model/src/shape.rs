@@ -56,15 +56,17 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The shape of the window with these scans, its first first; those beyond [`SCANS_MAX`] do not count.
-    ///
-    /// Never inlined into its caller, so that its instructions can be counted by its symbol.
-    #[inline(never)]
+    /// The shape of the window with these scans, its first first; those beyond [`SCANS_MAX`] do not count. Takes 4 KiB
+    /// of stack, which a bead does not have to spare: see [`Record`].
     pub fn of(settings: &Settings, scans: &[Scan]) -> Self {
+        Self::worked_out(settings, scans, &mut [0; SCANS_MAX])
+    }
+
+    /// As [`Shape::of`], with room to work in; what it holds does not matter.
+    fn worked_out(settings: &Settings, scans: &[Scan], values: &mut [i32; SCANS_MAX]) -> Self {
         let mut shape = Self::default();
-        let mut values = [0; SCANS_MAX];
         let force = |scan: &Scan| scan.force;
-        let forces = calibrated::<_, U16>(&settings.force, scans, force, &mut values);
+        let forces = calibrated::<_, U16>(&settings.force, scans, force, values);
         shape.impulse = Impulse::from_bits(forces.iter().map(|&force| i64::from(force)).sum());
         let Some(peak) = (0..forces.len()).rev().max_by_key(|&sample| forces[sample]) else {
             return shape;
@@ -77,7 +79,7 @@ impl Shape {
         shape.arrival = Fine::saturating_from_num(arrival);
 
         let acceleration = |scan: &Scan| scan.acceleration;
-        let accelerations = calibrated::<_, U12>(&settings.acceleration, scans, acceleration, &mut values);
+        let accelerations = calibrated::<_, U12>(&settings.acceleration, scans, acceleration, values);
         let free = (arrival + FREE_AFTER * width) as usize;
         let ring = accelerations
             .get(free..)
@@ -87,6 +89,51 @@ impl Shape {
             shape.ring_decay = Fine::saturating_from_num(decay);
         }
         shape
+    }
+}
+
+/// The scans of a window while it is measured, and room to work out its shape: both too large for a stack.
+#[derive(Clone)]
+pub struct Record {
+    scans: heapless::Vec<Scan, SCANS_MAX>,
+    /// Whether more came than there is room for.
+    overfull: bool,
+    values: [i32; SCANS_MAX],
+}
+
+impl Default for Record {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Record {
+    /// Of nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            scans: heapless::Vec::new(),
+            overfull: false,
+            values: [0; SCANS_MAX],
+        }
+    }
+
+    /// A new window begins.
+    pub fn clear(&mut self) {
+        self.scans.clear();
+        self.overfull = false;
+    }
+
+    /// Takes the window's next scans.
+    pub fn extend(&mut self, scans: &[Scan]) {
+        self.overfull |= self.scans.extend_from_slice(scans).is_err();
+    }
+
+    /// The shape of the window; none of one longer than [`SCANS_MAX`].
+    ///
+    /// Never inlined into its caller, so that its instructions can be counted by its symbol.
+    #[inline(never)]
+    pub fn shape(&mut self, settings: &Settings) -> Option<Shape> {
+        (!self.overfull).then(|| Shape::worked_out(settings, &self.scans, &mut self.values))
     }
 }
 
@@ -266,6 +313,10 @@ mod tests {
         for length in [0, 1, 63, 64, 65, 640, 5000] {
             let scans = vec![Scan::ZERO; length];
             assert_eq!(Shape::of(&settings, &scans), Shape::default(), "{length}");
+            let mut record = Record::new();
+            record.extend(&scans);
+            let shape = (length <= SCANS_MAX).then(Shape::default);
+            assert_eq!(record.shape(&settings), shape, "{length}");
         }
     }
 }
