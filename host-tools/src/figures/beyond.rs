@@ -250,12 +250,12 @@ fn scaling(lab: &Lab) -> Result<Figure, Failure> {
             vec![panel("F / V^(6/5) (N (s/m)^(6/5))", all)],
         ),
         checks: vec![
-            Check::at_most("curves apart, of the highest", "", farthest, 1e-8),
+            Check::at_most("curves apart, of the highest", "", farthest, 2e-11),
             Check::at_most(
                 "F ~ V^(6/5): highest force at contact 20, greatest over least, less 1",
                 "",
                 per_speed(|run| peak(run, CONTACT), 1.2),
-                1e-9,
+                1e-11,
             ),
             Check::at_most(
                 "t ~ V^(-1/5): its time, greatest over least, less 1",
@@ -267,7 +267,7 @@ fn scaling(lab: &Lab) -> Result<Figure, Failure> {
                 "E ~ V²: energy absorbed, greatest over least, less 1",
                 "",
                 per_speed(|run| run.summary.energy.dissipated_intruders, 2.0),
-                1e-9,
+                1e-11,
             ),
         ],
         frames: Vec::new(),
@@ -351,19 +351,19 @@ fn convergence(_: &Lab) -> Result<Figure, Failure> {
             format!("{name}: peak forces at 1e-13"),
             "",
             best.force,
-            1e-10,
+            1e-12,
         ));
         checks.push(Check::at_most(
             format!("{name}: energies at 1e-13"),
             "",
             best.energy,
-            1e-11,
+            2e-12,
         ));
         checks.push(Check::at_most(
             format!("{name}: balance at 1e-13"),
             "",
             best.balance,
-            1e-11,
+            1e-12,
         ));
         panels.push(Panel {
             y_scale: Scale::Log,

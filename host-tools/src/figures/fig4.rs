@@ -168,7 +168,7 @@ fn closure(splits: &[Arc<Split>]) -> Check {
         "energy still between the contacts, of the incident",
         "",
         rest,
-        5e-3,
+        2e-5,
     )
 }
 
@@ -181,7 +181,7 @@ fn reflected(lab: &Lab) -> Result<Figure, Failure> {
             "reflected at 10³, of the most",
             "",
             points[0].1 / greatest(&points),
-            0.5,
+            0.42,
         )
         .but_paper("a large reflection at low k"),
         closure(&splits),

@@ -104,13 +104,13 @@ fn energy(lab: &Lab, which: usize) -> Result<Figure, Failure> {
                 "of the striker's energy in the chain after 12 ms",
                 "%",
                 last,
-                97.0,
+                99.99,
             ),
             Check::at_least(
                 "that, over what the collision of two gives",
                 "",
                 last / binary,
-                1.5,
+                1.67,
             ),
         ],
     };
@@ -156,7 +156,7 @@ fn force(lab: &Lab, which: usize) -> Result<Figure, Failure> {
                     "each pulse above the next by a factor of",
                     "",
                     super::observe::least_growth(&growth),
-                    1.05,
+                    2.0,
                 ),
             ]
         }

@@ -114,7 +114,7 @@ fn still(lab: &Lab, which: usize) -> Result<Figure, Failure> {
                 1.0,
                 0.0,
             ),
-            Check::at_least("main wave at contact 26", "N", main, 7.0),
+            Check::at_least("main wave at contact 26", "N", main, 7.8),
         ],
         1 => {
             let mains: Vec<f64> = pairs.iter().map(|pair| 1.0 / pair.0).collect();
@@ -141,7 +141,7 @@ fn still(lab: &Lab, which: usize) -> Result<Figure, Failure> {
                 behind.len() as f64,
                 4.0,
             ),
-            Check::at_least("secondary over main wave at contact 26", "", second / main, 0.5),
+            Check::at_least("secondary over main wave at contact 26", "", second / main, 1.1),
         ],
     };
     Ok(Figure {
