@@ -1,4 +1,4 @@
-//! From codes to quantities: baseline, scale, and the front end's anti-alias pole taken out again.
+//! From the codes of one channel to a quantity: baseline, scale, and the front end's anti-alias pole taken out again.
 //!
 //! The zero of a channel is the mean of the first [`BASELINE`] codes of a window, before the wave arrives, so
 //! that an offset that drifts costs nothing. A one-pole filter in front of the converter turns the signal s
@@ -8,6 +8,9 @@
 //! ```text
 //! s[n-1] = g (code[n-1] - zero) + g f_s/(2 ω_p) (code[n] - code[n-2])
 //! ```
+//!
+//! The same derivative undoes that a channel is converted a time δ after the first one of its sensor: with
+//! `1/ω_p - δ` in the place of `1/ω_p` the value is that of the time at which the first was converted.
 
 use crate::quantity::{AdcCode, high_rounded};
 use fixed::FixedI32;
@@ -26,7 +29,7 @@ const CODE_FRACTION: u32 = 18;
 pub struct Channel<F: LeEqU32> {
     /// Quantity (N or m/s²) per code: g.
     pub per_code: FixedI32<F>,
-    /// Quantity per change of the code over two samples, `g f_s/(2 ω_p)`; 0 for no pole.
+    /// Quantity per change of the code over two samples, `g f_s (1/ω_p - δ)/2`; 0 for no pole and no delay.
     pub slope: FixedI32<F>,
 }
 
@@ -44,6 +47,27 @@ impl ChannelState {
     pub fn settle(&mut self, code: AdcCode) {
         self.baseline += u32::from(code.get());
     }
+
+    /// The zero of the channel, to a whole code.
+    pub fn zero(&self) -> u16 {
+        (self.baseline / u32::from(BASELINE)) as u16
+    }
+
+    /// Passes over codes whose values nobody asks for.
+    pub fn skip(&mut self, codes: impl DoubleEndedIterator<Item = AdcCode>) {
+        let mut latest = codes.rev().map(|code| self.above(code));
+        if let Some(last) = latest.next() {
+            let before = latest.next().unwrap_or(self.last[0]);
+            drop(latest);
+            self.last = [last, before];
+        }
+    }
+
+    /// A code less the zero, with [`CODE_FRACTION`] fraction bits.
+    fn above(&self, code: AdcCode) -> i32 {
+        let zero = (self.baseline << (CODE_FRACTION - BASELINE.trailing_zeros())) as i32;
+        (i32::from(code.get()) << CODE_FRACTION) - zero
+    }
 }
 
 impl<F: LeEqU32> Channel<F> {
@@ -56,10 +80,9 @@ impl<F: LeEqU32> Channel<F> {
         values: &mut [FixedI32<V>],
     ) {
         const { assert!(F::U32 + CODE_FRACTION == V::U32 + 32) };
-        let zero = (state.baseline << (CODE_FRACTION - BASELINE.trailing_zeros())) as i32;
         let [mut last, mut before] = state.last;
         for (code, value) in codes.zip(values) {
-            let above = (i32::from(code.get()) << CODE_FRACTION) - zero;
+            let above = state.above(code);
             // Two codes are at most 4095 apart, and `is_below` looks to the sum.
             *value = FixedI32::from_bits(
                 high_rounded(self.per_code.to_bits(), last)
@@ -71,14 +94,14 @@ impl<F: LeEqU32> Channel<F> {
         state.last = [last, before];
     }
 
-    /// Whether the slope is that of a pole above `f_s/4π`.
-    pub fn has_pole(&self) -> bool {
-        (FixedI32::ZERO..self.per_code).contains(&self.slope)
+    /// Whether the slope is that of a pole above `f_s/4π` and of a delay below half a sample.
+    pub fn is_bounded(&self) -> bool {
+        self.per_code.is_positive() && self.slope.unsigned_abs() < self.per_code.unsigned_abs()
     }
 
     /// Whether every value that codes can give is below `most`.
     pub fn is_below(&self, most: u32) -> bool {
-        let [per_code, slope] = [self.per_code, self.slope].map(|value| i64::from(value.to_bits()));
+        let [per_code, slope] = [self.per_code, self.slope].map(|value| i64::from(value.to_bits()).abs());
         (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope)) >> F::U32 < i64::from(most)
     }
 }
@@ -115,6 +138,24 @@ mod tests {
             last_of(channel, &mut state, [110, 120, 130]),
             Force::from_num(20 + 5)
         );
+    }
+
+    #[test]
+    fn codes_passed_over_leave_the_state_as_if_they_had_been_looked_at() {
+        let channel = Channel {
+            per_code: I2F30::ONE,
+            slope: I2F30::from_num(0.25),
+        };
+        let quiet = settled([100; BASELINE as usize].into_iter());
+        for cut in 0..4 {
+            let codes = [110, 125, 119];
+            let (mut looked_at, mut skipped) = (quiet, quiet);
+            last_of(channel, &mut looked_at, codes);
+            for part in [&codes[..cut.min(3)], &codes[cut.min(3)..]] {
+                skipped.skip(part.iter().map(|&code| AdcCode::new(code)));
+            }
+            assert_eq!(skipped, looked_at, "{cut}");
+        }
     }
 
     #[test]

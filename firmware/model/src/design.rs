@@ -1,4 +1,4 @@
-//! From physical quantities in f64 to the fixed-point settings: the one place where coefficients come from.
+//! From physical quantities in f64 to the fixed-point settings.
 //!
 //! ```
 //! use bead_model::design::{Bead, Capture, FrontEnd, derive};
@@ -8,36 +8,19 @@
 //! ```
 
 use crate::calibration::Channel;
+use crate::coefficients::{Coefficients, coefficients};
 use crate::observer::Observer;
 use crate::quantity::Force;
 use crate::reduced_chain::ReducedChain;
-use crate::settings::{Settings, SettingsError, WindowSettings};
+use crate::sensor::Sensor;
+use crate::settings::{Name, Settings, SettingsError, WindowSettings};
+use crate::shape::Ringing;
 use fixed::traits::Fixed;
 use fixed::types::extra::LeEqU32;
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
-/// Energy of the solitary wave of an elastic chain: `E = 1.0465162 κ^{-2/3} F_m^{5/3}`, whatever the beads'
-/// mass. From the pulse at contact 70 of a chain with κ = M = 1, integrated to 1e-12; it does not depend on
-/// how many beads around the pulse are counted, to 1e-15.
-pub const SOLITARY_WAVE_ENERGY: f64 = 1.046_516_203;
-
-/// The bead with its intruder and the chain that it stands in, SI units.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bead {
-    /// M, of the host with its intruder, and of the beads behind it, kg.
-    pub mass: f64,
-    /// m, of the intruder, kg.
-    pub intruder_mass: f64,
-    /// k, of the intruder's springs, N/m.
-    pub stiffness: f64,
-    /// c, of the intruder's damping, N·s/m.
-    pub damping: f64,
-    /// κ, of the contacts between beads, N/m^1.5.
-    pub contact_stiffness: f64,
-    /// τ, the relaxation time of those contacts, s.
-    pub relaxation: f64,
-}
+pub use crate::coefficients::{Bead, SOLITARY_WAVE_ENERGY};
 
 impl Bead {
     /// The paper's: Bakelite, R = 19 mm, Y = 4.5 GPa as fitted; m = 3.7 g on k = 3.95e5 N/m, c = 12 N·s/m.
@@ -68,33 +51,63 @@ pub struct ChannelFrontEnd {
     pub noise_rms: f64,
 }
 
-/// Both channels.
+/// One sensor behind its two amplifiers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorFrontEnd {
+    /// At the high gain: converted first.
+    pub sensitive: ChannelFrontEnd,
+    /// At the low gain.
+    pub wide: ChannelFrontEnd,
+    /// Time by which the wide channel is converted later, s.
+    pub delay: f64,
+}
+
+/// Both sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrontEnd {
     /// Force at the host's incoming contact, N.
-    pub force: ChannelFrontEnd,
+    pub force: SensorFrontEnd,
     /// Acceleration of the intruder, m/s².
-    pub acceleration: ChannelFrontEnd,
+    pub acceleration: SensorFrontEnd,
 }
 
 impl FrontEnd {
-    /// The reference design of `docs/hardware.md`: 16 N and ±250 m/s² over twelve bits, one-pole filters at 40 kHz.
+    /// One conversion of the ADC: 15 + 12 clocks of 21 MHz.
+    pub const CONVERSION: f64 = 27.0 / 21e6;
+
+    /// The reference design of `docs/front-end.md`: 16 N and ±250 m/s² over twelve bits, and 96 times that; one-pole filters
+    /// at 40 kHz.
     pub fn reference() -> Self {
-        let codes = 4096.0;
+        let sensor = |span: f64, zero_code: f64, [noise, wide_noise]: [f64; 2]| {
+            let channel = |span: f64, noise_rms: f64| ChannelFrontEnd {
+                per_code: span / 4096.0,
+                zero_code,
+                pole_hz: Some(40e3),
+                noise_rms,
+            };
+            SensorFrontEnd {
+                sensitive: channel(span, noise),
+                wide: channel(96.0 * span, wide_noise),
+                delay: Self::CONVERSION,
+            }
+        };
         Self {
-            force: ChannelFrontEnd {
-                per_code: 16.0 / codes,
-                zero_code: 128.0,
-                pole_hz: Some(40e3),
-                noise_rms: 5e-3,
-            },
-            acceleration: ChannelFrontEnd {
-                per_code: 500.0 / codes,
-                zero_code: 2048.0,
-                pole_hz: Some(40e3),
-                noise_rms: 0.05,
-            },
+            force: sensor(16.0, 128.0, [5e-3, 0.3]),
+            acceleration: sensor(500.0, 2048.0, [0.05, 9.0]),
         }
+    }
+
+    /// The same front end with other sensitive ranges, N and m/s² over twelve bits; the wide ones go with them, and so do they
+    /// with noise.
+    #[must_use]
+    pub fn scaled(mut self, force: f64, acceleration: f64) -> Self {
+        for (sensor, by) in [(&mut self.force, force), (&mut self.acceleration, acceleration)] {
+            for channel in [&mut sensor.sensitive, &mut sensor.wide] {
+                channel.per_code *= by;
+                channel.noise_rms *= by;
+            }
+        }
+        self
     }
 }
 
@@ -113,20 +126,27 @@ pub struct Capture {
     pub lookback: f64,
     /// Part of the greater by which A and B may differ before a strike is flagged.
     pub disagreement: f64,
+    /// Part by which the intruder may ring at another frequency before a strike is flagged.
+    pub ring_frequency_tolerance: f64,
+    /// Part by which its ringing may die away at another rate.
+    pub ring_decay_tolerance: f64,
 }
 
 impl Default for Capture {
-    /// 100 kHz; 1.28 ms of history, of which 0.64 ms give the zero; a window of 6.4 ms, over which the
-    /// intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms; a flag where A and B are 3 % apart,
-    /// ten times what noise does, half of what a chain without viscosity does.
+    /// 100 kHz; 1.6 ms of history, of which 0.64 ms give the zeros and 0.64 ms the noise; a window of 6.72 ms, over which
+    /// the intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms; a flag where A and B are 3 %
+    /// apart, ten times what noise does, half of what a chain without viscosity does; one where the ringing is 3 % off in
+    /// frequency (6 % in k) or 20 % in decay.
     fn default() -> Self {
         Self {
             sample_rate_hz: 100_000,
-            history: 1.28e-3,
-            length: 6.4e-3,
+            history: 1.6e-3,
+            length: 6.72e-3,
             threshold: 0.1,
             lookback: 0.5e-3,
             disagreement: 0.03,
+            ring_frequency_tolerance: 0.03,
+            ring_decay_tolerance: 0.2,
         }
     }
 }
@@ -181,10 +201,7 @@ impl fmt::Display for DesignError {
 
 impl std::error::Error for DesignError {}
 
-/// Derives the settings of a bead.
-///
-/// Sources: estimate A, exact solution of `c ẋ + k x = -m a` for a first-order hold (see [`crate::observer`]);
-/// estimate B, Eqs. 1 to 3 of the paper in units of µm and samples (see [`crate::reduced_chain`]).
+/// Derives the settings of a bead. It has no name yet: see [`Settings::name`].
 pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Settings, DesignError> {
     for (name, value) in [
         ("bead mass", bead.mass),
@@ -192,8 +209,16 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         ("intruder stiffness", bead.stiffness),
         ("intruder damping", bead.damping),
         ("contact stiffness", bead.contact_stiffness),
-        ("force per code", front_end.force.per_code),
-        ("acceleration per code", front_end.acceleration.per_code),
+        ("force per code", front_end.force.sensitive.per_code),
+        ("wide force per code", front_end.force.wide.per_code),
+        (
+            "acceleration per code",
+            front_end.acceleration.sensitive.per_code,
+        ),
+        (
+            "wide acceleration per code",
+            front_end.acceleration.wide.per_code,
+        ),
         ("sample rate", f64::from(capture.sample_rate_hz)),
         ("trigger threshold", capture.threshold),
     ] {
@@ -221,69 +246,83 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
     }
 
     let dt = 1.0 / f64::from(capture.sample_rate_hz);
-    const UM: f64 = 1e6; // µm in a metre
-    const NJ: f64 = 1e9; // nJ in a joule
-    let host_mass = bead.mass - bead.intruder_mass;
-
-    let rate = bead.stiffness / bead.damping; // λ
-    let decay = (-rate * dt).exp(); // φ
-    // The mean of φ's course over a sample: (1 - φ)/(λ dt).
-    let mean = -(-rate * dt).exp_m1() / (rate * dt);
+    let Coefficients {
+        start,
+        end,
+        measured,
+        contact,
+        relaxation,
+        incoming,
+        stiffness,
+        damping,
+        intruder,
+        predicted,
+        incident,
+        ring_frequency,
+        ring_decay,
+    } = coefficients(bead, f64::from(capture.sample_rate_hz));
     let observer = Observer {
-        start: fix("weight of the old acceleration", mean - decay)?,
-        end: fix("weight of the new acceleration", 1.0 - mean)?,
-        energy: fix(
-            "energy by acceleration",
-            bead.intruder_mass * bead.intruder_mass / bead.damping * dt * NJ,
-        )?,
+        start: fix("weight of the old acceleration", start)?,
+        end: fix("weight of the new acceleration", end)?,
+        energy: fix("energy by acceleration", measured)?,
     };
-
-    let force_noise = front_end
-        .force
-        .noise_rms
-        .hypot(front_end.force.per_code / 12f64.sqrt());
-    // Accelerations are in twelfths, see `ReducedChain`.
-    let twelfth = dt * dt / 12.0;
+    let quiet = &front_end.force.sensitive;
+    let force_noise = quiet.noise_rms.hypot(quiet.per_code / 12f64.sqrt());
     let chain = ReducedChain {
-        contact: fix(
-            "contact",
-            256.0 * bead.contact_stiffness / UM.sqrt() / bead.mass * twelfth,
-        )?,
-        relaxation: fix("relaxation", 1.5 * bead.relaxation / dt)?,
-        incoming: fix("incoming", 256.0 / host_mass * twelfth * UM)?,
-        stiffness: fix("stiffness", 4.0 * bead.stiffness / bead.intruder_mass * twelfth)?,
-        damping: fix("damping", bead.damping / bead.intruder_mass * twelfth / dt)?,
-        intruder: fix("intruder", bead.intruder_mass / host_mass)?,
+        contact: fix("contact", contact)?,
+        relaxation: fix("relaxation", relaxation)?,
+        incoming: fix("incoming", incoming)?,
+        stiffness: fix("stiffness", stiffness)?,
+        damping: fix("damping", damping)?,
+        intruder: fix("intruder", intruder)?,
         gate: Force::from_num(3.0 * force_noise),
-        // c ẋ² dt of a velocity of 1 µm/sample.
-        energy: fix("energy by velocity", bead.damping / dt / (UM * UM) * NJ)?,
+        energy: fix("energy by velocity", predicted)?,
     };
 
     let samples = |seconds: f64| (seconds / dt).round().clamp(0.0, f64::from(u16::MAX)) as u16;
     let settings = Settings {
+        name: Name::default(),
         sample_rate_hz: capture.sample_rate_hz,
-        force: channel(&front_end.force, dt)?,
-        acceleration: channel(&front_end.acceleration, dt)?,
+        bead: Bead {
+            mass: bead.mass as f32,
+            intruder_mass: bead.intruder_mass as f32,
+            stiffness: bead.stiffness as f32,
+            damping: bead.damping as f32,
+            contact_stiffness: bead.contact_stiffness as f32,
+            relaxation: bead.relaxation as f32,
+        },
+        force: sensor(&front_end.force, dt)?,
+        acceleration: sensor(&front_end.acceleration, dt)?,
         window: WindowSettings {
             history: samples(capture.history),
             length: samples(capture.length),
-            threshold: (capture.threshold / front_end.force.per_code).round() as u16,
+            threshold: (capture.threshold / front_end.force.sensitive.per_code).round() as u16,
             lookback: samples(capture.lookback),
         },
         observer,
         chain,
-        incident: fix(
-            "incident",
-            SOLITARY_WAVE_ENERGY * bead.contact_stiffness.powf(-2.0 / 3.0) * NJ,
-        )?,
+        incident: fix("incident", incident)?,
         disagreement: fix("disagreement", capture.disagreement)?,
+        ringing: Ringing {
+            frequency: fix("frequency of the ringing", ring_frequency)?,
+            frequency_tolerance: fix("tolerance of the frequency", capture.ring_frequency_tolerance)?,
+            decay: fix("decay of the ringing", ring_decay)?,
+            decay_tolerance: fix("tolerance of the decay", capture.ring_decay_tolerance)?,
+        },
     };
     settings.validate().map_err(DesignError::Window)?;
     Ok(settings)
 }
 
-fn channel<F: LeEqU32>(channel: &ChannelFrontEnd, dt: f64) -> Result<Channel<F>, DesignError> {
-    let pole = match channel.pole_hz {
+fn sensor<F: LeEqU32>(sensor: &SensorFrontEnd, dt: f64) -> Result<Sensor<F>, DesignError> {
+    Ok(Sensor {
+        sensitive: channel(&sensor.sensitive, 0.0, dt)?,
+        wide: channel(&sensor.wide, sensor.delay, dt)?,
+    })
+}
+
+fn channel<F: LeEqU32>(channel: &ChannelFrontEnd, delay: f64, dt: f64) -> Result<Channel<F>, DesignError> {
+    let lag = match channel.pole_hz {
         Some(hz) if !(hz.is_finite() && hz > 0.0) => {
             return Err(DesignError::Input {
                 name: "anti-alias pole",
@@ -291,12 +330,15 @@ fn channel<F: LeEqU32>(channel: &ChannelFrontEnd, dt: f64) -> Result<Channel<F>,
                 expected: "positive, Hz",
             });
         }
-        Some(hz) => 1.0 / (TAU * hz) / (2.0 * dt),
+        Some(hz) => 1.0 / (TAU * hz),
         None => 0.0,
     };
     Ok(Channel {
         per_code: fix("per code", channel.per_code)?,
-        slope: fix("anti-alias pole", channel.per_code * pole)?,
+        slope: fix(
+            "anti-alias pole",
+            channel.per_code * (lag - delay) / (2.0 * dt),
+        )?,
     })
 }
 

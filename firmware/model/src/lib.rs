@@ -15,7 +15,7 @@
 //! The window is a pure function of [`Settings`] and the ADC codes in it: a host that
 //! has both gets the device's result bit for bit. Every estimator is `config` (immutable) + `state` +
 //! `process(&self, &mut state, sample)`. There is no float in the work per sample; coefficients are
-//! derived once, in f64, by `design` (a feature) on the host.
+//! derived once, in f64, by `design` (a feature) on the host ([`coefficients`]).
 //!
 //! # Units
 //!
@@ -29,19 +29,21 @@
 struct Readme;
 
 pub mod calibration;
+pub mod coefficients;
 #[cfg(feature = "design")]
 pub mod design;
 pub mod meter;
 pub mod observer;
 pub mod quantity;
 pub mod reduced_chain;
+pub mod sensor;
 pub mod settings;
 pub mod shape;
 pub mod sqrt;
 pub mod window;
 
 pub use meter::{Chunk, Meter, Sink};
-pub use quantity::{Acceleration, AdcCode, Energy, Force, Scan};
+pub use quantity::{Acceleration, AdcCode, Energy, Force, Pair, Scan};
 pub use settings::{Settings, SettingsError};
-pub use shape::Shape;
+pub use shape::{Record, Shape};
 pub use window::{Flags, StrikeReport, Window};

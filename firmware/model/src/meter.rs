@@ -4,11 +4,11 @@ use core::ops::Range;
 
 use crate::quantity::{Energy, Scan};
 use crate::settings::{HISTORY_MAX, Settings};
-use crate::shape::{Record, Shape};
-use crate::window::{StrikeReport, Window};
+use crate::shape::Record;
+use crate::window::{PIECE, StrikeReport, Window};
 
 /// Scans in a full chunk of a window's waveform.
-pub const CHUNK: usize = 32;
+pub const CHUNK: usize = PIECE;
 
 /// A piece of a window's waveform, with the energies absorbed by its end.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,6 +19,10 @@ pub struct Chunk {
     pub first_index: u64,
     /// The codes, [`CHUNK`] of them but in the last chunk of a window.
     pub scans: heapless::Vec<Scan, CHUNK>,
+    /// The two scans before them, once the window has some.
+    pub before: [Scan; 2],
+    /// Whether the wide codes had a part in the window here: if not, it is the same without them.
+    pub loud: bool,
     /// Estimate A at the last scan.
     pub absorbed_measured: Energy,
     /// Estimate B at the last scan.
@@ -31,8 +35,6 @@ pub trait Sink {
     fn chunk(&mut self, chunk: &Chunk);
     /// A window is complete; comes after its last chunk.
     fn report(&mut self, report: &StrikeReport);
-    /// The shape of the window just reported; none of one longer than [`SCANS_MAX`](crate::shape::SCANS_MAX).
-    fn shape(&mut self, report: &StrikeReport, shape: &Shape);
 }
 
 /// Room for scans: what it takes to move the history to the front is shared by this many less [`HISTORY_MAX`].
@@ -80,7 +82,7 @@ enum Phase {
 pub struct Meter {
     recent: Recent,
     phase: Phase,
-    /// The window's scans so far.
+    /// What was felt in the window so far.
     record: Record,
     strikes: u32,
 }
@@ -205,7 +207,7 @@ impl Meter {
 fn before_rise(settings: &Settings, scans: &[Scan], new: Range<usize>) -> usize {
     let lookback = usize::from(settings.window.lookback);
     let threshold = u32::from(settings.window.threshold);
-    let force = |scan: &Scan| u32::from(scan.force.get());
+    let force = |scan: &Scan| u32::from(scan.force.sensitive.get());
     scans[new.start - lookback..]
         .iter()
         .zip(&scans[new])
@@ -228,6 +230,8 @@ impl Measurement {
                 strike,
                 first_index,
                 scans: heapless::Vec::new(),
+                before: [Scan::ZERO; 2],
+                loud: false,
                 absorbed_measured: Energy::ZERO,
                 absorbed_predicted: Energy::ZERO,
             },
@@ -249,29 +253,28 @@ impl Measurement {
         let Self { window, chunk } = self;
         let left = settings.window.length - window.samples();
         let scans = &scans[..scans.len().min(usize::from(left))];
-        record.extend(scans);
         let mut rest = scans;
         while !rest.is_empty() {
             let room = CHUNK - chunk.scans.len();
             let (piece, after) = rest.split_at(rest.len().min(room));
             rest = after;
-            window.process(settings, piece);
+            window.process(settings, piece, record);
             // There is room: that is how the piece was cut.
             let _ = chunk.scans.extend_from_slice(piece);
             let done = window.samples() == settings.window.length;
             if done || chunk.scans.is_full() {
+                chunk.loud = window.is_loud();
                 chunk.absorbed_measured = window.absorbed_measured(settings);
                 chunk.absorbed_predicted = window.absorbed_predicted(settings);
                 sink.chunk(chunk);
+                if let Some(last) = chunk.scans.last_chunk() {
+                    chunk.before = *last;
+                }
                 chunk.first_index += chunk.scans.len() as u64;
                 chunk.scans.clear();
             }
             if done {
-                let report = window.report(settings);
-                sink.report(&report);
-                if let Some(shape) = record.shape(settings) {
-                    sink.shape(&report, &shape);
-                }
+                sink.report(&window.report(settings, record));
             }
         }
         scans.len()

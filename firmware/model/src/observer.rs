@@ -17,6 +17,12 @@
 //! ```
 //!
 //! Both weights are positive and their sum is below one, so y never leaves the range of a.
+//!
+//! # Noise
+//!
+//! Noise in the acceleration is energy in the sum, always positive. What it amounts to a sample is measured before the
+//! strike, by the very same sum, and taken off. A piece of the window whose sum is not above what noise makes of it is
+//! left out: the ring-down is over, and the integral with it, until another wave comes.
 
 use crate::quantity::{Energy, SensedAcceleration, SquareSum, high_rounded, square};
 use fixed::types::{I0F32, I2F30};
@@ -40,7 +46,57 @@ pub struct ObserverState {
     held: SensedAcceleration,
     /// a - y.
     left: SensedAcceleration,
+    /// Σ (a - y)² over the piece that is not complete.
+    piece: u64,
+    /// Samples in it.
+    piece_samples: u16,
+    /// Σ (a - y)² over the pieces that count.
     squares: SquareSum<{ 2 * SensedAcceleration::FRAC_NBITS }>,
+    /// Samples in them.
+    samples: u16,
+    noise: Noise,
+}
+
+/// What noise adds, as measured before the strike.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Noise {
+    squares: u64,
+    samples: u16,
+}
+
+impl Noise {
+    /// Of so many samples.
+    fn of(self, samples: u16) -> u128 {
+        match self.samples {
+            0 => 0,
+            measured => u128::from(self.squares) * u128::from(samples) / u128::from(measured),
+        }
+    }
+}
+
+impl ObserverState {
+    /// The piece is complete, and was one of noise only.
+    pub(crate) fn close_noise(&mut self) {
+        self.noise.squares = self.noise.squares.saturating_add(self.piece);
+        self.noise.samples += self.piece_samples;
+        (self.piece, self.piece_samples) = (0, 0);
+    }
+
+    /// The piece is complete: it counts if there is more in it than noise. Returns whether it does.
+    pub(crate) fn close_piece(&mut self) -> bool {
+        let counts = self.piece_counts();
+        if counts {
+            self.squares.add(self.piece);
+            self.samples += self.piece_samples;
+        }
+        (self.piece, self.piece_samples) = (0, 0);
+        counts
+    }
+
+    /// The sum over 32 samples of noise scatters by a quarter of itself: above three times that it is a signal.
+    fn piece_counts(&self) -> bool {
+        4 * u128::from(self.piece) > 7 * self.noise.of(self.piece_samples)
+    }
 }
 
 impl Observer {
@@ -68,11 +124,28 @@ impl Observer {
             squares += square(left);
         }
         [state.held, state.left] = [held, left].map(SensedAcceleration::from_bits);
-        state.squares.add(squares);
+        state.piece += squares;
+        state.piece_samples += accelerations.len() as u16;
     }
 
     /// The energy absorbed so far.
     pub fn absorbed(&self, state: &ObserverState) -> Energy {
-        state.squares.energy(self.energy)
+        let mut whole = *state;
+        whole.close_piece();
+        let noise = whole.noise.of(whole.samples);
+        whole.squares.less(noise).energy(self.energy)
+    }
+
+    /// The energy that noise would have added, and that was taken off.
+    pub fn noise(&self, state: &ObserverState) -> Energy {
+        let mut noise = SquareSum::<{ 2 * SensedAcceleration::FRAC_NBITS }>::default();
+        noise.add(u64::try_from(state.noise.of(state.samples)).unwrap_or(u64::MAX));
+        noise.energy(self.energy)
+    }
+
+    /// Mean square of the acceleration's noise, as far as the intruder's springs do not follow it, (m/s²)².
+    pub fn noise_square(&self, state: &ObserverState) -> f32 {
+        const UNIT: f32 = 1.0 / (1_u64 << (2 * SensedAcceleration::FRAC_NBITS)) as f32;
+        state.noise.squares as f32 * UNIT / f32::from(state.noise.samples.max(1))
     }
 }

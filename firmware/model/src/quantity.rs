@@ -58,21 +58,56 @@ impl AdcCode {
     }
 }
 
-/// The two codes of one scan: what the bead senses in one sample.
+/// The codes of one sensor in one scan, behind its two amplifiers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pair {
+    /// At the high gain.
+    pub sensitive: AdcCode,
+    /// At the low gain.
+    pub wide: AdcCode,
+}
+
+impl Pair {
+    /// From the converter's register at either gain.
+    pub const fn new(sensitive: u16, wide: u16) -> Self {
+        Self {
+            sensitive: AdcCode::new(sensitive),
+            wide: AdcCode::new(wide),
+        }
+    }
+}
+
+/// The four codes of one scan, in the order in which they are converted: what the bead senses in one sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Scan {
     /// Total force at the host's incoming contact.
-    pub force: AdcCode,
+    pub force: Pair,
     /// Absolute acceleration of the intruder.
-    pub acceleration: AdcCode,
+    pub acceleration: Pair,
 }
 
 impl Scan {
-    /// Both codes at their lower rail.
-    pub const ZERO: Self = Self {
-        force: AdcCode::new(0),
-        acceleration: AdcCode::new(0),
-    };
+    /// All codes at their lower rail.
+    pub const ZERO: Self = Self::new([0; 4]);
+
+    /// From the converter's registers, in the order of the conversions.
+    pub const fn new([force, force_wide, acceleration, acceleration_wide]: [u16; 4]) -> Self {
+        Self {
+            force: Pair::new(force, force_wide),
+            acceleration: Pair::new(acceleration, acceleration_wide),
+        }
+    }
+
+    /// The codes in the order of the conversions.
+    pub const fn codes(self) -> [u16; 4] {
+        let Self { force, acceleration } = self;
+        [
+            force.sensitive.get(),
+            force.wide.get(),
+            acceleration.sensitive.get(),
+            acceleration.wide.get(),
+        ]
+    }
 }
 
 /// The upper half of `a·b`, rounded down.
@@ -98,6 +133,11 @@ impl<const FRACTION: u32> SquareSum<FRACTION> {
     /// Adds the sum of a piece.
     pub(crate) fn add(&mut self, piece: u64) {
         self.0 += u128::from(piece);
+    }
+
+    /// What is left of the sum when so much is taken from it; nothing if that is more.
+    pub(crate) fn less(self, squares: u128) -> Self {
+        Self(self.0.saturating_sub(squares))
     }
 
     /// The energy of the sum, with `scale` in nJ for a square of 1; saturates.

@@ -44,7 +44,8 @@ pub struct ReducedChain {
     pub damping: I0F32,
     /// m/(M - m): what the intruder's springs do to the host; one more is what the contact behind it does.
     pub intruder: I0F32,
-    /// Forces below this are noise and taken for zero: they would be rectified by the contacts.
+    /// Forces below this are noise and taken for zero: they would be rectified by the contacts. Three standard deviations
+    /// of the noise to be expected; a noise that is greater before the strike raises it.
     pub gate: Force,
     /// c (1 µm/sample)² dt, nJ.
     pub energy: EnergyScale,
@@ -126,9 +127,22 @@ pub struct ReducedChainState {
     watch: Watch,
     /// Whether a force has come.
     moving: bool,
+    /// Forces below this are noise, as measured before the strike.
+    gate: Force,
 }
 
 impl ReducedChainState {
+    /// Says how noisy the force was before the strike: Σ F² over so many samples, in bits of [`Force`].
+    pub(crate) fn gate_noise(&mut self, squares: u64, samples: u16) {
+        let rms = (squares / u64::from(samples.max(1))).isqrt();
+        self.gate = Force::from_bits(i32::try_from(3 * rms).unwrap_or(i32::MAX));
+    }
+
+    /// Three standard deviations of the force's noise before the strike.
+    pub fn gate(&self) -> Force {
+        self.gate
+    }
+
     /// Whether a state left half the range of its format since the window opened.
     pub fn saturated(&self) -> bool {
         self.watch.0 >= LIMIT
@@ -152,12 +166,13 @@ impl ReducedChain {
     /// samples. Never inlined into its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(&self, state: &mut ReducedChainState, mut forces: &[Force]) {
+        let gate = self.gate.max(state.gate);
         // What is at rest stays so, exactly, until a force comes.
         while !state.moving {
             let Some((&first, rest)) = forces.split_first() else {
                 return;
             };
-            state.moving = self.gated(first) != 0;
+            state.moving = gated(gate, first) != 0;
             if !state.moving {
                 forces = rest;
             }
@@ -186,7 +201,7 @@ impl ReducedChain {
                 high_rounded(self.stiffness.to_bits(), intruder.position)
                     + high_rounded(self.damping.to_bits(), velocity),
             );
-            let incoming = watch.limited(high_rounded(self.incoming.to_bits(), self.gated(measured)));
+            let incoming = watch.limited(high_rounded(self.incoming.to_bits(), gated(gate, measured)));
             // M/(M - m) is 1 + m/(M - m).
             let host = incoming - contact + high_rounded(self.intruder.to_bits(), springs - contact);
             overlaps[0].advance(host - contact + behind, &mut watch);
@@ -195,16 +210,6 @@ impl ReducedChain {
         }
         (state.overlaps, state.intruder, state.watch) = (overlaps, intruder, watch);
         state.squares.add(squares);
-    }
-
-    /// The bits of a force, or 0 if it is noise.
-    #[inline(always)]
-    fn gated(&self, force: Force) -> i32 {
-        if force.unsigned_abs() < self.gate.unsigned_abs() {
-            0
-        } else {
-            force.to_bits()
-        }
     }
 
     /// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0, in twelfths of the acceleration of a bead.
@@ -224,5 +229,15 @@ impl ReducedChain {
     /// The energy absorbed so far.
     pub fn absorbed(&self, state: &ReducedChainState) -> Energy {
         state.squares.energy(self.energy)
+    }
+}
+
+/// The bits of a force, or 0 if it is noise.
+#[inline(always)]
+fn gated(gate: Force, force: Force) -> i32 {
+    if force.unsigned_abs() < gate.unsigned_abs() {
+        0
+    } else {
+        force.to_bits()
     }
 }

@@ -4,22 +4,26 @@
 //! "BEAD"  version u16 LE  length u16 LE  postcard body  CRC-32/ISO-HDLC u32 LE over all before
 //! ```
 
-use crate::calibration::{BASELINE, Channel};
+use crate::calibration::BASELINE;
+use crate::coefficients::{Bead, coefficients};
 use crate::observer::Observer;
 use crate::reduced_chain::ReducedChain;
+use crate::sensor::Sensor;
+use crate::shape::{RECORD_MAX, Ringing};
+use crate::window::{LEAD, PIECE};
 use core::fmt;
 use fixed::types::I16F16;
 use fixed::types::extra::{U26, U30};
 use serde::{Deserialize, Serialize};
 
 /// Version of the settings block; a block of another one is refused.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 /// Upper bound of an encoded block, bytes.
-pub const BLOCK_MAX: usize = 192;
+pub const BLOCK_MAX: usize = 256;
 /// Longest history before the trigger, samples.
 pub const HISTORY_MAX: usize = 256;
 /// Longest window, samples.
-pub const WINDOW_MAX: u16 = 4096;
+pub const WINDOW_MAX: u16 = RECORD_MAX as u16;
 
 /// Bound of the forces, N: the range of their format.
 const FORCE_MOST: u32 = 1 << 15;
@@ -41,15 +45,38 @@ pub struct WindowSettings {
     pub lookback: u16,
 }
 
-/// Calibration, coefficients and window of a bead, at one sample rate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// What its owner calls a bead: UTF-8, filled up with zeros.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Name([u8; 16]);
+
+impl Name {
+    /// A name of 16 bytes of text at most.
+    pub fn new(name: &str) -> Option<Self> {
+        let mut bytes = [0; 16];
+        bytes.get_mut(..name.len())?.copy_from_slice(name.as_bytes());
+        (!name.contains(char::is_control)).then_some(Self(bytes))
+    }
+
+    /// The text; empty if there is none.
+    pub fn as_str(&self) -> &str {
+        let length = self.0.iter().position(|&byte| byte == 0).unwrap_or(16);
+        core::str::from_utf8(&self.0[..length]).unwrap_or_default()
+    }
+}
+
+/// Identity, physics, calibration, coefficients and window of a bead, at one sample rate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
+    /// What its owner calls the bead.
+    pub name: Name,
     /// Rate for which the coefficients hold, Hz.
     pub sample_rate_hz: u32,
-    /// The force channel, N.
-    pub force: Channel<U30>,
-    /// The acceleration channel, m/s².
-    pub acceleration: Channel<U26>,
+    /// The bead that the coefficients are derived from.
+    pub bead: Bead<f32>,
+    /// The force sensor, N.
+    pub force: Sensor<U30>,
+    /// The acceleration sensor, m/s².
+    pub acceleration: Sensor<U26>,
     /// Trigger and window.
     pub window: WindowSettings,
     /// Estimate A.
@@ -60,6 +87,8 @@ pub struct Settings {
     pub incident: I16F16,
     /// Part of the greater by which A and B may differ before a strike is flagged.
     pub disagreement: I16F16,
+    /// How the intruder rings, and by how much it may ring otherwise before a strike is flagged.
+    pub ringing: Ringing,
 }
 
 /// Why a settings block is refused.
@@ -79,6 +108,8 @@ pub enum SettingsError {
     Body,
     /// A value that the bead cannot work with.
     Invalid(&'static str),
+    /// A coefficient that does not follow from the bead's physics.
+    NotTheBeads(&'static str),
     /// The buffer to encode into is too small.
     BufferTooSmall,
 }
@@ -96,6 +127,10 @@ impl fmt::Display for SettingsError {
             Self::Checksum => write!(f, "settings block with a wrong checksum: half written or damaged"),
             Self::Body => write!(f, "settings block whose body does not decode"),
             Self::Invalid(what) => write!(f, "settings that a bead cannot work with: {what}"),
+            Self::NotTheBeads(name) => write!(
+                f,
+                "settings whose coefficient \"{name}\" is not what the mass, stiffness and damping in them give"
+            ),
             Self::BufferTooSmall => write!(
                 f,
                 "buffer too small for a settings block of up to {BLOCK_MAX} bytes"
@@ -158,14 +193,22 @@ impl Settings {
         (header[..4] == MAGIC).then(|| HEADER + usize::from(u16::from_le_bytes([header[6], header[7]])) + 4)
     }
 
-    /// Checks what the code relies on; a block with a good checksum can still be nonsense.
+    /// Checks all; a block with a good checksum can still be nonsense.
     pub fn validate(&self) -> Result<(), SettingsError> {
+        self.bounds()?;
+        self.verify()
+    }
+
+    /// Checks what the arithmetic relies on: with settings that pass no sum and no index leaves its range.
+    pub fn bounds(&self) -> Result<(), SettingsError> {
         let window = &self.window;
+        let channels = [self.force.sensitive, self.force.wide];
+        let accelerations = [self.acceleration.sensitive, self.acceleration.wide];
         let rules = [
             (self.sample_rate_hz > 0, "sample rate is 0"),
             (
-                window.history > BASELINE,
-                "history is not longer than the baseline of 64 samples",
+                window.history >= BASELINE + PIECE as u16 + LEAD,
+                "history is shorter than 128 samples: 64 for the zeros, 32 for the noise, 32 of the wave's foot",
             ),
             (
                 usize::from(window.history) <= HISTORY_MAX,
@@ -175,17 +218,19 @@ impl Settings {
                 window.length > window.history,
                 "window is not longer than its history",
             ),
-            (window.length <= WINDOW_MAX, "window is longer than 4096 samples"),
+            (window.length <= WINDOW_MAX, "window is longer than 1024 samples"),
             (
                 window.lookback > 0 && window.lookback < window.history,
                 "lookback is 0 or not shorter than the history",
             ),
             (
-                self.force.has_pole() && self.acceleration.has_pole(),
-                "a pole is below f_s/4π, or negative",
+                channels.iter().all(|channel| channel.is_bounded())
+                    && accelerations.iter().all(|channel| channel.is_bounded()),
+                "a pole is below f_s/4π, or a unit per code is not above 0",
             ),
             (
-                self.force.is_below(FORCE_MOST) && self.acceleration.is_below(Observer::MOST),
+                channels.iter().all(|channel| channel.is_below(FORCE_MOST))
+                    && accelerations.iter().all(|channel| channel.is_below(Observer::MOST)),
                 "the codes of a channel reach beyond 32 kN or 65 km/s²",
             ),
             (self.disagreement > 0, "disagreement is not above 0"),
@@ -201,6 +246,40 @@ impl Settings {
         ];
         match rules.iter().find(|(holds, _)| !holds) {
             Some((_, what)) => Err(SettingsError::Invalid(what)),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether the coefficients are those of the bead, to what their formats and f32 hold of them.
+    fn verify(&self) -> Result<(), SettingsError> {
+        let expected = coefficients(&self.bead, self.sample_rate_hz as f32);
+        let (observer, chain, ringing) = (&self.observer, &self.chain, &self.ringing);
+        let pairs = [
+            (observer.start.to_num(), expected.start, "weight of the old acceleration"),
+            (observer.end.to_num(), expected.end, "weight of the new acceleration"),
+            (observer.energy.to_num(), expected.measured, "energy by acceleration"),
+            (chain.contact.to_num(), expected.contact, "contact"),
+            (chain.relaxation.to_num(), expected.relaxation, "relaxation"),
+            (chain.incoming.to_num(), expected.incoming, "incoming"),
+            (chain.stiffness.to_num(), expected.stiffness, "stiffness"),
+            (chain.damping.to_num(), expected.damping, "damping"),
+            (chain.intruder.to_num(), expected.intruder, "intruder"),
+            (chain.energy.to_num(), expected.predicted, "energy by velocity"),
+            (self.incident.to_num(), expected.incident, "incident energy"),
+            (
+                ringing.frequency.to_num::<f32>(),
+                expected.ring_frequency,
+                "frequency of the ringing",
+            ),
+            (ringing.decay.to_num(), expected.ring_decay, "decay of the ringing"),
+        ];
+        // Formats keep 1e-4 of a coefficient; f32 loses some 1e-6 on the way here.
+        let is_other = |found: f32, expected: f32| !((found - expected).abs() <= 2e-4 * expected.abs());
+        match pairs
+            .iter()
+            .find(|&&(found, expected, _)| is_other(found, expected))
+        {
+            Some((_, _, name)) => Err(SettingsError::NotTheBeads(name)),
             None => Ok(()),
         }
     }

@@ -3,8 +3,8 @@
 //!
 //! # Design
 //!
-//! Worked out once a strike from the codes of its window, by the host as by the bead: nothing is added to the work per
-//! sample but to keep the codes, and the result is a function of settings and codes alone.
+//! Worked out once a strike from the forces and accelerations of its window, by the host as by the bead: nothing is added to
+//! the work per sample but to keep them, and the result is a function of settings and codes alone.
 //!
 //! **Arrival** is the top of the parabola that fits the force best over a quarter of its width to either side: a highest
 //! sample alone would be known to a sample, and with noise to several. **Width** is between straight lines through the
@@ -15,23 +15,23 @@
 //! ```
 //!
 //! whatever its amplitude and phase (Prony); both coefficients are fitted by least squares to means of some samples, a rate
-//! at which neighbours differ by more than noise. It starts when the wave has left the bead behind the host.
+//! at which neighbours differ by more than noise. It starts when the wave has left the bead behind the host, and ends with the
+//! last piece of the window in which there is more than noise.
 
-use crate::calibration::{BASELINE, Channel, ChannelState};
-use crate::quantity::{AdcCode, Scan};
+use crate::calibration::BASELINE;
+use crate::quantity::{Force, SensedAcceleration};
+use crate::sensor::GainMatch;
 use crate::settings::Settings;
-use crate::window::PIECE;
-use fixed::FixedI32;
-use fixed::types::extra::{LeEqU32, U12, U16};
-use fixed::types::{I48F16, U16F16};
+use fixed::types::{I16F16, I48F16, U16F16};
+use serde::{Deserialize, Serialize};
 
 /// A time in samples, or a rate in 1/s.
 pub type Fine = U16F16;
 /// A momentum, N·samples.
 pub type Impulse = I48F16;
 
-/// Most scans that a shape is taken from.
-pub const SCANS_MAX: usize = 1024;
+/// Longest window, samples.
+pub const RECORD_MAX: usize = 1024;
 
 /// Rate of the means that the ringing is fitted to, Hz: for oscillations of some 0.2 to 5 kHz.
 const RING_RATE_HZ: u32 = 12_500;
@@ -39,6 +39,8 @@ const RING_RATE_HZ: u32 = 12_500;
 const FREE_AFTER: f32 = 2.25;
 /// Fewest means that a ringing is read from.
 const RING_MEANS: u32 = 12;
+/// Least power of the ringing over that of its noise at which it is believed: noise then moves the decay by some 3 %.
+const RING_SIGNAL: f32 = 1000.0;
 
 /// What the codes of one window say. What cannot be told is zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,21 +55,22 @@ pub struct Shape {
     pub ring_frequency: Fine,
     /// Its decay β, 1/s: the amplitude falls as e^(-βt).
     pub ring_decay: Fine,
+    /// How the two gains of the force agree.
+    pub force_gains: Option<GainMatch>,
+    /// How those of the acceleration do.
+    pub acceleration_gains: Option<GainMatch>,
 }
 
 impl Shape {
-    /// The shape of the window with these scans, its first first; those beyond [`SCANS_MAX`] do not count. Takes 4 KiB
-    /// of stack, which a bead does not have to spare: see [`Record`].
-    pub fn of(settings: &Settings, scans: &[Scan]) -> Self {
-        Self::worked_out(settings, scans, &mut [0; SCANS_MAX])
-    }
-
-    /// As [`Shape::of`], with room to work in; what it holds does not matter.
-    fn worked_out(settings: &Settings, scans: &[Scan], values: &mut [i32; SCANS_MAX]) -> Self {
+    /// The shape of a recorded window whose ringing is over at `ring_end`, among noise of so many (m/s²)². What its gains are
+    /// is not in the record.
+    ///
+    /// Never inlined into its caller, so that its instructions can be counted by its symbol.
+    #[inline(never)]
+    pub(crate) fn of(settings: &Settings, record: &Record, ring_end: usize, noise: f32) -> Self {
         let mut shape = Self::default();
-        let force = |scan: &Scan| scan.force;
-        let forces = calibrated::<_, U16>(&settings.force, scans, force, values);
-        shape.impulse = Impulse::from_bits(forces.iter().map(|&force| i64::from(force)).sum());
+        let forces = &record.forces[..record.length];
+        shape.impulse = Impulse::from_bits(forces.iter().map(|force| i64::from(force.to_bits())).sum());
         let Some(peak) = (0..forces.len()).rev().max_by_key(|&sample| forces[sample]) else {
             return shape;
         };
@@ -78,12 +81,10 @@ impl Shape {
         shape.width = Fine::saturating_from_num(width);
         shape.arrival = Fine::saturating_from_num(arrival);
 
-        let acceleration = |scan: &Scan| scan.acceleration;
-        let accelerations = calibrated::<_, U12>(&settings.acceleration, scans, acceleration, values);
         let free = (arrival + FREE_AFTER * width) as usize;
-        let ring = accelerations
+        let ring = record.accelerations[..record.length.min(ring_end)]
             .get(free..)
-            .and_then(|free| ringing(free, settings.sample_rate_hz));
+            .and_then(|free| ringing(free, settings.sample_rate_hz, noise));
         if let Some((frequency, decay)) = ring {
             shape.ring_frequency = Fine::saturating_from_num(frequency);
             shape.ring_decay = Fine::saturating_from_num(decay);
@@ -92,13 +93,38 @@ impl Shape {
     }
 }
 
-/// The scans of a window while it is measured, and room to work out its shape: both too large for a stack.
+/// How the intruder rings when all is as it should be, and by which part it may be otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ringing {
+    /// Frequency of the free ringing, Hz.
+    pub frequency: Fine,
+    /// By which part it may be off.
+    pub frequency_tolerance: I16F16,
+    /// Decay of its amplitude, 1/s.
+    pub decay: Fine,
+    /// By which part it may be off.
+    pub decay_tolerance: I16F16,
+}
+
+impl Ringing {
+    /// Whether a strike rang, and otherwise than it should.
+    pub fn is_other_than(&self, shape: &Shape) -> bool {
+        let off = |found: Fine, expected: Fine, tolerance: I16F16| {
+            let apart = u64::from(found.to_bits().abs_diff(expected.to_bits()));
+            apart << I16F16::FRAC_NBITS > u64::from(expected.to_bits()) * u64::from(tolerance.to_bits().unsigned_abs())
+        };
+        shape.ring_frequency > Fine::ZERO
+            && (off(shape.ring_frequency, self.frequency, self.frequency_tolerance)
+                || off(shape.ring_decay, self.decay, self.decay_tolerance))
+    }
+}
+
+/// What the two sensors felt in a window: too large for a stack.
 #[derive(Clone)]
 pub struct Record {
-    scans: heapless::Vec<Scan, SCANS_MAX>,
-    /// Whether more came than there is room for.
-    overfull: bool,
-    values: [i32; SCANS_MAX],
+    length: usize,
+    forces: [Force; RECORD_MAX],
+    accelerations: [SensedAcceleration; RECORD_MAX],
 }
 
 impl Default for Record {
@@ -111,75 +137,55 @@ impl Record {
     /// Of nothing yet.
     pub const fn new() -> Self {
         Self {
-            scans: heapless::Vec::new(),
-            overfull: false,
-            values: [0; SCANS_MAX],
+            length: 0,
+            forces: [Force::ZERO; RECORD_MAX],
+            accelerations: [SensedAcceleration::ZERO; RECORD_MAX],
         }
     }
 
-    /// A new window begins.
+    /// A new window begins: nothing over its baseline, whose last sample comes with the first of the rest.
     pub fn clear(&mut self) {
-        self.scans.clear();
-        self.overfull = false;
+        self.length = usize::from(BASELINE) - 1;
+        self.forces[..self.length].fill(Force::ZERO);
+        self.accelerations[..self.length].fill(SensedAcceleration::ZERO);
     }
 
-    /// Takes the window's next scans.
-    pub fn extend(&mut self, scans: &[Scan]) {
-        self.overfull |= self.scans.extend_from_slice(scans).is_err();
+    /// What was felt at the next samples. What finds no room is not kept: the settings allow no window that long.
+    pub(crate) fn extend(&mut self, forces: &[Force], accelerations: &[SensedAcceleration]) {
+        let end = (self.length + forces.len()).min(RECORD_MAX);
+        let count = end - self.length;
+        self.forces[self.length..end].copy_from_slice(&forces[..count]);
+        self.accelerations[self.length..end].copy_from_slice(&accelerations[..count]);
+        self.length = end;
     }
 
-    /// The shape of the window; none of one longer than [`SCANS_MAX`].
-    ///
-    /// Never inlined into its caller, so that its instructions can be counted by its symbol.
-    #[inline(never)]
-    pub fn shape(&mut self, settings: &Settings) -> Option<Shape> {
-        (!self.overfull).then(|| Shape::worked_out(settings, &self.scans, &mut self.values))
+    /// Force and acceleration at every sample so far but the last, which is known one sample later.
+    pub fn samples(&self) -> impl Iterator<Item = (Force, SensedAcceleration)> + '_ {
+        let (forces, accelerations) = (&self.forces[..self.length], &self.accelerations[..self.length]);
+        forces.iter().copied().zip(accelerations.iter().copied())
     }
-}
-
-/// Bits of the quantity of a channel at every sample of a window but its last, `V` fraction bits; 0 for the baseline.
-fn calibrated<'a, F: LeEqU32, V: LeEqU32>(
-    channel: &Channel<F>,
-    scans: &[Scan],
-    code: impl Fn(&Scan) -> AdcCode,
-    values: &'a mut [i32; SCANS_MAX],
-) -> &'a [i32] {
-    let scans = &scans[..scans.len().min(SCANS_MAX)];
-    let (quiet, strike) = scans.split_at(scans.len().min(usize::from(BASELINE)));
-    let mut state = ChannelState::default();
-    quiet.iter().for_each(|scan| state.settle(code(scan)));
-    values[..quiet.len()].fill(0);
-    // The compensated value is that of the sample before.
-    let mut at = quiet.len().saturating_sub(1);
-    for piece in strike.chunks(PIECE) {
-        let mut some = [FixedI32::<V>::ZERO; PIECE];
-        channel.process(&mut state, piece.iter().map(&code), &mut some[..piece.len()]);
-        for value in &some[..piece.len()] {
-            values[at] = value.to_bits();
-            at += 1;
-        }
-    }
-    &values[..at]
 }
 
 /// Full width at half the height of the pulse around `peak`, samples; none if it does not fall to half on both sides.
-fn width(forces: &[i32], peak: usize) -> Option<f32> {
-    let half = forces[peak] / 2;
-    let rise = (1..=peak).rev().find(|&after| forces[after - 1] < half)?;
-    let fall = (peak + 1..forces.len()).find(|&after| forces[after] < half)?;
+fn width(forces: &[Force], peak: usize) -> Option<f32> {
+    let half = forces[peak].to_bits() / 2;
+    let rise = (1..=peak)
+        .rev()
+        .find(|&after| forces[after - 1].to_bits() < half)?;
+    let fall = (peak + 1..forces.len()).find(|&after| forces[after].to_bits() < half)?;
     let crossing = |after: usize| {
-        let (from, to) = (forces[after - 1], forces[after]);
+        let (from, to) = (forces[after - 1].to_bits(), forces[after].to_bits());
         (after - 1) as f32 + (half - from) as f32 / (to - from) as f32
     };
     Some(crossing(fall) - crossing(rise))
 }
 
 /// Where the parabola is highest that fits the forces best over `reach` samples to either side of `peak`.
-fn summit(forces: &[i32], peak: usize, reach: usize) -> f32 {
+fn summit(forces: &[Force], peak: usize, reach: usize) -> f32 {
     let reach = reach.clamp(1, 64).min(peak).min(forces.len() - 1 - peak);
     let (mut sum, mut first, mut second) = (0_i64, 0_i64, 0_i64);
     for (x, &force) in (-(reach as i64)..).zip(&forces[peak - reach..=peak + reach]) {
-        let force = i64::from(force);
+        let force = i64::from(force.to_bits());
         sum += force;
         first += x * force;
         second += x * x * force;
@@ -199,8 +205,9 @@ fn summit(forces: &[i32], peak: usize, reach: usize) -> f32 {
     }
 }
 
-/// Frequency (Hz) and decay (1/s) of a free oscillation; none of what does not oscillate.
-fn ringing(accelerations: &[i32], sample_rate_hz: u32) -> Option<(f32, f32)> {
+/// Frequency (Hz) and decay (1/s) of a free oscillation among noise of so many (m/s²)²; none of what does not oscillate, or
+/// not loud enough.
+fn ringing(accelerations: &[SensedAcceleration], sample_rate_hz: u32, noise: f32) -> Option<(f32, f32)> {
     let together = (sample_rate_hz / RING_RATE_HZ).max(1);
     let period = together as f32 / sample_rate_hz as f32;
     let mut last = [0.0_f32; 2];
@@ -208,8 +215,8 @@ fn ringing(accelerations: &[i32], sample_rate_hz: u32) -> Option<(f32, f32)> {
     // Σ of products: a₁a₁, a₁a₂, a₂a₂, a₀a₁, a₀a₂, with a₀ the latest mean.
     let mut products = [0.0_f32; 5];
     for some in accelerations.chunks_exact(together as usize) {
-        // A common factor does not matter: this one keeps the products far from the ends of f32's range.
-        let mean = some.iter().map(|&a| i64::from(a)).sum::<i64>() as f32 / (1 << 12) as f32;
+        let sum: i64 = some.iter().map(|a| i64::from(a.to_bits())).sum();
+        let mean = sum as f32 / (together << SensedAcceleration::FRAC_NBITS) as f32;
         let [one, two] = last;
         if means >= 2 {
             for (product, value) in
@@ -225,7 +232,8 @@ fn ringing(accelerations: &[i32], sample_rate_hz: u32) -> Option<(f32, f32)> {
     }
     let [r11, r12, r22, r01, r02] = products;
     let determinant = r11 * r22 - r12 * r12;
-    if means < RING_MEANS || determinant <= 0.0 {
+    let loud = r11 > RING_SIGNAL * noise / together as f32 * (means.saturating_sub(2)) as f32;
+    if means < RING_MEANS || determinant <= 0.0 || !loud {
         return None;
     }
     // a₀ = p a₁ - q a₂ with q = e^(-2βT), p = 2 √q cos ωT.
@@ -243,12 +251,12 @@ fn ringing(accelerations: &[i32], sample_rate_hz: u32) -> Option<(f32, f32)> {
 mod tests {
     use super::*;
 
-    fn rung(frequency: f64, decay: f64, samples: usize) -> Vec<i32> {
+    fn rung(frequency: f64, decay: f64, samples: usize) -> Vec<SensedAcceleration> {
         (0..samples)
             .map(|n| {
                 let t = n as f64 / 100e3;
                 let value = 80.0 * (-decay * t).exp() * (core::f64::consts::TAU * frequency * t + 0.4).cos();
-                (value * 4096.0) as i32
+                SensedAcceleration::from_num(value)
             })
             .collect()
     }
@@ -256,7 +264,7 @@ mod tests {
     #[test]
     fn frequency_and_decay_of_a_free_oscillation_come_out_whatever_they_are() {
         for (frequency, decay) in [(1684.7, 1748.5), (800.0, 300.0), (300.0, 900.0), (4000.0, 100.0)] {
-            let (f, b) = ringing(&rung(frequency, decay, 400), 100_000).unwrap();
+            let (f, b) = ringing(&rung(frequency, decay, 400), 100_000, 0.0).unwrap();
             let (f, b) = (f64::from(f), f64::from(b));
             assert!((f / frequency - 1.0).abs() < 2e-4, "{f} for {frequency} Hz");
             assert!(
@@ -268,20 +276,21 @@ mod tests {
 
     #[test]
     fn what_does_not_oscillate_or_is_too_short_has_no_frequency() {
-        assert_eq!(ringing(&[0; 400], 100_000), None);
-        assert_eq!(ringing(&rung(1700.0, 1700.0, 8 * 11 + 7), 100_000), None);
-        let decays: Vec<i32> = (0..400)
-            .map(|n| (3e5 * (-f64::from(n) / 50.0).exp()) as i32)
+        assert_eq!(ringing(&[SensedAcceleration::ZERO; 400], 100_000, 0.0), None);
+        assert_eq!(ringing(&rung(1700.0, 1700.0, 8 * 11 + 7), 100_000, 0.0), None);
+        let decays: Vec<SensedAcceleration> = (0..400)
+            .map(|n| SensedAcceleration::from_num(80.0 * (-f64::from(n) / 50.0).exp()))
             .collect();
-        assert_eq!(ringing(&decays, 100_000), None);
+        assert_eq!(ringing(&decays, 100_000, 0.0), None);
+        assert_eq!(ringing(&rung(1700.0, 300.0, 400), 100_000, 100.0), None);
     }
 
     #[test]
     fn the_top_of_a_parabola_between_samples_is_found() {
-        let forces: Vec<i32> = (0..200)
+        let forces: Vec<Force> = (0..200)
             .map(|n| {
                 let x = f64::from(n) - 97.3;
-                ((6.0 - 0.01 * x * x) * 65536.0) as i32
+                Force::from_num(6.0 - 0.01 * x * x)
             })
             .collect();
         let top = summit(&forces, 97, 9);
@@ -293,8 +302,8 @@ mod tests {
 
     #[test]
     fn half_heights_are_crossed_between_samples_and_a_pulse_cut_off_has_no_width() {
-        let triangle: Vec<i32> = (0..100)
-            .map(|n: i32| 1000 - 100 * (n - 50).abs().min(10))
+        let triangle: Vec<Force> = (0..100)
+            .map(|n: i32| Force::from_bits(1000 - 100 * (n - 50).abs().min(10)))
             .collect();
         let wide = width(&triangle, 50).unwrap();
         assert!((wide - 10.0).abs() < 1e-6, "{wide}");
@@ -310,13 +319,40 @@ mod tests {
             &crate::design::Capture::default(),
         )
         .unwrap();
-        for length in [0, 1, 63, 64, 65, 640, 5000] {
-            let scans = vec![Scan::ZERO; length];
-            assert_eq!(Shape::of(&settings, &scans), Shape::default(), "{length}");
-            let mut record = Record::new();
-            record.extend(&scans);
-            let shape = (length <= SCANS_MAX).then(Shape::default);
-            assert_eq!(record.shape(&settings), shape, "{length}");
+        let mut record = Record::new();
+        assert_eq!(Shape::of(&settings, &record, 0, 0.0), Shape::default());
+        record.clear();
+        for _ in 0..50 {
+            record.extend(&[Force::ZERO; 32], &[SensedAcceleration::ZERO; 32]);
+            assert_eq!(Shape::of(&settings, &record, 5000, 0.0), Shape::default());
+        }
+        assert_eq!(record.samples().count(), RECORD_MAX);
+    }
+
+    #[test]
+    fn a_ringing_further_off_than_allowed_is_told_and_one_unheard_is_not() {
+        let ringing = Ringing {
+            frequency: Fine::from_num(1650),
+            frequency_tolerance: I16F16::from_num(0.03),
+            decay: Fine::from_num(1750),
+            decay_tolerance: I16F16::from_num(0.25),
+        };
+        let rung = |frequency: f64, decay: f64| Shape {
+            ring_frequency: Fine::from_num(frequency),
+            ring_decay: Fine::from_num(decay),
+            ..Shape::default()
+        };
+        for (shape, other) in [
+            (rung(1650.0, 1750.0), false),
+            (rung(1690.0, 2100.0), false),
+            (rung(1605.0, 1400.0), false),
+            (rung(1700.0, 1750.0), true),
+            (rung(1590.0, 1750.0), true),
+            (rung(1650.0, 2200.0), true),
+            (rung(1650.0, 1300.0), true),
+            (rung(0.0, 0.0), false),
+        ] {
+            assert_eq!(ringing.is_other_than(&shape), other, "{shape:?}");
         }
     }
 }

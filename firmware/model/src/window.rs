@@ -1,13 +1,21 @@
 //! The window of one strike: a pure function of the settings and of the codes in it.
 //!
-//! Its first [`BASELINE`] samples are quiet and give the channels' zeros; from there on both estimates run.
-//! Replay feeds the recorded codes through the same [`Window`] and gets the same bits.
+//! ```text
+//! |  baseline  |  noise  | lead |            strike, ring-down             |
+//! 0           64               history                                  length
+//! ```
+//!
+//! Its first [`BASELINE`] samples are quiet and give the channels' zeros. The pieces between them and [`LEAD`] samples before
+//! the trigger give the noise; from there on both estimates run. Replay feeds the recorded codes through the same [`Window`]
+//! and gets the same bits.
 
-use crate::calibration::{BASELINE, ChannelState};
+use crate::calibration::BASELINE;
 use crate::observer::ObserverState;
 use crate::quantity::{Acceleration, Energy, Force, Scan, SensedAcceleration};
 use crate::reduced_chain::ReducedChainState;
+use crate::sensor::{Loudness, SensorState};
 use crate::settings::Settings;
+use crate::shape::{Record, Shape};
 use fixed::types::I16F16;
 use micromath::F32Ext;
 use serde::{Deserialize, Serialize};
@@ -17,9 +25,9 @@ use serde::{Deserialize, Serialize};
 pub struct Flags(u16);
 
 impl Flags {
-    /// The force stood at a rail of the converter: peak and estimate B are too low.
+    /// The force stood at a rail of the converter at the low gain: peak and estimate B are too low.
     pub const FORCE_RAILED: Self = Self(1 << 0);
-    /// The acceleration stood at a rail of the converter: estimate A is too low.
+    /// The acceleration stood at a rail of the converter at the low gain: estimate A is too low.
     pub const ACCELERATION_RAILED: Self = Self(1 << 1);
     // Bit 2 said that estimate A had left its range, which it no longer can.
     /// A state of estimate B left half the range of its format.
@@ -27,13 +35,20 @@ impl Flags {
     /// A and B differ by more than the settings allow, and no other flag says why: c, τ, M or a gain is not what the
     /// settings say. A wrong k moves both alike.
     pub const ESTIMATES_DIFFER: Self = Self(1 << 4);
+    /// The intruder rings at another frequency, or dies away at another rate, than the settings allow: its k, c or m is not
+    /// what the settings say.
+    pub const INTRUDER_DRIFTED: Self = Self(1 << 5);
+    /// The two gains of a sensor are further apart than [`GAIN_TOLERANCE`], and it is not noise.
+    pub const GAINS_DIFFER: Self = Self(1 << 6);
 
     /// Every flag with the name that reports show.
-    pub const NAMES: [(Self, &'static str); 4] = [
+    pub const NAMES: [(Self, &'static str); 6] = [
         (Self::FORCE_RAILED, "force_railed"),
         (Self::ACCELERATION_RAILED, "acceleration_railed"),
         (Self::CHAIN_RANGE, "chain_range"),
         (Self::ESTIMATES_DIFFER, "estimates_differ"),
+        (Self::INTRUDER_DRIFTED, "intruder_drifted"),
+        (Self::GAINS_DIFFER, "gains_differ"),
     ];
 
     /// From the bits of a strike frame; bits unknown to this version are kept.
@@ -78,15 +93,32 @@ pub struct StrikeReport {
     pub acceleration_max: Acceleration,
     /// Lowest acceleration of the intruder.
     pub acceleration_min: Acceleration,
-    /// Estimate A: the absorbed energy measured by the intruder's acceleration.
+    /// Estimate A: the absorbed energy measured by the intruder's acceleration, the noise's part taken off.
     pub absorbed_measured: Energy,
     /// Estimate B: the absorbed energy predicted from the force.
     pub absorbed_predicted: Energy,
     /// Energy of a solitary wave with this peak force.
     pub incident_energy: Energy,
+    /// Estimate A over the incident energy; 0 without one.
+    pub absorbed_fraction: I16F16,
+    /// What noise would have added to estimate A: it was taken off.
+    pub noise_energy: Energy,
+    /// Standard deviation of the force before the strike.
+    pub force_noise: Force,
+    /// When, how wide, what momentum, and how it rang.
+    pub shape: Shape,
     /// What was not right.
     pub flags: Flags,
 }
+
+/// Samples that the estimators take at a time, at most: what the sums of squares count on.
+pub const PIECE: usize = 32;
+
+/// Samples before the trigger that do not count as noise: the foot of the wave is in them.
+pub const LEAD: u16 = 32;
+
+/// By which part the two gains of a sensor may be apart.
+pub const GAIN_TOLERANCE: I16F16 = I16F16::lit("0.02");
 
 /// The running window of a strike.
 #[derive(Clone, Copy, Debug)]
@@ -94,19 +126,23 @@ pub struct Window {
     strike: u32,
     first_index: u64,
     samples: u16,
-    force: ChannelState,
-    acceleration: ChannelState,
+    force: SensorState,
+    acceleration: SensorState,
     observer: ObserverState,
     chain: ReducedChainState,
+    /// Σ F² before the strike, of so many samples.
+    force_squares: u64,
+    force_samples: u16,
     peak_force: Force,
     peak_sample: u16,
     acceleration_max: SensedAcceleration,
     acceleration_min: SensedAcceleration,
+    /// Where the last piece ends that counted for estimate A.
+    ring_end: u16,
+    /// Whether the wide codes of the newest piece had a part in it.
+    loud: bool,
     railed: Flags,
 }
-
-/// Samples that the estimators take at a time, at most: what the sums of squares count on.
-pub const PIECE: usize = 32;
 
 impl Window {
     /// Opens a window for strike number `strike` whose first sample has the index `first_index`.
@@ -115,55 +151,73 @@ impl Window {
             strike,
             first_index,
             samples: 0,
-            force: ChannelState::default(),
-            acceleration: ChannelState::default(),
+            force: SensorState::default(),
+            acceleration: SensorState::default(),
             observer: ObserverState::default(),
             chain: ReducedChainState::default(),
+            force_squares: 0,
+            force_samples: 0,
             peak_force: Force::ZERO,
             peak_sample: 0,
             acceleration_max: SensedAcceleration::ZERO,
             acceleration_min: SensedAcceleration::ZERO,
+            ring_end: 0,
+            loud: false,
             railed: Flags::default(),
         }
     }
 
-    /// Takes the next samples. The result does not depend on how they are cut into calls. Never inlined, so that
-    /// its instructions can be counted by its symbol.
+    /// Takes the next samples, and writes into `record` what they mean. The result does not depend on how they are cut into
+    /// calls. Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub fn process(&mut self, settings: &Settings, scans: &[Scan]) {
-        for scan in scans {
-            self.railed.set_if(Flags::FORCE_RAILED, scan.force.is_railed());
-            self.railed
-                .set_if(Flags::ACCELERATION_RAILED, scan.acceleration.is_railed());
-        }
-        let quiet = usize::from(BASELINE.saturating_sub(self.samples)).min(scans.len());
-        let (quiet, strike) = scans.split_at(quiet);
-        for scan in quiet {
-            self.force.settle(scan.force);
-            self.acceleration.settle(scan.acceleration);
-        }
-        self.samples += quiet.len() as u16;
-        for piece in strike.chunks(PIECE) {
-            self.measure(settings, piece);
+    pub fn process(&mut self, settings: &Settings, mut scans: &[Scan], record: &mut Record) {
+        while !scans.is_empty() {
+            let room = PIECE - usize::from(self.samples) % PIECE;
+            let (piece, rest) = scans.split_at(scans.len().min(room));
+            scans = rest;
+            if room == PIECE {
+                self.loud = false;
+            }
+            if self.samples < BASELINE {
+                for scan in piece {
+                    self.force.settle(scan.force);
+                    self.acceleration.settle(scan.acceleration);
+                }
+                self.loud = true;
+            } else {
+                self.measure(settings, piece, record);
+            }
             self.samples += piece.len() as u16;
+            if piece.len() == room {
+                self.close_piece(settings);
+            }
         }
     }
 
     /// Takes samples after the baseline, at most [`PIECE`].
-    fn measure(&mut self, settings: &Settings, scans: &[Scan]) {
+    fn measure(&mut self, settings: &Settings, scans: &[Scan], record: &mut Record) {
         let mut forces = [Force::ZERO; PIECE];
         let forces = &mut forces[..scans.len()];
         let mut accelerations = [SensedAcceleration::ZERO; PIECE];
         let accelerations = &mut accelerations[..scans.len()];
-        settings
-            .force
-            .process(&mut self.force, scans.iter().map(|scan| scan.force), forces);
-        settings.acceleration.process(
-            &mut self.acceleration,
-            scans.iter().map(|scan| scan.acceleration),
-            accelerations,
-        );
+        let codes = scans.iter().map(|scan| scan.force);
+        let force = settings.force.process(&mut self.force, codes, forces);
+        let codes = scans.iter().map(|scan| scan.acceleration);
+        let acceleration = settings
+            .acceleration
+            .process(&mut self.acceleration, codes, accelerations);
+        self.note(force, Flags::FORCE_RAILED);
+        self.note(acceleration, Flags::ACCELERATION_RAILED);
+        record.extend(forces, accelerations);
         settings.observer.process(&mut self.observer, accelerations);
+        if self.samples < noise_end(settings) {
+            for force in &*forces {
+                let force = u64::from(force.to_bits().unsigned_abs());
+                self.force_squares = self.force_squares.saturating_add(force * force);
+            }
+            self.force_samples += forces.len() as u16;
+            return;
+        }
         settings.chain.process(&mut self.chain, forces);
         // The compensated value is that of the sample before.
         for (sample, &force) in (self.samples - 1..).zip(&*forces) {
@@ -178,9 +232,36 @@ impl Window {
         }
     }
 
+    fn note(&mut self, loudness: Loudness, railed: Flags) {
+        self.loud |= loudness.loud;
+        self.railed.set_if(railed, loudness.railed);
+    }
+
+    /// A whole piece is in.
+    fn close_piece(&mut self, settings: &Settings) {
+        let noise_end = noise_end(settings);
+        if self.samples <= BASELINE {
+            return;
+        }
+        if self.samples <= noise_end {
+            self.observer.close_noise();
+            if self.samples == noise_end {
+                self.chain.gate_noise(self.force_squares, self.force_samples);
+            }
+        } else if self.observer.close_piece() {
+            self.ring_end = self.samples;
+        }
+    }
+
     /// Samples taken so far.
     pub fn samples(&self) -> u16 {
         self.samples
+    }
+
+    /// Whether the wide codes of the newest piece had a part in it; if not, the window is the same without them. Those of the
+    /// two samples before the piece count with it.
+    pub fn is_loud(&self) -> bool {
+        self.loud
     }
 
     /// Estimate A so far.
@@ -193,16 +274,33 @@ impl Window {
         settings.chain.absorbed(&self.chain)
     }
 
-    /// What the window says; asked for when its last sample is in.
-    pub fn report(&self, settings: &Settings) -> StrikeReport {
-        let mut flags = self.railed;
-        flags.set_if(Flags::CHAIN_RANGE, self.chain.saturated());
-        let estimates = [
+    /// What the window says, with its record; asked for when its last sample is in.
+    pub fn report(&self, settings: &Settings, record: &Record) -> StrikeReport {
+        let [measured, predicted] = [
             self.absorbed_measured(settings),
             self.absorbed_predicted(settings),
         ];
+        let noise_energy = settings.observer.noise(&self.observer);
+        let incident_energy = incident_energy(settings.incident, self.peak_force);
+        let shape = Shape {
+            force_gains: self.force.gain_match(),
+            acceleration_gains: self.acceleration.gain_match(),
+            ..Shape::of(
+                settings,
+                record,
+                usize::from(self.ring_end),
+                settings.observer.noise_square(&self.observer),
+            )
+        };
+        let mut flags = self.railed;
+        flags.set_if(Flags::CHAIN_RANGE, self.chain.saturated());
+        flags.set_if(Flags::INTRUDER_DRIFTED, settings.ringing.is_other_than(&shape));
+        let gains = [shape.force_gains, shape.acceleration_gains];
+        let gains_differ = gains.iter().flatten().any(|gains| gains.differ(GAIN_TOLERANCE));
+        flags.set_if(Flags::GAINS_DIFFER, gains_differ);
         // What is wrong already explains a difference.
-        let unexplained = flags == Flags::default() && differ(estimates, settings.disagreement);
+        let unexplained =
+            flags == Flags::default() && differ([measured, predicted], settings.disagreement, noise_energy);
         flags.set_if(Flags::ESTIMATES_DIFFER, unexplained);
         StrikeReport {
             strike: self.strike,
@@ -213,17 +311,37 @@ impl Window {
             peak_index: self.first_index + u64::from(self.peak_sample),
             acceleration_max: Acceleration::saturating_from_num(self.acceleration_max),
             acceleration_min: Acceleration::saturating_from_num(self.acceleration_min),
-            absorbed_measured: self.absorbed_measured(settings),
-            absorbed_predicted: self.absorbed_predicted(settings),
-            incident_energy: incident_energy(settings.incident, self.peak_force),
+            absorbed_measured: measured,
+            absorbed_predicted: predicted,
+            incident_energy,
+            absorbed_fraction: fraction(measured, incident_energy),
+            noise_energy,
+            force_noise: self.chain.gate() / 3,
+            shape,
             flags,
         }
     }
 }
 
-/// Whether two energies are further apart than this part of the greater.
-fn differ([a, b]: [Energy; 2], part: I16F16) -> bool {
-    let apart = u128::from(a.to_bits().abs_diff(b.to_bits()));
+/// Samples up to which there is noise only: whole pieces, [`LEAD`] samples before the trigger.
+fn noise_end(settings: &Settings) -> u16 {
+    (settings.window.history - LEAD) / PIECE as u16 * PIECE as u16
+}
+
+/// One energy over another.
+fn fraction(part: Energy, whole: Energy) -> I16F16 {
+    match whole.to_bits() {
+        ..=0 => I16F16::ZERO,
+        whole => {
+            let bits = (i128::from(part.to_bits()) << I16F16::FRAC_NBITS) / i128::from(whole);
+            I16F16::from_bits(i32::try_from(bits).unwrap_or(i32::MAX))
+        }
+    }
+}
+
+/// Whether two energies are further apart than this part of the greater, and than what noise explains.
+fn differ([a, b]: [Energy; 2], part: I16F16, noise: Energy) -> bool {
+    let apart = u128::from(a.to_bits().abs_diff(b.to_bits()).saturating_sub(noise.to_bits().unsigned_abs()));
     let greater = u128::from(a.max(b).to_bits().unsigned_abs());
     apart << I16F16::FRAC_NBITS > greater * u128::from(part.to_bits().unsigned_abs())
 }
@@ -253,10 +371,19 @@ mod tests {
         let part = I16F16::from_num(0.0625);
         let [whole, near, far] = [800.0, 750.0, 749.9].map(Energy::from_num);
         for (other, apart) in [(whole, false), (near, false), (far, true), (Energy::ZERO, true)] {
-            assert_eq!(differ([whole, other], part), apart, "{other}");
-            assert_eq!(differ([other, whole], part), apart, "{other}");
+            assert_eq!(differ([whole, other], part, Energy::ZERO), apart, "{other}");
+            assert_eq!(differ([other, whole], part, Energy::ZERO), apart, "{other}");
         }
-        assert!(!differ([Energy::ZERO; 2], part));
+        assert!(!differ([Energy::ZERO; 2], part, Energy::ZERO));
+        assert!(!differ([whole, far], part, Energy::ONE));
+    }
+
+    #[test]
+    fn a_fraction_is_that_and_of_nothing_it_is_none() {
+        let [part, whole] = [250.0, 1000.0].map(Energy::from_num);
+        assert_eq!(fraction(part, whole), I16F16::from_num(0.25));
+        assert_eq!(fraction(part, Energy::ZERO), I16F16::ZERO);
+        assert_eq!(fraction(Energy::MAX, Energy::DELTA), I16F16::MAX);
     }
 
     #[test]

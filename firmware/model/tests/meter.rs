@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{AdcCode, Chunk, Flags, Meter, Scan, Settings, Shape, Sink, StrikeReport, Window};
+use bead_model::settings::Name;
+use bead_model::{Chunk, Flags, Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
 use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
 
@@ -10,7 +11,6 @@ use proptest::prelude::*;
 struct Heard {
     samples: usize,
     reports: Vec<StrikeReport>,
-    shapes: Vec<Shape>,
 }
 
 impl Sink for Heard {
@@ -19,10 +19,6 @@ impl Sink for Heard {
     }
     fn report(&mut self, report: &StrikeReport) {
         self.reports.push(*report);
-    }
-    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
-        assert_eq!(self.reports.last(), Some(report));
-        self.shapes.push(*shape);
     }
 }
 
@@ -34,11 +30,10 @@ fn scan(force: u16) -> Scan {
     codes_of((force, 2048))
 }
 
+/// The wide codes are what the gains of the reference make of the sensitive ones.
 fn codes_of((force, acceleration): (u16, u16)) -> Scan {
-    Scan {
-        force: AdcCode::new(force),
-        acceleration: AdcCode::new(acceleration),
-    }
+    let wide = |code: u16, zero: i32| (zero + (i32::from(code) - zero) / 96) as u16;
+    Scan::new([force, wide(force, 128), acceleration, wide(acceleration, 2048)])
 }
 
 /// Feeds force codes from sample 0.
@@ -98,7 +93,7 @@ fn the_history_starts_before_the_trigger_by_the_length_set() {
         "{}",
         report.trigger_index
     );
-    assert_eq!(report.trigger_index - report.first_index + 1, 128);
+    assert_eq!(report.trigger_index - report.first_index + 1, 160);
     assert_eq!(heard.samples, usize::from(report.samples));
     assert!(
         (1024..=1026).contains(&report.peak_index),
@@ -131,7 +126,8 @@ fn a_strike_straight_after_a_restart_is_left_out_rather_than_measured_without_it
 fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
     let flags = |newtons_per_code: f64| {
         let mut front_end = FrontEnd::reference();
-        front_end.force.per_code = newtons_per_code;
+        front_end.force.sensitive.per_code = newtons_per_code;
+        front_end.force.wide.per_code = newtons_per_code;
         let capture = Capture {
             threshold: 30.0,
             ..Capture::default()
@@ -142,7 +138,7 @@ fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
         let scans: Vec<Scan> = quiet
             .chain((0..50).map(pulse))
             .chain(std::iter::repeat_n(128, 1000))
-            .map(scan)
+            .map(|force| Scan::new([force, force, 2048, 2048]))
             .collect();
         meter.process(&settings, 0, &scans, &mut heard);
         heard.reports[0].flags
@@ -159,43 +155,73 @@ fn settings_that_would_break_a_sum_are_refused() {
         change(&mut settings);
         settings.validate().unwrap_err().to_string()
     };
-    let pole = "a pole is below f_s/4π, or negative";
-    assert!(refused(|s| s.force.per_code = -s.force.per_code).contains(pole));
-    assert!(refused(|s| s.force.slope = s.force.per_code).contains(pole));
-    assert!(refused(|s| s.acceleration.slope = -s.acceleration.slope).contains(pole));
-    assert!(refused(|s| s.acceleration.per_code = I6F26::from_num(16)).contains("65 km/s²"));
+    let pole = "a pole is below f_s/4π";
+    assert!(refused(|s| s.force.wide.per_code = -s.force.wide.per_code).contains(pole));
+    assert!(refused(|s| s.force.sensitive.slope = s.force.sensitive.per_code).contains(pole));
+    assert!(refused(|s| s.acceleration.wide.slope = -s.acceleration.wide.per_code).contains(pole));
+    assert!(refused(|s| s.acceleration.wide.per_code = I6F26::from_num(31)).contains("65 km/s²"));
     assert!(refused(|s| s.observer.end = -s.observer.end).contains("observer"));
     assert!(refused(|s| s.chain.contact = -s.chain.contact).contains("reduced chain"));
     assert!(refused(|s| s.chain.relaxation = -s.chain.relaxation).contains("reduced chain"));
 }
 
+#[test]
+fn coefficients_that_are_not_the_beads_are_refused_by_name() {
+    let refused = |change: fn(&mut Settings)| {
+        let mut settings = settings();
+        change(&mut settings);
+        settings.validate().unwrap_err().to_string()
+    };
+    let text = refused(|s| s.bead.stiffness *= 1.001);
+    assert!(text.contains("weight of the old acceleration"), "{text}");
+    let text = refused(|s| s.chain.relaxation += I2F30::from_num(0.001));
+    assert!(text.contains("\"relaxation\""), "{text}");
+    let text = refused(|s| s.bead.mass = f32::NAN);
+    assert!(text.contains("is not what"), "{text}");
+    let text = refused(|s| s.sample_rate_hz = 99_900);
+    assert!(text.contains("weight of the old acceleration"), "{text}");
+}
+
+#[test]
+fn a_name_is_sixteen_bytes_of_text_at_most() {
+    for name in ["", "bead 8", "sixteen bytes ok"] {
+        assert_eq!(Name::new(name).unwrap().as_str(), name);
+    }
+    assert_eq!(Name::new("seventeen bytes !"), None);
+    assert_eq!(Name::new("a\nb"), None);
+}
+
 proptest! {
     #[test]
-    fn any_codes_whatever_are_survived(codes in prop::collection::vec((0u16..4096, 0u16..4096), 2000)) {
+    fn any_codes_whatever_are_survived(codes in prop::collection::vec([0u16..4096, 0u16..4096, 0u16..4096, 0u16..4096], 2000)) {
         let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
         // A step first, so that the noise is measured and not waited out.
-        let quiet = (0..300).map(|_| (128, 2048)).chain([(1000, 2048)]);
-        let stream: Vec<Scan> = quiet.chain(codes).map(codes_of).collect();
+        let quiet = (0..300).map(|_| (128, 2048)).chain([(1000, 2048)]).map(codes_of);
+        let stream: Vec<Scan> = quiet.chain(codes.into_iter().map(Scan::new)).collect();
         meter.process(&settings, 0, &stream, &mut heard);
         prop_assert!(!heard.reports.is_empty());
     }
 
     #[test]
     fn any_settings_that_validate_are_survived_with_any_codes(
-        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 16),
-        codes in prop::collection::vec((0u16..4096, 0u16..4096), 600),
+        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 20),
+        codes in prop::collection::vec([0u16..4096, 0u16..4096, 0u16..4096, 0u16..4096], 600),
     ) {
         let mut bits = bits.into_iter();
         // Any of the upper part of the range that a coefficient may have.
         let mut next = |most: i32| bits.next().unwrap().rem_euclid(most) + 1;
         let mut settings = settings();
         // 65 km/s² over 4095 codes, a third for each of the three sums; of the force the format holds all.
-        let most = next(i32::MAX - 1) + 1;
-        settings.force.per_code = I2F30::from_bits(most);
-        settings.force.slope = I2F30::from_bits(next(most - 1));
-        let most = next(1 << 28) + 1;
-        settings.acceleration.per_code = I6F26::from_bits(most);
-        settings.acceleration.slope = I6F26::from_bits(next(most - 1));
+        for channel in [&mut settings.force.sensitive, &mut settings.force.wide] {
+            let most = next(i32::MAX - 1) + 1;
+            channel.per_code = I2F30::from_bits(most);
+            channel.slope = I2F30::from_bits(next(most - 1));
+        }
+        for channel in [&mut settings.acceleration.sensitive, &mut settings.acceleration.wide] {
+            let most = next(1 << 28) + 1;
+            channel.per_code = I6F26::from_bits(most);
+            channel.slope = I6F26::from_bits(next(most - 1));
+        }
         settings.observer.start = I0F32::from_bits(next(i32::MAX));
         settings.observer.end = I0F32::from_bits(next(i32::MAX));
         settings.observer.energy = I2F30::from_bits(next(i32::MAX));
@@ -211,13 +237,14 @@ proptest! {
         }
         chain.relaxation = I2F30::from_bits(next(i32::MAX));
         chain.energy = I16F16::from_bits(next(i32::MAX));
-        prop_assert_eq!(settings.validate(), Ok(()));
+        prop_assert_eq!(settings.bounds(), Ok(()));
 
         // A sum that leaves its format panics in a build with overflow checks.
-        let mut window = Window::open(0, 0);
-        let scans: Vec<Scan> = codes.into_iter().map(codes_of).collect();
-        window.process(&settings, &scans);
-        window.report(&settings);
+        let (mut window, mut record) = (Window::open(0, 0), Box::<Record>::default());
+        record.clear();
+        let scans: Vec<Scan> = codes.into_iter().map(Scan::new).collect();
+        window.process(&settings, &scans, &mut record);
+        window.report(&settings, &record);
     }
 
     #[test]
@@ -250,7 +277,7 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_whatever_are_no_settings_or_valid_ones(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn any_bytes_whatever_are_no_settings_or_valid_ones(bytes in prop::collection::vec(any::<u8>(), 0..256)) {
         if let Ok(settings) = Settings::decode(&bytes) {
             prop_assert!(settings.validate().is_ok());
         }

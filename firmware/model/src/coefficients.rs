@@ -1,0 +1,107 @@
+//! From the bead's physics to the coefficients of its estimators: the one place where they come from.
+//!
+//! # Design
+//!
+//! The host derives them in f64 and brings them into their fixed-point formats (`design`). The bead, which is given both the
+//! physics and the coefficients, derives them once more in f32 by these same lines and refuses settings whose two halves do
+//! not belong together ([`Settings::validate`](crate::Settings::validate)).
+//!
+//! Sources: estimate A, exact solution of `c ẋ + k x = -m a` for a first-order hold ([`observer`](crate::observer));
+//! estimate B, Eqs. 1 to 3 of the paper in units of µm and samples ([`reduced_chain`](crate::reduced_chain)).
+
+use num_traits::Float;
+use serde::{Deserialize, Serialize};
+
+/// Energy of the solitary wave of an elastic chain: `E = 1.0465162 κ^{-2/3} F_m^{5/3}`, whatever the beads'
+/// mass. From the pulse at contact 70 of a chain with κ = M = 1, integrated to 1e-12; it does not depend on
+/// how many beads around the pulse are counted, to 1e-15.
+pub const SOLITARY_WAVE_ENERGY: f64 = 1.046_516_203;
+
+/// The bead with its intruder and the chain that it stands in, SI units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Bead<T = f64> {
+    /// M, of the host with its intruder, and of the beads behind it, kg.
+    pub mass: T,
+    /// m, of the intruder, kg.
+    pub intruder_mass: T,
+    /// k, of the intruder's springs, N/m.
+    pub stiffness: T,
+    /// c, of the intruder's damping, N·s/m.
+    pub damping: T,
+    /// κ, of the contacts between beads, N/m^1.5.
+    pub contact_stiffness: T,
+    /// τ, the relaxation time of those contacts, s.
+    pub relaxation: T,
+}
+
+/// What [`coefficients`] gives, before it is brought into formats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coefficients<T> {
+    /// Of estimate A: [`Observer::start`](crate::observer::Observer::start).
+    pub start: T,
+    /// [`Observer::end`](crate::observer::Observer::end).
+    pub end: T,
+    /// [`Observer::energy`](crate::observer::Observer::energy).
+    pub measured: T,
+    /// Of estimate B: [`ReducedChain::contact`](crate::reduced_chain::ReducedChain::contact).
+    pub contact: T,
+    /// [`ReducedChain::relaxation`](crate::reduced_chain::ReducedChain::relaxation).
+    pub relaxation: T,
+    /// [`ReducedChain::incoming`](crate::reduced_chain::ReducedChain::incoming).
+    pub incoming: T,
+    /// [`ReducedChain::stiffness`](crate::reduced_chain::ReducedChain::stiffness).
+    pub stiffness: T,
+    /// [`ReducedChain::damping`](crate::reduced_chain::ReducedChain::damping).
+    pub damping: T,
+    /// [`ReducedChain::intruder`](crate::reduced_chain::ReducedChain::intruder).
+    pub intruder: T,
+    /// [`ReducedChain::energy`](crate::reduced_chain::ReducedChain::energy).
+    pub predicted: T,
+    /// [`Settings::incident`](crate::Settings::incident).
+    pub incident: T,
+    /// [`Ringing::frequency`](crate::shape::Ringing::frequency); 0 of an intruder that does not ring.
+    pub ring_frequency: T,
+    /// [`Ringing::decay`](crate::shape::Ringing::decay).
+    pub ring_decay: T,
+}
+
+/// The coefficients of a bead that samples at this rate, Hz.
+pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients<T> {
+    let number = |value: f64| T::from(value).expect("a float is made of any f64");
+    let (um, nj) = (number(1e6), number(1e9)); // µm in a metre, nJ in a joule
+    let dt = sample_rate_hz.recip();
+    let host_mass = bead.mass - bead.intruder_mass;
+
+    let phase = bead.stiffness / bead.damping * dt; // λ dt
+    let decay = (-phase).exp(); // φ
+    // The mean of φ's course over a sample: (1 - φ)/(λ dt).
+    let mean = -(-phase).exp_m1() / phase;
+
+    // Accelerations are in twelfths, see `ReducedChain`.
+    let twelfth = dt * dt / number(12.0);
+    let scale = number(256.0);
+
+    // The host flies free behind the wave, so it is the reduced mass that rings: k = μ (ω² + β²), c = 2 μ β.
+    let reduced = bead.intruder_mass * host_mass / bead.mass;
+    let ring_decay = bead.damping / (number(2.0) * reduced);
+    let ring = bead.stiffness / reduced - ring_decay * ring_decay;
+
+    Coefficients {
+        start: mean - decay,
+        end: T::one() - mean,
+        measured: bead.intruder_mass * bead.intruder_mass / bead.damping * dt * nj,
+        contact: scale * bead.contact_stiffness / um.sqrt() / bead.mass * twelfth,
+        relaxation: number(1.5) * bead.relaxation / dt,
+        incoming: scale / host_mass * twelfth * um,
+        stiffness: number(4.0) * bead.stiffness / bead.intruder_mass * twelfth,
+        damping: bead.damping / bead.intruder_mass * twelfth / dt,
+        intruder: bead.intruder_mass / host_mass,
+        // c ẋ² dt of a velocity of 1 µm/sample.
+        predicted: bead.damping / dt / (um * um) * nj,
+        incident: number(SOLITARY_WAVE_ENERGY)
+            * bead.contact_stiffness.powf(number(-2.0 / 3.0))
+            * nj,
+        ring_frequency: ring.max(T::zero()).sqrt() / number(core::f64::consts::TAU),
+        ring_decay,
+    }
+}

@@ -1,0 +1,351 @@
+//! One sensor behind two gains, as one signal.
+//!
+//! # Design
+//!
+//! The *sensitive* channel gives the signal until it nears a rail, the *wide* one where it does. Which of them a sample is
+//! taken from is told by the codes alone: the compensated value of a sample ([`Channel`]) is made of three codes, and all
+//! three have to be away from the rails.
+//!
+//! **No step at the hand-over.** While both channels see the same signal and it moves, they are compared. Their mean
+//! difference, so far, is taken from the wide channel when it takes over: it is the part of a code by which the wide
+//! channel's zero was known (its baseline may be one and the same code 64 times). The slope of that difference over the
+//! signal says how far the two *gains* are from what the settings say; it is told with the strike ([`GainMatch`]) and not
+//! used: one strike knows it to a per cent or so, a calibration to a tenth of that.
+//!
+//! Quiet pieces, in which the sensitive channel stays near its zero, do not look at the wide one at all. So the cost of a
+//! second gain is paid while a strike is loud, and only then does the host need the wide codes.
+
+use crate::calibration::{Channel, ChannelState};
+use crate::quantity::{AdcCode, Pair};
+use crate::window::PIECE;
+use fixed::FixedI32;
+use fixed::types::I16F16;
+use fixed::types::extra::LeEqU32;
+use serde::{Deserialize, Serialize};
+
+/// A sensitive code is believed if it is so many codes or more away from either rail: the amplifier meets its rail before
+/// the filter behind it does.
+const MARGIN: u16 = 64;
+/// A signal moves if it is so many sensitive codes away from its zero: an eighth of the range.
+const MOVING: u16 = 512;
+
+/// Bits to which the sums of [`Overlap`] reduce a signal that fills the sensitive range.
+const OVERLAP_BITS: u32 = 20;
+
+/// Calibration of a sensor's two channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct Sensor<F: LeEqU32> {
+    /// The channel of the high gain.
+    pub sensitive: Channel<F>,
+    /// The channel of the low gain.
+    pub wide: Channel<F>,
+}
+
+/// What a sensor remembers over a window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SensorState {
+    sensitive: ChannelState,
+    wide: ChannelState,
+    /// Values for which the sensitive channel is still not to be believed.
+    hold: u8,
+    /// What the wide channel reads too much.
+    offset: i32,
+    overlap: Overlap,
+}
+
+/// How some samples were measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Loudness {
+    /// The wide codes had a part in it.
+    pub loud: bool,
+    /// The wide channel was at a rail while it was the one to be believed.
+    pub railed: bool,
+}
+
+impl SensorState {
+    /// Adds the codes of the quiet signal to the baselines.
+    pub fn settle(&mut self, codes: Pair) {
+        self.sensitive.settle(codes.sensitive);
+        self.wide.settle(codes.wide);
+    }
+
+    /// How the gains agree, as far as the window tells.
+    pub fn gain_match(&self) -> Option<GainMatch> {
+        self.overlap.gain_match()
+    }
+}
+
+impl<F: LeEqU32> Sensor<F> {
+    /// The values at the samples *before* those of the codes, at most [`PIECE`], relative to the baseline.
+    #[inline(always)]
+    pub fn process<V: LeEqU32>(
+        &self,
+        state: &mut SensorState,
+        codes: impl DoubleEndedIterator<Item = Pair> + Clone,
+        values: &mut [FixedI32<V>],
+    ) -> Loudness {
+        let sensitive = codes.clone().map(|pair| pair.sensitive);
+        let wide = codes.clone().map(|pair| pair.wide);
+        let zero = state.sensitive.zero();
+        let low = zero.saturating_sub(MOVING).max(MARGIN);
+        let high = (zero + MOVING).min(AdcCode::MAX.get() - MARGIN);
+        let quiet = state.hold == 0 && sensitive.clone().all(|code| (low..=high).contains(&code.get()));
+        self.sensitive.process(&mut state.sensitive, sensitive, values);
+        if quiet {
+            state.wide.skip(wide);
+            return Loudness::default();
+        }
+        self.merge(state, codes, wide, values)
+    }
+
+    /// Looks at both channels; `values` are those of the sensitive one.
+    fn merge<V: LeEqU32>(
+        &self,
+        state: &mut SensorState,
+        codes: impl Iterator<Item = Pair>,
+        wide: impl Iterator<Item = AdcCode>,
+        values: &mut [FixedI32<V>],
+    ) -> Loudness {
+        let mut wides = [FixedI32::<V>::ZERO; PIECE];
+        let wides = &mut wides[..values.len()];
+        self.wide.process(&mut state.wide, wide, wides);
+        let code: FixedI32<V> = FixedI32::from_bits(self.sensitive.per_code.to_bits() >> (F::U32 - V::U32));
+        let floor = code.to_bits().saturating_mul(MOVING.into());
+        // The sensitive range is eight times the floor.
+        let shift = (floor.unsigned_abs() | 1).ilog2().saturating_sub(OVERLAP_BITS - 3);
+        let mut loudness = Loudness {
+            loud: true,
+            railed: false,
+        };
+        for ((value, wide), codes) in values.iter_mut().zip(wides).zip(codes) {
+            let believable = MARGIN..=AdcCode::MAX.get() - MARGIN;
+            if !believable.contains(&codes.sensitive.get()) {
+                if state.hold == 0 {
+                    state.offset = state.overlap.mean_difference() << shift;
+                }
+                // The value of this code and the two after it are made with it.
+                state.hold = 3;
+            }
+            if state.hold > 0 {
+                state.hold -= 1;
+                loudness.railed |= codes.wide.is_railed();
+                *value = FixedI32::from_bits(wide.to_bits().saturating_sub(state.offset));
+            } else if value.to_bits().abs() >= floor {
+                let difference = wide.to_bits().saturating_sub(value.to_bits());
+                state.overlap.add(value.to_bits() >> shift, difference >> shift);
+            }
+        }
+        loudness
+    }
+}
+
+/// Sums over the samples at which both channels see a signal that moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Overlap {
+    samples: i32,
+    /// Σ of the signal, of what the wide channel reads more, and of their products.
+    signal: i64,
+    difference: i64,
+    signal_signal: i64,
+    signal_difference: i64,
+    difference_difference: i64,
+}
+
+impl Overlap {
+    #[inline(always)]
+    fn add(&mut self, signal: i32, difference: i32) {
+        // A wide channel that reads nonsense leaves the sums in their range.
+        let difference = difference.clamp(-(1 << 24), (1 << 24) - 1);
+        let [s, d] = [signal, difference].map(i64::from);
+        self.samples += 1;
+        self.signal += s;
+        self.difference += d;
+        self.signal_signal += s * s;
+        self.signal_difference += s * d;
+        self.difference_difference += d * d;
+    }
+
+    /// What the wide channel reads too much. The baseline, by which it would be nothing, counts as one sample.
+    fn mean_difference(&self) -> i32 {
+        (self.difference / i64::from(self.samples + 1)) as i32
+    }
+
+    /// Slope of the difference over the signal, by least squares.
+    fn gain_match(&self) -> Option<GainMatch> {
+        if self.samples < 8 {
+            return None;
+        }
+        let n = self.samples as f32;
+        let [s, d, ss, sd, dd] = [
+            self.signal,
+            self.difference,
+            self.signal_signal,
+            self.signal_difference,
+            self.difference_difference,
+        ]
+        .map(|sum| sum as f32 / n);
+        let (variance, covariance) = (ss - s * s, sd - s * d);
+        if variance <= 0.0 {
+            return None;
+        }
+        let slope = covariance / variance;
+        let rest = (dd - d * d - slope * covariance).max(0.0);
+        Some(GainMatch {
+            deviation: I16F16::saturating_from_num(slope),
+            uncertainty: I16F16::saturating_from_num(libm::sqrtf(rest / (variance * (n - 2.0)))),
+        })
+    }
+}
+
+/// How far the gains of a sensor's channels are from what the settings say of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GainMatch {
+    /// By which part of the signal the wide channel reads more than the sensitive one.
+    pub deviation: I16F16,
+    /// The standard deviation to which this strike knows it.
+    pub uncertainty: I16F16,
+}
+
+impl GainMatch {
+    /// Whether the gains are further apart than `part`, and noise does not explain it.
+    pub fn differ(&self, part: I16F16) -> bool {
+        let apart = self.deviation.unsigned_abs();
+        apart > part.unsigned_abs() && apart / 5 > self.uncertainty.unsigned_abs()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::BASELINE;
+    use crate::quantity::Force;
+    use fixed::types::I2F30;
+    use fixed::types::extra::U30;
+
+    /// 4 mN a code, 64 mN a code: 1 to 16. No poles.
+    fn sensor() -> Sensor<U30> {
+        let channel = |per_code| Channel {
+            per_code,
+            slope: I2F30::ZERO,
+        };
+        Sensor {
+            sensitive: channel(I2F30::from_num(1.0 / 256.0)),
+            wide: channel(I2F30::from_num(1.0 / 16.0)),
+        }
+    }
+
+    /// Codes of `force` (N): zeros at 128 and 100.3, the wide gain `more` times what the settings say.
+    fn pair(force: f64, more: f64) -> Pair {
+        let code = |value: f64| value.round().clamp(0.0, 4095.0) as u16;
+        Pair::new(code(128.0 + force * 256.0), code(100.3 + force * 16.0 * more))
+    }
+
+    /// What comes out of forces, and of the overlap; cut into pieces of `piece` samples.
+    fn measured(
+        forces: &[f64],
+        more: f64,
+        piece: usize,
+    ) -> (Vec<f64>, Vec<Loudness>, Option<GainMatch>) {
+        let sensor = sensor();
+        let mut state = SensorState::default();
+        (0..BASELINE).for_each(|_| state.settle(pair(0.0, more)));
+        let codes: Vec<Pair> = forces.iter().map(|&force| pair(force, more)).collect();
+        let (mut out, mut loudness) = (Vec::new(), Vec::new());
+        for codes in codes.chunks(piece) {
+            let mut values = [Force::ZERO; PIECE];
+            let values = &mut values[..codes.len()];
+            loudness.push(sensor.process(&mut state, codes.iter().copied(), values));
+            out.extend(values.iter().map(|value| value.to_num::<f64>()));
+        }
+        // A value is that of the sample before.
+        out.remove(0);
+        (out, loudness, state.gain_match())
+    }
+
+    /// A pulse of `peak` N, 60 samples wide at its foot, after 40 of quiet.
+    fn pulse(peak: f64) -> Vec<f64> {
+        (0..160)
+            .map(|n| match n {
+                40..100 => peak * (std::f64::consts::PI * f64::from(n - 40) / 60.0).sin().powi(2),
+                _ => 0.0,
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_pulse_within_the_sensitive_range_is_that_channels_alone() {
+        let forces = pulse(14.0);
+        let (values, _, _) = measured(&forces, 1.3, PIECE);
+        for (value, force) in values.iter().zip(&forces) {
+            assert!((value - force).abs() <= 0.5 / 256.0 + 1e-4, "{value} {force}");
+        }
+    }
+
+    #[test]
+    fn beyond_it_there_is_no_step_though_the_wide_zero_is_off_by_a_third_of_a_code() {
+        let forces = pulse(200.0);
+        let (values, loudness, _) = measured(&forces, 1.0, PIECE);
+        let mut worst = 0.0_f64;
+        for (value, force) in values.iter().zip(&forces) {
+            worst = worst.max((value - force).abs());
+        }
+        // Half a wide code of rounding, and what is left of the third by the few samples of the overlap.
+        assert!(worst < (0.5 + 0.25) / 16.0, "{worst}");
+        assert!(worst > 0.5 / 256.0, "the wide channel is not used");
+        assert!(!loudness[0].loud && loudness[1].loud && loudness.iter().all(|l| !l.railed));
+    }
+
+    #[test]
+    fn the_pieces_do_not_matter() {
+        let forces = pulse(200.0);
+        let (whole, _, matched) = measured(&forces, 1.02, PIECE);
+        for piece in [1, 2, 3, 7, 31] {
+            let (values, _, again) = measured(&forces, 1.02, piece);
+            assert_eq!((values, again), (whole.clone(), matched), "{piece}");
+        }
+    }
+
+    #[test]
+    fn a_wide_channel_at_its_rail_is_told() {
+        let (_, loudness, _) = measured(&pulse(300.0), 1.0, PIECE);
+        assert!(loudness.iter().any(|loudness| loudness.railed));
+    }
+
+    #[test]
+    fn gains_that_differ_are_told_by_how_much() {
+        for more in [0.95, 1.0, 1.03] {
+            let (_, _, matched) = measured(&pulse(14.0), more, PIECE);
+            let matched = matched.unwrap();
+            let (deviation, uncertainty) = (
+                matched.deviation.to_num::<f64>(),
+                matched.uncertainty.to_num::<f64>(),
+            );
+            assert!((deviation - (more - 1.0)).abs() < 3.0 * uncertainty, "{matched:?}");
+            assert!(uncertainty < 2e-3, "{matched:?}");
+            assert_eq!(matched.differ(I16F16::from_num(0.02)), more != 1.0);
+        }
+        let (_, _, none) = measured(&pulse(1.0), 1.0, PIECE);
+        assert_eq!(none, None);
+    }
+
+    #[test]
+    fn a_wide_channel_that_reads_nonsense_does_not_panic() {
+        let sensor = Sensor {
+            sensitive: sensor().sensitive,
+            wide: Channel {
+                per_code: I2F30::MAX,
+                slope: I2F30::ZERO,
+            },
+        };
+        let mut state = SensorState::default();
+        (0..BASELINE).for_each(|_| state.settle(Pair::new(128, 4095)));
+        let mut values = [Force::ZERO; PIECE];
+        for round in 0..32 {
+            let codes = (0..PIECE as u16).map(|i| Pair::new(128 + 123 * i, 4095 * (i % 2)));
+            let codes: Vec<Pair> = codes.collect();
+            sensor.process(&mut state, codes.into_iter(), &mut values);
+            assert!(round < 31 || state.gain_match().is_some());
+        }
+    }
+}
