@@ -1,15 +1,16 @@
 //! From the converter to blocks of scans with an index.
 //!
 //! # Design
-//! Each trigger of the [`SampleClock`] makes ADC1 convert both channels, and DMA2 puts the codes into a ring
-//! of two blocks. The core is interrupted once a block, never once a sample, and has as long to take a block
+//! Each trigger of the [`SampleClock`] makes ADC1 convert four channels, each sensor at its high and its low gain, and
+//! DMA2 puts the codes into a ring of two blocks. The core is interrupted once a block, never once a sample, and has as long to take a block
 //! as the next takes to fill: [`SCANS_PER_BLOCK`] sample periods, 2 ms. This task therefore outranks all
-//! others and does nothing but copy.
+//! others and does nothing but copy: the driver's, from the ring into a block. What the codes mean is for those who
+//! take the block.
 //!
 //! # Timing
-//! A conversion is [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 27 clocks at 21 MHz. Both
-//! channels take 2.57 µs of the 10 µs period, and the acceleration is sampled [`SKEW_NS`] after the force:
-//! the longer the sample time, the more skew. 15 clocks settle to a quarter of a code through up to 11.8 kΩ
+//! A conversion is [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 27 clocks at 21 MHz. All four
+//! take 5.14 µs of the 10 µs period, and each is sampled [`CONVERSION_NS`] after the one before: the longer the
+//! sample time, the more skew. 15 clocks settle to a quarter of a code through up to 11.8 kΩ
 //! (DocID022152, equation 1: 14.5 / (21 MHz · 4 pF · ln 2^14) - 6 kΩ), and what drives the pins is an
 //! amplifier with its RC filter, well below 1 kΩ.
 //!
@@ -27,7 +28,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Sender;
 use embassy_time::{Duration, with_timeout};
 
-use bead_model::{AdcCode, Scan};
+use bead_model::Scan;
 use bead_wire::FaultCause;
 
 use crate::clocks::ADC_HZ;
@@ -40,20 +41,20 @@ bind_interrupts!(struct Irqs {
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
 });
 
-/// Codes in a scan: force, then acceleration.
-pub(crate) const CHANNELS: usize = 2;
+/// Codes in a scan: force at its high and its low gain, then acceleration.
+pub(crate) const CHANNELS: usize = 4;
 /// Scans that the estimators take at once: half the ring, 2 ms.
 pub(crate) const SCANS_PER_BLOCK: usize = 200;
 /// Codes in a block.
-const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
+pub(crate) const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
 
 /// How long a channel is connected to the sampling capacitor.
 const SAMPLE_TIME: SampleTime = SampleTime::CYCLES15;
-/// The acceleration is sampled this long after the force: one conversion, 1285 ns.
-pub(crate) const SKEW_NS: u32 = ((15 + 12) * 1_000_000_000u64 / ADC_HZ as u64) as u32;
+/// One conversion, 1285 ns.
+pub(crate) const CONVERSION_NS: u32 = ((15 + 12) * 1_000_000_000u64 / ADC_HZ as u64) as u32;
 const _: () = assert!(
-    (CHANNELS as u64) * (SKEW_NS as u64) < 500_000_000 / SAMPLE_RATE_HZ as u64,
-    "a scan fits in half a period, as SampleClock::open counts on"
+    (CHANNELS as u64) * (CONVERSION_NS as u64) < 600_000_000 / SAMPLE_RATE_HZ as u64,
+    "a scan fits in six tenths of a period, as SampleClock::open counts on"
 );
 
 /// Five blocks: far more than any delay of a running acquisition, and little to lose to a dead one.
@@ -69,15 +70,21 @@ pub(crate) struct Block {
     pub(crate) epoch: u32,
     /// Index of the first scan.
     pub(crate) first_index: u64,
-    pub(crate) scans: [Scan; SCANS_PER_BLOCK],
+    /// As the converter gave them, scan after scan.
+    codes: [u16; CODES],
 }
 
 impl Block {
     pub(crate) const EMPTY: Self = Self {
         epoch: 0,
         first_index: 0,
-        scans: [Scan::ZERO; SCANS_PER_BLOCK],
+        codes: [0; CODES],
     };
+
+    /// The scans, first to last.
+    pub(crate) fn scans(&self) -> impl ExactSizeIterator<Item = Scan> + '_ {
+        self.codes.as_chunks().0.iter().map(|&codes| Scan::new(codes))
+    }
 }
 
 /// The converter, its pins and its DMA stream.
@@ -85,7 +92,9 @@ pub(crate) struct Inputs {
     pub(crate) adc: Peri<'static, peripherals::ADC1>,
     pub(crate) dma: Peri<'static, peripherals::DMA2_CH0>,
     pub(crate) force: Peri<'static, peripherals::PA0>,
-    pub(crate) acceleration: Peri<'static, peripherals::PA1>,
+    pub(crate) force_wide: Peri<'static, peripherals::PA1>,
+    pub(crate) acceleration: Peri<'static, peripherals::PA2>,
+    pub(crate) acceleration_wide: Peri<'static, peripherals::PA3>,
 }
 
 /// Acquires for ever, one epoch after the other.
@@ -94,10 +103,13 @@ pub(crate) async fn acquire(
     mut inputs: Inputs,
     mut clock: SampleClock,
     ring: &'static mut Ring,
+    spill: &'static mut [u16; CODES],
     blocks: Sender<'static, CriticalSectionRawMutex, Block>,
 ) -> ! {
     let mut outlet = Outlet {
         blocks,
+        spill,
+        spilling: false,
         epoch: 0,
         losing: false,
     };
@@ -127,9 +139,12 @@ async fn epoch(
         ring,
         Irqs,
         [
-            (inputs.force.reborrow().degrade_adc(), SAMPLE_TIME),
-            (inputs.acceleration.reborrow().degrade_adc(), SAMPLE_TIME),
+            inputs.force.reborrow().degrade_adc(),
+            inputs.force_wide.reborrow().degrade_adc(),
+            inputs.acceleration.reborrow().degrade_adc(),
+            inputs.acceleration_wide.reborrow().degrade_adc(),
         ]
+        .map(|pin| (pin, SAMPLE_TIME))
         .into_iter(),
         TIM3_TRGO,
         Exten::RISING_EDGE,
@@ -145,11 +160,10 @@ async fn epoch(
         outlet.epoch
     );
 
-    let mut codes = [0; CODES];
     loop {
-        match with_timeout(DEADLINE, adc.read(&mut codes)).await {
+        match with_timeout(DEADLINE, adc.read(outlet.room())).await {
             Ok(Ok(_)) => {
-                outlet.offer(first_index, &codes);
+                outlet.hand_on(first_index);
                 first_index += SCANS_PER_BLOCK as u64;
             }
             Ok(Err(_)) => return "the ring was not emptied in time",
@@ -162,26 +176,35 @@ async fn epoch(
 /// The way to the estimators, which never makes the acquisition wait.
 struct Outlet {
     blocks: Sender<'static, CriticalSectionRawMutex, Block>,
+    /// Where a block goes that the estimators have no room for.
+    spill: &'static mut [u16; CODES],
+    /// Whether the block that is being filled goes there.
+    spilling: bool,
     epoch: u32,
     /// Whether the block before this one was lost.
     losing: bool,
 }
 
 impl Outlet {
-    /// Hands a block on, or counts it as lost if the estimators have fallen behind.
-    fn offer(&mut self, first_index: u64, codes: &[u16; CODES]) {
+    /// Room for the codes of a block: in the next one, or beside them if the estimators have fallen behind.
+    fn room(&mut self) -> &mut [u16; CODES] {
+        self.spilling = self.blocks.try_send().is_none();
+        match self.blocks.try_send() {
+            Some(block) => &mut block.codes,
+            None => self.spill,
+        }
+    }
+
+    /// Hands on the block whose codes are in its [`room`](Self::room), or counts it as lost.
+    fn hand_on(&mut self, first_index: u64) {
         let taken = match self.blocks.try_send() {
-            Some(block) => {
+            Some(block) if !self.spilling => {
                 block.epoch = self.epoch;
                 block.first_index = first_index;
-                for (scan, codes) in block.scans.iter_mut().zip(codes.as_chunks().0) {
-                    let [force, acceleration] = codes.map(AdcCode::new);
-                    *scan = Scan { force, acceleration };
-                }
                 self.blocks.send_done();
                 true
             }
-            None => {
+            _ => {
                 self.epoch += u32::from(!self.losing);
                 false
             }

@@ -5,7 +5,8 @@
 //! block has 2 ms; the channel holds [`BLOCKS`], so a burst of work may take that many times as long before
 //! a block is lost.
 
-use bead_model::{Chunk, Meter, Settings, Shape, Sink, StrikeReport};
+use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
+use bead_model::sensor::GainMatch;
 use bead_wire::{FaultCause, Message, Strike};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
@@ -55,7 +56,7 @@ pub(crate) async fn estimate(
 /// A function of its own so that its instructions can be counted.
 #[inline(never)]
 fn process_block(settings: &Settings, meter: &mut Meter, block: &Block) {
-    meter.process(settings, block.first_index, &block.scans, &mut Telemetry);
+    meter.process(settings, block.first_index, block.scans(), &mut Telemetry);
 }
 
 /// Sends what the meter finds.
@@ -88,15 +89,20 @@ impl Sink for Telemetry {
             absorbed_measured: report.absorbed_measured.to_bits(),
             absorbed_predicted: report.absorbed_predicted.to_bits(),
             incident_energy: report.incident_energy.to_bits(),
+            absorbed_fraction: report.absorbed_fraction.to_bits(),
+            noise_energy: report.noise_energy.to_bits(),
+            force_noise: report.force_noise.to_bits(),
             flags: report.flags.bits()
                 | match counters::snapshot().health.standing {
                     0 => 0,
                     _ => Strike::SENSOR_FAULT,
                 },
         })));
-    }
-
-    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
+        let shape = &report.shape;
+        let gains = |gains: GainMatch| bead_wire::GainMatch {
+            deviation: gains.deviation.to_bits(),
+            uncertainty: gains.uncertainty.to_bits(),
+        };
         outbox::push(Record::Message(Message::Shape(bead_wire::Shape {
             strike: report.strike,
             first_index: report.first_index,
@@ -105,6 +111,8 @@ impl Sink for Telemetry {
             impulse: shape.impulse.to_bits(),
             ring_frequency: shape.ring_frequency.to_bits(),
             ring_decay: shape.ring_decay.to_bits(),
+            force_gains: shape.force_gains.map(gains),
+            acceleration_gains: shape.acceleration_gains.map(gains),
         })));
     }
 }

@@ -1,14 +1,14 @@
 //! Whether sensors and supply can be believed.
 //!
 //! # Design
-//! Looked at is every [`STEP`]th scan of every block, which costs two instructions a sample. All codes of a
+//! Looked at is every [`STEP`]th scan of every block, which costs four instructions a sample. All codes of a
 //! channel are put together by OR and by AND: if both give the same, the code never moved; if all are next to
 //! one rail, their high bits agree. A condition begins when a whole [`WINDOW`] of blocks was so, and is over with
 //! the first block that is not: each is told when it begins and when it is over, ten times a second at most.
 //!
 //! A sensor with its noise moves the code: of the 1250 codes looked at, some ten differ from the rest if the
 //! noise is a fifth of a code and lies as badly as it can, in the middle between two steps. A sensor that is
-//! quieter looks stuck, and is reported as such.
+//! quieter looks stuck, and is reported as such. A sensor is stuck or railed if one of its two channels is.
 //!
 //! The supply is the reference of the ADC. The internal reference voltage tells it, on ADC1 alone, and has to be
 //! sampled for 10 µs at least (DocID022152, embedded reference voltage), more than the 7.4 µs between two scans:
@@ -26,9 +26,11 @@ use crate::acquire::{Block, CHANNELS};
 use crate::counters;
 use crate::report;
 
+/// Channels of a sensor.
+const GAINS: usize = 2;
 /// Of so many scans one is looked at.
 const STEP: usize = 8;
-/// Blocks from verdict to verdict: 100 ms, more than the longest window of a strike (4096 samples), so that no
+/// Blocks from verdict to verdict: 100 ms, more than the longest window of a strike (1024 samples), so that no
 /// strike looks like a railed sensor.
 const WINDOW: u32 = 50;
 /// Bits in which all codes next to a rail agree: 0 to 15, or 4080 to 4095.
@@ -100,6 +102,10 @@ impl Codes {
         self.all &= other.all;
     }
 
+    const fn one(code: u16) -> Self {
+        Self { any: code, all: code }
+    }
+
     fn verdict(self) -> Verdict {
         if self.any & HIGH == 0 || self.all & HIGH == HIGH {
             Verdict::Railed
@@ -111,9 +117,18 @@ impl Codes {
     }
 }
 
+/// What two channels say together.
+fn verdict(channels: [Codes; GAINS]) -> Verdict {
+    let verdicts = channels.map(Codes::verdict);
+    let worst = [Verdict::Railed, Verdict::Stuck]
+        .into_iter()
+        .find(|verdict| verdicts.contains(verdict));
+    worst.unwrap_or(Verdict::Good)
+}
+
 /// One sensor.
 struct Sensor {
-    window: Codes,
+    window: [Codes; GAINS],
     verdict: Verdict,
     stuck: Condition,
     railed: Condition,
@@ -122,7 +137,7 @@ struct Sensor {
 impl Sensor {
     const fn new(stuck: Condition, railed: Condition) -> Self {
         Self {
-            window: Codes::NONE,
+            window: [Codes::NONE; GAINS],
             verdict: Verdict::Good,
             stuck,
             railed,
@@ -130,16 +145,18 @@ impl Sensor {
     }
 
     /// Takes the codes of a block.
-    fn block(&mut self, codes: Codes) {
-        self.window.add(codes);
-        if self.verdict != Verdict::Good && codes.verdict() == Verdict::Good {
+    fn block(&mut self, codes: [Codes; GAINS]) {
+        for (window, codes) in self.window.iter_mut().zip(codes) {
+            window.add(codes);
+        }
+        if self.verdict != Verdict::Good && verdict(codes) == Verdict::Good {
             self.becomes(Verdict::Good);
         }
     }
 
     /// Judges the window, and begins the next.
     fn judge(&mut self) {
-        let found = core::mem::replace(&mut self.window, Codes::NONE).verdict();
+        let found = verdict(core::mem::replace(&mut self.window, [Codes::NONE; GAINS]));
         if found != Verdict::Good && found != self.verdict {
             self.becomes(found);
         }
@@ -186,7 +203,7 @@ impl Condition {
 /// Watches the blocks on their way to the meter.
 pub(crate) struct Watch {
     blocks: u32,
-    sensors: [Sensor; CHANNELS],
+    sensors: [Sensor; CHANNELS / GAINS],
     supply: Condition,
     /// Blocks for which the supply still counts as low.
     supply_low_blocks: u32,
@@ -238,12 +255,12 @@ impl Watch {
     /// Looks at a block, and at the supply.
     pub(crate) fn look(&mut self, block: &Block) {
         let mut codes = [Codes::NONE; CHANNELS];
-        for scan in block.scans.iter().step_by(STEP) {
-            for (codes, code) in codes.iter_mut().zip([scan.force.get(), scan.acceleration.get()]) {
-                codes.add(Codes { any: code, all: code });
+        for scan in block.scans().step_by(STEP) {
+            for (codes, code) in codes.iter_mut().zip(scan.codes()) {
+                codes.add(Codes::one(code));
             }
         }
-        for (sensor, codes) in self.sensors.iter_mut().zip(codes) {
+        for (sensor, &codes) in self.sensors.iter_mut().zip(codes.as_chunks().0) {
             sensor.block(codes);
         }
         self.blocks += 1;

@@ -39,6 +39,7 @@ fn main() -> ! {
     static BOOT: StaticCell<Boot> = StaticCell::new();
     static LOADED: StaticCell<Loaded> = StaticCell::new();
     static RING: ConstStaticCell<Ring> = ConstStaticCell::new([0; _]);
+    static SPILL: ConstStaticCell<[u16; acquire::CODES]> = ConstStaticCell::new([0; _]);
     static BLOCKS: ConstStaticCell<[Block; estimate::BLOCKS]> = ConstStaticCell::new([Block::EMPTY; _]);
     static CHANNEL: StaticCell<Channel<'static, CriticalSectionRawMutex, Block>> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
@@ -70,7 +71,9 @@ fn main() -> ! {
         adc: p.ADC1,
         dma: p.DMA2_CH0,
         force: p.PA0,
-        acceleration: p.PA1,
+        force_wide: p.PA1,
+        acceleration: p.PA2,
+        acceleration_wide: p.PA3,
     };
     let clock = SampleClock::new(p.TIM3);
     let port = transmit::port(p.USART1, p.PA9, p.DMA2_CH7);
@@ -90,7 +93,7 @@ fn main() -> ! {
         .spawn(estimate::estimate(&loaded.settings, METER.take(), receiver).expect(ONCE));
     spawn
         .acquire
-        .spawn(acquire::acquire(inputs, clock, RING.take(), sender).expect(ONCE));
+        .spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), sender).expect(ONCE));
     spawn.rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
     loop {
         cortex_m::asm::wfi();

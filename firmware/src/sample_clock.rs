@@ -33,8 +33,8 @@ const _: () = assert!(
 );
 
 /// Counts at which the output may be opened between epochs: a tenth of a period after the timer's update and
-/// the driver's tick, and half a period, longer than a scan takes, before the next.
-const CALM: core::ops::RangeInclusive<u32> = PERIOD / 10..=PERIOD / 2;
+/// the driver's tick, and six tenths of a period, longer than a scan takes, before the next.
+const CALM: core::ops::RangeInclusive<u32> = PERIOD / 10..=PERIOD * 4 / 10;
 
 /// Starts the scans.
 pub(crate) struct SampleClock {

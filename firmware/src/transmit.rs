@@ -65,21 +65,28 @@ fn frame<'b>(queued: &Queued, buffer: &'b mut [u8; MAX_FRAME]) -> Result<&'b [u8
     match &queued.record {
         Record::Message(message) => encode(&header, message, buffer),
         Record::Waveform(chunk) => {
-            let mut packed = [0; 3 * CHUNK];
+            let mut packed = [0; PACKED];
             encode(&header, &Message::Waveform(waveform(chunk, &mut packed)), buffer)
         }
     }
 }
 
-fn waveform<'p>(chunk: &Chunk, packed: &'p mut [u8; 3 * CHUNK]) -> Waveform<'p> {
-    let scans = chunk
-        .scans
-        .iter()
-        .map(|scan| [scan.force.get(), scan.acceleration.get()]);
+/// Bytes of a chunk's codes at both gains, with the two scans before.
+const PACKED: usize = 3 * (CHUNK + 2 + CHUNK);
+
+fn waveform<'p>(chunk: &Chunk, packed: &'p mut [u8; PACKED]) -> Waveform<'p> {
+    const ROOM: &str = "a chunk has at most CHUNK scans of codes of 12 bits";
+    let (sensitive, wide) = packed.split_at_mut(3 * CHUNK);
+    let scans = chunk.scans.iter().map(|scan| scan.sensitive());
+    let wides = chunk.before.iter().chain(&chunk.scans).map(|scan| scan.wide());
     Waveform {
         strike: chunk.strike,
         first_index: chunk.first_index,
-        codes: Codes::pack(scans, packed).expect("a chunk has at most CHUNK scans of codes of 12 bits"),
+        codes: Codes::pack(scans, sensitive).expect(ROOM),
+        wide: match chunk.loud {
+            true => Codes::pack(wides, wide).expect(ROOM),
+            false => Codes::default(),
+        },
         absorbed_measured: chunk.absorbed_measured.to_bits(),
         absorbed_predicted: chunk.absorbed_predicted.to_bits(),
     }

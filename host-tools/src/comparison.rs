@@ -7,9 +7,11 @@
 //! The recording does not say when the striker hit. Each strike is therefore placed in time where its force fits the
 //! simulated one best; the acceleration, taken [`SCAN_SKEW`] later, follows.
 
-use bead_model::calibration::BASELINE;
+use bead_model::calibration::{BASELINE, Channel};
 use bead_model::design::Bead;
+use bead_model::sensor::Sensor;
 use bead_wire::{FINE_UNIT, FORCE_UNIT_N};
+use fixed::types::extra::LeEqU32;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
 use serde::Serialize;
 
@@ -19,7 +21,7 @@ use crate::frames::{flag_names, joules, newton_seconds};
 use crate::front_end::SCAN_SKEW;
 use crate::replay::{Replay, replay};
 use crate::sensed::{Truth, bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
-use crate::strikes::RecordedStrike;
+use crate::strikes::{Codes, RecordedStrike};
 
 /// Goal for estimate A against the full chain.
 pub const GOAL_A: f64 = 2e-3;
@@ -304,12 +306,12 @@ impl Chain {
             return None;
         }
         let rate = f64::from(settings.sample_rate_hz);
-        let column = |channel: usize| strike.scans.iter().map(move |scan| scan[channel]);
-        let channel = &settings.force;
-        let force = sensed(column(0), channel.per_code.to_num(), channel.slope.to_num(), rate);
-        let channel = &settings.acceleration;
-        let acceleration = sensed(column(1), channel.per_code.to_num(), channel.slope.to_num(), rate);
-        let gate = settings.chain.gate.to_num::<f64>();
+        let force = sensed(&strike.scans, 0, &settings.force);
+        let acceleration = sensed(&strike.scans, 1, &settings.acceleration);
+        let gate = f64::max(
+            settings.chain.gate.to_num(),
+            3.0 * FORCE_UNIT_N * f64::from(strike.said.force_noise),
+        );
         let gated: Vec<f64> = force
             .iter()
             .map(|&f| if f.abs() < gate { 0.0 } else { f })
@@ -421,18 +423,43 @@ impl Chain {
     }
 }
 
-/// A channel's codes in its unit, relative to the quiet start of the window, the pole taken out.
-/// `slope` is per code and change over two samples, see [`Channel`](bead_model::calibration::Channel).
-fn sensed(codes: impl Iterator<Item = u16> + Clone, per_code: f64, slope: f64, rate: f64) -> Vec<f64> {
-    let quiet = usize::from(BASELINE);
-    let zero = codes.clone().take(quiet).map(f64::from).sum::<f64>() / quiet as f64;
-    let values: Vec<f64> = codes.map(|code| (f64::from(code) - zero) * per_code).collect();
-    // The slope is that by f_s / (2 ω): half the pole's time constant in samples.
-    let time_constant = 2.0 * slope / per_code / rate;
-    if time_constant == 0.0 {
-        return values;
-    }
-    f64_estimators::compensate(&values, 1.0 / (std::f64::consts::TAU * time_constant), rate)
+/// A sensor's signal in its unit, relative to the quiet start of the window, filter and delay taken out: from the channel of
+/// the high gain wherever that is away from its rails.
+fn sensed<F: LeEqU32>(scans: &[Codes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
+    let sensitive: Vec<f64> = scans.iter().map(|scan| scan.sensitive[sensor].into()).collect();
+    // Codes that were not sent had no part in the window.
+    let wide = |scan: &Codes| scan.wide.map_or(f64::NAN, |wide| wide[sensor].into());
+    let wide: Vec<f64> = scans.iter().map(wide).collect();
+    let values = channel(&sensitive, &calibration.sensitive);
+    let wides = channel(&wide, &calibration.wide);
+    let believable = |at: usize| {
+        let reach = at.saturating_sub(1)..(at + 2).min(scans.len());
+        sensitive[reach].iter().all(|code| (64.0..=4031.0).contains(code))
+    };
+    // Where both channels see a signal that moves, they are made to agree.
+    let per_code = calibration.sensitive.per_code.to_num::<f64>();
+    let differences: Vec<f64> = (0..scans.len())
+        .filter(|&at| believable(at) && values[at].abs() >= 1024.0 * per_code)
+        .map(|at| wides[at] - values[at])
+        .filter(|difference| difference.is_finite())
+        .collect();
+    let offset = differences.iter().sum::<f64>() / (differences.len() + 1) as f64;
+    (0..scans.len())
+        .map(|at| match believable(at) || wides[at].is_nan() {
+            true => values[at],
+            false => wides[at] - offset,
+        })
+        .collect()
+}
+
+/// A channel's codes in its unit.
+fn channel<F: LeEqU32>(codes: &[f64], channel: &Channel<F>) -> Vec<f64> {
+    let quiet = &codes[..usize::from(BASELINE)];
+    let zero = quiet.iter().sum::<f64>() / quiet.len() as f64;
+    let (per_code, slope) = (channel.per_code.to_num::<f64>(), channel.slope.to_num::<f64>());
+    let values: Vec<f64> = codes.iter().map(|code| (code - zero) * per_code).collect();
+    // The slope is per change over two samples.
+    f64_estimators::lead(&values, 2.0 * slope / per_code)
 }
 
 /// Noise of the force before the strike, N rms.
@@ -441,13 +468,13 @@ fn force_noise(strike: &RecordedStrike) -> f64 {
         .scans
         .iter()
         .take(usize::from(BASELINE))
-        .map(|scan| f64::from(scan[0]));
+        .map(|scan| f64::from(scan.sensitive[0]));
     let count = quiet.clone().count().max(1) as f64;
     let mean = quiet.clone().sum::<f64>() / count;
     let codes = (quiet.map(|code| (code - mean).powi(2)).sum::<f64>() / count).sqrt();
     let per_code = strike
         .settings
-        .map_or(0.0, |settings| settings.force.per_code.to_num::<f64>());
+        .map_or(0.0, |settings| settings.force.sensitive.per_code.to_num::<f64>());
     codes * per_code
 }
 

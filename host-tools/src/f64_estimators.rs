@@ -15,14 +15,16 @@ use crate::front_end::first_order_hold;
 /// Runge-Kutta steps in one sample period: 2 MHz at 100 kHz.
 pub const SUBSTEPS: usize = 20;
 
-/// Takes a one-pole low-pass out of its samples: `s = y + ẏ/ω`, with the derivative by the five-point central
-/// difference (fourth order). The two samples at either end take what derivative they can.
-pub fn compensate(samples: &[f64], pole_hz: f64, rate_hz: f64) -> Vec<f64> {
-    let in_samples = rate_hz / (std::f64::consts::TAU * pole_hz);
+/// Takes a one-pole low-pass with this time constant, in samples, out of its samples: `s = y + ẏ/ω`, with the derivative
+/// by the five-point central difference (fourth order). The two samples at either end take what derivative they can. A sample that is not known is NaN.
+pub fn lead(samples: &[f64], in_samples: f64) -> Vec<f64> {
     let at = |i: isize| samples[i.clamp(0, samples.len() as isize - 1) as usize];
     (0..samples.len() as isize)
         .map(|i| {
-            let slope = (8.0 * (at(i + 1) - at(i - 1)) - (at(i + 2) - at(i - 2))) / 12.0;
+            let near = (at(i + 1) - at(i - 1)) / 2.0;
+            let far = (at(i + 2) - at(i - 2)) / 4.0;
+            // Of a channel that is only known in part the nearest two have to do.
+            let slope = if far.is_nan() { near } else { (4.0 * near - far) / 3.0 };
             at(i) + in_samples * slope
         })
         .collect()
@@ -218,8 +220,8 @@ mod tests {
         let b = |samples: &[f64]| error(&predicted(&bead, samples, RATE), truth);
         let (raw_a, raw_b) = (a(&acceleration), b(&force));
         let (a, b) = (
-            a(&compensate(&acceleration, 40e3, RATE)),
-            b(&compensate(&force, 40e3, RATE)),
+            a(&lead(&acceleration, RATE / (std::f64::consts::TAU * 40e3))),
+            b(&lead(&force, RATE / (std::f64::consts::TAU * 40e3))),
         );
         println!("pole at 40 kHz: A {raw_a:.2e} -> {a:.2e}, B {raw_b:.2e} -> {b:.2e}");
         assert!(raw_a.abs() > 1e-3, "the pole costs A something: {raw_a:e}");

@@ -11,6 +11,7 @@
 //! duration = 0.25         # s; without it, to the end of the run
 //! ```
 
+use std::ops::Range;
 use std::path::Path;
 
 use bead_wire::FaultCause;
@@ -89,14 +90,14 @@ impl Kind {
 
     /// Whether it lasts.
     fn lasts(self) -> bool {
-        self.column().is_some() || matches!(self, Self::Supply | Self::UartStall)
+        self.columns().is_some() || matches!(self, Self::Supply | Self::UartStall)
     }
 
-    /// The column of the stimulus that it changes, if it is a sensor's.
-    fn column(self) -> Option<usize> {
+    /// The columns of the stimulus that it changes, if it is a sensor's: both of its gains.
+    fn columns(self) -> Option<Range<usize>> {
         match self {
-            Self::ForceStuck | Self::ForceRailed => Some(0),
-            Self::AccelerationStuck | Self::AccelerationRailed => Some(1),
+            Self::ForceStuck | Self::ForceRailed => Some(0..2),
+            Self::AccelerationStuck | Self::AccelerationRailed => Some(2..4),
             _ => None,
         }
     }
@@ -179,16 +180,16 @@ impl Planned {
                 let rows = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
                 let from = rows(self.at);
                 let many = self.duration.map_or(usize::MAX, rows);
-                let Some(column) = self.kind.column() else { return };
-                let Some(stuck) = run.stimulus.get(from).map(|row| row[column]) else {
+                let Some(columns) = self.kind.columns() else { return };
+                let Some(&stuck) = run.stimulus.get(from) else {
                     return;
                 };
-                let code = match self.kind {
-                    Kind::ForceRailed | Kind::AccelerationRailed => CODES - 1,
+                let codes = match self.kind {
+                    Kind::ForceRailed | Kind::AccelerationRailed => [CODES - 1; 4],
                     _ => stuck,
                 };
                 for row in run.stimulus.iter_mut().skip(from).take(many) {
-                    row[column] = code;
+                    row[columns.clone()].copy_from_slice(&codes[columns.clone()]);
                 }
             }
         }
@@ -422,9 +423,9 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_is_stuck_or_railed_in_its_own_column_for_its_own_time() {
+    fn a_sensor_is_stuck_or_railed_in_its_own_columns_for_its_own_time() {
         let mut run = Run::new("none");
-        run.stimulus = (0..100).map(|row| [row, 1000 + row]).collect();
+        run.stimulus = (0..100).map(|row| [row, 1000 + row, 2000 + row, 3000 + row]).collect();
         let before = run.stimulus.clone();
         let text = "[[fault]]\nat = 0.0001\nkind = \"force_stuck\"\nduration = 0.0002\n\
                     [[fault]]\nat = 0.0005\nkind = \"acceleration_railed\"\n";
@@ -432,9 +433,14 @@ mod tests {
             fault.provoke(&mut run);
         }
         for (row, (before, after)) in before.iter().zip(&run.stimulus).enumerate() {
-            let force = if (10..30).contains(&row) { 10 } else { before[0] };
-            let acceleration = if row >= 50 { 4095 } else { before[1] };
-            assert_eq!(*after, [force, acceleration], "row {row}");
+            let mut expected = *before;
+            if (10..30).contains(&row) {
+                expected[..2].copy_from_slice(&[10, 1010]);
+            }
+            if row >= 50 {
+                expected[2..].fill(4095);
+            }
+            assert_eq!(*after, expected, "row {row}");
         }
     }
 

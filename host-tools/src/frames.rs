@@ -9,8 +9,8 @@ use std::fmt::Write;
 
 use bead_model::{Flags, Settings};
 use bead_wire::{
-    ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, FaultCause,
-    Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Reject, Shape, Status, Strike,
+    ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, FRACTION_UNIT,
+    FaultCause, GainMatch, Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Reject, Shape, Status, Strike,
 };
 use serde_json::{Map, Value, json};
 
@@ -67,8 +67,10 @@ pub struct Identity {
 pub struct Waveform {
     pub strike: u32,
     pub first_index: u64,
-    /// ADC codes, force then acceleration.
+    /// ADC codes at the high gain, force then acceleration.
     pub codes: Vec<[u16; 2]>,
+    /// Those at the low gain, where they had a part in the estimates: of the two scans before, then of these.
+    pub wide: Vec<[u16; 2]>,
     pub absorbed_measured: i64,
     pub absorbed_predicted: i64,
 }
@@ -172,6 +174,7 @@ impl From<bead_wire::Message<'_>> for Message {
                 strike: waveform.strike,
                 first_index: waveform.first_index,
                 codes: waveform.codes.iter().collect(),
+                wide: waveform.wide.iter().collect(),
                 absorbed_measured: waveform.absorbed_measured,
                 absorbed_predicted: waveform.absorbed_predicted,
             }),
@@ -269,12 +272,28 @@ impl Frame {
                 "absorbed_predicted_raw": strike.absorbed_predicted,
                 "incident_energy_j": joules(strike.incident_energy),
                 "incident_energy_raw": strike.incident_energy,
+                "absorbed_fraction": f64::from(strike.absorbed_fraction) * FRACTION_UNIT,
+                "absorbed_fraction_raw": strike.absorbed_fraction,
+                "noise_energy_j": joules(strike.noise_energy),
+                "noise_energy_raw": strike.noise_energy,
+                "force_noise_n": f64::from(strike.force_noise) * FORCE_UNIT_N,
+                "force_noise_raw": strike.force_noise,
                 "flags": flag_names(strike.flags),
                 "flags_raw": strike.flags,
             }),
             Message::Shape(shape) => {
                 let samples = |fine: u32| f64::from(fine) * FINE_UNIT;
                 let seconds = |fine: u32| self.sample_rate_hz.map(|rate| samples(fine) / f64::from(rate));
+                let gains = |gains: Option<GainMatch>| {
+                    gains.map(|gains| {
+                        json!({
+                            "deviation": f64::from(gains.deviation) * FRACTION_UNIT,
+                            "deviation_raw": gains.deviation,
+                            "uncertainty": f64::from(gains.uncertainty) * FRACTION_UNIT,
+                            "uncertainty_raw": gains.uncertainty,
+                        })
+                    })
+                };
                 json!({
                     "strike": shape.strike,
                     "first_index": shape.first_index,
@@ -288,6 +307,8 @@ impl Frame {
                     "ring_frequency_raw": shape.ring_frequency,
                     "ring_decay_per_s": samples(shape.ring_decay),
                     "ring_decay_raw": shape.ring_decay,
+                    "force_gains": gains(shape.force_gains),
+                    "acceleration_gains": gains(shape.acceleration_gains),
                 })
             }
             Message::Waveform(waveform) => json!({
@@ -295,6 +316,7 @@ impl Frame {
                 "first_index": waveform.first_index,
                 "first_time_s": time(waveform.first_index),
                 "codes": waveform.codes,
+                "wide": waveform.wide,
                 "absorbed_measured_j": joules(waveform.absorbed_measured),
                 "absorbed_measured_raw": waveform.absorbed_measured,
                 "absorbed_predicted_j": joules(waveform.absorbed_predicted),
@@ -408,7 +430,7 @@ mod tests {
             boot: 256,
             reset_cause: 0b0000_1100,
             sample_rate_hz: 100_000,
-            channels: 2,
+            channels: 4,
         })
     }
 
@@ -425,6 +447,9 @@ mod tests {
             absorbed_measured: 830 << 24,
             absorbed_predicted: 1 << 23,
             incident_energy: -(1 << 24),
+            absorbed_fraction: 1 << 14,
+            noise_energy: 1 << 20,
+            force_noise: 328,
             flags: 0b1100_0000_0000_0010,
         }
     }
@@ -491,6 +516,7 @@ mod tests {
                 strike: 1,
                 first_index: 0,
                 codes,
+                wide: codes,
                 absorbed_measured: 0,
                 absorbed_predicted: 0,
             }),
@@ -520,6 +546,7 @@ mod tests {
         assert_eq!(lines[0]["uid"], json!("a5".repeat(12)));
         assert_eq!(lines[1]["frames_dropped_queue_full"], json!(4));
         assert_eq!(lines[3]["codes"], json!([[7, 4095]]));
+        assert_eq!(lines[3]["wide"], json!([[7, 4095]]));
         assert_eq!(lines[5]["settings"], serde_json::to_value(settings).unwrap());
         assert_eq!(lines[6]["settings"], Value::Null);
     }

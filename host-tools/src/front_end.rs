@@ -1,18 +1,19 @@
 //! The sensing front end of a bead, from newtons and m/s² to 12-bit codes.
 //!
 //! # Design
-//! Each channel is a sensor (volts per unit), an amplifier (gain and offset), a one-pole anti-alias low-pass, noise,
-//! and the converter: sampled at the scan rate, rounded to 12 bits, saturated at the rails. The low-pass is applied
-//! to the signal taken every half microsecond or finer, with the exact solution for a signal that is straight
+//! Each sensor (volts per unit) has a one-pole anti-alias low-pass and two channels behind it: an amplifier (gain and
+//! offset), noise, and the converter: sampled at the scan rate, rounded to 12 bits, saturated at the rails. The low-pass is
+//! applied to the signal taken every half microsecond or finer, with the exact solution for a signal that is straight
 //! between those points, so that its error is that of the straight line and not of the filter.
 //!
-//! One scan converts both channels one after the other: acceleration is held [`SCAN_SKEW`] after force. The model
-//! keeps that skew; whoever compares with the simulation corrects for it.
+//! One scan converts the four channels one after the other, [`CONVERSION`] each: acceleration is held [`SCAN_SKEW`] after
+//! force. The model keeps that skew; whoever compares with the simulation corrects for it. Within a sensor the settings
+//! correct it.
 //!
 //! Noise is white from sample to sample and stands after the low-pass: it is the noise of conditioner and converter
 //! seen at the code, referred to the sensor's unit.
 
-use bead_model::design::{self, ChannelFrontEnd};
+use bead_model::design::{self, ChannelFrontEnd, SensorFrontEnd};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -26,13 +27,18 @@ pub const ADC_CLOCK_HZ: u32 = 21_000_000;
 pub const SAMPLE_CYCLES: u32 = 15;
 /// ADC clock cycles of a 12-bit successive approximation (RM0090, ADC_CR1.RES: 12 bits, 12 cycles).
 pub const CONVERSION_CYCLES: u32 = 12;
-/// Seconds by which the acceleration of a scan is taken after its force: one conversion, 1.29 µs.
-pub const SCAN_SKEW: f64 = (SAMPLE_CYCLES + CONVERSION_CYCLES) as f64 / ADC_CLOCK_HZ as f64;
+/// Seconds from one conversion of a scan to the next: 1.29 µs.
+pub const CONVERSION: f64 = (SAMPLE_CYCLES + CONVERSION_CYCLES) as f64 / ADC_CLOCK_HZ as f64;
+/// Seconds by which the acceleration of a scan is taken after its force, both at the high gain: two conversions.
+pub const SCAN_SKEW: f64 = 2.0 * CONVERSION;
 
 /// The converter's reference, which is VDDA, in volts.
 pub const REFERENCE_VOLTS: f64 = 3.3;
 /// Codes of the 12-bit converter.
 pub const CODES: u16 = 4096;
+
+/// The low gain's range over the high one's, of the reference design.
+pub const WIDER: f64 = 96.0;
 
 /// Points of the fine grid in one sample period: 2 MHz at 100 kHz.
 const FINE_STEPS: u32 = 20;
@@ -117,35 +123,63 @@ impl Channel {
     }
 }
 
+/// One sensor behind two gains.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Sensor {
+    /// At the high gain: converted first.
+    pub sensitive: Channel,
+    /// At the low gain.
+    pub wide: Channel,
+}
+
+impl Sensor {
+    /// What the settings of a bead are derived from.
+    pub fn calibration(&self) -> SensorFrontEnd {
+        SensorFrontEnd {
+            sensitive: self.sensitive.calibration(),
+            wide: self.wide.calibration(),
+            delay: CONVERSION,
+        }
+    }
+
+    /// Both channels, in the order of their conversion.
+    pub fn channels_mut(&mut self) -> [&mut Channel; 2] {
+        [&mut self.sensitive, &mut self.wide]
+    }
+}
+
 /// The front end of one bead.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrontEnd {
     /// The force at the bead's incoming contact.
-    pub force: Channel,
+    pub force: Sensor,
     /// The absolute acceleration of its intruder.
-    pub acceleration: Channel,
+    pub acceleration: Sensor,
 }
 
 impl Default for FrontEnd {
-    /// The reference design: a PCB 208C01-class force sensor (112.41 mV/N) over 16 N, -0.5 to 15.5 N, and the
-    /// paper's accelerometer PCB 352A24 (10.2 mV per m/s²) over ±250 m/s². A strike of 0.45 m/s peaks at 6.4 N and
-    /// 194 m/s².
+    /// The reference design: a force sensor of 2.248 mV/N (PCB 208C03 class) over 16 N, -0.5 to 15.5 N, and over 1536 N; an
+    /// accelerometer of 0.1 mV per m/s² over ±250 m/s² and over ±24 km/s². The paper's strike of 0.45 m/s peaks at 6.4 N and
+    /// 194 m/s², one of 5 m/s by a striker of 11.5 mm at 1382 N and 22.4 km/s².
     ///
-    /// Poles at 40 kHz: far above the 5.2 kHz of the intruder's relaxation, below half the sample rate. Noise: these
-    /// sensors resolve 0.45 mN and 2 mm/s² rms; the conditioner and the converter behind them set the floor, about
-    /// one code of force (3.9 mN) and half a code of acceleration (0.12 m/s²).
+    /// Poles at 40 kHz: far above the 5.2 kHz of the intruder's relaxation, below half the sample rate. Noise: at the high
+    /// gain 5 mN, about one code, and 0.05 m/s², half a code (see `docs/front-end.md` for what real sensors add); at the low
+    /// gain it is the converter's, three quarters of a code.
     fn default() -> Self {
+        let sensor = |sensitivity: f64, span: f64, zero_code: f64, noise: [f64; 2]| {
+            let channel = |span: f64, noise_rms: f64| Channel {
+                pole_hz: Some(40e3),
+                noise_rms,
+                ..Channel::spanning(sensitivity, span, zero_code)
+            };
+            Sensor {
+                sensitive: channel(span, noise[0]),
+                wide: channel(WIDER * span, noise[1]),
+            }
+        };
         Self {
-            force: Channel {
-                pole_hz: Some(40e3),
-                noise_rms: 5e-3,
-                ..Channel::spanning(0.112_41, 16.0, 128.0)
-            },
-            acceleration: Channel {
-                pole_hz: Some(40e3),
-                noise_rms: 0.05,
-                ..Channel::spanning(10.2e-3, 500.0, 2048.0)
-            },
+            force: sensor(2.248e-3, 16.0, 128.0, [5e-3, 0.3]),
+            acceleration: sensor(0.1e-3, 500.0, 2048.0, [0.05, 9.0]),
         }
     }
 }
@@ -161,9 +195,9 @@ pub trait Stimulus {
 /// Codes as the converter delivers them, and how often it met a rail.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Digitised {
-    /// One `[force, acceleration]` a scan.
-    pub scans: Vec<[u16; 2]>,
-    /// Scans in which each channel lay beyond a rail.
+    /// One `[force, wide force, acceleration, wide acceleration]` a scan.
+    pub scans: Vec<[u16; 4]>,
+    /// Scans in which each sensor lay beyond a rail at its low gain: force, acceleration.
     pub saturated: [usize; 2],
 }
 
@@ -176,21 +210,41 @@ impl FrontEnd {
         }
     }
 
+    /// The channels, in the order of their conversion.
+    pub fn channels_mut(&mut self) -> [&mut Channel; 4] {
+        let [force, force_wide] = self.force.channels_mut();
+        let [acceleration, acceleration_wide] = self.acceleration.channels_mut();
+        [force, force_wide, acceleration, acceleration_wide]
+    }
+
     /// Converts `scans` scans, the first of which holds the force at time 0. Before time 0 both sensors have been
     /// at their value of time 0.
     ///
     /// `seed` fixes the noise; `None` leaves it out. The same arguments give the same codes.
     pub fn digitise(&self, stimulus: &mut impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
-        let (force, force_saturated) = convert(&self.force, |t| stimulus.force(t), scans, seed, 0);
-        let (acceleration, acceleration_saturated) = convert(
-            &self.acceleration,
+        let Sensor { sensitive, wide } = &self.force;
+        let (force, _) = convert(sensitive, |t| stimulus.force(t), scans, seed, 0);
+        let (force_wide, force_saturated) =
+            convert(wide, |t| stimulus.force(t + CONVERSION), scans, seed, 2);
+        let Sensor { sensitive, wide } = &self.acceleration;
+        let (acceleration, _) = convert(
+            sensitive,
             |t| stimulus.acceleration(t + SCAN_SKEW),
             scans,
             seed,
             1,
         );
+        let (acceleration_wide, acceleration_saturated) = convert(
+            wide,
+            |t| stimulus.acceleration(t + SCAN_SKEW + CONVERSION),
+            scans,
+            seed,
+            3,
+        );
         Digitised {
-            scans: force.into_iter().zip(acceleration).map(|(f, a)| [f, a]).collect(),
+            scans: (0..scans)
+                .map(|i| [force[i], force_wide[i], acceleration[i], acceleration_wide[i]])
+                .collect(),
             saturated: [force_saturated, acceleration_saturated],
         }
     }
@@ -301,7 +355,7 @@ mod tests {
     #[test]
     fn the_low_pass_is_3_db_down_at_its_pole() {
         let mut front_end = FrontEnd::default();
-        front_end.acceleration.pole_hz = Some(10e3);
+        front_end.acceleration.sensitive.pole_hz = Some(10e3);
         let codes = front_end
             .digitise(
                 &mut Sine {
@@ -312,7 +366,7 @@ mod tests {
                 None,
             )
             .scans;
-        let out = rms(codes[1000..].iter().map(|c| front_end.acceleration.value(c[1])));
+        let out = rms(codes[1000..].iter().map(|c| front_end.acceleration.sensitive.value(c[2])));
         let ratio = out / (200.0 * FRAC_1_SQRT_2);
         assert!((ratio - FRAC_1_SQRT_2).abs() < 1e-3, "{ratio}");
     }
@@ -330,15 +384,15 @@ mod tests {
                 None,
             )
             .scans;
-        let out = rms(codes[1000..].iter().map(|c| front_end.acceleration.value(c[1])));
+        let out = rms(codes[1000..].iter().map(|c| front_end.acceleration.sensitive.value(c[2])));
         assert!((out / (200.0 * FRAC_1_SQRT_2) - 1.0).abs() < 1e-4, "{out}");
     }
 
     #[test]
     fn the_noise_has_the_rms_asked_for_on_both_channels() {
         let mut front_end = FrontEnd::default();
-        front_end.force.noise_rms = 0.05;
-        front_end.acceleration.noise_rms = 1.5;
+        front_end.force.sensitive.noise_rms = 0.05;
+        front_end.acceleration.sensitive.noise_rms = 1.5;
         let codes = front_end
             .digitise(
                 &mut Sine {
@@ -350,8 +404,8 @@ mod tests {
             )
             .scans;
         // 40 000 samples fix a standard deviation to 0.35 % (one sigma of the estimate).
-        let force = rms(codes.iter().map(|c| front_end.force.value(c[0])));
-        let acceleration = rms(codes.iter().map(|c| front_end.acceleration.value(c[1])));
+        let force = rms(codes.iter().map(|c| front_end.force.sensitive.value(c[0])));
+        let acceleration = rms(codes.iter().map(|c| front_end.acceleration.sensitive.value(c[2])));
         assert!((force / 0.05 - 1.0).abs() < 0.015, "{force}");
         assert!((acceleration / 1.5 - 1.0).abs() < 0.015, "{acceleration}");
     }
@@ -359,8 +413,8 @@ mod tests {
     #[test]
     fn the_noise_of_the_two_channels_is_independent() {
         let mut front_end = FrontEnd::default();
-        front_end.force.noise_rms = 0.5;
-        front_end.acceleration.noise_rms = 15.0;
+        front_end.force.sensitive.noise_rms = 0.5;
+        front_end.acceleration.sensitive.noise_rms = 15.0;
         let codes = front_end
             .digitise(
                 &mut Sine {
@@ -373,7 +427,7 @@ mod tests {
             .scans;
         let product: f64 = codes
             .iter()
-            .map(|c| (front_end.force.value(c[0]) - 8.0) * front_end.acceleration.value(c[1]))
+            .map(|c| (front_end.force.sensitive.value(c[0]) - 8.0) * front_end.acceleration.sensitive.value(c[2]))
             .sum();
         let correlation = product / 40_000.0 / (0.5 * 15.0);
         assert!(correlation.abs() < 0.02, "{correlation}");
@@ -382,7 +436,8 @@ mod tests {
     #[test]
     fn what_lies_beyond_a_rail_saturates_and_is_counted() {
         let mut front_end = FrontEnd::default();
-        front_end.acceleration.pole_hz = None;
+        front_end.acceleration.wide = front_end.acceleration.sensitive;
+        front_end.acceleration.wide.pole_hz = None;
         // A period of 100 samples, off the grid by the scan skew: the sine exceeds 250 of 400 m/s² for
         // two arcs of acos(252.8/400)/π of the period.
         let digitised = front_end.digitise(
@@ -402,17 +457,19 @@ mod tests {
         let at_rails = digitised
             .scans
             .iter()
-            .filter(|c| c[1] == 0 || c[1] == CODES - 1)
+            .filter(|c| c[3] == 0 || c[3] == CODES - 1)
             .count();
         assert!(at_rails >= digitised.saturated[1]);
         assert!(digitised.saturated[1] > 0);
     }
 
     #[test]
-    fn acceleration_is_taken_one_conversion_after_force() {
+    fn the_channels_are_converted_one_after_the_other() {
         let mut front_end = FrontEnd::default();
-        front_end.force.pole_hz = None;
-        front_end.acceleration.pole_hz = None;
+        for sensor in [&mut front_end.force, &mut front_end.acceleration] {
+            sensor.sensitive.pole_hz = None;
+            sensor.wide = sensor.sensitive;
+        }
         let codes = front_end
             .digitise(
                 &mut Sine {
@@ -433,8 +490,11 @@ mod tests {
             }
             c.atan2(s)
         };
-        let skew = (phase(1) - phase(0)) / (TAU * 4850.0);
-        assert!((skew - SCAN_SKEW).abs() < 5e-8, "{skew} {SCAN_SKEW}");
+        for channel in 1..4 {
+            let skew = (phase(channel) - phase(0)) / (TAU * 4850.0);
+            let expected = channel as f64 * CONVERSION;
+            assert!((skew - expected).abs() < 5e-8, "{skew} {expected}");
+        }
     }
 
     #[test]
@@ -457,18 +517,24 @@ mod tests {
             (ours.force, reference.force),
             (ours.acceleration, reference.acceleration),
         ] {
-            assert!((ours.per_code / reference.per_code - 1.0).abs() < 1e-12);
-            assert!((ours.zero_code - reference.zero_code).abs() < 1e-9);
-            assert_eq!(
-                (ours.pole_hz, ours.noise_rms),
-                (reference.pole_hz, reference.noise_rms)
-            );
+            assert!((ours.delay / reference.delay - 1.0).abs() < 1e-12);
+            for (ours, reference) in [
+                (ours.sensitive, reference.sensitive),
+                (ours.wide, reference.wide),
+            ] {
+                assert!((ours.per_code / reference.per_code - 1.0).abs() < 1e-12);
+                assert!((ours.zero_code - reference.zero_code).abs() < 1e-9);
+                assert_eq!(
+                    (ours.pole_hz, ours.noise_rms),
+                    (reference.pole_hz, reference.noise_rms)
+                );
+            }
         }
     }
 
     #[test]
     fn a_code_and_its_value_round_trip() {
-        let channel = FrontEnd::default().force;
+        let channel = FrontEnd::default().force.sensitive;
         for code in 0..CODES {
             assert_eq!(channel.convert(channel.value(code)), (code, false));
         }

@@ -25,18 +25,24 @@ pub(crate) struct FrontEndOptions {
     /// Seed of the noise: the same seed gives the same codes.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// Noise of the force, N rms [default: 0.005].
+    /// Noise of the force at the high gain, N rms [default: 0.005].
     #[arg(long, value_name = "N")]
     force_noise: Option<f64>,
-    /// Noise of the acceleration, m/s² rms [default: 0.05].
+    /// Noise of the acceleration at the high gain, m/s² rms [default: 0.05].
     #[arg(long, value_name = "M/S2")]
     acceleration_noise: Option<f64>,
-    /// Force that the 4096 codes span, N [default: 16, one thirty-second of it below zero].
+    /// Force that the 4096 codes span at the high gain, N [default: 16, one thirty-second of it below zero].
     #[arg(long, value_name = "N")]
     force_span: Option<f64>,
-    /// Acceleration that the 4096 codes span, m/s² [default: 500, half of it below zero].
+    /// Acceleration that the 4096 codes span at the high gain, m/s² [default: 500, half of it below zero].
     #[arg(long, value_name = "M/S2")]
     acceleration_span: Option<f64>,
+    /// Force that the 4096 codes span at the low gain, N [default: 1536].
+    #[arg(long, value_name = "N")]
+    wide_force_span: Option<f64>,
+    /// Acceleration that the 4096 codes span at the low gain, m/s² [default: 48000].
+    #[arg(long, value_name = "M/S2")]
+    wide_acceleration_span: Option<f64>,
     /// Pole of both anti-alias filters, Hz; 0 for none [default: 40000].
     #[arg(long, value_name = "HZ")]
     pole: Option<f64>,
@@ -61,24 +67,51 @@ impl FrontEndOptions {
             value => Ok(value),
         };
         let mut front_end = FrontEnd::default();
-        if let Some(span) = positive("--force-span", self.force_span, "N")? {
-            front_end.force = front_end.force.with_span(span);
+        let FrontEnd { force, acceleration } = &mut front_end;
+        for (channel, name, span, unit) in [
+            (&mut force.sensitive, "--force-span", self.force_span, "N"),
+            (&mut force.wide, "--wide-force-span", self.wide_force_span, "N"),
+            (
+                &mut acceleration.sensitive,
+                "--acceleration-span",
+                self.acceleration_span,
+                "m/s²",
+            ),
+            (
+                &mut acceleration.wide,
+                "--wide-acceleration-span",
+                self.wide_acceleration_span,
+                "m/s²",
+            ),
+        ] {
+            if let Some(span) = positive(name, span, unit)? {
+                *channel = channel.with_span(span);
+            }
         }
-        if let Some(span) = positive("--acceleration-span", self.acceleration_span, "m/s²")? {
-            front_end.acceleration = front_end.acceleration.with_span(span);
-        }
-        if let Some(rms) = not_negative("--force-noise", self.force_noise, "N rms")? {
-            front_end.force.noise_rms = rms;
-        }
-        if let Some(rms) = not_negative("--acceleration-noise", self.acceleration_noise, "m/s² rms")? {
-            front_end.acceleration.noise_rms = rms;
+        for (sensor, name, rms, unit) in [
+            (force, "--force-noise", self.force_noise, "N rms"),
+            (
+                acceleration,
+                "--acceleration-noise",
+                self.acceleration_noise,
+                "m/s² rms",
+            ),
+        ] {
+            if let Some(rms) = not_negative(name, rms, unit)? {
+                sensor.sensitive.noise_rms = rms;
+                // What the sensor makes is in both channels.
+                sensor.wide.noise_rms = sensor.wide.noise_rms.max(rms);
+            }
         }
         if let Some(hz) = not_negative("--pole", self.pole, "Hz")? {
-            let pole = (hz > 0.0).then_some(hz);
-            (front_end.force.pole_hz, front_end.acceleration.pole_hz) = (pole, pole);
+            for channel in front_end.channels_mut() {
+                channel.pole_hz = (hz > 0.0).then_some(hz);
+            }
         }
         if self.noise == Noise::Off {
-            (front_end.force.noise_rms, front_end.acceleration.noise_rms) = (0.0, 0.0);
+            for channel in front_end.channels_mut() {
+                channel.noise_rms = 0.0;
+            }
         }
         Ok(front_end)
     }

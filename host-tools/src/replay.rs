@@ -1,7 +1,8 @@
 //! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
 
 use bead_model::calibration::BASELINE;
-use bead_model::{AdcCode, Meter, Scan, Settings, Shape, Sink, StrikeReport, Window};
+use bead_model::sensor::GainMatch;
+use bead_model::{Meter, Record, Settings, Sink, StrikeReport, Window};
 use bead_wire::Strike;
 
 use crate::strikes::{Chunk, RecordedStrike};
@@ -32,14 +33,6 @@ impl Replay {
     }
 }
 
-/// A scan from its recorded codes.
-fn scan([force, acceleration]: [u16; 2]) -> Scan {
-    Scan {
-        force: AdcCode::new(force),
-        acceleration: AdcCode::new(acceleration),
-    }
-}
-
 /// Replays one strike twice: its window alone, and as a stream through the strike detector, which must fire at the
 /// same sample.
 pub fn replay(strike: &RecordedStrike) -> Replay {
@@ -59,21 +52,21 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     }
 
     let mut window = Window::open(number, strike.said.first_index);
-    let scans: Vec<Scan> = strike.scans.iter().copied().map(scan).collect();
-    let mut energies = Vec::with_capacity(scans.len());
-    for scan in &scans {
-        window.process(settings, std::slice::from_ref(scan));
+    let mut record = Record::new();
+    record.clear();
+    let mut energies = Vec::with_capacity(strike.scans.len());
+    for codes in &strike.scans {
+        window.process(settings, &[codes.scan()], &mut record);
         energies.push((
             window.absorbed_measured(settings).to_bits(),
             window.absorbed_predicted(settings).to_bits(),
         ));
     }
-    let report = window.report(settings);
+    let report = window.report(settings, &record);
     let said = wire_strike(&report);
-    let shape = || wire_shape(&report, &Shape::of(settings, &scans));
     let first_difference = differs_in_chunks(strike, &energies)
         .or_else(|| differs_in_report(&strike.said, &said))
-        .or_else(|| differs_in_shape(&strike.shape?, &shape()))
+        .or_else(|| differs_in_shape(&strike.shape?, &wire_shape(&report)))
         .map(|what| format!("strike {number}: {what}"))
         .or_else(|| differs_as_stream(strike, settings));
     Replay {
@@ -120,7 +113,7 @@ fn differs_in_shape(device: &bead_wire::Shape, replay: &bead_wire::Shape) -> Opt
 }
 
 /// Every field of a shape frame, by name, as bits.
-fn shape_fields(shape: &bead_wire::Shape) -> [(&'static str, i128); 7] {
+fn shape_fields(shape: &bead_wire::Shape) -> [(&'static str, i128); 11] {
     let bead_wire::Shape {
         strike,
         first_index,
@@ -129,7 +122,16 @@ fn shape_fields(shape: &bead_wire::Shape) -> [(&'static str, i128); 7] {
         impulse,
         ring_frequency,
         ring_decay,
+        force_gains,
+        acceleration_gains,
     } = *shape;
+    let bits = |gains: Option<bead_wire::GainMatch>| {
+        // One that was not told is unlike any that was.
+        gains.map_or([i128::MIN; 2], |gains| {
+            [gains.deviation.into(), gains.uncertainty.into()]
+        })
+    };
+    let [force, acceleration] = [force_gains, acceleration_gains].map(bits);
     [
         ("strike", strike.into()),
         ("first_index", first_index.into()),
@@ -138,11 +140,20 @@ fn shape_fields(shape: &bead_wire::Shape) -> [(&'static str, i128); 7] {
         ("impulse", impulse.into()),
         ("ring_frequency", ring_frequency.into()),
         ("ring_decay", ring_decay.into()),
+        ("force_gains.deviation", force[0]),
+        ("force_gains.uncertainty", force[1]),
+        ("acceleration_gains.deviation", acceleration[0]),
+        ("acceleration_gains.uncertainty", acceleration[1]),
     ]
 }
 
 /// A shape in the bits of its frame.
-pub fn wire_shape(report: &StrikeReport, shape: &Shape) -> bead_wire::Shape {
+pub fn wire_shape(report: &StrikeReport) -> bead_wire::Shape {
+    let shape = &report.shape;
+    let gains = |gains: GainMatch| bead_wire::GainMatch {
+        deviation: gains.deviation.to_bits(),
+        uncertainty: gains.uncertainty.to_bits(),
+    };
     bead_wire::Shape {
         strike: report.strike,
         first_index: report.first_index,
@@ -151,11 +162,13 @@ pub fn wire_shape(report: &StrikeReport, shape: &Shape) -> bead_wire::Shape {
         impulse: shape.impulse.to_bits(),
         ring_frequency: shape.ring_frequency.to_bits(),
         ring_decay: shape.ring_decay.to_bits(),
+        force_gains: shape.force_gains.map(gains),
+        acceleration_gains: shape.acceleration_gains.map(gains),
     }
 }
 
 /// Every field of a strike frame, by name, as bits; without what the bead knew of its sensors from before the window.
-fn fields(strike: &Strike) -> [(&'static str, i128); 12] {
+fn fields(strike: &Strike) -> [(&'static str, i128); 15] {
     let Strike {
         strike,
         first_index,
@@ -168,6 +181,9 @@ fn fields(strike: &Strike) -> [(&'static str, i128); 12] {
         absorbed_measured,
         absorbed_predicted,
         incident_energy,
+        absorbed_fraction,
+        noise_energy,
+        force_noise,
         flags,
     } = *strike;
     [
@@ -182,6 +198,9 @@ fn fields(strike: &Strike) -> [(&'static str, i128); 12] {
         ("absorbed_measured", absorbed_measured.into()),
         ("absorbed_predicted", absorbed_predicted.into()),
         ("incident_energy", incident_energy.into()),
+        ("absorbed_fraction", absorbed_fraction.into()),
+        ("noise_energy", noise_energy.into()),
+        ("force_noise", force_noise.into()),
         ("flags", (flags & !Strike::SENSOR_FAULT).into()),
     ]
 }
@@ -200,6 +219,9 @@ pub fn wire_strike(report: &StrikeReport) -> Strike {
         absorbed_measured: report.absorbed_measured.to_bits(),
         absorbed_predicted: report.absorbed_predicted.to_bits(),
         incident_energy: report.incident_energy.to_bits(),
+        absorbed_fraction: report.absorbed_fraction.to_bits(),
+        noise_energy: report.noise_energy.to_bits(),
+        force_noise: report.force_noise.to_bits(),
         flags: report.flags.bits(),
     }
 }
@@ -223,10 +245,7 @@ impl Sink for Heard {
 
     fn report(&mut self, report: &StrikeReport) {
         self.report = Some(*report);
-    }
-
-    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
-        self.shape = Some(wire_shape(report, shape));
+        self.shape = Some(wire_shape(report));
     }
 }
 
@@ -241,9 +260,9 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     // Indices are the recording's; those of the quiet before it only have to be consecutive.
     let first = strike.said.first_index.wrapping_sub(before);
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
-    for (offset, &codes) in (0..).zip(stream) {
+    for (offset, codes) in (0..).zip(stream) {
         let fired = meter.strikes();
-        meter.process(settings, first.wrapping_add(offset), &[scan(codes)], &mut heard);
+        meter.process(settings, first.wrapping_add(offset), [codes.scan()], &mut heard);
         let index = first.wrapping_add(offset);
         if meter.strikes() > fired && index != strike.said.trigger_index {
             return Some(format!(
@@ -287,7 +306,7 @@ mod tests {
     fn a_strike_that_this_code_made_replays_to_the_same_bits() {
         let replay = replay(&recorded_strike());
         assert_eq!(replay.first_difference, None);
-        assert_eq!(replay.energies.len(), 640);
+        assert_eq!(replay.energies.len(), 672);
     }
 
     #[test]
@@ -344,17 +363,17 @@ mod tests {
     #[test]
     fn one_code_changed_is_found() {
         let mut strike = recorded_strike();
-        strike.scans[300][1] ^= 1;
+        strike.scans[300].sensitive[1] ^= 1;
         assert!(!replay(&strike).identical());
     }
 
     #[test]
     fn missing_samples_and_settings_are_named() {
         let mut strike = recorded_strike();
-        strike.scans.truncate(600);
+        strike.scans.truncate(632);
         strike.chunks.pop();
         let what = replay(&strike).first_difference.unwrap();
-        assert!(what.contains("40 of its 640 samples"), "{what}");
+        assert!(what.contains("40 of its 672 samples"), "{what}");
         let strike = RecordedStrike {
             settings: None,
             ..recorded_strike()

@@ -476,7 +476,7 @@ impl Report<'_> {
         if let Some(settings) = self.settings {
             let rate = f64::from(settings.sample_rate_hz);
             let window = &settings.window;
-            let per_code = settings.force.per_code.to_num::<f64>();
+            let per_code = settings.force.sensitive.per_code.to_num::<f64>();
             fact(
                 "window",
                 format!(
@@ -490,9 +490,11 @@ impl Report<'_> {
             fact(
                 "resolution",
                 format!(
-                    "{:.2} mN and {:.3} m/s² a code",
+                    "{:.2} mN and {:.3} m/s² a code; at the low gain {:.2} N and {:.1} m/s²",
                     per_code * 1e3,
-                    settings.acceleration.per_code.to_num::<f64>()
+                    settings.acceleration.sensitive.per_code.to_num::<f64>(),
+                    settings.force.wide.per_code.to_num::<f64>(),
+                    settings.acceleration.wide.per_code.to_num::<f64>(),
                 ),
             );
         }

@@ -1,5 +1,6 @@
 //! The strikes of a recording: each with its samples, what the bead said of it, and the settings it ran with.
 
+use bead_model::Scan;
 use bead_model::settings::Settings;
 use bead_wire::{Arrival, Shape, Strike};
 
@@ -16,6 +17,24 @@ pub struct Chunk {
     pub absorbed_predicted: i64,
 }
 
+/// The codes of one scan: force, then acceleration, at either gain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Codes {
+    /// At the high gain.
+    pub sensitive: [u16; 2],
+    /// At the low gain, where they had a part in the estimates.
+    pub wide: Option<[u16; 2]>,
+}
+
+impl Codes {
+    /// As the bead had them; codes that had no part in the estimates are made up.
+    pub fn scan(&self) -> Scan {
+        let ([force, acceleration], [force_wide, acceleration_wide]) =
+            (self.sensitive, self.wide.unwrap_or_default());
+        Scan::new([force, force_wide, acceleration, acceleration_wide])
+    }
+}
+
 /// One strike as it was received.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedStrike {
@@ -24,7 +43,7 @@ pub struct RecordedStrike {
     /// What it said of its shape, if that was received.
     pub shape: Option<Shape>,
     /// The window's codes, as far as received without a gap from its start.
-    pub scans: Vec<[u16; 2]>,
+    pub scans: Vec<Codes>,
     /// The chunks that they came in.
     pub chunks: Vec<Chunk>,
     /// The settings in force, if any were received.
@@ -35,6 +54,17 @@ impl RecordedStrike {
     /// Samples of the window that were not received, or came after a gap.
     pub fn missing(&self) -> usize {
         usize::from(self.said.samples).saturating_sub(self.scans.len())
+    }
+
+    /// Appends the codes of a waveform frame; `wide` are those of the two scans before it and of its own, or none.
+    pub fn extend(&mut self, sensitive: &[[u16; 2]], wide: &[[u16; 2]]) {
+        let (before, own) = wide.split_at(wide.len().saturating_sub(sensitive.len()));
+        for (scan, wide) in self.scans.iter_mut().rev().zip(before.iter().rev()) {
+            scan.wide = Some(*wide);
+        }
+        let wide = own.iter().copied().map(Some).chain(std::iter::repeat(None));
+        let codes = sensitive.iter().zip(wide);
+        self.scans.extend(codes.map(|(&sensitive, wide)| Codes { sensitive, wide }));
     }
 }
 
@@ -98,7 +128,7 @@ impl Boot {
                 if waveform.first_index != said.first_index + recorded.scans.len() as u64 {
                     break;
                 }
-                recorded.scans.extend(&waveform.codes);
+                recorded.extend(&waveform.codes, &waveform.wide);
                 recorded.chunks.push(Chunk {
                     end: recorded.scans.len(),
                     absorbed_measured: waveform.absorbed_measured,

@@ -1,7 +1,7 @@
 //! What the unit tests of several files share.
 
 use bead_model::design::{Capture, derive};
-use bead_model::{AdcCode, Meter, Scan, Settings, Sink, StrikeReport};
+use bead_model::{Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
 use hertz_chain::Scenario;
 
 use crate::front_end::FrontEnd;
@@ -47,7 +47,7 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
         Some(1),
     );
     let mut strike = RecordedStrike {
-        said: wire_strike(&bead_model::Window::open(0, 0).report(&settings)),
+        said: wire_strike(&Window::open(0, 0).report(&settings, &Record::new())),
         shape: None,
         scans: Vec::new(),
         chunks: Vec::new(),
@@ -57,15 +57,14 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
     strike
 }
 
-fn feed(settings: &Settings, codes: &[[u16; 2]], strike: &mut RecordedStrike) {
+fn feed(settings: &Settings, codes: &[[u16; 4]], strike: &mut RecordedStrike) {
     struct Into<'a>(&'a mut RecordedStrike);
     impl Sink for Into<'_> {
         fn chunk(&mut self, chunk: &bead_model::Chunk) {
-            let scans = chunk
-                .scans
-                .iter()
-                .map(|scan| [scan.force.get(), scan.acceleration.get()]);
-            self.0.scans.extend(scans);
+            let sensitive: Vec<_> = chunk.scans.iter().map(|scan| scan.sensitive()).collect();
+            let wide = chunk.before.iter().chain(&chunk.scans).map(|scan| scan.wide());
+            let wide: Vec<_> = wide.filter(|_| chunk.loud).collect();
+            self.0.extend(&sensitive, &wide);
             self.0.chunks.push(Chunk {
                 end: self.0.scans.len(),
                 absorbed_measured: chunk.absorbed_measured.to_bits(),
@@ -74,19 +73,11 @@ fn feed(settings: &Settings, codes: &[[u16; 2]], strike: &mut RecordedStrike) {
         }
         fn report(&mut self, report: &StrikeReport) {
             self.0.said = wire_strike(report);
-        }
-        fn shape(&mut self, report: &StrikeReport, shape: &bead_model::Shape) {
-            self.0.shape = Some(wire_shape(report, shape));
+            self.0.shape = Some(wire_shape(report));
         }
     }
     let mut meter = Meter::new();
-    let scans: Vec<Scan> = codes
-        .iter()
-        .map(|&[force, acceleration]| Scan {
-            force: AdcCode::new(force),
-            acceleration: AdcCode::new(acceleration),
-        })
-        .collect();
-    meter.process(settings, 1, &scans, &mut Into(strike));
+    let scans: Vec<Scan> = codes.iter().copied().map(Scan::new).collect();
+    meter.process(settings, 1, scans, &mut Into(strike));
     assert_eq!(meter.strikes(), 1);
 }

@@ -12,7 +12,7 @@ use bead::replay::{wire_shape, wire_strike};
 use bead::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead_model::design::{Capture, derive};
 use bead_model::settings::BLOCK_MAX;
-use bead_model::{AdcCode, Chunk, Meter, Scan, Shape, Sink, StrikeReport};
+use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};
 use bead_wire::{Codes, Header, Identity, MAX_FRAME, Message, Settings, Waveform, encode};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -78,15 +78,14 @@ impl Bead {
 
 impl Sink for Bead {
     fn chunk(&mut self, chunk: &Chunk) {
-        let scans = chunk
-            .scans
-            .iter()
-            .map(|scan| [scan.force.get(), scan.acceleration.get()]);
-        let mut packed = [0; 3 * bead_wire::MAX_SCANS];
+        let scans = chunk.scans.iter().map(|scan| scan.sensitive());
+        let wides = chunk.before.iter().chain(&chunk.scans).map(|scan| scan.wide());
+        let (mut packed, mut wide) = ([0; 3 * bead_wire::MAX_SCANS], [0; 3 * (2 + bead_wire::MAX_SCANS)]);
         let message = Message::Waveform(Waveform {
             strike: chunk.strike,
             first_index: chunk.first_index,
             codes: Codes::pack(scans, &mut packed).unwrap(),
+            wide: Codes::pack(wides.filter(|_| chunk.loud), &mut wide).unwrap(),
             absorbed_measured: chunk.absorbed_measured.to_bits(),
             absorbed_predicted: chunk.absorbed_predicted.to_bits(),
         });
@@ -95,10 +94,7 @@ impl Sink for Bead {
 
     fn report(&mut self, report: &StrikeReport) {
         self.say(report.trigger_index, &Message::Strike(wire_strike(report)));
-    }
-
-    fn shape(&mut self, report: &StrikeReport, shape: &Shape) {
-        self.say(report.trigger_index, &Message::Shape(wire_shape(report, shape)));
+        self.say(report.trigger_index, &Message::Shape(wire_shape(report)));
     }
 }
 
@@ -139,7 +135,7 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
             boot: 0,
             reset_cause: 0,
             sample_rate_hz: 100_000,
-            channels: 2,
+            channels: 4,
         }),
     );
     bead.say(
@@ -149,13 +145,8 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
         }),
     );
     let mut meter = Meter::new();
-    for (index, &[force, acceleration]) in (1..).zip(&codes.scans) {
-        let scan = Scan {
-            force: AdcCode::new(force),
-            acceleration: AdcCode::new(acceleration),
-        };
-        meter.process(&settings, index, &[scan], &mut bead);
-    }
+    let scans: Vec<Scan> = codes.scans.into_iter().map(Scan::new).collect();
+    meter.process(&settings, 1, scans, &mut bead);
     assert_eq!(meter.strikes(), 1);
     spoil(&mut bead.stream);
 
@@ -477,7 +468,7 @@ fn a_recorded_strike_decodes_replays_and_compares() {
 
     let replayed = json(&["replay", path, "--format", "json"]);
     assert_eq!(replayed["identical"], true);
-    assert_eq!(replayed["strikes"][0]["samples"], 640);
+    assert_eq!(replayed["strikes"][0]["samples"], 672);
 
     let report = directory.path().join("report.html");
     let figures = directory.path().join("figures");
@@ -550,7 +541,7 @@ fn a_frame_lost_of_a_strike_fails_replay_and_says_from_where() {
     refused(
         &["replay", path],
         1,
-        &["replay differs", "320 of its 640 samples", "sample index"],
+        &["replay differs", "320 of its 672 samples", "sample index"],
     );
     refused(&["compare", path, "--scenario", SCENARIO], 1, &["replay differs"]);
 }

@@ -35,7 +35,7 @@ fn identity(sequence: u32) -> Vec<u8> {
             boot: 1,
             reset_cause: 0b0000_1100,
             sample_rate_hz: 100_000,
-            channels: 2,
+            channels: 4,
         }),
     )
 }
@@ -49,6 +49,7 @@ fn waveform(sequence: u32) -> Vec<u8> {
             strike: 1,
             first_index: 1000,
             codes,
+            wide: Codes::default(),
             absorbed_measured: 1,
             absorbed_predicted: 2,
         }),
@@ -70,6 +71,9 @@ fn strike(sequence: u32) -> Vec<u8> {
             absorbed_measured: 830 << 24,
             absorbed_predicted: 812 << 24,
             incident_energy: 2000 << 24,
+            absorbed_fraction: 27_197,
+            noise_energy: 0,
+            force_noise: 328,
             flags: 0b10,
         }),
     )

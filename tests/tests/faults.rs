@@ -20,7 +20,7 @@ const PIN: u8 = 1 << 2;
 /// A run of the image with faults as their file has them.
 struct Survived {
     run: Emulation,
-    rows: Vec<[u16; 2]>,
+    rows: Vec<[u16; 4]>,
     outcome: Outcome,
     heard: Heard,
     strikes: Vec<RecordedStrike>,
@@ -84,7 +84,14 @@ impl Survived {
             // The index goes on over a gap: the recorded codes are those put in at their indices.
             for (i, codes) in strike.scans.iter().enumerate() {
                 let row = strike.said.first_index as usize + i - 1;
-                assert_eq!(*codes, self.rows[row], "row {row}");
+                let [force, force_wide, acceleration, acceleration_wide] = self.rows[row];
+                assert_eq!(codes.sensitive, [force, acceleration], "row {row}");
+                assert!(
+                    codes
+                        .wide
+                        .is_none_or(|wide| wide == [force_wide, acceleration_wide]),
+                    "row {row}"
+                );
             }
             let start = self.run.truth.starts.last().expect("there was a strike");
             let arrival = (strike.said.trigger_index as f64 - start) / 100e3;

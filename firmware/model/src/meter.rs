@@ -40,26 +40,39 @@ pub trait Sink {
 /// Room for scans: what it takes to move the history to the front is shared by this many less [`HISTORY_MAX`].
 const ROOM: usize = 4 * HISTORY_MAX;
 
+/// How far the meter may lag behind, in scans: so much of [`ROOM`] that there is some left.
+const LAG_MAX: usize = 2 * HISTORY_MAX;
+
 /// The newest scans, in one piece, so that a strike is looked for without a ring's arithmetic.
 #[derive(Clone)]
 struct Recent {
     scans: [Scan; ROOM],
-    /// How many there are: always [`HISTORY_MAX`] or more.
+    /// How many there are.
     length: usize,
+    /// The first of them that is still to be taken: there are always [`HISTORY_MAX`] or more before it.
+    next: usize,
 }
 
 impl Recent {
-    /// Puts the first of `scans` behind the others, as many as there is room for, and returns which they are.
-    fn append(&mut self, scans: &[Scan]) -> Range<usize> {
+    /// Puts the first of `scans` behind the others, as many as there is room for.
+    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>) {
         if self.length == ROOM {
-            self.scans.copy_within(ROOM - HISTORY_MAX.., 0);
-            self.length = HISTORY_MAX;
+            let unwanted = self.next - HISTORY_MAX;
+            self.scans.copy_within(unwanted.., 0);
+            self.length -= unwanted;
+            self.next = HISTORY_MAX;
         }
         let start = self.length;
-        let count = scans.len().min(ROOM - start);
-        self.length += count;
-        self.scans[start..self.length].copy_from_slice(&scans[..count]);
-        start..self.length
+        self.length = ROOM.min(start + scans.len());
+        // The room first: a scan that is taken and finds none would be lost.
+        for (room, scan) in self.scans[start..self.length].iter_mut().zip(scans) {
+            *room = scan;
+        }
+    }
+
+    /// Those still to be taken.
+    fn new(&self) -> Range<usize> {
+        self.next..self.length
     }
 }
 
@@ -100,6 +113,7 @@ impl Meter {
             recent: Recent {
                 scans: [Scan::ZERO; ROOM],
                 length: HISTORY_MAX,
+                next: HISTORY_MAX,
             },
             phase: Phase::Settling { quiet: 0 },
             record: Record::new(),
@@ -111,6 +125,7 @@ impl Meter {
     /// strikes goes on.
     pub fn restart(&mut self) {
         self.phase = Phase::Settling { quiet: 0 };
+        self.recent.next = self.recent.length;
     }
 
     /// Strikes that have triggered so far.
@@ -129,73 +144,84 @@ impl Meter {
     }
 
     /// Takes scans, the first of which has the sample index `first_index`; indices are consecutive between calls
-    /// of [`restart`](Self::restart). The result does not depend on how the scans are cut into calls.
+    /// of [`restart`](Self::restart). What comes out does not depend on how the scans are cut into calls.
+    ///
+    /// Measuring is most of the work, and a strike begins with a history that is there at once. So that it does not come on top
+    /// of a call's own scans, a call measures three quarters as many as it was given ([`PIECE`] at least): the meter lags behind
+    /// during a window, by its history and a quarter of its length at most, and has caught up soon after.
     pub fn process(
         &mut self,
         settings: &Settings,
-        mut first_index: u64,
-        mut scans: &[Scan],
+        first_index: u64,
+        scans: impl IntoIterator<IntoIter: ExactSizeIterator<Item = Scan>>,
         sink: &mut impl Sink,
     ) {
-        while !scans.is_empty() {
-            let new = self.recent.append(scans);
-            scans = &scans[new.len()..];
-            let mut next = new.start;
-            while next < new.end {
-                let index = first_index + (next - new.start) as u64;
-                next += self.advance(settings, index, next..new.end, sink);
+        let mut scans = scans.into_iter();
+        let mut quota = (scans.len() / 4 * 3).max(PIECE);
+        let mut end_index = first_index;
+        while scans.len() > 0 {
+            end_index += scans.len() as u64;
+            self.recent.append(&mut scans);
+            end_index -= scans.len() as u64;
+            loop {
+                let new = self.recent.new().len();
+                if quota == 0 && new > LAG_MAX {
+                    // Scans by the thousand at once: no device gives them so.
+                    quota = PIECE;
+                }
+                if quota == 0 || new == 0 {
+                    break;
+                }
+                self.advance(settings, end_index - new as u64, &mut quota, sink);
             }
-            first_index += new.len() as u64;
         }
     }
 
-    /// Takes some of the recent scans `new`, the first of which has the index `index`; returns how many.
-    fn advance(&mut self, settings: &Settings, index: u64, new: Range<usize>, sink: &mut impl Sink) -> usize {
+    /// Takes some of the new scans, the first of which has the index `index`.
+    fn advance(&mut self, settings: &Settings, index: u64, quota: &mut usize, sink: &mut impl Sink) {
+        let new = self.recent.new();
         let scans = &self.recent.scans;
-        match &mut self.phase {
+        self.recent.next = match &mut self.phase {
             Phase::Armed => {
                 let before = before_rise(settings, scans, new.clone());
                 if before == new.len() {
-                    return before;
+                    new.end
+                } else {
+                    // The window starts with the history up to and with the scan that triggered.
+                    let history = usize::from(settings.window.history);
+                    let first_index = index + before as u64 + 1 - history as u64;
+                    self.phase = Phase::Measuring(Measurement::open(self.strikes, first_index));
+                    self.strikes += 1;
+                    self.record.clear();
+                    new.start + before + 1 - history
                 }
-                // The window starts with the history up to and with the scan that triggered.
-                let trigger = new.start + before;
-                let history = usize::from(settings.window.history);
-                let first_index = index + before as u64 + 1 - history as u64;
-                let mut strike = Measurement::open(self.strikes, first_index);
-                self.strikes += 1;
-                self.record.clear();
-                strike.process(
-                    settings,
-                    &scans[trigger + 1 - history..=trigger],
-                    &mut self.record,
-                    sink,
-                );
-                self.phase = Phase::Measuring(strike);
-                before + 1
             }
             Phase::Settling { quiet } => {
-                for (taken, at) in (1..).zip(new.clone()) {
+                let mut next = new.start;
+                while next < new.end && *quiet < settings.window.history {
                     // The first samples look back on scans from before the gap; a false rise only starts the
                     // count anew.
                     *quiet += 1;
-                    if *quiet > settings.window.lookback && before_rise(settings, scans, at..at + 1) == 0 {
+                    if *quiet > settings.window.lookback && before_rise(settings, scans, next..next + 1) == 0 {
                         *quiet = 0;
-                    } else if *quiet >= settings.window.history {
-                        self.phase = Phase::Armed;
-                        return taken;
                     }
+                    next += 1;
                 }
-                new.len()
+                if *quiet >= settings.window.history {
+                    self.phase = Phase::Armed;
+                }
+                next
             }
             Phase::Measuring(strike) => {
-                let taken = strike.process(settings, &scans[new], &mut self.record, sink);
+                let some = new.start..new.end.min(new.start + *quota);
+                let taken = strike.process(settings, &scans[some], &mut self.record, sink);
+                *quota -= taken;
                 if strike.is_over(settings) {
                     self.phase = Phase::Settling { quiet: 0 };
                 }
-                taken
+                new.start + taken
             }
-        }
+        };
     }
 }
 
@@ -207,7 +233,7 @@ impl Meter {
 fn before_rise(settings: &Settings, scans: &[Scan], new: Range<usize>) -> usize {
     let lookback = usize::from(settings.window.lookback);
     let threshold = u32::from(settings.window.threshold);
-    let force = |scan: &Scan| u32::from(scan.force.sensitive.get());
+    let force = |scan: &Scan| u32::from(scan.force.sensitive().get());
     scans[new.start - lookback..]
         .iter()
         .zip(&scans[new])

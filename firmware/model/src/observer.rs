@@ -54,31 +54,18 @@ pub struct ObserverState {
     squares: SquareSum<{ 2 * SensedAcceleration::FRAC_NBITS }>,
     /// Samples in them.
     samples: u16,
-    noise: Noise,
-}
-
-/// What noise adds, as measured before the strike.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Noise {
-    squares: u64,
-    samples: u16,
-}
-
-impl Noise {
-    /// Of so many samples.
-    fn of(self, samples: u16) -> u128 {
-        match self.samples {
-            0 => 0,
-            measured => u128::from(self.squares) * u128::from(samples) / u128::from(measured),
-        }
-    }
+    /// Σ (a - y)² over the samples before the strike, and how many they are.
+    quiet: (u64, u16),
+    /// Its mean: what noise adds a sample.
+    noise: u64,
 }
 
 impl ObserverState {
     /// The piece is complete, and was one of noise only.
     pub(crate) fn close_noise(&mut self) {
-        self.noise.squares = self.noise.squares.saturating_add(self.piece);
-        self.noise.samples += self.piece_samples;
+        let (squares, samples) = self.quiet;
+        self.quiet = (squares.saturating_add(self.piece), samples + self.piece_samples);
+        self.noise = self.quiet.0 / u64::from(self.quiet.1.max(1));
         (self.piece, self.piece_samples) = (0, 0);
     }
 
@@ -93,9 +80,10 @@ impl ObserverState {
         counts
     }
 
-    /// The sum over 32 samples of noise scatters by a quarter of itself: above three times that it is a signal.
+    /// The sum over 32 samples of noise scatters by a quarter of itself: at twice its mean it is a signal.
     fn piece_counts(&self) -> bool {
-        4 * u128::from(self.piece) > 7 * self.noise.of(self.piece_samples)
+        let noise = u64::from(self.piece_samples).saturating_mul(self.noise);
+        self.piece / 2 > noise
     }
 }
 
@@ -132,20 +120,20 @@ impl Observer {
     pub fn absorbed(&self, state: &ObserverState) -> Energy {
         let mut whole = *state;
         whole.close_piece();
-        let noise = whole.noise.of(whole.samples);
+        let noise = u128::from(whole.noise) * u128::from(whole.samples);
         whole.squares.less(noise).energy(self.energy)
     }
 
     /// The energy that noise would have added, and that was taken off.
     pub fn noise(&self, state: &ObserverState) -> Energy {
         let mut noise = SquareSum::<{ 2 * SensedAcceleration::FRAC_NBITS }>::default();
-        noise.add(u64::try_from(state.noise.of(state.samples)).unwrap_or(u64::MAX));
+        noise.add(state.noise.saturating_mul(state.samples.into()));
         noise.energy(self.energy)
     }
 
     /// Mean square of the acceleration's noise, as far as the intruder's springs do not follow it, (m/s²)².
     pub fn noise_square(&self, state: &ObserverState) -> f32 {
         const UNIT: f32 = 1.0 / (1_u64 << (2 * SensedAcceleration::FRAC_NBITS)) as f32;
-        state.noise.squares as f32 * UNIT / f32::from(state.noise.samples.max(1))
+        state.noise as f32 * UNIT
     }
 }

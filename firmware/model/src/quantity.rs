@@ -58,27 +58,32 @@ impl AdcCode {
     }
 }
 
-/// The codes of one sensor in one scan, behind its two amplifiers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Pair {
-    /// At the high gain.
-    pub sensitive: AdcCode,
-    /// At the low gain.
-    pub wide: AdcCode,
-}
+/// The codes of one sensor in one scan, behind its two amplifiers: in one word, as they lie in memory behind the converter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pair(u32);
 
 impl Pair {
-    /// From the converter's register at either gain.
+    /// From the converter's register at the high and at the low gain; as of an [`AdcCode`], twelve bits of each count.
+    #[inline(always)]
     pub const fn new(sensitive: u16, wide: u16) -> Self {
-        Self {
-            sensitive: AdcCode::new(sensitive),
-            wide: AdcCode::new(wide),
-        }
+        Self((sensitive as u32 | (wide as u32) << 16) & 0x0FFF_0FFF)
+    }
+
+    /// The code at the high gain.
+    #[inline(always)]
+    pub const fn sensitive(self) -> AdcCode {
+        AdcCode(self.0 as u16)
+    }
+
+    /// The code at the low gain.
+    #[inline(always)]
+    pub const fn wide(self) -> AdcCode {
+        AdcCode((self.0 >> 16) as u16)
     }
 }
 
 /// The four codes of one scan, in the order in which they are converted: what the bead senses in one sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scan {
     /// Total force at the host's incoming contact.
     pub force: Pair,
@@ -91,6 +96,7 @@ impl Scan {
     pub const ZERO: Self = Self::new([0; 4]);
 
     /// From the converter's registers, in the order of the conversions.
+    #[inline(always)]
     pub const fn new([force, force_wide, acceleration, acceleration_wide]: [u16; 4]) -> Self {
         Self {
             force: Pair::new(force, force_wide),
@@ -98,14 +104,24 @@ impl Scan {
         }
     }
 
+    /// Force and acceleration at the high gain.
+    pub const fn sensitive(self) -> [u16; 2] {
+        [self.force.sensitive().get(), self.acceleration.sensitive().get()]
+    }
+
+    /// Force and acceleration at the low gain.
+    pub const fn wide(self) -> [u16; 2] {
+        [self.force.wide().get(), self.acceleration.wide().get()]
+    }
+
     /// The codes in the order of the conversions.
     pub const fn codes(self) -> [u16; 4] {
         let Self { force, acceleration } = self;
         [
-            force.sensitive.get(),
-            force.wide.get(),
-            acceleration.sensitive.get(),
-            acceleration.wide.get(),
+            force.sensitive().get(),
+            force.wide().get(),
+            acceleration.sensitive().get(),
+            acceleration.wide().get(),
         ]
     }
 }

@@ -18,6 +18,7 @@
 use crate::calibration::{Channel, ChannelState};
 use crate::quantity::{AdcCode, Pair};
 use crate::window::PIECE;
+use core::ops::RangeInclusive;
 use fixed::FixedI32;
 use fixed::types::I16F16;
 use fixed::types::extra::LeEqU32;
@@ -26,8 +27,8 @@ use serde::{Deserialize, Serialize};
 /// A sensitive code is believed if it is so many codes or more away from either rail: the amplifier meets its rail before
 /// the filter behind it does.
 const MARGIN: u16 = 64;
-/// A signal moves if it is so many sensitive codes away from its zero: an eighth of the range.
-const MOVING: u16 = 512;
+/// A signal moves if it is so many sensitive codes away from its zero: a quarter of the range.
+const MOVING: u16 = 1024;
 
 /// Bits to which the sums of [`Overlap`] reduce a signal that fills the sensitive range.
 const OVERLAP_BITS: u32 = 20;
@@ -47,7 +48,9 @@ pub struct Sensor<F: LeEqU32> {
 pub struct SensorState {
     sensitive: ChannelState,
     wide: ChannelState,
-    /// Values for which the sensitive channel is still not to be believed.
+    /// Values that a code far from zero still has a part in.
+    loud: u8,
+    /// Values that a code near a rail still has a part in.
     hold: u8,
     /// What the wide channel reads too much.
     offset: i32,
@@ -66,8 +69,8 @@ pub struct Loudness {
 impl SensorState {
     /// Adds the codes of the quiet signal to the baselines.
     pub fn settle(&mut self, codes: Pair) {
-        self.sensitive.settle(codes.sensitive);
-        self.wide.settle(codes.wide);
+        self.sensitive.settle(codes.sensitive());
+        self.wide.settle(codes.wide());
     }
 
     /// How the gains agree, as far as the window tells.
@@ -85,24 +88,31 @@ impl<F: LeEqU32> Sensor<F> {
         codes: impl DoubleEndedIterator<Item = Pair> + Clone,
         values: &mut [FixedI32<V>],
     ) -> Loudness {
-        let sensitive = codes.clone().map(|pair| pair.sensitive);
-        let wide = codes.clone().map(|pair| pair.wide);
+        let sensitive = codes.clone().map(|pair| pair.sensitive());
+        let wide = codes.clone().map(|pair| pair.wide());
         let zero = state.sensitive.zero();
         let low = zero.saturating_sub(MOVING).max(MARGIN);
         let high = (zero + MOVING).min(AdcCode::MAX.get() - MARGIN);
-        let quiet = state.hold == 0 && sensitive.clone().all(|code| (low..=high).contains(&code.get()));
+        let near_zero = i32::from(low)..=i32::from(high);
+        // The sign of what is beyond either end; without a branch for each code.
+        let beyond = sensitive.clone().fold(0, |beyond, code| {
+            let code = i32::from(code.get());
+            beyond | (code - near_zero.start()) | (near_zero.end() - code)
+        });
+        let quiet = state.loud == 0 && beyond >= 0;
         self.sensitive.process(&mut state.sensitive, sensitive, values);
         if quiet {
             state.wide.skip(wide);
             return Loudness::default();
         }
-        self.merge(state, codes, wide, values)
+        self.merge(state, near_zero, codes, wide, values)
     }
 
     /// Looks at both channels; `values` are those of the sensitive one.
     fn merge<V: LeEqU32>(
         &self,
         state: &mut SensorState,
+        near_zero: RangeInclusive<i32>,
         codes: impl Iterator<Item = Pair>,
         wide: impl Iterator<Item = AdcCode>,
         values: &mut [FixedI32<V>],
@@ -112,26 +122,32 @@ impl<F: LeEqU32> Sensor<F> {
         self.wide.process(&mut state.wide, wide, wides);
         let code: FixedI32<V> = FixedI32::from_bits(self.sensitive.per_code.to_bits() >> (F::U32 - V::U32));
         let floor = code.to_bits().saturating_mul(MOVING.into());
-        // The sensitive range is eight times the floor.
-        let shift = (floor.unsigned_abs() | 1).ilog2().saturating_sub(OVERLAP_BITS - 3);
+        // The sensitive range is four times the floor.
+        let shift = (floor.unsigned_abs() | 1).ilog2().saturating_sub(OVERLAP_BITS - 2);
         let mut loudness = Loudness {
             loud: true,
             railed: false,
         };
         for ((value, wide), codes) in values.iter_mut().zip(wides).zip(codes) {
             let believable = MARGIN..=AdcCode::MAX.get() - MARGIN;
-            if !believable.contains(&codes.sensitive.get()) {
+            let code = codes.sensitive().get();
+            // The value of a code and the two after it are made with it.
+            if !near_zero.contains(&i32::from(code)) {
+                state.loud = 3;
+            }
+            if !believable.contains(&code) {
                 if state.hold == 0 {
                     state.offset = state.overlap.mean_difference() << shift;
                 }
-                // The value of this code and the two after it are made with it.
                 state.hold = 3;
             }
+            let loud = state.loud > 0;
+            state.loud = state.loud.saturating_sub(1);
             if state.hold > 0 {
                 state.hold -= 1;
-                loudness.railed |= codes.wide.is_railed();
+                loudness.railed |= codes.wide().is_railed();
                 *value = FixedI32::from_bits(wide.to_bits().saturating_sub(state.offset));
-            } else if value.to_bits().abs() >= floor {
+            } else if loud && value.to_bits().abs() >= floor {
                 let difference = wide.to_bits().saturating_sub(value.to_bits());
                 state.overlap.add(value.to_bits() >> shift, difference >> shift);
             }
@@ -267,7 +283,8 @@ mod tests {
     fn pulse(peak: f64) -> Vec<f64> {
         (0..160)
             .map(|n| match n {
-                40..100 => peak * (std::f64::consts::PI * f64::from(n - 40) / 60.0).sin().powi(2),
+                // Off the middle, so that no code comes twice.
+                40..100 => peak * (std::f64::consts::PI * (f64::from(n) - 39.7) / 60.0).sin().powi(2),
                 _ => 0.0,
             })
             .collect()

@@ -22,6 +22,7 @@ use crate::calibration::BASELINE;
 use crate::quantity::{Force, SensedAcceleration};
 use crate::sensor::GainMatch;
 use crate::settings::Settings;
+use core::ops::RangeInclusive;
 use fixed::types::{I16F16, I48F16, U16F16};
 use serde::{Deserialize, Serialize};
 
@@ -62,18 +63,21 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The shape of a recorded window whose ringing is over at `ring_end`, among noise of so many (m/s²)². What its gains are
-    /// is not in the record.
+    /// The shape of a recorded window whose force is highest at `peak` and whose ringing is over at `ring_end`, among noise of
+    /// so many (m/s²)². What its gains are is not in the record.
     ///
     /// Never inlined into its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub(crate) fn of(settings: &Settings, record: &Record, ring_end: usize, noise: f32) -> Self {
+    pub(crate) fn of(
+        settings: &Settings,
+        record: &Record,
+        peak: usize,
+        ring_end: usize,
+        noise: f32,
+    ) -> Self {
         let mut shape = Self::default();
         let forces = &record.forces[..record.length];
         shape.impulse = Impulse::from_bits(forces.iter().map(|force| i64::from(force.to_bits())).sum());
-        let Some(peak) = (0..forces.len()).rev().max_by_key(|&sample| forces[sample]) else {
-            return shape;
-        };
         let Some(width) = width(forces, peak) else {
             return shape;
         };
@@ -119,6 +123,16 @@ impl Ringing {
     }
 }
 
+/// The ends of what was felt in a window.
+pub(crate) struct Peaks {
+    /// The highest force; nothing if none pushed.
+    pub(crate) force: Force,
+    /// The first sample that had it.
+    pub(crate) sample: usize,
+    /// From the lowest acceleration to the highest.
+    pub(crate) acceleration: RangeInclusive<SensedAcceleration>,
+}
+
 /// What the two sensors felt in a window: too large for a stack.
 #[derive(Clone)]
 pub struct Record {
@@ -159,6 +173,23 @@ impl Record {
         self.length = end;
     }
 
+    pub(crate) fn peaks(&self) -> Peaks {
+        let (mut force, mut sample) = (Force::ZERO, 0);
+        let [mut low, mut high] = [SensedAcceleration::ZERO; 2];
+        for (at, (pushes, acceleration)) in self.samples().enumerate() {
+            if pushes > force {
+                (force, sample) = (pushes, at);
+            }
+            low = low.min(acceleration);
+            high = high.max(acceleration);
+        }
+        Peaks {
+            force,
+            sample,
+            acceleration: low..=high,
+        }
+    }
+
     /// Force and acceleration at every sample so far but the last, which is known one sample later.
     pub fn samples(&self) -> impl Iterator<Item = (Force, SensedAcceleration)> + '_ {
         let (forces, accelerations) = (&self.forces[..self.length], &self.accelerations[..self.length]);
@@ -168,7 +199,7 @@ impl Record {
 
 /// Full width at half the height of the pulse around `peak`, samples; none if it does not fall to half on both sides.
 fn width(forces: &[Force], peak: usize) -> Option<f32> {
-    let half = forces[peak].to_bits() / 2;
+    let half = forces.get(peak)?.to_bits() / 2;
     let rise = (1..=peak)
         .rev()
         .find(|&after| forces[after - 1].to_bits() < half)?;
@@ -320,11 +351,11 @@ mod tests {
         )
         .unwrap();
         let mut record = Record::new();
-        assert_eq!(Shape::of(&settings, &record, 0, 0.0), Shape::default());
+        assert_eq!(Shape::of(&settings, &record, 0, 0, 0.0), Shape::default());
         record.clear();
         for _ in 0..50 {
             record.extend(&[Force::ZERO; 32], &[SensedAcceleration::ZERO; 32]);
-            assert_eq!(Shape::of(&settings, &record, 5000, 0.0), Shape::default());
+            assert_eq!(Shape::of(&settings, &record, 0, 5000, 0.0), Shape::default());
         }
         assert_eq!(record.samples().count(), RECORD_MAX);
     }

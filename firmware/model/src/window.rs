@@ -15,7 +15,7 @@ use crate::quantity::{Acceleration, Energy, Force, Scan, SensedAcceleration};
 use crate::reduced_chain::ReducedChainState;
 use crate::sensor::{Loudness, SensorState};
 use crate::settings::Settings;
-use crate::shape::{Record, Shape};
+use crate::shape::{Peaks, Record, Shape};
 use fixed::types::I16F16;
 use micromath::F32Ext;
 use serde::{Deserialize, Serialize};
@@ -133,10 +133,6 @@ pub struct Window {
     /// Σ F² before the strike, of so many samples.
     force_squares: u64,
     force_samples: u16,
-    peak_force: Force,
-    peak_sample: u16,
-    acceleration_max: SensedAcceleration,
-    acceleration_min: SensedAcceleration,
     /// Where the last piece ends that counted for estimate A.
     ring_end: u16,
     /// Whether the wide codes of the newest piece had a part in it.
@@ -157,10 +153,6 @@ impl Window {
             chain: ReducedChainState::default(),
             force_squares: 0,
             force_samples: 0,
-            peak_force: Force::ZERO,
-            peak_sample: 0,
-            acceleration_max: SensedAcceleration::ZERO,
-            acceleration_min: SensedAcceleration::ZERO,
             ring_end: 0,
             loud: false,
             railed: Flags::default(),
@@ -219,17 +211,6 @@ impl Window {
             return;
         }
         settings.chain.process(&mut self.chain, forces);
-        // The compensated value is that of the sample before.
-        for (sample, &force) in (self.samples - 1..).zip(&*forces) {
-            if force > self.peak_force {
-                self.peak_force = force;
-                self.peak_sample = sample;
-            }
-        }
-        for &acceleration in &*accelerations {
-            self.acceleration_max = self.acceleration_max.max(acceleration);
-            self.acceleration_min = self.acceleration_min.min(acceleration);
-        }
     }
 
     fn note(&mut self, loudness: Loudness, railed: Flags) {
@@ -281,13 +262,19 @@ impl Window {
             self.absorbed_predicted(settings),
         ];
         let noise_energy = settings.observer.noise(&self.observer);
-        let incident_energy = incident_energy(settings.incident, self.peak_force);
+        let Peaks {
+            force: peak_force,
+            sample: peak_sample,
+            acceleration,
+        } = record.peaks();
+        let incident_energy = incident_energy(settings.incident, peak_force);
         let shape = Shape {
             force_gains: self.force.gain_match(),
             acceleration_gains: self.acceleration.gain_match(),
             ..Shape::of(
                 settings,
                 record,
+                peak_sample,
                 usize::from(self.ring_end),
                 settings.observer.noise_square(&self.observer),
             )
@@ -307,10 +294,10 @@ impl Window {
             first_index: self.first_index,
             trigger_index: self.first_index + u64::from(settings.window.history) - 1,
             samples: self.samples,
-            peak_force: self.peak_force,
-            peak_index: self.first_index + u64::from(self.peak_sample),
-            acceleration_max: Acceleration::saturating_from_num(self.acceleration_max),
-            acceleration_min: Acceleration::saturating_from_num(self.acceleration_min),
+            peak_force,
+            peak_index: self.first_index + peak_sample as u64,
+            acceleration_max: Acceleration::saturating_from_num(*acceleration.end()),
+            acceleration_min: Acceleration::saturating_from_num(*acceleration.start()),
             absorbed_measured: measured,
             absorbed_predicted: predicted,
             incident_energy,

@@ -141,7 +141,7 @@ impl Sink for Heard {
 
 fn hear(settings: &Settings, codes: &[Scan]) -> Heard {
     let (mut meter, mut heard) = (Meter::new(), Heard::default());
-    meter.process(settings, 0, codes, &mut heard);
+    meter.process(settings, 0, codes.iter().copied(), &mut heard);
     heard
 }
 

@@ -40,7 +40,7 @@ fn codes_of((force, acceleration): (u16, u16)) -> Scan {
 fn hear(forces: impl IntoIterator<Item = u16>) -> (Meter, Heard) {
     let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
     let scans: Vec<Scan> = forces.into_iter().map(scan).collect();
-    meter.process(&settings, 0, &scans, &mut heard);
+    meter.process(&settings, 0, scans, &mut heard);
     (meter, heard)
 }
 
@@ -76,6 +76,29 @@ fn two_pulses_give_two_reports_and_one_inside_a_window_gives_none_of_its_own() {
     assert_eq!(heard.reports.iter().map(|r| r.strike).collect::<Vec<_>>(), [0, 1]);
     let (_, heard) = hear(stream(1300));
     assert_eq!(heard.reports.len(), 1);
+}
+
+#[test]
+fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
+    let settings = settings();
+    let stream: Vec<Scan> = (0..60_000)
+        .map(|i| scan(if i % 900 < 50 { pulse(i % 900) } else { 128 }))
+        .collect();
+    let hear = |piece: usize| {
+        let (mut meter, mut heard, mut index) = (Meter::new(), Heard::default(), 0);
+        for scans in stream.chunks(piece) {
+            meter.process(&settings, index, scans.iter().copied(), &mut heard);
+            index += scans.len() as u64;
+        }
+        // The last strike is complete in either case.
+        meter.process(&settings, index, [scan(128); 3000], &mut heard);
+        (heard.reports, heard.samples)
+    };
+    let whole = hear(stream.len());
+    assert!(whole.0.len() > 60, "{}", whole.0.len());
+    for piece in [1, 50, 200, 1000, 7000] {
+        assert_eq!(hear(piece), whole, "{piece}");
+    }
 }
 
 #[test]
@@ -116,7 +139,7 @@ fn a_strike_straight_after_a_restart_is_left_out_rather_than_measured_without_it
         if i == 950 {
             meter.restart();
         }
-        meter.process(&settings, i as u64, &[scan(stream(i))], &mut heard);
+        meter.process(&settings, i as u64, [scan(stream(i))], &mut heard);
     }
     assert!(heard.reports.is_empty());
     assert!(meter.is_armed());
@@ -140,7 +163,7 @@ fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
             .chain(std::iter::repeat_n(128, 1000))
             .map(|force| Scan::new([force, force, 2048, 2048]))
             .collect();
-        meter.process(&settings, 0, &scans, &mut heard);
+        meter.process(&settings, 0, scans, &mut heard);
         heard.reports[0].flags
     };
     // Peaks of 300 N and of 2.8 kN: overlaps of 80 and 390 µm, and half the format is 256. The accelerometer feels nothing.
@@ -198,7 +221,7 @@ proptest! {
         // A step first, so that the noise is measured and not waited out.
         let quiet = (0..300).map(|_| (128, 2048)).chain([(1000, 2048)]).map(codes_of);
         let stream: Vec<Scan> = quiet.chain(codes.into_iter().map(Scan::new)).collect();
-        meter.process(&settings, 0, &stream, &mut heard);
+        meter.process(&settings, 0, stream.iter().copied(), &mut heard);
         prop_assert!(!heard.reports.is_empty());
     }
 
@@ -261,11 +284,11 @@ proptest! {
             })
             .collect();
         let (mut whole, mut heard) = (Meter::new(), Heard::default());
-        whole.process(&settings, 0, &stream, &mut heard);
+        whole.process(&settings, 0, stream.iter().copied(), &mut heard);
         let (mut meter, mut in_pieces, mut start) = (Meter::new(), Heard::default(), 0);
         for cut in cuts.into_iter().cycle() {
             let end = (start + cut).min(stream.len());
-            meter.process(&settings, start as u64, &stream[start..end], &mut in_pieces);
+            meter.process(&settings, start as u64, stream[start..end].iter().copied(), &mut in_pieces);
             start = end;
             if start == stream.len() {
                 break;

@@ -5,9 +5,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de, ser::Serialize
 /// Highest code of the 12-bit converter.
 pub const MAX_CODE: u16 = 0xFFF;
 /// Most scans in one waveform frame.
-pub const MAX_SCANS: usize = 64;
+pub const MAX_SCANS: usize = 32;
 
-/// Scans of two 12-bit codes, force then acceleration, packed in three bytes each.
+/// Scans of two 12-bit codes, force then acceleration, at one of the two gains, packed in three bytes each.
 ///
 /// A scan is the number `force | acceleration << 12`, 24 bits, little-endian.
 ///
@@ -19,7 +19,7 @@ pub const MAX_SCANS: usize = 64;
 /// assert!(codes.iter().eq([[0x123, 0xABC], [0, 4095]]));
 /// # Ok::<(), bead_wire::CodeError>(())
 /// ```
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct Codes<'a>(&'a [u8]);
 
 /// Why scans could not be packed or unpacked.
@@ -43,19 +43,17 @@ impl<'a> Codes<'a> {
     /// A code above [`MAX_CODE`], or a buffer too small.
     pub fn pack(scans: impl IntoIterator<Item = [u16; 2]>, buffer: &'a mut [u8]) -> Result<Self, CodeError> {
         let room = buffer.len();
-        let mut length = 0;
+        let mut packed = buffer.as_chunks_mut().0.iter_mut();
         for [force, acceleration] in scans {
-            if let Some(code) = [force, acceleration].into_iter().find(|&code| code > MAX_CODE) {
-                return Err(CodeError::TooHigh(code));
+            if force | acceleration > MAX_CODE {
+                return Err(CodeError::TooHigh(force.max(acceleration)));
             }
-            let packed = u32::from(force) | u32::from(acceleration) << 12;
-            buffer
-                .get_mut(length..length + 3)
-                .ok_or(CodeError::BufferTooSmall(room))?
-                .copy_from_slice(&packed.to_le_bytes()[..3]);
-            length += 3;
+            let scan = u32::from(force) | u32::from(acceleration) << 12;
+            let [low, middle, high, _] = scan.to_le_bytes();
+            *packed.next().ok_or(CodeError::BufferTooSmall(room))? = [low, middle, high];
         }
-        Ok(Self(&buffer[..length]))
+        let length = room / 3 - packed.len();
+        Ok(Self(&buffer[..3 * length]))
     }
 
     /// Takes packed bytes as they are.

@@ -181,7 +181,7 @@ impl Decoder {
             .ok()
             .and_then(|length| self.encoded.get_mut(..length));
         let result = encoded.ok_or(Cause::TooLong).and_then(|encoded| {
-            let length = cobs::decode_in_place(encoded).map_err(|_| Cause::Cobs)?;
+            let length = corncobs::decode_in_place(encoded).map_err(|_| Cause::Cobs)?;
             let checked = Checked::new(&encoded[..length])?;
             // Even where the body is none that we know, the frame itself was not lost.
             let Header { boot, sequence, .. } = checked.header;

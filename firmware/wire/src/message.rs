@@ -20,6 +20,8 @@ pub const ACCELERATION_UNIT_MPS2: f64 = 1.0 / (1u32 << 16) as f64;
 pub const IMPULSE_UNIT_N_SAMPLES: f64 = FORCE_UNIT_N;
 /// One unit of a fine time or rate, in samples, hertz or 1/s (U16F16).
 pub const FINE_UNIT: f64 = 1.0 / (1u32 << 16) as f64;
+/// One unit of a fraction field (I16F16).
+pub const FRACTION_UNIT: f64 = 1.0 / (1u32 << 16) as f64;
 /// One unit of an energy field, in joules (I40F24 of a nanojoule).
 pub const ENERGY_UNIT_J: f64 = 1e-9 / (1u32 << 24) as f64;
 
@@ -29,7 +31,7 @@ pub const MAX_FIRMWARE: usize = 24;
 pub const MAX_GIT: usize = 48;
 /// Longest fault detail sent, in bytes.
 pub const MAX_DETAIL: usize = 96;
-/// Longest settings block that fits a frame, in bytes; `bead-model`'s longest is 192.
+/// Longest settings block that fits a frame, in bytes; `bead-model`'s longest is as long.
 pub const MAX_BLOCK: usize = 256;
 
 /// Frame kind: the second byte of a frame.
@@ -196,12 +198,18 @@ pub struct Strike {
     pub acceleration_max: i32,
     /// Lowest acceleration, in [`ACCELERATION_UNIT_MPS2`].
     pub acceleration_min: i32,
-    /// Absorbed energy from the acceleration alone, in [`ENERGY_UNIT_J`].
+    /// Absorbed energy from the acceleration alone, what noise adds taken off, in [`ENERGY_UNIT_J`].
     pub absorbed_measured: i64,
     /// Absorbed energy from the force alone, by the reduced chain, in [`ENERGY_UNIT_J`].
     pub absorbed_predicted: i64,
     /// Energy of the wave that came in, from its peak force, in [`ENERGY_UNIT_J`].
     pub incident_energy: i64,
+    /// `absorbed_measured` over `incident_energy`, in [`FRACTION_UNIT`].
+    pub absorbed_fraction: i32,
+    /// What was taken off `absorbed_measured` for noise, in [`ENERGY_UNIT_J`].
+    pub noise_energy: i64,
+    /// Standard deviation of the force before the strike, in [`FORCE_UNIT_N`].
+    pub force_noise: i32,
     /// What to hold against the result: the flag bits of `bead-model`, and [`Strike::SENSOR_FAULT`].
     pub flags: u16,
 }
@@ -229,6 +237,19 @@ pub struct Shape {
     pub ring_frequency: u32,
     /// Decay of that ringing's amplitude, in [`FINE_UNIT`] 1/s.
     pub ring_decay: u32,
+    /// How the two gains of the force agree, if the strike tells.
+    pub force_gains: Option<GainMatch>,
+    /// How those of the acceleration do.
+    pub acceleration_gains: Option<GainMatch>,
+}
+
+/// How far a sensor's gains are from what the settings say of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GainMatch {
+    /// By which part of the signal the wide channel reads more than the sensitive one, in [`FRACTION_UNIT`].
+    pub deviation: i32,
+    /// Its standard deviation, in [`FRACTION_UNIT`].
+    pub uncertainty: i32,
 }
 
 /// A run of samples of a strike, raw, with the estimates as they stood after the last of them.
@@ -238,9 +259,13 @@ pub struct Waveform<'a> {
     pub strike: u32,
     /// Sample index of the first scan here.
     pub first_index: u64,
-    /// The scans, at most [`MAX_SCANS`].
+    /// The scans at the high gain, at most [`MAX_SCANS`].
     #[serde(borrow)]
     pub codes: Codes<'a>,
+    /// The scans at the low gain, where they had a part in the estimates: first the two before `first_index`, then as many as
+    /// `codes` has. Empty where they had none.
+    #[serde(borrow)]
+    pub wide: Codes<'a>,
     /// Absorbed energy so far, from the acceleration alone, in [`ENERGY_UNIT_J`].
     pub absorbed_measured: i64,
     /// Absorbed energy so far, from the force alone, in [`ENERGY_UNIT_J`].
@@ -372,12 +397,12 @@ const fn slice(longest: usize) -> usize {
 pub(crate) const MAX_BODIES: [usize; 8] = [
     slice(MAX_FIRMWARE) + slice(MAX_GIT) + 12 + U32 + U8 + U32 + U8,
     U64 + U32 + U64 + 6 * U32 + U8 + U8,
-    U32 + 2 * U64 + U16 + U32 + U64 + 2 * U32 + 3 * U64 + U16,
-    U32 + U64 + slice(3 * MAX_SCANS) + 2 * U64,
+    U32 + 2 * U64 + U16 + U32 + U64 + 2 * U32 + 3 * U64 + U32 + U64 + U32 + U16,
+    U32 + U64 + slice(3 * MAX_SCANS) + slice(3 * (2 + MAX_SCANS)) + 2 * U64,
     U8 + U32 + U32 + slice(MAX_DETAIL),
     slice(MAX_BLOCK),
     7 * U32 + U16 + U8,
-    U32 + U64 + 2 * U32 + U64 + 2 * U32,
+    U32 + U64 + 2 * U32 + U64 + 2 * U32 + 2 * (1 + 2 * U32),
 ];
 
 /// Longest body of any kind, in bytes.
@@ -434,12 +459,16 @@ mod tests {
             absorbed_measured: i64::MIN,
             absorbed_predicted: i64::MIN,
             incident_energy: i64::MIN,
+            absorbed_fraction: i32::MIN,
+            noise_energy: i64::MIN,
+            force_noise: i32::MIN,
             flags: u16::MAX,
         };
         let waveform = Waveform {
             strike: u32::MAX,
             first_index: u64::MAX,
             codes: Codes::from_bytes(&[0xFF; 3 * MAX_SCANS]).unwrap(),
+            wide: Codes::from_bytes(&[0xFF; 3 * (2 + MAX_SCANS)]).unwrap(),
             absorbed_measured: i64::MIN,
             absorbed_predicted: i64::MIN,
         };
@@ -463,6 +492,10 @@ mod tests {
             supply_mv: u16::MAX,
             standing: u8::MAX,
         };
+        let gains = GainMatch {
+            deviation: i32::MIN,
+            uncertainty: i32::MIN,
+        };
         let shape = Shape {
             strike: u32::MAX,
             first_index: u64::MAX,
@@ -471,6 +504,8 @@ mod tests {
             impulse: i64::MIN,
             ring_frequency: u32::MAX,
             ring_decay: u32::MAX,
+            force_gains: Some(gains),
+            acceleration_gains: Some(gains),
         };
 
         let mut buffer = [0; MAX_BODY];

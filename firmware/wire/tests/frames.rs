@@ -25,10 +25,9 @@ fn by_hand(version: u8, kind: u8, sequence: u32, body: &[u8]) -> Vec<u8> {
     payload.extend([0; 8]);
     payload.extend(body);
     payload.extend(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&payload).to_le_bytes());
-    let mut stream = vec![0; cobs::max_encoding_length(payload.len())];
-    let length = cobs::encode(&payload, &mut stream);
+    let mut stream = vec![0; corncobs::max_encoded_len(payload.len())];
+    let length = corncobs::encode_buf(&payload, &mut stream);
     stream.truncate(length);
-    stream.push(0);
     stream
 }
 
@@ -146,6 +145,7 @@ fn slices_too_long_are_refused() {
         strike: 0,
         first_index: 0,
         codes,
+        wide: Codes::default(),
         absorbed_measured: 0,
         absorbed_predicted: 0,
     };
@@ -202,10 +202,10 @@ fn each_kind_of_damage_is_refused_by_its_name() {
     assert_eq!(cause(&by_hand(VERSION, 6, 0, b"\x02abc")), Some(Cause::Trailing));
     // A waveform of four bytes: one scan and a third. Then one whole scan.
     assert_eq!(
-        cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x04abcd\x00\x00")),
+        cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x04abcd\x00\x00\x00")),
         Some(Cause::Body)
     );
-    assert_eq!(cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x03abc\x00\x00")), None);
+    assert_eq!(cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x03abc\x00\x00\x00")), None);
     assert_eq!(cause(b"\x09abc\x00"), Some(Cause::Cobs));
     assert_eq!(cause(b"\x04abc\x00"), Some(Cause::TooShort));
     let flipped: Vec<_> = good
@@ -240,6 +240,7 @@ fn a_frame_becomes_one_json_object() {
         strike: 5,
         first_index: 9,
         codes,
+        wide: Codes::default(),
         absorbed_measured: -1,
         absorbed_predicted: 0,
     };
@@ -251,6 +252,6 @@ fn a_frame_becomes_one_json_object() {
     });
     assert_eq!(
         json,
-        r#"{"header":{"boot":0,"sequence":0,"sample_index":0},"arrival":"first","message":{"kind":"waveform","strike":5,"first_index":9,"codes":[[1,2],[3,4095]],"absorbed_measured":-1,"absorbed_predicted":0}}"#
+        r#"{"header":{"boot":0,"sequence":0,"sample_index":0},"arrival":"first","message":{"kind":"waveform","strike":5,"first_index":9,"codes":[[1,2],[3,4095]],"wide":[],"absorbed_measured":-1,"absorbed_predicted":0}}"#
     );
 }

@@ -7,7 +7,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use bead_wire::{
-    Codes, Decoder, Fault, FaultCause, Header, Health, Identity, MAX_FRAME, Message, Settings,
+    Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, MAX_FRAME, Message, Settings,
     SettingsSource, Shape, Status, Strike, Waveform, encode,
 };
 
@@ -17,45 +17,46 @@ const HEADER: Header = Header {
     sample_index: 0x0A_0000_0B0C,
 };
 
-/// The frames of version 1, delimiters included.
+/// The frames of version 2, delimiters included.
 const GOLDEN: [(&str, &str); 8] = [
     (
         "identity",
-        "000a010102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0602e121c61a00",
+        "000a020102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0604bf75eaa900",
     ),
     (
         "status",
-        "000a010202040302010c0b01020a01010e80e497d012018090cad2c60e0306c801f0a20409801002011c508e7400",
+        "000a020202040302010c0b01020a01010e80e497d012018090cad2c60e0306c801f0a2040980100201e74c15a700",
     ),
     (
         "strike",
-        "000a010302040302010c0b01020a01012a03d0c102f0c1029003f2aa32f7c1028080900cfdd0b509c0c586db6780e98cdc67018180026223892100",
+        "000a020302040302010c0b01020a01013203d0c102f0c1029003f2aa32f7c1028080900cfdd0b509c0c586db6780e98cdc6701e6cc0190b30990058180027c3af64600",
     ),
     (
         "waveform",
-        "000a010402040302010c0b01020a01010903d0c1020623c1ab0af0ff7f8001bbe610c100",
+        "000a020402040302010c0b01020a01010903d0c1020623c1ab05f0ff0c8012808110808220808330807f8001efdf5a6f00",
     ),
     (
         "fault",
-        "000a010502040302010c0b01020a0101390101b4a480402d4346535220307830303030383230303a20627573206661756c74206174203078343030315f3234303020e280a6bb7fd0ac00",
+        "000a020502040302010c0b01020a0101390101b4a480402d4346535220307830303030383230303a20627573206661756c74206174203078343030315f3234303020e280a6125563e000",
     ),
     (
         "settings",
-        "000a010602040302010c0b01020a01010707424541440106ffb5082f5800",
+        "000a020602040302010c0b01020a01010707424541440106ff8831ca2e00",
     ),
     (
         "health",
-        "000a010702040302010c0b01020a01010305010402ac020bf0a204db1912f683aa9300",
+        "000a020702040302010c0b01020a01010305010402ac020bf0a204db1912d184749100",
     ),
     (
         "shape",
-        "000a010802040302010c0b01020a01011d03d0c1028080d405b3e694018080c80e99f3d3348080d236a907fe6800",
+        "000a020802040302010c0b01020a01011903d0c1028080d405b3e694018080c80e99f3d3348080d2360a019d0aa20bf02a795600",
     ),
 ];
 
 /// What they say.
 fn messages() -> [Message<'static>; 8] {
     const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
+    const WIDE: [u8; 12] = [0x80, 0x00, 0x80, 0x81, 0x10, 0x80, 0x82, 0x20, 0x80, 0x83, 0x30, 0x80];
     [
         Message::Identity(Identity {
             firmware: "0.1.0",
@@ -64,7 +65,7 @@ fn messages() -> [Message<'static>; 8] {
             boot: 0x1_0002,
             reset_cause: 0x14,
             sample_rate_hz: 100_000,
-            channels: 2,
+            channels: 4,
         }),
         Message::Status(Status {
             uptime_ms: 5_000_000_000,
@@ -91,12 +92,16 @@ fn messages() -> [Message<'static>; 8] {
             absorbed_measured: 13_919_900_000,
             absorbed_predicted: 13_921_000_000,
             incident_energy: -1,
+            absorbed_fraction: 13_107,
+            noise_energy: 77_000,
+            force_noise: 328,
             flags: 0x8001,
         }),
         Message::Waveform(Waveform {
             strike: 3,
             first_index: 41_168,
             codes: Codes::from_bytes(&PACKED).unwrap(),
+            wide: Codes::from_bytes(&WIDE).unwrap(),
             absorbed_measured: -64,
             absorbed_predicted: 64,
         }),
@@ -128,6 +133,11 @@ fn messages() -> [Message<'static>; 8] {
             impulse: 15_269_888,
             ring_frequency: 110_426_521,
             ring_decay: 114_589_696,
+            force_gains: None,
+            acceleration_gains: Some(GainMatch {
+                deviation: -655,
+                uncertainty: 721,
+            }),
         }),
     ]
 }

@@ -25,7 +25,7 @@ fn run(elf: std::path::PathBuf) -> Result<(), RunError> {
     run.stimulus = (0..5000)
         .map(|i| {
             let phase = f64::from(i) * std::f64::consts::TAU / 100.0;
-            [phase.sin(), phase.cos()].map(|x| (2048.0 + 100.0 * x) as u16)
+            [phase.sin(), phase.cos(), 0.0, 0.0].map(|x| (2048.0 + 100.0 * x) as u16)
         })
         .collect();
     let outcome = run.execute()?;

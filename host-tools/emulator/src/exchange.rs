@@ -12,10 +12,10 @@
 use serde::{Deserialize, Serialize};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 3;
+pub(crate) const FORMAT: u32 = 4;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
-/// Rows of two little-endian u16: the code of ADC channel 0, then that of channel 1.
+/// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
 pub(crate) const STIMULUS: &str = "stimulus.bin";
 /// Bytes that left the USART1 transmitter, in order.
 pub(crate) const UART: &str = "uart.bin";

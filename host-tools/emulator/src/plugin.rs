@@ -80,10 +80,9 @@ impl Overlay {
             serde_json::from_value(json).map_err(|e| odd(exchange::DESCRIPTION, e.to_string()))?;
 
         let bytes = read(exchange::STIMULUS)?;
-        let rows = bytes
-            .chunks_exact(4)
-            .map(|c| [u16::from_le_bytes([c[0], c[1]]), u16::from_le_bytes([c[2], c[3]])]);
-        let stimulus = Stimulus::new(rows.collect(), description.sample_period_ns);
+        let codes: Vec<u16> = bytes.as_chunks().0.iter().copied().map(u16::from_le_bytes).collect();
+        let rows = codes.as_chunks().0.to_vec();
+        let stimulus = Stimulus::new(rows, description.sample_period_ns);
         let machine = Machine::new(
             description.hse_hz,
             description.uid,

@@ -34,7 +34,7 @@ use qemu::Qemu;
 /// use stm32f405_qemu::Run;
 ///
 /// let mut run = Run::new("target/thumbv7em-none-eabihf/release/firmware");
-/// run.stimulus = (0..1000u16).map(|i| [i, 2048]).collect();
+/// run.stimulus = (0..1000u16).map(|i| [i, 2048, 0, 0]).collect();
 /// let outcome = run.execute()?;
 /// println!("{} bytes from USART1", outcome.uart.len());
 /// # Ok::<(), stm32f405_qemu::RunError>(())
@@ -44,9 +44,9 @@ use qemu::Qemu;
 pub struct Run {
     /// The image, unchanged: what would be flashed.
     pub elf: PathBuf,
-    /// Codes that ADC1 converts, 0..=4095: channel 0, channel 1. Row 0 is read by the first externally triggered
+    /// Codes that ADC1 converts, 0..=4095: channels 0 to 3. Row 0 is read by the first externally triggered
     /// scan, row `i` by scans from `i` periods later; the last row stays. Scans started by software before read row 0.
-    pub stimulus: Vec<[u16; 2]>,
+    pub stimulus: Vec<[u16; 4]>,
     /// Time from row to row, in ns.
     pub sample_period_ns: u64,
     /// Blocks put in flash beside the image (settings), each with its address.
@@ -81,11 +81,11 @@ pub struct Run {
 }
 
 impl Run {
-    /// A run of an image with both inputs at mid-scale, 10 µs a sample, 10 ms long, instructions counted.
+    /// A run of an image with all inputs at mid-scale, 10 µs a sample, 10 ms long, instructions counted.
     pub fn new(elf: impl Into<PathBuf>) -> Self {
         Self {
             elf: elf.into(),
-            stimulus: vec![[2048, 2048]],
+            stimulus: vec![[2048; 4]],
             sample_period_ns: 10_000,
             flash: Vec::new(),
             functions: Vec::new(),

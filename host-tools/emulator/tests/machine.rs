@@ -74,11 +74,11 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(rows: Vec<[u16; 2]>) -> Self {
+    fn new(rows: Vec<[u16; 4]>) -> Self {
         Self::with_uart_input(rows, &[])
     }
 
-    fn with_uart_input(rows: Vec<[u16; 2]>, input: &[UartInput]) -> Self {
+    fn with_uart_input(rows: Vec<[u16; 4]>, input: &[UartInput]) -> Self {
         let mut bench = Self {
             machine: Machine::new(8_000_000, *b"0123456789ab", Stimulus::new(rows, 10_000), input),
             board: TestBoard {
@@ -169,8 +169,8 @@ impl Bench {
 
 const ADON_DMA_BY_TIM3: u32 = 0b01 << 28 | 0b1000 << 24 | 1 << 10 | 1 << 9 | 1 << 8 | 1;
 
-fn ramp(rows: u16) -> Vec<[u16; 2]> {
-    (0..rows).map(|i| [i, 1000 + i]).collect()
+fn ramp(rows: u16) -> Vec<[u16; 4]> {
+    (0..rows).map(|i| [i, 1000 + i, 0, 0]).collect()
 }
 
 #[test]

@@ -158,7 +158,7 @@ fn acquiring() -> Vec<u8> {
 
 fn run_acquiring(change: impl FnOnce(&mut Run)) -> Outcome {
     let mut bench = bench(&acquiring());
-    bench.run.stimulus = (0..80).map(|i| [i, 4095 - i]).collect();
+    bench.run.stimulus = (0..80).map(|i| [i, 4095 - i, 0, 0]).collect();
     bench.run.sample_period_ns = 100_000;
     bench.run.tail_ns = 700_000;
     change(&mut bench.run);
@@ -348,7 +348,7 @@ fn a_watchdog_that_nobody_feeds_resets_a_sleeping_image_every_time_it_runs_out()
 #[test]
 fn a_poke_over_the_code_locks_up_an_image_without_a_fault_handler() {
     let mut bench = bench(&acquiring());
-    bench.run.stimulus = vec![[0, 0]; 80];
+    bench.run.stimulus = vec![[0; 4]; 80];
     bench.run.sample_period_ns = 100_000;
     bench.run.pokes = vec![Poke {
         at_ns: 3_000_000,
@@ -460,8 +460,8 @@ fn codes_beyond_the_adc_and_blocks_beyond_flash_are_refused() {
         change(&mut bench.run);
         bench.run.execute().unwrap_err().to_string()
     };
-    let code = refused(|run| run.stimulus = vec![[0, 4096]]);
-    assert!(code.starts_with("stimulus row 0 is [0, 4096]"), "{code}");
+    let code = refused(|run| run.stimulus = vec![[0, 4096, 0, 0]]);
+    assert!(code.starts_with("stimulus row 0 is [0, 4096, 0, 0]"), "{code}");
     let block = refused(|run| run.flash = vec![(0x080f_ffff, vec![0; 2])]);
     assert!(block.contains("are outside 0x08000000..0x08100000"), "{block}");
 }

@@ -8,7 +8,7 @@
 )]
 
 use bead_wire::{
-    Codes, Decoder, Fault, FaultCause, Header, Health, Identity, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE,
+    Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE,
     MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Shape, Status, Strike,
     Waveform, encode,
 };
@@ -33,6 +33,7 @@ pub enum Draft {
         strike: u32,
         first_index: u64,
         packed: Vec<u8>,
+        wide: Vec<u8>,
         measured: i64,
         predicted: i64,
     },
@@ -65,7 +66,7 @@ impl Draft {
                 boot: *boot,
                 reset_cause: *reset_cause,
                 sample_rate_hz: *sample_rate_hz,
-                channels: 2,
+                channels: 4,
             }),
             Self::Status(status) => Message::Status(*status),
             Self::Strike(strike) => Message::Strike(*strike),
@@ -74,12 +75,14 @@ impl Draft {
                 strike,
                 first_index,
                 packed,
+                wide,
                 measured,
                 predicted,
             } => Message::Waveform(Waveform {
                 strike: *strike,
                 first_index: *first_index,
                 codes: Codes::from_bytes(packed).unwrap(),
+                wide: Codes::from_bytes(wide).unwrap(),
                 absorbed_measured: *measured,
                 absorbed_predicted: *predicted,
             }),
@@ -170,7 +173,7 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                 })
             }
         ),
-        any::<(u32, [u64; 3], u16, [i32; 3], [i64; 3], u16)>().prop_map(
+        any::<(u32, [u64; 3], u16, [i32; 5], [i64; 4], u16)>().prop_map(
             |(strike, [first_index, trigger_index, peak_index], samples, sensed, energies, flags)| {
                 Draft::Strike(Strike {
                     strike,
@@ -184,11 +187,18 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                     absorbed_measured: energies[0],
                     absorbed_predicted: energies[1],
                     incident_energy: energies[2],
+                    absorbed_fraction: sensed[3],
+                    noise_energy: energies[3],
+                    force_noise: sensed[4],
                     flags,
                 })
             }
         ),
-        any::<(u32, u64, i64, [u32; 4])>().prop_map(|(strike, first_index, impulse, fine)| {
+        any::<(u32, u64, i64, [u32; 4], [Option<(i32, i32)>; 2])>().prop_map(|(strike, first_index, impulse, fine, gains)| {
+            let [force_gains, acceleration_gains] = gains.map(|gains| {
+                let (deviation, uncertainty) = gains?;
+                Some(GainMatch { deviation, uncertainty })
+            });
             Draft::Shape(Shape {
                 strike,
                 first_index,
@@ -197,19 +207,26 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                 impulse,
                 ring_frequency: fine[2],
                 ring_decay: fine[3],
+                force_gains,
+                acceleration_gains,
             })
         }),
         (
             any::<(u32, u64, i64, i64)>(),
-            vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS)
+            vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS),
+            vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS + 2)
         )
-            .prop_map(|((strike, first_index, measured, predicted), scans)| {
-                let mut packed = vec![0; 3 * scans.len()];
-                Codes::pack(scans, &mut packed).unwrap();
+            .prop_map(|((strike, first_index, measured, predicted), scans, wide)| {
+                let pack = |scans: Vec<[u16; 2]>| {
+                    let mut packed = vec![0; 3 * scans.len()];
+                    Codes::pack(scans, &mut packed).unwrap();
+                    packed
+                };
                 Draft::Waveform {
                     strike,
                     first_index,
-                    packed,
+                    packed: pack(scans),
+                    wide: pack(wide),
                     measured,
                     predicted,
                 }

@@ -1,13 +1,13 @@
-//! What the two analog inputs carry: rows of codes against time.
+//! What the four analog inputs carry: rows of codes against time.
 
 use std::collections::BTreeSet;
 
 use crate::exchange::Sampling;
 
-/// Codes at the pins of channels 0 and 1, a row every period, from the first externally triggered scan on.
+/// Codes at the pins of channels 0 to 3, a row every period, from the first externally triggered scan on.
 #[derive(Debug, Clone)]
 pub struct Stimulus {
-    rows: Vec<[u16; 2]>,
+    rows: Vec<[u16; 4]>,
     period_ns: u64,
     sampling: Option<Sampling>,
     row: usize,
@@ -15,8 +15,8 @@ pub struct Stimulus {
 }
 
 impl Stimulus {
-    /// Rows of channel 0 and channel 1; none read as zero.
-    pub fn new(rows: Vec<[u16; 2]>, period_ns: u64) -> Self {
+    /// Rows of channels 0 to 3; none read as zero.
+    pub fn new(rows: Vec<[u16; 4]>, period_ns: u64) -> Self {
         Self {
             rows,
             period_ns,
@@ -44,7 +44,7 @@ impl Stimulus {
     }
 
     pub(super) fn code(&mut self, channel: u32) -> u16 {
-        if channel > 1 {
+        if channel > 3 {
             self.unmapped.insert(channel);
             return 0;
         }
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     fn three_rows() -> Stimulus {
-        Stimulus::new(vec![[10, 11], [20, 21], [30, 31]], 10_000)
+        Stimulus::new(vec![[10, 11, 12, 13], [20, 21, 22, 23], [30, 31, 32, 33]], 10_000)
     }
 
     #[test]
@@ -101,7 +101,7 @@ mod tests {
         let mut stimulus = three_rows();
         stimulus.begin_scan(0, true);
         stimulus.begin_scan(20_000, true);
-        assert_eq!((stimulus.code(0), stimulus.code(1)), (30, 31));
+        assert_eq!([0, 1, 2, 3].map(|channel| stimulus.code(channel)), [30, 31, 32, 33]);
     }
 
     #[test]
