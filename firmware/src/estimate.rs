@@ -5,8 +5,8 @@
 //! block has 2 ms; the channel holds [`BLOCKS`], so a burst of work may take that many times as long before
 //! a block is lost.
 
-use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
 use bead_model::sensor::GainMatch;
+use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
 use bead_wire::{FaultCause, Message, Strike};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;

@@ -17,6 +17,10 @@ use crate::{counters, trace};
 const DEPTH: usize = 128;
 
 /// What a frame will be made of.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no heap to box it on, and most frames are waveforms"
+)]
 pub(crate) enum Record {
     /// A message that borrows nothing, or what is there for ever.
     Message(Message<'static>),

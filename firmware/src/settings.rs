@@ -79,7 +79,9 @@ fn why(error: &SettingsError) -> &'static str {
         SettingsError::Checksum => "wrong checksum",
         SettingsError::Body => "the body does not decode",
         SettingsError::Invalid(what) => what,
-        SettingsError::NotTheBeads(_) => "a coefficient is not what the bead's mass, stiffness and damping give",
+        SettingsError::NotTheBeads(_) => {
+            "a coefficient is not what the bead's mass, stiffness and damping give"
+        }
         SettingsError::BufferTooSmall => "longer than a block may be",
     }
 }

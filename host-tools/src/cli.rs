@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::commands::{compare, decode, emulate, figures, optimise, record, replay, simulate};
+use crate::commands::{accuracy, compare, decode, emulate, figures, optimise, record, replay, simulate};
 use crate::failure::Failure;
 
 const AFTER_HELP: &str = "\
@@ -39,6 +39,8 @@ enum Command {
     Compare(compare::Arguments),
     /// Find the intruders that leave least energy in the chain.
     Optimise(optimise::Arguments),
+    /// Tabulate the error of the image's estimates over strikers and speeds.
+    Accuracy(accuracy::Arguments),
     /// Draw the paper's figures, with their data and their checks.
     Figures(figures::Arguments),
 }
@@ -57,6 +59,7 @@ impl Cli {
             Command::Replay(arguments) => replay::run(&arguments),
             Command::Compare(arguments) => compare::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
+            Command::Accuracy(arguments) => accuracy::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),
         }
     }

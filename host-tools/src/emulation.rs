@@ -162,7 +162,8 @@ impl Emulation {
         image: &Path,
     ) -> Result<Self, Failure> {
         let physics = bead_of(solution, bead)?;
-        let settings = derive(&physics, &front_end.calibration(), &Capture::default())
+        let front = front_end.calibration();
+        let settings = derive(&physics, &front, &Capture::above_noise_of(&front))
             .or_input(|| format!("no settings fit bead {bead} and this front end"))?;
         let mut block = [0; BLOCK_MAX];
         let length = settings

@@ -24,7 +24,11 @@ pub fn lead(samples: &[f64], in_samples: f64) -> Vec<f64> {
             let near = (at(i + 1) - at(i - 1)) / 2.0;
             let far = (at(i + 2) - at(i - 2)) / 4.0;
             // Of a channel that is only known in part the nearest two have to do.
-            let slope = if far.is_nan() { near } else { (4.0 * near - far) / 3.0 };
+            let slope = if far.is_nan() {
+                near
+            } else {
+                (4.0 * near - far) / 3.0
+            };
             at(i) + in_samples * slope
         })
         .collect()

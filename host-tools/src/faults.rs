@@ -180,7 +180,9 @@ impl Planned {
                 let rows = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
                 let from = rows(self.at);
                 let many = self.duration.map_or(usize::MAX, rows);
-                let Some(columns) = self.kind.columns() else { return };
+                let Some(columns) = self.kind.columns() else {
+                    return;
+                };
                 let Some(&stuck) = run.stimulus.get(from) else {
                     return;
                 };
@@ -425,7 +427,9 @@ mod tests {
     #[test]
     fn a_sensor_is_stuck_or_railed_in_its_own_columns_for_its_own_time() {
         let mut run = Run::new("none");
-        run.stimulus = (0..100).map(|row| [row, 1000 + row, 2000 + row, 3000 + row]).collect();
+        run.stimulus = (0..100)
+            .map(|row| [row, 1000 + row, 2000 + row, 3000 + row])
+            .collect();
         let before = run.stimulus.clone();
         let text = "[[fault]]\nat = 0.0001\nkind = \"force_stuck\"\nduration = 0.0002\n\
                     [[fault]]\nat = 0.0005\nkind = \"acceleration_railed\"\n";

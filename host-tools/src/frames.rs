@@ -9,8 +9,9 @@ use std::fmt::Write;
 
 use bead_model::{Flags, Settings};
 use bead_wire::{
-    ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, FRACTION_UNIT,
-    FaultCause, GainMatch, Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Reject, Shape, Status, Strike,
+    ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N,
+    FRACTION_UNIT, FaultCause, GainMatch, Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Reject, Shape,
+    Status, Strike,
 };
 use serde_json::{Map, Value, json};
 

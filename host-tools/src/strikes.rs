@@ -64,7 +64,8 @@ impl RecordedStrike {
         }
         let wide = own.iter().copied().map(Some).chain(std::iter::repeat(None));
         let codes = sensitive.iter().zip(wide);
-        self.scans.extend(codes.map(|(&sensitive, wide)| Codes { sensitive, wide }));
+        self.scans
+            .extend(codes.map(|(&sensitive, wide)| Codes { sensitive, wide }));
     }
 }
 

@@ -98,9 +98,7 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
         intruder: bead.intruder_mass / host_mass,
         // c ẋ² dt of a velocity of 1 µm/sample.
         predicted: bead.damping / dt / (um * um) * nj,
-        incident: number(SOLITARY_WAVE_ENERGY)
-            * bead.contact_stiffness.powf(number(-2.0 / 3.0))
-            * nj,
+        incident: number(SOLITARY_WAVE_ENERGY) * bead.contact_stiffness.powf(number(-2.0 / 3.0)) * nj,
         ring_frequency: ring.max(T::zero()).sqrt() / number(core::f64::consts::TAU),
         ring_decay,
     }

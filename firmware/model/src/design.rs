@@ -75,7 +75,7 @@ impl FrontEnd {
     /// One conversion of the ADC: 15 + 12 clocks of 21 MHz.
     pub const CONVERSION: f64 = 27.0 / 21e6;
 
-    /// The reference design of `docs/front-end.md`: 16 N and ±250 m/s² over twelve bits, and 96 times that; one-pole filters
+    /// The reference design of `docs/front-end.md`: 16 N and ±250 m/s² over twelve bits, and 16 times that; one-pole filters
     /// at 40 kHz.
     pub fn reference() -> Self {
         let sensor = |span: f64, zero_code: f64, [noise, wide_noise]: [f64; 2]| {
@@ -87,27 +87,14 @@ impl FrontEnd {
             };
             SensorFrontEnd {
                 sensitive: channel(span, noise),
-                wide: channel(96.0 * span, wide_noise),
+                wide: channel(16.0 * span, wide_noise),
                 delay: Self::CONVERSION,
             }
         };
         Self {
-            force: sensor(16.0, 128.0, [5e-3, 0.3]),
-            acceleration: sensor(500.0, 2048.0, [0.05, 9.0]),
+            force: sensor(16.0, 128.0, [5e-3, 0.05]),
+            acceleration: sensor(500.0, 2048.0, [0.05, 1.5]),
         }
-    }
-
-    /// The same front end with other sensitive ranges, N and m/s² over twelve bits; the wide ones go with them, and so do they
-    /// with noise.
-    #[must_use]
-    pub fn scaled(mut self, force: f64, acceleration: f64) -> Self {
-        for (sensor, by) in [(&mut self.force, force), (&mut self.acceleration, acceleration)] {
-            for channel in [&mut sensor.sensitive, &mut sensor.wide] {
-                channel.per_code *= by;
-                channel.noise_rms *= by;
-            }
-        }
-        self
     }
 }
 
@@ -132,11 +119,24 @@ pub struct Capture {
     pub ring_decay_tolerance: f64,
 }
 
+impl Capture {
+    /// The default, with a threshold that the noise of this front end does not reach: ten standard deviations, and seven codes.
+    pub fn above_noise_of(front_end: &FrontEnd) -> Self {
+        let quiet = &front_end.force.sensitive;
+        let least = f64::max(10.0 * quiet.noise_rms, 7.0 * quiet.per_code);
+        let default = Self::default();
+        Self {
+            threshold: default.threshold.max(least),
+            ..default
+        }
+    }
+}
+
 impl Default for Capture {
     /// 100 kHz; 1.6 ms of history, of which 0.64 ms give the zeros and 0.64 ms the noise; a window of 6.72 ms, over which
     /// the intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms; a flag where A and B are 3 %
     /// apart, ten times what noise does, half of what a chain without viscosity does; one where the ringing is 3 % off in
-    /// frequency (6 % in k) or 20 % in decay.
+    /// frequency (6 % in k) or 30 % in decay.
     fn default() -> Self {
         Self {
             sample_rate_hz: 100_000,
@@ -146,7 +146,7 @@ impl Default for Capture {
             lookback: 0.5e-3,
             disagreement: 0.03,
             ring_frequency_tolerance: 0.03,
-            ring_decay_tolerance: 0.2,
+            ring_decay_tolerance: 0.3,
         }
     }
 }
@@ -211,14 +211,8 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         ("contact stiffness", bead.contact_stiffness),
         ("force per code", front_end.force.sensitive.per_code),
         ("wide force per code", front_end.force.wide.per_code),
-        (
-            "acceleration per code",
-            front_end.acceleration.sensitive.per_code,
-        ),
-        (
-            "wide acceleration per code",
-            front_end.acceleration.wide.per_code,
-        ),
+        ("acceleration per code", front_end.acceleration.sensitive.per_code),
+        ("wide acceleration per code", front_end.acceleration.wide.per_code),
         ("sample rate", f64::from(capture.sample_rate_hz)),
         ("trigger threshold", capture.threshold),
     ] {
@@ -335,10 +329,7 @@ fn channel<F: LeEqU32>(channel: &ChannelFrontEnd, delay: f64, dt: f64) -> Result
     };
     Ok(Channel {
         per_code: fix("per code", channel.per_code)?,
-        slope: fix(
-            "anti-alias pole",
-            channel.per_code * (lag - delay) / (2.0 * dt),
-        )?,
+        slope: fix("anti-alias pole", channel.per_code * (lag - delay) / (2.0 * dt))?,
     })
 }
 

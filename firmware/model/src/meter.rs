@@ -71,7 +71,7 @@ impl Recent {
     }
 
     /// Those still to be taken.
-    fn new(&self) -> Range<usize> {
+    fn waiting(&self) -> Range<usize> {
         self.next..self.length
     }
 }
@@ -147,8 +147,8 @@ impl Meter {
     /// of [`restart`](Self::restart). What comes out does not depend on how the scans are cut into calls.
     ///
     /// Measuring is most of the work, and a strike begins with a history that is there at once. So that it does not come on top
-    /// of a call's own scans, a call measures three quarters as many as it was given ([`PIECE`] at least): the meter lags behind
-    /// during a window, by its history and a quarter of its length at most, and has caught up soon after.
+    /// of a call's own scans, a call measures five eighths as many as it was given ([`PIECE`] at least): the meter lags behind
+    /// during a window, by its history and three eighths of its length at most, and has caught up soon after.
     pub fn process(
         &mut self,
         settings: &Settings,
@@ -157,14 +157,14 @@ impl Meter {
         sink: &mut impl Sink,
     ) {
         let mut scans = scans.into_iter();
-        let mut quota = (scans.len() / 4 * 3).max(PIECE);
+        let mut quota = (scans.len() * 5 / 8).max(PIECE);
         let mut end_index = first_index;
         while scans.len() > 0 {
             end_index += scans.len() as u64;
             self.recent.append(&mut scans);
             end_index -= scans.len() as u64;
             loop {
-                let new = self.recent.new().len();
+                let new = self.recent.waiting().len();
                 if quota == 0 && new > LAG_MAX {
                     // Scans by the thousand at once: no device gives them so.
                     quota = PIECE;
@@ -179,7 +179,7 @@ impl Meter {
 
     /// Takes some of the new scans, the first of which has the index `index`.
     fn advance(&mut self, settings: &Settings, index: u64, quota: &mut usize, sink: &mut impl Sink) {
-        let new = self.recent.new();
+        let new = self.recent.waiting();
         let scans = &self.recent.scans;
         self.recent.next = match &mut self.phase {
             Phase::Armed => {
@@ -202,7 +202,8 @@ impl Meter {
                     // The first samples look back on scans from before the gap; a false rise only starts the
                     // count anew.
                     *quiet += 1;
-                    if *quiet > settings.window.lookback && before_rise(settings, scans, next..next + 1) == 0 {
+                    if *quiet > settings.window.lookback && before_rise(settings, scans, next..next + 1) == 0
+                    {
                         *quiet = 0;
                     }
                     next += 1;

@@ -25,6 +25,9 @@ use crate::sqrt::sqrt;
 use fixed::types::{I0F32, I2F30};
 use serde::{Deserialize, Serialize};
 
+/// Samples below the gate that still belong to a pulse.
+const FOOT: u16 = 64;
+
 /// Beads behind the host in the reduced chain.
 pub const FOLLOWERS: usize = 4;
 
@@ -125,8 +128,8 @@ pub struct ReducedChainState {
     intruder: Coordinate,
     squares: SquareSum<{ 2 * Length::FRAC_NBITS }>,
     watch: Watch,
-    /// Whether a force has come.
-    moving: bool,
+    /// Samples since a force was above the gate, or since the wave was expected.
+    silent: u16,
     /// Forces below this are noise, as measured before the strike.
     gate: Force,
 }
@@ -165,18 +168,9 @@ impl ReducedChain {
     /// Takes the forces, at most [`PIECE`](crate::window::PIECE), at the host's incoming contact at the next
     /// samples. Never inlined into its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub fn process(&self, state: &mut ReducedChainState, mut forces: &[Force]) {
-        let gate = self.gate.max(state.gate);
-        // What is at rest stays so, exactly, until a force comes.
-        while !state.moving {
-            let Some((&first, rest)) = forces.split_first() else {
-                return;
-            };
-            state.moving = gated(gate, first) != 0;
-            if !state.moving {
-                forces = rest;
-            }
-        }
+    pub fn process(&self, state: &mut ReducedChainState, forces: &[Force]) {
+        let gate = self.gate.max(state.gate).to_bits();
+        let mut silent = state.silent;
         let ReducedChainState {
             mut overlaps,
             mut intruder,
@@ -201,7 +195,10 @@ impl ReducedChain {
                 high_rounded(self.stiffness.to_bits(), intruder.position)
                     + high_rounded(self.damping.to_bits(), velocity),
             );
-            let incoming = watch.limited(high_rounded(self.incoming.to_bits(), gated(gate, measured)));
+            let incoming = watch.limited(high_rounded(
+                self.incoming.to_bits(),
+                gated(gate, &mut silent, measured),
+            ));
             // M/(M - m) is 1 + m/(M - m).
             let host = incoming - contact + high_rounded(self.intruder.to_bits(), springs - contact);
             overlaps[0].advance(host - contact + behind, &mut watch);
@@ -209,6 +206,7 @@ impl ReducedChain {
             watch.state(intruder.position);
         }
         (state.overlaps, state.intruder, state.watch) = (overlaps, intruder, watch);
+        state.silent = silent;
         state.squares.add(squares);
     }
 
@@ -233,11 +231,12 @@ impl ReducedChain {
 }
 
 /// The bits of a force, or 0 if it is noise.
+///
+/// A gate for every sample would cut off the foot of each pulse, which costs more than the noise does. So it closes when
+/// [`FOOT`] samples in a row were below it. The first of them come before the trigger.
 #[inline(always)]
-fn gated(gate: Force, force: Force) -> i32 {
-    if force.unsigned_abs() < gate.unsigned_abs() {
-        0
-    } else {
-        force.to_bits()
-    }
+fn gated(gate: i32, silent: &mut u16, force: Force) -> i32 {
+    let force = force.to_bits();
+    *silent = if force.abs() < gate { *silent + 1 } else { 0 };
+    if *silent > FOOT { 0 } else { force }
 }

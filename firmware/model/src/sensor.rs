@@ -8,14 +8,15 @@
 //!
 //! **No step at the hand-over.** While both channels see the same signal and it moves, they are compared. Their mean
 //! difference, so far, is taken from the wide channel when it takes over: it is the part of a code by which the wide
-//! channel's zero was known (its baseline may be one and the same code 64 times). The slope of that difference over the
+//! channel's zero was known. A baseline that scatters knows it to an eighth of its scatter and counts as its 64 samples; one
+//! that is the same code 64 times knows it to half a code, and counts as one. The slope of that difference over the
 //! signal says how far the two *gains* are from what the settings say; it is told with the strike ([`GainMatch`]) and not
 //! used: one strike knows it to a per cent or so, a calibration to a tenth of that.
 //!
 //! Quiet pieces, in which the sensitive channel stays near its zero, do not look at the wide one at all. So the cost of a
 //! second gain is paid while a strike is loud, and only then does the host need the wide codes.
 
-use crate::calibration::{Channel, ChannelState};
+use crate::calibration::{BASELINE, Channel, ChannelState};
 use crate::quantity::{AdcCode, Pair};
 use crate::window::PIECE;
 use core::ops::RangeInclusive;
@@ -48,6 +49,9 @@ pub struct Sensor<F: LeEqU32> {
 pub struct SensorState {
     sensitive: ChannelState,
     wide: ChannelState,
+    /// The first wide code of the baseline, and whether another one came.
+    first: Option<AdcCode>,
+    scatters: bool,
     /// Values that a code far from zero still has a part in.
     loud: u8,
     /// Values that a code near a rail still has a part in.
@@ -71,6 +75,7 @@ impl SensorState {
     pub fn settle(&mut self, codes: Pair) {
         self.sensitive.settle(codes.sensitive());
         self.wide.settle(codes.wide());
+        self.scatters |= *self.first.get_or_insert(codes.wide()) != codes.wide();
     }
 
     /// How the gains agree, as far as the window tells.
@@ -123,7 +128,9 @@ impl<F: LeEqU32> Sensor<F> {
         let code: FixedI32<V> = FixedI32::from_bits(self.sensitive.per_code.to_bits() >> (F::U32 - V::U32));
         let floor = code.to_bits().saturating_mul(MOVING.into());
         // The sensitive range is four times the floor.
-        let shift = (floor.unsigned_abs() | 1).ilog2().saturating_sub(OVERLAP_BITS - 2);
+        let shift = (floor.unsigned_abs() | 1)
+            .ilog2()
+            .saturating_sub(OVERLAP_BITS - 2);
         let mut loudness = Loudness {
             loud: true,
             railed: false,
@@ -137,7 +144,8 @@ impl<F: LeEqU32> Sensor<F> {
             }
             if !believable.contains(&code) {
                 if state.hold == 0 {
-                    state.offset = state.overlap.mean_difference() << shift;
+                    let baseline = if state.scatters { BASELINE } else { 1 };
+                    state.offset = state.overlap.mean_difference(baseline) << shift;
                 }
                 state.hold = 3;
             }
@@ -182,9 +190,9 @@ impl Overlap {
         self.difference_difference += d * d;
     }
 
-    /// What the wide channel reads too much. The baseline, by which it would be nothing, counts as one sample.
-    fn mean_difference(&self) -> i32 {
-        (self.difference / i64::from(self.samples + 1)) as i32
+    /// What the wide channel reads too much. The baseline, by which it would be nothing, counts as so many samples.
+    fn mean_difference(&self, baseline: u16) -> i32 {
+        (self.difference / i64::from(self.samples + i32::from(baseline))) as i32
     }
 
     /// Slope of the difference over the signal, by least squares.
@@ -234,7 +242,6 @@ impl GainMatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::BASELINE;
     use crate::quantity::Force;
     use fixed::types::I2F30;
     use fixed::types::extra::U30;
@@ -258,11 +265,7 @@ mod tests {
     }
 
     /// What comes out of forces, and of the overlap; cut into pieces of `piece` samples.
-    fn measured(
-        forces: &[f64],
-        more: f64,
-        piece: usize,
-    ) -> (Vec<f64>, Vec<Loudness>, Option<GainMatch>) {
+    fn measured(forces: &[f64], more: f64, piece: usize) -> (Vec<f64>, Vec<Loudness>, Option<GainMatch>) {
         let sensor = sensor();
         let mut state = SensorState::default();
         (0..BASELINE).for_each(|_| state.settle(pair(0.0, more)));
@@ -284,7 +287,11 @@ mod tests {
         (0..160)
             .map(|n| match n {
                 // Off the middle, so that no code comes twice.
-                40..100 => peak * (std::f64::consts::PI * (f64::from(n) - 39.7) / 60.0).sin().powi(2),
+                40..100 => {
+                    peak * (std::f64::consts::PI * (f64::from(n) - 39.7) / 60.0)
+                        .sin()
+                        .powi(2)
+                }
                 _ => 0.0,
             })
             .collect()
@@ -338,7 +345,10 @@ mod tests {
                 matched.deviation.to_num::<f64>(),
                 matched.uncertainty.to_num::<f64>(),
             );
-            assert!((deviation - (more - 1.0)).abs() < 3.0 * uncertainty, "{matched:?}");
+            assert!(
+                (deviation - (more - 1.0)).abs() < 3.0 * uncertainty,
+                "{matched:?}"
+            );
             assert!(uncertainty < 2e-3, "{matched:?}");
             assert_eq!(matched.differ(I16F16::from_num(0.02)), more != 1.0);
         }

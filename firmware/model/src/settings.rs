@@ -230,7 +230,9 @@ impl Settings {
             ),
             (
                 channels.iter().all(|channel| channel.is_below(FORCE_MOST))
-                    && accelerations.iter().all(|channel| channel.is_below(Observer::MOST)),
+                    && accelerations
+                        .iter()
+                        .all(|channel| channel.is_below(Observer::MOST)),
                 "the codes of a channel reach beyond 32 kN or 65 km/s²",
             ),
             (self.disagreement > 0, "disagreement is not above 0"),
@@ -255,9 +257,21 @@ impl Settings {
         let expected = coefficients(&self.bead, self.sample_rate_hz as f32);
         let (observer, chain, ringing) = (&self.observer, &self.chain, &self.ringing);
         let pairs = [
-            (observer.start.to_num(), expected.start, "weight of the old acceleration"),
-            (observer.end.to_num(), expected.end, "weight of the new acceleration"),
-            (observer.energy.to_num(), expected.measured, "energy by acceleration"),
+            (
+                observer.start.to_num(),
+                expected.start,
+                "weight of the old acceleration",
+            ),
+            (
+                observer.end.to_num(),
+                expected.end,
+                "weight of the new acceleration",
+            ),
+            (
+                observer.energy.to_num(),
+                expected.measured,
+                "energy by acceleration",
+            ),
             (chain.contact.to_num(), expected.contact, "contact"),
             (chain.relaxation.to_num(), expected.relaxation, "relaxation"),
             (chain.incoming.to_num(), expected.incoming, "incoming"),
@@ -271,14 +285,15 @@ impl Settings {
                 expected.ring_frequency,
                 "frequency of the ringing",
             ),
-            (ringing.decay.to_num(), expected.ring_decay, "decay of the ringing"),
+            (
+                ringing.decay.to_num(),
+                expected.ring_decay,
+                "decay of the ringing",
+            ),
         ];
         // Formats keep 1e-4 of a coefficient; f32 loses some 1e-6 on the way here.
-        let is_other = |found: f32, expected: f32| !((found - expected).abs() <= 2e-4 * expected.abs());
-        match pairs
-            .iter()
-            .find(|&&(found, expected, _)| is_other(found, expected))
-        {
+        let fits = |found: f32, expected: f32| (found - expected).abs() <= 2e-4 * expected.abs();
+        match pairs.iter().find(|&&(found, expected, _)| !fits(found, expected)) {
             Some((_, _, name)) => Err(SettingsError::NotTheBeads(name)),
             None => Ok(()),
         }

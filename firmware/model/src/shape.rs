@@ -38,6 +38,8 @@ pub const RECORD_MAX: usize = 1024;
 const RING_RATE_HZ: u32 = 12_500;
 /// From the highest force to where the ringing is free, in widths of the pulse: it has left the contact behind the host.
 const FREE_AFTER: f32 = 2.25;
+/// Greatest part of the ringing's power that may be no free oscillation: the decay is then some 10 % off.
+const RING_REST: f32 = 2e-3;
 /// Fewest means that a ringing is read from.
 const RING_MEANS: u32 = 12;
 /// Least power of the ringing over that of its noise at which it is believed: noise then moves the decay by some 3 %.
@@ -68,13 +70,7 @@ impl Shape {
     ///
     /// Never inlined into its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub(crate) fn of(
-        settings: &Settings,
-        record: &Record,
-        peak: usize,
-        ring_end: usize,
-        noise: f32,
-    ) -> Self {
+    pub(crate) fn of(settings: &Settings, record: &Record, peak: usize, ring_end: usize, noise: f32) -> Self {
         let mut shape = Self::default();
         let forces = &record.forces[..record.length];
         shape.impulse = Impulse::from_bits(forces.iter().map(|force| i64::from(force.to_bits())).sum());
@@ -115,7 +111,8 @@ impl Ringing {
     pub fn is_other_than(&self, shape: &Shape) -> bool {
         let off = |found: Fine, expected: Fine, tolerance: I16F16| {
             let apart = u64::from(found.to_bits().abs_diff(expected.to_bits()));
-            apart << I16F16::FRAC_NBITS > u64::from(expected.to_bits()) * u64::from(tolerance.to_bits().unsigned_abs())
+            apart << I16F16::FRAC_NBITS
+                > u64::from(expected.to_bits()) * u64::from(tolerance.to_bits().unsigned_abs())
         };
         shape.ring_frequency > Fine::ZERO
             && (off(shape.ring_frequency, self.frequency, self.frequency_tolerance)
@@ -243,25 +240,28 @@ fn ringing(accelerations: &[SensedAcceleration], sample_rate_hz: u32, noise: f32
     let period = together as f32 / sample_rate_hz as f32;
     let mut last = [0.0_f32; 2];
     let mut means = 0_u32;
-    // Σ of products: a₁a₁, a₁a₂, a₂a₂, a₀a₁, a₀a₂, with a₀ the latest mean.
-    let mut products = [0.0_f32; 5];
+    // Σ of products: a₁a₁, a₁a₂, a₂a₂, a₀a₁, a₀a₂, a₀a₀, with a₀ the latest mean.
+    let mut products = [0.0_f32; 6];
     for some in accelerations.chunks_exact(together as usize) {
         let sum: i64 = some.iter().map(|a| i64::from(a.to_bits())).sum();
         let mean = sum as f32 / (together << SensedAcceleration::FRAC_NBITS) as f32;
         let [one, two] = last;
         if means >= 2 {
-            for (product, value) in
-                products
-                    .iter_mut()
-                    .zip([one * one, one * two, two * two, mean * one, mean * two])
-            {
+            for (product, value) in products.iter_mut().zip([
+                one * one,
+                one * two,
+                two * two,
+                mean * one,
+                mean * two,
+                mean * mean,
+            ]) {
                 *product += value;
             }
         }
         last = [mean, one];
         means += 1;
     }
-    let [r11, r12, r22, r01, r02] = products;
+    let [r11, r12, r22, r01, r02, r00] = products;
     let determinant = r11 * r22 - r12 * r12;
     let loud = r11 > RING_SIGNAL * noise / together as f32 * (means.saturating_sub(2)) as f32;
     if means < RING_MEANS || determinant <= 0.0 || !loud {
@@ -270,6 +270,11 @@ fn ringing(accelerations: &[SensedAcceleration], sample_rate_hz: u32, noise: f32
     // a₀ = p a₁ - q a₂ with q = e^(-2βT), p = 2 √q cos ωT.
     let p = (r01 * r22 - r02 * r12) / determinant;
     let q = (r01 * r12 - r02 * r11) / determinant;
+    // What the two coefficients leave unexplained: another wave came, or the bead is not free.
+    let rest = r00 - p * r01 + q * r02;
+    if rest > RING_REST * r00 {
+        return None;
+    }
     let cosine = 0.5 * p / libm::sqrtf(q.max(0.0));
     if !(q > 0.0 && q < 1.0 && cosine.abs() < 1.0) {
         return None;

@@ -328,7 +328,11 @@ fn fraction(part: Energy, whole: Energy) -> I16F16 {
 
 /// Whether two energies are further apart than this part of the greater, and than what noise explains.
 fn differ([a, b]: [Energy; 2], part: I16F16, noise: Energy) -> bool {
-    let apart = u128::from(a.to_bits().abs_diff(b.to_bits()).saturating_sub(noise.to_bits().unsigned_abs()));
+    let apart = u128::from(
+        a.to_bits()
+            .abs_diff(b.to_bits())
+            .saturating_sub(noise.to_bits().unsigned_abs()),
+    );
     let greater = u128::from(a.max(b).to_bits().unsigned_abs());
     apart << I16F16::FRAC_NBITS > greater * u128::from(part.to_bits().unsigned_abs())
 }

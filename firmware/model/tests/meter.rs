@@ -32,7 +32,7 @@ fn scan(force: u16) -> Scan {
 
 /// The wide codes are what the gains of the reference make of the sensitive ones.
 fn codes_of((force, acceleration): (u16, u16)) -> Scan {
-    let wide = |code: u16, zero: i32| (zero + (i32::from(code) - zero) / 96) as u16;
+    let wide = |code: u16, zero: i32| (zero + (i32::from(code) - zero) / 16) as u16;
     Scan::new([force, wide(force, 128), acceleration, wide(acceleration, 2048)])
 }
 

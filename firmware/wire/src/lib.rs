@@ -13,7 +13,7 @@ pub use decoder::{Counters, Decoder, Rejected};
 pub use frame::{Cause, EncodeError, Frame, Header, MAX_FRAME, Reject, VERSION, encode};
 pub use message::{
     ACCELERATION_UNIT_MPS2, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, FRACTION_UNIT, Fault, FaultCause,
-    GainMatch, Health, IMPULSE_UNIT_N_SAMPLES, Identity, Kind, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE, MAX_GIT, Message, Settings,
-    SettingsSource, Shape, Status, Strike, Waveform,
+    GainMatch, Health, IMPULSE_UNIT_N_SAMPLES, Identity, Kind, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE, MAX_GIT,
+    Message, Settings, SettingsSource, Shape, Status, Strike, Waveform,
 };
 pub use sequence::{Arrival, REORDER};

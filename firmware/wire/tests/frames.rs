@@ -205,7 +205,10 @@ fn each_kind_of_damage_is_refused_by_its_name() {
         cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x04abcd\x00\x00\x00")),
         Some(Cause::Body)
     );
-    assert_eq!(cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x03abc\x00\x00\x00")), None);
+    assert_eq!(
+        cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x03abc\x00\x00\x00")),
+        None
+    );
     assert_eq!(cause(b"\x09abc\x00"), Some(Cause::Cobs));
     assert_eq!(cause(b"\x04abc\x00"), Some(Cause::TooShort));
     let flipped: Vec<_> = good

@@ -80,7 +80,13 @@ impl Overlay {
             serde_json::from_value(json).map_err(|e| odd(exchange::DESCRIPTION, e.to_string()))?;
 
         let bytes = read(exchange::STIMULUS)?;
-        let codes: Vec<u16> = bytes.as_chunks().0.iter().copied().map(u16::from_le_bytes).collect();
+        let codes: Vec<u16> = bytes
+            .as_chunks()
+            .0
+            .iter()
+            .copied()
+            .map(u16::from_le_bytes)
+            .collect();
         let rows = codes.as_chunks().0.to_vec();
         let stimulus = Stimulus::new(rows, description.sample_period_ns);
         let machine = Machine::new(

@@ -80,6 +80,8 @@ struct Report {
     overruns: u64,
     resets: usize,
     strikes: Vec<Strike>,
+    /// Weaker waves of a strike that came when its window was over, and were measured as well: beads that meet again.
+    echoes: Vec<Strike>,
     provoked: Vec<Provoked>,
     faults: Vec<Told>,
     health: Option<Value>,
@@ -124,7 +126,9 @@ struct Strike {
     absorbed_measured: f64,
     absorbed_predicted: f64,
     flags: Vec<&'static str>,
-    truth: Truth,
+    /// Of the strike; none of an echo.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth: Option<Truth>,
     replay_identical: bool,
     #[serde(skip)]
     first_difference: Option<String>,
@@ -258,22 +262,31 @@ fn report(
     let statuses = last_statuses(&frames);
     let counted =
         |count: &dyn Fn(&Status) -> u32| statuses.iter().map(|status| u64::from(count(status))).sum();
-    let strikes = assemble(&frames, Some(&emulation.settings))
-        .iter()
-        .map(|strike| {
-            let replay = replay(strike);
-            Strike {
-                sample_index: strike.said.trigger_index,
-                peak_force: f64::from(strike.said.peak_force) * FORCE_UNIT_N,
-                absorbed_measured: joules(strike.said.absorbed_measured),
-                absorbed_predicted: joules(strike.said.absorbed_predicted),
-                flags: flag_names(strike.said.flags),
-                truth: emulation.truth.truth,
-                replay_identical: replay.identical(),
-                first_difference: replay.first_difference,
-            }
-        })
-        .collect();
+    let mut struck = None;
+    let mut echoes = Vec::new();
+    let mut strikes = Vec::new();
+    for strike in assemble(&frames, Some(&emulation.settings)) {
+        let begun = emulation
+            .truth
+            .starts
+            .iter()
+            .rposition(|&start| start <= strike.said.trigger_index as f64);
+        // After a reset the indices begin anew and do not tell which strike it was.
+        let is_echo = measured.resets == 0 && begun.is_some() && begun == struck;
+        struck = begun;
+        let replay = replay(&strike);
+        let list = if is_echo { &mut echoes } else { &mut strikes };
+        list.push(Strike {
+            sample_index: strike.said.trigger_index,
+            peak_force: f64::from(strike.said.peak_force) * FORCE_UNIT_N,
+            absorbed_measured: joules(strike.said.absorbed_measured),
+            absorbed_predicted: joules(strike.said.absorbed_predicted),
+            flags: flag_names(strike.said.flags),
+            truth: (!is_echo).then_some(emulation.truth.truth),
+            replay_identical: replay.identical(),
+            first_difference: replay.first_difference,
+        });
+    }
     let told = told(&frames);
     Report {
         frames: Frames {
@@ -289,6 +302,7 @@ fn report(
         overruns: measured.overruns.max(counted(&|status| status.overruns)),
         resets: measured.resets,
         strikes,
+        echoes,
         provoked: answered(&emulation.faults, &told),
         faults: told,
         health: frames
@@ -355,6 +369,7 @@ fn verdict(report: &Report, struck: u32) -> Result<(), Failure> {
     if let Some(what) = report
         .strikes
         .iter()
+        .chain(&report.echoes)
         .find_map(|strike| strike.first_difference.as_ref())
     {
         return no(format!("replay differs: {what}"));
@@ -474,16 +489,20 @@ fn table(report: &Report) -> String {
         "replay",
         "flags",
     ]);
-    for strike in &report.strikes {
-        let truth = strike.truth;
-        let off = |joule: f64| format!("{:+.3} %", (joule / truth.absorbed - 1.0) * 100.0);
+    let both = report.strikes.iter().chain(&report.echoes);
+    for strike in both {
+        let true_one = |of: fn(&Truth) -> String| strike.truth.as_ref().map_or("echo".to_owned(), of);
+        let off = |joule: f64| match strike.truth {
+            Some(truth) => format!("{:+.3} %", (joule / truth.absorbed - 1.0) * 100.0),
+            None => "-".to_owned(),
+        };
         strikes.add_row([
             strike.sample_index.to_string(),
             format!("{:.4}", strike.peak_force),
-            format!("{:.4}", truth.peak_force),
+            true_one(|truth| format!("{:.4}", truth.peak_force)),
             format!("{:.2}", strike.absorbed_measured * 1e9),
             format!("{:.2}", strike.absorbed_predicted * 1e9),
-            format!("{:.2}", truth.absorbed * 1e9),
+            true_one(|truth| format!("{:.2}", truth.absorbed * 1e9)),
             off(strike.absorbed_measured),
             off(strike.absorbed_predicted),
             (if strike.replay_identical {
@@ -615,6 +634,7 @@ mod tests {
             },
             overruns: 0,
             resets: 0,
+            echoes: Vec::new(),
             provoked: Vec::new(),
             faults: Vec::new(),
             health: None,
@@ -624,10 +644,10 @@ mod tests {
                 absorbed_measured: 8e-7,
                 absorbed_predicted: 8e-7,
                 flags: vec!["force_railed"],
-                truth: Truth {
+                truth: Some(Truth {
                     peak_force: 6.0,
                     absorbed: 8e-7,
-                },
+                }),
                 replay_identical: true,
                 first_difference: None,
             }],
@@ -678,10 +698,7 @@ mod tests {
             absorbed_measured: 0.0,
             absorbed_predicted: 0.0,
             flags: Vec::new(),
-            truth: Truth {
-                peak_force: 1.0,
-                absorbed: 1.0,
-            },
+            truth: None,
             replay_identical: first_difference.is_none(),
             first_difference: first_difference.map(str::to_owned),
         };
@@ -695,6 +712,7 @@ mod tests {
             overruns,
             resets,
             strikes,
+            echoes: Vec::new(),
             provoked: Vec::new(),
             faults: Vec::new(),
             health: None,

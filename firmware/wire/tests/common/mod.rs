@@ -8,9 +8,9 @@
 )]
 
 use bead_wire::{
-    Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE,
-    MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Shape, Status, Strike,
-    Waveform, encode,
+    Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, MAX_BLOCK, MAX_DETAIL,
+    MAX_FIRMWARE, MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Shape, Status,
+    Strike, Waveform, encode,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -194,23 +194,28 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                 })
             }
         ),
-        any::<(u32, u64, i64, [u32; 4], [Option<(i32, i32)>; 2])>().prop_map(|(strike, first_index, impulse, fine, gains)| {
-            let [force_gains, acceleration_gains] = gains.map(|gains| {
-                let (deviation, uncertainty) = gains?;
-                Some(GainMatch { deviation, uncertainty })
-            });
-            Draft::Shape(Shape {
-                strike,
-                first_index,
-                arrival: fine[0],
-                width: fine[1],
-                impulse,
-                ring_frequency: fine[2],
-                ring_decay: fine[3],
-                force_gains,
-                acceleration_gains,
-            })
-        }),
+        any::<(u32, u64, i64, [u32; 4], [Option<(i32, i32)>; 2])>().prop_map(
+            |(strike, first_index, impulse, fine, gains)| {
+                let [force_gains, acceleration_gains] = gains.map(|gains| {
+                    let (deviation, uncertainty) = gains?;
+                    Some(GainMatch {
+                        deviation,
+                        uncertainty,
+                    })
+                });
+                Draft::Shape(Shape {
+                    strike,
+                    first_index,
+                    arrival: fine[0],
+                    width: fine[1],
+                    impulse,
+                    ring_frequency: fine[2],
+                    ring_decay: fine[3],
+                    force_gains,
+                    acceleration_gains,
+                })
+            }
+        ),
         (
             any::<(u32, u64, i64, i64)>(),
             vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS),

@@ -101,7 +101,10 @@ mod tests {
         let mut stimulus = three_rows();
         stimulus.begin_scan(0, true);
         stimulus.begin_scan(20_000, true);
-        assert_eq!([0, 1, 2, 3].map(|channel| stimulus.code(channel)), [30, 31, 32, 33]);
+        assert_eq!(
+            [0, 1, 2, 3].map(|channel| stimulus.code(channel)),
+            [30, 31, 32, 33]
+        );
     }
 
     #[test]
