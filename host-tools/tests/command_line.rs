@@ -453,9 +453,9 @@ fn a_recorded_strike_decodes_replays_and_compares() {
         .lines()
         .map(|line| serde_json::from_str(line).unwrap())
         .collect();
-    assert_eq!(lines.len(), 2 + 20 + 2);
-    assert_eq!(lines[22]["kind"], "strike");
-    let shape = &lines[23];
+    assert_eq!(lines.len(), 2 + 21 + 2);
+    assert_eq!(lines[23]["kind"], "strike");
+    let shape = &lines[24];
     assert_eq!(shape["kind"], "shape");
     assert!(
         (shape["width_s"].as_f64().unwrap() / 376.5e-6 - 1.0).abs() < 5e-3,
@@ -516,10 +516,10 @@ fn raw_bytes_decode_from_standard_input_and_what_is_cut_is_said() {
         .output()
         .unwrap();
     assert!(output.status.success());
-    assert_eq!(output.stdout.iter().filter(|&&byte| byte == b'\n').count(), 23);
+    assert_eq!(output.stdout.iter().filter(|&&byte| byte == b'\n').count(), 24);
     let error = String::from_utf8(output.stderr).unwrap();
     assert!(
-        error.contains("23 frames") && error.contains("cut short"),
+        error.contains("24 frames") && error.contains("cut short"),
         "{error}"
     );
 }
@@ -541,7 +541,7 @@ fn a_frame_lost_of_a_strike_fails_replay_and_says_from_where() {
     refused(
         &["replay", path],
         1,
-        &["replay differs", "320 of its 672 samples", "sample index"],
+        &["replay differs", "352 of its 672 samples", "sample index"],
     );
     refused(&["compare", path, "--scenario", SCENARIO], 1, &["replay differs"]);
 }
