@@ -206,9 +206,10 @@ impl RequestDecoder {
         &self.counters
     }
 
-    /// Begins to count anew; what stands since the last delimiter is kept.
-    pub fn reset_counters(&mut self) {
-        self.counters = RequestCounters::default();
+    /// What was received so far, to be counted elsewhere: from here on it counts anew. What stands since the last
+    /// delimiter is kept.
+    pub fn take_counters(&mut self) -> RequestCounters {
+        core::mem::take(&mut self.counters)
     }
 
     /// Takes one byte; a delimiter may give a request or a reject.

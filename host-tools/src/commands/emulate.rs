@@ -28,7 +28,7 @@ const AFTER_HELP: &str = "\
 The image is the very file that is flashed to a board. It gets the bead's settings in its flash sector and codes at
 its converter; what it sends is decoded, replayed and held against the full f64 chain. With --out the recording
 DIR/bead-N.mcap is left for `bead decode`, `bead replay` and `bead compare`, and the settings block that the image
-was given as DIR/bead-N.settings, to be flashed to a board of this calibration at 0x080E0000.
+was given as DIR/bead-N.settings, to be flashed to a board of this calibration at 0x080A0000.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs. With
 --faults: if a fault is not reported, one is reported that was not provoked, something is lost that is not counted, or
