@@ -73,10 +73,7 @@ pub(crate) fn load(store: &mut storage::Settings, opened: Opened) -> Loaded {
         },
         Err(_) => refused = Some("what was stored cannot be read"),
     }
-    Loaded {
-        refused,
-        ..beneath(refused)
-    }
+    beneath(refused)
 }
 
 /// The settings beneath those that came over the link; `refused` says why the latter do not hold, if there are some.

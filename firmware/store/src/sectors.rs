@@ -10,7 +10,7 @@ pub(crate) const COUNT: usize = 2;
 /// What erased flash reads.
 const BLANK: u8 = 0xFF;
 /// Bytes looked at together.
-const CHUNK: usize = 64;
+const CHUNK: usize = 256;
 
 pub(crate) struct Sectors<F> {
     flash: F,
@@ -62,14 +62,20 @@ impl<F: NorFlash> Sectors<F> {
     }
 
     pub(crate) fn is_blank(&mut self, sector: &Range<u32>) -> Result<bool, SectorError> {
-        let mut bytes = [0; CHUNK];
         for start in sector.clone().step_by(CHUNK) {
-            self.read(start, &mut bytes)?;
-            if bytes != [BLANK; CHUNK] {
+            if self.blank_tail(start)? < CHUNK {
                 return Ok(false);
             }
         }
         Ok(true)
+    }
+
+    /// How many of the [`CHUNK`] bytes from `start` on are blank, counted from their end in whole words.
+    fn blank_tail(&mut self, start: u32) -> Result<usize, SectorError> {
+        let mut bytes = [0; CHUNK];
+        self.read(start, &mut bytes)?;
+        let words = bytes.as_chunks().0;
+        Ok(4 * words.iter().rev().take_while(|word| **word == [BLANK; 4]).count())
     }
 
     /// Whether the library has marked the sector as full: by zeros in half the bits of its last byte at least.
@@ -86,11 +92,9 @@ impl<F: NorFlash> Sectors<F> {
             if self.is_blank(&sector)? {
                 continue;
             }
-            let mut bytes = [0; CHUNK];
             let mut blank = 0;
             for start in sector.clone().step_by(CHUNK).rev() {
-                self.read(start, &mut bytes)?;
-                let tail = bytes.iter().rev().take_while(|byte| **byte == BLANK).count();
+                let tail = self.blank_tail(start)?;
                 blank += tail as u32;
                 if tail < CHUNK {
                     break;
