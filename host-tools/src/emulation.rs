@@ -314,7 +314,7 @@ fn qemu_version() -> Option<String> {
 }
 
 /// Whose fault a failed run is.
-fn blame(error: RunError) -> Failure {
+pub(crate) fn blame(error: RunError) -> Failure {
     match error {
         RunError::ImageMissing { .. }
         | RunError::NotArmElf { .. }
