@@ -4,6 +4,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
 
+#[path = "src/known_answer.rs"]
+mod known_answer;
+
+use bead_model::Record;
+use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
 
@@ -51,6 +56,14 @@ fn built_in_settings(out: &Path) {
         .encode(&mut block)
         .expect("BLOCK_MAX bytes take any settings block");
     fs::write(out.join("settings.bin"), &block[..length]).expect("OUT_DIR can be written");
+
+    // What a self-test is to get of them on the bead.
+    let settings = Settings::decode(&block).expect("the block was just encoded");
+    let expected = format!(
+        "const EXPECTED: [i64; known_answer::RESULTS] = {:?};",
+        known_answer::results(&settings, &mut Record::new())
+    );
+    fs::write(out.join("known_answer.rs"), expected).expect("OUT_DIR can be written");
 }
 
 /// Commit that the image is built from, `-dirty` if any of its sources differs, "unknown" without git.

@@ -71,6 +71,22 @@ pub(crate) fn update(change: impl FnOnce(&mut Counters)) {
     });
 }
 
+/// Sets to 0 what says how often something went wrong. Sequence numbers, numbers of strikes and what the watchdog goes by
+/// stay.
+pub(crate) fn reset() {
+    update(|c| {
+        c.overruns = 0;
+        c.blocks_dropped = 0;
+        c.frames_dropped_queue_full = 0;
+        c.frames_dropped_too_long = 0;
+        c.health = Health {
+            supply_mv: c.health.supply_mv,
+            standing: c.health.standing,
+            ..Health::default()
+        };
+    });
+}
+
 /// The counts as they stand, all of one moment.
 pub(crate) fn snapshot() -> Counters {
     COUNTERS.lock(Cell::get)

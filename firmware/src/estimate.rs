@@ -5,6 +5,8 @@
 //! block has 2 ms; the channel holds [`BLOCKS`], so a burst of work may take that many times as long before
 //! a block is lost.
 
+use core::sync::atomic::{AtomicBool, Ordering};
+
 use bead_model::sensor::GainMatch;
 use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
 use bead_wire::{FaultCause, Message, Strike};
@@ -15,20 +17,29 @@ use crate::acquire::Block;
 use crate::counters;
 use crate::health::Watch;
 use crate::outbox::{self, Record};
-use crate::report;
+use crate::{raw, report, settings};
 
 /// Blocks between acquisition and estimation: 8 ms.
 pub(crate) const BLOCKS: usize = 4;
 
-/// Measures strikes for ever.
+/// Whether strikes are to be looked for.
+static ARMED: AtomicBool = AtomicBool::new(true);
+
+/// Looks for strikes from the next block on, or for none from the end of one that is being measured.
+pub(crate) fn arm(armed: bool) {
+    ARMED.store(armed, Ordering::Relaxed);
+}
+
+/// Measures strikes for ever, with these settings until there are others.
 #[embassy_executor::task]
 pub(crate) async fn estimate(
-    settings: &'static Settings,
+    mut settings: Settings,
     meter: &'static mut Meter,
     mut blocks: Receiver<'static, CriticalSectionRawMutex, Block>,
 ) -> ! {
     let mut epoch = 0;
     let mut watch = Watch::new();
+    let mut armed = true;
     loop {
         let block = blocks.receive().await;
         if block.epoch != epoch {
@@ -40,13 +51,26 @@ pub(crate) async fn estimate(
                 report::fault(FaultCause::StrikeCut, "samples of its window were lost");
             }
         }
-        process_block(settings, meter, block);
+        if !meter.is_measuring() {
+            let before = armed;
+            armed = ARMED.load(Ordering::Relaxed);
+            if let Some(new) = settings::take() {
+                settings = new;
+                meter.restart();
+            } else if armed && !before {
+                meter.restart();
+            }
+        }
+        if armed {
+            process_block(&settings, meter, block);
+        }
         watch.look(block);
+        raw::offer(block);
         blocks.receive_done();
         counters::update(|c| {
             c.blocks_estimated = c.blocks_estimated.wrapping_add(1);
             c.strikes = meter.strikes();
-            c.armed = meter.is_armed();
+            c.armed = armed && meter.is_armed();
         });
     }
 }

@@ -2,23 +2,32 @@
 //!
 //! ```text
 //! TIM3 ─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─records─> outbox ─> transmit ─> USART1
-//!                                                  report, faults ───┘
+//!                                                  report, faults ───┤
+//!                                   USART1 ─> receive ─> commands ───┘
 //! ```
 #![no_std]
 #![no_main]
 
 mod acquire;
 mod clocks;
+mod commands;
 mod counters;
 mod estimate;
 mod health;
 mod heartbeat;
+mod known_answer;
 mod outbox;
+mod port;
 mod priorities;
+mod raw;
+mod receive;
 mod report;
 mod sample_clock;
+mod self_test;
 mod settings;
 mod stack;
+mod storage;
+mod text;
 mod trace;
 mod transmit;
 mod watchdog;
@@ -26,23 +35,24 @@ mod watchdog;
 use acquire::{Block, Inputs, Ring};
 use bead_model::Meter;
 use bead_wire::MAX_FRAME;
+use commands::Commands;
 use defmt_rtt as _;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Channel;
 use sample_clock::SampleClock;
-use settings::Loaded;
 use static_cell::{ConstStaticCell, StaticCell};
 use trace::Boot;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     static BOOT: StaticCell<Boot> = StaticCell::new();
-    static LOADED: StaticCell<Loaded> = StaticCell::new();
     static RING: ConstStaticCell<Ring> = ConstStaticCell::new([0; _]);
     static SPILL: ConstStaticCell<[u16; acquire::CODES]> = ConstStaticCell::new([0; _]);
     static BLOCKS: ConstStaticCell<[Block; estimate::BLOCKS]> = ConstStaticCell::new([Block::EMPTY; _]);
     static CHANNEL: StaticCell<Channel<'static, CriticalSectionRawMutex, Block>> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
+    static WINDOW: ConstStaticCell<bead_model::Record> = ConstStaticCell::new(bead_model::Record::new());
+    static RECEIVED: ConstStaticCell<port::Ring> = ConstStaticCell::new([0; _]);
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 
     let boot = BOOT.init(trace::begin());
@@ -64,7 +74,9 @@ fn main() -> ! {
             left.detail.as_str()
         );
     }
-    let loaded = LOADED.init(settings::load());
+    let (mut store, opened) = storage::open(p.FLASH);
+    let loaded = settings::load(&mut store, opened);
+    settings::begin(&loaded);
     defmt::info!("settings: {=str}", loaded.origin());
 
     let inputs = Inputs {
@@ -76,24 +88,41 @@ fn main() -> ! {
         acceleration_wide: p.PA3,
     };
     let clock = SampleClock::new(p.TIM3);
-    let port = transmit::port(p.USART1, p.PA9, p.DMA2_CH7);
-    let (sender, receiver) = CHANNEL.init(Channel::new(BLOCKS.take())).split();
+    let parts = port::Parts {
+        usart: p.USART1,
+        tx: p.PA9,
+        rx: p.PA10,
+        tx_dma: p.DMA2_CH7,
+        rx_dma: p.DMA2_CH2,
+    };
+    let (transmitter, receiver) = port::open(parts, RECEIVED.take());
+    let commands = Commands {
+        boot,
+        store,
+        window: WINDOW.take(),
+    };
+    let (full, blocks) = CHANNEL.init(Channel::new(BLOCKS.take())).split();
 
     const ONCE: &str = "each task is spawned once";
     let spawn = priorities::start();
     spawn
         .rest
-        .spawn(transmit::transmit(port, FRAME.take()).expect(ONCE));
-    spawn.rest.spawn(report::report(boot, loaded).expect(ONCE));
+        .spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
+    spawn
+        .rest
+        .spawn(report::report(boot, loaded.refused).expect(ONCE));
+    spawn
+        .rest
+        .spawn(receive::receive(receiver, commands).expect(ONCE));
     spawn
         .rest
         .spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
     spawn
         .estimate
-        .spawn(estimate::estimate(&loaded.settings, METER.take(), receiver).expect(ONCE));
+        .spawn(estimate::estimate(loaded.settings, METER.take(), blocks).expect(ONCE));
     spawn
         .acquire
-        .spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), sender).expect(ONCE));
+        .spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), full).expect(ONCE));
     spawn.rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
     loop {
         cortex_m::asm::wfi();

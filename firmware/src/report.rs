@@ -1,24 +1,50 @@
-//! Who the bead is and how it fares: identity, settings, status and health, at boot and every second.
+//! Who the bead is and how it fares: identity, settings, status, health and link, at boot and every second.
 
-use bead_wire::{Fault, FaultCause, Identity, Message, Settings, SettingsSource, Status};
+use bead_wire::{Fault, FaultCause, Identity, Message, Status};
 use embassy_time::{Duration, Instant, Ticker};
 
 use crate::acquire::CHANNELS;
 use crate::counters;
 use crate::outbox::{self, Record};
 use crate::sample_clock::SAMPLE_RATE_HZ;
-use crate::settings::Loaded;
-use crate::stack;
 use crate::trace::{self, Boot};
+use crate::{receive, settings, stack};
 
 /// A host that starts to listen knows within this time what it listens to.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Reports for ever.
+/// Reports for ever. `refused` says why settings in flash were, if they were.
 #[embassy_executor::task]
-pub(crate) async fn report(boot: &'static Boot, loaded: &'static Loaded) -> ! {
+pub(crate) async fn report(boot: &'static Boot, refused: Option<&'static str>) -> ! {
     let mut period = Ticker::every(PERIOD);
-    let identity = Identity {
+    counters::update(|c| c.health.frames_lost_by_reset = boot.frames_lost);
+    tell_all(boot);
+    if let Some(left) = &boot.left {
+        tell(Message::Fault(Fault {
+            cause: left.cause,
+            boot: left.boot,
+            pc: left.pc,
+            detail: left.detail.as_str(),
+        }));
+    }
+    if let Some(why) = refused {
+        fault(FaultCause::SettingsRefused, why);
+    }
+    loop {
+        period.next().await;
+        tell_all(boot);
+    }
+}
+
+fn tell_all(boot: &'static Boot) {
+    tell_identity(boot);
+    settings::tell();
+    tell_status();
+}
+
+/// Tells who the bead is.
+pub(crate) fn tell_identity(boot: &'static Boot) {
+    tell(Message::Identity(Identity {
         firmware: env!("CARGO_PKG_VERSION"),
         git: env!("BEAD_GIT"),
         uid: embassy_stm32::uid::uid(),
@@ -26,30 +52,19 @@ pub(crate) async fn report(boot: &'static Boot, loaded: &'static Loaded) -> ! {
         reset_cause: boot.reset_cause,
         sample_rate_hz: SAMPLE_RATE_HZ,
         channels: CHANNELS as u8,
-    };
-    counters::update(|c| c.health.frames_lost_by_reset = boot.frames_lost);
-    tell(Message::Identity(identity));
-    tell(Message::Settings(Settings { block: loaded.block }));
-    tell(Message::Status(status(loaded.source)));
+    }));
+}
+
+/// Tells how it fares.
+pub(crate) fn tell_status() {
+    tell(Message::Status(status()));
     tell(Message::Health(counters::snapshot().health));
-    if let Some(left) = &boot.left {
-        tell(Message::Fault(Fault {
-            cause: left.cause,
-            boot: left.boot,
-            pc: left.pc,
-            detail: &left.detail,
-        }));
-    }
-    if let Some(why) = loaded.refused {
-        fault(FaultCause::SettingsRefused, why);
-    }
-    loop {
-        period.next().await;
-        tell(Message::Identity(identity));
-        tell(Message::Settings(Settings { block: loaded.block }));
-        tell(Message::Status(status(loaded.source)));
-        tell(Message::Health(counters::snapshot().health));
-    }
+    tell_link();
+}
+
+/// Tells what came in over the link.
+pub(crate) fn tell_link() {
+    tell(Message::Link(receive::link()));
 }
 
 /// Tells of a fault that the bead survived.
@@ -67,7 +82,7 @@ fn tell(message: Message<'static>) {
     outbox::push(Record::Message(message));
 }
 
-fn status(settings_source: SettingsSource) -> Status {
+fn status() -> Status {
     let counters = counters::snapshot();
     Status {
         uptime_ms: Instant::now().as_millis(),
@@ -79,7 +94,7 @@ fn status(settings_source: SettingsSource) -> Status {
         frames_dropped_queue_full: counters.frames_dropped_queue_full,
         frames_dropped_too_long: counters.frames_dropped_too_long,
         stack_free_min: stack::never_used(),
-        settings_source,
+        settings_source: settings::source(),
         armed: counters.armed,
     }
 }

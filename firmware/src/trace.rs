@@ -6,7 +6,7 @@
 //! there too. A checksum tells a record from what RAM holds after power-up; a power-up is recognised by its
 //! reset flag as well, since RAM may survive a short cut of the power.
 
-use core::fmt::{self, Write};
+use core::fmt;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -15,9 +15,9 @@ use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embassy_stm32::pac::RCC;
-use heapless::String;
 
 use crate::stack;
+use crate::text::Text;
 
 /// This boot, and what the one before left.
 pub(crate) struct Boot {
@@ -36,7 +36,7 @@ pub(crate) struct Left {
     pub(crate) cause: FaultCause,
     pub(crate) boot: u32,
     pub(crate) pc: u32,
-    pub(crate) detail: String<MAX_DETAIL>,
+    pub(crate) detail: Text,
 }
 
 static BOOT: AtomicU32 = AtomicU32::new(0);
@@ -63,7 +63,7 @@ pub(crate) fn begin() -> Boot {
                 cause: FaultCause::Watchdog,
                 boot: kept.boot,
                 pc: 0,
-                detail: String::new(),
+                detail: Text::new(format_args!("")),
             })
         })
     });
@@ -218,7 +218,7 @@ impl Kept {
             cause,
             boot: self.boot,
             pc: self.pc,
-            detail: String::try_from(text).ok()?,
+            detail: Text::new(format_args!("{text}")),
         })
     }
 }
@@ -226,16 +226,9 @@ impl Kept {
 /// Writes the record of this boot's end and resets.
 fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
     cortex_m::interrupt::disable();
-    let mut text = Cut(String::new());
-    // `Cut` never fails; a `Display` of the message that does has written what it could.
-    let _ = text.write_fmt(detail);
-    let Cut(text) = text;
-    defmt::error!(
-        "boot {=u32} ends at {=u32:#010x}: {=str}",
-        boot(),
-        pc,
-        text.as_str()
-    );
+    let text = Text::new(detail);
+    let text = text.as_str();
+    defmt::error!("boot {=u32} ends at {=u32:#010x}: {=str}", boot(), pc, text);
 
     let mut kept = Kept::new(boot());
     kept.cause = CAUSES
@@ -249,25 +242,13 @@ fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
     SCB::sys_reset()
 }
 
-/// Text that is cut where its room ends.
-struct Cut(String<MAX_DETAIL>);
-
-impl Write for Cut {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        let room = self.0.capacity() - self.0.len();
-        let fits = &text[..text.floor_char_boundary(room)];
-        self.0.push_str(fits).map_err(|_| fmt::Error)
-    }
-}
-
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     // The DMA driver panics when a stream reports a transfer error. That is a fault of the bus, not of the
     // code, and the host should not have to read the text to know.
     let message = info.message();
-    let mut text = Cut(String::new());
-    let _ = write!(text, "{message}");
-    let cause = match text.0.starts_with("DMA: error") {
+    let text = Text::new(format_args!("{message}"));
+    let cause = match text.as_str().starts_with("DMA: error") {
         true => FaultCause::DmaError,
         false => FaultCause::Panic,
     };

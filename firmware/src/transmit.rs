@@ -1,37 +1,17 @@
-//! Frames out of USART1, by DMA.
+//! Frames out of the port, by DMA.
 //!
 //! # Design
-//! 2 Mbaud is 84 MHz / 42 exactly, and what USB serial bridges of today do. A window of a strike, some 30
-//! frames and 4 kB, leaves in 20 ms. There is no flow control: who cannot keep up sees gaps in the sequence
-//! numbers, and the bead never waits.
+//! A window of a strike, some 30 frames and 4 kB, leaves in 20 ms. There is no flow control: who cannot keep up sees
+//! gaps in the sequence numbers, and the bead never waits.
 
-use bead_model::Chunk;
 use bead_model::meter::CHUNK;
-use bead_wire::{Codes, EncodeError, Header, MAX_FRAME, Message, Waveform, encode};
+use bead_model::Chunk;
+use bead_wire::{Codes, EncodeError, Header, MAX_FRAME, Message, Raw, Reply, Settings, Waveform, encode};
 use embassy_stm32::mode::Async;
-use embassy_stm32::usart::{Config, UartTx};
-use embassy_stm32::{Peri, bind_interrupts, dma, peripherals};
+use embassy_stm32::usart::UartTx;
 
-use crate::counters;
 use crate::outbox::{self, Queued, Record};
-use crate::trace;
-
-bind_interrupts!(struct Irqs {
-    DMA2_STREAM7 => dma::InterruptHandler<peripherals::DMA2_CH7>;
-});
-
-const BAUD: u32 = 2_000_000;
-
-/// Sets up the port: 8 data bits, no parity, 1 stop bit.
-pub(crate) fn port(
-    usart: Peri<'static, peripherals::USART1>,
-    pin: Peri<'static, peripherals::PA9>,
-    dma: Peri<'static, peripherals::DMA2_CH7>,
-) -> UartTx<'static, Async> {
-    let mut config = Config::default();
-    config.baudrate = BAUD;
-    UartTx::new(usart, pin, dma, Irqs, config).expect("2 Mbaud divide 84 MHz")
-}
+use crate::{counters, settings, trace};
 
 /// Sends what is in the outbox, for ever.
 #[embassy_executor::task]
@@ -48,6 +28,9 @@ pub(crate) async fn transmit(mut port: UartTx<'static, Async>, buffer: &'static 
                 ),
             },
             Err(_) => counters::update(|c| c.frames_dropped_too_long += 1),
+        }
+        if let Record::Settings(slot) = queued.record {
+            settings::told(slot);
         }
         counters::update(|c| {
             c.frames_waiting -= 1;
@@ -68,6 +51,30 @@ fn frame<'b>(queued: &Queued, buffer: &'b mut [u8; MAX_FRAME]) -> Result<&'b [u8
             let mut packed = [0; PACKED];
             encode(&header, &Message::Waveform(waveform(chunk, &mut packed)), buffer)
         }
+        Record::Settings(slot) => {
+            let block = settings::block(*slot);
+            encode(&header, &Message::Settings(Settings { block: &block }), buffer)
+        }
+        Record::Reply {
+            request,
+            outcome,
+            detail,
+        } => {
+            let reply = Reply {
+                request: *request,
+                outcome: *outcome,
+                detail: detail.as_str(),
+            };
+            encode(&header, &Message::Reply(reply), buffer)
+        }
+        Record::Raw { first_index, scans } => {
+            let mut packed = [0; 3 * CHUNK];
+            let raw = Raw {
+                first_index: *first_index,
+                codes: pack(scans.iter().map(|scan| scan.sensitive()), &mut packed),
+            };
+            encode(&header, &Message::Raw(raw), buffer)
+        }
     }
 }
 
@@ -75,19 +82,21 @@ fn frame<'b>(queued: &Queued, buffer: &'b mut [u8; MAX_FRAME]) -> Result<&'b [u8
 const PACKED: usize = 3 * (CHUNK + 2 + CHUNK);
 
 fn waveform<'p>(chunk: &Chunk, packed: &'p mut [u8; PACKED]) -> Waveform<'p> {
-    const ROOM: &str = "a chunk has at most CHUNK scans of codes of 12 bits";
     let (sensitive, wide) = packed.split_at_mut(3 * CHUNK);
-    let scans = chunk.scans.iter().map(|scan| scan.sensitive());
     let wides = chunk.before.iter().chain(&chunk.scans).map(|scan| scan.wide());
     Waveform {
         strike: chunk.strike,
         first_index: chunk.first_index,
-        codes: Codes::pack(scans, sensitive).expect(ROOM),
+        codes: pack(chunk.scans.iter().map(|scan| scan.sensitive()), sensitive),
         wide: match chunk.loud {
-            true => Codes::pack(wides, wide).expect(ROOM),
+            true => pack(wides, wide),
             false => Codes::default(),
         },
         absorbed_measured: chunk.absorbed_measured.to_bits(),
         absorbed_predicted: chunk.absorbed_predicted.to_bits(),
     }
+}
+
+fn pack(scans: impl Iterator<Item = [u16; 2]>, packed: &mut [u8]) -> Codes<'_> {
+    Codes::pack(scans, packed).expect("a piece has at most CHUNK scans of codes of 12 bits")
 }

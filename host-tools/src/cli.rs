@@ -2,7 +2,9 @@
 
 use clap::{Parser, Subcommand};
 
-use crate::commands::{accuracy, compare, decode, emulate, figures, optimise, record, replay, simulate};
+use crate::commands::{
+    accuracy, command, compare, decode, emulate, figures, optimise, record, replay, settings, simulate,
+};
 use crate::failure::Failure;
 
 const AFTER_HELP: &str = "\
@@ -13,7 +15,10 @@ Examples:
   bead simulate docs/scenarios/paper-strike.toml
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead replay run/bead-8.mcap
-  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html";
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
+  bead record --port /dev/ttyUSB0
+  bead command self-test --port /dev/ttyUSB0
+  bead settings write --port /dev/ttyUSB0 run/bead-8.settings";
 
 /// Host tools of the sensing absorber bead.
 #[derive(Debug, Parser)]
@@ -31,6 +36,11 @@ enum Command {
     Emulate(emulate::Arguments),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
+    /// Ask a bead: status, identity, self-test, arm, raw samples, reboot.
+    #[command(name = "command")]
+    Ask(command::Arguments),
+    /// Read, write and show a bead's settings.
+    Settings(settings::Arguments),
     /// Print the frames of a recording or of raw bytes, one JSON object a line.
     Decode(decode::Arguments),
     /// Run the recorded samples through the bead's code: every result bit for bit.
@@ -55,6 +65,8 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
+            Command::Ask(arguments) => command::run(&arguments),
+            Command::Settings(arguments) => settings::run(&arguments),
             Command::Decode(arguments) => decode::run(&arguments),
             Command::Replay(arguments) => replay::run(&arguments),
             Command::Compare(arguments) => compare::run(&arguments),

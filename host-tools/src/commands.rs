@@ -1,6 +1,7 @@
 //! One file a command: its arguments, its run, its table and its JSON.
 
 pub(crate) mod accuracy;
+pub(crate) mod command;
 pub(crate) mod compare;
 pub(crate) mod decode;
 pub(crate) mod emulate;
@@ -8,4 +9,5 @@ pub(crate) mod figures;
 pub(crate) mod optimise;
 pub(crate) mod record;
 pub(crate) mod replay;
+pub(crate) mod settings;
 pub(crate) mod simulate;

@@ -18,8 +18,8 @@ use crate::frames::{self, Message};
 use crate::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ};
 use crate::sensed::{Sensed, Timing, Truth, bead_of};
 
-/// Where the image looks for its settings: the last sector of flash (`memory.x`).
-pub const SETTINGS_ADDRESS: u32 = 0x080E_0000;
+/// Where the image looks for settings that a probe has put there (`memory.x`).
+pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
 /// The image as `cargo xtask build` leaves it in the target directory.
 const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
 /// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, since a sensor
@@ -315,7 +315,7 @@ fn qemu_version() -> Option<String> {
 }
 
 /// Whose fault a failed run is.
-fn blame(error: RunError) -> Failure {
+pub(crate) fn blame(error: RunError) -> Failure {
     match error {
         RunError::ImageMissing { .. }
         | RunError::NotArmElf { .. }

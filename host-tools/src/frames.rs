@@ -10,8 +10,8 @@ use std::fmt::Write;
 use bead_model::{Flags, Settings};
 use bead_wire::{
     ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N,
-    FRACTION_UNIT, FaultCause, GainMatch, Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Reject, Shape,
-    Status, Strike,
+    FRACTION_UNIT, FaultCause, GainMatch, Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Link, Outcome,
+    Reject, SelfTest, Shape, Status, Strike,
 };
 use serde_json::{Map, Value, json};
 
@@ -47,6 +47,14 @@ pub enum Message {
     Settings(Vec<u8>),
     /// How often sensors and supply failed.
     Health(Health),
+    /// The answer to one request.
+    Reply(Reply),
+    /// A run of samples, whether there is a strike or not.
+    Raw(Raw),
+    /// What came in over the link.
+    Link(Link),
+    /// The result of one check of a self-test.
+    SelfTest(SelfTest),
 }
 
 /// [`bead_wire::Identity`] with its own text.
@@ -84,6 +92,24 @@ pub struct Fault {
     pub boot: u32,
     pub pc: u32,
     pub detail: String,
+}
+
+/// [`bead_wire::Reply`] with its own text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the fields are those of the wire")]
+pub struct Reply {
+    pub request: u16,
+    pub outcome: Outcome,
+    pub detail: String,
+}
+
+/// [`bead_wire::Raw`] unpacked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the fields are those of the wire")]
+pub struct Raw {
+    pub first_index: u64,
+    /// ADC codes, force then acceleration.
+    pub codes: Vec<[u16; 2]>,
 }
 
 /// What stood between two delimiters.
@@ -187,6 +213,17 @@ impl From<bead_wire::Message<'_>> for Message {
             }),
             bead_wire::Message::Settings(settings) => Self::Settings(settings.block.to_owned()),
             bead_wire::Message::Health(health) => Self::Health(health),
+            bead_wire::Message::Reply(reply) => Self::Reply(Reply {
+                request: reply.request,
+                outcome: reply.outcome,
+                detail: reply.detail.to_owned(),
+            }),
+            bead_wire::Message::Raw(raw) => Self::Raw(Raw {
+                first_index: raw.first_index,
+                codes: raw.codes.iter().collect(),
+            }),
+            bead_wire::Message::Link(link) => Self::Link(link),
+            bead_wire::Message::SelfTest(test) => Self::SelfTest(test),
         }
     }
 }
@@ -203,6 +240,10 @@ impl Message {
             Self::Fault(_) => Kind::Fault,
             Self::Settings(_) => Kind::Settings,
             Self::Health(_) => Kind::Health,
+            Self::Reply(_) => Kind::Reply,
+            Self::Raw(_) => Kind::Raw,
+            Self::Link(_) => Kind::Link,
+            Self::SelfTest(_) => Kind::SelfTest,
         }
     }
 }
@@ -335,6 +376,18 @@ impl Frame {
                 object["standing_raw"] = json!(health.standing);
                 object
             }
+            Message::Reply(reply) => json!({
+                "request": reply.request,
+                "outcome": reply.outcome,
+                "detail": reply.detail,
+            }),
+            Message::Raw(raw) => json!({
+                "first_index": raw.first_index,
+                "first_time_s": time(raw.first_index),
+                "codes": raw.codes,
+            }),
+            Message::Link(link) => serde_json::to_value(link).unwrap_or_default(),
+            Message::SelfTest(test) => serde_json::to_value(test).unwrap_or_default(),
             Message::Settings(block) => match Settings::decode(block) {
                 Ok(settings) => json!({ "settings": settings, "block": hex(block) }),
                 Err(error) => {
@@ -531,6 +584,24 @@ mod tests {
                 block: &block[..length],
             }),
             bead_wire::Message::Settings(bead_wire::Settings { block: b"no block" }),
+            bead_wire::Message::Reply(bead_wire::Reply {
+                request: 7,
+                outcome: Outcome::StoreFull,
+                detail: "reboot",
+            }),
+            bead_wire::Message::Raw(bead_wire::Raw {
+                first_index: 200_000,
+                codes,
+            }),
+            bead_wire::Message::Link(Link {
+                rejected_kind: 3,
+                ..Link::default()
+            }),
+            bead_wire::Message::SelfTest(SelfTest {
+                check: bead_wire::Check::Supply,
+                passed: true,
+                value: 3300,
+            }),
         ];
         let stream: Vec<u8> = (0..)
             .zip(&messages)
@@ -550,6 +621,16 @@ mod tests {
         assert_eq!(lines[3]["wide"], json!([[7, 4095]]));
         assert_eq!(lines[5]["settings"], serde_json::to_value(settings).unwrap());
         assert_eq!(lines[6]["settings"], Value::Null);
+        assert_eq!(lines[7]["outcome"], json!("store_full"));
+        assert_eq!(
+            (&lines[8]["codes"], &lines[8]["first_time_s"]),
+            (&json!([[7, 4095]]), &json!(2.0))
+        );
+        assert_eq!(lines[9]["rejected_kind"], json!(3));
+        assert_eq!(
+            (&lines[10]["check"], &lines[10]["value"]),
+            (&json!("supply"), &json!(3300))
+        );
     }
 
     #[test]

@@ -3,9 +3,11 @@
 //! The command line `bead` is a thin shell over this library: [`cli`] is the command tree, and each command is a
 //! file of `commands`.
 
+pub mod bridge;
 pub mod cli;
 mod commands;
 pub mod comparison;
+pub mod conversation;
 pub mod emulation;
 pub mod f64_estimators;
 pub mod failure;
@@ -15,6 +17,7 @@ pub mod figures;
 pub mod frames;
 pub mod front_end;
 mod front_end_options;
+mod line_options;
 pub mod output;
 pub mod port;
 pub mod received;

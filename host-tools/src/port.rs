@@ -1,7 +1,7 @@
-//! Where a bead's bytes come from: a serial port, a pseudo-terminal, or a socket.
+//! The way to a bead and from it: a serial port, a pseudo-terminal, or a socket.
 
 use std::fmt;
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
@@ -23,9 +23,9 @@ const GONE: &str = "unplugged, or closed at the other end";
 pub enum Address {
     /// A serial port or pseudo-terminal, by its path.
     Serial(String),
-    /// `tcp:HOST:PORT`, where a server sends the bytes.
+    /// `tcp:HOST:PORT`, where a server has the bead's line.
     Tcp(String),
-    /// `unix:PATH`, a socket where a server sends the bytes.
+    /// `unix:PATH`, a socket where a server has it.
     Unix(PathBuf),
 }
 
@@ -112,7 +112,7 @@ pub enum PortError {
     },
     /// Nobody answers at the address.
     #[error(
-        "cannot connect to {address}: {source}; start the server that sends the bytes, or correct the address"
+        "cannot connect to {address}: {source}; start the server that has the bead's line, or correct the address"
     )]
     Unconnected {
         /// The address.
@@ -154,21 +154,24 @@ fn port_names() -> Vec<String> {
 }
 
 impl Address {
-    /// Opens it to read. `baud` is for serial ports, which nobody else may open meanwhile.
+    /// Opens it, both ways. `baud` is for serial ports, which nobody else may open meanwhile.
     ///
     /// # Errors
     /// [`PortError`].
     pub fn open(&self, baud: u32) -> Result<Port, PortError> {
-        let source: Box<dyn Read + Send> = match self {
+        let line: Box<dyn Line> = match self {
             Self::Serial(path) => Box::new(open_serial(path, baud)?),
             Self::Tcp(server) => Box::new(connect(server).map_err(|source| self.unconnected(source))?),
             Self::Unix(path) => {
-                let stream = UnixStream::connect(path)
-                    .and_then(|stream| stream.set_read_timeout(Some(PATIENCE)).map(|()| stream));
+                let stream = UnixStream::connect(path).and_then(|stream| {
+                    stream.set_read_timeout(Some(PATIENCE))?;
+                    stream.set_write_timeout(Some(CONNECT))?;
+                    Ok(stream)
+                });
                 Box::new(stream.map_err(|source| self.unconnected(source))?)
             }
         };
-        Ok(Port { source })
+        Ok(Port { line })
     }
 
     fn unconnected(&self, source: io::Error) -> PortError {
@@ -219,6 +222,7 @@ fn connect(server: &str) -> io::Result<TcpStream> {
         match TcpStream::connect_timeout(&address, CONNECT) {
             Ok(stream) => {
                 stream.set_read_timeout(Some(PATIENCE))?;
+                stream.set_write_timeout(Some(CONNECT))?;
                 return Ok(stream);
             }
             Err(error) => failure = error,
@@ -227,9 +231,14 @@ fn connect(server: &str) -> io::Result<TcpStream> {
     Err(failure)
 }
 
+/// Bytes both ways.
+trait Line: Read + Write + Send {}
+
+impl<T: Read + Write + Send> Line for T {}
+
 /// An open port.
 pub struct Port {
-    source: Box<dyn Read + Send>,
+    line: Box<dyn Line>,
 }
 
 impl Port {
@@ -239,13 +248,22 @@ impl Port {
     /// The port has gone away: nothing more will come.
     pub fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         use io::ErrorKind::{BrokenPipe, Interrupted, TimedOut, UnexpectedEof, WouldBlock};
-        match self.source.read(buffer) {
+        match self.line.read(buffer) {
             Ok(0) => Err(io::Error::new(UnexpectedEof, GONE)),
             // So serialport reports a line that hung up.
             Err(error) if error.kind() == BrokenPipe => Err(io::Error::new(BrokenPipe, GONE)),
             Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => Ok(0),
             other => other,
         }
+    }
+
+    /// Sends all bytes.
+    ///
+    /// # Errors
+    /// The port has gone away, or takes nothing.
+    pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.line.write_all(bytes)?;
+        self.line.flush()
     }
 }
 

@@ -519,8 +519,9 @@ impl Report<'_> {
             fact(
                 "settings came from",
                 match status.settings_source {
-                    SettingsSource::Flash => "flash".to_owned(),
-                    SettingsSource::BuiltIn => "the image: the flash sector is erased".to_owned(),
+                    SettingsSource::Stored => "flash, written over the link".to_owned(),
+                    SettingsSource::Flash => "flash, put there by a probe".to_owned(),
+                    SettingsSource::BuiltIn => "the image: flash has none".to_owned(),
                     SettingsSource::FlashRefused => "the image: those in flash were refused".to_owned(),
                 },
             );

@@ -72,9 +72,11 @@ impl RecordedStrike {
 /// Frames of the bead between two resets.
 #[derive(Default)]
 struct Boot {
-    settings: Option<Settings>,
+    /// Each with the number of the frame that told it: settings may be changed between two strikes.
+    settings: Vec<(u32, Settings)>,
     waveforms: Vec<Waveform>,
-    strikes: Vec<Strike>,
+    /// Each with the number of its frame.
+    strikes: Vec<(u32, Strike)>,
     shapes: Vec<Shape>,
 }
 
@@ -91,9 +93,13 @@ pub fn assemble(frames: &[Frame], settings: Option<&Settings>) -> Vec<RecordedSt
         }
         let Some(boot) = boots.last_mut() else { continue };
         match &frame.message {
-            Message::Settings(block) => boot.settings = Settings::decode(block).ok().or(boot.settings),
+            Message::Settings(block) => {
+                let settings = Settings::decode(block).ok();
+                boot.settings
+                    .extend(settings.map(|settings| (frame.header.sequence, settings)));
+            }
             Message::Waveform(waveform) => boot.waveforms.push(waveform.clone()),
-            Message::Strike(strike) => boot.strikes.push(*strike),
+            Message::Strike(strike) => boot.strikes.push((frame.header.sequence, *strike)),
             Message::Shape(shape) => boot.shapes.push(*shape),
             _ => {}
         }
@@ -107,9 +113,9 @@ pub fn assemble(frames: &[Frame], settings: Option<&Settings>) -> Vec<RecordedSt
 impl Boot {
     fn assemble(mut self, known: Option<&Settings>) -> Vec<RecordedStrike> {
         self.waveforms.sort_by_key(|waveform| waveform.first_index);
-        self.strikes.sort_by_key(|strike| strike.strike);
-        let settings = self.settings.or(known.copied());
-        let strike = |said: Strike| {
+        self.strikes.sort_by_key(|(_, strike)| strike.strike);
+        self.settings.sort_by_key(|(told, _)| *told);
+        let strike = |(sequence, said): (u32, Strike)| {
             let mut recorded = RecordedStrike {
                 said,
                 shape: self
@@ -119,7 +125,7 @@ impl Boot {
                     .copied(),
                 scans: Vec::new(),
                 chunks: Vec::new(),
-                settings,
+                settings: self.settings_before(sequence).or(known.copied()),
             };
             for waveform in self
                 .waveforms
@@ -139,5 +145,76 @@ impl Boot {
             recorded
         };
         self.strikes.iter().copied().map(strike).collect()
+    }
+
+    /// The settings told last before a frame. If those frames are all lost, the first told after it: they rarely change.
+    fn settings_before(&self, sequence: u32) -> Option<Settings> {
+        let before = self.settings.iter().rev().find(|(told, _)| *told < sequence);
+        before.or(self.settings.first()).map(|(_, settings)| *settings)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::decode;
+    use bead_model::design::{Bead, Capture, FrontEnd, derive};
+    use bead_model::settings::BLOCK_MAX;
+    use bead_wire::{Header, MAX_FRAME, encode};
+
+    #[test]
+    fn a_strike_has_the_settings_told_last_before_it() {
+        let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let mut blocks = Vec::new();
+        for threshold in [50, 60] {
+            settings.window.threshold = threshold;
+            let mut block = [0; BLOCK_MAX];
+            let length = settings.encode(&mut block).unwrap();
+            blocks.push(block[..length].to_vec());
+        }
+        let strike = |strike| {
+            bead_wire::Message::Strike(Strike {
+                strike,
+                first_index: 0,
+                trigger_index: 0,
+                samples: 1,
+                peak_force: 0,
+                peak_index: 0,
+                acceleration_max: 0,
+                acceleration_min: 0,
+                absorbed_measured: 0,
+                absorbed_predicted: 0,
+                incident_energy: 0,
+                absorbed_fraction: 0,
+                noise_energy: 0,
+                force_noise: 0,
+                flags: 0,
+            })
+        };
+        let told = |block| bead_wire::Message::Settings(bead_wire::Settings { block });
+        let messages = [
+            strike(0),
+            told(&blocks[0]),
+            strike(1),
+            told(&blocks[1]),
+            strike(2),
+        ];
+        let stream: Vec<u8> = (0..)
+            .zip(&messages)
+            .flat_map(|(sequence, message)| {
+                let header = Header {
+                    boot: 0,
+                    sequence,
+                    sample_index: 0,
+                };
+                encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+            })
+            .collect();
+        let strikes = assemble(&decode(&stream).0, None);
+        let thresholds: Vec<_> = strikes
+            .iter()
+            .map(|strike| strike.settings.unwrap().window.threshold)
+            .collect();
+        assert_eq!(thresholds, [50, 50, 60]);
     }
 }

@@ -8,7 +8,9 @@ use bead::emulation::{Emulation, find_image};
 use bead::frames::{self, Frame, Message};
 use bead::front_end::FrontEnd;
 use bead::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead_wire::Counters;
+use bead_wire::{Counters, MAX_REQUEST, Request, encode_request};
+use crc::{CRC_32_ISO_HDLC, Crc};
+use stm32f405_qemu::{Outcome, Run, UartInput};
 
 /// The bead that senses.
 pub const HOST: usize = 8;
@@ -101,6 +103,57 @@ impl Heard {
         health.expect("the bead sends its health at boot")
     }
 
+    /// The last link frame.
+    ///
+    /// # Panics
+    /// There is none: the bead sends one at boot.
+    pub fn link(&self) -> bead_wire::Link {
+        let link = self.frames.iter().rev().find_map(|frame| match &frame.message {
+            Message::Link(link) => Some(*link),
+            _ => None,
+        });
+        link.expect("the bead sends what came in at boot")
+    }
+
+    /// The replies to a request: their places among the frames.
+    pub fn replies(&self, request: u16) -> impl Iterator<Item = (usize, &frames::Reply)> {
+        self.frames
+            .iter()
+            .enumerate()
+            .filter_map(move |(place, frame)| match &frame.message {
+                Message::Reply(reply) if reply.request == request => Some((place, reply)),
+                _ => None,
+            })
+    }
+
+    /// Outcome and detail of the reply to a request.
+    ///
+    /// # Panics
+    /// There is not exactly one.
+    pub fn answer(&self, request: u16) -> (bead_wire::Outcome, String) {
+        let mut replies = self.replies(request);
+        let (_, reply) = replies
+            .next()
+            .unwrap_or_else(|| panic!("request {request} has no reply"));
+        assert!(replies.next().is_none(), "request {request} has one reply");
+        (reply.outcome, reply.detail.clone())
+    }
+
+    /// What the bead sent within 30 ms before its reply to a request: what was asked for.
+    ///
+    /// # Panics
+    /// There is not exactly one reply.
+    pub fn answered(&self, request: u16) -> Vec<&Message> {
+        self.answer(request);
+        let (place, _) = self.replies(request).next().expect("there is one");
+        let replied = self.frames[place].header.sample_index;
+        self.frames[..place]
+            .iter()
+            .filter(|frame| frame.header.sample_index + 3000 > replied)
+            .map(|frame| &frame.message)
+            .collect()
+    }
+
     /// Boot and reset cause of each identity, one a boot.
     pub fn boots(&self) -> Vec<(u32, u8)> {
         let identities = self.frames.iter().filter_map(|frame| match &frame.message {
@@ -133,4 +186,90 @@ impl Heard {
         });
         status.expect("the bead sends a status at boot")
     }
+}
+
+/// A run of the image that is asked things.
+pub struct Asking {
+    /// The machine, to be given more.
+    pub machine: Run,
+    block: Vec<u8>,
+    next: u16,
+}
+
+impl Asking {
+    /// A run that is not yet asked anything.
+    pub fn new(run: &Emulation) -> Self {
+        Self {
+            machine: run.machine(),
+            block: run.block.clone(),
+            next: 0,
+        }
+    }
+
+    /// Sends a request `at` s after power-up, or after what is still being sent; gives its number, counted from 0.
+    ///
+    /// # Panics
+    /// It is no request that can be sent.
+    pub fn ask(&mut self, at: f64, request: &Request<'_>) -> u16 {
+        let number = self.next;
+        self.next += 1;
+        let mut buffer = [0; MAX_REQUEST];
+        let bytes = encode_request(number, request, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
+        self.send(at, bytes);
+        number
+    }
+
+    /// Sends any bytes, as [`ask`](Self::ask) does.
+    pub fn send(&mut self, at: f64, bytes: &[u8]) {
+        self.machine.uart_input.push(UartInput {
+            at_ns: (at * 1e9) as u64,
+            bytes: bytes.to_vec(),
+        });
+    }
+
+    /// Runs the image.
+    ///
+    /// # Panics
+    /// QEMU fails.
+    pub fn run(self) -> Asked {
+        let outcome = self.machine.execute().unwrap_or_else(|error| panic!("{error}"));
+        Asked {
+            heard: Heard::new(outcome.uart.clone()),
+            rows: self.machine.stimulus,
+            block: self.block,
+            outcome,
+        }
+    }
+
+    /// When the image takes the first scan, s after power-up. Nothing that it is asked later changes that.
+    ///
+    /// # Panics
+    /// QEMU fails, or the image never samples.
+    pub fn first_scan(&self) -> f64 {
+        let mut quick = self.machine.clone();
+        quick.stimulus.truncate(1);
+        let outcome = quick.execute().unwrap_or_else(|error| panic!("{error}"));
+        outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9
+    }
+}
+
+/// What came of a run that was asked things.
+pub struct Asked {
+    /// What the emulator saw.
+    pub outcome: Outcome,
+    /// What the bead said.
+    pub heard: Heard,
+    /// The codes that it was given: row `i` is scan `i + 1`.
+    pub rows: Vec<[u16; 4]>,
+    /// The settings block that a probe had put into its flash.
+    pub block: Vec<u8>,
+}
+
+/// A payload with its CRC, COBS and delimiters: what no program of ours would send.
+pub fn framed(payload: &[u8]) -> Vec<u8> {
+    let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(payload);
+    let payload = [payload, &crc.to_le_bytes()].concat();
+    let mut encoded = vec![0; corncobs::max_encoded_len(payload.len())];
+    let length = corncobs::encode_buf(&payload, &mut encoded);
+    [&[0], &encoded[..length]].concat()
 }

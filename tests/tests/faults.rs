@@ -382,8 +382,8 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
         survived.details()
     );
     assert_eq!(survived.heard.boots()[1], (1, SOFTWARE));
-    // What was made at 1 s, and could not leave: identity, settings, status, health.
-    assert_eq!(survived.heard.health().frames_lost_by_reset, 4);
+    // What was made at 1 s, and could not leave: identity, settings, status, health, link.
+    assert_eq!(survived.heard.health().frames_lost_by_reset, 5);
 }
 
 #[test]

@@ -1,13 +1,13 @@
 //! Frames from a stream of bytes in which anything may happen.
 //!
 //! # Design
-//! A byte 0x00 is always a delimiter and never anything else, so after any damage the decoder is in step
-//! again at the next one. It keeps no more than one frame, allocates nothing and cannot panic. Every byte
-//! and every frame ends in exactly one counter.
+//! [`Deframer`] finds what stands between two delimiters; here it is checked, and every byte and every frame
+//! ends in exactly one counter.
 
 use serde::Serialize;
 
-use crate::frame::{Cause, Checked, DELIMITER, Frame, Header, MAX_ENCODED, Reject};
+use crate::deframer::Deframer;
+use crate::frame::{Cause, Checked, Frame, Header, MAX_ENCODED, Reject};
 use crate::sequence::{Arrival, Run};
 
 /// What came, what was refused and what never came.
@@ -80,7 +80,19 @@ impl Rejected {
         too_long + cobs + too_short + crc + version + kind + body + trailing
     }
 
-    fn count(&mut self, cause: Cause) {
+    /// None of any.
+    pub(crate) const NONE: Self = Self {
+        too_long: 0,
+        cobs: 0,
+        too_short: 0,
+        crc: 0,
+        version: 0,
+        kind: 0,
+        body: 0,
+        trailing: 0,
+    };
+
+    pub(crate) fn count(&mut self, cause: Cause) {
         *match cause {
             Cause::TooLong => &mut self.too_long,
             Cause::Cobs => &mut self.cobs,
@@ -97,9 +109,7 @@ impl Rejected {
 /// Takes bytes as they come, gives frames and rejects.
 #[derive(Clone, Debug)]
 pub struct Decoder {
-    encoded: [u8; MAX_ENCODED],
-    /// Bytes since the last delimiter; beyond the buffer they are counted, not kept.
-    pending: u64,
+    deframer: Deframer<MAX_ENCODED>,
     run: Option<Run>,
     counters: Counters,
 }
@@ -114,8 +124,7 @@ impl Decoder {
     /// A decoder that has received nothing. Joining in the middle of a frame costs one reject.
     pub const fn new() -> Self {
         Self {
-            encoded: [0; MAX_ENCODED],
-            pending: 0,
+            deframer: Deframer::new(),
             run: None,
             counters: Counters {
                 bytes: 0,
@@ -125,16 +134,7 @@ impl Decoder {
                 duplicates: 0,
                 restarts: 0,
                 first_sequence: None,
-                rejected: Rejected {
-                    too_long: 0,
-                    cobs: 0,
-                    too_short: 0,
-                    crc: 0,
-                    version: 0,
-                    kind: 0,
-                    body: 0,
-                    trailing: 0,
-                },
+                rejected: Rejected::NONE,
             },
         }
     }
@@ -146,7 +146,7 @@ impl Decoder {
 
     /// Bytes received since the last delimiter: at the end of a stream, an unfinished frame.
     pub const fn pending(&self) -> u64 {
-        self.pending
+        self.deframer.pending()
     }
 
     /// Takes any number of bytes, and hands on each frame and each reject as its delimiter comes.
@@ -161,28 +161,9 @@ impl Decoder {
     /// Takes one byte; a delimiter may give a frame or a reject.
     pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, Reject>> {
         self.counters.bytes += 1;
-        if byte != DELIMITER {
-            if let Some(slot) = usize::try_from(self.pending)
-                .ok()
-                .and_then(|at| self.encoded.get_mut(at))
-            {
-                *slot = byte;
-            }
-            self.pending += 1;
-            return None;
-        }
-        let bytes = core::mem::take(&mut self.pending);
-        // Frames are delimited on both sides: nothing between two delimiters is no loss.
-        (bytes > 0).then(|| self.end_frame(bytes).map_err(|cause| Reject { cause, bytes }))
-    }
-
-    fn end_frame(&mut self, bytes: u64) -> Result<Frame<'_>, Cause> {
-        let encoded = usize::try_from(bytes)
-            .ok()
-            .and_then(|length| self.encoded.get_mut(..length));
-        let result = encoded.ok_or(Cause::TooLong).and_then(|encoded| {
-            let length = corncobs::decode_in_place(encoded).map_err(|_| Cause::Cobs)?;
-            let checked = Checked::new(&encoded[..length])?;
+        let between = self.deframer.push(byte)?;
+        let result = between.payload.and_then(|payload| {
+            let checked = Checked::new(payload)?;
             // Even where the body is none that we know, the frame itself was not lost.
             let Header { boot, sequence, .. } = checked.header;
             let arrival = Run::follow(&mut self.run, boot, sequence, checked.opens_boot());
@@ -197,7 +178,10 @@ impl Decoder {
             Ok(_) => self.counters.frames += 1,
             Err(cause) => self.counters.rejected.count(cause),
         }
-        result
+        Some(result.map_err(|cause| Reject {
+            cause,
+            bytes: between.bytes,
+        }))
     }
 }
 

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::codes::MAX_SCANS;
 use crate::message::{
-    Fault, Identity, Kind, MAX_BLOCK, MAX_BODY, MAX_DETAIL, MAX_FIRMWARE, MAX_GIT, Message,
+    Fault, Identity, Kind, MAX_BLOCK, MAX_BODY, MAX_DETAIL, MAX_FIRMWARE, MAX_GIT, Message, Reply,
 };
 use crate::sequence::Arrival;
 
@@ -22,7 +22,7 @@ use crate::sequence::Arrival;
 pub const VERSION: u8 = 2;
 
 const HEADER: usize = 1 + 1 + 1 + 4 + 8;
-const CRC_LENGTH: usize = 4;
+pub(crate) const CRC_LENGTH: usize = 4;
 /// Longest frame before COBS, in bytes.
 const MAX_PAYLOAD: usize = HEADER + MAX_BODY + CRC_LENGTH;
 /// Longest frame between its delimiters, in bytes.
@@ -32,7 +32,7 @@ pub const MAX_FRAME: usize = 1 + MAX_ENCODED + 1;
 
 pub(crate) const DELIMITER: u8 = 0;
 /// Sixteen bytes at a time, from 16 KiB of tables: half of what a frame cost was its checksum.
-static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
+pub(crate) static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
 /// What stands before the body of every frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -123,7 +123,6 @@ pub fn encode<'b>(
     message: &Message<'_>,
     buffer: &'b mut [u8],
 ) -> Result<&'b [u8], EncodeError> {
-    let room = buffer.len();
     let mut payload = [0; MAX_PAYLOAD];
     payload[0] = VERSION;
     payload[1] = message.kind() as u8;
@@ -131,11 +130,18 @@ pub fn encode<'b>(
     payload[3..7].copy_from_slice(&header.sequence.to_le_bytes());
     payload[7..HEADER].copy_from_slice(&header.sample_index.to_le_bytes());
     let body = encode_body(message, &mut payload[HEADER..HEADER + MAX_BODY])?;
-    let end = HEADER + body;
+    frame(&mut payload, HEADER + body, buffer)
+}
+
+/// Puts the CRC behind the first `end` bytes of `payload`, COBS and delimiters around all, into `buffer`.
+pub(crate) fn frame<'b>(
+    payload: &mut [u8],
+    end: usize,
+    buffer: &'b mut [u8],
+) -> Result<&'b [u8], EncodeError> {
+    let too_small = EncodeError::BufferTooSmall(buffer.len());
     let crc = CRC.checksum(&payload[..end]);
     payload[end..end + CRC_LENGTH].copy_from_slice(&crc.to_le_bytes());
-
-    let too_small = EncodeError::BufferTooSmall(room);
     let (first, rest) = buffer.split_first_mut().ok_or(too_small)?;
     *first = DELIMITER;
     let payload = &payload[..end + CRC_LENGTH];
@@ -178,6 +184,19 @@ fn encode_body(message: &Message<'_>, buffer: &mut [u8]) -> Result<usize, Encode
             postcard::to_slice(settings, buffer)
         }
         Message::Health(health) => postcard::to_slice(health, buffer),
+        Message::Reply(reply) => postcard::to_slice(
+            &Reply {
+                detail: cut(reply.detail, MAX_DETAIL),
+                ..*reply
+            },
+            buffer,
+        ),
+        Message::Raw(raw) => {
+            within(raw.codes.bytes(), 3 * MAX_SCANS)?;
+            postcard::to_slice(raw, buffer)
+        }
+        Message::Link(link) => postcard::to_slice(link, buffer),
+        Message::SelfTest(test) => postcard::to_slice(test, buffer),
     };
     // Slices are bounded above and `MAX_BODY` covers the rest, so this cannot fail; were that sum ever
     // wrong, one frame is refused instead of the bead stopped.
@@ -189,7 +208,7 @@ fn cut(text: &str, most: usize) -> &str {
     &text[..text.floor_char_boundary(most)]
 }
 
-fn within(slice: &[u8], most: usize) -> Result<(), EncodeError> {
+pub(crate) fn within(slice: &[u8], most: usize) -> Result<(), EncodeError> {
     if slice.len() <= most {
         Ok(())
     } else {
@@ -197,6 +216,16 @@ fn within(slice: &[u8], most: usize) -> Result<(), EncodeError> {
             length: slice.len(),
             most,
         })
+    }
+}
+
+/// Header and body of a payload whose CRC is right.
+pub(crate) fn checked<const HEADER: usize>(payload: &[u8]) -> Result<(&[u8; HEADER], &[u8]), Cause> {
+    let (covered, crc) = payload.split_last_chunk().ok_or(Cause::TooShort)?;
+    let parts = covered.split_first_chunk().ok_or(Cause::TooShort)?;
+    match CRC.checksum(covered) == u32::from_le_bytes(*crc) {
+        true => Ok(parts),
+        false => Err(Cause::Crc),
     }
 }
 
@@ -210,11 +239,7 @@ pub(crate) struct Checked<'a> {
 impl<'a> Checked<'a> {
     /// Checks what COBS decoding gave.
     pub(crate) fn new(payload: &'a [u8]) -> Result<Self, Cause> {
-        let (covered, crc) = payload.split_last_chunk().ok_or(Cause::TooShort)?;
-        let (head, body) = covered.split_first_chunk::<HEADER>().ok_or(Cause::TooShort)?;
-        if CRC.checksum(covered) != u32::from_le_bytes(*crc) {
-            return Err(Cause::Crc);
-        }
+        let (head, body) = checked::<HEADER>(payload)?;
         let [
             version,
             kind,
@@ -260,11 +285,15 @@ impl<'a> Checked<'a> {
             Kind::Fault => Message::Fault(whole(self.body)?),
             Kind::Settings => Message::Settings(whole(self.body)?),
             Kind::Health => Message::Health(whole(self.body)?),
+            Kind::Reply => Message::Reply(whole(self.body)?),
+            Kind::Raw => Message::Raw(whole(self.body)?),
+            Kind::Link => Message::Link(whole(self.body)?),
+            Kind::SelfTest => Message::SelfTest(whole(self.body)?),
         })
     }
 }
 
-fn whole<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, Cause> {
+pub(crate) fn whole<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, Cause> {
     match postcard::take_from_bytes(body) {
         Ok((message, [])) => Ok(message),
         Ok(_) => Err(Cause::Trailing),

@@ -55,6 +55,14 @@ pub enum Kind {
     Health = 7,
     /// [`Shape`]
     Shape = 8,
+    /// [`Reply`]
+    Reply = 16,
+    /// [`Raw`]
+    Raw = 17,
+    /// [`Link`]
+    Link = 18,
+    /// [`SelfTest`]
+    SelfTest = 19,
 }
 
 impl Kind {
@@ -69,6 +77,10 @@ impl Kind {
             6 => Some(Self::Settings),
             7 => Some(Self::Health),
             8 => Some(Self::Shape),
+            16 => Some(Self::Reply),
+            17 => Some(Self::Raw),
+            18 => Some(Self::Link),
+            19 => Some(Self::SelfTest),
             _ => None,
         }
     }
@@ -96,6 +108,14 @@ pub enum Message<'a> {
     Health(Health),
     /// The shape of one strike: follows its [`Strike`].
     Shape(Shape),
+    /// The answer to one request.
+    Reply(Reply<'a>),
+    /// A run of samples, whether there is a strike or not.
+    Raw(Raw<'a>),
+    /// What came in over the link.
+    Link(Link),
+    /// The result of one check of a self-test.
+    SelfTest(SelfTest),
 }
 
 impl Message<'_> {
@@ -110,6 +130,10 @@ impl Message<'_> {
             Self::Settings(_) => Kind::Settings,
             Self::Health(_) => Kind::Health,
             Self::Shape(_) => Kind::Shape,
+            Self::Reply(_) => Kind::Reply,
+            Self::Raw(_) => Kind::Raw,
+            Self::Link(_) => Kind::Link,
+            Self::SelfTest(_) => Kind::SelfTest,
         }
     }
 }
@@ -144,12 +168,14 @@ pub struct Settings<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SettingsSource {
-    /// Compiled in: the flash sector is erased.
+    /// Compiled in: flash has none.
     BuiltIn,
-    /// Read from flash and checked.
+    /// Put into flash by a debug probe.
     Flash,
     /// Compiled in, because what flash holds failed its check.
     FlashRefused,
+    /// Written over the link and kept in flash.
+    Stored,
 }
 
 /// Counters since the last reset, and health.
@@ -272,6 +298,153 @@ pub struct Waveform<'a> {
     pub absorbed_predicted: i64,
 }
 
+/// What became of a request. The order is the wire's: add at the end only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// It was done.
+    Done,
+    /// Its frame has another version.
+    Version,
+    /// There is no such request.
+    Kind,
+    /// Its body is none of its kind: it has another length, or a value that does not exist.
+    Body,
+    /// A number in it is out of range.
+    OutOfRange,
+    /// The settings are none that this image can work with.
+    SettingsInvalid,
+    /// The settings are for a sample rate that this image does not run at.
+    SampleRate,
+    /// The store in flash is full: the next boot makes room.
+    StoreFull,
+    /// The flash did not take or keep what was written.
+    FlashFailed,
+}
+
+impl Outcome {
+    /// Its name in JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Version => "version",
+            Self::Kind => "kind",
+            Self::Body => "body",
+            Self::OutOfRange => "out_of_range",
+            Self::SettingsInvalid => "settings_invalid",
+            Self::SampleRate => "sample_rate",
+            Self::StoreFull => "store_full",
+            Self::FlashFailed => "flash_failed",
+        }
+    }
+}
+
+/// The answer to one [`Request`](crate::Request).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Reply<'a> {
+    /// Number of the request, as its sender chose it.
+    pub request: u16,
+    /// What became of it: anything but [`Outcome::Done`] has changed nothing.
+    pub outcome: Outcome,
+    /// One line for people; cut to [`MAX_DETAIL`] bytes, between characters.
+    pub detail: &'a str,
+}
+
+/// A run of samples as they came from the converter, whether there is a strike or not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Raw<'a> {
+    /// Sample index of the first scan here. Scans missing between two frames were dropped: see [`Link`].
+    pub first_index: u64,
+    /// The scans, at most [`MAX_SCANS`].
+    #[serde(borrow)]
+    pub codes: Codes<'a>,
+}
+
+/// What came in over the link since the last reset, and what became of it: beside every [`Status`].
+///
+/// What stood between two delimiters is either an accepted request or in exactly one of the counts of what was rejected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Link {
+    /// Bytes received.
+    pub bytes: u64,
+    /// Requests accepted.
+    pub requests: u32,
+    /// Times that the receiver was not emptied in time, and what came was lost.
+    pub overruns: u32,
+    /// Times that the line was not a line of bytes: no stop bit, or noise.
+    pub line_errors: u32,
+    /// [`Cause::TooLong`](crate::Cause::TooLong)
+    pub rejected_too_long: u32,
+    /// [`Cause::Cobs`](crate::Cause::Cobs)
+    pub rejected_cobs: u32,
+    /// [`Cause::TooShort`](crate::Cause::TooShort)
+    pub rejected_too_short: u32,
+    /// [`Cause::Crc`](crate::Cause::Crc)
+    pub rejected_crc: u32,
+    /// [`Cause::Version`](crate::Cause::Version)
+    pub rejected_version: u32,
+    /// [`Cause::Kind`](crate::Cause::Kind)
+    pub rejected_kind: u32,
+    /// [`Cause::Body`](crate::Cause::Body)
+    pub rejected_body: u32,
+    /// [`Cause::Trailing`](crate::Cause::Trailing)
+    pub rejected_trailing: u32,
+    /// Scans sent in [`Raw`] frames.
+    pub raw_sent: u64,
+    /// Scans of a raw stream that were not sent: the link carries fewer than are taken.
+    pub raw_dropped: u64,
+}
+
+/// What a self-test looks at. The order is the wire's: add at the end only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Check {
+    /// The supply: `value` in mV, when acquisition was started last.
+    Supply,
+    /// The force sensor moves and is off the rails: `value` is its bits of [`Health::standing`].
+    Force,
+    /// The acceleration sensor moves and is off the rails: `value` is its bits of [`Health::standing`].
+    Acceleration,
+    /// Blocks of samples come: `value` is how many came within 20 ms.
+    Acquisition,
+    /// The settings in force are those of their block, whose checksum holds: `value` is its length in bytes.
+    Settings,
+    /// The stack has never come near its end: `value` is what was always free, in bytes.
+    Stack,
+    /// The estimators give, for a window that is known, what they gave when the image was built: `value` is how many of
+    /// their results did not.
+    Estimators,
+    /// The store in flash can be read: `value` is the length of the block in it, in bytes, 0 for none.
+    Store,
+}
+
+impl Check {
+    /// Its name in JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Supply => "supply",
+            Self::Force => "force",
+            Self::Acceleration => "acceleration",
+            Self::Acquisition => "acquisition",
+            Self::Settings => "settings",
+            Self::Stack => "stack",
+            Self::Estimators => "estimators",
+            Self::Store => "store",
+        }
+    }
+}
+
+/// The result of one check of a self-test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SelfTest {
+    /// What was looked at.
+    pub check: Check,
+    /// Whether it is as it should be.
+    pub passed: bool,
+    /// What was found, in the unit of the check.
+    pub value: u32,
+}
+
 /// How often sensors and supply failed since the last reset, and what is wrong now: beside every [`Status`].
 ///
 /// A kind of its own, so that status frames stay what they were and old recordings are read as before.
@@ -388,13 +561,13 @@ const U8: usize = 1;
 const U16: usize = 3;
 const U32: usize = 5;
 const U64: usize = 10;
-const fn slice(longest: usize) -> usize {
+pub(crate) const fn slice(longest: usize) -> usize {
     assert!(longest < 1 << 14, "a length of three varint bytes");
     longest + if longest < 1 << 7 { 1 } else { 2 }
 }
 
 /// Longest body of each kind, in bytes, kinds in the order of their numbers.
-pub(crate) const MAX_BODIES: [usize; 8] = [
+pub(crate) const MAX_BODIES: [usize; 12] = [
     slice(MAX_FIRMWARE) + slice(MAX_GIT) + 12 + U32 + U8 + U32 + U8,
     U64 + U32 + U64 + 6 * U32 + U8 + U8,
     U32 + 2 * U64 + U16 + U32 + U64 + 2 * U32 + 3 * U64 + U32 + U64 + U32 + U16,
@@ -403,6 +576,10 @@ pub(crate) const MAX_BODIES: [usize; 8] = [
     slice(MAX_BLOCK),
     7 * U32 + U16 + U8,
     U32 + U64 + 2 * U32 + U64 + 2 * U32 + 2 * (1 + 2 * U32),
+    U16 + U8 + slice(MAX_DETAIL),
+    U64 + slice(3 * MAX_SCANS),
+    U64 + 11 * U32 + 2 * U64,
+    U8 + U8 + U32,
 ];
 
 /// Longest body of any kind, in bytes.
@@ -507,6 +684,36 @@ mod tests {
             force_gains: Some(gains),
             acceleration_gains: Some(gains),
         };
+        let reply = Reply {
+            request: u16::MAX,
+            outcome: Outcome::FlashFailed,
+            detail: &text[..MAX_DETAIL],
+        };
+        let raw = Raw {
+            first_index: u64::MAX,
+            codes: Codes::from_bytes(&[0xFF; 3 * MAX_SCANS]).unwrap(),
+        };
+        let link = Link {
+            bytes: u64::MAX,
+            requests: u32::MAX,
+            overruns: u32::MAX,
+            line_errors: u32::MAX,
+            rejected_too_long: u32::MAX,
+            rejected_cobs: u32::MAX,
+            rejected_too_short: u32::MAX,
+            rejected_crc: u32::MAX,
+            rejected_version: u32::MAX,
+            rejected_kind: u32::MAX,
+            rejected_body: u32::MAX,
+            rejected_trailing: u32::MAX,
+            raw_sent: u64::MAX,
+            raw_dropped: u64::MAX,
+        };
+        let self_test = SelfTest {
+            check: Check::Store,
+            passed: true,
+            value: u32::MAX,
+        };
 
         let mut buffer = [0; MAX_BODY];
         let lengths = [
@@ -518,6 +725,10 @@ mod tests {
             postcard::to_slice(&settings, &mut buffer).unwrap().len(),
             postcard::to_slice(&health, &mut buffer).unwrap().len(),
             postcard::to_slice(&shape, &mut buffer).unwrap().len(),
+            postcard::to_slice(&reply, &mut buffer).unwrap().len(),
+            postcard::to_slice(&raw, &mut buffer).unwrap().len(),
+            postcard::to_slice(&link, &mut buffer).unwrap().len(),
+            postcard::to_slice(&self_test, &mut buffer).unwrap().len(),
         ];
         assert_eq!(lengths, MAX_BODIES);
     }

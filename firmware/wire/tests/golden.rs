@@ -7,8 +7,9 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use bead_wire::{
-    Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, MAX_FRAME, Message, Settings,
-    SettingsSource, Shape, Status, Strike, Waveform, encode,
+    Check, Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, Link, MAX_FRAME,
+    MAX_REQUEST, Message, Outcome, Raw, Reply, Request, RequestDecoder, SelfTest, Settings, SettingsSource,
+    Shape, Status, Strike, Waveform, encode, encode_request,
 };
 
 const HEADER: Header = Header {
@@ -18,7 +19,7 @@ const HEADER: Header = Header {
 };
 
 /// The frames of version 2, delimiters included.
-const GOLDEN: [(&str, &str); 8] = [
+const GOLDEN: [(&str, &str); 12] = [
     (
         "identity",
         "000a020102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0604bf75eaa900",
@@ -51,10 +52,59 @@ const GOLDEN: [(&str, &str); 8] = [
         "shape",
         "000a020802040302010c0b01020a01011903d0c1028080d405b3e694018080c80e99f3d3348080d2360a019d0aa20bf02a795600",
     ),
+    (
+        "reply",
+        "000a011002040302010c0b01020a010116b2c302060c666f7220353030303020487aa36eb3bf00",
+    ),
+    (
+        "raw",
+        "000a011102040302010c0b01020a010108d0c1020623c1ab07f0ff0c8b8a3900",
+    ),
+    (
+        "link",
+        "000a011202040302010c0b01020a01011e80e497d0120c0102ac020405f0a20406070809a0b323a0d119f2375f5800",
+    ),
+    (
+        "self_test",
+        "000a011302040302010c0b01020a01010a0501d8f504267f5d5300",
+    ),
 ];
 
+/// The requests of version 1, delimiters included.
+const REQUESTS: [&str; 11] = [
+    "00090140b2a1fd6a409e00",
+    "00060141b2a1ca03829f00",
+    "00090142b2a193bec49d00",
+    "000b0143b2a107424541440106fffaf5e70d00",
+    "00090144b2a121c2499900",
+    "00090145b2a116a88b9800",
+    "00090146b2a14f16cd9a00",
+    "00090147b2a1787c0f9b00",
+    "000b0148b2a1c4135c83f45600",
+    "00090149b2a17251919100",
+    "0009014ab2a12befd79300",
+];
+
+fn requests() -> [Request<'static>; 11] {
+    [
+        Request::Identity,
+        Request::Status,
+        Request::ReadSettings,
+        Request::WriteSettings {
+            block: b"BEAD\x01\x00\xff",
+        },
+        Request::EraseSettings,
+        Request::Arm,
+        Request::Disarm,
+        Request::SelfTest,
+        Request::Raw { duration_ms: 2_500 },
+        Request::ResetCounters,
+        Request::Reboot,
+    ]
+}
+
 /// What they say.
-fn messages() -> [Message<'static>; 8] {
+fn messages() -> [Message<'static>; 12] {
     const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
     const WIDE: [u8; 12] = [
         0x80, 0x00, 0x80, 0x81, 0x10, 0x80, 0x82, 0x20, 0x80, 0x83, 0x30, 0x80,
@@ -141,6 +191,36 @@ fn messages() -> [Message<'static>; 8] {
                 uncertainty: 721,
             }),
         }),
+        Message::Reply(Reply {
+            request: 0xA1B2,
+            outcome: Outcome::SampleRate,
+            detail: "for 50000 Hz",
+        }),
+        Message::Raw(Raw {
+            first_index: 41_168,
+            codes: Codes::from_bytes(&PACKED).unwrap(),
+        }),
+        Message::Link(Link {
+            bytes: 5_000_000_000,
+            requests: 12,
+            overruns: 1,
+            line_errors: 2,
+            rejected_too_long: 300,
+            rejected_cobs: 4,
+            rejected_too_short: 5,
+            rejected_crc: 70_000,
+            rejected_version: 6,
+            rejected_kind: 7,
+            rejected_body: 8,
+            rejected_trailing: 9,
+            raw_sent: 580_000,
+            raw_dropped: 420_000,
+        }),
+        Message::SelfTest(SelfTest {
+            check: Check::Stack,
+            passed: true,
+            value: 80_600,
+        }),
     ]
 }
 
@@ -181,6 +261,25 @@ fn todays_frames_are_the_same_bytes() {
 }
 
 #[test]
+fn requests_are_the_same_bytes_and_are_understood() {
+    for (hex, request) in REQUESTS.into_iter().zip(requests()) {
+        let mut buffer = [0; MAX_REQUEST];
+        let sent = encode_request(0xA1B2, &request, &mut buffer).unwrap();
+        assert_eq!(to_hex(sent), hex, "{request:?}");
+        let mut decoder = RequestDecoder::new();
+        let mut understood = 0;
+        for byte in from_hex(hex) {
+            if let Some(heard) = decoder.push(byte) {
+                let heard = heard.unwrap();
+                assert_eq!((heard.number, heard.request), (0xA1B2, request));
+                understood += 1;
+            }
+        }
+        assert_eq!(understood, 1, "{request:?}");
+    }
+}
+
+#[test]
 fn causes_and_sources_keep_their_numbers() {
     let causes = [
         FaultCause::Panic,
@@ -207,8 +306,38 @@ fn causes_and_sources_keep_their_numbers() {
         SettingsSource::BuiltIn,
         SettingsSource::Flash,
         SettingsSource::FlashRefused,
+        SettingsSource::Stored,
     ];
     for (number, source) in (0..).zip(sources) {
         assert_eq!(postcard::to_slice(&source, &mut [0; 2]).unwrap(), [number]);
+    }
+    let outcomes = [
+        Outcome::Done,
+        Outcome::Version,
+        Outcome::Kind,
+        Outcome::Body,
+        Outcome::OutOfRange,
+        Outcome::SettingsInvalid,
+        Outcome::SampleRate,
+        Outcome::StoreFull,
+        Outcome::FlashFailed,
+    ];
+    for (number, outcome) in (0..).zip(outcomes) {
+        assert_eq!(postcard::to_slice(&outcome, &mut [0; 2]).unwrap(), [number]);
+        assert_eq!(serde_json::to_value(outcome).unwrap(), outcome.name());
+    }
+    let checks = [
+        Check::Supply,
+        Check::Force,
+        Check::Acceleration,
+        Check::Acquisition,
+        Check::Settings,
+        Check::Stack,
+        Check::Estimators,
+        Check::Store,
+    ];
+    for (number, check) in (0..).zip(checks) {
+        assert_eq!(postcard::to_slice(&check, &mut [0; 2]).unwrap(), [number]);
+        assert_eq!(serde_json::to_value(check).unwrap(), check.name());
     }
 }

@@ -22,6 +22,8 @@ pub(crate) const UART: &str = "uart.bin";
 /// Bytes of RTT up-channel 0, in order.
 pub(crate) const RTT: &str = "rtt.bin";
 pub(crate) const REPORT: &str = "report.json";
+/// What flash sectors 10 and 11 hold at the end.
+pub(crate) const FLASH: &str = "flash.bin";
 
 /// Exit status of QEMU when the overlay's self-test fails. QEMU itself uses 0, 1 and signals.
 pub(crate) const SELF_TEST_STATUS: i32 = 86;
@@ -69,6 +71,7 @@ pub struct UartInput {
 /// A fault on demand: bytes written over guest memory, flash included, behind the processor's back.
 ///
 /// A reset brings flash back as it was, so that the image that faulted can start again; what is written over RAM stays.
+/// What the firmware itself has written to flash stays too: the bytes poked are not part of it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Poke {
     /// Virtual time of the write, in ns since power-up.
@@ -90,7 +93,7 @@ pub struct Fault {
 
 /// What fails.
 ///
-/// The last four make the processor run wild: the vector of the DMA stream that serves ADC1 is overwritten in flash, and
+/// [`WildJump`](Self::WildJump) to [`RunawayStack`](Self::RunawayStack) make the processor run wild: the vector of the DMA stream that serves ADC1 is overwritten in flash, and
 /// that stream's next interrupt does the rest. The reset brings flash back. Nothing happens if no stream serves ADC1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FaultKind {
@@ -121,6 +124,17 @@ pub enum FaultKind {
     Hang,
     /// The vector leads to a loop in the last bytes of flash that pushes on the stack for ever.
     RunawayStack,
+    /// The power goes and comes back at once: a power-on reset. RAM then holds nothing of before, the reset flags are those
+    /// of power-up, and a flash operation that ran is left half done. The stimulus goes on.
+    PowerCut,
+    /// [`PowerCut`](Self::PowerCut) in the midst of a flash operation: a word programmed, a sector erased. Several are
+    /// counted each by itself, and the count goes on over resets.
+    PowerCutInFlash {
+        /// How many operations begin before that one, from the time of the fault on.
+        after: u32,
+        /// How much of it is over when the power goes: 0 to 100.
+        percent: u8,
+    },
 }
 
 /// What was seen, plugin to host.
@@ -134,6 +148,7 @@ pub(crate) struct Report {
     pub(crate) unknown: Vec<UnknownRegister>,
     pub(crate) unmodelled: Vec<String>,
     pub(crate) pins: Vec<Pin>,
+    pub(crate) flash_operations: Vec<FlashOperation>,
     pub(crate) instructions: u64,
     pub(crate) labels: Vec<Count>,
     pub(crate) worst_block: Option<Block>,
@@ -166,6 +181,21 @@ pub enum ResetCause {
     Software,
     /// The independent watchdog ran out.
     Watchdog,
+    /// [`FaultKind::PowerCut`] or [`FaultKind::PowerCutInFlash`].
+    PowerCut,
+}
+
+/// A word programmed or a sector erased by the firmware, or at least begun.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FlashOperation {
+    /// Virtual time at which it began, in ns.
+    pub at_ns: u64,
+    /// First address.
+    pub address: u32,
+    /// How much it programs or erases.
+    pub bytes: u32,
+    /// Whether it erases.
+    pub erase: bool,
 }
 
 /// A register that the firmware touched and no model knows, or whose peripheral's clock was off.

@@ -7,6 +7,7 @@ mod plugin;
 mod run;
 
 pub use exchange::{
-    Block, Fault, FaultKind, Pin, Poke, Reset, ResetCause, Sampling, UartInput, UnknownRegister,
+    Block, Fault, FaultKind, FlashOperation, Pin, Poke, Reset, ResetCause, Sampling, UartInput,
+    UnknownRegister,
 };
 pub use run::{FunctionCount, Instructions, LogLine, Outcome, Run, RunError};

@@ -16,13 +16,14 @@ use std::collections::BTreeMap;
 
 pub use stimulus::Stimulus;
 
-use crate::exchange::{FaultKind, Pin, Reset, ResetCause, UartInput, UnknownRegister};
+use crate::exchange::{FaultKind, FlashOperation, Pin, Reset, ResetCause, UartInput, UnknownRegister};
 use crate::peripherals::adc::{Adc, TriggerSource};
 use crate::peripherals::dbgmcu::Dbgmcu;
 use crate::peripherals::dma::{Direction, Dma, STREAMS};
 use crate::peripherals::dwt::Dwt;
 use crate::peripherals::exti::Exti;
-use crate::peripherals::flash::Flash;
+pub use crate::peripherals::flash::WRITABLE;
+use crate::peripherals::flash::{self, Flash};
 use crate::peripherals::gpio::Gpio;
 use crate::peripherals::iwdg::Iwdg;
 use crate::peripherals::pwr::Pwr;
@@ -36,6 +37,7 @@ use map::{GATED, Unit, gate, locate};
 
 /// Interrupt lines of the STM32F405 (RM0090 table 61).
 pub const INTERRUPTS: usize = 82;
+const FLASH_LINE: usize = 4;
 const TIM_LINES: [usize; 4] = [28, 29, 30, 50];
 const ADC_LINE: usize = 18;
 const USART1_LINE: usize = 37;
@@ -73,6 +75,12 @@ pub trait Board {
     fn write_memory(&mut self, address: u32, bytes: &[u8]);
     /// Writes flash behind the processor's back, until the next reset.
     fn overwrite_flash(&mut self, address: u32, bytes: &[u8]);
+    /// The firmware changed what stands in [`WRITABLE`].
+    fn flash_changed(&mut self, address: u32, bytes: &[u8]);
+    /// The processor stands still, since flash cannot be read while it is written, or goes on.
+    fn stall(&mut self, stalled: bool);
+    /// The power was gone: RAM holds nothing of before.
+    fn lose_memory(&mut self);
     /// An interrupt line of the NVIC changed its level.
     fn set_interrupt(&mut self, number: usize, level: bool);
     /// A byte left the USART1 transmitter.
@@ -80,7 +88,7 @@ pub trait Board {
     /// The ADC's DMA stream filled a half of its buffer; so many scans were started since the last. None if the interrupt
     /// of the half before has not been served.
     fn acquired(&mut self, scans: u64);
-    /// The watchdog ran out: reset the processor, and call [`Machine::reset`] when that happens.
+    /// The watchdog ran out or the power went: reset the processor, and call [`Machine::reset`] when that happens.
     fn reset_wanted(&mut self);
 }
 
@@ -116,6 +124,7 @@ enum Event {
     Sent,
     Received,
     WatchdogOut,
+    Flash(flash::Event),
 }
 
 /// An STM32F405 without its processor and memory.
@@ -145,6 +154,7 @@ pub struct Machine {
     written_at: u32,
     unknown: BTreeMap<(u32, bool), Access>,
     watchdog_ran_out: bool,
+    power_gone: bool,
     resets: Vec<Reset>,
 }
 
@@ -179,6 +189,7 @@ impl Machine {
             written_at: 0,
             unknown: BTreeMap::new(),
             watchdog_ran_out: false,
+            power_gone: false,
             resets: Vec::new(),
             rcc,
             clocks,
@@ -188,16 +199,21 @@ impl Machine {
     /// The processor was reset after power-up: every peripheral starts anew, while the world outside goes on.
     pub fn reset(&mut self, now: u64, board: &mut impl Board) {
         self.play(now, board);
-        let (cause, flag) = match std::mem::take(&mut self.watchdog_ran_out) {
-            true => (ResetCause::Watchdog, Cause::Watchdog),
-            false => (ResetCause::Software, Cause::Software),
+        let watchdog = std::mem::take(&mut self.watchdog_ran_out);
+        let (cause, flag) = if std::mem::take(&mut self.power_gone) {
+            board.lose_memory();
+            (ResetCause::PowerCut, Cause::PowerOn)
+        } else if watchdog {
+            (ResetCause::Watchdog, Cause::Watchdog)
+        } else {
+            (ResetCause::Software, Cause::Software)
         };
         self.resets.push(Reset { at_ns: now, cause });
         self.rcc.reset(flag);
         for unit in GATED {
             self.reset_unit(unit);
         }
-        self.flash.reset();
+        self.flash.reset(now);
         self.exti = Exti::default();
         self.dbgmcu = Dbgmcu::default();
         self.iwdg = Iwdg::default();
@@ -217,6 +233,7 @@ impl Machine {
                 0
             }
         };
+        self.stall_if_busy(board);
         self.settle(board);
         (value >> (8 * (address & 3))) & (u32::MAX >> (32 - 8 * bytes))
     }
@@ -235,7 +252,41 @@ impl Machine {
             self.run_memory_to_memory(now, board);
         }
         self.serve(now, board);
+        self.stall_if_busy(board);
         self.settle(board);
+    }
+
+    /// The processor stores 1, 2 or 4 bytes to flash.
+    pub fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Board) {
+        self.play(now, board);
+        self.flash.store(address, bytes, value, now);
+        self.stall_if_busy(board);
+        self.settle(board);
+    }
+
+    /// The next instruction is in flash, and so is the one after an interrupt that woke the processor nevertheless.
+    fn stall_if_busy(&mut self, board: &mut impl Board) {
+        if self.flash.busy() {
+            board.stall(true);
+        }
+    }
+
+    /// What stands in [`WRITABLE`].
+    pub fn flash(&self) -> &[u8] {
+        self.flash.contents()
+    }
+
+    /// Puts that there.
+    ///
+    /// # Panics
+    /// With another number of bytes.
+    pub fn set_flash(&mut self, contents: Vec<u8>) {
+        self.flash.set_contents(contents);
+    }
+
+    /// Words programmed and sectors erased so far.
+    pub fn flash_operations(&self) -> &[FlashOperation] {
+        self.flash.operations()
     }
 
     /// Plays everything up to `now` and sets the interrupt lines.
@@ -256,6 +307,8 @@ impl Machine {
             }
             FaultKind::TransmitterStalled { for_ns } => self.usart1.stall(now.saturating_add(for_ns)),
             FaultKind::Supply { millivolts } => self.pwr.set_supply(millivolts),
+            FaultKind::PowerCut => self.lose_power(board),
+            FaultKind::PowerCutInFlash { after, percent } => self.flash.cut_power_in(after, percent),
             FaultKind::WildJump
             | FaultKind::UnhandledInterrupt
             | FaultKind::Hang
@@ -268,18 +321,33 @@ impl Machine {
         self.settle(board);
     }
 
-    /// When an interrupt line will rise by itself: call [`Self::advance`] then, not later. Earlier does no harm.
+    /// When an interrupt line will rise by itself, or the first scan may come: call [`Self::advance`] then, not later.
+    /// Earlier does no harm.
     pub fn next_interrupt(&self) -> Option<u64> {
+        let flash = self.flash.next_event().map(|(at, _)| at);
+        // Nobody serves an interrupt while the processor stands still.
+        if flash.is_some() {
+            return flash.into_iter().chain(self.iwdg.bites_at()).min();
+        }
         let timers = self.tim.iter().filter_map(Tim::next_interrupt);
         let others = [
             self.next_acquisition(),
             self.next_transmission(),
             self.usart1.next_interrupt(),
+            self.next_first_scan(),
         ];
         timers
             .chain(others.into_iter().flatten())
             .chain(self.iwdg.bites_at())
             .min()
+    }
+
+    /// The trigger of what may become the first scan, from which the outside counts its time.
+    fn next_first_scan(&self) -> Option<u64> {
+        match self.stimulus.sampling() {
+            Some(_) => None,
+            None => self.tim[self.trigger_timer()?].trigger(0),
+        }
     }
 
     /// What the analog inputs carry, and how far it is read.
@@ -384,6 +452,17 @@ impl Machine {
                     self.watchdog_ran_out = true;
                     board.reset_wanted();
                 }
+                Event::Flash(flash::Event::Finished) => {
+                    let changed = self.flash.finish();
+                    let offset = (changed.start - WRITABLE.start) as usize;
+                    let bytes = &self.flash.contents()[offset..][..changed.len()];
+                    board.flash_changed(changed.start, bytes);
+                    board.stall(false);
+                }
+                Event::Flash(flash::Event::PowerGone) => {
+                    self.flash.reset(at);
+                    self.lose_power(board);
+                }
             }
             self.serve(at, board);
         }
@@ -406,8 +485,16 @@ impl Machine {
             self.usart1.next_sent().map(|at| (at, Event::Sent)),
             self.usart1.next_received().map(|at| (at, Event::Received)),
             self.iwdg.bites_at().map(|at| (at, Event::WatchdogOut)),
+            self.flash
+                .next_event()
+                .map(|(at, event)| (at, Event::Flash(event))),
         ];
         events.into_iter().flatten().min_by_key(|(at, _)| *at)
+    }
+
+    fn lose_power(&mut self, board: &mut impl Board) {
+        self.power_gone = true;
+        board.reset_wanted();
     }
 
     /// Which timer starts scans.
@@ -495,6 +582,10 @@ impl Machine {
     /// `None` is a bus error.
     fn dma_read(&mut self, address: u32, bytes: u32, now: u64, board: &mut impl Board) -> Option<u32> {
         if SRAM.contains(&address) || FLASH.contains(&address) {
+            self.flash.notes.note_if(
+                FLASH.contains(&address) && self.flash.busy(),
+                "a DMA stream read flash while BSY: silicon holds it up, here it does not wait",
+            );
             self.flush(board);
             let mut word = [0; 4];
             board.read_memory(address, &mut word[..bytes as usize]);
@@ -578,6 +669,12 @@ impl Machine {
     /// Brings memory and interrupt lines up to the state of the models.
     fn settle(&mut self, board: &mut impl Board) {
         self.flush(board);
+        // The vectors are in flash: what rises now is served when it can be read again.
+        if self.flash.busy() {
+            return;
+        }
+        let level = self.flash.interrupt();
+        self.set_line(FLASH_LINE, level, board);
         for (n, line) in TIM_LINES.into_iter().enumerate() {
             let level = self.tim[n].interrupt();
             self.set_line(line, level, board);
@@ -665,7 +762,7 @@ impl Machine {
             Unit::Exti => self.exti.write(offset, value),
             Unit::Gpio(n) => self.gpio[n].write(offset, value),
             Unit::Rcc => self.write_rcc(offset, value, now),
-            Unit::Flash => self.flash.write(offset, value),
+            Unit::Flash => self.flash.write(offset, value, now),
             Unit::Dma(n) => self.dma[n].write(offset, value),
             Unit::Signature => Ok(()),
             Unit::Dwt => self.dwt.write(offset, value, now),

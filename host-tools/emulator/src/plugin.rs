@@ -17,7 +17,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::exchange::{self, Block, Description, FORMAT, Fault, LINE_PREFIX, Poke, Report, SELF_TEST_STATUS};
-use crate::machine::{Board, FLASH, Machine, Stimulus};
+use crate::machine::{Board, FLASH, Machine, SRAM, Stimulus, WRITABLE};
 use count::Counters;
 use qemu::Qemu;
 
@@ -36,6 +36,8 @@ struct Overlay {
     rtt_looked_at_ns: u64,
     powered_up: bool,
     interrupts_tested: bool,
+    /// QEMU has loaded the image anew, over what the firmware had written to flash.
+    reloaded: bool,
     ended: bool,
 }
 
@@ -126,6 +128,7 @@ impl Overlay {
             rtt_looked_at_ns: 0,
             powered_up: false,
             interrupts_tested: false,
+            reloaded: false,
             ended: false,
             description,
         })
@@ -149,12 +152,27 @@ impl Overlay {
         self.after(now, false, qemu);
     }
 
+    /// The processor stores to flash.
+    fn store(&mut self, address: u32, bytes: u32, value: u32, qemu: &Qemu) {
+        let now = qemu.now();
+        self.machine
+            .store(address, bytes, value, now, &mut Outside(qemu, &mut self.recorder));
+        self.after(now, false, qemu);
+    }
+
     /// The time that was asked for has come.
     fn wake(&mut self, qemu: &Qemu) {
-        if !std::mem::replace(&mut self.interrupts_tested, true)
-            && let Err(line) = qemu::interrupt_test(qemu)
-        {
-            qemu::exit(SELF_TEST_STATUS, &line);
+        if !std::mem::replace(&mut self.interrupts_tested, true) {
+            if let Err(line) = qemu::interrupt_test(qemu) {
+                qemu::exit(SELF_TEST_STATUS, &line);
+            }
+            // What QEMU has loaded there.
+            let mut contents = vec![0; WRITABLE.len()];
+            qemu.read_memory(WRITABLE.start, &mut contents);
+            self.machine.set_flash(contents);
+        }
+        if std::mem::take(&mut self.reloaded) {
+            qemu.poke(WRITABLE.start, self.machine.flash());
         }
         let now = qemu.now();
         self.machine.advance(now, &mut Outside(qemu, &mut self.recorder));
@@ -201,7 +219,10 @@ impl Overlay {
         while let Some((address, bytes)) = self.recorder.flash_before.pop() {
             qemu.poke(address, &bytes);
         }
+        // QEMU's own loading comes after this, and the processor's first instruction after that.
+        self.reloaded = true;
         self.after(now, true, qemu);
+        qemu.wake_at(now);
     }
 
     /// When the run is over, as far as known: some time after the stimulus, or when sampling has not begun by then.
@@ -257,6 +278,7 @@ impl Overlay {
             unknown: self.machine.unknown_registers(),
             unmodelled: self.machine.unmodelled(),
             pins: self.machine.pins(),
+            flash_operations: self.machine.flash_operations().to_vec(),
             instructions: self.recorder.counters.map_or(0, Counters::total),
             labels: self.recorder.counters.map_or_else(Vec::new, Counters::labels),
             worst_block: self.recorder.worst_block,
@@ -264,6 +286,10 @@ impl Overlay {
             idle: self.recorder.idle,
         };
         let json = serde_json::to_vec(&report).expect("a plain struct has a JSON form");
+        written(std::fs::write(
+            self.folder.join(exchange::FLASH),
+            self.machine.flash(),
+        ));
         written(std::fs::write(self.folder.join(exchange::REPORT), json));
         qemu.request_shutdown();
     }
@@ -297,6 +323,23 @@ impl Board for Outside<'_> {
         self.0.read_memory(address, &mut before);
         self.1.flash_before.push((address, before));
         self.0.poke(address, bytes);
+    }
+
+    fn flash_changed(&mut self, address: u32, bytes: &[u8]) {
+        self.0.poke(address, bytes);
+    }
+
+    fn stall(&mut self, stalled: bool) {
+        match stalled {
+            true => self.0.halt(),
+            false => self.0.go_on(),
+        }
+    }
+
+    fn lose_memory(&mut self) {
+        for (start, bytes) in [(SRAM.start, SRAM.len()), CCM] {
+            self.0.write_memory(start, &noise(bytes));
+        }
     }
 
     fn set_interrupt(&mut self, number: usize, level: bool) {
@@ -334,8 +377,25 @@ impl Board for Outside<'_> {
     }
 
     fn reset_wanted(&mut self) {
+        self.0.halt();
         self.0.request_reset();
     }
+}
+
+/// Core-coupled memory: first address and bytes (section 2.3).
+const CCM: (u32, usize) = (0x1000_0000, 64 << 10);
+
+/// What RAM holds after power-up: on silicon nobody knows, here the same in every run.
+fn noise(bytes: usize) -> Vec<u8> {
+    // Xorshift (Marsaglia 2003), its first triple.
+    let mut state = 0x2545_f491_u32;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        state
+    };
+    (0..bytes).map(|_| (next() >> 16) as u8).collect()
 }
 
 /// Guest memory for the log.
@@ -362,5 +422,5 @@ fn is_ram(address: u32, bytes: usize) -> bool {
             .checked_sub(start)
             .is_some_and(|offset| offset as usize + bytes <= length)
     };
-    within(0x2000_0000, 128 << 10) || within(0x1000_0000, 64 << 10)
+    within(SRAM.start, SRAM.len()) || within(CCM.0, CCM.1)
 }

@@ -21,10 +21,10 @@ pub use error::RunError;
 pub use log::LogLine;
 
 use crate::exchange::{
-    self, Block, Description, FORMAT, Fault, LINE_PREFIX, Pin, Poke, Report, Reset, SELF_TEST_STATUS,
-    Sampling, UartInput, UnknownRegister,
+    self, Block, Description, FORMAT, Fault, FlashOperation, LINE_PREFIX, Pin, Poke, Report, Reset,
+    SELF_TEST_STATUS, Sampling, UartInput, UnknownRegister,
 };
-use crate::machine::FLASH;
+use crate::machine::{FLASH, WRITABLE};
 use image::Image;
 use qemu::Qemu;
 
@@ -49,7 +49,8 @@ pub struct Run {
     pub stimulus: Vec<[u16; 4]>,
     /// Time from row to row, in ns.
     pub sample_period_ns: u64,
-    /// Blocks put in flash beside the image (settings), each with its address.
+    /// Blocks put in flash beside the image (settings), each with its address. Elsewhere, and where the image has
+    /// nothing, flash is erased. [`Outcome::flash`] is such a block: with it a run goes on where another ended.
     pub flash: Vec<(u32, Vec<u8>)>,
     /// Which functions to count: a label and a part of a demangled path, for example
     /// `("observer", "bead_model::observer::")`. A label may stand more than once.
@@ -203,6 +204,8 @@ impl Run {
             unknown_registers: report.unknown,
             unmodelled: report.unmodelled,
             pins: report.pins,
+            flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
+            flash_operations: report.flash_operations,
             virtual_ns: report.virtual_ns,
         })
     }
@@ -323,6 +326,10 @@ pub struct Outcome {
     pub unmodelled: Vec<String>,
     /// Output pins that moved.
     pub pins: Vec<Pin>,
+    /// What flash sectors 10 and 11, which firmware can write, hold at the end: address and bytes, as for [`Run::flash`].
+    pub flash: (u32, Vec<u8>),
+    /// Words that the firmware programmed and sectors that it erased, in order.
+    pub flash_operations: Vec<FlashOperation>,
     /// Virtual time at the end, in ns since power-up.
     pub virtual_ns: u64,
 }

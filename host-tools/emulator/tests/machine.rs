@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use stm32f405_qemu::machine::{Board, INTERRUPTS, Machine, Stimulus};
+use stm32f405_qemu::machine::{Board, INTERRUPTS, Machine, Stimulus, WRITABLE};
 use stm32f405_qemu::{FaultKind, ResetCause, UartInput};
 
 const RCC: u32 = 0x4002_3800;
+const FLASH: u32 = 0x4002_3c00;
 const TIM3: u32 = 0x4000_0400;
 const TIM5: u32 = 0x4000_0c00;
 const IWDG: u32 = 0x4000_3000;
@@ -29,6 +30,9 @@ struct TestBoard {
     blocks: Vec<u64>,
     flash_writes: Vec<(u32, Vec<u8>)>,
     resets_wanted: usize,
+    flash_changes: Vec<(u32, Vec<u8>)>,
+    stalled: bool,
+    memory_lost: usize,
 }
 
 impl Board for TestBoard {
@@ -44,6 +48,18 @@ impl Board for TestBoard {
 
     fn overwrite_flash(&mut self, address: u32, bytes: &[u8]) {
         self.flash_writes.push((address, bytes.to_vec()));
+    }
+
+    fn flash_changed(&mut self, address: u32, bytes: &[u8]) {
+        self.flash_changes.push((address, bytes.to_vec()));
+    }
+
+    fn stall(&mut self, stalled: bool) {
+        self.stalled = stalled;
+    }
+
+    fn lose_memory(&mut self) {
+        self.memory_lost += 1;
     }
 
     fn set_interrupt(&mut self, number: usize, level: bool) {
@@ -90,6 +106,9 @@ impl Bench {
                 blocks: Vec::new(),
                 flash_writes: Vec::new(),
                 resets_wanted: 0,
+                flash_changes: Vec::new(),
+                stalled: false,
+                memory_lost: 0,
             },
             wakes: 0,
         };
@@ -125,6 +144,18 @@ impl Bench {
         }
         self.board.now = until;
         self.machine.advance(until, &mut self.board);
+    }
+
+    /// CR open, to program by words.
+    fn open_flash(&mut self) {
+        self.write(FLASH + 0x04, 0x4567_0123);
+        self.write(FLASH + 0x04, 0xcdef_89ab);
+        self.write(FLASH + 0x10, 0b10 << 8 | 1);
+    }
+
+    fn store(&mut self, address: u32, value: u32) {
+        self.machine
+            .store(address, 4, value, self.board.now, &mut self.board);
     }
 
     /// TIM3 at 100 kHz with its update as TRGO.
@@ -193,7 +224,10 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     let expected: Vec<u64> = (1..=6).map(|half| half * 320_000 + 6_477).collect();
     assert_eq!(bench.board.rises[&DMA2_STREAM0], expected);
     assert_eq!(bench.board.blocks, [32; 6]);
-    assert_eq!(bench.wakes, 6, "one wake an interrupt, none a sample");
+    assert_eq!(
+        bench.wakes, 7,
+        "one for the first scan and one an interrupt, none a sample"
+    );
     assert_eq!(bench.machine.stimulus().sampling().unwrap().first_ns, 10_000);
     assert_eq!(
         (bench.machine.overruns(), bench.machine.triggers_ignored()),
@@ -516,4 +550,87 @@ fn a_copy_between_memories_is_done_when_it_is_started() {
     bench.write(stream1, 0b10 << 6 | 0b11 << 9 | 1);
     assert_eq!(&bench.board.sram[64..72], b"absorber");
     assert_eq!(bench.read(DMA2), 0x30 << 6);
+}
+
+#[test]
+fn the_processor_stands_still_while_flash_is_written_and_serves_what_came_up_after_that() {
+    let mut bench = Bench::new(vec![[0, 0]]);
+    bench.start_tim3();
+    bench.write(TIM3 + 0x0c, 1);
+    bench.open_flash();
+    bench.board.now = 4_000;
+    bench.store(WRITABLE.start, 0x1122_3344);
+    assert!(bench.board.stalled);
+    bench.run(19_999, |_| {});
+    assert!(bench.board.stalled && bench.board.rises.is_empty());
+    bench.run(20_000, |_| {});
+    assert!(!bench.board.stalled);
+    assert_eq!(bench.board.rises[&29], [20_000], "TIM3 was due at 10 us");
+    assert_eq!(
+        bench.board.flash_changes,
+        [(WRITABLE.start, vec![0x44, 0x33, 0x22, 0x11])]
+    );
+}
+
+#[test]
+fn a_processor_that_wakes_nevertheless_is_stalled_again_when_it_looks_for_the_end() {
+    let mut bench = Bench::new(vec![[0, 0]]);
+    bench.open_flash();
+    bench.store(WRITABLE.start, 0);
+    bench.board.stalled = false;
+    assert_eq!(bench.read(FLASH + 0x0c), 1 << 16);
+    assert!(bench.board.stalled);
+}
+
+#[test]
+fn a_power_cut_loses_memory_and_leaves_the_flags_of_power_up_alone() {
+    let mut bench = Bench::new(vec![[0, 0]]);
+    bench.machine.reset(1_000, &mut bench.board);
+    bench.board.now = 2_000;
+    bench.machine.fail(FaultKind::PowerCut, 2_000, &mut bench.board);
+    assert_eq!((bench.board.resets_wanted, bench.board.memory_lost), (1, 0));
+    bench.machine.reset(2_000, &mut bench.board);
+    assert_eq!(bench.board.memory_lost, 1);
+    assert_eq!(bench.read(RCC + 0x74), 0x0e00_0000);
+    let causes: Vec<_> = bench.machine.resets().iter().map(|r| r.cause).collect();
+    assert_eq!(causes, [ResetCause::Software, ResetCause::PowerCut]);
+}
+
+#[test]
+fn power_goes_during_the_operation_that_a_fault_names_and_what_it_wrote_is_half_there() {
+    let mut bench = Bench::new(vec![[0, 0]]);
+    let cut = FaultKind::PowerCutInFlash {
+        after: 1,
+        percent: 50,
+    };
+    bench.machine.fail(cut, 0, &mut bench.board);
+    bench.open_flash();
+    bench.store(WRITABLE.start, 0);
+    bench.run(50_000, |_| {});
+    bench.store(WRITABLE.start + 4, 0);
+    bench.run(57_999, |_| {});
+    assert_eq!(bench.board.resets_wanted, 0);
+    bench.run(58_000, |_| {});
+    assert_eq!(bench.board.resets_wanted, 1);
+    bench.machine.reset(58_000, &mut bench.board);
+    let contents = bench.machine.flash();
+    assert_eq!(contents[..4], [0; 4]);
+    let ones: u32 = contents[4..8].iter().map(|byte| byte.count_ones()).sum();
+    assert!((8..=24).contains(&ones), "half of 32, by a draw: {ones}");
+    assert!(contents[8..].iter().all(|byte| *byte == 0xff));
+}
+
+#[test]
+fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
+    let mut bench = Bench::new(vec![[0, 0]]);
+    // The prescaler stays 4: 512 ms.
+    bench.write(IWDG, 0xcccc);
+    bench.open_flash();
+    bench.write(FLASH + 0x10, 0b10 << 8 | 11 << 3 | 1 << 1 | 1 << 16);
+    assert!(bench.board.stalled);
+    bench.run(512_000_000, |_| {});
+    assert_eq!(bench.board.resets_wanted, 1);
+    bench.machine.reset(512_000_000, &mut bench.board);
+    assert_eq!(bench.machine.resets()[0].cause, ResetCause::Watchdog);
+    assert_eq!(bench.read(FLASH + 0x0c), 0);
 }

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
-use stm32f405_qemu::{Fault, FaultKind, Outcome, Poke, ResetCause, Run, RunError};
+use stm32f405_qemu::{Fault, FaultKind, FlashOperation, Outcome, Poke, ResetCause, Run, RunError};
 
 const FLASH: u32 = 0x0800_0000;
 const SRAM: u32 = 0x2000_0000;
@@ -464,4 +464,218 @@ fn codes_beyond_the_adc_and_blocks_beyond_flash_are_refused() {
     assert!(code.starts_with("stimulus row 0 is [0, 4096, 0, 0]"), "{code}");
     let block = refused(|run| run.flash = vec![(0x080f_ffff, vec![0; 2])]);
     assert!(block.contains("are outside 0x08000000..0x08100000"), "{block}");
+}
+
+const FLASH_REGISTERS: u32 = 0x4002_3c00;
+/// The first word of sector 10.
+const WRITABLE: u32 = 0x080c_0000;
+const UNLOCK: [(u32, u32); 2] = [
+    (FLASH_REGISTERS + 0x04, 0x4567_0123),
+    (FLASH_REGISTERS + 0x04, 0xcdef_89ab),
+];
+/// CR: words; PG, or SER with STRT for sector 10.
+const PROGRAM: (u32, u32) = (FLASH_REGISTERS + 0x10, 0b10 << 8 | 1);
+const ERASE: (u32, u32) = (FLASH_REGISTERS + 0x10, 0b10 << 8 | 10 << 3 | 1 << 1 | 1 << 16);
+
+/// Sends so many bytes of sector 10 over USART1 by DMA.
+fn send(bytes: u32) -> [(u32, u32); 9] {
+    [
+        (RCC + 0x30, 1 << 22),
+        (RCC + 0x44, 1 << 4 | 1 << 8),
+        (USART1 + 0x08, 16),
+        (USART1 + 0x0c, 1 << 13 | 1 << 3),
+        (USART1 + 0x14, 1 << 7),
+        (STREAM7 + 0x04, bytes),
+        (STREAM7 + 0x08, USART1 + 0x04),
+        (STREAM7 + 0x0c, WRITABLE),
+        (STREAM7, 4 << 25 | 1 << 10 | 1 << 6 | 1),
+    ]
+}
+
+fn sector_10(outcome: &Outcome) -> &[u8] {
+    assert_eq!((outcome.flash.0, outcome.flash.1.len()), (WRITABLE, 256 << 10));
+    &outcome.flash.1[..128 << 10]
+}
+
+#[test]
+fn what_the_image_programs_can_be_read_clears_bits_only_and_is_there_at_the_end() {
+    let word = |s: &[u8; 4]| u32::from_le_bytes(*s);
+    let mut main = UNLOCK.to_vec();
+    main.extend([
+        PROGRAM,
+        (WRITABLE, word(b"flas")),
+        (WRITABLE + 4, word(b"h\xff\xff\xff")),
+        (WRITABLE + 4, word(b"\xffed!")),
+    ]);
+    main.extend(send(8));
+    let mut bench = bench(&image(&main, SLEEP, &[]));
+    let outcome = bench.run.execute().unwrap();
+    assert_eq!(outcome.uart, b"flashed!");
+    assert!(outcome.unmodelled.is_empty(), "{:?}", outcome.unmodelled);
+    assert_eq!(sector_10(&outcome)[..9], *b"flashed!\xff");
+    let [first, second, _] = outcome.flash_operations[..] else {
+        panic!("three operations: {:?}", outcome.flash_operations)
+    };
+    // 16 us, and the five instructions of the loop from one store to the next.
+    assert_eq!(second.at_ns - first.at_ns, 16_000 + 5 * 8);
+    assert_eq!(
+        first,
+        FlashOperation {
+            address: WRITABLE,
+            bytes: 4,
+            erase: false,
+            ..first
+        }
+    );
+
+    // The same flash again, under an image that only reads it.
+    bench = self::bench(&image(&send(8), SLEEP, &[]));
+    bench.run.flash = vec![outcome.flash];
+    assert_eq!(bench.run.execute().unwrap().uart, b"flashed!");
+}
+
+#[test]
+fn an_erase_takes_its_second_and_costs_the_emulator_next_to_nothing() {
+    let mut main = UNLOCK.to_vec();
+    main.push(ERASE);
+    main.extend(send(4));
+    let mut bench = bench(&image(&main, SLEEP, &[]));
+    bench.run.flash = vec![(WRITABLE, vec![0; 256 << 10])];
+    bench.run.sampling_deadline_ns = 1_001_000_000;
+    bench.run.timeout = Duration::from_secs(20);
+    let outcome = bench.run.execute().unwrap();
+    assert_eq!(outcome.uart, [0xff; 4]);
+    assert!(sector_10(&outcome).iter().all(|byte| *byte == 0xff));
+    assert!(outcome.flash.1[128 << 10..].iter().all(|byte| *byte == 0));
+    assert!(outcome.instructions.unwrap().total < 200);
+}
+
+#[test]
+fn flash_outlives_a_reset_and_a_poke_does_not() {
+    let mut main = send(4).to_vec();
+    main.extend(UNLOCK);
+    // Each start programs one bit less and resets: 0x7f, then what has been there stays.
+    main.extend([PROGRAM, (WRITABLE, 0xffff_ff7f), RESET_REQUEST]);
+    let mut bench = bench(&image(&main, SLEEP, &[]));
+    bench.run.sampling_deadline_ns = 200_000;
+    bench.run.pokes = vec![Poke {
+        at_ns: 100_000,
+        address: WRITABLE + 8,
+        bytes: vec![0; 4],
+    }];
+    let outcome = bench.run.execute().unwrap();
+    assert!(outcome.resets.len() > 5, "{:?}", outcome.resets);
+    // A start is shorter than the four bytes take on the line.
+    let (first, others) = outcome.uart.split_first().unwrap();
+    assert_eq!(*first, 0xff);
+    assert!(others.iter().all(|byte| *byte == 0x7f), "{others:?}");
+    assert_eq!(
+        sector_10(&outcome)[..12],
+        [0x7f, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255]
+    );
+}
+
+#[test]
+fn a_store_to_a_sector_of_the_image_or_without_pg_is_reported_and_changes_nothing() {
+    let main = [
+        UNLOCK[0],
+        UNLOCK[1],
+        (WRITABLE, 0),
+        PROGRAM,
+        (FLASH + 0x8_0000, 0),
+    ];
+    let outcome = bench(&image(&main, SLEEP, &[])).run.execute().unwrap();
+    assert!(outcome.flash_operations.is_empty());
+    assert_eq!(
+        outcome.unmodelled,
+        [
+            "FLASH a sector before 10 was programmed: only 10 and 11 can be, the others read as protected",
+            "FLASH a store to flash without CR.PG: nothing was programmed",
+        ]
+    );
+}
+
+/// Samples as [`acquiring`] does, then programs word after word of sector 10.
+fn logging() -> Vec<u8> {
+    let mut main = UNLOCK.to_vec();
+    main.extend([
+        (RCC + 0x40, 1 << 1),
+        (RCC + 0x44, 1 << 8),
+        (ADC1 + 0x08, 0b01 << 28 | 0b1000 << 24 | 1),
+        (TIM3 + 0x2c, 1599),
+        (TIM3 + 0x04, 0b010 << 4),
+        (TIM3, 1),
+        PROGRAM,
+    ]);
+    main.extend((0..40).map(|n| (WRITABLE + 4 * n, 0)));
+    image(&main, SLEEP, &[])
+}
+
+#[test]
+fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_alike() {
+    let cut = |percent| {
+        let mut bench = bench(&logging());
+        bench.run.stimulus = vec![[0, 0]; 20];
+        bench.run.sample_period_ns = 100_000;
+        bench.run.faults = vec![Fault {
+            at_ns: 0,
+            kind: FaultKind::PowerCutInFlash { after: 3, percent },
+        }];
+        bench.run.execute().unwrap()
+    };
+    let [a, b] = [(); 2].map(|()| cut(50));
+    let causes: Vec<_> = a.resets.iter().map(|reset| reset.cause).collect();
+    assert_eq!(causes, [ResetCause::PowerCut]);
+    let [.., cut_short, next] = &a.flash_operations[..a.flash_operations.len() - 39] else {
+        panic!("operations before and after the cut")
+    };
+    assert_eq!(next.address, WRITABLE, "from the start again");
+    assert_eq!(a.resets[0].at_ns, cut_short.at_ns + 8_000);
+    assert_eq!(
+        (a.resets, a.flash_operations, a.instructions, a.virtual_ns),
+        (b.resets, b.flash_operations, b.instructions, b.virtual_ns)
+    );
+}
+
+#[test]
+fn a_power_cut_at_a_time_loses_ram_and_a_reset_does_not() {
+    // What stands in RAM is sent at once, and then replaced by a word that the next start will find.
+    let mut main = send(4).to_vec();
+    main[7].1 = SRAM + 0x400;
+    main.extend([(SRAM + 0x400, 0x0403_0201), (RCC + 0x40, 1 << 1)]);
+    main.extend([
+        (ADC1 + 0x08, 0b01 << 28 | 0b1000 << 24 | 1),
+        (TIM3 + 0x2c, 1599),
+        (TIM3 + 0x04, 0b010 << 4),
+        (TIM3, 1),
+    ]);
+    let sent_after = |faults: Vec<Fault>, watchdog: bool| {
+        let mut main = main.clone();
+        if watchdog {
+            // Prescaler 4 and reload 3: 0.5 ms.
+            main.extend([(0x4000_3000, 0x5555), (0x4000_3008, 3), (0x4000_3000, 0xcccc)]);
+        }
+        let mut bench = bench(&image(&main, SLEEP, &[]));
+        bench.run.stimulus = vec![[0, 0]; 7];
+        bench.run.sample_period_ns = 100_000;
+        bench.run.tail_ns = 100_000;
+        bench.run.faults = faults;
+        let outcome = bench.run.execute().unwrap();
+        assert_eq!(
+            outcome.resets.len(),
+            1,
+            "{:?} {}",
+            outcome.sampling,
+            outcome.virtual_ns
+        );
+        outcome.uart[4..].to_vec()
+    };
+    let power_cut = Fault {
+        at_ns: 500_000,
+        kind: FaultKind::PowerCut,
+    };
+    assert_eq!(sent_after(vec![], true), [1, 2, 3, 4]);
+    let noise = sent_after(vec![power_cut], false);
+    assert_eq!(noise.len(), 4);
+    assert_ne!(noise, [1, 2, 3, 4]);
 }

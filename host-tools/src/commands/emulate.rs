@@ -10,6 +10,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::bridge::{self, Bridge};
 use crate::emulation::{Emulation, EmulatorReport, InstructionsPerSample, find_image};
 use crate::failure::{Blame, Failure};
 use crate::faults::{self, Planned};
@@ -17,6 +18,7 @@ use crate::frames::{self, Frame, Message, flag_names, joules};
 use crate::front_end::SAMPLE_RATE_HZ;
 use crate::front_end_options::FrontEndOptions;
 use crate::output::{self, Format};
+use crate::port::Address;
 use crate::recording::{About, Part, Writer};
 use crate::replay::replay;
 use crate::sensed::{
@@ -28,7 +30,7 @@ const AFTER_HELP: &str = "\
 The image is the very file that is flashed to a board. It gets the bead's settings in its flash sector and codes at
 its converter; what it sends is decoded, replayed and held against the full f64 chain. With --out the recording
 DIR/bead-N.mcap is left for `bead decode`, `bead replay` and `bead compare`, and the settings block that the image
-was given as DIR/bead-N.settings, to be flashed to a board of this calibration at 0x080E0000.
+was given as DIR/bead-N.settings, to be flashed to a board of this calibration at 0x080A0000.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs. With
 --faults: if a fault is not reported, one is reported that was not provoked, something is lost that is not counted, or
@@ -38,7 +40,9 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --noise off --format json
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 --interval 0.05 --seed 7
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 --faults docs/scenarios/faults.toml";
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 --faults docs/scenarios/faults.toml
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --listen unix:bead.sock
+    and, meanwhile: bead command self-test --port unix:bead.sock";
 
 /// Arguments of `bead emulate`.
 #[derive(Debug, Args)]
@@ -64,6 +68,9 @@ pub(crate) struct Arguments {
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
     #[arg(long, value_name = "F.toml")]
     faults: Option<PathBuf>,
+    /// Do not run to an end: be a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C.
+    #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["out", "faults", "format"])]
+    listen: Option<Address>,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -188,6 +195,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             late.at,
             emulation.seconds()
         )));
+    }
+    if let Some(address) = &arguments.listen {
+        progress.finish_and_clear();
+        let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
+        eprintln!("bead: a bead is at {address} until Ctrl-C; its time passes while somebody is connected");
+        return bridge::serve(&mut Bridge::new(&emulation), address, &stop);
     }
     emulation.faults = faults;
     progress.set_message("running the image in QEMU");

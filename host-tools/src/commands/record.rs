@@ -8,7 +8,6 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant, SystemTime};
@@ -18,8 +17,6 @@ use bead_wire::{ACCELERATION_UNIT_MPS2, Arrival, Counters, FORCE_UNIT_N, Strike}
 use chrono::{DateTime, Utc};
 use clap::Args;
 use indicatif::ProgressBar;
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 
 use crate::failure::{Blame, Failure};
 use crate::frames::{Fault, Frame, Item, Message, Reader, flag_names, joules};
@@ -53,19 +50,11 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
     /// Stop after so long, s.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
     duration: Option<Duration>,
     /// How to print the strikes; as JSON, one object a line, as `bead decode` does.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    text.parse()
-        .ok()
-        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        .filter(|duration| !duration.is_zero())
-        .ok_or_else(|| "give seconds, more than 0".to_owned())
 }
 
 /// Received bytes go to the system at least this often.
@@ -102,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         notes,
         ..About::default()
     };
-    let stop = stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
+    let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
     let mut recorder = Recorder {
         writer: Writer::create(&out, &about).map_err(Failure::input)?,
         reader: Reader::new(),
@@ -154,18 +143,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         eprintln!("bead: {advice}");
     }
     printed
-}
-
-/// A flag that Ctrl-C and SIGTERM raise; a second one ends the program at once, as it would without us.
-///
-/// SIGHUP is left alone: under `nohup` a recording outlives its terminal, and without it the file stays readable.
-fn stop_at_signals() -> io::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&stop))?;
-        flag::register(signal, Arc::clone(&stop))?;
-    }
-    Ok(stop)
 }
 
 /// Reads the port until told to stop, at least once. An error is the port going away.
@@ -323,13 +300,5 @@ mod tests {
             fault_line(&fault(bead_wire::FaultCause::Watchdog, "")),
             "fault in boot 3: watchdog"
         );
-    }
-
-    #[test]
-    fn a_duration_is_a_positive_number_of_seconds() {
-        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
-        for text in ["", "0", "-1", "nan", "inf", "1e300", "5s"] {
-            assert!(seconds(text).is_err(), "{text}");
-        }
     }
 }

@@ -6,10 +6,10 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 
 use crate::step::Stop;
 
-/// What `memory.x` gives an image: the flash below the sector of the settings, and the SRAM.
+/// What `memory.x` gives an image: the flash below the sectors of the settings, and the SRAM.
 const FLASH: Memory = Memory {
     start: 0x0800_0000,
-    bytes: 896 * 1024,
+    bytes: 640 * 1024,
 };
 const RAM: Memory = Memory {
     start: 0x2000_0000,

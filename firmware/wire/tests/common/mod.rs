@@ -8,9 +8,9 @@
 )]
 
 use bead_wire::{
-    Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, MAX_BLOCK, MAX_DETAIL,
-    MAX_FIRMWARE, MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Shape, Status,
-    Strike, Waveform, encode,
+    Check, Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, Link, MAX_BLOCK,
+    MAX_DETAIL, MAX_FIRMWARE, MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Outcome, Raw, Reject, Reply, SelfTest,
+    Settings, SettingsSource, Shape, Status, Strike, Waveform, encode,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -47,6 +47,17 @@ pub enum Draft {
         block: Vec<u8>,
     },
     Health(Health),
+    Reply {
+        request: u16,
+        outcome: Outcome,
+        detail: String,
+    },
+    Raw {
+        first_index: u64,
+        packed: Vec<u8>,
+    },
+    Link(Link),
+    SelfTest(SelfTest),
 }
 
 impl Draft {
@@ -99,6 +110,21 @@ impl Draft {
             }),
             Self::Settings { block } => Message::Settings(Settings { block }),
             Self::Health(health) => Message::Health(*health),
+            Self::Reply {
+                request,
+                outcome,
+                detail,
+            } => Message::Reply(Reply {
+                request: *request,
+                outcome: *outcome,
+                detail,
+            }),
+            Self::Raw { first_index, packed } => Message::Raw(Raw {
+                first_index: *first_index,
+                codes: Codes::from_bytes(packed).unwrap(),
+            }),
+            Self::Link(link) => Message::Link(*link),
+            Self::SelfTest(test) => Message::SelfTest(*test),
         }
     }
 }
@@ -106,6 +132,15 @@ impl Draft {
 /// Text of at most `bytes` bytes, of characters of any width.
 fn text(bytes: usize) -> impl Strategy<Value = String> {
     any::<String>().prop_map(move |text| text[..text.floor_char_boundary(bytes)].to_owned())
+}
+
+/// Codes of any scans, packed.
+fn packed() -> impl Strategy<Value = Vec<u8>> {
+    vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS).prop_map(|scans| {
+        let mut packed = vec![0; 3 * scans.len()];
+        Codes::pack(scans, &mut packed).unwrap();
+        packed
+    })
 }
 
 pub fn draft() -> impl Strategy<Value = Draft> {
@@ -130,6 +165,28 @@ pub fn draft() -> impl Strategy<Value = Draft> {
         SettingsSource::BuiltIn,
         SettingsSource::Flash,
         SettingsSource::FlashRefused,
+        SettingsSource::Stored,
+    ]);
+    let outcome = prop::sample::select(vec![
+        Outcome::Done,
+        Outcome::Version,
+        Outcome::Kind,
+        Outcome::Body,
+        Outcome::OutOfRange,
+        Outcome::SettingsInvalid,
+        Outcome::SampleRate,
+        Outcome::StoreFull,
+        Outcome::FlashFailed,
+    ]);
+    let check = prop::sample::select(vec![
+        Check::Supply,
+        Check::Force,
+        Check::Acceleration,
+        Check::Acquisition,
+        Check::Settings,
+        Check::Stack,
+        Check::Estimators,
+        Check::Store,
     ]);
     prop_oneof![
         (
@@ -236,6 +293,45 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                     predicted,
                 }
             }),
+        (any::<u64>(), packed()).prop_map(|(first_index, packed)| Draft::Raw { first_index, packed }),
+        (any::<u16>(), outcome, text(MAX_DETAIL)).prop_map(|(request, outcome, detail)| Draft::Reply {
+            request,
+            outcome,
+            detail
+        }),
+        (check, any::<(bool, u32)>()).prop_map(|(check, (passed, value))| Draft::SelfTest(SelfTest {
+            check,
+            passed,
+            value
+        })),
+        any::<([u64; 3], [u32; 11])>().prop_map(|([bytes, raw_sent, raw_dropped], counts)| {
+            let [
+                requests,
+                overruns,
+                line_errors,
+                too_long,
+                cobs,
+                too_short,
+                rejected @ ..,
+            ] = counts;
+            let [crc, version, kind, body, trailing] = rejected;
+            Draft::Link(Link {
+                bytes,
+                requests,
+                overruns,
+                line_errors,
+                rejected_too_long: too_long,
+                rejected_cobs: cobs,
+                rejected_too_short: too_short,
+                rejected_crc: crc,
+                rejected_version: version,
+                rejected_kind: kind,
+                rejected_body: body,
+                rejected_trailing: trailing,
+                raw_sent,
+                raw_dropped,
+            })
+        }),
         (cause, any::<(u32, u32)>(), text(MAX_DETAIL)).prop_map(|(cause, (boot, pc), detail)| Draft::Fault {
             cause,
             boot,

@@ -1,21 +1,131 @@
-//! The flash interface (RM0090 section 3.9): wait states, and the locks. Programming and erasing are not modelled and
-//! are noted when asked for.
+//! The flash interface and what it writes (RM0090 section 3): wait states, locks, programming and erasing.
+//!
+//! # Design
+//!
+//! Sectors 10 and 11 can be written ([`WRITABLE`]); the others hold the image, which QEMU loads anew at every reset, so
+//! writes there are refused as if they were protected, and noted. The model holds the bytes of the two sectors, and
+//! [`crate::machine`] copies what changes to where the processor reads it.
+//!
+//! An operation takes the data sheet's typical time and does its work at the end of it. Power that goes before, or any
+//! reset, leaves it half done: of the bits that it was to change, as many have changed as time has passed. Which ones, a
+//! fixed hash of their addresses says, so that a run can be repeated. On silicon such bits may also read differently from
+//! one time to the next; here they do not.
 
-use super::{NoRegister, Notes, bit};
+use std::ops::Range;
 
+use super::{NoRegister, Notes, bit, field};
+use crate::exchange::FlashOperation;
+
+/// What the firmware can write: sectors 10 and 11.
+pub const WRITABLE: Range<u32> = 0x080c_0000..0x0810_0000;
+const START: u32 = 0x0800_0000;
+
+const PG: u32 = 1 << 0;
+const SER: u32 = 1 << 1;
+const MER: u32 = 1 << 2;
+const STRT: u32 = 1 << 16;
+const EOPIE: u32 = 1 << 24;
+const ERRIE: u32 = 1 << 25;
 const LOCK: u32 = 1 << 31;
+/// PG, SER, MER, SNB, PSIZE, STRT, EOPIE, ERRIE, LOCK (section 3.9.6).
+const CR_BITS: u32 = 0x8301_037f;
+
+const EOP: u32 = 1 << 0;
+const OPERR: u32 = 1 << 1;
+const WRPERR: u32 = 1 << 4;
+const PGAERR: u32 = 1 << 5;
+const PGPERR: u32 = 1 << 6;
+const PGSERR: u32 = 1 << 7;
+const BSY: u32 = 1 << 16;
+
 const OPTLOCK: u32 = 1;
 const KEYS: [u32; 2] = [0x4567_0123, 0xcdef_89ab];
 const OPTION_KEYS: [u32; 2] = [0x0819_2a3b, 0x4c5d_6e7f];
 
-/// FLASH's registers.
+/// Typical times of DocID022152, flash memory programming: the same for each parallelism.
+const PROGRAM_NS: u64 = 16_000;
+/// For a sector of 16, 64 and 128 KiB: by 8, 16 and 32 bits; by 64 bits no time is given that is not of 32.
+const ERASE_MS: [[u64; 4]; 3] = [
+    [400, 300, 250, 250],
+    [1200, 700, 550, 550],
+    [2000, 1300, 1000, 1000],
+];
+const ROW_BYTES: u32 = 16;
+
+/// First address and bytes of a sector (table 5).
+fn sector(number: u32) -> Option<(u32, u32)> {
+    const KIB: u32 = 1024;
+    Some(match number {
+        0..=3 => (START + number * 16 * KIB, 16 * KIB),
+        4 => (START + 64 * KIB, 64 * KIB),
+        5..=11 => (START + (number - 4) * 128 * KIB, 128 * KIB),
+        _ => return None,
+    })
+}
+
+fn erase_ns(bytes: u32, psize: u32) -> u64 {
+    let times = match bytes >> 10 {
+        16 => ERASE_MS[0],
+        64 => ERASE_MS[1],
+        _ => ERASE_MS[2],
+    };
+    times[psize as usize] * 1_000_000
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Work {
+    /// Clears the bits that are clear in the value.
+    Program {
+        address: u32,
+        bytes: u32,
+        value: u32,
+    },
+    Erase {
+        address: u32,
+        bytes: u32,
+    },
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Running {
+    work: Work,
+    began_ns: u64,
+    ends_ns: u64,
+    power_goes_ns: Option<u64>,
+}
+
+/// Power that is to go during an operation.
+#[derive(Debug, Clone, Copy)]
+struct Cut {
+    /// Operations that still begin before it.
+    after: u32,
+    percent: u8,
+}
+
+/// What happens by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Event {
+    /// The operation is over: see [`Flash::finish`].
+    Finished,
+    /// Power goes in the midst of it.
+    PowerGone,
+}
+
+/// FLASH's registers, and the bytes of [`WRITABLE`].
 #[derive(Debug, Clone)]
 pub struct Flash {
     acr: u32,
     cr: u32,
+    sr: u32,
     optcr: u32,
     first_key_seen: bool,
+    /// A wrong key locks CR until the next reset (section 3.6.1).
+    shut: bool,
     first_option_key_seen: bool,
+    contents: Vec<u8>,
+    running: Option<Running>,
+    cuts: Vec<Cut>,
+    operations: Vec<FlashOperation>,
     /// See [`Notes`].
     pub notes: Notes,
 }
@@ -25,21 +135,216 @@ impl Default for Flash {
         Self {
             acr: 0,
             cr: LOCK,
+            sr: 0,
             optcr: 0x0fff_aaed,
             first_key_seen: false,
+            shut: false,
             first_option_key_seen: false,
+            contents: vec![0xff; WRITABLE.len()],
+            running: None,
+            cuts: Vec::new(),
+            operations: Vec::new(),
             notes: Notes::default(),
         }
     }
 }
 
 impl Flash {
-    /// A reset; the notes stay.
-    pub fn reset(&mut self) {
+    /// A reset. An operation is left half done (section 3.6: what it wrote is not guaranteed); contents and notes stay.
+    pub fn reset(&mut self, now: u64) {
+        if let Some(running) = self.running.take() {
+            let (passed, whole) = (now - running.began_ns, running.ends_ns - running.began_ns);
+            let share = (256 * passed.min(whole) / whole) as u32;
+            self.change(running.work, |bit| hash(bit) & 0xff < share);
+        }
         *self = Self {
+            contents: std::mem::take(&mut self.contents),
+            cuts: std::mem::take(&mut self.cuts),
+            operations: std::mem::take(&mut self.operations),
             notes: std::mem::take(&mut self.notes),
             ..Self::default()
         };
+    }
+
+    /// The bytes of [`WRITABLE`].
+    pub fn contents(&self) -> &[u8] {
+        &self.contents
+    }
+
+    /// As a programmer puts it there.
+    ///
+    /// # Panics
+    /// With another number of bytes than [`WRITABLE`] has.
+    pub fn set_contents(&mut self, contents: Vec<u8>) {
+        assert_eq!(contents.len(), WRITABLE.len(), "bytes of sectors 10 and 11");
+        self.contents = contents;
+    }
+
+    /// Program and erase operations that have begun.
+    pub fn operations(&self) -> &[FlashOperation] {
+        &self.operations
+    }
+
+    /// Power goes when so much of an operation is over: of the one that begins after `after` others from now on.
+    pub fn cut_power_in(&mut self, after: u32, percent: u8) {
+        self.cuts.push(Cut { after, percent });
+    }
+
+    /// An operation runs: flash cannot be read.
+    pub fn busy(&self) -> bool {
+        self.running.is_some()
+    }
+
+    /// Level of the interrupt line (section 3.9.5, table 14).
+    pub fn interrupt(&self) -> bool {
+        (self.sr & EOP != 0 && self.cr & EOPIE != 0) || (self.sr & OPERR != 0 && self.cr & ERRIE != 0)
+    }
+
+    /// What comes next, and when.
+    pub fn next_event(&self) -> Option<(u64, Event)> {
+        let running = self.running?;
+        Some(match running.power_goes_ns {
+            Some(at) => (at, Event::PowerGone),
+            None => (running.ends_ns, Event::Finished),
+        })
+    }
+
+    /// The operation that runs is over: its work is done, here (addresses, of [`WRITABLE`]).
+    pub fn finish(&mut self) -> Range<u32> {
+        let Some(running) = self.running.take() else {
+            return WRITABLE.start..WRITABLE.start;
+        };
+        self.cr &= !STRT;
+        // Section 3.9.5: only with the interrupt enabled.
+        if self.cr & EOPIE != 0 {
+            self.sr |= EOP;
+        }
+        self.change(running.work, |_| true)
+    }
+
+    /// Does the part of the work that falls on bits with these numbers, and says where.
+    fn change(&mut self, work: Work, mut done: impl FnMut(u32) -> bool) -> Range<u32> {
+        let (address, bytes) = match work {
+            Work::Program { address, bytes, .. } | Work::Erase { address, bytes } => (address, bytes),
+        };
+        let first = (address - WRITABLE.start) as usize;
+        for (n, byte) in self.contents[first..][..bytes as usize].iter_mut().enumerate() {
+            let wanted = match work {
+                Work::Program { value, .. } => *byte & value.to_le_bytes()[n],
+                Work::Erase { .. } => 0xff,
+            };
+            for bit in 0..8 {
+                if (wanted ^ *byte) >> bit & 1 == 1 && done((address + n as u32) * 8 + bit) {
+                    *byte ^= 1 << bit;
+                }
+            }
+        }
+        address..address + bytes
+    }
+
+    fn begin(&mut self, work: Work, ns: u64, now: u64) {
+        let (address, bytes, erase) = match work {
+            Work::Program { address, bytes, .. } => (address, bytes, false),
+            Work::Erase { address, bytes } => (address, bytes, true),
+        };
+        self.operations.push(FlashOperation {
+            at_ns: now,
+            address,
+            bytes,
+            erase,
+        });
+        let mut power_goes_ns = None;
+        self.cuts.retain_mut(|cut| match cut.after.checked_sub(1) {
+            Some(after) => {
+                cut.after = after;
+                true
+            }
+            None => {
+                power_goes_ns = Some(now + ns * u64::from(cut.percent.min(100)) / 100);
+                false
+            }
+        });
+        self.running = Some(Running {
+            work,
+            began_ns: now,
+            ends_ns: now + ns,
+            power_goes_ns,
+        });
+    }
+
+    fn refuse(&mut self, flag: u32) {
+        self.sr |= flag;
+        if self.cr & ERRIE != 0 {
+            self.sr |= OPERR;
+        }
+    }
+
+    /// The processor stores to flash (section 3.6.4).
+    pub fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) {
+        let psize = field(self.cr, 8, 2);
+        if self.busy() {
+            self.notes.note_if(
+                true,
+                "a store to flash while BSY: silicon holds it up, here it is lost",
+            );
+        } else if self.cr & PG == 0 || self.cr & LOCK != 0 {
+            self.notes
+                .note_if(true, "a store to flash without CR.PG: nothing was programmed");
+            self.refuse(PGSERR);
+        } else if address / ROW_BYTES != (address + bytes - 1) / ROW_BYTES {
+            self.refuse(PGAERR);
+        } else if bytes != 1 << psize || !address.is_multiple_of(bytes) {
+            // The processor cuts an unaligned store into smaller ones.
+            self.refuse(PGPERR);
+        } else if !WRITABLE.contains(&address) {
+            self.notes.note_if(
+                true,
+                "a sector before 10 was programmed: only 10 and 11 can be, the others read as protected",
+            );
+            self.refuse(WRPERR);
+        } else {
+            let work = Work::Program {
+                address,
+                bytes,
+                value,
+            };
+            self.begin(work, PROGRAM_NS, now);
+        }
+    }
+
+    /// CR.STRT (section 3.6.3).
+    fn start(&mut self, now: u64) {
+        let sector = sector(field(self.cr, 3, 4));
+        match (self.cr & (SER | MER), sector) {
+            (SER, Some((address, bytes))) if WRITABLE.contains(&address) => {
+                let ns = erase_ns(bytes, field(self.cr, 8, 2));
+                self.begin(Work::Erase { address, bytes }, ns, now);
+                return;
+            }
+            (SER, Some(_)) => {
+                self.notes.note_if(
+                    true,
+                    "a sector before 10 was erased: only 10 and 11 can be, the others read as protected",
+                );
+                self.refuse(WRPERR);
+            }
+            (SER, None) => self
+                .notes
+                .note_if(true, "CR.SNB names no sector: nothing was erased"),
+            (MER, _) => {
+                self.notes.note_if(
+                    true,
+                    "CR.MER: only sectors 10 and 11 can be erased, the others read as protected",
+                );
+                self.refuse(WRPERR);
+            }
+            // Section 3.6.3: with both set, neither erase can be performed.
+            _ => self.notes.note_if(
+                true,
+                "CR.STRT without either SER or MER alone: nothing was erased",
+            ),
+        }
+        self.cr &= !STRT;
     }
 
     /// Too few wait states for this processor clock read wrong words on silicon: table 10, for 2.7 V to 3.6 V, asks for
@@ -57,8 +362,9 @@ impl Flash {
     pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => self.acr,
-            // Keys cannot be read back; SR says idle, without errors.
-            0x04 | 0x08 | 0x0c => 0,
+            // Keys cannot be read back.
+            0x04 | 0x08 => 0,
+            0x0c => self.sr | if self.busy() { BSY } else { 0 },
             0x10 => self.cr,
             0x14 => self.optcr,
             _ => return Err(NoRegister),
@@ -67,26 +373,27 @@ impl Flash {
 
     /// # Errors
     /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 => self.acr = value & 0x1f07,
-            0x04 => {
-                if self.first_key_seen && value == KEYS[1] {
-                    self.cr &= !LOCK;
-                }
-                self.first_key_seen = value == KEYS[0];
-            }
+            0x04 => self.unlock(value),
             0x08 => {
                 if self.first_option_key_seen && value == OPTION_KEYS[1] {
                     self.optcr &= !OPTLOCK;
                 }
                 self.first_option_key_seen = value == OPTION_KEYS[0];
             }
-            0x0c => {}
+            // rc_w1 (section 3.9.5).
+            0x0c => self.sr &= !value,
+            0x10 if self.busy() => self.notes.note_if(
+                true,
+                "CR written while BSY: silicon holds the write up, here it is lost",
+            ),
             0x10 if self.cr & LOCK == 0 => {
-                self.cr = value & 0x8101_03fb;
-                self.notes
-                    .note_if(value & 0b111 != 0, "CR: programming and erasing are not modelled");
+                self.cr = value & CR_BITS;
+                if self.cr & STRT != 0 {
+                    self.start(now);
+                }
             }
             0x10 => self.cr |= value & LOCK,
             0x14 => {
@@ -98,32 +405,229 @@ impl Flash {
         }
         Ok(())
     }
+
+    /// KEYR: both keys in order open CR, anything else shuts it until the next reset (section 3.6.1).
+    fn unlock(&mut self, key: u32) {
+        let wanted = KEYS[usize::from(self.first_key_seen)];
+        if self.cr & LOCK == 0 || self.shut || key != wanted {
+            self.shut = true;
+            self.cr |= LOCK;
+            self.notes.note_if(
+                true,
+                "KEYR: a wrong key, or one too many, locks CR until the next reset",
+            );
+        } else if self.first_key_seen {
+            self.cr &= !LOCK;
+        }
+        self.first_key_seen = !self.first_key_seen;
+    }
+}
+
+/// Spreads numbers evenly (the finaliser of SplitMix, 32 bits).
+fn hash(number: u32) -> u32 {
+    let mut x = number.wrapping_mul(0x9e37_79b9);
+    x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
+    x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
+    x ^ (x >> 16)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const KEYR: u32 = 0x04;
+    const SR: u32 = 0x0c;
+    const CR: u32 = 0x10;
+    const BY_WORDS: u32 = 0b10 << 8;
+    const A: u32 = WRITABLE.start;
+
+    fn unlocked() -> Flash {
+        let mut flash = Flash::default();
+        for key in KEYS {
+            flash.write(KEYR, key, 0).unwrap();
+        }
+        flash
+    }
+
+    fn word(flash: &Flash, address: u32) -> u32 {
+        let at = (address - WRITABLE.start) as usize;
+        u32::from_le_bytes(flash.contents()[at..at + 4].try_into().unwrap())
+    }
+
+    /// Programs one word from `now` on; the errors are those of SR.
+    fn program(flash: &mut Flash, address: u32, value: u32, now: u64) -> u32 {
+        flash.write(CR, PG | BY_WORDS, now).unwrap();
+        flash.store(address, 4, value, now);
+        if flash.busy() {
+            flash.finish();
+        }
+        flash.read(SR).unwrap()
+    }
+
     #[test]
     fn wait_states_read_back_and_too_few_are_noted() {
         let mut flash = Flash::default();
-        flash.write(0x00, 5).unwrap();
+        flash.write(0x00, 5, 0).unwrap();
         flash.check_latency(168_000_000);
         assert_eq!((flash.read(0x00), flash.notes.iter().count()), (Ok(5), 0));
-        flash.write(0x00, 4).unwrap();
+        flash.write(0x00, 4, 0).unwrap();
         flash.check_latency(168_000_000);
         assert_eq!(flash.notes.iter().count(), 1);
     }
 
     #[test]
-    fn the_control_register_opens_with_both_keys_in_order_only() {
-        let mut flash = Flash::default();
-        flash.write(0x04, KEYS[1]).unwrap();
-        flash.write(0x04, KEYS[0]).unwrap();
-        assert_eq!(flash.read(0x10), Ok(LOCK));
-        flash.write(0x04, KEYS[1]).unwrap();
-        assert_eq!(flash.read(0x10), Ok(0));
-        flash.write(0x10, LOCK).unwrap();
-        assert_eq!(flash.read(0x10), Ok(LOCK));
+    fn the_control_register_opens_with_both_keys_in_order_and_shuts_for_good_with_others() {
+        let mut flash = unlocked();
+        assert_eq!(flash.read(CR), Ok(0));
+        flash.write(CR, LOCK, 0).unwrap();
+        assert_eq!(flash.read(CR), Ok(LOCK));
+        for key in [KEYS[1], KEYS[0], KEYS[0], KEYS[1]] {
+            flash.write(KEYR, key, 0).unwrap();
+        }
+        assert_eq!(flash.read(CR), Ok(LOCK), "the first was wrong");
+        flash.reset(0);
+        for key in KEYS {
+            flash.write(KEYR, key, 0).unwrap();
+        }
+        assert_eq!(flash.read(CR), Ok(0), "a reset forgives");
+    }
+
+    #[test]
+    fn programming_takes_16_us_and_clears_bits_only() {
+        let mut flash = unlocked();
+        flash.write(CR, PG | BY_WORDS, 0).unwrap();
+        flash.store(A + 8, 4, 0x1234_5678, 1_000);
+        assert_eq!(flash.read(SR), Ok(BSY));
+        assert_eq!(flash.next_event(), Some((17_000, Event::Finished)));
+        assert_eq!(word(&flash, A + 8), u32::MAX, "not before its end");
+        assert_eq!(flash.finish(), A + 8..A + 12);
+        assert_eq!((flash.read(SR), word(&flash, A + 8)), (Ok(0), 0x1234_5678));
+        program(&mut flash, A + 8, 0xffff_0000, 20_000);
+        assert_eq!(word(&flash, A + 8), 0x1234_0000);
+        assert_eq!(word(&flash, A + 12), u32::MAX);
+    }
+
+    #[test]
+    fn erasing_sets_every_bit_of_one_sector_in_the_time_of_its_parallelism() {
+        let mut flash = unlocked();
+        for address in [0x080d_fffc, 0x080e_0000, 0x080f_fffc] {
+            program(&mut flash, address, 0, 0);
+        }
+        for (psize, ns) in [(0, 2_000_000_000), (1, 1_300_000_000), (2, 1_000_000_000)] {
+            flash.write(CR, SER | 11 << 3 | psize << 8 | STRT, 5).unwrap();
+            assert_eq!(flash.next_event(), Some((5 + ns, Event::Finished)));
+            assert_eq!(flash.read(CR).unwrap() & STRT, STRT);
+            assert_eq!(flash.finish(), 0x080e_0000..0x0810_0000);
+            assert_eq!(flash.read(CR).unwrap() & STRT, 0);
+        }
+        let words = [0x080d_fffc, 0x080e_0000, 0x080f_fffc].map(|a| word(&flash, a));
+        assert_eq!(words, [0, u32::MAX, u32::MAX], "sector 10 stays");
+    }
+
+    #[test]
+    fn sectors_are_where_table_5_has_them() {
+        assert_eq!(sector(3), Some((0x0800_c000, 16 << 10)));
+        assert_eq!(sector(4), Some((0x0801_0000, 64 << 10)));
+        assert_eq!(sector(5), Some((0x0802_0000, 128 << 10)));
+        assert_eq!(sector(11), Some((0x080e_0000, 128 << 10)));
+        assert_eq!(sector(12), None);
+    }
+
+    #[test]
+    fn each_way_to_program_wrongly_has_its_flag_and_programs_nothing() {
+        let mut flash = unlocked();
+        let mut store = |cr: u32, address: u32, bytes: u32| {
+            flash.write(CR, cr, 0).unwrap();
+            flash.store(address, bytes, 0, 0);
+            let flags = flash.read(SR).unwrap();
+            flash.write(SR, flags, 0).unwrap();
+            assert_eq!(flash.read(SR), Ok(0), "rc_w1");
+            flags
+        };
+        assert_eq!(store(BY_WORDS, A, 4), PGSERR, "PG is not set");
+        assert_eq!(store(PG | BY_WORDS, A, 2), PGPERR, "half a word by words");
+        assert_eq!(store(PG, A, 4), PGPERR, "a word by bytes");
+        assert_eq!(store(PG | BY_WORDS, A + 2, 4), PGPERR, "unaligned");
+        assert_eq!(store(PG | BY_WORDS, A + 14, 4), PGAERR, "across a row");
+        assert_eq!(store(PG | BY_WORDS, A - 4, 4), WRPERR, "sector 9");
+        assert_eq!(store(PG | BY_WORDS | ERRIE, A - 4, 4), WRPERR | OPERR);
+        assert!(flash.contents().iter().all(|byte| *byte == 0xff));
+        assert_eq!(flash.operations().len(), 0);
+    }
+
+    #[test]
+    fn a_sector_of_the_image_and_a_mass_erase_are_refused_and_noted() {
+        for cr in [SER | 9 << 3, SER | 12 << 3, MER, MER | SER | 11 << 3] {
+            let mut flash = unlocked();
+            flash.write(CR, cr | STRT, 0).unwrap();
+            assert!(!flash.busy());
+            assert_eq!((flash.read(CR), flash.notes.iter().count()), (Ok(cr), 1));
+        }
+    }
+
+    #[test]
+    fn the_end_interrupts_only_if_enabled() {
+        let mut flash = unlocked();
+        assert_eq!(program(&mut flash, A, 0, 0), 0);
+        flash.write(CR, PG | BY_WORDS | EOPIE, 0).unwrap();
+        flash.store(A + 4, 4, 0, 0);
+        assert!(!flash.interrupt());
+        flash.finish();
+        assert!(flash.interrupt());
+        flash.write(SR, EOP, 0).unwrap();
+        assert!(!flash.interrupt());
+    }
+
+    #[test]
+    fn a_reset_in_the_midst_leaves_as_many_bits_changed_as_time_had_passed() {
+        let changed = |share: u64| {
+            let mut flash = unlocked();
+            flash.set_contents(vec![0; WRITABLE.len()]);
+            flash.write(CR, SER | 10 << 3 | BY_WORDS | STRT, 0).unwrap();
+            flash.reset(share * 10_000_000);
+            assert!(!flash.busy());
+            let (tenth, eleventh) = flash.contents().split_at(128 << 10);
+            assert!(eleventh.iter().all(|byte| *byte == 0));
+            let ones: u32 = tenth.iter().map(|byte| byte.count_ones()).sum();
+            f64::from(ones) / f64::from(1 << 20)
+        };
+        // 256 steps of the share, and three deviations of a million bits drawn.
+        for share in [0, 25, 50, 75, 100] {
+            let expected = share as f64 / 100.0;
+            assert!((changed(share) - expected).abs() < 0.0015, "{share} %");
+        }
+        let mut flash = unlocked();
+        flash.write(CR, PG | BY_WORDS, 0).unwrap();
+        flash.store(A, 4, 0, 0);
+        flash.reset(8_000);
+        let ones = word(&flash, A).count_ones();
+        assert!((8..=24).contains(&ones), "half of 32 bits, by a draw: {ones}");
+    }
+
+    #[test]
+    fn power_goes_in_the_operation_that_was_named() {
+        let mut flash = unlocked();
+        program(&mut flash, A, 0, 0);
+        flash.cut_power_in(1, 25);
+        program(&mut flash, A + 4, 0, 0);
+        flash.write(CR, PG | BY_WORDS, 0).unwrap();
+        flash.store(A + 8, 4, 0, 100_000);
+        assert_eq!(flash.next_event(), Some((104_000, Event::PowerGone)));
+        flash.reset(104_000);
+        assert!(word(&flash, A + 8).count_ones() > 16, "a quarter was cleared");
+        flash = Flash { cr: 0, ..flash };
+        flash.write(CR, PG | BY_WORDS, 0).unwrap();
+        flash.store(A + 12, 4, 0, 200_000);
+        assert_eq!(flash.next_event(), Some((216_000, Event::Finished)), "once only");
+        let addresses: Vec<u32> = flash.operations().iter().map(|o| o.address).collect();
+        assert_eq!(addresses, [A, A + 4, A + 8, A + 12]);
+    }
+
+    #[test]
+    fn contents_outlive_a_reset() {
+        let mut flash = unlocked();
+        program(&mut flash, A, 0x600d_f1a5, 0);
+        flash.reset(1_000_000);
+        assert_eq!((word(&flash, A), flash.read(CR)), (0x600d_f1a5, Ok(LOCK)));
     }
 }

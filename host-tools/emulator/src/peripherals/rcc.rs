@@ -110,7 +110,14 @@ impl Rcc {
     /// own reset pin low, so the pin's flag is set as well.
     pub fn reset(&mut self, cause: Cause) {
         let flag = match cause {
-            Cause::PowerOn => POWER_ON_FLAGS,
+            // Everything, the backup domain too: VBAT is taken to hang on the same supply.
+            Cause::PowerOn => {
+                *self = Self {
+                    notes: std::mem::take(&mut self.notes),
+                    ..Self::new(self.hse_hz)
+                };
+                return;
+            }
             Cause::Software => SFTRSTF | PINRSTF,
             Cause::Watchdog => IWDGRSTF | PINRSTF,
         };
@@ -380,6 +387,8 @@ mod tests {
         assert_eq!(rcc.read(0x74).unwrap(), 0);
         rcc.reset(Cause::Watchdog);
         assert_eq!(rcc.read(0x74).unwrap(), IWDGRSTF | PINRSTF);
+        rcc.reset(Cause::PowerOn);
+        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS, "and none of before");
     }
 
     #[test]

@@ -25,7 +25,7 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use super::count::{Counters, Site, Sites};
 use super::{Overlay, say};
 use crate::exchange::SELF_TEST_STATUS;
-use crate::machine::INTERRUPTS;
+use crate::machine::{FLASH, INTERRUPTS};
 
 const _: () = assert!(SPARE_LINE >= INTERRUPTS);
 
@@ -54,6 +54,8 @@ functions! {
     get_system_memory: fn() -> Pointer;
     memory_region_init_io: fn(Pointer, Pointer, *const Ops, Pointer, *const c_char, u64);
     memory_region_init_ram: fn(Pointer, Pointer, *const c_char, u64, Pointer);
+    memory_region_init_rom_device: fn(Pointer, Pointer, *const Ops, Pointer, *const c_char, u64, Pointer);
+    memory_region_init_alias: fn(Pointer, Pointer, *const c_char, Pointer, u64, u64);
     memory_region_present: fn(Pointer, u64) -> bool;
     memory_region_add_subregion_overlap: fn(Pointer, u64, Pointer, c_int);
     object_resolve_path: fn(*const c_char, *mut bool) -> Pointer;
@@ -63,6 +65,7 @@ functions! {
     qemu_allocate_irq: fn(extern "C" fn(Pointer, c_int, c_int), Pointer, c_int) -> Pointer;
     qemu_set_irq: fn(Pointer, c_int);
     qemu_get_cpu: fn(c_int) -> Pointer;
+    cpu_interrupt: fn(Pointer, c_int);
     cpu_memory_rw_debug: fn(Pointer, u64, Pointer, usize, bool) -> c_int;
     timer_init_full: fn(Pointer, Pointer, c_int, c_int, c_int, extern "C" fn(Pointer), Pointer);
     timer_mod: fn(Pointer, i64);
@@ -117,6 +120,10 @@ const QEMU_CLOCK_VIRTUAL: c_int = 1;
 const SCALE_NS: c_int = 1;
 const SHUTDOWN_CAUSE_GUEST_SHUTDOWN: c_int = 6;
 const SHUTDOWN_CAUSE_GUEST_RESET: c_int = 7;
+/// `CPU_INTERRUPT_HALT`: the processor stands still until it has work.
+const HALT: c_int = 0x20;
+/// `CPU_INTERRUPT_EXITTB`: work that is none.
+const GO_ON: c_int = 0x04;
 /// `MEMTXATTRS_UNSPECIFIED`.
 const UNSPECIFIED: u64 = 1;
 /// Above QEMU's own devices, which are at 0.
@@ -133,6 +140,24 @@ static OPS: Ops = Ops {
         accepts: 0,
     },
     implemented: UP_TO_WORDS,
+};
+/// Flash is read as memory; what is stored comes here.
+static FLASH_OPS: Ops = Ops {
+    read: on_read,
+    write: on_store,
+    read_with_attrs: 0,
+    write_with_attrs: 0,
+    endianness: DEVICE_LITTLE_ENDIAN,
+    valid: ValidAccess {
+        sizes: ANY_UP_TO_WORDS,
+        accepts: 0,
+    },
+    implemented: ANY_UP_TO_WORDS,
+};
+const ANY_UP_TO_WORDS: AccessSizes = AccessSizes {
+    min: 1,
+    max: 4,
+    unaligned: true,
 };
 const UP_TO_WORDS: AccessSizes = AccessSizes {
     min: 1,
@@ -223,6 +248,22 @@ impl Qemu {
     pub(super) fn set_interrupt(&self, number: usize, level: bool) {
         // SAFETY: the line is an input of the NVIC, found by `lay_over`.
         unsafe { (self.functions.qemu_set_irq)(self.interrupts[number], c_int::from(level)) }
+    }
+
+    /// The processor executes nothing more until [`Self::go_on`], an interrupt that it takes, or a reset; while nothing
+    /// runs, virtual time goes straight to the next timer.
+    pub(super) fn halt(&self) {
+        self.interrupt_processor(HALT);
+    }
+
+    /// Ends [`Self::halt`].
+    pub(super) fn go_on(&self) {
+        self.interrupt_processor(GO_ON);
+    }
+
+    fn interrupt_processor(&self, request: c_int) {
+        // SAFETY: processor 0 exists once the machine is made; the request is one of QEMU's.
+        unsafe { (self.functions.cpu_interrupt)((self.functions.qemu_get_cpu)(0), request) }
     }
 
     pub(super) fn request_shutdown(&self) {
@@ -381,6 +422,15 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             (f.memory_region_init_ram)(region, none, c"stm32f405.ccm".as_ptr(), CCM_BYTES, none);
             (f.memory_region_add_subregion_overlap)(system, CCM.into(), region, PRIORITY);
         }
+        // QEMU's own flash cannot be written; it is seen at 0 too, where the processor looks for its vectors.
+        let (flash, bytes) = (room(), FLASH.len() as u64);
+        let start = FLASH.start as Pointer;
+        let name = c"stm32f405.flash".as_ptr();
+        (f.memory_region_init_rom_device)(flash, none, &raw const FLASH_OPS, start, name, bytes, none);
+        (f.memory_region_add_subregion_overlap)(system, FLASH.start.into(), flash, PRIORITY);
+        let alias = room();
+        (f.memory_region_init_alias)(alias, none, c"stm32f405.boot".as_ptr(), flash, 0, bytes);
+        (f.memory_region_add_subregion_overlap)(system, 0, alias, PRIORITY);
         let timer = room();
         (f.timer_init_full)(timer, none, QEMU_CLOCK_VIRTUAL, SCALE_NS, 0, on_timer, none);
         (f.qemu_register_reset)(on_reset, none);
@@ -420,6 +470,13 @@ fn self_test(qemu: &Qemu) -> Result<(), String> {
         let differs = || format!("{what} is {found:#010x} and not {expected:#010x}");
         (found == expected).then_some(()).ok_or_else(differs)
     };
+    qemu.poke(FLASH.start, &vec![0xff; FLASH.len()]);
+    check("a word of erased flash", word(FLASH.end - 4), u32::MAX)?;
+    check(
+        "the same word seen at 0",
+        word((FLASH.end - FLASH.start) - 4),
+        u32::MAX,
+    )?;
     qemu.write_memory(FLASH_ACR, &5u32.to_le_bytes());
     check("FLASH_ACR after a write", word(FLASH_ACR), 5)?;
     qemu.write_memory(FLASH_ACR, &0u32.to_le_bytes());
@@ -465,6 +522,13 @@ extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
     let address = start as u32 + offset as u32;
     if let Some((mut overlay, qemu)) = running() {
         overlay.write(address, bytes, value as u32, qemu);
+    }
+}
+
+extern "C" fn on_store(start: Pointer, offset: u64, value: u64, bytes: u32) {
+    let address = start as u32 + offset as u32;
+    if let Some((mut overlay, qemu)) = running() {
+        overlay.store(address, bytes, value as u32, qemu);
     }
 }
 

@@ -1,0 +1,172 @@
+//! What a host may ask, and what is done about it.
+//!
+//! # Design
+//! One request at a time, at the lowest priority. What it asks for is queued first and the reply behind it, and that only
+//! while the outbox is calm: a host that asks without end waits, and strikes find their room. Any reply but *done* has
+//! changed nothing. Every request may be repeated.
+
+use bead_store::StoreError;
+use bead_wire::{Cause, Link, Numbered, Outcome, RejectedRequest, Request};
+use cortex_m::peripheral::SCB;
+use embassy_time::{Duration, Instant, Timer};
+
+use crate::outbox::{self, Record};
+use crate::settings::{self, Refusal};
+use crate::storage;
+use crate::text::Text;
+use crate::trace::Boot;
+use crate::{counters, estimate, raw, receive, report, self_test};
+
+/// What is queued when a reboot is asked for leaves within this time, or never.
+const DRAIN: Duration = Duration::from_millis(500);
+
+/// What the commands act on.
+pub(crate) struct Commands {
+    pub(crate) boot: &'static Boot,
+    pub(crate) store: storage::Settings,
+    /// Room for the window of a self-test.
+    pub(crate) window: &'static mut bead_model::Record,
+}
+
+/// What became of a request, and a line about it.
+struct Answer(Outcome, Text);
+
+impl Answer {
+    fn done() -> Self {
+        Self(Outcome::Done, Text::new(format_args!("")))
+    }
+
+    fn refused(outcome: Outcome, why: &str) -> Self {
+        Self(outcome, Text::new(format_args!("{why}")))
+    }
+}
+
+impl Commands {
+    /// Does what is asked, and replies to whoever waits for it.
+    pub(crate) async fn answer(&mut self, heard: Result<Numbered<'_>, RejectedRequest>) {
+        let (number, answer) = match heard {
+            Ok(Numbered { number, request }) => {
+                outbox::calm().await;
+                (number, self.execute(number, request).await)
+            }
+            Err(RejectedRequest {
+                number: Some(number),
+                cause,
+            }) => {
+                outbox::calm().await;
+                (number, not_understood(cause))
+            }
+            Err(RejectedRequest { number: None, .. }) => return,
+        };
+        reply(number, answer);
+    }
+
+    async fn execute(&mut self, number: u16, request: Request<'_>) -> Answer {
+        match request {
+            Request::Identity => report::tell_identity(self.boot),
+            Request::Status => report::tell_status(),
+            Request::ReadSettings => settings::tell(),
+            Request::WriteSettings { block } => return self.write(block).await,
+            Request::EraseSettings => return self.erase().await,
+            Request::Arm => estimate::arm(true),
+            Request::Disarm => estimate::arm(false),
+            Request::SelfTest => {
+                let (failed, checks) = self_test::run(&mut self.store, self.window).await;
+                let passed = checks - failed;
+                return Answer(
+                    Outcome::Done,
+                    Text::new(format_args!("{passed} of {checks} checks passed")),
+                );
+            }
+            Request::Raw { duration_ms } => {
+                if duration_ms > raw::MAX_MS {
+                    return Answer(
+                        Outcome::OutOfRange,
+                        Text::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
+                    );
+                }
+                raw::start(duration_ms);
+                if duration_ms == 0 {
+                    report::tell_link();
+                }
+            }
+            Request::ResetCounters => {
+                counters::reset();
+                receive::count(|link| *link = Link::default());
+            }
+            Request::Reboot => {
+                reply(number, Answer::done());
+                reboot().await
+            }
+        }
+        Answer::done()
+    }
+
+    /// New settings: checked, stored, read back, in force.
+    async fn write(&mut self, block: &[u8]) -> Answer {
+        let loaded = match settings::judge(block) {
+            Ok(loaded) => loaded,
+            Err(Refusal::Invalid(why)) => return Answer(Outcome::SettingsInvalid, why),
+            Err(Refusal::SampleRate(why)) => return Answer(Outcome::SampleRate, why),
+        };
+        if let Err(error) = self.store.write(block) {
+            return not_stored(error);
+        }
+        settings::change(&loaded).await;
+        defmt::info!("settings: {=str}", loaded.origin());
+        Answer::done()
+    }
+
+    /// Back to the settings beneath the stored ones.
+    async fn erase(&mut self) -> Answer {
+        if let Err(error) = self.store.clear() {
+            return not_stored(error);
+        }
+        let loaded = settings::beneath(None);
+        settings::change(&loaded).await;
+        defmt::info!("settings: {=str}", loaded.origin());
+        Answer(Outcome::Done, Text::new(format_args!("{}", loaded.origin())))
+    }
+}
+
+fn reply(request: u16, Answer(outcome, detail): Answer) {
+    outbox::push(Record::Reply {
+        request,
+        outcome,
+        detail,
+    });
+}
+
+fn not_understood(cause: Cause) -> Answer {
+    let outcome = match cause {
+        Cause::Version(_) => Outcome::Version,
+        Cause::Kind(_) => Outcome::Kind,
+        _ => Outcome::Body,
+    };
+    Answer(outcome, Text::new(format_args!("{cause}")))
+}
+
+fn not_stored(error: StoreError) -> Answer {
+    match error {
+        StoreError::Full => Answer::refused(
+            Outcome::StoreFull,
+            "no room in flash for another block; the next boot makes some",
+        ),
+        StoreError::TooLong | StoreError::Flash => Answer::refused(
+            Outcome::FlashFailed,
+            "what was written cannot be read back; the settings are what they were",
+        ),
+    }
+}
+
+/// Resets when all that waits has left.
+async fn reboot() -> ! {
+    let deadline = Instant::now() + DRAIN;
+    while counters::snapshot().frames_waiting > 0 && Instant::now() < deadline {
+        Timer::after(Duration::from_millis(1)).await;
+    }
+    // The last two bytes are on their way when the DMA is done: 10 µs.
+    Timer::after(Duration::from_millis(1)).await;
+    defmt::info!("reboot, as asked");
+    SCB::sys_reset()
+}

@@ -1,0 +1,73 @@
+//! A window that is made up, and what the estimators say of it: the same in every bit on the computer that built the
+//! image and on the bead, or one of them does not compute what it should.
+//!
+//! `build.rs` is compiled with this file as well.
+
+use bead_model::{Record, Scan, Settings, Window};
+
+/// Results of a window.
+pub(crate) const RESULTS: usize = 8;
+
+/// What the estimators say of the window with these settings; what is in `record` does not matter. Some 1.5 ms of work on
+/// the bead.
+pub(crate) fn results(settings: &Settings, record: &mut Record) -> [i64; RESULTS] {
+    let mut window = Window::open(0, 0);
+    record.clear();
+    let mut scans = [Scan::ZERO; bead_model::window::PIECE];
+    let mut intruder = Intruder { now: 0, before: 0 };
+    let mut first = 0;
+    while first < settings.window.length {
+        let count = scans.len().min(usize::from(settings.window.length - first));
+        for (scan, at) in scans[..count].iter_mut().zip(first..) {
+            let force = REST + noise(at) + pulse(at, settings.window.history);
+            let acceleration = REST.saturating_add_signed(intruder.step(force - REST)) + noise(!at);
+            // The wide channels see a sixteenth of it.
+            let wide = |code: u16| REST + (code - REST / 2) / 16;
+            *scan = Scan::new([force, wide(force), acceleration, wide(acceleration)]);
+        }
+        window.process(settings, &scans[..count], record);
+        first += count as u16;
+    }
+    let report = window.report(settings, record);
+    [
+        report.peak_force.to_bits().into(),
+        report.peak_index as i64,
+        report.acceleration_max.to_bits().into(),
+        report.acceleration_min.to_bits().into(),
+        report.absorbed_measured.to_bits(),
+        report.absorbed_predicted.to_bits(),
+        report.incident_energy.to_bits(),
+        report.flags.bits().into(),
+    ]
+}
+
+/// Code of a channel at rest.
+const REST: u16 = 1024;
+
+/// A parabola of 1500 codes, 40 samples wide, some samples before the window's trigger would be.
+fn pulse(at: u16, history: u16) -> u16 {
+    const HALF: i32 = 20;
+    let off = i32::from(at) - i32::from(history) - HALF;
+    (1500 * (HALF * HALF - off * off) / (HALF * HALF)).max(0) as u16
+}
+
+/// One code up or not, at random enough.
+fn noise(at: u16) -> u16 {
+    at.wrapping_mul(40503) >> 15
+}
+
+/// Something that rings: y'' = f - y' / 16 - y / 128, in codes and samples.
+struct Intruder {
+    now: i32,
+    before: i32,
+}
+
+impl Intruder {
+    fn step(&mut self, force: u16) -> i16 {
+        let next = 2 * self.now - self.before + 2 * i32::from(force)
+            - (self.now - self.before) / 16
+            - self.now / 128;
+        self.before = core::mem::replace(&mut self.now, next);
+        (next / 256).clamp(-900, 900) as i16
+    }
+}

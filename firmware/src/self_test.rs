@@ -1,0 +1,77 @@
+//! What the bead can find out about itself.
+
+use bead_model::settings::Settings;
+use bead_wire::{Check, Health, Message, SelfTest};
+use embassy_time::{Duration, Timer};
+
+use crate::outbox::{self, Record};
+use crate::{counters, known_answer, settings, stack, storage};
+
+include!(concat!(env!("OUT_DIR"), "/known_answer.rs"));
+
+/// What the supply has to be, in mV: the voltage detector's threshold, and the most that the part is made for.
+const SUPPLY: core::ops::RangeInclusive<u32> = 2930..=3600;
+/// Stack that must never have been used, in bytes.
+const STACK: u32 = 8192;
+/// Samples are waited for so long: ten blocks.
+const SAMPLES: Duration = Duration::from_millis(20);
+/// Of those, two may be late.
+const BLOCKS: u32 = 8;
+
+/// Runs every check, tells of each, and returns how many failed of how many. `window` is room to work in.
+pub(crate) async fn run(store: &mut storage::Settings, window: &mut bead_model::Record) -> (usize, usize) {
+    let before = counters::snapshot();
+    Timer::after(SAMPLES).await;
+    let now = counters::snapshot();
+    let standing = |bits: u8| u32::from(now.health.standing & bits);
+
+    let supply = u32::from(now.health.supply_mv);
+    let force = standing(Health::FORCE_STUCK | Health::FORCE_RAILED);
+    let acceleration = standing(Health::ACCELERATION_STUCK | Health::ACCELERATION_RAILED);
+    let blocks = now.blocks_handed_on.wrapping_sub(before.blocks_handed_on);
+    let block = settings::current();
+    let stack = stack::never_used();
+    let differing = known_answer::results(&built_in(), window)
+        .iter()
+        .zip(EXPECTED)
+        .filter(|&(result, expected)| *result != expected)
+        .count();
+    let stored = store.read();
+
+    let checks = [
+        (
+            Check::Supply,
+            SUPPLY.contains(&supply) && standing(Health::SUPPLY_LOW) == 0,
+            supply,
+        ),
+        (Check::Force, force == 0, force),
+        (Check::Acceleration, acceleration == 0, acceleration),
+        (Check::Acquisition, blocks >= BLOCKS, blocks),
+        (
+            Check::Settings,
+            Settings::decode(&block).is_ok(),
+            block.len() as u32,
+        ),
+        (Check::Stack, stack >= STACK, stack),
+        (Check::Estimators, differing == 0, differing as u32),
+        (
+            Check::Store,
+            stored.is_ok(),
+            stored.ok().flatten().map_or(0, |block| block.len() as u32),
+        ),
+    ];
+    for (check, passed, value) in checks {
+        outbox::push(Record::Message(Message::SelfTest(SelfTest {
+            check,
+            passed,
+            value,
+        })));
+    }
+    let failed = checks.iter().filter(|(_, passed, _)| !passed).count();
+    (failed, checks.len())
+}
+
+/// The settings for which the answer is known: not those in force, which change.
+fn built_in() -> Settings {
+    Settings::decode(settings::BUILT_IN).expect("build.rs wrote the block with the same code")
+}

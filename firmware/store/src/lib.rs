@@ -1,0 +1,229 @@
+//! The settings block in flash: written while the bead runs, kept over a power cut.
+//!
+//! # Design
+//! Two sectors and `sequential-storage` on them: each write appends the block with its checksum, and the last that is
+//! whole counts. A write that is cut leaves the one before it.
+//!
+//! **Nothing is erased while the bead runs.** Flash of one bank cannot be read while a sector is erased, and code
+//! lies in it: the core stands still for one or two seconds, longer than the watchdog, the time driver and the
+//! ring of the converter bear. So a sector is erased by [`Store::open`] alone, at start-up, when nobody waits for
+//! samples, and leaves room for one block at least. A write that finds none is refused as [`StoreError::Full`], and the next
+//! start makes some. A sector of 128 KiB takes 1300 blocks of 90 bytes.
+//!
+//! Programming a word takes some 16 µs, so a write costs about a millisecond.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod sectors;
+
+use core::ops::Range;
+
+use embassy_futures::block_on;
+use embedded_storage::nor_flash::NorFlash;
+use sequential_storage::Error;
+use sequential_storage::cache::Cache;
+use sequential_storage::cache::key_pointers::ArrayKeyPointers;
+use sequential_storage::cache::page_pointers::ArrayPagePointers;
+use sequential_storage::cache::page_states::ArrayPageStates;
+use sequential_storage::map::{MapConfig, MapStorage};
+
+use sectors::{COUNT, SectorError, Sectors};
+
+/// Longest block, in bytes.
+pub const MAX_BLOCK: usize = 256;
+/// A block with its key, rounded up to words of any flash.
+const BUFFER: usize = MAX_BLOCK + 32;
+/// There is one thing to keep.
+const KEY: u8 = 1;
+/// Where the longest block finds no room, so many of the shortest do, and the next one moves to the other sector.
+const WRITES_TO_MOVE: u32 = needed(MAX_BLOCK) / needed(0) + 1;
+
+/// The store.
+pub struct Store<F: NorFlash> {
+    sectors: Sectors<F>,
+    buffer: [u8; BUFFER],
+}
+
+/// What [`Store::open`] found and did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Opened {
+    /// Sectors that were erased.
+    pub erased: u32,
+    /// Whether what was there held no whole block at all and was erased.
+    pub lost: bool,
+}
+
+/// Why a block was not read or written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StoreError {
+    /// A sector has to be erased first, which happens at the next start.
+    #[error("the store is full; the next start makes room")]
+    Full,
+    /// The block is longer than [`MAX_BLOCK`].
+    #[error("a block has at most {MAX_BLOCK} bytes")]
+    TooLong,
+    /// The flash reported an error, or does not keep what was written.
+    #[error("the flash does not take or keep what is written")]
+    Flash,
+}
+
+impl<F: NorFlash> Store<F> {
+    /// Opens the store in `range` of the flash, which is two sectors.
+    ///
+    /// Erases a sector where one is needed: a few times in a bead's life, and after a power cut in the middle of that.
+    ///
+    /// # Panics
+    /// The range is not two sectors.
+    pub fn open(flash: F, range: Range<u32>) -> (Self, Opened) {
+        let mut store = Self {
+            sectors: Sectors::new(flash, range),
+            buffer: [0; BUFFER],
+        };
+        store.sectors.may_erase = true;
+        let lost = match store.tidy() {
+            Ok(worth) => !worth,
+            // Something in the flash fails. What can be read all the same is kept.
+            Err(_) => match store.fetch() {
+                Ok(Some(_)) => false,
+                _ => {
+                    // A flash that does not take this either is found by the first write.
+                    let _ = store.sectors.erase_all();
+                    true
+                }
+            },
+        };
+        store.sectors.may_erase = false;
+        let erased = store.sectors.erased;
+        (store, Opened { erased, lost })
+    }
+
+    /// Brings the sectors into the order that the library counts on: one in use, one blank. Gives whether there is a
+    /// block, or nothing was there at all.
+    fn tidy(&mut self) -> Result<bool, StoreError> {
+        let mut worthless = false;
+        for sector in self.sectors.each() {
+            // The library goes by a mark at each end of a sector, and an erase that was cut may leave either. Whatever
+            // its marks, a sector without a whole block is worth nothing.
+            if !self.sectors.is_blank(&sector)? && !self.holds_block(&sector) {
+                self.sectors.erase(&sector)?;
+                worthless = true;
+            }
+        }
+        let mut current = [0; MAX_BLOCK];
+        let Some(block) = self.fetch()? else {
+            return Ok(!worthless);
+        };
+        let length = block.len();
+        current[..length].copy_from_slice(block);
+        let (mut blank, mut closed) = (false, false);
+        for sector in self.sectors.each() {
+            blank |= self.sectors.is_blank(&sector)?;
+            closed |= self.sectors.is_closed(&sector)?;
+        }
+        if !blank || closed {
+            // Power went while the library moved to the other sector. A write that may erase ends that.
+            self.put(&current[..length])?;
+        }
+        for _ in 0..WRITES_TO_MOVE {
+            if self.sectors.room()? >= needed(MAX_BLOCK) {
+                break;
+            }
+            self.put(&current[..length])?;
+        }
+        Ok(true)
+    }
+
+    /// The block, if there is one.
+    ///
+    /// # Errors
+    /// [`StoreError::Flash`].
+    pub fn read(&mut self) -> Result<Option<&[u8]>, StoreError> {
+        // An empty one stands for none: to take an item away would mean to write over it.
+        Ok(self.fetch()?.filter(|block| !block.is_empty()))
+    }
+
+    /// Writes a block, and reads it back. After an error the one before it holds.
+    ///
+    /// # Errors
+    /// See [`StoreError`].
+    pub fn write(&mut self, block: &[u8]) -> Result<(), StoreError> {
+        if block.len() > MAX_BLOCK {
+            return Err(StoreError::TooLong);
+        }
+        if self.sectors.room()? < needed(block.len()) {
+            return Err(StoreError::Full);
+        }
+        self.put(block)?;
+        match self.fetch()? == Some(block) {
+            true => Ok(()),
+            false => Err(StoreError::Flash),
+        }
+    }
+
+    /// Forgets the block.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn clear(&mut self) -> Result<(), StoreError> {
+        self.write(&[])
+    }
+
+    /// The flash, as it stands.
+    pub fn into_flash(self) -> F {
+        self.sectors.into_flash()
+    }
+
+    /// Whether a whole block is in one of the sectors, looked at as if the other were blank.
+    fn holds_block(&mut self, sector: &Range<u32>) -> bool {
+        self.sectors.alone = Some(sector.clone());
+        let found = matches!(self.fetch(), Ok(Some(_)));
+        self.sectors.alone = None;
+        found
+    }
+
+    fn fetch(&mut self) -> Result<Option<&[u8]>, StoreError> {
+        let Self { sectors, buffer } = self;
+        block_on(map(sectors).fetch_item(buffer, &KEY)).map_err(|error| blame(&error))
+    }
+
+    fn put(&mut self, block: &[u8]) -> Result<(), StoreError> {
+        let Self { sectors, buffer } = self;
+        block_on(map(sectors).store_item(buffer, &KEY, &block)).map_err(|error| blame(&error))
+    }
+}
+
+/// Bytes that a block takes in flash: header and checksum, key, rounded up to words of 4 bytes.
+const fn needed(length: usize) -> u32 {
+    8 + (1 + length as u32).next_multiple_of(4)
+}
+
+/// What the library remembers while it does one thing. Without it, it would look through a sector anew for each item
+/// that it moves to the other, and take seconds for a full one.
+type Remembered = Cache<ArrayPageStates<COUNT>, ArrayPagePointers<COUNT>, ArrayKeyPointers<u8, 1>, u8>;
+
+fn map<F: NorFlash>(sectors: &mut Sectors<F>) -> MapStorage<u8, &mut Sectors<F>, Remembered> {
+    let cache = Cache::new(
+        ArrayPageStates::new(),
+        ArrayPagePointers::new(),
+        ArrayKeyPointers::new(),
+    );
+    let config = MapConfig::new(sectors.range());
+    MapStorage::new(sectors, config, cache)
+}
+
+impl From<SectorError> for StoreError {
+    fn from(error: SectorError) -> Self {
+        match error {
+            SectorError::EraseRefused => Self::Full,
+            SectorError::Flash => Self::Flash,
+        }
+    }
+}
+
+fn blame(error: &Error<SectorError>) -> StoreError {
+    match error {
+        Error::FullStorage => StoreError::Full,
+        Error::Storage { value, .. } => (*value).into(),
+        _ => StoreError::Flash,
+    }
+}

@@ -1,0 +1,169 @@
+//! Two sectors of flash as `sequential-storage` sees them: erased when that is allowed, and one at a time if need be.
+
+use core::ops::Range;
+
+use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind};
+use embedded_storage_async::nor_flash as asynchronous;
+
+/// How many there are.
+pub(crate) const COUNT: usize = 2;
+/// What erased flash reads.
+const BLANK: u8 = 0xFF;
+/// Bytes looked at together.
+const CHUNK: usize = 256;
+
+pub(crate) struct Sectors<F> {
+    flash: F,
+    range: Range<u32>,
+    /// The only one to be seen: all else reads as blank.
+    pub(crate) alone: Option<Range<u32>>,
+    /// Whether a sector may be erased.
+    pub(crate) may_erase: bool,
+    /// How many were.
+    pub(crate) erased: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum SectorError {
+    /// A sector has to be erased, and must not be now.
+    EraseRefused,
+    /// The flash reported an error.
+    Flash,
+}
+
+impl<F: NorFlash> Sectors<F> {
+    /// The sectors in `range`.
+    ///
+    /// # Panics
+    /// There are not [`COUNT`] of them.
+    pub(crate) fn new(flash: F, range: Range<u32>) -> Self {
+        assert_eq!(range.len(), COUNT * F::ERASE_SIZE, "the store is two sectors");
+        Self {
+            flash,
+            range,
+            alone: None,
+            may_erase: false,
+            erased: 0,
+        }
+    }
+
+    pub(crate) fn range(&self) -> Range<u32> {
+        self.range.clone()
+    }
+
+    pub(crate) fn into_flash(self) -> F {
+        self.flash
+    }
+
+    pub(crate) fn each(&self) -> [Range<u32>; COUNT] {
+        let size = F::ERASE_SIZE as u32;
+        let start = self.range.start;
+        core::array::from_fn(|n| start + n as u32 * size..start + (n as u32 + 1) * size)
+    }
+
+    pub(crate) fn is_blank(&mut self, sector: &Range<u32>) -> Result<bool, SectorError> {
+        for start in sector.clone().step_by(CHUNK) {
+            if self.blank_tail(start)? < CHUNK {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// How many of the [`CHUNK`] bytes from `start` on are blank, counted from their end in whole words.
+    fn blank_tail(&mut self, start: u32) -> Result<usize, SectorError> {
+        let mut bytes = [0; CHUNK];
+        self.read(start, &mut bytes)?;
+        let words = bytes.as_chunks().0;
+        Ok(4 * words.iter().rev().take_while(|word| **word == [BLANK; 4]).count())
+    }
+
+    /// Whether the library has marked the sector as full: by zeros in half the bits of its last byte at least.
+    pub(crate) fn is_closed(&mut self, sector: &Range<u32>) -> Result<bool, SectorError> {
+        let mut byte = [0];
+        self.read(sector.end - 1, &mut byte)?;
+        Ok(byte[0].count_zeros() >= 4)
+    }
+
+    /// Bytes that can still be appended: those at the end of the sector in use that are blank, but for its mark.
+    pub(crate) fn room(&mut self) -> Result<u32, SectorError> {
+        let mut room = F::ERASE_SIZE as u32;
+        for sector in self.each() {
+            if self.is_blank(&sector)? {
+                continue;
+            }
+            let mut blank = 0;
+            for start in sector.clone().step_by(CHUNK).rev() {
+                let tail = self.blank_tail(start)?;
+                blank += tail as u32;
+                if tail < CHUNK {
+                    break;
+                }
+            }
+            room = room.min(blank.saturating_sub(F::WRITE_SIZE as u32));
+        }
+        Ok(room)
+    }
+
+    pub(crate) fn erase(&mut self, sectors: &Range<u32>) -> Result<(), SectorError> {
+        if !self.may_erase || self.alone.is_some() {
+            return Err(SectorError::EraseRefused);
+        }
+        self.erased += (sectors.len() / F::ERASE_SIZE) as u32;
+        self.flash
+            .erase(sectors.start, sectors.end)
+            .map_err(|_| SectorError::Flash)
+    }
+
+    pub(crate) fn erase_all(&mut self) -> Result<(), SectorError> {
+        self.erase(&self.range())
+    }
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), SectorError> {
+        match &self.alone {
+            Some(alone) if !alone.contains(&offset) => {
+                bytes.fill(BLANK);
+                Ok(())
+            }
+            _ => self.flash.read(offset, bytes).map_err(|_| SectorError::Flash),
+        }
+    }
+}
+
+impl asynchronous::NorFlashError for SectorError {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl<F: NorFlash> asynchronous::ErrorType for Sectors<F> {
+    type Error = SectorError;
+}
+
+impl<F: NorFlash> asynchronous::ReadNorFlash for Sectors<F> {
+    const READ_SIZE: usize = F::READ_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), SectorError> {
+        Self::read(self, offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        self.flash.capacity()
+    }
+}
+
+impl<F: NorFlash> asynchronous::NorFlash for Sectors<F> {
+    const WRITE_SIZE: usize = F::WRITE_SIZE;
+    const ERASE_SIZE: usize = F::ERASE_SIZE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), SectorError> {
+        Self::erase(self, &(from..to))
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), SectorError> {
+        match self.alone {
+            Some(_) => Err(SectorError::Flash),
+            None => self.flash.write(offset, bytes).map_err(|_| SectorError::Flash),
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! A power cut at any moment leaves the old block or the new one, and a store that works.
+
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use bead_store::{MAX_BLOCK, Opened, Store, StoreError};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use proptest::prelude::*;
+
+/// Small sectors, so that a few writes fill one.
+const SECTOR: usize = 1024;
+const SIZE: usize = 4 * SECTOR;
+/// Not at the start of the flash, nor at its end.
+const RANGE: std::ops::Range<u32> = SECTOR as u32..3 * SECTOR as u32;
+
+/// Flash with the rules of flash: a word is programmed once between erases, and the power may go.
+#[derive(Clone)]
+struct Ram {
+    bytes: Vec<u8>,
+    /// Words programmed and sectors erased until the power goes.
+    left: Option<u32>,
+    /// What is random in a word or sector that the power cut leaves.
+    seed: u32,
+}
+
+#[derive(Debug)]
+struct PowerCut;
+
+impl NorFlashError for PowerCut {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl ErrorType for Ram {
+    type Error = PowerCut;
+}
+
+impl Ram {
+    fn blank() -> Self {
+        Self {
+            bytes: vec![0xFF; SIZE],
+            left: None,
+            seed: 1,
+        }
+    }
+
+    /// Whether the next operation is the one in which the power goes; after it, none is done.
+    fn power(&mut self) -> Result<bool, PowerCut> {
+        match &mut self.left {
+            None => Ok(true),
+            Some(0) => Err(PowerCut),
+            Some(left) => {
+                *left -= 1;
+                Ok(*left > 0)
+            }
+        }
+    }
+
+    fn random(&mut self) -> u32 {
+        // xorshift32, Marsaglia 2003.
+        self.seed ^= self.seed << 13;
+        self.seed ^= self.seed >> 17;
+        self.seed ^= self.seed << 5;
+        self.seed
+    }
+}
+
+impl ReadNorFlash for Ram {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
+        let offset = offset as usize;
+        bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        SIZE
+    }
+}
+
+impl NorFlash for Ram {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+        assert!(
+            RANGE.contains(&from) && to <= RANGE.end,
+            "an erase outside the store"
+        );
+        for start in (from as usize..to as usize).step_by(SECTOR) {
+            if self.power()? {
+                self.bytes[start..start + SECTOR].fill(0xFF);
+                continue;
+            }
+            // Flash is programmed to zeros before it is erased; then its bits come up, each in its own time.
+            let risen = self.random() % 5;
+            for at in start..start + SECTOR {
+                let bits = (self.random() | if risen > 1 { self.random() } else { 0 }) as u8;
+                self.bytes[at] = match risen {
+                    0 => self.bytes[at] & bits,
+                    4 => 0xFF,
+                    _ => bits,
+                };
+            }
+            return Err(PowerCut);
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
+        assert!(RANGE.contains(&offset), "a write outside the store");
+        assert!(offset.is_multiple_of(4) && bytes.len().is_multiple_of(4));
+        for (at, word) in (offset as usize..).step_by(4).zip(bytes.as_chunks::<4>().0) {
+            let whole = self.power()?;
+            for (old, new) in self.bytes[at..at + 4].iter_mut().zip(word) {
+                // Bits only fall; what the cut leaves has some of them fallen.
+                self.seed = self.seed.wrapping_mul(0x9E37_79B1) ^ 0x85EB_CA6B;
+                *old &= match whole {
+                    true => *new,
+                    false => *new | self.seed as u8,
+                };
+            }
+            if !whole {
+                return Err(PowerCut);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn open(ram: &Ram) -> (Store<Ram>, Opened) {
+    Store::open(ram.clone(), RANGE)
+}
+
+/// Block number `n`: of another length and other bytes than its neighbours.
+fn block(n: usize) -> Vec<u8> {
+    (0..180 + 7 * (n % 5)).map(|i| (i * 31 + n * 17) as u8).collect()
+}
+
+fn read(store: &mut Store<Ram>) -> Option<Vec<u8>> {
+    store.read().unwrap().map(<[u8]>::to_vec)
+}
+
+/// Writes as a bead does that is reset when its store is full.
+fn write(mut store: Store<Ram>, block: &[u8]) -> (Store<Ram>, Result<(), StoreError>) {
+    match store.write(block) {
+        Err(StoreError::Full) => {
+            let (mut store, _) = open(&store.into_flash());
+            let result = store.write(block);
+            (store, result)
+        }
+        result => (store, result),
+    }
+}
+
+#[test]
+fn a_blank_store_has_no_block_and_is_not_erased() {
+    let (mut store, opened) = open(&Ram::blank());
+    assert_eq!(opened, Opened::default());
+    assert_eq!(read(&mut store), None);
+    assert!(
+        store.into_flash().bytes == Ram::blank().bytes,
+        "nothing was written"
+    );
+}
+
+#[test]
+fn the_last_block_written_is_read_again_after_a_start_and_none_after_it_is_cleared() {
+    let (mut store, _) = open(&Ram::blank());
+    for n in 0..3 {
+        store.write(&block(n)).unwrap();
+        assert_eq!(read(&mut store), Some(block(n)));
+    }
+    let (mut store, opened) = open(&store.into_flash());
+    assert_eq!((read(&mut store), opened), (Some(block(2)), Opened::default()));
+    store.clear().unwrap();
+    let (mut store, _) = open(&store.into_flash());
+    assert_eq!(read(&mut store), None);
+    store.write(&block(4)).unwrap();
+    assert_eq!(read(&mut store), Some(block(4)));
+}
+
+#[test]
+fn a_full_store_refuses_keeps_what_it_has_and_takes_more_after_the_next_start() {
+    let (mut store, _) = open(&Ram::blank());
+    let mut erased = 0;
+    let mut starts = 0;
+    for n in 0..200 {
+        if let Err(error) = store.write(&block(n)) {
+            assert_eq!(error, StoreError::Full);
+            assert_eq!(store.write(&block(n)), Err(StoreError::Full), "however often");
+            assert_eq!(read(&mut store), Some(block(n - 1)));
+            let opened;
+            (store, opened) = open(&store.into_flash());
+            assert!(!opened.lost);
+            erased += opened.erased;
+            starts += 1;
+            assert_eq!(read(&mut store), Some(block(n - 1)));
+            store.write(&block(n)).unwrap();
+        }
+    }
+    println!("{starts} starts and {erased} erases for 200 writes");
+    // Four to five blocks a sector of 1 KiB, of which a start takes two to three: what fills the sector, what is moved to
+    // the other one, and what made it move.
+    assert!((67..=150).contains(&starts), "{starts}");
+    assert_eq!(erased, starts);
+}
+
+#[test]
+fn a_start_leaves_room_for_the_longest_block_after_any_number_of_short_ones() {
+    let (mut store, _) = open(&Ram::blank());
+    for n in 0..200 {
+        let mut starts = 0;
+        while let Err(error) = store.write(&[7; 3][..n % 4]) {
+            assert_eq!((error, starts), (StoreError::Full, 0), "write {n}");
+            starts += 1;
+            store = open(&store.into_flash()).0;
+        }
+        // A start between any two of them.
+        let mut other = open(&store.into_flash()).0;
+        let before = other.into_flash();
+        other = open(&before).0;
+        other.write(&[9; MAX_BLOCK]).unwrap();
+        store = open(&before).0;
+    }
+}
+
+#[test]
+fn a_block_too_long_is_refused_and_the_longest_is_not() {
+    let (mut store, _) = open(&Ram::blank());
+    store.write(&[7; MAX_BLOCK]).unwrap();
+    assert_eq!(store.write(&[8; MAX_BLOCK + 1]), Err(StoreError::TooLong));
+    assert_eq!(read(&mut store), Some(vec![7; MAX_BLOCK]));
+}
+
+#[test]
+fn a_flash_that_does_not_keep_what_is_written_is_found_out() {
+    /// Takes every write and keeps none.
+    struct Worn(Ram);
+    impl ErrorType for Worn {
+        type Error = PowerCut;
+    }
+    impl ReadNorFlash for Worn {
+        const READ_SIZE: usize = 1;
+        fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
+            self.0.read(offset, bytes)
+        }
+        fn capacity(&self) -> usize {
+            SIZE
+        }
+    }
+    impl NorFlash for Worn {
+        const WRITE_SIZE: usize = 4;
+        const ERASE_SIZE: usize = SECTOR;
+        fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+            self.0.erase(from, to)
+        }
+        fn write(&mut self, _: u32, _: &[u8]) -> Result<(), PowerCut> {
+            Ok(())
+        }
+    }
+    let (mut store, _) = Store::open(Worn(Ram::blank()), RANGE);
+    assert_eq!(store.write(&block(0)), Err(StoreError::Flash));
+}
+
+/// Cuts the power in operation `cut` of the write of block `n`, starts again, and again with a cut in that start.
+fn cut_and_start(before: &Ram, n: usize, cut: u32, seed: u32) -> bool {
+    let mut ram = before.clone();
+    (ram.left, ram.seed) = (Some(cut), seed);
+    let (store, _) = Store::open(ram, RANGE);
+    let (store, result) = write(store, &block(n));
+    let mut ram = store.into_flash();
+    let finished = ram.left != Some(0);
+    if finished {
+        assert_eq!(result, Ok(()));
+    }
+    // The next start may be cut as well.
+    for again in [Some(1 + seed % 7), None] {
+        ram.left = again;
+        ram = Store::open(ram, RANGE).0.into_flash();
+    }
+    let (mut store, opened) = open(&ram);
+    let found = read(&mut store).unwrap_or_else(|| panic!("write {n} cut at {cut}, seed {seed}: none"));
+    let (old, new) = (block(n - 1), block(n));
+    assert!(
+        found == new || !finished && found == old,
+        "write {n} cut at {cut}: neither"
+    );
+    assert!(!opened.lost);
+    let (mut store, result) = write(store, &block(n + 1));
+    assert_eq!(
+        (result, read(&mut store)),
+        (Ok(()), Some(block(n + 1))),
+        "write {n} cut at {cut}"
+    );
+    finished
+}
+
+#[test]
+fn a_power_cut_in_any_operation_of_any_write_leaves_the_old_block_or_the_new_one() {
+    let mut cuts = 0;
+    for seed in [1, 2, 3, 4, 5] {
+        let (mut store, _) = open(&Ram::blank());
+        store.write(&block(0)).unwrap();
+        // Some rounds through both sectors.
+        for n in 1..24 {
+            let before = store.into_flash();
+            let finished = (1..).find(|&cut| cut_and_start(&before, n, cut, seed * 977 + cut));
+            cuts += finished.expect("a write ends");
+            let result;
+            (store, result) = write(open(&before).0, &block(n));
+            result.unwrap();
+        }
+    }
+    println!("{cuts} cuts");
+    // A write is some 50 words.
+    assert!(cuts > 5 * 23 * 45, "{cuts}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_the_sectors_held_the_store_works_after_the_start(
+        garbage in proptest::collection::vec(prop_oneof![3 => Just(0xFFu8), 1 => any::<u8>()], 2 * SECTOR),
+        from in 0..2 * SECTOR, to in 0..2 * SECTOR,
+    ) {
+        let mut ram = Ram::blank();
+        // Some of it, all of it, or none.
+        if let Some(garbage) = garbage.get(from..to) {
+            ram.bytes[SECTOR + from..SECTOR + to].copy_from_slice(garbage);
+        }
+        let (store, _) = open(&ram);
+        let (mut store, result) = write(store, &block(1));
+        prop_assert_eq!((result, read(&mut store)), (Ok(()), Some(block(1))));
+        let (mut store, opened) = open(&store.into_flash());
+        prop_assert_eq!((read(&mut store), opened.lost), (Some(block(1)), false));
+    }
+}

@@ -1,0 +1,173 @@
+//! `bead settings` and `bead command` as their users run them, on the flash image behind a socket.
+
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use bead::bridge::{Bridge, serve};
+use bead::cli::Cli;
+use bead::emulation::Emulation;
+use bead_model::Settings;
+use bead_model::settings::BLOCK_MAX;
+use bead_tests::paper;
+use clap::Parser;
+
+/// Runs a command line to its end: its exit status and the line on standard error.
+fn bead(arguments: &[&str]) -> (u8, String) {
+    match Cli::try_parse_from(["bead"].iter().chain(arguments))
+        .unwrap_or_else(|error| panic!("{error}"))
+        .run()
+    {
+        Ok(()) => (0, String::new()),
+        Err(failure) => (failure.exit_status(), failure.to_string()),
+    }
+}
+
+/// Serves the run at a socket while `ask` has its address.
+fn behind_a_socket(run: &Emulation, ask: impl FnOnce(&str, &Path)) {
+    let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    let socket = folder.path().join("bead.sock");
+    let address = format!("unix:{}", socket.display());
+    let stop = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let server = scope.spawn(|| {
+            let at = address.parse().unwrap_or_else(|error| panic!("{error}"));
+            serve(&mut Bridge::new(run), &at, &stop)
+        });
+        while !socket.exists() && !server.is_finished() {
+            thread::yield_now();
+        }
+        let asked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ask(&address, folder.path())));
+        stop.store(true, Ordering::Relaxed);
+        let served = server
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        served.unwrap_or_else(|failure| panic!("{failure}"));
+        asked.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    });
+    assert!(!socket.exists());
+}
+
+fn block(settings: &Settings) -> Vec<u8> {
+    let mut block = [0; BLOCK_MAX];
+    let length = settings
+        .encode(&mut block)
+        .unwrap_or_else(|error| panic!("{error}"));
+    block[..length].to_vec()
+}
+
+#[test]
+fn settings_are_read_written_refused_and_reset_from_the_command_line() {
+    let run = paper(1, 0.1, Some(1));
+    behind_a_socket(&run, |port, folder| {
+        let path = |name: &str| folder.join(name).display().to_string();
+        let read = |name: &str| {
+            let arguments = ["settings", "read", "--port", port, "--out", &path(name)];
+            assert_eq!(
+                bead(&[&arguments[..], &["--timeout", "20"]].concat()),
+                (0, String::new())
+            );
+            fs::read(path(name)).unwrap_or_else(|error| panic!("{error}"))
+        };
+        assert_eq!(read("first.settings"), run.block);
+
+        let mut other = run.settings;
+        other.window.length = 300;
+        fs::write(path("other.settings"), block(&other)).unwrap_or_else(|error| panic!("{error}"));
+        let write = |name: &str| {
+            bead(&[
+                "settings",
+                "write",
+                &path(name),
+                "--port",
+                port,
+                "--timeout",
+                "20",
+            ])
+        };
+        assert_eq!(write("other.settings"), (0, String::new()));
+        assert_eq!(read("second.settings"), block(&other));
+
+        other.sample_rate_hz = 50_000;
+        fs::write(path("rate.settings"), block(&other)).unwrap_or_else(|error| panic!("{error}"));
+        let refused = "the bead refused: sample rate; settings for 50000 Hz; this image samples at 100000 Hz";
+        assert_eq!(write("rate.settings"), (1, refused.to_owned()));
+        fs::write(path("long.settings"), [0; 257]).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(write("long.settings").0, 2);
+        assert_eq!(write("missing.settings").0, 2);
+
+        let command = |name: &str| bead(&["command", name, "--port", port, "--timeout", "20"]);
+        assert_eq!(command("reboot"), (0, String::new()));
+        other.sample_rate_hz = 100_000;
+        assert_eq!(read("third.settings"), block(&other), "kept over the reset");
+        assert_eq!(
+            bead(&["settings", "reset", "--port", port, "--timeout", "20"]),
+            (0, String::new())
+        );
+        assert_eq!(read("fourth.settings"), run.block);
+    });
+}
+
+#[test]
+fn a_bead_is_asked_from_the_command_line() {
+    let run = paper(1, 0.1, Some(1));
+    behind_a_socket(&run, |port, folder| {
+        let command = |name: &str, more: &[&str]| {
+            let arguments = ["command", name, "--port", port, "--timeout", "20"];
+            bead(&[&arguments[..], more].concat())
+        };
+        for name in [
+            "identity",
+            "status",
+            "self-test",
+            "arm",
+            "disarm",
+            "reset-counters",
+        ] {
+            for more in [&[][..], &["--format", "json"]] {
+                assert_eq!(command(name, more), (0, String::new()), "{name}");
+            }
+        }
+        let csv = folder.join("raw.csv");
+        let out = ["--out", &csv.display().to_string()].map(str::to_owned);
+        let out: Vec<_> = out.iter().map(String::as_str).collect();
+        assert_eq!(
+            command("raw", &[&["--duration", "0.1"], &out[..]].concat()),
+            (0, String::new())
+        );
+        let text = fs::read_to_string(&csv).unwrap_or_else(|error| panic!("{error}"));
+        let rows: Vec<Vec<u64>> = text
+            .lines()
+            .skip(1)
+            .map(|row| row.split(',').filter_map(|field| field.parse().ok()).collect())
+            .collect();
+        // Half of 10 000 scans, in order, with codes of a chain at rest or struck.
+        assert!((4000..7000).contains(&rows.len()), "{}", rows.len());
+        assert!(
+            rows.iter()
+                .all(|row| row.len() == 3 && row[1] < 4096 && row[2] < 4096)
+        );
+        assert!(rows.is_sorted_by(|a, b| a[0] < b[0]));
+        let (status, why) = command("raw", &[&["--duration", "11"], &out[..]].concat());
+        assert_eq!(
+            (status, &why[..]),
+            (
+                1,
+                "the bead refused: out of range; a raw stream lasts 10000 ms at most"
+            )
+        );
+    });
+}
+
+#[test]
+fn a_self_test_that_fails_ends_with_status_1_and_says_what_failed() {
+    let mut run = paper(1, 0.1, Some(1));
+    run.faults = bead::faults::parse("[[fault]]\nat = 0.01\nkind = \"supply\"\nvolts = 2.7\n", "faults")
+        .unwrap_or_else(|failure| panic!("{failure}"));
+    behind_a_socket(&run, |port, _| {
+        let (status, why) = bead(&["command", "self-test", "--port", port, "--timeout", "20"]);
+        assert_eq!(status, 1);
+        assert!(why.starts_with("the self-test failed: supply;"), "{why}");
+    });
+}

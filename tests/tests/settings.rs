@@ -1,0 +1,477 @@
+//! Settings over the link: in force from the next strike on and after a reset, refused by name, and never half there.
+
+mod ram;
+
+use std::sync::LazyLock;
+
+use bead::emulation::Emulation;
+use bead::frames::{Frame, Message};
+use bead::replay::replay;
+use bead::strikes::assemble;
+use bead_model::Settings;
+use bead_model::settings::BLOCK_MAX;
+use bead_store::Store;
+use bead_tests::{Asked, Asking, paper};
+use bead_wire::{FaultCause, Outcome, Request, SettingsSource};
+use crc::{CRC_32_ISO_HDLC, Crc};
+use ram::{RANGE, Ram};
+use stm32f405_qemu::{Fault, FaultKind};
+
+/// Where the bead keeps what came over the link (`memory.x`).
+const STORE_ADDRESS: u32 = 0x080C_0000;
+
+/// No strikes, and the first 150 ms of that.
+static SHORT: LazyLock<Emulation> = LazyLock::new(|| paper(0, 0.1, Some(1)));
+
+fn short() -> Asking {
+    let mut asking = Asking::new(&SHORT);
+    asking.machine.stimulus.truncate(15_000);
+    asking.machine.count_instructions = false;
+    asking
+}
+
+fn block(settings: &Settings) -> Vec<u8> {
+    let mut block = [0; BLOCK_MAX];
+    let length = settings
+        .encode(&mut block)
+        .unwrap_or_else(|error| panic!("{error}"));
+    block[..length].to_vec()
+}
+
+/// The settings of the run with windows of so many samples.
+fn windows_of(length: u16) -> Vec<u8> {
+    let mut settings = SHORT.settings;
+    settings.window.length = length;
+    block(&settings)
+}
+
+fn write(block: &[u8]) -> Request<'_> {
+    Request::WriteSettings { block }
+}
+
+/// The blocks that the bead told, each once in a row.
+fn told(frames: &[Frame]) -> Vec<&[u8]> {
+    let mut blocks: Vec<_> = frames
+        .iter()
+        .filter_map(|frame| match &frame.message {
+            Message::Settings(block) => Some(&block[..]),
+            _ => None,
+        })
+        .collect();
+    blocks.dedup();
+    blocks
+}
+
+/// What the store of a run holds at its end, as the next start would find it.
+fn stored(asked: &Asked) -> Option<Vec<u8>> {
+    let (address, bytes) = &asked.outcome.flash;
+    assert_eq!(*address, STORE_ADDRESS);
+    let (mut store, opened) = Store::open(Ram::of(bytes), RANGE);
+    assert!(!opened.lost);
+    store.read().ok().flatten().map(<[u8]>::to_vec)
+}
+
+#[test]
+fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
+    // Strikes at 20, 120, 220 and 320 ms after the first scan.
+    let mut asking = Asking::new(&paper(4, 0.1, Some(1)));
+    let new = windows_of(300);
+    asking.ask(0.1, &write(&new));
+    asking.ask(0.2, &Request::Reboot);
+    asking.ask(0.3, &Request::EraseSettings);
+    asking.ask(0.31, &Request::Status);
+    let asked = asking.run();
+    let heard = &asked.heard;
+    assert_eq!(heard.answer(0), (Outcome::Done, String::new()));
+    let strikes = assemble(&heard.frames, None);
+    let samples: Vec<_> = strikes.iter().map(|strike| strike.said.samples).collect();
+    assert_eq!(
+        samples,
+        [640, 300, 300, 640],
+        "the reset kept them, and erasing brought the others back"
+    );
+    for strike in &strikes {
+        assert_eq!(replay(strike).first_difference, None);
+        assert_eq!(strike.said.flags, 0);
+    }
+    assert_eq!(told(&heard.frames), [&asked.block[..], &new, &asked.block]);
+    let sources: Vec<_> = heard
+        .frames
+        .iter()
+        .filter_map(|frame| match &frame.message {
+            Message::Status(status) => Some((frame.header.boot, status.settings_source)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(sources[0], (0, SettingsSource::Flash));
+    assert_eq!(sources[1], (1, SettingsSource::Stored), "at boot");
+    assert_eq!(
+        heard.answer(2),
+        (Outcome::Done, "put into flash by a probe".to_owned())
+    );
+    assert_eq!(sources[2], (1, SettingsSource::Flash));
+    assert_eq!(heard.faults().count(), 0);
+    assert_eq!((asked.outcome.overruns, heard.counters.lost), (0, 0));
+    assert_eq!(heard.status().epoch, 0, "acquisition never paused");
+    assert_eq!((asked.outcome.unmodelled.len(), stored(&asked)), (0, None));
+}
+
+#[test]
+fn a_write_while_a_strike_is_measured_changes_no_bit_of_it_and_holds_for_the_next() {
+    let run = paper(2, 0.1, Some(1));
+    let quiet = assemble(&Asking::new(&run).run().heard.frames, None);
+    let mut asking = Asking::new(&run);
+    let during = asking.first_scan() + quiet[0].said.trigger_index as f64 / 100e3 + 0.0005;
+    let new = windows_of(300);
+    asking.ask(during, &write(&new));
+    let asked = asking.run();
+    let first = asked
+        .outcome
+        .flash_operations
+        .first()
+        .expect("a word was programmed");
+    let last = asked.outcome.flash_operations.last().expect("and others");
+    let trigger = during * 1e9;
+    println!(
+        "{} words from {:.2} to {:.2} ms after the request",
+        asked.outcome.flash_operations.len(),
+        (first.at_ns as f64 - trigger) * 1e-6,
+        (last.at_ns as f64 - trigger) * 1e-6
+    );
+    let strikes = assemble(&asked.heard.frames, None);
+    assert_eq!(strikes[0].said, quiet[0].said);
+    assert_eq!(
+        (&strikes[0].scans, &strikes[0].chunks),
+        (&quiet[0].scans, &quiet[0].chunks)
+    );
+    assert_eq!(strikes[1].said.samples, 300);
+    assert_eq!(replay(&strikes[1]).first_difference, None);
+    let status = asked.heard.status();
+    assert_eq!((status.overruns, status.blocks_dropped, status.epoch), (0, 0, 0));
+    assert_eq!(asked.heard.counters.lost, 0);
+}
+
+/// A block with other bytes where its header ends, and a checksum that holds.
+fn forged(change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
+    let mut bytes = windows_of(300);
+    bytes.truncate(bytes.len() - 4);
+    change(&mut bytes);
+    let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes);
+    bytes.extend(crc.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn each_way_of_being_no_valid_settings_is_refused_by_name_and_leaves_flash_alone() {
+    let settings = |change: fn(&mut Settings)| {
+        let mut settings = SHORT.settings;
+        change(&mut settings);
+        block(&settings)
+    };
+    let good = windows_of(300);
+    let mut damaged = good.clone();
+    damaged[20] ^= 1;
+    let version = bead_model::settings::VERSION;
+    let cases = [
+        (
+            forged(|bytes| bytes[4] = version as u8 + 1),
+            Outcome::SettingsInvalid,
+            format!(
+                "settings block of version {}, this program knows {version}",
+                version + 1
+            ),
+        ),
+        (
+            damaged,
+            Outcome::SettingsInvalid,
+            "settings block with a wrong checksum: half written or damaged".to_owned(),
+        ),
+        (
+            good[..good.len() - 1].to_vec(),
+            Outcome::SettingsInvalid,
+            "settings block is shorter than its header says".to_owned(),
+        ),
+        (
+            [&good[..], &[0]].concat(),
+            Outcome::SettingsInvalid,
+            "bytes follow the settings block".to_owned(),
+        ),
+        (
+            b"not a settings block".to_vec(),
+            Outcome::SettingsInvalid,
+            "not a settings block: it does not start with \"BEAD\"".to_owned(),
+        ),
+        (
+            Vec::new(),
+            Outcome::SettingsInvalid,
+            "settings block is shorter than its header says".to_owned(),
+        ),
+        (
+            forged(|bytes| {
+                bytes.pop();
+                bytes[6] -= 1;
+            }),
+            Outcome::SettingsInvalid,
+            "settings block whose body does not decode".to_owned(),
+        ),
+        (
+            settings(|settings| settings.window.threshold = 0),
+            Outcome::SettingsInvalid,
+            "settings that a bead cannot work with: threshold is not a rise of 1 to 4095 codes".to_owned(),
+        ),
+        (
+            settings(|settings| settings.sample_rate_hz = 50_000),
+            Outcome::SampleRate,
+            "settings for 50000 Hz; this image samples at 100000 Hz".to_owned(),
+        ),
+        (
+            settings(|settings| settings.sample_rate_hz = 200_000),
+            Outcome::SampleRate,
+            "settings for 200000 Hz; this image samples at 100000 Hz".to_owned(),
+        ),
+    ];
+    let mut asking = short();
+    for (n, (bytes, ..)) in cases.iter().enumerate() {
+        asking.ask(0.05 + 0.005 * n as f64, &write(bytes));
+    }
+    let status = asking.ask(0.12, &Request::Status);
+    asking.ask(0.125, &Request::ReadSettings);
+    let asked = asking.run();
+    for (n, (_, outcome, detail)) in (0..).zip(&cases) {
+        assert_eq!(asked.heard.answer(n), (*outcome, detail.clone()));
+    }
+    assert_eq!(asked.outcome.flash_operations, []);
+    assert_eq!(told(&asked.heard.frames), [&asked.block[..]]);
+    assert_eq!(asked.heard.answer(status).0, Outcome::Done);
+    assert_eq!(asked.heard.status().settings_source, SettingsSource::Flash);
+}
+
+#[test]
+fn without_a_block_of_a_probe_settings_are_stored_over_the_built_in_ones() {
+    let new = windows_of(300);
+    let mut asking = short();
+    asking.machine.flash.clear();
+    asking.ask(0.05, &Request::Status);
+    asking.ask(0.06, &write(&new));
+    asking.ask(0.1, &Request::EraseSettings);
+    asking.ask(0.12, &Request::Status);
+    let asked = asking.run();
+    assert_eq!(asked.heard.answer(1).0, Outcome::Done);
+    assert_eq!(
+        asked.heard.answer(2),
+        (Outcome::Done, "built in, as flash has none".to_owned())
+    );
+    assert_eq!(told(&asked.heard.frames).len(), 3);
+    assert_eq!(told(&asked.heard.frames)[1], new);
+    assert_eq!(asked.heard.status().settings_source, SettingsSource::BuiltIn);
+}
+
+/// A start with this in the store.
+fn start_with(store: Vec<u8>) -> Asked {
+    let mut asking = short();
+    asking.machine.flash.push((STORE_ADDRESS, store));
+    // Two sectors may have to be erased, 2 s each.
+    asking.machine.sampling_deadline_ns = 5_000_000_000;
+    asking.run()
+}
+
+#[test]
+fn a_stored_block_that_this_image_does_not_know_is_refused_and_the_one_of_the_probe_holds() {
+    let other = forged(|bytes| bytes[4] += 1);
+    let (mut store, _) = Store::open(Ram::blank(), RANGE);
+    store.write(&other).unwrap_or_else(|error| panic!("{error}"));
+    let asked = start_with(store.into_flash().bytes);
+    let refused = asked.heard.faults().next().expect("it is told");
+    assert_eq!(
+        (refused.cause, &refused.detail[..]),
+        (FaultCause::SettingsRefused, "a block of another version")
+    );
+    assert_eq!(told(&asked.heard.frames), [&asked.block[..]]);
+    assert_eq!(asked.heard.status().settings_source, SettingsSource::Flash);
+    assert_eq!(asked.outcome.flash_operations, [], "another image may know it");
+}
+
+#[test]
+fn a_store_without_a_whole_block_is_erased_and_told_of() {
+    let asked = start_with(
+        (0..70_000u32)
+            .map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8)
+            .collect(),
+    );
+    let refused = asked.heard.faults().next().expect("it is told");
+    assert_eq!(
+        (refused.cause, &refused.detail[..]),
+        (
+            FaultCause::SettingsRefused,
+            "what was stored is not whole, and was erased"
+        )
+    );
+    assert_eq!(told(&asked.heard.frames), [&asked.block[..]]);
+    let operations: Vec<_> = asked
+        .outcome
+        .flash_operations
+        .iter()
+        .map(|operation| (operation.address, operation.erase))
+        .collect();
+    assert_eq!(operations, [(STORE_ADDRESS, true)], "the other sector was blank");
+    assert_eq!(stored(&asked), None);
+    // A start that takes seconds is no hang.
+    assert_eq!(asked.outcome.resets, []);
+    println!(
+        "first scan {:.2} s after power-up",
+        asked.outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9
+    );
+}
+
+/// A store that has room for three more blocks of this length and no fourth, and how many it took before.
+fn nearly_full(block: &[u8]) -> (Vec<u8>, usize) {
+    let (mut store, _) = Store::open(Ram::blank(), RANGE);
+    let all = std::iter::repeat_with(|| store.write(block))
+        .take_while(Result::is_ok)
+        .count();
+    let (mut store, _) = Store::open(Ram::blank(), RANGE);
+    for _ in 3..all {
+        store.write(block).unwrap_or_else(|error| panic!("{error}"));
+    }
+    (store.into_flash().bytes, all - 3)
+}
+
+/// The start of the bead, three writes, a fourth, a reset, and what `then` asks 4 s later, when a sector has been erased.
+fn fill_and_reset(then: impl Fn(&mut Asking)) -> (Asking, usize) {
+    let (store, taken) = nearly_full(&windows_of(300));
+    let mut asking = short();
+    asking.machine.flash.push((STORE_ADDRESS, store));
+    for n in 0..4 {
+        asking.ask(0.2 + 0.1 * f64::from(n), &write(&windows_of(301 + n as u16)));
+    }
+    asking.ask(0.6, &Request::Reboot);
+    then(&mut asking);
+    // The codes stand still then, and are told to be stuck.
+    asking.machine.tail_ns = 6_000_000_000;
+    (asking, taken)
+}
+
+#[test]
+fn a_full_store_refuses_and_takes_more_after_a_reset() {
+    let (asking, taken) = fill_and_reset(|asking| {
+        asking.ask(5.0, &write(&windows_of(305)));
+    });
+    let asked = asking.run();
+    for n in 0..3 {
+        assert_eq!(asked.heard.answer(n).0, Outcome::Done);
+    }
+    assert_eq!(asked.heard.answer(3).0, Outcome::StoreFull);
+    assert_eq!(asked.heard.answer(4).0, Outcome::Done);
+    assert_eq!(asked.heard.answer(5).0, Outcome::Done);
+    let blocks = [300, 301, 302, 303, 305].map(windows_of);
+    assert_eq!(told(&asked.heard.frames), blocks, "the fourth never");
+    assert_eq!(stored(&asked), Some(windows_of(305)));
+    let erased: Vec<_> = asked
+        .outcome
+        .flash_operations
+        .iter()
+        .filter(|operation| operation.erase)
+        .map(|operation| operation.address)
+        .collect();
+    assert_eq!(erased, [STORE_ADDRESS], "once, and not while samples were taken");
+    assert_eq!((asked.outcome.overruns, asked.heard.status().overruns), (0, 0));
+    assert_eq!(asked.outcome.resets.len(), 1);
+    println!("{taken} blocks of {} bytes before", windows_of(300).len());
+    assert!(taken > 1000, "{taken}");
+}
+
+/// The settings in force when a run of the image ended.
+fn in_force(asked: &Asked) -> Vec<u8> {
+    told(&asked.heard.frames)
+        .last()
+        .expect("the bead tells its settings")
+        .to_vec()
+}
+
+#[test]
+fn a_power_cut_in_any_operation_of_a_write_leaves_the_old_settings_or_the_new_ones() {
+    let (old, new) = (windows_of(299), windows_of(301));
+    let (mut store, _) = Store::open(Ram::blank(), RANGE);
+    store.write(&old).unwrap_or_else(|error| panic!("{error}"));
+    let before = store.into_flash().bytes;
+    let asking = |cut: Option<(u32, u8)>| {
+        let mut asking = short();
+        asking.machine.flash.push((STORE_ADDRESS, before.clone()));
+        asking.ask(0.05, &write(&new));
+        if let Some((after, percent)) = cut {
+            let kind = FaultKind::PowerCutInFlash { after, percent };
+            asking.machine.faults.push(Fault { at_ns: 0, kind });
+        }
+        asking.run()
+    };
+    let whole = asking(None);
+    assert_eq!(in_force(&whole), new);
+    let operations = whole.outcome.flash_operations.len() as u32;
+    let mut kept = [0, 0];
+    for (operation, percent) in (0..operations).flat_map(|n| [(n, 20), (n, 80)]) {
+        let cut = asking(Some((operation, percent)));
+        assert_eq!(cut.outcome.resets.len(), 1);
+        let holds = in_force(&cut);
+        assert!(
+            holds == old || holds == new,
+            "operation {operation} cut at {percent} %"
+        );
+        // Not acknowledged unless it holds.
+        assert!(holds == new || cut.heard.replies(0).count() == 0);
+        assert_eq!(cut.heard.status().settings_source, SettingsSource::Stored);
+        assert_eq!(cut.heard.faults().count(), 0);
+        assert_eq!(stored(&cut), Some(holds.clone()));
+        kept[usize::from(holds == new)] += 1;
+    }
+    println!(
+        "{operations} operations: {} cuts left the old settings, {} the new ones",
+        kept[0], kept[1]
+    );
+    assert!(kept[0] > 40, "{kept:?}");
+}
+
+#[test]
+fn a_power_cut_in_any_operation_of_making_room_keeps_the_settings() {
+    let asking = |cut: Option<(u32, u8)>| {
+        let (mut asking, _) = fill_and_reset(|_| ());
+        if let Some((after, percent)) = cut {
+            // After the writes, before the reset.
+            let kind = FaultKind::PowerCutInFlash { after, percent };
+            asking.machine.faults.push(Fault {
+                at_ns: 550_000_000,
+                kind,
+            });
+        }
+        asking.run()
+    };
+    let whole = asking(None);
+    let started = whole.outcome.resets[0].at_ns;
+    let operations: Vec<_> = whole
+        .outcome
+        .flash_operations
+        .iter()
+        .filter(|operation| operation.at_ns > started)
+        .collect();
+    let mut cuts = 0;
+    for (n, operation) in (0..).zip(&operations) {
+        // Words of the block that moves along are all alike.
+        let percents: &[u8] = match (operation.erase, n % 5) {
+            (true, _) => &[1, 10, 30, 50, 70, 90, 99],
+            (false, 0) => &[50],
+            (false, _) => &[],
+        };
+        for percent in percents {
+            let cut = asking(Some((n, *percent)));
+            assert_eq!(cut.outcome.resets.len(), 2);
+            assert_eq!(
+                in_force(&cut),
+                windows_of(303),
+                "operation {n} cut at {percent} %"
+            );
+            assert_eq!(stored(&cut), Some(windows_of(303)));
+            cuts += 1;
+        }
+    }
+    println!("{cuts} cuts in {} operations", operations.len());
+    assert!(cuts >= 17, "{cuts}");
+}
