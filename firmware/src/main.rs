@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! TIM3 ─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─records─> outbox ─> transmit ─> USART1
+//!   └──> TIM2 ─> sync ─edges─────────────────────────────────────┤
 //!                                                  report, faults ───┘
 //! ```
 #![no_std]
@@ -19,6 +20,7 @@ mod report;
 mod sample_clock;
 mod settings;
 mod stack;
+mod sync;
 mod trace;
 mod transmit;
 mod watchdog;
@@ -32,6 +34,7 @@ use embassy_sync::zerocopy_channel::Channel;
 use sample_clock::SampleClock;
 use settings::Loaded;
 use static_cell::{ConstStaticCell, StaticCell};
+use sync::SyncInput;
 use trace::Boot;
 
 #[cortex_m_rt::entry]
@@ -73,6 +76,7 @@ fn main() -> ! {
         acceleration: p.PA1,
     };
     let clock = SampleClock::new(p.TIM3);
+    let edges = SyncInput::new(p.TIM2, p.PA15);
     let port = transmit::port(p.USART1, p.PA9, p.DMA2_CH7);
     let (sender, receiver) = CHANNEL.init(Channel::new(BLOCKS.take())).split();
 
@@ -91,6 +95,7 @@ fn main() -> ! {
     spawn
         .acquire
         .spawn(acquire::acquire(inputs, clock, RING.take(), sender).expect(ONCE));
+    spawn.rest.spawn(sync::sync(edges).expect(ONCE));
     spawn.rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
     loop {
         cortex_m::asm::wfi();

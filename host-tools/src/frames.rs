@@ -10,7 +10,7 @@ use std::fmt::Write;
 use bead_model::{Flags, Settings};
 use bead_wire::{
     ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, FaultCause,
-    Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Reject, Shape, Status, Strike,
+    Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Reject, Shape, Status, Strike, Sync,
 };
 use serde_json::{Map, Value, json};
 
@@ -46,6 +46,8 @@ pub enum Message {
     Settings(Vec<u8>),
     /// How often sensors and supply failed.
     Health(Health),
+    /// An edge on the sync input.
+    Sync(Sync),
 }
 
 /// [`bead_wire::Identity`] with its own text.
@@ -183,6 +185,7 @@ impl From<bead_wire::Message<'_>> for Message {
             }),
             bead_wire::Message::Settings(settings) => Self::Settings(settings.block.to_owned()),
             bead_wire::Message::Health(health) => Self::Health(health),
+            bead_wire::Message::Sync(sync) => Self::Sync(sync),
         }
     }
 }
@@ -199,6 +202,7 @@ impl Message {
             Self::Fault(_) => Kind::Fault,
             Self::Settings(_) => Kind::Settings,
             Self::Health(_) => Kind::Health,
+            Self::Sync(_) => Kind::Sync,
         }
     }
 }
@@ -312,6 +316,14 @@ impl Frame {
                 object["standing_raw"] = json!(health.standing);
                 object
             }
+            Message::Sync(sync) => json!({
+                "edge": sync.edge,
+                "edge_time_s": self.sample_rate_hz.map(|rate| sync.position() / f64::from(rate)),
+                "index": sync.index,
+                "clocks": sync.clocks,
+                "clocks_per_sample": sync.clocks_per_sample,
+                "missed": sync.missed,
+            }),
             Message::Settings(block) => match Settings::decode(block) {
                 Ok(settings) => json!({ "settings": settings, "block": hex(block) }),
                 Err(error) => {
@@ -504,6 +516,7 @@ mod tests {
                 block: &block[..length],
             }),
             bead_wire::Message::Settings(bead_wire::Settings { block: b"no block" }),
+            bead_wire::Message::Sync(Sync::at(4, 100_210, 840, 1)),
         ];
         let stream: Vec<u8> = (0..)
             .zip(&messages)
@@ -522,6 +535,12 @@ mod tests {
         assert_eq!(lines[3]["codes"], json!([[7, 4095]]));
         assert_eq!(lines[5]["settings"], serde_json::to_value(settings).unwrap());
         assert_eq!(lines[6]["settings"], Value::Null);
+        assert_eq!(
+            (&lines[7]["index"], &lines[7]["clocks"]),
+            (&json!(119), &json!(250))
+        );
+        let time = lines[7]["edge_time_s"].as_f64().unwrap();
+        assert!((time - 100_210.0 / 84e6).abs() < 1e-15, "{time}");
     }
 
     #[test]

@@ -172,6 +172,7 @@ fn encode_body(message: &Message<'_>, buffer: &mut [u8]) -> Result<usize, Encode
             postcard::to_slice(settings, buffer)
         }
         Message::Health(health) => postcard::to_slice(health, buffer),
+        Message::Sync(sync) => postcard::to_slice(sync, buffer),
     };
     // Slices are bounded above and `MAX_BODY` covers the rest, so this cannot fail; were that sum ever
     // wrong, one frame is refused instead of the bead stopped.
@@ -254,6 +255,7 @@ impl<'a> Checked<'a> {
             Kind::Fault => Message::Fault(whole(self.body)?),
             Kind::Settings => Message::Settings(whole(self.body)?),
             Kind::Health => Message::Health(whole(self.body)?),
+            Kind::Sync => Message::Sync(whole(self.body)?),
         })
     }
 }

@@ -4,16 +4,18 @@
 
 mod codes;
 mod decoder;
+mod edge;
 mod frame;
 mod message;
 mod sequence;
 
 pub use codes::{CodeError, Codes, MAX_CODE, MAX_SCANS};
 pub use decoder::{Counters, Decoder, Rejected};
+pub use edge::unwrapped;
 pub use frame::{Cause, EncodeError, Frame, Header, MAX_FRAME, Reject, VERSION, encode};
 pub use message::{
     ACCELERATION_UNIT_MPS2, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, Fault, FaultCause, Health,
     IMPULSE_UNIT_N_SAMPLES, Identity, Kind, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE, MAX_GIT, Message, Settings,
-    SettingsSource, Shape, Status, Strike, Waveform,
+    SettingsSource, Shape, Status, Strike, Sync, Waveform,
 };
 pub use sequence::{Arrival, REORDER};

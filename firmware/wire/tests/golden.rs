@@ -8,7 +8,7 @@
 
 use bead_wire::{
     Codes, Decoder, Fault, FaultCause, Header, Health, Identity, MAX_FRAME, Message, Settings,
-    SettingsSource, Shape, Status, Strike, Waveform, encode,
+    SettingsSource, Shape, Status, Strike, Sync, Waveform, encode,
 };
 
 const HEADER: Header = Header {
@@ -18,7 +18,7 @@ const HEADER: Header = Header {
 };
 
 /// The frames of version 1, delimiters included.
-const GOLDEN: [(&str, &str); 8] = [
+const GOLDEN: [(&str, &str); 9] = [
     (
         "identity",
         "000a010102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0602e121c61a00",
@@ -51,10 +51,14 @@ const GOLDEN: [(&str, &str); 8] = [
         "shape",
         "000a010802040302010c0b01020a01011d03d0c1028080d405b3e694018080c80e99f3d3348080d236a907fe6800",
     ),
+    (
+        "sync",
+        "000a010902040302010c0b01020a01010f0bd0c102c706c806ac023d5b3ca600",
+    ),
 ];
 
 /// What they say.
-fn messages() -> [Message<'static>; 8] {
+fn messages() -> [Message<'static>; 9] {
     const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
     [
         Message::Identity(Identity {
@@ -128,6 +132,13 @@ fn messages() -> [Message<'static>; 8] {
             impulse: 15_269_888,
             ring_frequency: 110_426_521,
             ring_decay: 114_589_696,
+        }),
+        Message::Sync(Sync {
+            edge: 11,
+            index: 41_168,
+            clocks: 839,
+            clocks_per_sample: 840,
+            missed: 300,
         }),
     ]
 }

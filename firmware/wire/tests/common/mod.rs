@@ -9,7 +9,7 @@
 
 use bead_wire::{
     Codes, Decoder, Fault, FaultCause, Header, Health, Identity, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE,
-    MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Shape, Status, Strike,
+    MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Reject, Settings, SettingsSource, Shape, Status, Strike, Sync,
     Waveform, encode,
 };
 use proptest::collection::vec;
@@ -46,6 +46,7 @@ pub enum Draft {
         block: Vec<u8>,
     },
     Health(Health),
+    Sync(Sync),
 }
 
 impl Draft {
@@ -96,6 +97,7 @@ impl Draft {
             }),
             Self::Settings { block } => Message::Settings(Settings { block }),
             Self::Health(health) => Message::Health(*health),
+            Self::Sync(sync) => Message::Sync(*sync),
         }
     }
 }
@@ -188,6 +190,15 @@ pub fn draft() -> impl Strategy<Value = Draft> {
                 })
             }
         ),
+        any::<(u32, u64, u16, u16, u32)>().prop_map(|(edge, index, clocks, clocks_per_sample, missed)| {
+            Draft::Sync(Sync {
+                edge,
+                index,
+                clocks,
+                clocks_per_sample,
+                missed,
+            })
+        }),
         any::<(u32, u64, i64, [u32; 4])>().prop_map(|(strike, first_index, impulse, fine)| {
             Draft::Shape(Shape {
                 strike,
