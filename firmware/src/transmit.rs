@@ -4,8 +4,8 @@
 //! A window of a strike, some 30 frames and 4 kB, leaves in 20 ms. There is no flow control: who cannot keep up sees
 //! gaps in the sequence numbers, and the bead never waits.
 
-use bead_model::meter::CHUNK;
 use bead_model::Chunk;
+use bead_model::meter::CHUNK;
 use bead_wire::{Codes, EncodeError, Header, MAX_FRAME, Message, Raw, Reply, Settings, Waveform, encode};
 use embassy_stm32::mode::Async;
 use embassy_stm32::usart::UartTx;

@@ -11,7 +11,7 @@ use bead_model::{Flags, Settings};
 use bead_wire::{
     ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N,
     FRACTION_UNIT, FaultCause, GainMatch, Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Link, Outcome,
-    Reject, SelfTest, Shape, Status, Strike,
+    Reject, SelfTest, Shape, Status, Strike, Sync,
 };
 use serde_json::{Map, Value, json};
 
@@ -47,6 +47,8 @@ pub enum Message {
     Settings(Vec<u8>),
     /// How often sensors and supply failed.
     Health(Health),
+    /// An edge on the sync input.
+    Sync(Sync),
     /// The answer to one request.
     Reply(Reply),
     /// A run of samples, whether there is a strike or not.
@@ -213,6 +215,7 @@ impl From<bead_wire::Message<'_>> for Message {
             }),
             bead_wire::Message::Settings(settings) => Self::Settings(settings.block.to_owned()),
             bead_wire::Message::Health(health) => Self::Health(health),
+            bead_wire::Message::Sync(sync) => Self::Sync(sync),
             bead_wire::Message::Reply(reply) => Self::Reply(Reply {
                 request: reply.request,
                 outcome: reply.outcome,
@@ -240,6 +243,7 @@ impl Message {
             Self::Fault(_) => Kind::Fault,
             Self::Settings(_) => Kind::Settings,
             Self::Health(_) => Kind::Health,
+            Self::Sync(_) => Kind::Sync,
             Self::Reply(_) => Kind::Reply,
             Self::Raw(_) => Kind::Raw,
             Self::Link(_) => Kind::Link,
@@ -376,6 +380,14 @@ impl Frame {
                 object["standing_raw"] = json!(health.standing);
                 object
             }
+            Message::Sync(sync) => json!({
+                "edge": sync.edge,
+                "edge_time_s": self.sample_rate_hz.map(|rate| sync.position() / f64::from(rate)),
+                "index": sync.index,
+                "clocks": sync.clocks,
+                "clocks_per_sample": sync.clocks_per_sample,
+                "missed": sync.missed,
+            }),
             Message::Reply(reply) => json!({
                 "request": reply.request,
                 "outcome": reply.outcome,
@@ -602,6 +614,7 @@ mod tests {
                 passed: true,
                 value: 3300,
             }),
+            bead_wire::Message::Sync(Sync::at(4, 100_210, 840, 1)),
         ];
         let stream: Vec<u8> = (0..)
             .zip(&messages)
@@ -631,6 +644,12 @@ mod tests {
             (&lines[10]["check"], &lines[10]["value"]),
             (&json!("supply"), &json!(3300))
         );
+        assert_eq!(
+            (&lines[11]["index"], &lines[11]["clocks"]),
+            (&json!(119), &json!(250))
+        );
+        let time = lines[11]["edge_time_s"].as_f64().unwrap();
+        assert!((time - 100_210.0 / 84e6).abs() < 1e-15, "{time}");
     }
 
     #[test]

@@ -9,7 +9,7 @@
 use bead_wire::{
     Check, Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, Link, MAX_FRAME,
     MAX_REQUEST, Message, Outcome, Raw, Reply, Request, RequestDecoder, SelfTest, Settings, SettingsSource,
-    Shape, Status, Strike, Waveform, encode, encode_request,
+    Shape, Status, Strike, Sync, Waveform, encode, encode_request,
 };
 
 const HEADER: Header = Header {
@@ -19,7 +19,7 @@ const HEADER: Header = Header {
 };
 
 /// The frames of version 2, delimiters included.
-const GOLDEN: [(&str, &str); 12] = [
+const GOLDEN: [(&str, &str); 13] = [
     (
         "identity",
         "000a020102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0604bf75eaa900",
@@ -54,35 +54,39 @@ const GOLDEN: [(&str, &str); 12] = [
     ),
     (
         "reply",
-        "000a011002040302010c0b01020a010116b2c302060c666f7220353030303020487aa36eb3bf00",
+        "000a021002040302010c0b01020a010116b2c302060c666f7220353030303020487a1c66ac7600",
     ),
     (
         "raw",
-        "000a011102040302010c0b01020a010108d0c1020623c1ab07f0ff0c8b8a3900",
+        "000a021102040302010c0b01020a010108d0c1020623c1ab07f0ff5f3d670c00",
     ),
     (
         "link",
-        "000a011202040302010c0b01020a01011e80e497d0120c0102ac020405f0a20406070809a0b323a0d119f2375f5800",
+        "000a021202040302010c0b01020a01011e80e497d0120c0102ac020405f0a20406070809a0b323a0d1197a87e37200",
     ),
     (
         "self_test",
-        "000a011302040302010c0b01020a01010a0501d8f504267f5d5300",
+        "000a021302040302010c0b01020a01010a0501d8f504ec32f4fc00",
+    ),
+    (
+        "sync",
+        "000a020902040302010c0b01020a01010f0bd0c102c706c806ac026eedd19300",
     ),
 ];
 
-/// The requests of version 1, delimiters included.
+/// The requests of version 2, delimiters included.
 const REQUESTS: [&str; 11] = [
-    "00090140b2a1fd6a409e00",
-    "00060141b2a1ca03829f00",
-    "00090142b2a193bec49d00",
-    "000b0143b2a107424541440106fffaf5e70d00",
-    "00090144b2a121c2499900",
-    "00090145b2a116a88b9800",
-    "00090146b2a14f16cd9a00",
-    "00090147b2a1787c0f9b00",
-    "000b0148b2a1c4135c83f45600",
-    "00090149b2a17251919100",
-    "0009014ab2a12befd79300",
+    "00090240b2a113c5f58c00",
+    "00090241b2a124af378d00",
+    "00090242b2a17d11718f00",
+    "000b0243b2a107424541440106ff0a27797a00",
+    "00090244b2a1cf6dfc8b00",
+    "00090245b2a1f8073e8a00",
+    "00090246b2a1a1b9788800",
+    "00090247b2a196d3ba8900",
+    "000b0248b2a1c413f2f160d000",
+    "00090249b2a19cfe248300",
+    "0009024ab2a1c540628100",
 ];
 
 fn requests() -> [Request<'static>; 11] {
@@ -104,7 +108,7 @@ fn requests() -> [Request<'static>; 11] {
 }
 
 /// What they say.
-fn messages() -> [Message<'static>; 12] {
+fn messages() -> [Message<'static>; 13] {
     const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
     const WIDE: [u8; 12] = [
         0x80, 0x00, 0x80, 0x81, 0x10, 0x80, 0x82, 0x20, 0x80, 0x83, 0x30, 0x80,
@@ -220,6 +224,13 @@ fn messages() -> [Message<'static>; 12] {
             check: Check::Stack,
             passed: true,
             value: 80_600,
+        }),
+        Message::Sync(Sync {
+            edge: 11,
+            index: 41_168,
+            clocks: 839,
+            clocks_per_sample: 840,
+            missed: 300,
         }),
     ]
 }

@@ -331,14 +331,17 @@ fn report(
     }
 }
 
-/// The last status of every boot: its counts are since the reset.
+/// The last status of every boot: its counts are since the reset. Power-up counts boots anew, but time too.
 fn last_statuses(frames: &[Frame]) -> Vec<Status> {
     let mut last: Vec<(u8, Status)> = Vec::new();
     for frame in frames {
         let Message::Status(status) = frame.message else {
             continue;
         };
-        match last.last_mut().filter(|(boot, _)| *boot == frame.header.boot) {
+        let same_boot = |(boot, before): &&mut (u8, Status)| {
+            *boot == frame.header.boot && before.uptime_ms <= status.uptime_ms
+        };
+        match last.last_mut().filter(same_boot) {
             Some((_, before)) => *before = status,
             None => last.push((frame.header.boot, status)),
         }
