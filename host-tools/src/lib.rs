@@ -4,6 +4,7 @@
 //! file of `commands`.
 
 pub mod cli;
+pub mod clock;
 mod commands;
 pub mod comparison;
 pub mod emulation;
