@@ -7,8 +7,8 @@
 //! of them and nearest to them in sum: an edge of their lower convex hull, above the middle of them (Moon, Skelly and
 //! Towsley, INFOCOM 1999). A least-squares line would follow the mean delay, and that changes with the load.
 //!
-//! Its uncertainty: the time is cut into [`BINS`] spans; how far the lowest frame of a span lies above the line is how
-//! well that span holds it. With the median `m` of those, [`COVERAGE`] · m · √(12 / bins) / time. Over simulated delays
+//! Its uncertainty: the time is cut into spans (`BINS`); how far the lowest frame of a span lies above the line is how
+//! well that span holds it. With the median `m` of those, `COVERAGE` · m · √(12 / bins) / time. Over simulated delays
 //! of several kinds this holds the true drift in nineteen cases of twenty (`the_drift_is_found_…`).
 //!
 //! What a line cannot tell is the least delay itself: host times made of it are late by that, some 0.2 ms over UART and
