@@ -16,6 +16,7 @@ use crate::failure::{Blame, Failure};
 use crate::faults::Planned;
 use crate::frames::{self, Message};
 use crate::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
+use crate::recording::{RecordingError, Writer};
 use crate::sensed::{Sensed, Timing, Truth, bead_of};
 
 /// Where the image looks for settings that a probe has put there (`memory.x`).
@@ -102,6 +103,22 @@ pub struct Ran {
     pub first_scan_ns: u64,
     /// What was measured.
     pub report: EmulatorReport,
+}
+
+impl Ran {
+    /// Records what was sent, each run of bytes when the last of it had left: true time since the first triggered scan, to
+    /// which `zero_ns` is added. What was sent before that scan counts as sent at it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, writer: &mut Writer, zero_ns: u64) -> Result<(), RecordingError> {
+        let mut sent = self.sent_ns.iter();
+        for run in self.stream.split_inclusive(|byte| *byte == 0) {
+            let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
+            writer.write_at(run, zero_ns + at.saturating_sub(self.first_scan_ns))?;
+        }
+        Ok(())
+    }
 }
 
 /// What is sensed by a clock that is fast: its seconds are shorter.

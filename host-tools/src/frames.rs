@@ -463,7 +463,8 @@ pub fn reset_causes(bits: u8) -> Vec<&'static str> {
         .collect()
 }
 
-fn hex(bytes: &[u8]) -> String {
+/// Two digits a byte.
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes
         .iter()
         .fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {

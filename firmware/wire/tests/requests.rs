@@ -123,9 +123,12 @@ proptest! {
             let heard = decode(&mut decoder, &[&flipped[..], &after].concat());
             let understood: Vec<_> = heard.iter().flatten().collect();
             // A flip in the delimiter behind it joins nothing: the next request has its own in front.
-            prop_assert_eq!(understood, [&(9, Draft::Bare(Request::Arm))], "bit {}", bit);
+            let (last, others) = understood.split_last().unwrap();
+            prop_assert_eq!(*last, &(9, Draft::Bare(Request::Arm)), "bit {}", bit);
+            // The code behind a run of 254 bytes says nothing if it is the last: without it the request is the same.
+            prop_assert!(others.iter().all(|other| **other == (number, draft.clone())), "bit {}", bit);
             prop_assert!(heard.iter().filter_map(|heard| heard.as_ref().err()).all(|reject| reject.number.is_none()));
-            prop_assert_eq!(decoder.counters().requests, 1);
+            prop_assert_eq!(decoder.counters().requests as usize, understood.len());
         }
     }
 
