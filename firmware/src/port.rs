@@ -9,6 +9,7 @@
 
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use embassy_stm32::mode::Async;
+use embassy_stm32::pac::DMA2;
 use embassy_stm32::usart::{self, Config, RingBufferedUartRx, Uart, UartTx};
 use embassy_stm32::{Peri, bind_interrupts, dma, gpio, peripherals};
 
@@ -18,6 +19,8 @@ bind_interrupts!(struct Irqs {
     DMA2_STREAM7 => dma::InterruptHandler<peripherals::DMA2_CH7>;
 });
 
+/// That of [`Parts::rx_dma`].
+const RX_STREAM: usize = 2;
 const BAUD: u32 = 2_000_000;
 
 /// What the receiver may fall behind: 5 ms at full rate.
@@ -30,6 +33,18 @@ pub(crate) struct Parts {
     pub(crate) rx: Peri<'static, peripherals::PA10>,
     pub(crate) tx_dma: Peri<'static, peripherals::DMA2_CH7>,
     pub(crate) rx_dma: Peri<'static, peripherals::DMA2_CH2>,
+}
+
+/// Makes a receiver's DMA that was stopped begin at the start of its ring again.
+///
+/// The driver starts it without that, and a stream that is started goes round in as many bytes as NDTR says, from the start
+/// of its memory on (RM0090 sections 10.3.9 and 10.3.15): in a part of the ring, and not where the driver looks. The round
+/// that stopping it counts (section 10.3.14: TCIF is set) is the one that is begun here.
+pub(crate) fn rewind() {
+    let stream = DMA2.st(RX_STREAM);
+    if !stream.cr().read().en() {
+        stream.ndtr().write(|w| w.set_ndt(size_of::<Ring>() as u16));
+    }
 }
 
 /// Sets up the port.

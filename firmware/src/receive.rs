@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! At the lowest priority, and no more than a piece at a time before the other tasks there: garbage at full line
-//! rate costs idle time. What the ring cannot take while a request is being done is lost and counted, and the decoder is
-//! in step again at the next delimiter. No reply is made to what is no request, so nobody can fill the outbox with
+//! rate costs idle time. Who sends more than the ring takes while a request is being done is not heard again until the line
+//! has been quiet for 2 ms; it is counted. No reply is made to what is no request, so nobody can fill the outbox with
 //! noise.
 
 use core::cell::Cell;
@@ -13,8 +13,13 @@ use embassy_futures::yield_now;
 use embassy_stm32::usart::{Error, RingBufferedUartRx};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_time::{Duration, Timer, with_timeout};
 
 use crate::commands::Commands;
+use crate::port;
+
+/// A line on which nothing has come for so long is quiet: 400 bytes' time.
+const QUIET: Duration = Duration::from_millis(2);
 
 static LINK: Mutex<CriticalSectionRawMutex, Cell<Option<Link>>> = Mutex::new(Cell::new(None));
 
@@ -48,11 +53,31 @@ pub(crate) async fn receive(mut port: RingBufferedUartRx<'static>, mut commands:
                 let counted = decoder.take_counters();
                 count(|link| add(link, &counted));
             }
-            Err(Error::Overrun | Error::BufferTooLong) => count(|link| link.overruns += 1),
-            Err(_) => count(|link| link.line_errors += 1),
+            Err(error) => {
+                count(|link| match error {
+                    Error::Overrun | Error::BufferTooLong => link.overruns += 1,
+                    _ => link.line_errors += 1,
+                });
+                quiet(&mut port, &mut bytes).await;
+            }
         }
         // There may be bytes at once, for as long as somebody sends; the others here want the core as well.
         yield_now().await;
+    }
+}
+
+/// After an error: lets go what comes until the line has been quiet for a while.
+///
+/// An error stops the driver, and started again it hands out what the end of the ring held before. Old bytes must not be
+/// taken for requests, so everything is let go until nothing is left and nothing comes.
+async fn quiet(port: &mut RingBufferedUartRx<'static>, bytes: &mut [u8]) {
+    loop {
+        port::rewind();
+        match with_timeout(QUIET, port.read(bytes)).await {
+            Ok(Ok(_)) => yield_now().await,
+            Ok(Err(_)) => Timer::after(QUIET).await,
+            Err(_) => return,
+        }
     }
 }
 

@@ -23,6 +23,8 @@ use crate::failure::{Blame, Failure};
 use crate::front_end::SAMPLE_RATE_HZ;
 use crate::port::Address;
 
+/// Time in which the image has started to sample, and to hear.
+const START: Duration = Duration::from_millis(50);
 /// Time that passes when something came in: most is answered within it.
 const ANSWER: Duration = Duration::from_millis(80);
 /// Time that passes at once while somebody only listens.
@@ -65,6 +67,12 @@ impl Bridge {
     /// # Errors
     /// QEMU fails.
     pub fn pass(&mut self, bytes: &[u8], time: Duration) -> Result<Vec<u8>, Failure> {
+        if self.ended_ns == 0 && !bytes.is_empty() {
+            // A bead that has not started does not hear.
+            let mut said = self.pass(&[], START)?;
+            said.extend(self.pass(bytes, time)?);
+            return Ok(said);
+        }
         if !bytes.is_empty() {
             self.machine.uart_input.push(UartInput {
                 at_ns: self.ended_ns + GAP_NS,

@@ -8,6 +8,8 @@ use bead::emulation::{Emulation, find_image};
 use bead::frames::{self, Frame, Message};
 use bead::front_end::FrontEnd;
 use bead::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead_model::Settings;
+use bead_model::design::{Bead, Capture, FrontEnd as FrontEndDesign, derive};
 use bead_wire::{Counters, MAX_REQUEST, Request, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use stm32f405_qemu::{Outcome, Run, UartInput};
@@ -27,6 +29,22 @@ pub fn workspace() -> &'static Path {
 /// The scenario of the paper's strike.
 pub fn scenario() -> PathBuf {
     workspace().join("docs/scenarios/paper-strike.toml")
+}
+
+/// Settings of the paper's bead that samples at another rate: the same numbers of samples, and right in themselves.
+///
+/// # Panics
+/// There are none at that rate.
+pub fn settings_at(rate: u32) -> Settings {
+    let capture = Capture::default();
+    let slower = f64::from(capture.sample_rate_hz) / f64::from(rate);
+    let capture = Capture {
+        sample_rate_hz: rate,
+        history: slower * capture.history,
+        length: slower * capture.length,
+        ..capture
+    };
+    derive(&Bead::paper(), &FrontEndDesign::reference(), &capture).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The flash image, as built.

@@ -10,7 +10,7 @@ use bead::cli::Cli;
 use bead::emulation::Emulation;
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
-use bead_tests::paper;
+use bead_tests::{paper, settings_at};
 use clap::Parser;
 
 /// Runs a command line to its end: its exit status and the line on standard error.
@@ -89,8 +89,8 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
         assert_eq!(write("other.settings"), (0, String::new()));
         assert_eq!(read("second.settings"), block(&other));
 
-        other.sample_rate_hz = 50_000;
-        fs::write(path("rate.settings"), block(&other)).unwrap_or_else(|error| panic!("{error}"));
+        fs::write(path("rate.settings"), block(&settings_at(50_000)))
+            .unwrap_or_else(|error| panic!("{error}"));
         let refused = "the bead refused: sample rate; settings for 50000 Hz; this image samples at 100000 Hz";
         assert_eq!(write("rate.settings"), (1, refused.to_owned()));
         fs::write(path("long.settings"), [0; 257]).unwrap_or_else(|error| panic!("{error}"));
@@ -99,7 +99,6 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
 
         let command = |name: &str| bead(&["command", name, "--port", port, "--timeout", "20"]);
         assert_eq!(command("reboot"), (0, String::new()));
-        other.sample_rate_hz = 100_000;
         assert_eq!(read("third.settings"), block(&other), "kept over the reset");
         assert_eq!(
             bead(&["settings", "reset", "--port", port, "--timeout", "20"]),

@@ -127,6 +127,11 @@ fn a_flood_of_requests_that_are_refused_changes_no_bit() {
     assert!(link.rejected_kind > 100, "{link:?}");
     // What waited for its reply was more than the receiver holds.
     assert!(link.overruns > 0, "{link:?}");
+    assert_eq!(
+        asked.heard.answer(0).0,
+        Outcome::Done,
+        "when the line is quiet again"
+    );
 }
 
 #[test]
@@ -399,4 +404,34 @@ fn a_reboot_replies_loses_no_frame_and_is_no_fault() {
     assert_eq!(asked.heard.faults().count(), 0);
     assert_eq!(asked.heard.health().frames_lost_by_reset, 0);
     assert_eq!(assemble(&asked.heard.frames, None).len(), 2);
+}
+
+#[test]
+fn a_flood_of_requests_is_done_as_far_as_it_is_heard_and_none_of_it_twice() {
+    let mut asking = Asking::new(&paper(2, 0.1, Some(1)));
+    for _ in 0..1500 {
+        // Back to back: each is due while the one before is still being sent.
+        asking.ask(0.02, &Request::Arm);
+    }
+    let last = asking.ask(0.2, &Request::Arm);
+    let asked = asking.run();
+    assert_undisturbed(&asked);
+    let replies: Vec<_> = (0..=last).map(|n| asked.heard.replies(n).count()).collect();
+    let heard: usize = replies.iter().sum();
+    let link = asked.heard.link();
+    println!(
+        "{heard} of {} requests, {} overruns",
+        replies.len(),
+        link.overruns
+    );
+    assert!(replies.iter().all(|count| *count <= 1));
+    assert_eq!(link.requests as usize, heard);
+    // One that the ring held when it ran over may be cut.
+    assert!(rejected(&link) <= link.overruns, "{link:?}");
+    assert!(link.overruns > 0 && heard > 100);
+    assert_eq!(
+        asked.heard.answer(last).0,
+        Outcome::Done,
+        "when the line is quiet again"
+    );
 }

@@ -129,7 +129,7 @@ impl fmt::Display for SettingsError {
             Self::Invalid(what) => write!(f, "settings that a bead cannot work with: {what}"),
             Self::NotTheBeads(name) => write!(
                 f,
-                "settings whose coefficient \"{name}\" is not what the mass, stiffness and damping in them give"
+                "coefficient \"{name}\" is not what the bead's mass, springs and contacts give"
             ),
             Self::BufferTooSmall => write!(
                 f,
