@@ -222,7 +222,7 @@ fn each_way_of_being_no_valid_settings_is_refused_by_name_and_leaves_flash_alone
         (
             settings(|settings| settings.bead.stiffness *= 1.001),
             Outcome::SettingsInvalid,
-            "coefficient \"weight of the old acceleration\" is not what the bead's mass, springs and contacts give"
+            "coefficient \"weight of the old acceleration\" does not follow from the bead's masses and springs"
                 .to_owned(),
         ),
         (

@@ -129,7 +129,7 @@ impl fmt::Display for SettingsError {
             Self::Invalid(what) => write!(f, "settings that a bead cannot work with: {what}"),
             Self::NotTheBeads(name) => write!(
                 f,
-                "coefficient \"{name}\" is not what the bead's mass, springs and contacts give"
+                "coefficient \"{name}\" does not follow from the bead's masses and springs"
             ),
             Self::BufferTooSmall => write!(
                 f,

@@ -200,7 +200,7 @@ fn coefficients_that_are_not_the_beads_are_refused_by_name() {
     let text = refused(|s| s.chain.relaxation += I2F30::from_num(0.001));
     assert!(text.contains("\"relaxation\""), "{text}");
     let text = refused(|s| s.bead.mass = f32::NAN);
-    assert!(text.contains("is not what"), "{text}");
+    assert!(text.contains("does not follow"), "{text}");
     let text = refused(|s| s.sample_rate_hz = 99_900);
     assert!(text.contains("weight of the old acceleration"), "{text}");
 }
