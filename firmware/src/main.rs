@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! TIM3 ─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─records─> outbox ─> transmit ─> USART1
+//!   └──> TIM2 ─> sync ─edges─────────────────────────────────────────┤
 //!                                                  report, faults ───┤
 //!                                   USART1 ─> receive ─> commands ───┘
 //! ```
@@ -27,6 +28,7 @@ mod self_test;
 mod settings;
 mod stack;
 mod storage;
+mod sync;
 mod text;
 mod trace;
 mod transmit;
@@ -41,6 +43,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Channel;
 use sample_clock::SampleClock;
 use static_cell::{ConstStaticCell, StaticCell};
+use sync::SyncInput;
 use trace::Boot;
 
 #[cortex_m_rt::entry]
@@ -84,6 +87,7 @@ fn main() -> ! {
         acceleration: p.PA1,
     };
     let clock = SampleClock::new(p.TIM3);
+    let edges = SyncInput::new(p.TIM2, p.PA15);
     let parts = port::Parts {
         usart: p.USART1,
         tx: p.PA9,
@@ -115,6 +119,7 @@ fn main() -> ! {
     spawn
         .acquire
         .spawn(acquire::acquire(inputs, clock, RING.take(), full).expect(ONCE));
+    spawn.rest.spawn(sync::sync(edges).expect(ONCE));
     spawn.rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
     loop {
         cortex_m::asm::wfi();

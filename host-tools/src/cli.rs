@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    command, compare, decode, emulate, figures, optimise, record, replay, settings, simulate,
+    clock, command, compare, decode, emulate, figures, optimise, record, replay, settings, simulate,
 };
 use crate::failure::Failure;
 
@@ -47,6 +47,8 @@ enum Command {
     Replay(replay::Arguments),
     /// Hold a recording against the simulation: device, replay, f64 from the same samples, full chain.
     Compare(compare::Arguments),
+    /// How recorded beads' clocks run: against this host, and against one another.
+    Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
     Optimise(optimise::Arguments),
     /// Draw the paper's figures, with their data and their checks.
@@ -68,6 +70,7 @@ impl Cli {
             Command::Decode(arguments) => decode::run(&arguments),
             Command::Replay(arguments) => replay::run(&arguments),
             Command::Compare(arguments) => compare::run(&arguments),
+            Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),
         }

@@ -10,12 +10,13 @@ use bead_model::design::{Capture, derive};
 use bead_model::settings::{BLOCK_MAX, Settings};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};
-use stm32f405_qemu::{Outcome, Run, RunError};
+use stm32f405_qemu::{Outcome, PinInput, Run, RunError};
 
 use crate::failure::{Blame, Failure};
 use crate::faults::Planned;
 use crate::frames::{self, Message};
-use crate::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ};
+use crate::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
+use crate::recording::{RecordingError, Writer};
 use crate::sensed::{Sensed, Timing, Truth, bead_of};
 
 /// Where the image looks for settings that a probe has put there (`memory.x`).
@@ -27,6 +28,13 @@ const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
 const TAIL: f64 = 1.2;
 /// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
 pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
+
+/// The pin of the sync input (`firmware/src/sync.rs`).
+const SYNC_PIN: &str = "PA15";
+/// How long a sync pulse is, s. The bead looks at its rising edge.
+const SYNC_PULSE: f64 = 1e-3;
+/// The crystal, Hz.
+const CRYSTAL_HZ: f64 = 8e6;
 
 /// Finds the image: as given, or as built, beside this program or upwards from here.
 ///
@@ -77,6 +85,57 @@ pub struct RunTruth {
     pub front_end: FrontEnd,
     /// Seed of its noise; none for no noise.
     pub seed: Option<u64>,
+    /// How fast the bead's clock was, ppm: below 0 for slow.
+    #[serde(default)]
+    pub clock_ppm: f64,
+    /// When edges came at its sync input: true time in s since the first triggered scan, which has the index 1.
+    #[serde(default)]
+    pub sync_edges: Vec<f64>,
+}
+
+/// What one run gave.
+pub struct Ran {
+    /// The bytes that the bead sent.
+    pub stream: Vec<u8>,
+    /// When each had left, in ns of true time since power-up.
+    pub sent_ns: Vec<u64>,
+    /// True time of the first triggered scan, in ns since power-up.
+    pub first_scan_ns: u64,
+    /// What was measured.
+    pub report: EmulatorReport,
+}
+
+impl Ran {
+    /// Records what was sent, each run of bytes when the last of it had left: true time since the first triggered scan, to
+    /// which `zero_ns` is added. What was sent before that scan counts as sent at it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, writer: &mut Writer, zero_ns: u64) -> Result<(), RecordingError> {
+        let mut sent = self.sent_ns.iter();
+        for run in self.stream.split_inclusive(|byte| *byte == 0) {
+            let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
+            writer.write_at(run, zero_ns + at.saturating_sub(self.first_scan_ns))?;
+        }
+        Ok(())
+    }
+}
+
+/// What is sensed by a clock that is fast: its seconds are shorter.
+struct OnClock<S> {
+    sensed: S,
+    /// Seconds of the clock in a true one.
+    rate: f64,
+}
+
+impl<S: Stimulus> Stimulus for OnClock<S> {
+    fn force(&mut self, time: f64) -> f64 {
+        self.sensed.force(time / self.rate)
+    }
+
+    fn acceleration(&mut self, time: f64) -> f64 {
+        self.sensed.acceleration(time / self.rate)
+    }
 }
 
 /// What the emulator measured, as attached to the recording.
@@ -144,6 +203,7 @@ pub struct Emulation {
     /// What is to fail.
     pub faults: Vec<Planned>,
     codes: Digitised,
+    timing: Timing,
     image: PathBuf,
 }
 
@@ -189,6 +249,8 @@ impl Emulation {
                 .collect(),
             front_end: *front_end,
             seed,
+            clock_ppm: 0.0,
+            sync_edges: Vec::new(),
         };
         Ok(Self {
             settings,
@@ -196,8 +258,39 @@ impl Emulation {
             truth,
             faults: Vec::new(),
             codes,
+            timing,
             image: image.to_owned(),
         })
+    }
+
+    /// The same with a clock that is fast by so many ppm, rounded to whole hertz of the crystal: an eighth of a ppm. What
+    /// the bead senses of `solution`, which it was prepared with, is digitised anew.
+    #[must_use]
+    pub fn with_clock(mut self, solution: &Solution, ppm: f64) -> Self {
+        let ppm = (ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
+        let rate = 1.0 + ppm * 1e-6;
+        let RunTruth {
+            bead,
+            front_end,
+            seed,
+            ..
+        } = self.truth;
+        let mut sensed = OnClock {
+            sensed: Sensed::new(solution, bead, self.timing),
+            rate,
+        };
+        let scans = self.timing.scans(solution.end() + TAIL);
+        self.codes = front_end.digitise(&mut sensed, scans, seed);
+        self.truth.clock_ppm = ppm;
+        self.truth.starts = (0..self.timing.strikes)
+            .map(|number| 1.0 + self.timing.start(number) * rate * f64::from(SAMPLE_RATE_HZ))
+            .collect();
+        self
+    }
+
+    /// Gives edges at the sync input, at these times in s since the first triggered scan.
+    pub fn sync(&mut self, edges: Vec<f64>) {
+        self.truth.sync_edges = edges;
     }
 
     /// Virtual time from the first scan to the end, s.
@@ -223,6 +316,13 @@ impl Emulation {
         .to_vec();
         run.work = ["observer", "reduced_chain"].map(str::to_owned).to_vec();
         run.tail_ns = 0;
+        run.hse_ppm = self.truth.clock_ppm;
+        let ns = |seconds: f64| (seconds * 1e9).round() as u64;
+        let pulse = |edge: &f64| [ns(*edge), ns(edge + SYNC_PULSE)];
+        run.pin_inputs = vec![PinInput {
+            pin: SYNC_PIN.to_owned(),
+            changes_ns: self.truth.sync_edges.iter().flat_map(pulse).collect(),
+        }];
         for fault in &self.faults {
             fault.provoke(&mut run);
         }
@@ -234,12 +334,26 @@ impl Emulation {
     /// Runs the image. Returns the bytes that it sent and what was measured.
     ///
     /// # Errors
-    /// The image is none, QEMU fails, or the image never samples.
+    /// As [`timed`](Self::timed).
     pub fn run(&self) -> Result<(Vec<u8>, EmulatorReport), Failure> {
+        let Ran { stream, report, .. } = self.timed()?;
+        Ok((stream, report))
+    }
+
+    /// Runs the image.
+    ///
+    /// # Errors
+    /// The image is none, QEMU fails, or the image never samples.
+    pub fn timed(&self) -> Result<Ran, Failure> {
         let clock = Instant::now();
         let outcome = self.machine().execute().map_err(blame)?;
         let report = self.report(&outcome, clock.elapsed().as_secs_f64())?;
-        Ok((outcome.uart, report))
+        Ok(Ran {
+            first_scan_ns: outcome.sampling.map_or(0, |sampling| sampling.first_ns),
+            stream: outcome.uart,
+            sent_ns: outcome.uart_ns,
+            report,
+        })
     }
 
     fn report(&self, outcome: &Outcome, real_seconds: f64) -> Result<EmulatorReport, Failure> {

@@ -49,9 +49,11 @@ pub enum Kind {
     Hang,
     /// A loop that pushes on the stack for ever.
     StackOverflow,
+    /// The power goes, and comes back at once.
+    PowerCut,
 }
 
-const KINDS: [(&str, Kind); 12] = [
+const KINDS: [(&str, Kind); 13] = [
     ("adc_overrun", Kind::AdcOverrun),
     ("adc_dma_error", Kind::AdcDmaError),
     ("force_stuck", Kind::ForceStuck),
@@ -64,6 +66,7 @@ const KINDS: [(&str, Kind); 12] = [
     ("hard_fault", Kind::HardFault),
     ("hang", Kind::Hang),
     ("stack_overflow", Kind::StackOverflow),
+    ("power_cut", Kind::PowerCut),
 ];
 
 /// Voltages between which a supply may be put: those between which the part works (DocID022152, general operating
@@ -132,12 +135,14 @@ impl Planned {
             Kind::HardFault => Some(FaultCause::HardFault),
             Kind::Hang => Some(FaultCause::Watchdog),
             Kind::StackOverflow => Some(FaultCause::StackOverflow),
+            // Its identity says so: a power-on reset is no fault.
+            Kind::PowerCut => None,
         }
     }
 
     /// Whether it ends in a reset.
     pub fn resets(&self) -> bool {
-        matches!(
+        let reported = matches!(
             self.cause(),
             Some(
                 FaultCause::DmaError
@@ -146,7 +151,8 @@ impl Planned {
                     | FaultCause::Watchdog
                     | FaultCause::StackOverflow
             )
-        )
+        );
+        reported || self.kind == Kind::PowerCut
     }
 
     fn found(&self) -> bool {
@@ -164,6 +170,7 @@ impl Planned {
             Kind::HardFault => fail(self.at, FaultKind::WildJump),
             Kind::Hang => fail(self.at, FaultKind::Hang),
             Kind::StackOverflow => fail(self.at, FaultKind::RunawayStack),
+            Kind::PowerCut => fail(self.at, FaultKind::PowerCut),
             Kind::UartStall => {
                 let for_ns = self.duration.map_or(u64::MAX, ns);
                 fail(self.at, FaultKind::TransmitterStalled { for_ns });

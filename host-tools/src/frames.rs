@@ -11,6 +11,7 @@ use bead_model::{Flags, Settings};
 use bead_wire::{
     ACCELERATION_UNIT_MPS2, Arrival, Counters, Decoder, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, FaultCause,
     Header, Health, IMPULSE_UNIT_N_SAMPLES, Kind, Link, Outcome, Reject, SelfTest, Shape, Status, Strike,
+    Sync,
 };
 use serde_json::{Map, Value, json};
 
@@ -46,6 +47,8 @@ pub enum Message {
     Settings(Vec<u8>),
     /// How often sensors and supply failed.
     Health(Health),
+    /// An edge on the sync input.
+    Sync(Sync),
     /// The answer to one request.
     Reply(Reply),
     /// A run of samples, whether there is a strike or not.
@@ -209,6 +212,7 @@ impl From<bead_wire::Message<'_>> for Message {
             }),
             bead_wire::Message::Settings(settings) => Self::Settings(settings.block.to_owned()),
             bead_wire::Message::Health(health) => Self::Health(health),
+            bead_wire::Message::Sync(sync) => Self::Sync(sync),
             bead_wire::Message::Reply(reply) => Self::Reply(Reply {
                 request: reply.request,
                 outcome: reply.outcome,
@@ -236,6 +240,7 @@ impl Message {
             Self::Fault(_) => Kind::Fault,
             Self::Settings(_) => Kind::Settings,
             Self::Health(_) => Kind::Health,
+            Self::Sync(_) => Kind::Sync,
             Self::Reply(_) => Kind::Reply,
             Self::Raw(_) => Kind::Raw,
             Self::Link(_) => Kind::Link,
@@ -353,6 +358,14 @@ impl Frame {
                 object["standing_raw"] = json!(health.standing);
                 object
             }
+            Message::Sync(sync) => json!({
+                "edge": sync.edge,
+                "edge_time_s": self.sample_rate_hz.map(|rate| sync.position() / f64::from(rate)),
+                "index": sync.index,
+                "clocks": sync.clocks,
+                "clocks_per_sample": sync.clocks_per_sample,
+                "missed": sync.missed,
+            }),
             Message::Reply(reply) => json!({
                 "request": reply.request,
                 "outcome": reply.outcome,
@@ -428,7 +441,8 @@ pub fn reset_causes(bits: u8) -> Vec<&'static str> {
         .collect()
 }
 
-fn hex(bytes: &[u8]) -> String {
+/// Two digits a byte.
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes
         .iter()
         .fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
@@ -557,6 +571,7 @@ mod tests {
                 block: &block[..length],
             }),
             bead_wire::Message::Settings(bead_wire::Settings { block: b"no block" }),
+            bead_wire::Message::Sync(Sync::at(4, 100_210, 840, 1)),
             bead_wire::Message::Reply(bead_wire::Reply {
                 request: 7,
                 outcome: Outcome::StoreFull,
@@ -593,14 +608,20 @@ mod tests {
         assert_eq!(lines[3]["codes"], json!([[7, 4095]]));
         assert_eq!(lines[5]["settings"], serde_json::to_value(settings).unwrap());
         assert_eq!(lines[6]["settings"], Value::Null);
-        assert_eq!(lines[7]["outcome"], json!("store_full"));
         assert_eq!(
-            (&lines[8]["codes"], &lines[8]["first_time_s"]),
+            (&lines[7]["index"], &lines[7]["clocks"]),
+            (&json!(119), &json!(250))
+        );
+        let time = lines[7]["edge_time_s"].as_f64().unwrap();
+        assert!((time - 100_210.0 / 84e6).abs() < 1e-15, "{time}");
+        assert_eq!(lines[8]["outcome"], json!("store_full"));
+        assert_eq!(
+            (&lines[9]["codes"], &lines[9]["first_time_s"]),
             (&json!([[7, 4095]]), &json!(2.0))
         );
-        assert_eq!(lines[9]["rejected_kind"], json!(3));
+        assert_eq!(lines[10]["rejected_kind"], json!(3));
         assert_eq!(
-            (&lines[10]["check"], &lines[10]["value"]),
+            (&lines[11]["check"], &lines[11]["value"]),
             (&json!("supply"), &json!(3300))
         );
     }

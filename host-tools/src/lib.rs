@@ -5,6 +5,7 @@
 
 pub mod bridge;
 pub mod cli;
+pub mod clock;
 mod commands;
 pub mod comparison;
 pub mod conversation;

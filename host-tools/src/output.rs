@@ -71,9 +71,11 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
 }
 
 /// A table without rulings: names left, figures right.
-pub fn table<const N: usize>(header: [&str; N]) -> Table {
+pub fn table<const N: usize>(header: [impl Into<String>; N]) -> Table {
     let mut table = Table::new();
-    table.load_style(presets::NOTHING).set_header(header);
+    table
+        .load_style(presets::NOTHING)
+        .set_header(header.map(Into::<String>::into));
     for (index, column) in table.column_iter_mut().enumerate() {
         column.set_padding((0, 2));
         if index > 0 {

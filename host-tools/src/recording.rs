@@ -9,6 +9,10 @@
 //! log time is the same but never runs back: after a restart of the bead, whose index begins again, it goes
 //! on from the last one. Bytes that are no frame have the time of the frame before them.
 //!
+//! When the host received them stands in a channel of its own, `received`: for each piece of bytes in which runs ended,
+//! the number of the last of them (u32) and the host's time (u64, ns since 1970), little-endian. [`crate::clock`] makes
+//! of it how bead and host run against each other.
+//!
 //! **Crashes.** A recording is written as `NAME.partial` and takes its name when it is finished, so that what
 //! bears the name is whole. What is written goes to the system in chunks, each complete, at least once a
 //! second while bytes come; a recording cut short at any byte gives back every message before the cut, and
@@ -27,6 +31,8 @@ use mcap::{Attachment, McapError, WriteOptions};
 
 const TOPIC: &str = "frames";
 const ENCODING: &str = "bead-wire";
+const RECEIVED: &str = "received";
+const RECEIVED_ENCODING: &str = "bead-received";
 const METADATA: &str = "recording";
 /// Bytes after which a chunk is closed: small, so that little is at stake, and much above a frame.
 const CHUNK: u64 = 16 * 1024;
@@ -151,6 +157,7 @@ pub struct Writer {
     partial: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
     channel: u16,
+    received: u16,
     run: Vec<u8>,
     decoder: Decoder,
     clock: Clock,
@@ -184,12 +191,17 @@ impl Writer {
         .map_err(failed)?;
         let layout = BTreeMap::from([("version".into(), bead_wire::VERSION.to_string())]);
         let channel = mcap.add_channel(0, TOPIC, ENCODING, &layout).map_err(failed)?;
+        let plain = BTreeMap::new();
+        let received = mcap
+            .add_channel(0, RECEIVED, RECEIVED_ENCODING, &plain)
+            .map_err(failed)?;
         mcap.flush().map_err(failed)?;
         Ok(Self {
             path: path.to_owned(),
             partial,
             mcap,
             channel,
+            received,
             run: Vec::new(),
             decoder: Decoder::new(),
             clock: Clock {
@@ -217,7 +229,29 @@ impl Writer {
         written.map_err(|source| self.failed(source))
     }
 
-    /// Records bytes as received, in pieces of any length.
+    /// Records bytes as received, the last of them at `received_ns`: the host's time in ns since 1970.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_at(&mut self, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
+        let before = self.written;
+        self.write(bytes)?;
+        if self.written == before {
+            return Ok(());
+        }
+        let last = self.written.wrapping_sub(1);
+        let header = MessageHeader {
+            channel_id: self.received,
+            sequence: last,
+            log_time: self.clock.log,
+            publish_time: self.clock.bead,
+        };
+        let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
+        let written = self.mcap.write_to_known_channel(&header, &data);
+        written.map_err(|source| self.failed(source))
+    }
+
+    /// Records bytes as received, in pieces of any length, without saying when.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -377,6 +411,8 @@ pub struct Run {
     pub log_time_ns: u64,
     /// Time of the bead since its reset, in nanoseconds.
     pub bead_time_ns: u64,
+    /// When its last byte was received, host time in ns since 1970, if that was recorded.
+    pub received_ns: Option<u64>,
     /// The bytes, delimiters not among them.
     pub bytes: Vec<u8>,
 }
@@ -431,8 +467,18 @@ impl Recording {
             return Err(RecordingError::NotOurs(path.to_owned()));
         }
         let Collector {
-            about, parts, runs, ..
+            about,
+            parts,
+            mut runs,
+            numbers,
+            received,
+            ..
         } = collector;
+        // A piece's time is that of every run that ended in it: of those after the last of the piece before.
+        for (run, number) in runs.iter_mut().zip(numbers) {
+            let piece = received.range(number..).next();
+            run.received_ns = piece.map(|(_, received_ns)| *received_ns);
+        }
         Ok(Self {
             about,
             parts,
@@ -476,7 +522,12 @@ struct Collector {
     about: About,
     parts: BTreeMap<Part, Vec<u8>>,
     runs: Vec<Run>,
+    /// Of each run.
+    numbers: Vec<u32>,
+    /// By the number of the last run of a piece, when the piece was received.
+    received: BTreeMap<u32, u64>,
     channel: Option<u16>,
+    received_channel: Option<u16>,
 }
 
 impl Collector {
@@ -527,10 +578,21 @@ impl Collector {
             }
             Record::Chunk { data, .. } => return self.records(&data),
             Record::Channel(channel) if channel.topic == TOPIC => self.channel = Some(channel.id),
+            Record::Channel(channel) if channel.topic == RECEIVED => self.received_channel = Some(channel.id),
+            Record::Message { header, data } if Some(header.channel_id) == self.received_channel => {
+                let (last, received_ns) = data.split_first_chunk().ok_or("a receive time is too short")?;
+                let received_ns = received_ns
+                    .try_into()
+                    .map_err(|_| "a receive time is of another length")?;
+                self.received
+                    .insert(u32::from_le_bytes(*last), u64::from_le_bytes(received_ns));
+            }
             Record::Message { header, data } if Some(header.channel_id) == self.channel => {
+                self.numbers.push(header.sequence);
                 self.runs.push(Run {
                     log_time_ns: header.log_time,
                     bead_time_ns: header.publish_time,
+                    received_ns: None,
                     bytes: data.into_owned(),
                 });
             }
@@ -674,6 +736,29 @@ mod tests {
         writer.finish().unwrap();
         let file = fs::read(&path).unwrap();
         (folder, path, file)
+    }
+
+    #[test]
+    fn every_run_has_the_time_of_the_piece_that_it_ended_in() {
+        let stream = stream(50);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("timed.mcap");
+        let mut writer = Writer::create(&path, &about()).unwrap();
+        let mut expected = Vec::new();
+        for (n, piece) in (1_700_000_000_000_000_000..).zip(stream.chunks(97)) {
+            let before = writer.written;
+            writer.write_at(piece, n).unwrap();
+            expected.extend((before..writer.written).map(|_| Some(n)));
+        }
+        // What is never ended by a delimiter has no time.
+        writer.finish().unwrap();
+        expected.push(None);
+        let recording = Recording::open(&path).unwrap();
+        let found: Vec<_> = recording.runs.iter().map(|run| run.received_ns).collect();
+        assert_eq!(found, expected);
+        let (_folder, path, _) = recorded(&stream);
+        let untimed = Recording::open(&path).unwrap();
+        assert!(untimed.runs.iter().all(|run| run.received_ns.is_none()));
     }
 
     #[test]

@@ -190,7 +190,9 @@ fn the_command_line_is_consistent() {
 fn every_command_teaches_by_example() {
     let root = String::from_utf8(bead(&["--help"]).stdout).unwrap();
     assert!(root.contains("Exit status") && root.contains("Examples:"));
-    for command in ["simulate", "emulate", "decode", "replay", "compare", "optimise"] {
+    for command in [
+        "simulate", "emulate", "decode", "clock", "replay", "compare", "optimise",
+    ] {
         let help = String::from_utf8(bead(&[command, "--help"]).stdout).unwrap();
         assert!(
             help.contains(&format!("  bead {command} ")),
@@ -510,6 +512,55 @@ fn a_recorded_strike_decodes_replays_and_compares() {
                 .starts_with("<svg")
         );
     }
+}
+
+#[test]
+fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_times() {
+    let directory = tempfile::tempdir().unwrap();
+    let untimed = recording(&directory, |_| {});
+    let untimed = untimed.to_str().unwrap();
+    refused(&["clock", untimed], 2, &["has a receive time", "record again"]);
+
+    // The same bytes, a millisecond apart each frame.
+    let timed = directory.path().join("timed.mcap");
+    let mut writer = Writer::create(&timed, &About::default()).unwrap();
+    let stream = bead::recording::Recording::open(Path::new(untimed))
+        .unwrap()
+        .stream();
+    for (n, run) in (0..).zip(stream.split_inclusive(|byte| *byte == 0)) {
+        writer
+            .write_at(run, 1_700_000_000_000_000_000 + 1_000_000 * n)
+            .unwrap();
+    }
+    writer.finish().unwrap();
+    let timed = timed.to_str().unwrap();
+    let report = json(&["clock", timed, "--format", "json"]);
+    assert_eq!(keys(&report), ["alignments", "clocks", "reference", "strikes"]);
+    let clock = &report["clocks"][0];
+    assert_eq!(clock["uid"], "07".repeat(12));
+    assert_eq!(clock["drift_ppm"], Value::Null, "a strike is too short to tell");
+    refused(
+        &["clock", timed, timed],
+        2,
+        &["fewer than two sync edges in common"],
+    );
+
+    let lines = |path: &str| -> Vec<Value> {
+        let out = String::from_utf8(bead(&["decode", path]).stdout).unwrap();
+        out.lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect()
+    };
+    let (timed, untimed) = (lines(timed), lines(untimed));
+    assert_eq!(timed.len(), untimed.len());
+    assert_eq!(timed[1]["received"], "2023-11-14T22:13:20.001000000Z");
+    assert!(timed.iter().all(|line| {
+        line["host_time"]
+            .as_str()
+            .unwrap()
+            .starts_with("2023-11-14T22:13:")
+    }));
+    assert!(untimed.iter().all(|line| line.get("received").is_none()));
 }
 
 #[test]

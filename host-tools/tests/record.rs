@@ -8,7 +8,7 @@ use std::net::TcpListener;
 use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use bead::frames::{self, Message};
 use bead::recording::{Recording, State};
@@ -232,6 +232,14 @@ fn a_recording_over_a_pty_holds_every_byte_sent_corrupt_ones_included() {
     assert_eq!(files(&directory), ["a.mcap"]);
     let recording = recorded(&directory.path().join("a.mcap"));
     assert_holds(&recording, &[&stream(), tail].concat());
+    // Every run has its time, to the second that this test takes; the tail, which no delimiter ended, has none.
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
+    let (tail, whole) = recording.runs.split_last().unwrap();
+    assert_eq!(tail.received_ns, None);
+    for run in whole {
+        let age = now - run.received_ns.unwrap();
+        assert!(age < 60_000_000_000, "{age} ns ago");
+    }
     assert_eq!(recording.about.source, port);
     assert_eq!(recording.about.notes["baud"], "2000000");
     assert!(

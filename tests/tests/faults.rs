@@ -2,14 +2,14 @@
 
 use bead::emulation::Emulation;
 use bead::faults::{self, Planned};
-use bead::frames::joules;
+use bead::frames::{Frame, Message, joules};
 use bead::replay::replay;
 use bead::sensed::Timing;
 use bead::strikes::{RecordedStrike, assemble};
 use bead_model::Flags;
 use bead_tests::{Heard, paper_at};
 use bead_wire::{FaultCause, Health, SettingsSource, Strike};
-use stm32f405_qemu::{Outcome, Poke};
+use stm32f405_qemu::{Outcome, Poke, ResetCause};
 
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A reset from
 /// within pulls the pin as well.
@@ -233,6 +233,27 @@ fn a_runaway_stack_meets_its_fence_and_a_later_strike_is_measured() {
 #[test]
 fn a_bead_that_hangs_is_reset_by_the_watchdog_and_a_later_strike_is_measured() {
     crash("hang", 2.1, WATCHDOG, FaultCause::Watchdog, "");
+}
+
+#[test]
+fn a_power_cut_is_told_by_the_reset_cause_alone_and_a_later_strike_is_measured() {
+    /// RCC_CSR bits 31..24 after power-up: brown-out, pin, power-on.
+    const POWER_UP: u8 = 1 << 1 | PIN | 1 << 3;
+    let survived = Survived::new(strike_at(0.1), "[[fault]]\nat = 0.05\nkind = \"power_cut\"\n");
+    let causes: Vec<_> = survived.outcome.resets.iter().map(|reset| reset.cause).collect();
+    assert_eq!(causes, [ResetCause::PowerCut]);
+    survived.assert_last_strike_is_measured();
+    survived.assert_every_frame_is_accounted_for();
+    // RAM that is noise is not taken for a trace.
+    assert_eq!(survived.causes(), []);
+    // The first frame after a reset.
+    let opening = |frame: &&Frame| frame.header.sequence == 0;
+    let boots = survived.heard.frames.iter().filter(opening);
+    let boots = boots.map(|frame| match &frame.message {
+        Message::Identity(identity) => (identity.boot, identity.reset_cause),
+        other => panic!("{other:?} opens a boot"),
+    });
+    assert_eq!(boots.collect::<Vec<_>>(), [(0, POWER_UP); 2]);
 }
 
 #[test]
@@ -468,5 +489,5 @@ fn every_fault_that_is_to_be_reported_is_named_by_a_kind() {
     let mut kinds: Vec<_> = planned.iter().map(|fault: &Planned| fault.kind.name()).collect();
     kinds.sort_unstable();
     kinds.dedup();
-    assert_eq!(kinds.len(), 12, "{kinds:?}");
+    assert_eq!(kinds.len(), 13, "{kinds:?}");
 }

@@ -178,6 +178,7 @@ fn encode_body(message: &Message<'_>, buffer: &mut [u8]) -> Result<usize, Encode
             postcard::to_slice(settings, buffer)
         }
         Message::Health(health) => postcard::to_slice(health, buffer),
+        Message::Sync(sync) => postcard::to_slice(sync, buffer),
         Message::Reply(reply) => postcard::to_slice(
             &Reply {
                 detail: cut(reply.detail, MAX_DETAIL),
@@ -279,6 +280,7 @@ impl<'a> Checked<'a> {
             Kind::Fault => Message::Fault(whole(self.body)?),
             Kind::Settings => Message::Settings(whole(self.body)?),
             Kind::Health => Message::Health(whole(self.body)?),
+            Kind::Sync => Message::Sync(whole(self.body)?),
             Kind::Reply => Message::Reply(whole(self.body)?),
             Kind::Raw => Message::Raw(whole(self.body)?),
             Kind::Link => Message::Link(whole(self.body)?),

@@ -53,6 +53,8 @@ pub enum Kind {
     Health = 7,
     /// [`Shape`]
     Shape = 8,
+    /// [`Sync`]
+    Sync = 9,
     /// [`Reply`]
     Reply = 16,
     /// [`Raw`]
@@ -75,6 +77,7 @@ impl Kind {
             6 => Some(Self::Settings),
             7 => Some(Self::Health),
             8 => Some(Self::Shape),
+            9 => Some(Self::Sync),
             16 => Some(Self::Reply),
             17 => Some(Self::Raw),
             18 => Some(Self::Link),
@@ -106,6 +109,8 @@ pub enum Message<'a> {
     Health(Health),
     /// The shape of one strike: follows its [`Strike`].
     Shape(Shape),
+    /// An edge on the sync input.
+    Sync(Sync),
     /// The answer to one request.
     Reply(Reply<'a>),
     /// A run of samples, whether there is a strike or not.
@@ -128,6 +133,7 @@ impl Message<'_> {
             Self::Settings(_) => Kind::Settings,
             Self::Health(_) => Kind::Health,
             Self::Shape(_) => Kind::Shape,
+            Self::Sync(_) => Kind::Sync,
             Self::Reply(_) => Kind::Reply,
             Self::Raw(_) => Kind::Raw,
             Self::Link(_) => Kind::Link,
@@ -458,6 +464,23 @@ impl Health {
     pub const SUPPLY_LOW: u8 = 1 << 4;
 }
 
+/// A rising edge on the sync input, by the sample clock: several beads that see the same edges share a time base.
+///
+/// Index and clocks are those of the very timer clock that makes the samples, so that no rounding stands between them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sync {
+    /// Number of the edge among those told since the last reset, from 0.
+    pub edge: u32,
+    /// Index of the last sample trigger at or before the edge.
+    pub index: u64,
+    /// From that trigger to the edge, in clocks of the sample timer: below `clocks_per_sample`.
+    pub clocks: u16,
+    /// Clocks in a sample period.
+    pub clocks_per_sample: u16,
+    /// Times since the last reset that one edge or more came too soon after another to be told.
+    pub missed: u32,
+}
+
 /// What went wrong. The order is the wire's: add at the end only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -542,7 +565,7 @@ pub(crate) const fn slice(longest: usize) -> usize {
 }
 
 /// Longest body of each kind, in bytes, kinds in the order of their numbers.
-pub(crate) const MAX_BODIES: [usize; 12] = [
+pub(crate) const MAX_BODIES: [usize; 13] = [
     slice(MAX_FIRMWARE) + slice(MAX_GIT) + 12 + U32 + U8 + U32 + U8,
     U64 + U32 + U64 + 6 * U32 + U8 + U8,
     U32 + 2 * U64 + U16 + U32 + U64 + 2 * U32 + 3 * U64 + U16,
@@ -551,6 +574,7 @@ pub(crate) const MAX_BODIES: [usize; 12] = [
     slice(MAX_BLOCK),
     7 * U32 + U16 + U8,
     U32 + U64 + 2 * U32 + U64 + 2 * U32,
+    U32 + U64 + 2 * U16 + U32,
     U16 + U8 + slice(MAX_DETAIL),
     U64 + slice(3 * MAX_SCANS),
     U64 + 11 * U32 + 2 * U64,
@@ -649,6 +673,13 @@ mod tests {
             ring_frequency: u32::MAX,
             ring_decay: u32::MAX,
         };
+        let sync = Sync {
+            edge: u32::MAX,
+            index: u64::MAX,
+            clocks: u16::MAX,
+            clocks_per_sample: u16::MAX,
+            missed: u32::MAX,
+        };
         let reply = Reply {
             request: u16::MAX,
             outcome: Outcome::FlashFailed,
@@ -690,6 +721,7 @@ mod tests {
             postcard::to_slice(&settings, &mut buffer).unwrap().len(),
             postcard::to_slice(&health, &mut buffer).unwrap().len(),
             postcard::to_slice(&shape, &mut buffer).unwrap().len(),
+            postcard::to_slice(&sync, &mut buffer).unwrap().len(),
             postcard::to_slice(&reply, &mut buffer).unwrap().len(),
             postcard::to_slice(&raw, &mut buffer).unwrap().len(),
             postcard::to_slice(&link, &mut buffer).unwrap().len(),

@@ -197,7 +197,7 @@ fn each_kind_of_damage_is_refused_by_its_name() {
         Some(Cause::Version(VERSION + 1))
     );
     assert_eq!(cause(&by_hand(VERSION, 0, 0, b"")), Some(Cause::Kind(0)));
-    assert_eq!(cause(&by_hand(VERSION, 9, 0, b"")), Some(Cause::Kind(9)));
+    assert_eq!(cause(&by_hand(VERSION, 10, 0, b"")), Some(Cause::Kind(10)));
     assert_eq!(cause(&by_hand(VERSION, 6, 0, b"\x03ab")), Some(Cause::Body));
     assert_eq!(cause(&by_hand(VERSION, 6, 0, b"\x02abc")), Some(Cause::Trailing));
     // A waveform of four bytes: one scan and a third. Then one whole scan.

@@ -9,7 +9,7 @@
 use bead_wire::{
     Check, Codes, Decoder, Fault, FaultCause, Header, Health, Identity, Link, MAX_FRAME, MAX_REQUEST,
     Message, Outcome, Raw, Reply, Request, RequestDecoder, SelfTest, Settings, SettingsSource, Shape, Status,
-    Strike, Waveform, encode, encode_request,
+    Strike, Sync, Waveform, encode, encode_request,
 };
 
 const HEADER: Header = Header {
@@ -19,7 +19,7 @@ const HEADER: Header = Header {
 };
 
 /// The frames of version 1, delimiters included.
-const GOLDEN: [(&str, &str); 12] = [
+const GOLDEN: [(&str, &str); 13] = [
     (
         "identity",
         "000a010102040302010c0b01020a01012005302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d0602e121c61a00",
@@ -51,6 +51,10 @@ const GOLDEN: [(&str, &str); 12] = [
     (
         "shape",
         "000a010802040302010c0b01020a01011d03d0c1028080d405b3e694018080c80e99f3d3348080d236a907fe6800",
+    ),
+    (
+        "sync",
+        "000a010902040302010c0b01020a01010f0bd0c102c706c806ac023d5b3ca600",
     ),
     (
         "reply",
@@ -104,7 +108,7 @@ fn requests() -> [Request<'static>; 11] {
 }
 
 /// What they say.
-fn messages() -> [Message<'static>; 12] {
+fn messages() -> [Message<'static>; 13] {
     const PACKED: [u8; 6] = [0x23, 0xC1, 0xAB, 0x00, 0xF0, 0xFF];
     [
         Message::Identity(Identity {
@@ -178,6 +182,13 @@ fn messages() -> [Message<'static>; 12] {
             impulse: 15_269_888,
             ring_frequency: 110_426_521,
             ring_decay: 114_589_696,
+        }),
+        Message::Sync(Sync {
+            edge: 11,
+            index: 41_168,
+            clocks: 839,
+            clocks_per_sample: 840,
+            missed: 300,
         }),
         Message::Reply(Reply {
             request: 0xA1B2,

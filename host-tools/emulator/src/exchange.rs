@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 4;
+pub(crate) const FORMAT: u32 = 5;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of two little-endian u16: the code of ADC channel 0, then that of channel 1.
@@ -20,6 +20,8 @@ pub(crate) const STIMULUS: &str = "stimulus.bin";
 /// Bytes that left the USART1 transmitter, in order.
 pub(crate) const UART: &str = "uart.bin";
 /// Bytes of RTT up-channel 0, in order.
+/// When each of them had left: virtual times in ns, little-endian u64.
+pub(crate) const UART_TIMES: &str = "uart-times.bin";
 pub(crate) const RTT: &str = "rtt.bin";
 pub(crate) const REPORT: &str = "report.json";
 /// What flash sectors 10 and 11 hold at the end.
@@ -38,6 +40,7 @@ pub(crate) struct Description {
     pub(crate) tail_ns: u64,
     pub(crate) sampling_deadline_ns: u64,
     pub(crate) hse_hz: u32,
+    pub(crate) hse_ppm: f64,
     pub(crate) uid: [u8; 12],
     /// Address of the RTT control block, if the image has one.
     pub(crate) rtt: Option<u32>,
@@ -47,6 +50,7 @@ pub(crate) struct Description {
     /// The labels whose functions make a block a working one.
     pub(crate) work: Vec<usize>,
     pub(crate) uart_input: Vec<UartInput>,
+    pub(crate) pin_inputs: Vec<PinInput>,
     pub(crate) pokes: Vec<Poke>,
     pub(crate) faults: Vec<Fault>,
 }
@@ -66,6 +70,26 @@ pub struct UartInput {
     pub at_ns: u64,
     /// The bytes.
     pub bytes: Vec<u8>,
+}
+
+/// A level put on a pin from outside, low at first.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PinInput {
+    /// For example `PA15`.
+    pub pin: String,
+    /// When the level changes, up, down, up and so on: virtual times in ns after the first externally triggered scan, the
+    /// time of the stimulus, in order.
+    pub changes_ns: Vec<u64>,
+}
+
+impl PinInput {
+    /// Port (`A` is 0) and number, if there is such a pin.
+    pub(crate) fn place(&self) -> Option<(usize, usize)> {
+        let mut letters = self.pin.strip_prefix('P')?.chars();
+        let port = "ABCDEFGHI".find(letters.next()?)?;
+        let number = letters.as_str().parse().ok().filter(|number| *number < 16)?;
+        Some((port, number))
+    }
 }
 
 /// A fault on demand: bytes written over guest memory, flash included, behind the processor's back.

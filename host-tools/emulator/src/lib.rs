@@ -7,7 +7,7 @@ mod plugin;
 mod run;
 
 pub use exchange::{
-    Block, Fault, FaultKind, FlashOperation, Pin, Poke, Reset, ResetCause, Sampling, UartInput,
+    Block, Fault, FaultKind, FlashOperation, Pin, PinInput, Poke, Reset, ResetCause, Sampling, UartInput,
     UnknownRegister,
 };
 pub use run::{FunctionCount, Instructions, LogLine, Outcome, Run, RunError};

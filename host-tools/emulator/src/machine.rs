@@ -12,11 +12,13 @@
 mod map;
 mod stimulus;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 pub use stimulus::Stimulus;
 
-use crate::exchange::{FaultKind, FlashOperation, Pin, Reset, ResetCause, UartInput, UnknownRegister};
+use crate::exchange::{
+    FaultKind, FlashOperation, Pin, PinInput, Reset, ResetCause, UartInput, UnknownRegister,
+};
 use crate::peripherals::adc::{Adc, TriggerSource};
 use crate::peripherals::dbgmcu::Dbgmcu;
 use crate::peripherals::dma::{Direction, Dma, STREAMS};
@@ -33,7 +35,7 @@ use crate::peripherals::syscfg::Syscfg;
 use crate::peripherals::tim::Tim;
 use crate::peripherals::usart::Usart;
 use crate::peripherals::{NoRegister, Notes};
-use map::{GATED, Unit, gate, locate};
+use map::{GATED, Unit, gate, locate, timer_input};
 
 /// Interrupt lines of the STM32F405 (RM0090 table 61).
 pub const INTERRUPTS: usize = 82;
@@ -83,8 +85,8 @@ pub trait Board {
     fn lose_memory(&mut self);
     /// An interrupt line of the NVIC changed its level.
     fn set_interrupt(&mut self, number: usize, level: bool);
-    /// A byte left the USART1 transmitter.
-    fn sent(&mut self, byte: u8);
+    /// A byte had left the USART1 transmitter at a time.
+    fn sent(&mut self, byte: u8, at: u64);
     /// The ADC's DMA stream filled a half of its buffer; so many scans were started since the last. None if the interrupt
     /// of the half before has not been served.
     fn acquired(&mut self, scans: u64);
@@ -120,11 +122,54 @@ struct Access {
 #[derive(Debug, Clone, Copy)]
 enum Event {
     Converted,
+    /// A timer that waits for another's trigger gets it.
+    Started(usize),
+    Level(Level),
     Triggered(usize),
     Sent,
     Received,
     WatchdogOut,
     Flash(flash::Event),
+}
+
+/// A change of the level on a pin, `at_ns` after the first scan.
+#[derive(Debug, Clone, Copy)]
+struct Level {
+    at_ns: u64,
+    port: usize,
+    pin: usize,
+    high: bool,
+}
+
+/// All changes of level in order of time.
+///
+/// # Panics
+/// There is no such pin.
+fn levels(inputs: &[PinInput]) -> VecDeque<Level> {
+    let mut levels = Vec::new();
+    for input in inputs {
+        let (port, pin) = input
+            .place()
+            .unwrap_or_else(|| panic!("there is no pin {:?}", input.pin));
+        let changes = input.changes_ns.iter().enumerate();
+        levels.extend(changes.map(|(n, at_ns)| Level {
+            at_ns: *at_ns,
+            port,
+            pin,
+            high: n % 2 == 0,
+        }));
+    }
+    levels.sort_by_key(|level| level.at_ns);
+    levels.into()
+}
+
+/// The ports, with every pin low that something is wired to.
+fn wired(inputs: &[PinInput]) -> [Gpio; 9] {
+    let mut ports = std::array::from_fn(Gpio::new);
+    for (port, pin) in inputs.iter().filter_map(PinInput::place) {
+        Gpio::drive(&mut ports[port], pin, false);
+    }
+    ports
 }
 
 /// An STM32F405 without its processor and memory.
@@ -146,6 +191,8 @@ pub struct Machine {
     dma: [Dma; 2],
     usart1: Usart,
     stimulus: Stimulus,
+    /// To come.
+    levels: VecDeque<Level>,
     scans: u64,
     scans_at_last_block: u64,
     lines: [bool; INTERRUPTS],
@@ -160,7 +207,16 @@ pub struct Machine {
 
 impl Machine {
     /// After power-up, with a crystal of `hse_hz`, its factory identifier, and what comes in.
-    pub fn new(hse_hz: u32, uid: [u8; 12], stimulus: Stimulus, uart_input: &[UartInput]) -> Self {
+    ///
+    /// # Panics
+    /// One of the pins does not exist.
+    pub fn new(
+        hse_hz: u32,
+        uid: [u8; 12],
+        stimulus: Stimulus,
+        uart_input: &[UartInput],
+        pin_inputs: &[PinInput],
+    ) -> Self {
         let rcc = Rcc::new(hse_hz);
         let clocks = rcc.clocks();
         let mut usart1 = Usart::new(clocks.pclk2);
@@ -170,7 +226,7 @@ impl Machine {
         Self {
             pwr: Pwr::default(),
             flash: Flash::default(),
-            gpio: std::array::from_fn(Gpio::new),
+            gpio: wired(pin_inputs),
             syscfg: Syscfg::default(),
             exti: Exti::default(),
             dbgmcu: Dbgmcu::default(),
@@ -182,6 +238,7 @@ impl Machine {
             dma: [Dma::default(), Dma::default()],
             usart1,
             stimulus,
+            levels: levels(pin_inputs),
             scans: 0,
             scans_at_last_block: 0,
             lines: [false; INTERRUPTS],
@@ -335,6 +392,7 @@ impl Machine {
             self.next_transmission(),
             self.usart1.next_interrupt(),
             self.next_first_scan(),
+            self.next_capture(),
         ];
         timers
             .chain(others.into_iter().flatten())
@@ -348,6 +406,27 @@ impl Machine {
             Some(_) => None,
             None => self.tim[self.trigger_timer()?].trigger(0),
         }
+    }
+
+    /// The next change of a level that a timer captures and interrupts on.
+    fn next_capture(&self) -> Option<u64> {
+        let began = self.stimulus.sampling()?.first_ns;
+        // Without this, every wake would look through a storm that nobody listens to.
+        if !self.tim.iter().any(Tim::captures_interrupt) {
+            return None;
+        }
+        let interrupts = |level: &&Level| {
+            self.captured_by(level)
+                .is_some_and(|(tim, input)| self.tim[tim].edge_interrupts(input, level.high))
+        };
+        let next = self.levels.iter().find(interrupts)?;
+        Some(began.saturating_add(next.at_ns))
+    }
+
+    /// The timer and the input of it that a pin leads to, as it is set.
+    fn captured_by(&self, level: &Level) -> Option<(usize, usize)> {
+        let function = self.gpio[level.port].alternate(level.pin)?;
+        timer_input(level.port, level.pin, function)
     }
 
     /// What the analog inputs carry, and how far it is read.
@@ -437,13 +516,21 @@ impl Machine {
                         self.note_scan(at, false);
                     }
                 }
+                Event::Started(tim) => self.tim[tim].start(at),
+                Event::Level(level) => {
+                    self.levels.pop_front();
+                    self.gpio[level.port].drive(level.pin, level.high);
+                    if let Some((tim, input)) = self.captured_by(&level) {
+                        self.tim[tim].edge(input, level.high, at);
+                    }
+                }
                 Event::Triggered(tim) => {
                     self.tim[tim].advance(at);
                     self.trigger_adc(at);
                 }
                 Event::Sent => {
                     if let Some(byte) = self.usart1.sent() {
-                        board.sent(byte);
+                        board.sent(byte, at);
                     }
                 }
                 Event::Received => self.usart1.receive(at),
@@ -476,10 +563,23 @@ impl Machine {
         (signature::REFERENCE_CODE * 3300 / self.pwr.supply().max(1)).min(4095) as u16
     }
 
-    /// What happens next; of things at one time, a conversion ends before a trigger comes.
+    /// What happens next; of things at one time, a timer is started by a trigger before that trigger is over, and a
+    /// conversion ends before a trigger comes.
     fn next_event(&self) -> Option<(u64, Event)> {
         let trigger = self.trigger_timer();
+        let started = (0..self.tim.len()).filter_map(|n| {
+            let master = self.tim[n].waits_for(n)?;
+            Some((self.tim[master].trigger(0)?, Event::Started(n)))
+        });
+        let level = self.stimulus.sampling().zip(self.levels.front());
         let events = [
+            started.min_by_key(|(at, _)| *at),
+            level.map(|(sampling, level)| {
+                (
+                    sampling.first_ns.saturating_add(level.at_ns),
+                    Event::Level(*level),
+                )
+            }),
             self.adc.next_conversion().map(|at| (at, Event::Converted)),
             trigger.and_then(|t| Some((self.tim[t].trigger(0)?, Event::Triggered(t)))),
             self.usart1.next_sent().map(|at| (at, Event::Sent)),
@@ -776,8 +876,15 @@ impl Machine {
     /// What a write to one peripheral does to others.
     fn after_write(&mut self, unit: Unit, now: u64) {
         match unit {
-            Unit::Tim(n) if self.tim[n].take_trigger_now() && self.trigger_timer() == Some(n) => {
-                self.trigger_adc(now);
+            Unit::Tim(n) if self.tim[n].take_trigger_now() => {
+                for slave in 0..self.tim.len() {
+                    if self.tim[slave].waits_for(slave) == Some(n) {
+                        self.tim[slave].start(now);
+                    }
+                }
+                if self.trigger_timer() == Some(n) {
+                    self.trigger_adc(now);
+                }
             }
             Unit::Adc => self.note_scan(now, false),
             Unit::Pwr => self.rcc.backup_domain_open = self.pwr.backup_domain_open(),

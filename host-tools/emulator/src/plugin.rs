@@ -44,6 +44,7 @@ struct Overlay {
 /// What comes out of the machine while it runs.
 struct Recorder {
     uart: BufWriter<File>,
+    uart_times: BufWriter<File>,
     rtt: File,
     counters: Option<&'static Counters>,
     /// Instructions at the end of the last block.
@@ -85,12 +86,15 @@ impl Overlay {
         let rows = bytes
             .chunks_exact(4)
             .map(|c| [u16::from_le_bytes([c[0], c[1]]), u16::from_le_bytes([c[2], c[3]])]);
-        let stimulus = Stimulus::new(rows.collect(), description.sample_period_ns);
+        let hse_hz = off_by(description.hse_hz, description.hse_ppm);
+        let stimulus =
+            Stimulus::new(rows.collect(), description.sample_period_ns).on_clock(hse_hz, description.hse_hz);
         let machine = Machine::new(
-            description.hse_hz,
+            hse_hz,
             description.uid,
             stimulus,
             &description.uart_input,
+            &description.pin_inputs,
         );
         let mut pokes = description.pokes.clone();
         pokes.sort_by_key(|poke| poke.at_ns);
@@ -108,6 +112,7 @@ impl Overlay {
             folder: folder.into(),
             recorder: Recorder {
                 uart: BufWriter::new(create(exchange::UART)?),
+                uart_times: BufWriter::new(create(exchange::UART_TIMES)?),
                 rtt: create(exchange::RTT)?,
                 counters,
                 block_began: None,
@@ -257,6 +262,7 @@ impl Overlay {
             written(self.recorder.rtt.write_all(&bytes));
         }
         written(self.recorder.uart.flush());
+        written(self.recorder.uart_times.flush());
     }
 
     /// Writes the report and asks QEMU to stop. What it still executes until then is not recorded.
@@ -288,6 +294,11 @@ impl Overlay {
         written(std::fs::write(self.folder.join(exchange::REPORT), json));
         qemu.request_shutdown();
     }
+}
+
+/// The frequency of a crystal that is off by so much: whole Hz, at 8 MHz an eighth of a ppm.
+fn off_by(hz: u32, ppm: f64) -> u32 {
+    (f64::from(hz) * (1.0 + ppm * 1e-6)).round() as u32
 }
 
 /// A disk that is full ends the run: half a record would look like a whole one.
@@ -341,8 +352,9 @@ impl Board for Outside<'_> {
         self.0.set_interrupt(number, level);
     }
 
-    fn sent(&mut self, byte: u8) {
+    fn sent(&mut self, byte: u8, at: u64) {
         written(self.1.uart.write_all(&[byte]));
+        written(self.1.uart_times.write_all(&at.to_le_bytes()));
     }
 
     fn acquired(&mut self, scans: u64) {

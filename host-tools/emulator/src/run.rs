@@ -21,7 +21,7 @@ pub use error::RunError;
 pub use log::LogLine;
 
 use crate::exchange::{
-    self, Block, Description, FORMAT, Fault, FlashOperation, LINE_PREFIX, Pin, Poke, Report, Reset,
+    self, Block, Description, FORMAT, Fault, FlashOperation, LINE_PREFIX, Pin, PinInput, Poke, Report, Reset,
     SELF_TEST_STATUS, Sampling, UartInput, UnknownRegister,
 };
 use crate::machine::{FLASH, WRITABLE};
@@ -71,10 +71,15 @@ pub struct Run {
     pub overlay: Option<PathBuf>,
     /// Crystal on the HSE pins, in Hz.
     pub hse_hz: u32,
+    /// How far it is off, in ppm: below 1000 either way, in steps of 1 Hz. The rows of the stimulus keep to it, all other
+    /// times here are true.
+    pub hse_ppm: f64,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],
     /// Bytes for the USART1 receiver.
     pub uart_input: Vec<UartInput>,
+    /// Levels on pins.
+    pub pin_inputs: Vec<PinInput>,
     /// Writes over guest memory, to provoke faults.
     pub pokes: Vec<Poke>,
     /// Faults on demand.
@@ -98,8 +103,10 @@ impl Run {
             qemu: None,
             overlay: None,
             hse_hz: 8_000_000,
+            hse_ppm: 0.0,
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
+            pin_inputs: Vec::new(),
             pokes: Vec::new(),
             faults: Vec::new(),
         }
@@ -145,6 +152,7 @@ impl Run {
             tail_ns: self.tail_ns,
             sampling_deadline_ns: self.sampling_deadline_ns,
             hse_hz: self.hse_hz,
+            hse_ppm: self.hse_ppm,
             uid: self.uid,
             rtt: image.rtt,
             count_instructions: self.count_instructions,
@@ -152,6 +160,7 @@ impl Run {
             work,
             functions: ranges.clone(),
             uart_input: self.uart_input.clone(),
+            pin_inputs: self.pin_inputs.clone(),
             pokes: self.pokes.clone(),
             faults: self.faults.clone(),
         };
@@ -194,6 +203,7 @@ impl Run {
         let rtt = folder.read(exchange::RTT)?;
         Ok(Outcome {
             uart: folder.read(exchange::UART)?,
+            uart_ns: words(&folder.read(exchange::UART_TIMES)?),
             log: log::decode(&self.elf, &image.bytes, &rtt)?,
             rtt,
             instructions,
@@ -212,29 +222,40 @@ impl Run {
 
     /// What would make QEMU or the plugin fail in a less helpful place.
     fn check(&self) -> Result<(), RunError> {
-        let input = |text: String| Err(RunError::Input(text));
+        let refused = |text: String| Err(RunError::Input(text));
         if self.sample_period_ns == 0 {
-            return input("the sample period is 0 ns; give the time from row to row of the stimulus".into());
+            return refused(
+                "the sample period is 0 ns; give the time from row to row of the stimulus".into(),
+            );
         }
         if let Some(row) = self
             .stimulus
             .iter()
             .position(|row| row.iter().any(|code| *code > 4095))
         {
-            return input(format!(
+            return refused(format!(
                 "stimulus row {row} is {:?}; codes of the 12-bit ADC are 0..=4095",
                 self.stimulus[row]
             ));
         }
         if let Some((from, to)) = self.functions.iter().find(|(_, pattern)| pattern.is_empty()) {
-            return input(format!(
+            return refused(format!(
                 "label {from:?} has the pattern {to:?}, which is in every function's name"
             ));
+        }
+        if self.hse_ppm.is_nan() || self.hse_ppm.abs() >= 1000.0 {
+            return refused(format!(
+                "a crystal that is off by {} ppm; give less than 1000",
+                self.hse_ppm
+            ));
+        }
+        if let Some(input) = self.pin_inputs.iter().find(|input| input.place().is_none()) {
+            return refused(format!("there is no pin {:?}; pins are PA0 to PI15", input.pin));
         }
         for (address, bytes) in &self.flash {
             let end = u64::from(*address) + bytes.len() as u64;
             if !FLASH.contains(address) || end > u64::from(FLASH.end) {
-                return input(format!(
+                return refused(format!(
                     "{} bytes for flash at {address:#010x} are outside {:#010x}..{:#010x}",
                     bytes.len(),
                     FLASH.start,
@@ -306,6 +327,8 @@ impl Run {
 pub struct Outcome {
     /// Bytes that left the USART1 transmitter.
     pub uart: Vec<u8>,
+    /// When each of them had left, in ns of virtual time since power-up.
+    pub uart_ns: Vec<u64>,
     /// The defmt log, decoded.
     pub log: Vec<LogLine>,
     /// The same log as it came over RTT.
@@ -363,6 +386,11 @@ pub struct FunctionCount {
     /// How many functions of the image the label stands for: 0 means that the compiler inlined them all, or a typing
     /// mistake.
     pub symbols: usize,
+}
+
+fn words(bytes: &[u8]) -> Vec<u64> {
+    let (words, _) = bytes.as_chunks();
+    words.iter().map(|word| u64::from_le_bytes(*word)).collect()
 }
 
 struct Folder {

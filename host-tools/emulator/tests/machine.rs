@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use stm32f405_qemu::machine::{Board, INTERRUPTS, Machine, Stimulus, WRITABLE};
-use stm32f405_qemu::{FaultKind, ResetCause, UartInput};
+use stm32f405_qemu::{FaultKind, PinInput, ResetCause, UartInput};
 
 const RCC: u32 = 0x4002_3800;
 const FLASH: u32 = 0x4002_3c00;
@@ -69,7 +69,7 @@ impl Board for TestBoard {
         }
     }
 
-    fn sent(&mut self, byte: u8) {
+    fn sent(&mut self, byte: u8, _at: u64) {
         self.uart.push(byte);
     }
 
@@ -91,12 +91,17 @@ struct Bench {
 
 impl Bench {
     fn new(rows: Vec<[u16; 2]>) -> Self {
-        Self::with_uart_input(rows, &[])
+        Self::with_inputs(rows, &[], &[])
     }
 
     fn with_uart_input(rows: Vec<[u16; 2]>, input: &[UartInput]) -> Self {
+        Self::with_inputs(rows, input, &[])
+    }
+
+    fn with_inputs(rows: Vec<[u16; 2]>, uart: &[UartInput], pins: &[PinInput]) -> Self {
+        let stimulus = Stimulus::new(rows, 10_000);
         let mut bench = Self {
-            machine: Machine::new(8_000_000, *b"0123456789ab", Stimulus::new(rows, 10_000), input),
+            machine: Machine::new(8_000_000, *b"0123456789ab", stimulus, uart, pins),
             board: TestBoard {
                 sram: vec![0; 0x2_0000],
                 lines: [false; INTERRUPTS],
@@ -633,4 +638,68 @@ fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
     bench.machine.reset(512_000_000, &mut bench.board);
     assert_eq!(bench.machine.resets()[0].cause, ResetCause::Watchdog);
     assert_eq!(bench.read(FLASH + 0x0c), 0);
+}
+
+const GPIOA: u32 = 0x4002_0000;
+const TIM2: u32 = 0x4000_0000;
+
+/// TIM2 started by TIM3's first update, its channel 1 capturing rising edges of PA15 with an interrupt; samples at 100 kHz.
+fn capturing(changes_ns: &[u64]) -> Bench {
+    let input = PinInput {
+        pin: "PA15".into(),
+        changes_ns: changes_ns.to_vec(),
+    };
+    let mut bench = Bench::with_inputs(vec![[0, 0]], &[], &[input]);
+    bench.write(GPIOA + 0x24, 1 << 28);
+    bench.write(GPIOA, 0xa800_0000 & !(0b11 << 30) | 0b10 << 30);
+    bench.write(TIM2 + 0x08, 0b010 << 4 | 0b110);
+    bench.write(TIM2 + 0x18, 0b01);
+    bench.write(TIM2 + 0x20, 1);
+    bench.write(TIM2 + 0x0c, 1 << 1);
+    bench.start_acquisition(SRAM, 64);
+    bench.start_tim3();
+    bench
+}
+
+const TIM2_LINE: usize = 28;
+
+#[test]
+fn an_edge_is_captured_in_clocks_since_the_first_scan_and_interrupts_at_its_time() {
+    // The first scan is TIM3's first update, at 10 us, and starts TIM2.
+    let mut bench = capturing(&[123_456, 200_000]);
+    let mut captured = Vec::new();
+    bench.run(1_000_000, |bench| {
+        if bench.board.lines[TIM2_LINE] {
+            captured.push((bench.board.now, bench.read(TIM2 + 0x34)));
+        }
+    });
+    // 123.456 us at 84 MHz are 10370.3 clocks.
+    assert_eq!(captured, [(133_456, 10_370)]);
+    assert_eq!(bench.machine.unmodelled(), [""; 0]);
+    assert_eq!(bench.read(GPIOA + 0x10) >> 15 & 1, 0, "the level is low again");
+}
+
+#[test]
+fn an_edge_reaches_the_timer_only_through_the_alternate_function() {
+    let mut bench = capturing(&[50_000, 60_000, 150_000]);
+    bench.write(GPIOA + 0x24, 2 << 28);
+    bench.run(100_000, |_| {});
+    assert_eq!(bench.board.rises.get(&TIM2_LINE), None, "AF2 is no TIM2");
+    bench.write(GPIOA + 0x24, 1 << 28);
+    bench.run(1_000_000, |_| {});
+    assert_eq!(bench.board.rises[&TIM2_LINE], [160_000]);
+}
+
+#[test]
+fn a_storm_of_edges_wakes_nobody_while_the_flag_stands() {
+    let storm: Vec<u64> = (0..100_000).map(|n| 1_000 + 10 * n).collect();
+    let mut bench = capturing(&storm);
+    // The handler masks the channel and leaves the flag.
+    bench.write(TIM2 + 0x0c, 0);
+    let before = bench.wakes;
+    bench.run(900_000, |_| {});
+    assert_eq!(bench.board.rises.get(&TIM2_LINE), None);
+    // The first scan, and blocks of 16 scans.
+    assert!(bench.wakes - before <= 1 + 6, "{}", bench.wakes - before);
+    assert_eq!(bench.read(TIM2 + 0x10) & !1, 1 << 9 | 1 << 6 | 1 << 1);
 }

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
-use stm32f405_qemu::{Fault, FaultKind, FlashOperation, Outcome, Poke, ResetCause, Run, RunError};
+use stm32f405_qemu::{Fault, FaultKind, FlashOperation, Outcome, PinInput, Poke, ResetCause, Run, RunError};
 
 const FLASH: u32 = 0x0800_0000;
 const SRAM: u32 = 0x2000_0000;
@@ -27,6 +27,7 @@ const STREAM0: u32 = DMA2 + 0x10;
 const STREAM7: u32 = DMA2 + 0x10 + 7 * 0x18;
 const NVIC_ISER1: u32 = 0xe000_e104;
 const DMA2_STREAM0: usize = 56;
+const TIM2_LINE: usize = 28;
 /// AIRCR: the key, and SYSRESETREQ.
 const RESET_REQUEST: (u32, u32) = (0xe000_ed0c, 0x05fa_0004);
 
@@ -37,13 +38,15 @@ const SLEEP: u16 = 0xbf30;
 const RETURN: u16 = 0x4770;
 const BRANCH_TO_SELF: u16 = 0xe7fe;
 
-/// An image that makes the first writes and then executes `then`, and the second in the handler of DMA2 stream 0.
+/// An image that makes the first writes and then executes `then`, and the second in the handler of DMA2 stream 0 and of
+/// TIM2.
 fn image(main: Writes<'_>, then: u16, handler: Writes<'_>) -> Vec<u8> {
     let handler_table = TABLES_AT + 8 * (main.len() as u32 + 1);
     let mut vectors = [0u32; VECTORS];
     vectors[0] = SRAM + 0x1_0000;
     vectors[1] = RESET_AT | 1;
     vectors[16 + DMA2_STREAM0] = HANDLER_AT | 1;
+    vectors[16 + TIM2_LINE] = HANDLER_AT | 1;
 
     let mut code: Vec<u8> = vectors.iter().flat_map(|v| v.to_le_bytes()).collect();
     for (end, table) in [(then, TABLES_AT), (RETURN, handler_table)] {
@@ -124,6 +127,11 @@ fn bench(image: &[u8]) -> Bench {
 
 /// Scans of both channels at 10 kHz into a ring of 8, each full ring sent over USART1 at 1 Mbit/s; all at 16 MHz.
 fn acquiring() -> Vec<u8> {
+    acquiring_after(&[])
+}
+
+/// The same after other writes.
+fn acquiring_after(first: Writes<'_>) -> Vec<u8> {
     let dma_halfwords = 1 << 13 | 1 << 11 | 1 << 10;
     let main = [
         (RCC + 0x30, 1 << 22),
@@ -153,7 +161,7 @@ fn acquiring() -> Vec<u8> {
         (STREAM7 + 0x0c, SRAM),
         (STREAM7, 4 << 25 | 1 << 10 | 1 << 6 | 1),
     ];
-    image(&main, SLEEP, &handler)
+    image(&[first, &main].concat(), SLEEP, &handler)
 }
 
 fn run_acquiring(change: impl FnOnce(&mut Run)) -> Outcome {
@@ -173,6 +181,15 @@ fn every_row_of_the_stimulus_comes_out_of_the_uart_in_order() {
         .flat_map(u16::to_le_bytes)
         .collect();
     assert_eq!(outcome.uart, rows);
+    // A full ring is sent back to back: at 1 Mbit/s a byte takes 10 us.
+    let apart: Vec<u64> = outcome.uart_ns[..32]
+        .windows(2)
+        .map(|pair| pair[1] - pair[0])
+        .collect();
+    assert_eq!(
+        (outcome.uart_ns.len(), apart),
+        (outcome.uart.len(), vec![10_000; 31])
+    );
     // 8 ms of rows and 0.7 ms of tail, both ends included.
     assert_eq!(outcome.sampling.unwrap().scans, 88);
     assert_eq!(
@@ -462,6 +479,15 @@ fn codes_beyond_the_adc_and_blocks_beyond_flash_are_refused() {
     };
     let code = refused(|run| run.stimulus = vec![[0, 4096]]);
     assert!(code.starts_with("stimulus row 0 is [0, 4096]"), "{code}");
+    let pin = refused(|run| {
+        run.pin_inputs = vec![PinInput {
+            pin: "PA16".into(),
+            changes_ns: vec![],
+        }];
+    });
+    assert!(pin.starts_with("there is no pin \"PA16\""), "{pin}");
+    let crystal = refused(|run| run.hse_ppm = 1000.0);
+    assert!(crystal.contains("off by 1000 ppm"), "{crystal}");
     let block = refused(|run| run.flash = vec![(0x080f_ffff, vec![0; 2])]);
     assert!(block.contains("are outside 0x08000000..0x08100000"), "{block}");
 }
@@ -558,6 +584,8 @@ fn flash_outlives_a_reset_and_a_poke_does_not() {
     main.extend([PROGRAM, (WRITABLE, 0xffff_ff7f), RESET_REQUEST]);
     let mut bench = bench(&image(&main, SLEEP, &[]));
     bench.run.sampling_deadline_ns = 200_000;
+    // QEMU loads a block anew at each reset, over what was programmed: it must not stay.
+    bench.run.flash = vec![(WRITABLE, vec![0xff; 4])];
     bench.run.pokes = vec![Poke {
         at_ns: 100_000,
         address: WRITABLE + 8,
@@ -678,4 +706,73 @@ fn a_power_cut_at_a_time_loses_ram_and_a_reset_does_not() {
     let noise = sent_after(vec![power_cut], false);
     assert_eq!(noise.len(), 4);
     assert_ne!(noise, [1, 2, 3, 4]);
+}
+
+#[test]
+fn edges_on_a_pin_wake_a_sleeping_image_that_captures_them_and_no_other() {
+    const GPIOA: u32 = 0x4002_0000;
+    const GPIOC: u32 = 0x4002_0800;
+    const TIM2: u32 = 0x4000_0000;
+    const NVIC_ISER0: u32 = 0xe000_e100;
+    let outcome = |alternate_function: u32| {
+        let main = [
+            (RCC + 0x30, 1 | 1 << 2),
+            (RCC + 0x40, 0b11),
+            (RCC + 0x44, 1 << 8),
+            (NVIC_ISER0, 1 << TIM2_LINE),
+            (GPIOC, 1),
+            (GPIOA + 0x24, alternate_function << 28),
+            (GPIOA, 0xa800_0000),
+            (TIM2 + 0x18, 0b01),
+            (TIM2 + 0x20, 1),
+            (TIM2 + 0x0c, 1 << 1),
+            (TIM2, 1),
+            (ADC1 + 0x08, 0b01 << 28 | 0b1000 << 24 | 1),
+            (TIM3 + 0x2c, 1599),
+            (TIM3 + 0x04, 0b010 << 4),
+            (TIM3, 1),
+        ];
+        // PC0 up and down, and the flag cleared.
+        let handler = [(GPIOC + 0x18, 1), (GPIOC + 0x18, 1 << 16), (TIM2 + 0x10, 0)];
+        let mut bench = bench(&image(&main, SLEEP, &handler));
+        bench.run.stimulus = vec![[0, 0]; 8];
+        bench.run.sample_period_ns = 100_000;
+        bench.run.pin_inputs = vec![PinInput {
+            pin: "PA15".into(),
+            changes_ns: vec![50_000, 150_000, 250_000, 350_000, 450_000],
+        }];
+        bench.run.execute().unwrap()
+    };
+    let three_rises = outcome(1);
+    assert_eq!(three_rises.unmodelled, [""; 0]);
+    assert_eq!(
+        three_rises.pins.iter().map(|pin| pin.edges).collect::<Vec<_>>(),
+        [3 * 2]
+    );
+    assert!(outcome(2).pins.is_empty(), "AF2 of PA15 is no TIM2");
+}
+
+#[test]
+fn a_crystal_that_is_off_makes_every_scan_earlier_and_each_has_its_row() {
+    // Everything from the crystal of 8 MHz: half as fast as from the internal oscillator.
+    let from_crystal = acquiring_after(&[(RCC, 1 << 16 | 0x83), (RCC + 0x08, 1)]);
+    let [right, off] = [0.0, 900.0].map(|ppm| {
+        let mut bench = bench(&from_crystal);
+        bench.run.stimulus = (0..800).map(|i| [i, 4095 - i]).collect();
+        bench.run.sample_period_ns = 200_000;
+        bench.run.tail_ns = 2_000_000;
+        bench.run.hse_ppm = ppm;
+        bench.run.execute().unwrap()
+    });
+    let rows: Vec<u8> = (0..800u16)
+        .flat_map(|i| [i, 4095 - i])
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    assert_eq!(right.uart[..rows.len()], rows);
+    assert_eq!(off.uart[..rows.len()], rows);
+    let sampled = |outcome: &Outcome| outcome.virtual_ns - outcome.sampling.unwrap().first_ns;
+    // 160 ms of rows; the tail is in true time.
+    assert_eq!(sampled(&right), 162_000_000);
+    assert_eq!(sampled(&off) - 2_000_000, 160_000_000 * 1_000_000 / 1_000_900);
+    assert_eq!(off.unmodelled, [""; 0]);
 }

@@ -1,18 +1,22 @@
 //! `bead decode`: frames as JSON, one object a line.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Read, StdoutLock, Write};
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::Value;
 
+use super::clock::rfc3339;
+use crate::clock::{Fit, Tracker, begins_segment};
 use crate::failure::{Blame, Failure};
-use crate::frames::{Item, Reader};
+use crate::frames::{Frame, Item, Reader};
 use crate::recording::Recording;
 
 const AFTER_HELP: &str = "\
-Fixed-point fields are shown in SI units, named in the key, with the bits beside them (…_raw). Counts of what was
-received, lost and refused go to standard error.
+Fixed-point fields are shown in SI units, named in the key, with the bits beside them (…_raw). Of a recording that has
+receive times each frame also has `received`, when this host got it, and `host_time`, what this host's clock showed at
+the frame's sample index, by the fit of `bead clock`. Counts of what was received, lost and refused go to standard error.
 
 Examples:
   bead decode run/bead-8.mcap | jq 'select(.kind == \"strike\")'
@@ -43,7 +47,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .take(MCAP.len() as u64)
         .read_to_end(&mut head)
         .or_input(context)?;
-    let mut input: Box<dyn Read> = if head == MCAP {
+    let mut printer = Printer::new();
+    if head == MCAP {
         if path.as_os_str() == "-" {
             return Err(Failure::input(
                 "standard input is an MCAP file, which is read from its end as well; give its name instead of -",
@@ -53,40 +58,35 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         if let Some(warning) = recording.warning() {
             eprintln!("bead: {}: {warning}", path.display());
         }
-        Box::new(io::Cursor::new(recording.stream()))
-    } else {
-        Box::new(io::Cursor::new(head).chain(input))
-    };
-
-    let mut reader = Reader::new();
-    let mut out = BufWriter::new(io::stdout().lock());
-    let mut buffer = vec![0; 64 * 1024];
-    loop {
-        let length = match input.read(&mut buffer) {
-            Ok(0) => break,
-            Ok(length) => length,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            Err(error) => return Err(error).or_input(context),
-        };
-        let mut written = Ok(());
-        reader.feed(&buffer[..length], |item| {
-            if written.is_ok() {
-                written = match item {
-                    Item::Frame(frame) => writeln!(out, "{}", frame.json()),
-                    Item::Rejected(reject) => {
-                        eprintln!("bead: {reject}");
-                        Ok(())
-                    }
-                };
+        let tracker = Tracker::of(&recording);
+        printer.fits = tracker.segments().iter().map(|segment| segment.fit()).collect();
+        for run in &recording.runs {
+            for bytes in [&run.bytes[..], &[0]] {
+                printer.print(bytes, run.received_ns);
             }
-        });
-        // What comes live must not wait for a buffer to fill.
-        match written.and_then(|()| out.flush()) {
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
-            other => other.or_input(|| "cannot write to standard output")?,
+            if !printer.flush()? {
+                return Ok(());
+            }
+        }
+    } else {
+        let mut input = io::Cursor::new(head).chain(input);
+        let mut buffer = vec![0; 64 * 1024];
+        loop {
+            let length = match input.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(length) => length,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) => return Err(error).or_input(context),
+            };
+            printer.print(&buffer[..length], None);
+            // What comes live must not wait for a buffer to fill.
+            if !printer.flush()? {
+                return Ok(());
+            }
         }
     }
 
+    let reader = &printer.reader;
     let counters = reader.counters();
     if counters.frames == 0 {
         return Err(Failure::input(format!(
@@ -110,4 +110,73 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     );
     Ok(())
+}
+
+/// Frames to standard output, a line each.
+struct Printer {
+    reader: Reader,
+    out: BufWriter<StdoutLock<'static>>,
+    written: io::Result<()>,
+    /// How bead time becomes host time, of each boot.
+    fits: Vec<Option<Fit>>,
+    /// Boots that have begun.
+    boots: usize,
+}
+
+impl Printer {
+    fn new() -> Self {
+        Self {
+            reader: Reader::new(),
+            out: BufWriter::new(io::stdout().lock()),
+            written: Ok(()),
+            fits: Vec::new(),
+            boots: 0,
+        }
+    }
+
+    fn print(&mut self, bytes: &[u8], received_ns: Option<u64>) {
+        let Self {
+            reader,
+            out,
+            written,
+            fits,
+            boots,
+        } = self;
+        reader.feed(bytes, |item| {
+            let frame = match item {
+                Item::Frame(frame) => frame,
+                Item::Rejected(reject) => return eprintln!("bead: {reject}"),
+            };
+            *boots += usize::from(begins_segment(frame.arrival));
+            let fit = boots.checked_sub(1).and_then(|boot| fits.get(boot)?.as_ref());
+            if written.is_ok() {
+                *written = writeln!(out, "{}", timed(&frame, received_ns, fit));
+            }
+        });
+    }
+
+    /// Hands on what was printed; false if nobody reads it any more.
+    fn flush(&mut self) -> Result<bool, Failure> {
+        let written = std::mem::replace(&mut self.written, Ok(()));
+        match written.and_then(|()| self.out.flush()) {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+            other => other
+                .or_input(|| "cannot write to standard output")
+                .map(|()| true),
+        }
+    }
+}
+
+/// The frame as JSON, with the host's times of it where they are known.
+fn timed(frame: &Frame, received_ns: Option<u64>, fit: Option<&Fit>) -> Value {
+    let mut line = frame.json();
+    if let Some(received_ns) = received_ns {
+        line["received"] = rfc3339(received_ns as i64).into();
+        let bead = frame
+            .sample_rate_hz
+            .map(|rate| frame.header.sample_index as f64 / f64::from(rate));
+        let host = fit.zip(bead).map(|(fit, bead)| rfc3339(fit.host_ns(bead)));
+        line["host_time"] = host.into();
+    }
+    line
 }

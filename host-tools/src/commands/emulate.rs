@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::bridge::{self, Bridge};
-use crate::emulation::{Emulation, EmulatorReport, InstructionsPerSample, find_image};
+use crate::emulation::{Emulation, EmulatorReport, InstructionsPerSample, Ran, find_image};
 use crate::failure::{Blame, Failure};
 use crate::faults::{self, Planned};
 use crate::frames::{self, Frame, Message, flag_names, joules};
@@ -41,6 +41,7 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --noise off --format json
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 --interval 0.05 --seed 7
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 --faults docs/scenarios/faults.toml
+  bead emulate docs/scenarios/ten-intruders.toml --bead 10 --sync-period 0.2 --clock-ppm -20 --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --listen unix:bead.sock
     and, meanwhile: bead command self-test --port unix:bead.sock";
 
@@ -65,6 +66,17 @@ pub(crate) struct Arguments {
     /// Time from strike to strike, s.
     #[arg(long, value_name = "S", default_value_t = 0.1)]
     interval: f64,
+    /// Give an edge at the sync input (PA15) every so many s.
+    #[arg(long, value_name = "S")]
+    sync_period: Option<f64>,
+    /// The bead's crystal is fast by so many ppm, below 0 slow.
+    #[arg(
+        long,
+        value_name = "PPM",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    clock_ppm: f64,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
     #[arg(long, value_name = "F.toml")]
     faults: Option<PathBuf>,
@@ -78,6 +90,8 @@ pub(crate) struct Arguments {
     front_end: FrontEndOptions,
 }
 
+/// The bead tells edges that are farther apart than 10 ms (`firmware/src/sync.rs`), and some for its own delay.
+const SYNC_LEAST: f64 = 0.02;
 /// Quiet before the first strike, s: the image has started, its detector is armed.
 const LEAD_IN: f64 = 0.02;
 
@@ -144,6 +158,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             arguments.interval
         )));
     }
+    if let Some(period) = arguments
+        .sync_period
+        .filter(|period| period.is_nan() || *period < SYNC_LEAST)
+    {
+        return Err(Failure::input(format!(
+            "--sync-period {period}: give s, at least {SYNC_LEAST}"
+        )));
+    }
+    if arguments.clock_ppm.is_nan() || arguments.clock_ppm.abs() >= 1000.0 {
+        return Err(Failure::input(format!(
+            "--clock-ppm {}: a crystal is off by less than 1000 ppm",
+            arguments.clock_ppm
+        )));
+    }
     let front_end = arguments.front_end.front_end()?;
     let (scenario, text) = load_scenario(&arguments.scenario)?;
     let faults = match &arguments.faults {
@@ -199,15 +227,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return bridge::serve(&mut Bridge::new(&emulation), address, &stop);
     }
     emulation.faults = faults;
+    if arguments.clock_ppm != 0.0 {
+        emulation = emulation.with_clock(&solution, arguments.clock_ppm);
+    }
+    if let Some(period) = arguments.sync_period {
+        let edges = (1..).map(|number| f64::from(number) * period);
+        let seconds = emulation.seconds();
+        emulation.sync(edges.take_while(|edge| *edge < seconds).collect());
+    }
     progress.set_message("running the image in QEMU");
-    let (stream, measured) = emulation.run()?;
+    let ran = emulation.timed()?;
     progress.finish_and_clear();
 
     let recording = match &arguments.out {
-        Some(out) => Some(record(arguments, out, &text, &emulation, &stream, &measured)?),
+        Some(out) => Some(record(arguments, out, &text, &emulation, &ran)?),
         None => None,
     };
-    let report = report(&emulation, &stream, &measured, recording);
+    let report = report(&emulation, &ran.stream, &ran.report, recording);
     match arguments.format {
         Format::Json => output::print_json(&report)?,
         Format::Table => output::print_line(&table(&report))?,
@@ -221,13 +257,12 @@ fn record(
     out: &Path,
     scenario: &str,
     emulation: &Emulation,
-    stream: &[u8],
-    measured: &EmulatorReport,
+    ran: &Ran,
 ) -> Result<PathBuf, Failure> {
     fs::create_dir_all(out)
         .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
     let path = out.join(format!("bead-{}.mcap", arguments.bead));
-    let (frames, _) = frames::decode(stream);
+    let (frames, _) = frames::decode(&ran.stream);
     let firmware = frames.iter().find_map(|frame| match &frame.message {
         Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
         _ => None,
@@ -245,14 +280,14 @@ fn record(
         result.or_input(|| format!("cannot write {} of {}", part.name(), path.display()))
     };
     let truth = json(Part::Truth, serde_json::to_string_pretty(&emulation.truth))?;
-    let report = json(Part::EmulatorReport, serde_json::to_string_pretty(measured))?;
+    let report = json(Part::EmulatorReport, serde_json::to_string_pretty(&ran.report))?;
     let write = || {
         let mut writer = Writer::create(&path, &about)?;
         writer.attach(Part::Settings, &emulation.block)?;
         writer.attach(Part::Scenario, scenario.as_bytes())?;
         writer.attach(Part::Truth, truth.as_bytes())?;
         writer.attach(Part::EmulatorReport, report.as_bytes())?;
-        writer.write(stream)?;
+        ran.write(&mut writer, 0)?;
         writer.finish()
     };
     write().map_err(Failure::input)?;
@@ -317,14 +352,17 @@ fn report(
     }
 }
 
-/// The last status of every boot: its counts are since the reset.
+/// The last status of every boot: its counts are since the reset. Power-up counts boots anew, but time too.
 fn last_statuses(frames: &[Frame]) -> Vec<Status> {
     let mut last: Vec<(u8, Status)> = Vec::new();
     for frame in frames {
         let Message::Status(status) = frame.message else {
             continue;
         };
-        match last.last_mut().filter(|(boot, _)| *boot == frame.header.boot) {
+        let same_boot = |(boot, before): &&mut (u8, Status)| {
+            *boot == frame.header.boot && before.uptime_ms <= status.uptime_ms
+        };
+        match last.last_mut().filter(same_boot) {
             Some((_, before)) => *before = status,
             None => last.push((frame.header.boot, status)),
         }

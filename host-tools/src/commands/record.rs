@@ -10,7 +10,7 @@ use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use std::{panic, thread};
 
 use bead_wire::{ACCELERATION_UNIT_MPS2, Arrival, Counters, FORCE_UNIT_N, Strike};
@@ -18,6 +18,8 @@ use chrono::{DateTime, Utc};
 use clap::Args;
 use indicatif::ProgressBar;
 
+use super::clock::drift;
+use crate::clock::Tracker;
 use crate::failure::{Blame, Failure};
 use crate::frames::{Fault, Frame, Item, Message, Reader, flag_names, joules};
 use crate::output::{self, Format};
@@ -26,7 +28,8 @@ use crate::recording::{About, RecordingError, Writer};
 
 const AFTER_HELP: &str = "\
 Ends at Ctrl-C, or after --duration, with exit status 0; when the port goes away, with 3. The recording is complete
-in each case. Every byte is kept as received, corrupt frames included. Each strike is printed as it comes.
+in each case. Every byte is kept as received, corrupt frames included, and when it was received. Each strike is printed as
+it comes. At the end: how fast the bead's clock is against this host's, as far as the time tells it; see `bead clock`.
 
 Examples:
   bead record --port /dev/ttyUSB0
@@ -79,6 +82,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
     let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
     let opened = Instant::now();
+    // The monotonic clock from here on: steps of the host's own time are no drift of the bead's.
+    let opened_ns = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_nanos() as u64);
     let deadline = arguments
         .duration
         .and_then(|duration| opened.checked_add(duration));
@@ -95,6 +102,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut recorder = Recorder {
         writer: Writer::create(&out, &about).map_err(Failure::input)?,
         reader: Reader::new(),
+        tracker: Tracker::default(),
+        opened,
+        opened_ns,
         strikes: 0,
         format: arguments.format,
         printed: Ok(()),
@@ -119,6 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Recorder {
         writer,
         strikes,
+        tracker,
         printed,
         ..
     } = recorder;
@@ -139,6 +150,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     eprintln!("bead: {result}");
+    if let Some(line) = clock_line(&tracker) {
+        eprintln!("bead: {line}");
+    }
     if let Some(advice) = advice(&counters) {
         eprintln!("bead: {advice}");
     }
@@ -150,12 +164,14 @@ fn listen(
     port: &mut Port,
     stop: &AtomicBool,
     deadline: Option<Instant>,
-    sender: Sender<Vec<u8>>,
+    sender: Sender<(Instant, Vec<u8>)>,
 ) -> io::Result<()> {
     let mut buffer = vec![0; 64 * 1024];
     loop {
         let length = port.read(&mut buffer)?;
-        let wanted = length == 0 || sender.send(buffer[..length].to_vec()).is_ok();
+        // Here and not where it is written: the disk must not delay it.
+        let now = Instant::now();
+        let wanted = length == 0 || sender.send((now, buffer[..length].to_vec())).is_ok();
         let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
         if late || !wanted || stop.load(Ordering::Relaxed) {
             return Ok(());
@@ -166,6 +182,10 @@ fn listen(
 struct Recorder {
     writer: Writer,
     reader: Reader,
+    tracker: Tracker,
+    opened: Instant,
+    /// The same in ns since 1970.
+    opened_ns: u64,
     strikes: u64,
     format: Format,
     /// Standard output may fail; the recording goes on.
@@ -175,12 +195,14 @@ struct Recorder {
 
 impl Recorder {
     /// Records what comes until the sender is gone.
-    fn keep(&mut self, receiver: &Receiver<Vec<u8>>) -> Result<(), RecordingError> {
+    fn keep(&mut self, receiver: &Receiver<(Instant, Vec<u8>)>) -> Result<(), RecordingError> {
         loop {
             match receiver.recv_timeout(FLUSH_EVERY) {
-                Ok(bytes) => {
-                    self.writer.write(&bytes)?;
-                    self.show(&bytes);
+                Ok((received, bytes)) => {
+                    let since = received.duration_since(self.opened);
+                    let received_ns = self.opened_ns + since.as_nanos() as u64;
+                    self.writer.write_at(&bytes, received_ns)?;
+                    self.show(&bytes, received_ns);
                 }
                 Err(RecvTimeoutError::Timeout) => self.writer.flush()?,
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
@@ -188,9 +210,10 @@ impl Recorder {
         }
     }
 
-    fn show(&mut self, bytes: &[u8]) {
+    fn show(&mut self, bytes: &[u8], received_ns: u64) {
         let Self {
             reader,
+            tracker,
             strikes,
             format,
             printed,
@@ -199,6 +222,7 @@ impl Recorder {
         } = self;
         reader.feed(bytes, |item| {
             let Item::Frame(frame) = item else { return };
+            tracker.push(&frame, Some(received_ns));
             if frame.arrival == Arrival::Duplicate {
                 return;
             }
@@ -269,6 +293,16 @@ fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
     )
 }
 
+/// How the bead's clock runs since its last restart, if that can be told by now.
+fn clock_line(tracker: &Tracker) -> Option<String> {
+    let fit = tracker.segments().last()?.fit()?;
+    let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
+    let seconds = fit.span;
+    Some(format!(
+        "the bead's clock is {ppm} ± {within} ppm fast against this host's, by {seconds:.0} s"
+    ))
+}
+
 /// What to look at when no frame came at all.
 fn advice(counters: &Counters) -> Option<&'static str> {
     match counters {
@@ -300,5 +334,44 @@ mod tests {
             fault_line(&fault(bead_wire::FaultCause::Watchdog, "")),
             "fault in boot 3: watchdog"
         );
+    }
+
+    #[test]
+    fn the_clock_is_told_as_soon_as_it_can_be() {
+        let mut tracker = Tracker::default();
+        let mut sent = |second: u64| {
+            let identity = bead_wire::Identity {
+                firmware: "",
+                git: "",
+                uid: [0; 12],
+                boot: 0,
+                reset_cause: 0,
+                sample_rate_hz: 100_000,
+                channels: 2,
+            };
+            let frame = Frame {
+                header: bead_wire::Header {
+                    boot: 0,
+                    sequence: second as u32,
+                    sample_index: 100_000 * second,
+                },
+                arrival: Arrival::Next { lost: 0 },
+                sample_rate_hz: Some(100_000),
+                message: bead_wire::Message::Identity(identity).into(),
+            };
+            // A bead that is fast by 50 ppm, and frames up to 30 us late.
+            tracker.push(&frame, Some(second * 999_950_002 + second * 7919 % 30_011));
+            clock_line(&tracker)
+        };
+        assert_eq!(sent(0), None);
+        let lines: Vec<_> = (1..=60).map(&mut sent).collect();
+        assert!(lines[..2].iter().all(Option::is_none), "{lines:?}");
+        let last = lines[59].as_deref().unwrap();
+        let numbers: Vec<f64> = last.split(' ').filter_map(|word| word.parse().ok()).collect();
+        let [ppm, within, 59.0] = numbers[..] else {
+            panic!("drift, uncertainty and time: {last}")
+        };
+        assert!((ppm - 50.0).abs() < within && within < 1.0, "{last}");
+        assert!(last.ends_with(" ppm fast against this host's, by 59 s"), "{last}");
     }
 }

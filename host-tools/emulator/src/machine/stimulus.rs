@@ -9,6 +9,9 @@ use crate::exchange::Sampling;
 pub struct Stimulus {
     rows: Vec<[u16; 2]>,
     period_ns: u64,
+    /// The crystal's frequency and what it should be: a period is one of the machine's own clock.
+    hz: u64,
+    nominal_hz: u64,
     sampling: Option<Sampling>,
     row: usize,
     unmapped: BTreeSet<u32>,
@@ -20,9 +23,21 @@ impl Stimulus {
         Self {
             rows,
             period_ns,
+            hz: 1,
+            nominal_hz: 1,
             sampling: None,
             row: 0,
             unmapped: BTreeSet::new(),
+        }
+    }
+
+    /// The same on the clock of a crystal of `hz` that should have `nominal_hz`: rows are as long as its periods are.
+    #[must_use]
+    pub fn on_clock(self, hz: u32, nominal_hz: u32) -> Self {
+        Self {
+            hz: hz.into(),
+            nominal_hz: nominal_hz.into(),
+            ..self
         }
     }
 
@@ -37,7 +52,9 @@ impl Stimulus {
         }
         let Some(sampling) = self.sampling else { return };
         // Times are whole ns, so a scan may seem up to 1 ns before its row.
-        let row = (now - sampling.first_ns + 1) / self.period_ns;
+        let own_ns =
+            u128::from(now - sampling.first_ns + 1) * u128::from(self.hz) / u128::from(self.nominal_hz);
+        let row = own_ns / u128::from(self.period_ns);
         self.row = usize::try_from(row)
             .unwrap_or(usize::MAX)
             .min(self.rows.len().saturating_sub(1));
@@ -58,7 +75,9 @@ impl Stimulus {
 
     /// When the last row ends.
     pub fn ends_at(&self) -> Option<u64> {
-        let length = (self.rows.len() as u64).saturating_mul(self.period_ns);
+        let own_ns = self.rows.len() as u128 * u128::from(self.period_ns);
+        let length = own_ns * u128::from(self.nominal_hz) / u128::from(self.hz);
+        let length = u64::try_from(length).unwrap_or(u64::MAX);
         self.sampling.map(|s| s.first_ns.saturating_add(length))
     }
 
@@ -94,6 +113,19 @@ mod tests {
             })
         );
         assert_eq!(stimulus.ends_at(), Some(30_777));
+    }
+
+    #[test]
+    fn rows_keep_to_the_scans_of_a_crystal_that_is_off() {
+        let rows = (0..4000).map(|n| [n, 0]).collect();
+        // 125 ppm: one row in 8000 more.
+        let mut stimulus = Stimulus::new(rows, 10_000).on_clock(8_001_000, 8_000_000);
+        for scan in 0..4000u64 {
+            let at = 777 + (scan * 10_000 * 8_000).div_ceil(8_001);
+            stimulus.begin_scan(at, true);
+            assert_eq!(u64::from(stimulus.code(0)), scan);
+        }
+        assert_eq!(stimulus.ends_at(), Some(777 + 4000 * 10_000 * 8_000 / 8_001));
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! General-purpose pins (RM0090 section 8). Nothing is wired to them: an output reads back what it drives, an input
-//! reads its pull-up, else low, and analog values come in elsewhere.
+//! General-purpose pins (RM0090 section 8). An output reads back what it drives; an input reads the level that is put
+//! on it, or where nothing is wired its pull-up, else low. Analog values come in elsewhere.
 
 use super::{NoRegister, field};
 
@@ -13,6 +13,8 @@ pub struct Gpio {
     odr: u32,
     lckr: u32,
     afr: [u32; 2],
+    /// Levels from outside; none where nothing is wired.
+    wired: [Option<bool>; 16],
     /// How often each pin changed its level as an output.
     pub edges: [u64; 16],
 }
@@ -33,22 +35,37 @@ impl Gpio {
             odr: 0,
             lckr: 0,
             afr: [0; 2],
+            wired: [None; 16],
             edges: [0; 16],
         }
     }
 
-    /// A reset of the port; the count of edges goes on.
+    /// Puts a level on a pin from outside.
+    pub fn drive(&mut self, pin: usize, level: bool) {
+        self.wired[pin] = Some(level);
+    }
+
+    /// The alternate function that a pin is set to (section 8.3.2), if it is set to one.
+    pub fn alternate(&self, pin: usize) -> Option<u32> {
+        let function = field(self.afr[pin / 8], 4 * (pin as u32 % 8), 4);
+        (field(self.moder, 2 * pin as u32, 2) == 0b10).then_some(function)
+    }
+
+    /// A reset of the port; the count of edges goes on, and so do the levels from outside.
     pub fn reset(&mut self, port: usize) {
         *self = Self {
             edges: self.edges,
+            wired: self.wired,
             ..Self::new(port)
         };
     }
 
     fn input(&self) -> u32 {
         (0..16).fold(0, |levels, pin| {
+            let wired = self.wired[pin as usize];
             let level = match (field(self.moder, 2 * pin, 2), field(self.pupdr, 2 * pin, 2)) {
                 (0b01, _) => field(self.odr, pin, 1),
+                (0b00 | 0b10, _) if wired.is_some() => wired.map_or(0, u32::from),
                 (0b00, 0b01) => 1,
                 _ => 0,
             };
@@ -129,6 +146,28 @@ mod tests {
         assert_eq!(port.read(0x10), Ok(0b10));
         port.write(0x18, 1).unwrap();
         assert_eq!(port.read(0x10), Ok(0b11));
+    }
+
+    #[test]
+    fn a_level_from_outside_is_read_by_inputs_and_goes_on_over_a_reset() {
+        let mut port = Gpio::new(2);
+        port.drive(3, true);
+        port.drive(4, false);
+        port.write(0x0c, 0b01 << 8).unwrap();
+        assert_eq!(port.read(0x10), Ok(1 << 3), "and the pull-up of PC4 is overcome");
+        port.reset(2);
+        assert_eq!(port.read(0x10), Ok(1 << 3));
+        port.write(0x00, 0b11 << 6).unwrap();
+        assert_eq!(port.read(0x10), Ok(0), "an analog pin reads low (section 8.3.12)");
+    }
+
+    #[test]
+    fn the_alternate_function_is_known_only_while_it_is_in_use() {
+        let mut port = Gpio::new(2);
+        port.write(0x24, 3 << 28).unwrap();
+        assert_eq!(port.alternate(15), None);
+        port.write(0x00, 0b10 << 30).unwrap();
+        assert_eq!((port.alternate(15), port.alternate(14)), (Some(3), None));
     }
 
     #[test]

@@ -19,6 +19,9 @@ const RESET_FLAGS: u32 = 0xfe00_0000;
 /// Brown-out, pin and power-on reset: the flags after power-up.
 const POWER_ON_FLAGS: u32 = 0x0e00_0000;
 
+/// A crystal is off by less than 0.1 %: limits are those of what it should be.
+const TOLERANCE: u32 = 1000;
+
 const HSION: u32 = 1 << 0;
 const HSEON: u32 = 1 << 16;
 const PLLON: u32 = 1 << 24;
@@ -260,8 +263,12 @@ impl Rcc {
             };
             let vco_input = input / field(self.pllcfgr, 0, 6).max(1);
             let vco = u64::from(vco_input) * u64::from(field(self.pllcfgr, 6, 9));
+            let within = |hz: u64, low: u64, high: u64| {
+                let off = u64::from(TOLERANCE);
+                (low - low / off..=high + high / off).contains(&hz)
+            };
             let good =
-                (1_000_000..=2_000_000).contains(&vco_input) && (100_000_000..=432_000_000).contains(&vco);
+                within(vco_input.into(), 1_000_000, 2_000_000) && within(vco, 100_000_000, 432_000_000);
             self.notes.note_if(
                 !good,
                 "the PLL is outside its range: VCO input 1-2 MHz, VCO 100-432 MHz",
@@ -277,8 +284,10 @@ impl Rcc {
         if self.cr & on != 0 {
             self.system_source = wanted;
         }
-        self.notes
-            .note_if(self.clocks().sysclk > 168_000_000, "SYSCLK is above 168 MHz");
+        self.notes.note_if(
+            self.clocks().sysclk > 168_000_000 + 168_000_000 / TOLERANCE,
+            "SYSCLK is above 168 MHz",
+        );
     }
 }
 
@@ -397,6 +406,17 @@ mod tests {
         rcc.write(0x04, 4 | 168 << 6 | 1 << 22).unwrap();
         rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
         assert_eq!(rcc.notes.iter().count(), 1);
+    }
+
+    #[test]
+    fn a_crystal_that_is_off_by_some_ppm_is_within_every_limit_and_seen_in_every_clock() {
+        let mut rcc = Rcc::new(8_000_400);
+        rcc.write(0x00, 0x83 | HSEON).unwrap();
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
+        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13).unwrap();
+        assert_eq!(rcc.clocks().timers1, 84_004_200, "50 ppm");
+        assert_eq!(rcc.notes.iter().count(), 0);
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! General-purpose timers TIM2 to TIM5 (RM0090 section 18): up-counting with update and compare events.
+//! General-purpose timers TIM2 to TIM5 (RM0090 section 18): up-counting with update and compare events, input capture,
+//! and a start by another timer.
 //!
 //! # Design
 //!
@@ -7,6 +8,9 @@
 //! numbers, and flags of the past are filled in when somebody looks. A new origin is made only where the reference
 //! manual makes counting start afresh: a write to the counter, UG, a clock change, or an update that loads a new
 //! prescaler or period.
+//!
+//! An edge at an input latches the counter at its very time. Silicon takes a clock or two to synchronise it, and the
+//! trigger of another timer too (sections 18.3.5, 18.3.15): the same every time, and not modelled.
 
 use super::{NoRegister, Notes, bit, clock, field};
 
@@ -17,6 +21,8 @@ const OPM: u32 = 1 << 3;
 const ARPE: u32 = 1 << 7;
 /// UIF, and UIE in DIER.
 const UPDATE: u32 = 1 << 0;
+/// TIF: the trigger came.
+const TRIGGER: u32 = 1 << 6;
 /// UIF, CC1IF..CC4IF, TIF: flags with an interrupt (section 18.4.4, 18.4.5).
 const FLAGS: u32 = 0x5f;
 const CHANNELS: usize = 4;
@@ -136,6 +142,81 @@ impl Tim {
         }
     }
 
+    /// The timer (TIM2 is 0) whose trigger output starts this one: slave mode *trigger* (section 18.4.3), not running yet.
+    pub fn waits_for(&self, this: usize) -> Option<usize> {
+        /// ITR0 to ITR3 (table 93), as far as they are timers modelled here.
+        const MASTERS: [[Option<usize>; 4]; 4] = [
+            [None, None, Some(1), Some(2)],
+            [None, Some(0), Some(3), Some(2)],
+            [None, Some(0), Some(1), None],
+            [Some(0), Some(1), Some(2), None],
+        ];
+        let master = MASTERS[this].get(field(self.smcr, 4, 3) as usize)?;
+        master.filter(|_| field(self.smcr, 0, 3) == 0b110 && self.cr1 & CEN == 0)
+    }
+
+    /// The trigger that it waited for came.
+    pub fn start(&mut self, at: u64) {
+        self.advance(at);
+        let count = self.count(at);
+        self.cr1 |= CEN;
+        self.sr |= TRIGGER;
+        self.start_afresh(at, count);
+    }
+
+    /// An edge at the pin of a channel (0 is the first), as it is wired: TI1 to TI4.
+    pub fn edge(&mut self, input: usize, rising: bool, at: u64) {
+        self.advance(at);
+        for channel in 0..CHANNELS {
+            if self.captures(channel, input, rising) {
+                let count = self.count(at);
+                self.ccr[channel] = Loaded::new(count);
+                // CCxOF: the flag before it has not been cleared (section 18.4.5).
+                self.sr |= ((self.sr >> (1 + channel)) & 1) << (9 + channel);
+                self.sr |= 2 << channel;
+            }
+        }
+    }
+
+    /// Whether an edge there would raise the interrupt line.
+    pub fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
+        let raises = |channel: &usize| bit(self.dier, 1 + *channel as u32);
+        let mut captured = (0..CHANNELS).filter(|channel| self.captures(*channel, input, rising));
+        !self.interrupt() && captured.any(|channel| raises(&channel))
+    }
+
+    /// Whether some edge would.
+    pub fn captures_interrupt(&self) -> bool {
+        let waits = |channel: usize| self.is_input(channel) && bit(self.dier, 1 + channel as u32);
+        !self.interrupt() && (0..CHANNELS).any(waits)
+    }
+
+    fn captures(&self, channel: usize, input: usize, rising: bool) -> bool {
+        let nibble = field(self.ccer, 4 * channel as u32, 4);
+        let polarity_fits = match (nibble >> 1) & 0b101 {
+            0b000 => rising,
+            0b001 => !rising,
+            // CCxNP and CCxP: both edges.
+            0b101 => true,
+            _ => false,
+        };
+        let selected = match self.selection(channel) {
+            0b01 => channel,
+            0b10 => channel ^ 1,
+            _ => return false,
+        };
+        nibble & 1 == 1 && polarity_fits && selected == input
+    }
+
+    /// CCxS: 0 is an output (section 18.4.7).
+    fn selection(&self, channel: usize) -> u32 {
+        field(self.ccmr[channel / 2], 8 * (channel as u32 % 2), 2)
+    }
+
+    fn is_input(&self, channel: usize) -> bool {
+        self.selection(channel) != 0
+    }
+
     /// Level of the interrupt line.
     pub fn interrupt(&self) -> bool {
         self.sr & self.dier & FLAGS != 0
@@ -149,7 +230,7 @@ impl Tim {
         }
         let update = (wanted & UPDATE != 0 && self.cr1 & UDIS == 0).then(|| self.update_after(self.seen));
         let compares = (0..CHANNELS)
-            .filter(|c| bit(wanted, 1 + *c as u32))
+            .filter(|c| bit(wanted, 1 + *c as u32) && !self.is_input(*c))
             .map(|c| self.compare_after(self.ccr[c].active, self.seen));
         // A load at the next update may move everything behind it: look again there.
         let reload = self.has_pending_load().then(|| self.update_after(self.seen));
@@ -199,7 +280,14 @@ impl Tim {
             0x24 => self.count(now),
             0x28 => self.psc.written,
             0x2c => self.arr.written,
-            0x34..=0x40 if offset.is_multiple_of(4) => self.ccr[(offset as usize - 0x34) / 4].written,
+            0x34..=0x40 if offset.is_multiple_of(4) => {
+                let channel = (offset as usize - 0x34) / 4;
+                // Reading what was captured clears its flag (section 18.4.5).
+                if self.is_input(channel) {
+                    self.sr &= !(2 << channel);
+                }
+                self.ccr[channel].written
+            }
             _ => return Err(NoRegister),
         })
     }
@@ -217,9 +305,10 @@ impl Tim {
             }
             0x08 => {
                 self.smcr = value & 0xfff7;
+                let started = matches!((field(value, 0, 3), field(value, 4, 3)), (0b110, 0b000..=0b011));
                 self.notes.note_if(
-                    value & 0x4007 != 0,
-                    "SMCR: slave modes and external clocks are not modelled",
+                    value & 0x4000 != 0 || (value & 7 != 0 && !started),
+                    "SMCR: of the slave modes only the start by another timer is modelled, of the external clocks none",
                 );
             }
             0x0c => {
@@ -232,14 +321,23 @@ impl Tim {
             0x14 => self.generate(value, now),
             0x18 | 0x1c => {
                 self.ccmr[(offset as usize - 0x18) / 4] = value & 0xffff;
-                self.notes
-                    .note_if(value & 0x0303 != 0, "CCMR: input capture is not modelled");
+                for half in [value, value >> 8] {
+                    self.notes.note_if(
+                        half & 3 != 0 && half & 0xfc != 0,
+                        "CCMR: input filters and prescalers are not modelled",
+                    );
+                    self.notes.note_if(
+                        half & 3 == 3,
+                        "CCMR: capture on the trigger input is not modelled",
+                    );
+                }
                 self.load_unbuffered();
             }
             0x20 => {
                 self.ccer = value & 0xbbbb;
-                self.notes
-                    .note_if(value & 0x1111 != 0, "CCER: compare outputs move no pin");
+                let outputs = (0..CHANNELS).filter(|channel| !self.is_input(*channel));
+                let on = outputs.fold(0, |on, channel| on | value & (1 << (4 * channel)));
+                self.notes.note_if(on != 0, "CCER: compare outputs move no pin");
             }
             0x24 => self.start_afresh(now, value & self.max),
             0x28 => self.psc.written = value & 0xffff,
@@ -252,8 +350,12 @@ impl Tim {
                 }
             }
             0x34..=0x40 if offset.is_multiple_of(4) => {
-                self.ccr[(offset as usize - 0x34) / 4].written = value & self.max;
-                self.load_unbuffered();
+                let channel = (offset as usize - 0x34) / 4;
+                // What was captured cannot be written (section 18.4.13).
+                if !self.is_input(channel) {
+                    self.ccr[channel].written = value & self.max;
+                    self.load_unbuffered();
+                }
             }
             _ => return Err(NoRegister),
         }
@@ -303,7 +405,7 @@ impl Tim {
     /// Compare values without preload (CCMRx.OCxPE clear) take effect at once.
     fn load_unbuffered(&mut self) {
         for channel in 0..CHANNELS {
-            if !self.preloads(channel) {
+            if self.is_input(channel) || !self.preloads(channel) {
                 self.ccr[channel].load();
             }
         }
@@ -410,7 +512,7 @@ impl Tim {
             self.sr |= UPDATE;
         }
         for channel in 0..CHANNELS {
-            if self.compare_after(self.ccr[channel].active, self.seen) <= to {
+            if !self.is_input(channel) && self.compare_after(self.ccr[channel].active, self.seen) <= to {
                 self.sr |= 2 << channel;
             }
         }
@@ -614,6 +716,102 @@ mod tests {
             tim.read(CNT, 60_000_000_000).unwrap(),
             (60u64 * 84_000_000 - (1 << 32)) as u32
         );
+    }
+
+    const CCER: u32 = 0x20;
+
+    /// Channel 1 captures its own input, with these bits of CCER.
+    fn capturing(ccer: u32) -> Tim {
+        let mut tim = Tim::new(32, 84_000_000);
+        tim.write(CCMR1, 0b01, 0).unwrap();
+        tim.write(CCER, ccer, 0).unwrap();
+        tim.write(CR1, CEN, 0).unwrap();
+        tim
+    }
+
+    #[test]
+    fn an_edge_latches_the_counter_and_reading_it_clears_the_flag() {
+        let mut tim = capturing(1);
+        tim.edge(0, true, 60_000_000_000);
+        assert_eq!(tim.read(SR, 60_000_100_000).unwrap() & 2, 2);
+        let expected = (60u64 * 84_000_000 - (1 << 32)) as u32;
+        assert_eq!(tim.read(CCR1, 60_000_100_000), Ok(expected), "of 32 bits");
+        assert_eq!(tim.read(SR, 60_000_100_000).unwrap() & 2, 0);
+        tim.write(CCR1, 5, 60_000_100_000).unwrap();
+        assert_eq!(tim.read(CCR1, 60_000_100_000), Ok(expected), "read-only");
+    }
+
+    #[test]
+    fn the_polarity_says_which_edges_count_and_a_channel_that_is_off_sees_none() {
+        let seen = |ccer: u32| {
+            [true, false].map(|rising| {
+                let mut tim = capturing(ccer);
+                tim.edge(0, rising, 1_000);
+                tim.edge(1, rising, 1_000);
+                tim.read(SR, 1_000).unwrap() == 2
+            })
+        };
+        assert_eq!(seen(0b0001), [true, false], "rising");
+        assert_eq!(seen(0b0011), [false, true], "falling");
+        assert_eq!(seen(0b1011), [true, true], "both");
+        assert_eq!(seen(0b1010), [false, false], "CC1E is clear");
+    }
+
+    #[test]
+    fn a_channel_may_take_its_neighbours_input() {
+        let mut tim = capturing(0);
+        tim.write(CCMR1, 0b10 << 8, 0).unwrap();
+        tim.write(CCER, 1 << 4, 0).unwrap();
+        tim.edge(0, true, 1_000);
+        assert_eq!((tim.read(SR, 1_000), tim.read(CCR1 + 4, 1_000)), (Ok(4), Ok(84)));
+    }
+
+    #[test]
+    fn a_second_edge_before_the_first_was_read_overwrites_it_and_is_told() {
+        let mut tim = capturing(1);
+        tim.edge(0, true, 1_000);
+        tim.edge(0, true, 2_000);
+        assert_eq!(tim.read(SR, 2_000), Ok(2 | 1 << 9));
+        assert_eq!(tim.read(CCR1, 2_000), Ok(168));
+        assert_eq!(
+            tim.read(SR, 2_000),
+            Ok(1 << 9),
+            "CC1OF is cleared by a write only"
+        );
+        tim.write(SR, !(1 << 9), 2_000).unwrap();
+        assert_eq!(tim.read(SR, 2_000), Ok(0));
+    }
+
+    #[test]
+    fn a_capture_interrupts_if_enabled_and_an_input_never_compares() {
+        let mut tim = capturing(1);
+        assert!(!tim.edge_interrupts(0, true));
+        tim.write(DIER, 2, 0).unwrap();
+        assert_eq!(
+            tim.next_interrupt(),
+            None,
+            "the counter passes CCR1, which is 0, unnoticed"
+        );
+        assert_eq!(
+            (tim.edge_interrupts(0, true), tim.edge_interrupts(0, false)),
+            (true, false)
+        );
+        tim.edge(0, true, 1_000);
+        assert!(tim.interrupt());
+        assert!(!tim.edge_interrupts(0, true), "the line is up already");
+    }
+
+    #[test]
+    fn a_timer_in_trigger_mode_starts_with_its_master_and_only_then() {
+        let mut tim2 = Tim::new(32, 84_000_000);
+        assert_eq!(tim2.waits_for(0), None);
+        tim2.write(0x08, 0b010 << 4 | 0b110, 0).unwrap();
+        assert_eq!(tim2.waits_for(0), Some(1), "ITR2 of TIM2 is TIM3");
+        assert_eq!(tim2.read(CNT, 5_000), Ok(0));
+        tim2.start(10_000);
+        assert_eq!((tim2.waits_for(0), tim2.read(SR, 10_000)), (None, Ok(TRIGGER)));
+        assert_eq!(tim2.read(CNT, 20_000), Ok(840));
+        assert_eq!(tim2.notes.iter().count(), 0);
     }
 
     #[test]
