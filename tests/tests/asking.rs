@@ -1,6 +1,7 @@
 //! `bead settings` and `bead command` as their users run them, on the flash image behind a socket.
 
 use std::fs;
+use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -36,7 +37,8 @@ fn behind_a_socket(run: &Emulation, ask: impl FnOnce(&str, &Path)) {
             let at = address.parse().unwrap_or_else(|error| panic!("{error}"));
             serve(&mut Bridge::new(run), &at, &stop)
         });
-        while !socket.exists() && !server.is_finished() {
+        // The path is there a moment before anybody listens.
+        while UnixStream::connect(&socket).is_err() && !server.is_finished() {
             thread::yield_now();
         }
         // The socket is there a moment before it is listened to.
