@@ -28,10 +28,6 @@ const ROOM: usize = DEPTH / 4;
 ///
 /// The representation is for speed: with a tag of a byte the rest is moved from one odd address to another, byte by byte.
 #[repr(u32)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is no heap to box it on, and most frames are waveforms"
-)]
 pub(crate) enum Record {
     /// A message that borrows nothing, or what is there for ever.
     Message(Message<'static>),

@@ -637,12 +637,12 @@ mod tests {
         assert_eq!(lines[6]["settings"], Value::Null);
         assert_eq!(lines[7]["outcome"], json!("store_full"));
         assert_eq!(
-            (&lines[9]["codes"], &lines[9]["first_time_s"]),
+            (&lines[8]["codes"], &lines[8]["first_time_s"]),
             (&json!([[7, 4095]]), &json!(2.0))
         );
-        assert_eq!(lines[10]["rejected_kind"], json!(3));
+        assert_eq!(lines[9]["rejected_kind"], json!(3));
         assert_eq!(
-            (&lines[11]["check"], &lines[11]["value"]),
+            (&lines[10]["check"], &lines[10]["value"]),
             (&json!("supply"), &json!(3300))
         );
         assert_eq!(

@@ -5,7 +5,6 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
 
 use bead::bridge::{Bridge, serve};
 use bead::cli::Cli;
@@ -41,8 +40,6 @@ fn behind_a_socket(run: &Emulation, ask: impl FnOnce(&str, &Path)) {
         while UnixStream::connect(&socket).is_err() && !server.is_finished() {
             thread::yield_now();
         }
-        // The socket is there a moment before it is listened to.
-        thread::sleep(Duration::from_millis(100));
         let asked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ask(&address, folder.path())));
         stop.store(true, Ordering::Relaxed);
         let served = server
