@@ -40,6 +40,7 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
     Ok(Bead {
         mass: model.mass(bead),
         intruder_mass: intruder.mass,
+        front_mass: 0.0,
         stiffness: intruder.stiffness,
         damping: intruder.damping,
         contact_stiffness: behind.stiffness,

@@ -24,6 +24,8 @@ pub struct Bead<T = f64> {
     pub mass: T,
     /// m, of the intruder, kg.
     pub intruder_mass: T,
+    /// Of what lies in front of the force sensor's crystal, kg: part of M that the force felt does not move.
+    pub front_mass: T,
     /// k, of the intruder's springs, N/m.
     pub stiffness: T,
     /// c, of the intruder's damping, N·s/m.
@@ -55,6 +57,8 @@ pub struct Coefficients<T> {
     pub damping: T,
     /// [`ReducedChain::intruder`](crate::reduced_chain::ReducedChain::intruder).
     pub intruder: T,
+    /// [`ReducedChain::host`](crate::reduced_chain::ReducedChain::host).
+    pub host: T,
     /// [`ReducedChain::energy`](crate::reduced_chain::ReducedChain::energy).
     pub predicted: T,
     /// [`Settings::incident`](crate::Settings::incident).
@@ -70,7 +74,8 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
     let number = |value: f64| T::from(value).expect("a float is made of any f64");
     let (um, nj) = (number(1e6), number(1e9)); // µm in a metre, nJ in a joule
     let dt = sample_rate_hz.recip();
-    let host_mass = bead.mass - bead.intruder_mass;
+    // What the force that is felt moves.
+    let host_mass = bead.mass - bead.intruder_mass - bead.front_mass;
 
     let phase = bead.stiffness / bead.damping * dt; // λ dt
     let decay = (-phase).exp(); // φ
@@ -82,7 +87,7 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
     let scale = number(256.0);
 
     // The host flies free behind the wave, so it is the reduced mass that rings: k = μ (ω² + β²), c = 2 μ β.
-    let reduced = bead.intruder_mass * host_mass / bead.mass;
+    let reduced = bead.intruder_mass * (bead.mass - bead.intruder_mass) / bead.mass;
     let ring_decay = bead.damping / (number(2.0) * reduced);
     let ring = bead.stiffness / reduced - ring_decay * ring_decay;
 
@@ -96,6 +101,7 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
         stiffness: number(4.0) * bead.stiffness / bead.intruder_mass * twelfth,
         damping: bead.damping / bead.intruder_mass * twelfth / dt,
         intruder: bead.intruder_mass / host_mass,
+        host: (bead.mass - host_mass) / host_mass,
         // c ẋ² dt of a velocity of 1 µm/sample.
         predicted: bead.damping / dt / (um * um) * nj,
         incident: number(SOLITARY_WAVE_ENERGY) * bead.contact_stiffness.powf(number(-2.0 / 3.0)) * nj,

@@ -30,6 +30,7 @@ impl Bead {
         Self {
             mass: 4.0 / 3.0 * PI * radius.powi(3) * density,
             intruder_mass: 3.7e-3,
+            front_mass: 0.0,
             stiffness: 3.95e5,
             damping: 12.0,
             contact_stiffness: 1.0 / (2.0 * theta) / (2.0 / radius).sqrt(),
@@ -238,6 +239,13 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
             expected: "below the bead's",
         });
     }
+    if !(0.0..bead.mass - bead.intruder_mass).contains(&bead.front_mass) {
+        return Err(DesignError::Input {
+            name: "front mass",
+            value: bead.front_mass,
+            expected: "0 or more, and below the host's",
+        });
+    }
 
     let dt = 1.0 / f64::from(capture.sample_rate_hz);
     let Coefficients {
@@ -250,6 +258,7 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         stiffness,
         damping,
         intruder,
+        host,
         predicted,
         incident,
         ring_frequency,
@@ -269,6 +278,7 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         stiffness: fix("stiffness", stiffness)?,
         damping: fix("damping", damping)?,
         intruder: fix("intruder", intruder)?,
+        host: fix("host", host)?,
         gate: Force::from_num(3.0 * force_noise),
         energy: fix("energy by velocity", predicted)?,
     };
@@ -280,6 +290,7 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         bead: Bead {
             mass: bead.mass as f32,
             intruder_mass: bead.intruder_mass as f32,
+            front_mass: bead.front_mass as f32,
             stiffness: bead.stiffness as f32,
             damping: bead.damping as f32,
             contact_stiffness: bead.contact_stiffness as f32,
@@ -389,6 +400,7 @@ mod tests {
         assert!(refused(|b| b.damping = 0.0).starts_with("intruder damping = 0"));
         assert!(refused(|b| b.mass = f64::NAN).starts_with("bead mass = NaN"));
         assert!(refused(|b| b.intruder_mass = 1.0).starts_with("intruder mass = 1"));
+        assert!(refused(|b| b.front_mass = 0.05).starts_with("front mass = 0.05"));
         assert!(refused(|b| b.stiffness = 1e12).starts_with("coefficient"));
     }
 }

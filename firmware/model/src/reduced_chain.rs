@@ -39,14 +39,17 @@ pub struct ReducedChain {
     pub contact: I0F32,
     /// 3τ/(2 dt): the relaxation time of the contacts, in samples, by 3/2.
     pub relaxation: I2F30,
-    /// 2^8/12 · dt²/(M - m): what the incoming force does to the host, µm/sample² per N.
+    /// 2^8/12 · dt²/M_h: what the incoming force does to the host, µm/sample² per N.
     pub incoming: I0F32,
     /// 2^2/12 · k dt²/m of the intruder.
     pub stiffness: I0F32,
     /// 1/12 · c dt/m of the intruder.
     pub damping: I0F32,
-    /// m/(M - m): what the intruder's springs do to the host; one more is what the contact behind it does.
+    /// m/M_h: what the intruder's springs do to the host. M_h is what the incoming force moves of it, M - m less what lies in
+    /// front of the sensor.
     pub intruder: I0F32,
+    /// M/M_h - 1: what the contact behind the host does to it more than to another bead.
+    pub host: I0F32,
     /// Forces below this are noise and taken for zero: they would be rectified by the contacts. Three standard deviations
     /// of the noise to be expected; a noise that is greater before the strike raises it.
     pub gate: Force,
@@ -161,6 +164,7 @@ impl ReducedChain {
             self.stiffness,
             self.damping,
             self.intruder,
+            self.host,
         ];
         coefficients.into_iter().all(|value| value >= I0F32::ZERO) && self.relaxation >= I2F30::ZERO
     }
@@ -199,8 +203,8 @@ impl ReducedChain {
                 self.incoming.to_bits(),
                 gated(gate, &mut silent, measured),
             ));
-            // M/(M - m) is 1 + m/(M - m).
-            let host = incoming - contact + high_rounded(self.intruder.to_bits(), springs - contact);
+            let host = incoming - contact + high_rounded(self.intruder.to_bits(), springs)
+                - high_rounded(self.host.to_bits(), contact);
             overlaps[0].advance(host - contact + behind, &mut watch);
             intruder.advance(-springs - host, &mut watch);
             watch.state(intruder.position);

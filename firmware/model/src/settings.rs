@@ -278,6 +278,7 @@ impl Settings {
             (chain.stiffness.to_num(), expected.stiffness, "stiffness"),
             (chain.damping.to_num(), expected.damping, "damping"),
             (chain.intruder.to_num(), expected.intruder, "intruder"),
+            (chain.host.to_num(), expected.host, "host"),
             (chain.energy.to_num(), expected.predicted, "energy by velocity"),
             (self.incident.to_num(), expected.incident, "incident energy"),
             (

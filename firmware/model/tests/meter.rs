@@ -227,7 +227,7 @@ proptest! {
 
     #[test]
     fn any_settings_that_validate_are_survived_with_any_codes(
-        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 20),
+        bits in prop::collection::vec(prop_oneof![any::<i32>(), Just(i32::MAX), Just(i32::MIN)], 21),
         codes in prop::collection::vec([0u16..4096, 0u16..4096, 0u16..4096, 0u16..4096], 600),
     ) {
         let mut bits = bits.into_iter();
@@ -255,6 +255,7 @@ proptest! {
             &mut chain.stiffness,
             &mut chain.damping,
             &mut chain.intruder,
+            &mut chain.host,
         ] {
             *coefficient = I0F32::from_bits(next(i32::MAX));
         }

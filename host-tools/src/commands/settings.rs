@@ -204,6 +204,10 @@ fn table(settings: &Settings) -> String {
         ("sample rate", format!("{rate} Hz")),
         ("bead with its intruder, M", format!("{:.4} g", bead.mass * 1e3)),
         ("intruder, m", format!("{:.4} g", bead.intruder_mass * 1e3)),
+        (
+            "in front of the force sensor",
+            format!("{:.4} g", bead.front_mass * 1e3),
+        ),
         ("its springs, k", format!("{:.4e} N/m", bead.stiffness)),
         ("its damping, c", format!("{:.4} N·s/m", bead.damping)),
         ("contacts, κ", format!("{:.5e} N/m^1.5", bead.contact_stiffness)),
