@@ -9,7 +9,9 @@
 
 use bead_model::calibration::{BASELINE, Channel};
 use bead_model::design::Bead;
+use bead_model::reduced_chain::FOOT;
 use bead_model::sensor::Sensor;
+use bead_model::window::noise_end;
 use bead_wire::{FINE_UNIT, FORCE_UNIT_N};
 use fixed::types::extra::LeEqU32;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
@@ -312,9 +314,20 @@ impl Chain {
             settings.chain.gate.to_num(),
             3.0 * FORCE_UNIT_N * f64::from(strike.said.force_noise),
         );
-        let gated: Vec<f64> = force
-            .iter()
-            .map(|&f| if f.abs() < gate { 0.0 } else { f })
+        // The bead looks at forces from the foot of the wave on, and takes them for noise when some in a row were.
+        let foot = usize::from(noise_end(settings));
+        let mut silent = 0;
+        let gated: Vec<f64> = (0..)
+            .zip(&force)
+            .map(|(sample, &force)| {
+                let quiet = sample >= foot && force.abs() < gate;
+                silent = if quiet { silent + 1 } else { 0 };
+                if sample < foot || silent > FOOT {
+                    0.0
+                } else {
+                    force
+                }
+            })
             .collect();
         let measured = f64_estimators::measured(&self.physics, &acceleration, rate);
         let predicted = f64_estimators::predicted(&self.physics, &gated, rate);

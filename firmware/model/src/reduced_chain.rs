@@ -26,7 +26,7 @@ use fixed::types::{I0F32, I2F30};
 use serde::{Deserialize, Serialize};
 
 /// Samples below the gate that still belong to a pulse.
-const FOOT: u16 = 64;
+pub const FOOT: u16 = 64;
 
 /// Beads behind the host in the reduced chain.
 pub const FOLLOWERS: usize = 4;

@@ -311,7 +311,7 @@ impl Window {
 }
 
 /// Samples up to which there is noise only: whole pieces, [`LEAD`] samples before the trigger.
-fn noise_end(settings: &Settings) -> u16 {
+pub fn noise_end(settings: &Settings) -> u16 {
     (settings.window.history - LEAD) / PIECE as u16 * PIECE as u16
 }
 
