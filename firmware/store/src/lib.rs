@@ -8,7 +8,7 @@
 //! lies in it: the core stands still for one or two seconds, longer than the watchdog, the time driver and the
 //! ring of the converter bear. So a sector is erased by [`Store::open`] alone, at start-up, when nobody waits for
 //! samples, and leaves room for one block at least. A write that finds none is refused as [`StoreError::Full`], and the next
-//! start makes some. A sector of 128 KiB takes 1300 blocks of 90 bytes.
+//! start makes some. A sector of 128 KiB takes some 725 blocks of 170 bytes.
 //!
 //! Programming a word takes some 16 µs, so a write costs about a millisecond.
 #![no_std]
