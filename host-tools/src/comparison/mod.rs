@@ -2,6 +2,7 @@
 
 pub mod f64_estimators;
 pub mod page;
+pub mod pictures;
 pub mod replay;
 pub mod strike;
 #[cfg(test)]

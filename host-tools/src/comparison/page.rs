@@ -4,12 +4,13 @@ use std::fmt::Write;
 
 use bead_model::settings::Settings;
 use bead_wire::{Counters, SettingsSource, Status};
+use hertz_figures::chart::{STYLE, escape};
+use hertz_figures::error::Error;
 
 use crate::bench::emulation::EmulatorReport;
-use crate::cli::failure::Failure;
-use crate::comparison::strike::{Absorbed, Sensed, StrikeComparison, Traces, Values};
+use crate::comparison::pictures::{residual_chart, strike_chart};
+use crate::comparison::strike::{StrikeComparison, Values};
 use crate::recording::frames::{Identity, reset_causes};
-use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, STYLE, Scale, Series, WIDTH, escape};
 
 /// What a report tells.
 #[derive(Debug)]
@@ -34,178 +35,6 @@ pub struct Report<'a> {
     pub settings: Option<&'a Settings>,
     /// What the emulator measured, for a run in it.
     pub emulator: Option<&'a EmulatorReport>,
-}
-
-/// What the sensors delivered and what came of it, over one time axis: the picture of a strike.
-pub fn strike_chart(traces: &Traces) -> Chart {
-    let sensed = |points: &[Sensed], y_label: &str, [simulated, sensed]: [&str; 2]| Panel {
-        y_label: y_label.to_owned(),
-        height: 165,
-        series: vec![
-            series(
-                simulated,
-                Ink::Chain,
-                Mark::Broad,
-                points.iter().map(|p| (p.time, p.simulated)),
-                1.0,
-            ),
-            series(
-                sensed,
-                Ink::Sensed,
-                Mark::Dots,
-                points.iter().map(|p| (p.time, p.sensed)),
-                1.0,
-            ),
-        ],
-        ..Panel::default()
-    };
-    let chain = traces.f64_samples[1].iter().map(|p| (p.time, p.chain));
-    let [measured, predicted] = traces.device.each_ref().map(|curve| energies(curve));
-    let absorbed = vec![
-        series("", Ink::Chain, Mark::Broad, chain, 1e9),
-        series(
-            "A, measured by the acceleration",
-            Ink::Measured,
-            Mark::Rings,
-            measured,
-            1e9,
-        ),
-        series(
-            "B, predicted from the force",
-            Ink::Predicted,
-            Mark::Discs,
-            predicted,
-            1e9,
-        ),
-    ];
-    Chart {
-        description:
-            "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time"
-                .to_owned(),
-        x: time_axis(traces),
-        width: WIDTH,
-        panels: vec![
-            sensed(&traces.force, "force (N)", ["simulated", "sensed by the bead"]),
-            sensed(&traces.acceleration, "acceleration (m/s²)", ["", ""]),
-            Panel {
-                y_label: "absorbed energy (nJ)".to_owned(),
-                height: 230,
-                series: absorbed,
-                ..Panel::default()
-            },
-        ],
-    }
-}
-
-/// What is left when the simulation is taken away.
-pub fn residual_chart(traces: &Traces) -> Chart {
-    let residual = |points: &[Sensed], name: &str, y_label: &str, scale: f64| Panel {
-        y_label: y_label.to_owned(),
-        height: 140,
-        series: vec![series(
-            name,
-            Ink::Sensed,
-            Mark::Dots,
-            points.iter().map(|p| (p.time, p.sensed - p.simulated)),
-            scale,
-        )],
-        ..Panel::default()
-    };
-    let last = traces.f64_samples[1].last().map_or(1.0, |last| last.chain);
-    let off = |points: &[Absorbed]| {
-        points
-            .iter()
-            .map(|p| (p.time, p.estimate - p.chain))
-            .collect::<Vec<_>>()
-    };
-    let mut absorbed = Vec::new();
-    for (which, ink, name) in [(0, Ink::Measured, "A"), (1, Ink::Predicted, "B")] {
-        let f64_name = format!("{name}, f64");
-        absorbed.push(series(
-            &f64_name,
-            ink,
-            Mark::Dashed,
-            off(&traces.f64_samples[which]),
-            100.0 / last,
-        ));
-        absorbed.push(series(
-            &format!("{name}, replay"),
-            ink,
-            Mark::Line,
-            off(&traces.replay[which]),
-            100.0 / last,
-        ));
-        let mark = if which == 0 { Mark::Rings } else { Mark::Discs };
-        absorbed.push(series(
-            &format!("{name}, bead"),
-            ink,
-            mark,
-            off(&traces.device[which]),
-            100.0 / last,
-        ));
-    }
-    Chart {
-        description:
-            "What remains of force, acceleration and absorbed energy when the simulation is subtracted"
-                .to_owned(),
-        x: time_axis(traces),
-        width: WIDTH,
-        panels: vec![
-            residual(&traces.force, "sensed − simulated force", "force (mN)", 1e3),
-            residual(
-                &traces.acceleration,
-                "sensed − simulated acceleration",
-                "acceleration (m/s²)",
-                1.0,
-            ),
-            Panel {
-                y_label: "energy (% of final)".to_owned(),
-                height: 230,
-                series: absorbed,
-                ..Panel::default()
-            },
-        ],
-    }
-}
-
-fn time_axis(traces: &Traces) -> Axis {
-    Axis {
-        label: "time since the striker hit (ms)".to_owned(),
-        range: x_range(traces),
-        scale: Scale::Linear,
-    }
-}
-
-fn x_range(traces: &Traces) -> (f64, f64) {
-    let ends = (traces.force.first(), traces.force.last());
-    let (Some(first), Some(last)) = ends else {
-        return (0.0, 1.0);
-    };
-    (first.time * 1e3, last.time * 1e3)
-}
-
-/// A curve over milliseconds, its values scaled to the axis.
-fn series(
-    name: &str,
-    ink: Ink,
-    mark: Mark,
-    points: impl IntoIterator<Item = (f64, f64)>,
-    scale: f64,
-) -> Series {
-    let points = points
-        .into_iter()
-        .map(|(time, value)| (time * 1e3, value * scale))
-        .collect();
-    Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points,
-    }
-}
-
-fn energies(points: &[Absorbed]) -> Vec<(f64, f64)> {
-    points.iter().map(|point| (point.time, point.estimate)).collect()
 }
 
 const PAGE_STYLE: &str = "\
@@ -242,7 +71,7 @@ impl Report<'_> {
     ///
     /// # Errors
     /// A chart cannot be drawn.
-    pub fn html(&self) -> Result<String, Failure> {
+    pub fn html(&self) -> Result<String, Error> {
         let mut body = String::new();
         self.head(&mut body);
         self.agreement(&mut body);
