@@ -7,8 +7,8 @@ use bead_model::reduced_chain::FOLLOWERS;
 use hertz_chain::{Options, Sampler, Scenario, Solution, simulate};
 use serde::{Deserialize, Serialize};
 
+use crate::bench::error::BenchError;
 use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
-use crate::cli::failure::Failure;
 
 /// Seconds simulated beyond the scenario's end, so that the intruder's ring-down is complete in every window.
 pub const RING_DOWN: f64 = 6e-3;
@@ -17,11 +17,11 @@ pub const RING_DOWN: f64 = 6e-3;
 ///
 /// # Errors
 /// The bead has no intruder, and so senses nothing; the message names those that have one.
-pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
+pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     let model = solution.model();
     let Some(intruder) = model.resonators().iter().find(|resonator| resonator.bead == bead) else {
         let with: Vec<String> = model.resonators().iter().map(|r| r.bead.to_string()).collect();
-        return Err(Failure::input(if with.is_empty() {
+        return Err(BenchError::Unfit(if with.is_empty() {
             format!("--bead {bead}: no bead of this scenario has an intruder; add an [[intruder]] to it")
         } else {
             format!(
@@ -31,7 +31,7 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
         }));
     };
     if bead + 1 == model.bodies() {
-        return Err(Failure::input(format!(
+        return Err(BenchError::Unfit(format!(
             "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
         )));
     }
@@ -73,7 +73,7 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<Stri
 ///
 /// # Errors
 /// There is none, or more than one.
-pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
+pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
     let hosts: Vec<usize> = scenario
         .intruders
         .iter()
@@ -81,10 +81,10 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
         .collect();
     match hosts[..] {
         [host] => Ok(host),
-        [] => Err(Failure::input(
-            "no bead of this scenario has an intruder; add an [[intruder]] to it",
+        [] => Err(BenchError::Unfit(
+            "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
         )),
-        _ => Err(Failure::input(format!(
+        _ => Err(BenchError::Unfit(format!(
             "several beads have intruders ({hosts:?}); say which with --bead"
         ))),
     }
@@ -94,10 +94,10 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
 ///
 /// # Errors
 /// The file is missing or is no scenario; the message names file, line and key.
-pub fn load_scenario(path: &Path) -> Result<(Scenario, String), Failure> {
-    let scenario = Scenario::load(path).map_err(Failure::input)?;
+pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
+    let scenario = Scenario::load(path)?;
     let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))?;
+        .map_err(|error| BenchError::Unfit(format!("cannot read {}: {error}", path.display())))?;
     Ok((scenario, text))
 }
 
@@ -105,12 +105,12 @@ pub fn load_scenario(path: &Path) -> Result<(Scenario, String), Failure> {
 ///
 /// # Errors
 /// The scenario cannot be integrated.
-pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, Failure> {
+pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchError> {
     let options = Options {
         duration: Some(scenario.duration + RING_DOWN),
         ..Options::default()
     };
-    simulate(scenario, &options).map_err(Failure::input)
+    Ok(simulate(scenario, &options)?)
 }
 
 /// What the full chain says of one strike at one bead.
@@ -127,7 +127,7 @@ impl Truth {
     ///
     /// # Errors
     /// The bead has no intruder, or no force ever reaches it.
-    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, Failure> {
+    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, BenchError> {
         bead_of(solution, bead)?;
         let summary = solution.summary();
         let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
@@ -137,7 +137,7 @@ impl Truth {
                 peak_force: peak.force,
                 absorbed,
             }),
-            _ => Err(Failure::input(format!(
+            _ => Err(BenchError::Unfit(format!(
                 "no force reaches bead {bead} within {} s; make the scenario's duration longer",
                 scenario.duration
             ))),
@@ -236,7 +236,6 @@ mod tests {
         scenario.intruders[0].beads = vec![4, 9];
         let solution = simulate(&scenario, &Options::default()).unwrap();
         let error = bead_of(&solution, 5).unwrap_err();
-        assert_eq!(error.exit_status(), 2);
         assert!(error.to_string().contains("one of: 4, 9"), "{error}");
         scenario.intruders.clear();
         let solution = simulate(&scenario, &Options::default()).unwrap();

@@ -4,6 +4,8 @@ pub mod f64_estimators;
 pub mod page;
 pub mod pictures;
 pub mod replay;
+pub mod run;
 pub mod strike;
 #[cfg(test)]
 pub(crate) mod testing;
+pub mod verdict;

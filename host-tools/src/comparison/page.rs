@@ -9,12 +9,12 @@ use hertz_figures::error::Error;
 
 use crate::bench::emulation::EmulatorReport;
 use crate::comparison::pictures::{residual_chart, strike_chart};
-use crate::comparison::strike::{StrikeComparison, Values};
+use crate::comparison::strike::{StrikeComparison, percent};
 use crate::recording::frames::{Identity, reset_causes};
 
-/// What a report tells.
+/// What the page shows.
 #[derive(Debug)]
-pub struct Report<'a> {
+pub struct Page<'a> {
     /// The scenario's title.
     pub title: &'a str,
     /// The recording's name.
@@ -66,7 +66,7 @@ border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
 details summary{cursor:pointer;color:var(--faint)}\
 @media print{main{max-width:none}}";
 
-impl Report<'_> {
+impl Page<'_> {
     /// The page.
     ///
     /// # Errors
@@ -184,45 +184,19 @@ impl Report<'_> {
                     strike.strike, strike.sample_index,
                 ),
             );
-            type Of = fn(&Values) -> f64;
-            let rows: [(&str, Of, f64, usize, Option<f64>); 3] = [
-                (
-                    "A, measured (nJ)",
-                    |v| v.absorbed_measured,
-                    1e9,
-                    2,
-                    Some(strike.goal.absorbed_measured),
-                ),
-                (
-                    "B, predicted (nJ)",
-                    |v| v.absorbed_predicted,
-                    1e9,
-                    2,
-                    Some(strike.goal.absorbed_predicted),
-                ),
-                ("peak force (N)", |v| v.peak_force, 1.0, 4, None),
-            ];
-            for (name, of, scale, digits, goal) in rows {
-                let cell = |values: Option<Values>| {
-                    values.map_or_else(
-                        || "–".to_owned(),
-                        |values| format!("{:.digits$}", of(&values) * scale),
-                    )
-                };
-                let off = of(&strike.deviation);
-                let met = goal.map(|goal| off.abs() <= goal);
-                let class = met.map_or("", |met| if met { "pass" } else { "fail" });
+            for row in strike.rows() {
+                let class = row.met().map_or("", |met| if met { "pass" } else { "fail" });
+                let [device, replay, f64_samples, f64_chain] =
+                    row.cells.map(|cell| cell.unwrap_or_else(|| "–".to_owned()));
                 push(
                     out,
                     format_args!(
-                        "<tr><td>{name}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"{class}\">{}</td>\
-                     <td>{}</td></tr>",
-                        cell(Some(strike.device)),
-                        cell(strike.replay),
-                        cell(strike.f64_samples),
-                        cell(Some(strike.f64_chain)),
-                        percent(off),
-                        goal.map_or_else(|| "–".to_owned(), |goal| format!("±{:.1} %", goal * 100.0)),
+                        "<tr><td>{}</td><td>{device}</td><td>{replay}</td><td>{f64_samples}</td><td>{f64_chain}</td>\
+                         <td class=\"{class}\">{}</td><td>{}</td></tr>",
+                        row.name,
+                        percent(row.off),
+                        row.goal
+                            .map_or_else(|| "–".to_owned(), |goal| format!("±{:.1} %", goal * 100.0)),
                     ),
                 );
             }
@@ -249,18 +223,7 @@ impl Report<'_> {
              period; the core at 168 MHz has 1680 cycles.</p><div class=\"scroll\"><table><tbody>"
             ),
         );
-        let per_sample = emulator.instructions_per_sample;
-        for (name, count) in [
-            ("estimate A, observer", per_sample.observer),
-            ("estimate B, reduced chain", per_sample.reduced_chain),
-            ("calibration, peaks, chunks of a window", per_sample.window),
-            ("frames, by sample of a window", per_sample.framing),
-            ("trigger", per_sample.trigger),
-            ("everything, while a strike is measured", per_sample.total),
-            ("everything, in the busiest block", per_sample.worst_block),
-            ("everything, while none is measured", per_sample.idle),
-            ("everything, over the whole run", Some(per_sample.run)),
-        ] {
+        for (name, count) in emulator.instructions_per_sample.rows() {
             let Some(count) = count else { continue };
             let part = count / available * 100.0;
             push(
@@ -413,21 +376,16 @@ fn push(out: &mut String, text: std::fmt::Arguments<'_>) {
     let _ = out.write_fmt(text);
 }
 
-/// A deviation in percent, signed, with a true minus.
-pub fn percent(part: f64) -> String {
-    format!("{:+.3} %", part * 100.0).replace('-', "−")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::strike::Chain;
+    use crate::comparison::strike::FullChain;
     use crate::comparison::testing::{paper_scenario, recorded_strike};
 
     fn page(failure: Option<&str>) -> String {
         let strike = recorded_strike();
-        let comparison = Chain::run(&paper_scenario(), 8).unwrap().compare(&strike);
-        let report = Report {
+        let comparison = FullChain::run(&paper_scenario(), 8).unwrap().compare(&strike);
+        let page = Page {
             title: "One <absorber> & more",
             recording: "bead-8.mcap",
             bead: 8,
@@ -439,7 +397,7 @@ mod tests {
             settings: strike.settings.as_ref(),
             emulator: None,
         };
-        report.html().unwrap()
+        page.html().unwrap()
     }
 
     #[test]

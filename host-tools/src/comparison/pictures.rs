@@ -2,12 +2,12 @@
 
 use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
-use crate::comparison::strike::{Absorbed, Sensed, Traces};
+use crate::comparison::strike::{AbsorbedPoint, SensedPoint, Traces};
 
 /// Force, acceleration and absorbed energy of a strike over one time axis.
 pub fn strike_chart(traces: &Traces) -> Chart {
-    let sensed = |points: &[Sensed], y_label: &str, [simulated, sensed]: [&str; 2]| {
-        let of = |value: fn(&Sensed) -> f64| points.iter().map(move |point| (point.time, value(point)));
+    let sensed = |points: &[SensedPoint], y_label: &str, [simulated, sensed]: [&str; 2]| {
+        let of = |value: fn(&SensedPoint) -> f64| points.iter().map(move |point| (point.time, value(point)));
         let curves = vec![
             series(
                 simulated,
@@ -57,7 +57,7 @@ pub fn strike_chart(traces: &Traces) -> Chart {
 
 /// The same three, the simulation subtracted.
 pub fn residual_chart(traces: &Traces) -> Chart {
-    let residual = |points: &[Sensed], name: &str, y_label: &str, scale: f64| {
+    let residual = |points: &[SensedPoint], name: &str, y_label: &str, scale: f64| {
         let off = points
             .iter()
             .map(|point| (point.time, point.sensed - point.simulated));
@@ -74,7 +74,7 @@ pub fn residual_chart(traces: &Traces) -> Chart {
             ("replay", Mark::Line, &traces.replay),
             ("bead", device, &traces.device),
         ] {
-            let error = |point: &Absorbed| (point.time, point.estimate - point.chain);
+            let error = |point: &AbsorbedPoint| (point.time, point.estimate - point.chain);
             let points = curves[which].iter().map(error);
             absorbed.push(series(
                 &format!("{estimate}, {by}"),

@@ -6,3 +6,4 @@ pub mod frames;
 pub mod received;
 pub mod strikes;
 pub mod time_series;
+pub mod whole;

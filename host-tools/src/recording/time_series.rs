@@ -13,8 +13,25 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
-use crate::cli::failure::Failure;
-use crate::cli::output;
+use crate::recording::whole::{WriteError, write_whole};
+
+/// Why a time series is not written.
+#[derive(Debug, thiserror::Error)]
+pub enum TimeSeriesError {
+    /// A rate that gives no second row, or too many.
+    #[error("--rate {rate_hz}: gives {rows:.0} rows over {end} s; give a rate in Hz, such as 1e6")]
+    Rate {
+        /// Rows a second, Hz.
+        rate_hz: f64,
+        /// Rows in all.
+        rows: f64,
+        /// The end of the simulation, s.
+        end: f64,
+    },
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
 
 /// Rows held in memory at a time.
 const ROW_GROUP: usize = 8192;
@@ -74,18 +91,21 @@ fn columns(solution: &Solution) -> Vec<Column> {
 ///
 /// # Errors
 /// A rate that is no positive number or gives no second row, or a file that cannot be written.
-pub fn write(scenario: &Scenario, solution: &Solution, rate_hz: f64, path: &Path) -> Result<(), Failure> {
+pub fn write(
+    scenario: &Scenario,
+    solution: &Solution,
+    rate_hz: f64,
+    path: &Path,
+) -> Result<(), TimeSeriesError> {
     let rows = solution.end() * rate_hz;
     if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
-        return Err(Failure::input(format!(
-            "--rate {rate_hz}: gives {rows:.0} rows over {} s; give a rate in Hz, such as 1e6",
-            solution.end()
-        )));
+        let end = solution.end();
+        return Err(TimeSeriesError::Rate { rate_hz, rows, end });
     }
     // The last row may fall on the end to within rounding.
     let rows = (rows * (1.0 + 1e-12)).floor() as usize + 1;
     let columns = columns(solution);
-    output::write_whole(path, |file| {
+    Ok(write_whole(path, |file| {
         let fields: String = columns
             .iter()
             .map(|c| format!("REQUIRED DOUBLE {}; ", c.name))
@@ -124,7 +144,7 @@ pub fn write(scenario: &Scenario, solution: &Solution, rate_hz: f64, path: &Path
         }
         writer.close()?;
         Ok(())
-    })
+    })?)
 }
 
 #[cfg(test)]
@@ -176,7 +196,7 @@ mod tests {
         let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
             let error = write(&scenario, &solution, rate, Path::new("never.parquet")).unwrap_err();
-            assert_eq!(error.exit_status(), 2);
+            assert!(matches!(error, TimeSeriesError::Rate { .. }), "{error}");
         }
     }
 }
