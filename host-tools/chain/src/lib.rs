@@ -1,7 +1,6 @@
 #![doc = include_str!("../README.md")]
 
 mod absorption;
-mod check;
 mod collision;
 mod dop853;
 mod fit;
@@ -25,7 +24,6 @@ mod split;
 mod transmission;
 
 pub use absorption::Absorption;
-pub use check::ScenarioError;
 pub use collision::Collision;
 pub use fit::FitError;
 pub use flow::{Flow, Passed};
@@ -37,7 +35,7 @@ pub use oscillator::{Oscillator, OscillatorFit, fit_response, fit_ring_down};
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
-pub use scenario::{Chain, ContactForce, Intruder, Scenario, Section, Striker, Wall};
+pub use scenario::{Chain, ContactForce, Intruder, Scenario, ScenarioError, Section, Striker, Wall};
 pub use shaker::{Shaken, Sweep};
 pub use signal::Signal;
 pub use simulate::{Accuracy, Options, SimulateError, simulate};

@@ -21,9 +21,8 @@ use serde::Serialize;
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
 use crate::absorption::Absorption;
-use crate::check::{MOST_BEADS, ScenarioError};
 use crate::model::Model;
-use crate::scenario::{Intruder, Scenario};
+use crate::scenario::{Intruder, MOST_BEADS, Scenario, ScenarioError};
 use crate::simulate::{Accuracy, Options, SimulateError, simulate};
 
 /// What to look for, and where. [`Search::new`] sets bounds that suit the chain.

@@ -2,10 +2,9 @@
 
 use std::time::Instant;
 
-use crate::check::ScenarioError;
 use crate::dop853::{Dense, Stepper, Stuck, crossing};
 use crate::model::Model;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, ScenarioError};
 use crate::solution::Solution;
 
 /// How closely the integration follows the equations.

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
 
-use crate::scenario::Scenario;
+use super::tables::Scenario;
 
 /// What is wrong with a scenario: where, what, and what would do. Its text is one line.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,0 +1,221 @@
+//! What is to be simulated: chain, striker, intruders, in SI units.
+
+use serde::{Deserialize, Serialize};
+
+use super::check::{self, ScenarioError};
+
+/// One strike on one chain. All in SI units; beads are counted from 1, the striker is body 0.
+///
+/// Read from TOML with [`Scenario::from_toml`] or [`Scenario::load`], or built in code and checked with [`Scenario::check`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// What the scenario is about, for people.
+    #[serde(default)]
+    pub title: String,
+    /// Time simulated after the striker touches the first bead, s.
+    pub duration: f64,
+    /// The beads.
+    pub chain: Chain,
+    /// What hits bead 1.
+    pub striker: Striker,
+    /// What the last bead leans on; without it the far end is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wall: Option<Wall>,
+    /// Resonators inside beads.
+    #[serde(default, rename = "intruder", skip_serializing_if = "Vec::is_empty")]
+    pub intruders: Vec<Intruder>,
+    /// Beads unlike the rest.
+    #[serde(default, rename = "section", skip_serializing_if = "Vec::is_empty")]
+    pub sections: Vec<Section>,
+}
+
+/// The beads of the chain, alike but for what [`Section`]s say.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chain {
+    /// How many.
+    pub beads: usize,
+    /// Radius, m.
+    pub radius: f64,
+    /// Density, kg/m³.
+    pub density: f64,
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Viscoelastic relaxation time τ of the contacts, s; 0 is elastic.
+    pub relaxation: f64,
+    /// What becomes of a total contact force below zero.
+    #[serde(default)]
+    pub contact_force: ContactForce,
+    /// Static load F₀ that presses the chain together from before the strike, N: it pushes bead 1 forwards, and the last bead
+    /// back unless there is a wall to do so, at all times. The striker touches bead 1 without force.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub precompression: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+/// What becomes of a total contact force below zero, which the viscous term can make while beads part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ContactForce {
+    /// Kept, as the paper prints its equation: parting beads may pull a little.
+    #[default]
+    Printed,
+    /// Never below zero (LAMMPS calls this `limit_damping`).
+    Clipped,
+}
+
+/// The sphere that hits bead 1 at t = 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Striker {
+    /// Radius, m.
+    pub radius: f64,
+    /// Density, kg/m³.
+    pub density: f64,
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Speed at t = 0, m/s.
+    pub velocity: f64,
+    /// Mass, kg; without it the mass of a full sphere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// Relaxation time of its contact, s; without it that of bead 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<f64>,
+}
+
+/// A body behind the last bead that does not move.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Radius, m; without it the wall is flat.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
+    /// Relaxation time of its contact, s; without it that of the last bead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<f64>,
+}
+
+/// A mass on a spring and damper inside each of some beads. Its mass is part of the bead's, not added to it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Intruder {
+    /// The host beads.
+    pub beads: Vec<usize>,
+    /// Mass m, kg.
+    pub mass: f64,
+    /// Stiffness k, N/m.
+    pub stiffness: f64,
+    /// Damping c, N·s/m.
+    pub damping: f64,
+}
+
+/// Beads unlike the rest: what is given here replaces what [`Chain`] says.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Section {
+    /// The beads.
+    pub beads: Vec<usize>,
+    /// Radius, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
+    /// Density, kg/m³.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
+    /// Young's modulus, Pa.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub young: Option<f64>,
+    /// Poisson's ratio.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub poisson: Option<f64>,
+    /// Relaxation time, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<f64>,
+}
+
+/// What a sphere is made of and how large it is, after sections have had their say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sphere {
+    pub(crate) radius: f64,
+    pub(crate) density: f64,
+    pub(crate) young: f64,
+    pub(crate) poisson: f64,
+    pub(crate) relaxation: f64,
+}
+
+impl Sphere {
+    pub(crate) fn mass(&self) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3) * self.density
+    }
+}
+
+impl Scenario {
+    /// Reads and checks a scenario; `file` is what messages call it.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] with file, line, key, what is wrong and what would do.
+    pub fn from_toml(text: &str, file: &str) -> Result<Self, ScenarioError> {
+        check::read(text, file)
+    }
+
+    /// Reads and checks a scenario file.
+    ///
+    /// # Errors
+    /// As [`Scenario::from_toml`], and when the file cannot be read.
+    pub fn load(path: impl AsRef<std::path::Path>) -> Result<Self, ScenarioError> {
+        let path = path.as_ref();
+        let file = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|error| ScenarioError::unreadable(&file, &error))?;
+        Self::from_toml(&text, &file)
+    }
+
+    /// The scenario as TOML, for [`Scenario::from_toml`] to read: equal to the last digit.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("tables, numbers and strings are TOML")
+    }
+
+    /// Checks every value of a scenario built in code.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] without file and line.
+    pub fn check(&self) -> Result<(), ScenarioError> {
+        check::values(self).map_err(ScenarioError::of)
+    }
+
+    /// Beads 1 to N of the chain, at index 0 to N - 1.
+    pub(crate) fn spheres(&self) -> Vec<Sphere> {
+        let chain = &self.chain;
+        let plain = Sphere {
+            radius: chain.radius,
+            density: chain.density,
+            young: chain.young,
+            poisson: chain.poisson,
+            relaxation: chain.relaxation,
+        };
+        let mut spheres = vec![plain; chain.beads];
+        for section in &self.sections {
+            for bead in &section.beads {
+                spheres[bead - 1] = Sphere {
+                    radius: section.radius.unwrap_or(plain.radius),
+                    density: section.density.unwrap_or(plain.density),
+                    young: section.young.unwrap_or(plain.young),
+                    poisson: section.poisson.unwrap_or(plain.poisson),
+                    relaxation: section.relaxation.unwrap_or(plain.relaxation),
+                };
+            }
+        }
+        spheres
+    }
+}
