@@ -35,7 +35,9 @@ pub use oscillator::{Oscillator, OscillatorFit, fit_response, fit_ring_down};
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
-pub use scenario::{Chain, ContactForce, Intruder, Scenario, ScenarioError, Section, Striker, Wall};
+pub use scenario::{
+    Chain, ContactForce, InputError, Intruder, Scenario, Section, Striker, TomlFile, Wall, text_of,
+};
 pub use shaker::{Shaken, Sweep};
 pub use signal::Signal;
 pub use simulate::{Accuracy, Options, SimulateError, simulate};

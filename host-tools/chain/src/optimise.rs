@@ -22,7 +22,7 @@ use slsqp::{FailStatus, StopTols, SuccessStatus};
 
 use crate::absorption::Absorption;
 use crate::model::Model;
-use crate::scenario::{Intruder, MOST_BEADS, Scenario, ScenarioError};
+use crate::scenario::{InputError, Intruder, MOST_BEADS, Scenario};
 use crate::simulate::{Accuracy, Options, SimulateError, simulate};
 
 /// What to look for, and where. [`Search::new`] sets bounds that suit the chain.
@@ -118,8 +118,8 @@ pub enum OptimiseError {
     },
 }
 
-impl From<ScenarioError> for OptimiseError {
-    fn from(error: ScenarioError) -> Self {
+impl From<InputError> for OptimiseError {
+    fn from(error: InputError) -> Self {
         Self::Simulate(error.into())
     }
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use crate::dop853::{Dense, Stepper, Stuck, crossing};
 use crate::model::Model;
-use crate::scenario::{Scenario, ScenarioError};
+use crate::scenario::{InputError, Scenario};
 use crate::solution::Solution;
 
 /// How closely the integration follows the equations.
@@ -66,7 +66,7 @@ impl std::fmt::Debug for Options<'_> {
 pub enum SimulateError {
     /// A value of the scenario is out of range.
     #[error(transparent)]
-    Scenario(#[from] ScenarioError),
+    Scenario(#[from] InputError),
     /// [`Options::duration`] is not a positive number.
     #[error("duration: {0} s cannot be simulated; give a number above zero")]
     Duration(f64),

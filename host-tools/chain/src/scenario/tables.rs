@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{self, ScenarioError};
-
 /// One strike on one chain. All in SI units; beads are counted from 1, the striker is body 0.
 ///
 /// Read from TOML with [`Scenario::from_toml`] or [`Scenario::load`], or built in code and checked with [`Scenario::check`].
@@ -162,36 +160,9 @@ impl Sphere {
 }
 
 impl Scenario {
-    /// Reads and checks a scenario; `file` is what messages call it.
-    ///
-    /// # Errors
-    /// [`ScenarioError`] with file, line, key, what is wrong and what would do.
-    pub fn from_toml(text: &str, file: &str) -> Result<Self, ScenarioError> {
-        check::read(text, file)
-    }
-
-    /// Reads and checks a scenario file.
-    ///
-    /// # Errors
-    /// As [`Scenario::from_toml`], and when the file cannot be read.
-    pub fn load(path: impl AsRef<std::path::Path>) -> Result<Self, ScenarioError> {
-        let path = path.as_ref();
-        let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| ScenarioError::unreadable(&file, &error))?;
-        Self::from_toml(&text, &file)
-    }
-
     /// The scenario as TOML, for [`Scenario::from_toml`] to read: equal to the last digit.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("tables, numbers and strings are TOML")
-    }
-
-    /// Checks every value of a scenario built in code.
-    ///
-    /// # Errors
-    /// [`ScenarioError`] without file and line.
-    pub fn check(&self) -> Result<(), ScenarioError> {
-        check::values(self).map_err(ScenarioError::of)
     }
 
     /// Beads 1 to N of the chain, at index 0 to N - 1.
