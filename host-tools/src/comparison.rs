@@ -514,11 +514,11 @@ fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{paper_scenario, recorded_strike};
+    use crate::testing::recorded_strike;
 
     #[test]
     fn a_strike_made_by_the_model_meets_every_goal() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
+        let chain = Chain::run(&Scenario::paper(), 8).unwrap();
         let comparison = chain.compare(&recorded_strike());
         println!("{:#?} {:#?}", comparison.deviation, comparison.goal);
         assert!(comparison.pass);
@@ -533,7 +533,7 @@ mod tests {
 
     #[test]
     fn the_strike_is_placed_in_time_within_a_hundredth_of_a_sample() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
+        let chain = Chain::run(&Scenario::paper(), 8).unwrap();
         let strike = recorded_strike();
         let traces = chain.compare(&strike).traces.unwrap();
         // The test's strike began at 20 ms, and index 1 is time 0.
@@ -567,8 +567,8 @@ mod tests {
 
     #[test]
     fn an_estimate_out_of_its_goal_does_not_pass() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
-        let mut scenario = paper_scenario();
+        let chain = Chain::run(&Scenario::paper(), 8).unwrap();
+        let mut scenario = Scenario::paper();
         // Energy goes with the square of the speed: 0.4 % off, twice A's goal.
         scenario.striker.velocity *= 1.002;
         let other = Chain::run(&scenario, 8).unwrap();

@@ -593,11 +593,13 @@ pub fn percent(part: f64) -> String {
 mod tests {
     use super::*;
     use crate::comparison::Chain;
-    use crate::testing::{paper_scenario, recorded_strike};
+    use hertz_chain::Scenario;
+
+    use crate::testing::recorded_strike;
 
     fn page(failure: Option<&str>) -> String {
         let strike = recorded_strike();
-        let comparison = Chain::run(&paper_scenario(), 8).unwrap().compare(&strike);
+        let comparison = Chain::run(&Scenario::paper(), 8).unwrap().compare(&strike);
         let report = Report {
             title: "One <absorber> & more",
             recording: "bead-8.mcap",

@@ -4,7 +4,9 @@
 use std::sync::Arc;
 
 use hertz_chain::solitary::{KINETIC_SHARE, SPEED_FROM_FORCE, SPEED_FROM_VELOCITY};
-use hertz_chain::{Accuracy, Collision, ContactForce, Options, PulseSearch, Scenario, Solution, simulate};
+use hertz_chain::{
+    Accuracy, Collision, ContactForce, Options, PulseSearch, Scenario, Solution, simulate_with,
+};
 use rayon::prelude::*;
 
 use super::curve::{axis, chart, dashed, discs, geometric, guide, line, log_axis, over_time, panel};
@@ -291,7 +293,7 @@ fn at(scenario: &Scenario, tolerance: f64, longest_step: f64) -> Result<Solution
         accuracy,
         ..Options::default()
     };
-    simulate(scenario, &options).map_err(Failure::input)
+    simulate_with(scenario, &options).map_err(Failure::input)
 }
 
 fn efforts(scenario: &Scenario) -> Result<Vec<Effort>, Failure> {

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::oscillator::Oscillator;
+
 /// One strike on one chain. All in SI units; beads are counted from 1, the striker is body 0.
 ///
 /// Read from TOML with [`Scenario::from_toml`] or [`Scenario::load`], or built in code and checked with [`Scenario::check`].
@@ -20,7 +22,7 @@ pub struct Scenario {
     /// What the last bead leans on; without it the far end is free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wall: Option<Wall>,
-    /// Resonators inside beads.
+    /// Masses on springs inside beads.
     #[serde(default, rename = "intruder", skip_serializing_if = "Vec::is_empty")]
     pub intruders: Vec<Intruder>,
     /// Beads unlike the rest.
@@ -143,19 +145,110 @@ pub struct Section {
     pub relaxation: Option<f64>,
 }
 
-/// What a sphere is made of and how large it is, after sections have had their say.
+/// What a body is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// Density, kg/m³.
+    pub density: f64,
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+}
+
+impl Chain {
+    /// Elastic beads in touch, without a static load. `radius` is in m.
+    pub const fn new(beads: usize, radius: f64, material: Material) -> Self {
+        Self {
+            beads,
+            radius,
+            density: material.density,
+            young: material.young,
+            poisson: material.poisson,
+            relaxation: 0.0,
+            contact_force: ContactForce::Printed,
+            precompression: 0.0,
+        }
+    }
+
+    /// What the beads are made of, but for what [`Section`]s say.
+    pub fn material(&self) -> Material {
+        Material {
+            density: self.density,
+            young: self.young,
+            poisson: self.poisson,
+        }
+    }
+}
+
+impl Striker {
+    /// A full sphere of `radius`, m, at `velocity`, m/s, whose contact has the relaxation time of bead 1.
+    pub const fn new(radius: f64, material: Material, velocity: f64) -> Self {
+        Self {
+            radius,
+            density: material.density,
+            young: material.young,
+            poisson: material.poisson,
+            velocity,
+            mass: None,
+            relaxation: None,
+        }
+    }
+
+    /// What the striker is made of.
+    pub fn material(&self) -> Material {
+        Material {
+            density: self.density,
+            young: self.young,
+            poisson: self.poisson,
+        }
+    }
+}
+
+impl Wall {
+    /// A flat wall whose contact has the relaxation time of the last bead.
+    pub const fn flat(material: Material) -> Self {
+        Self {
+            young: material.young,
+            poisson: material.poisson,
+            radius: None,
+            relaxation: None,
+        }
+    }
+}
+
+impl Intruder {
+    /// The same oscillator in each of some beads.
+    pub fn new(beads: impl IntoIterator<Item = usize>, oscillator: Oscillator) -> Self {
+        Self {
+            beads: beads.into_iter().collect(),
+            mass: oscillator.mass,
+            stiffness: oscillator.stiffness,
+            damping: oscillator.damping,
+        }
+    }
+
+    /// The mass on its spring and damper, without its hosts.
+    pub fn oscillator(&self) -> Oscillator {
+        Oscillator {
+            mass: self.mass,
+            stiffness: self.stiffness,
+            damping: self.damping,
+        }
+    }
+}
+
+/// A body as sections leave it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Sphere {
     pub(crate) radius: f64,
-    pub(crate) density: f64,
-    pub(crate) young: f64,
-    pub(crate) poisson: f64,
+    pub(crate) material: Material,
     pub(crate) relaxation: f64,
 }
 
 impl Sphere {
     pub(crate) fn mass(&self) -> f64 {
-        4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3) * self.density
+        4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3) * self.material.density
     }
 }
 
@@ -170,21 +263,22 @@ impl Scenario {
         let chain = &self.chain;
         let plain = Sphere {
             radius: chain.radius,
-            density: chain.density,
-            young: chain.young,
-            poisson: chain.poisson,
+            material: chain.material(),
             relaxation: chain.relaxation,
         };
         let mut spheres = vec![plain; chain.beads];
         for section in &self.sections {
+            let unlike = Sphere {
+                radius: section.radius.unwrap_or(plain.radius),
+                material: Material {
+                    density: section.density.unwrap_or(plain.material.density),
+                    young: section.young.unwrap_or(plain.material.young),
+                    poisson: section.poisson.unwrap_or(plain.material.poisson),
+                },
+                relaxation: section.relaxation.unwrap_or(plain.relaxation),
+            };
             for bead in &section.beads {
-                spheres[bead - 1] = Sphere {
-                    radius: section.radius.unwrap_or(plain.radius),
-                    density: section.density.unwrap_or(plain.density),
-                    young: section.young.unwrap_or(plain.young),
-                    poisson: section.poisson.unwrap_or(plain.poisson),
-                    relaxation: section.relaxation.unwrap_or(plain.relaxation),
-                };
+                spheres[bead - 1] = unlike;
             }
         }
         spheres
