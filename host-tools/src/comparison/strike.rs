@@ -7,11 +7,11 @@
 //! The recording does not say when the striker hit. Each strike is therefore placed in time where its force fits the
 //! simulated one best; the acceleration, taken [`SCAN_SKEW`] later, follows.
 
-use bead_model::calibration::{BASELINE, Channel};
+use bead_model::calibration::Channel;
 use bead_model::design::Bead;
+use bead_model::layout::BASELINE;
 use bead_model::reduced_chain::FOOT;
 use bead_model::sensor::Sensor;
-use bead_model::window::noise_end;
 use bead_wire::{FINE_UNIT, FORCE_UNIT_N};
 use fixed::types::extra::LeEqU32;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
@@ -315,7 +315,7 @@ impl Chain {
             3.0 * FORCE_UNIT_N * f64::from(strike.said.force_noise),
         );
         // The bead looks at forces from the foot of the wave on, and takes them for noise when some in a row were.
-        let foot = usize::from(noise_end(settings));
+        let foot = usize::from(settings.window.noise_end());
         let mut silent = 0;
         let gated: Vec<f64> = (0..)
             .zip(&force)
