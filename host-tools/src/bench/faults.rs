@@ -1,0 +1,453 @@
+//! Faults to provoke in a run of the image, from a TOML file.
+//!
+//! ```toml
+//! [[fault]]
+//! at = 0.012              # s after the first scan
+//! kind = "adc_overrun"
+//!
+//! [[fault]]
+//! at = 0.1
+//! kind = "force_stuck"
+//! duration = 0.25         # s; without it, to the end of the run
+//! ```
+
+use std::ops::Range;
+use std::path::Path;
+
+use bead_wire::FaultCause;
+use hertz_chain::{InputError, TomlFile, text_of};
+use serde::{Deserialize, Serialize};
+use stm32f405_qemu::{Fault, FaultKind, Run};
+
+use crate::bench::front_end::{CODES, SAMPLE_RATE_HZ};
+use crate::cli::failure::Failure;
+
+/// What is provoked.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// The converter loses a conversion.
+    AdcOverrun,
+    /// The DMA stream of the converter meets a bus error.
+    AdcDmaError,
+    /// The force code stays what it is.
+    ForceStuck,
+    /// The acceleration code stays what it is.
+    AccelerationStuck,
+    /// The force code lies at its upper rail.
+    ForceRailed,
+    /// The acceleration code lies at its upper rail.
+    AccelerationRailed,
+    /// The supply has the voltage of `volts`.
+    Supply,
+    /// No byte leaves the bead's port.
+    UartStall,
+    /// An interrupt that has no handler: the image's own code panics.
+    Panic,
+    /// A jump out of memory.
+    HardFault,
+    /// The processor never leaves an interrupt's handler.
+    Hang,
+    /// A loop that pushes on the stack for ever.
+    StackOverflow,
+    /// The power goes, and comes back at once.
+    PowerCut,
+}
+
+const KINDS: [(&str, Kind); 13] = [
+    ("adc_overrun", Kind::AdcOverrun),
+    ("adc_dma_error", Kind::AdcDmaError),
+    ("force_stuck", Kind::ForceStuck),
+    ("acceleration_stuck", Kind::AccelerationStuck),
+    ("force_railed", Kind::ForceRailed),
+    ("acceleration_railed", Kind::AccelerationRailed),
+    ("supply", Kind::Supply),
+    ("uart_stall", Kind::UartStall),
+    ("panic", Kind::Panic),
+    ("hard_fault", Kind::HardFault),
+    ("hang", Kind::Hang),
+    ("stack_overflow", Kind::StackOverflow),
+    ("power_cut", Kind::PowerCut),
+];
+
+/// Voltages between which a supply may be put: those between which the part works (DocID022152, general operating
+/// conditions).
+const VOLTS: std::ops::RangeInclusive<f64> = 1.8..=3.6;
+/// A good supply, mV.
+const GOOD_MV: u32 = 3300;
+/// Below this the bead's detector finds the supply low, V (`firmware/src/health.rs`).
+const LOW_VOLTS: f64 = 2.93;
+/// A sensor that is stuck or railed for so long is always found, s: two windows of the bead.
+const FOUND: f64 = 0.2;
+/// A port that sends nothing for so long, s, is always ridden out.
+const RIDDEN_OUT: f64 = 0.5;
+/// A port that sends nothing for so long, s, always ends in a reset by the bead itself.
+const GIVEN_UP: f64 = 1.5;
+
+impl Kind {
+    /// Its name in the file.
+    pub fn name(self) -> &'static str {
+        let found = KINDS.iter().find(|(_, kind)| *kind == self);
+        found.map_or("", |(name, _)| name)
+    }
+
+    /// Whether it lasts.
+    fn lasts(self) -> bool {
+        self.columns().is_some() || matches!(self, Self::Supply | Self::UartStall)
+    }
+
+    /// The columns of the stimulus that it changes, if it is a sensor's: both of its gains.
+    fn columns(self) -> Option<Range<usize>> {
+        match self {
+            Self::ForceStuck | Self::ForceRailed => Some(0..2),
+            Self::AccelerationStuck | Self::AccelerationRailed => Some(2..4),
+            _ => None,
+        }
+    }
+}
+
+/// A fault, when, and for how long.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Planned {
+    /// What.
+    pub kind: Kind,
+    /// When, s after the first scan.
+    pub at: f64,
+    /// How long, s, if it lasts; none for the rest of the run.
+    pub duration: Option<f64>,
+    /// The supply, V.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volts: Option<f64>,
+}
+
+impl Planned {
+    /// What the bead is to report, if it is to notice at all.
+    pub fn cause(&self) -> Option<FaultCause> {
+        match self.kind {
+            Kind::AdcOverrun => Some(FaultCause::AdcOverrun),
+            Kind::AdcDmaError => Some(FaultCause::DmaError),
+            Kind::ForceStuck => self.found().then_some(FaultCause::ForceStuck),
+            Kind::AccelerationStuck => self.found().then_some(FaultCause::AccelerationStuck),
+            Kind::ForceRailed => self.found().then_some(FaultCause::ForceRailed),
+            Kind::AccelerationRailed => self.found().then_some(FaultCause::AccelerationRailed),
+            Kind::Supply => (self.volts? < LOW_VOLTS).then_some(FaultCause::SupplyLow),
+            Kind::UartStall => (self.duration? >= GIVEN_UP).then_some(FaultCause::Panic),
+            Kind::Panic => Some(FaultCause::Panic),
+            Kind::HardFault => Some(FaultCause::HardFault),
+            Kind::Hang => Some(FaultCause::Watchdog),
+            Kind::StackOverflow => Some(FaultCause::StackOverflow),
+            // Its identity says so: a power-on reset is no fault.
+            Kind::PowerCut => None,
+        }
+    }
+
+    /// Whether it ends in a reset.
+    pub fn resets(&self) -> bool {
+        let reported = matches!(
+            self.cause(),
+            Some(
+                FaultCause::DmaError
+                    | FaultCause::Panic
+                    | FaultCause::HardFault
+                    | FaultCause::Watchdog
+                    | FaultCause::StackOverflow
+            )
+        );
+        reported || self.kind == Kind::PowerCut
+    }
+
+    fn found(&self) -> bool {
+        self.duration.is_none_or(|duration| duration >= FOUND)
+    }
+
+    /// Makes it happen in a run.
+    pub fn provoke(&self, run: &mut Run) {
+        let ns = |seconds: f64| (seconds * 1e9) as u64;
+        let mut fail = |at: f64, kind: FaultKind| run.faults.push(Fault { at_ns: ns(at), kind });
+        match self.kind {
+            Kind::AdcOverrun => fail(self.at, FaultKind::AdcOverrun),
+            Kind::AdcDmaError => fail(self.at, FaultKind::AdcDmaError),
+            Kind::Panic => fail(self.at, FaultKind::UnhandledInterrupt),
+            Kind::HardFault => fail(self.at, FaultKind::WildJump),
+            Kind::Hang => fail(self.at, FaultKind::Hang),
+            Kind::StackOverflow => fail(self.at, FaultKind::RunawayStack),
+            Kind::PowerCut => fail(self.at, FaultKind::PowerCut),
+            Kind::UartStall => {
+                let for_ns = self.duration.map_or(u64::MAX, ns);
+                fail(self.at, FaultKind::TransmitterStalled { for_ns });
+            }
+            Kind::Supply => {
+                let millivolts = self.volts.map_or(GOOD_MV, |volts| (volts * 1e3).round() as u32);
+                fail(self.at, FaultKind::Supply { millivolts });
+                if let Some(duration) = self.duration {
+                    fail(self.at + duration, FaultKind::Supply { millivolts: GOOD_MV });
+                }
+            }
+            Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
+                let rows = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
+                let from = rows(self.at);
+                let many = self.duration.map_or(usize::MAX, rows);
+                let Some(columns) = self.kind.columns() else {
+                    return;
+                };
+                let Some(&stuck) = run.stimulus.get(from) else {
+                    return;
+                };
+                let codes = match self.kind {
+                    Kind::ForceRailed | Kind::AccelerationRailed => [CODES - 1; 4],
+                    _ => stuck,
+                };
+                for row in run.stimulus.iter_mut().skip(from).take(many) {
+                    row[columns.clone()].copy_from_slice(&codes[columns.clone()]);
+                }
+            }
+        }
+    }
+}
+
+/// Reads a file of faults.
+///
+/// # Errors
+/// One line with file, line, key, what is wrong and what would do.
+pub fn load(path: &Path) -> Result<Vec<Planned>, Failure> {
+    let text = text_of(path, "a file of faults in TOML").map_err(Failure::input)?;
+    parse(&text, &path.display().to_string())
+}
+
+/// Reads the text of a file of faults; `name` is what messages call it.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(text: &str, name: &str) -> Result<Vec<Planned>, Failure> {
+    read(text, name).map_err(Failure::input)
+}
+
+fn read(text: &str, name: &str) -> Result<Vec<Planned>, InputError> {
+    let file = TomlFile::parse(text, name)?;
+    (1..)
+        .zip(entries(&file)?)
+        .map(|(number, entry)| entry.planned(number).map_err(|error| file.place(error)))
+        .collect()
+}
+
+/// The file as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Faults {
+    #[serde(default)]
+    fault: Vec<Entry>,
+}
+
+/// A table `[[fault]]` as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    at: Option<f64>,
+    kind: Option<String>,
+    duration: Option<f64>,
+    volts: Option<f64>,
+}
+
+fn entries(file: &TomlFile<'_>) -> Result<Vec<Entry>, InputError> {
+    let faults: Faults = file.read().map_err(|error| {
+        let (what, advice) = match error.key.as_str() {
+            "fault" => ("not an array of tables", "write [[fault]]"),
+            key if key.starts_with("fault[") => return error,
+            _ => (error.what.as_str(), "faults are tables [[fault]]"),
+        };
+        InputError {
+            what: what.to_owned(),
+            advice: advice.to_owned(),
+            ..error
+        }
+    })?;
+    if faults.fault.is_empty() {
+        let advice = "add a table [[fault]] with at and kind";
+        return Err(file.place(InputError::at("", "no fault", advice)));
+    }
+    Ok(faults.fault)
+}
+
+impl Entry {
+    /// Checks the table, which is the `number`th of its file, from 1.
+    fn planned(self, number: usize) -> Result<Planned, InputError> {
+        let error = |key: &str, what: &str, advice: &str| {
+            InputError::at(format!("fault[{number}].{key}"), what, advice)
+        };
+        let ensure = |holds: bool, key: &str, what: &str, advice: &str| {
+            holds.then_some(()).ok_or_else(|| error(key, what, advice))
+        };
+        let (duration, volts) = (self.duration, self.volts);
+
+        let kinds = format!("give one of: {}", KINDS.map(|(name, _)| name).join(", "));
+        let name = self.kind.ok_or_else(|| error("kind", "missing", &kinds))?;
+        let found = KINDS.iter().find(|(known, _)| *known == name);
+        let &(_, kind) = found.ok_or_else(|| error("kind", "unknown kind", &kinds))?;
+        let keys = match (kind, kind.lasts()) {
+            (Kind::Supply, _) => "at, kind, volts, duration",
+            (_, true) => "at, kind, duration",
+            _ => "at, kind",
+        };
+        for (key, value) in [("duration", duration), ("volts", volts)] {
+            let what = format!("{name} has no such key");
+            ensure(
+                value.is_none() || keys.contains(key),
+                key,
+                &what,
+                &format!("it has {keys}"),
+            )?;
+        }
+
+        let advice = "give s after the first scan, such as 0.012";
+        let at = self.at.ok_or_else(|| error("at", "missing", advice))?;
+        ensure((0.0..1e6).contains(&at), "at", "not a time", advice)?;
+        if kind == Kind::UartStall {
+            let duration = duration.ok_or_else(|| error("duration", "missing", "give s, such as 0.2"))?;
+            let foretold = duration > 0.0 && duration <= RIDDEN_OUT || (GIVEN_UP..1e6).contains(&duration);
+            let what = "not a time that can be foretold";
+            let advice = "give up to 0.5 s, which the bead rides out, or at least 1.5 s, which it does not";
+            ensure(foretold, "duration", what, advice)?;
+        }
+        let lasts = duration.is_none_or(|s| s > 0.0 && s < 1e6);
+        ensure(lasts, "duration", "not a time above zero", "give s, such as 0.25")?;
+        let advice = "give 1.8 to 3.6, such as 2.7";
+        ensure(
+            volts.is_some() || kind != Kind::Supply,
+            "volts",
+            "missing",
+            advice,
+        )?;
+        let works = volts.is_none_or(|v| VOLTS.contains(&v));
+        ensure(works, "volts", "not a voltage that the part works at", advice)?;
+        Ok(Planned {
+            kind,
+            at,
+            duration,
+            volts,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(text: &str) -> String {
+        let failure = parse(text, "f.toml").unwrap_err();
+        assert_eq!(failure.exit_status(), 2);
+        failure.to_string()
+    }
+
+    #[test]
+    fn every_kind_is_read_by_its_name() {
+        for (name, kind) in KINDS {
+            let more = match kind {
+                Kind::Supply => "volts = 2.5",
+                Kind::UartStall => "duration = 0.5",
+                _ => "",
+            };
+            let text = format!("[[fault]]\nat = 1\nkind = \"{name}\"\n{more}\n");
+            let planned = parse(&text, "f.toml").unwrap();
+            assert_eq!((planned[0].kind, planned[0].at), (kind, 1.0), "{name}");
+            assert_eq!(serde_json::to_value(kind).unwrap(), name);
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_file_line_key_and_what_would_do() {
+        let cases = [
+            ("", "f.toml:1: no fault; add"),
+            (
+                "fault = 3",
+                "f.toml:1: fault: not an array of tables; write [[fault]]",
+            ),
+            ("x = 1\n", "f.toml:1: x: unknown key; faults are"),
+            ("[[fault]\n", "f.toml:1: not TOML ("),
+            (
+                "\n[[fault]]\nat = 1.0\n",
+                "f.toml:2: fault[1].kind: missing; give one of: adc_overrun, ",
+            ),
+            (
+                "[[fault]]\nkind = \"panic\"\n",
+                "f.toml:1: fault[1].at: missing; give s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"panik\"\n",
+                "f.toml:3: fault[1].kind: unknown kind; give one of: adc_overrun, adc_dma_error, force_stuck",
+            ),
+            (
+                "[[fault]]\nat = -1.0\nkind = \"panic\"\n",
+                "f.toml:2: fault[1].at: not a time; give s",
+            ),
+            (
+                "[[fault]]\nat = nan\nkind = \"panic\"\n",
+                "f.toml:2: fault[1].at: not a time; give s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"panic\"\n[[fault]]\nat = 1.0\nkind = \"hang\"\nduration = 1.0\n",
+                "f.toml:7: fault[2].duration: hang has no such key; it has at, kind",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"force_stuck\"\nduration = 0\n",
+                "f.toml:4: fault[1].duration: not a time above zero; give s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"uart_stall\"\nduration = 1.0\n",
+                "f.toml:4: fault[1].duration: not a time that can be foretold; give up to 0.5 s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"uart_stall\"\n",
+                "f.toml:1: fault[1].duration: missing; give s",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"supply\"\n",
+                "f.toml:1: fault[1].volts: missing; give 1.8 to 3.6",
+            ),
+            (
+                "[[fault]]\nat = 1.0\nkind = \"supply\"\nvolts = 5.0\n",
+                "f.toml:4: fault[1].volts: not a voltage that the part works at; give 1.8 to 3.6",
+            ),
+        ];
+        for (text, expected) in cases {
+            let said = refused(text);
+            assert!(said.starts_with(expected), "{text:?}: {said}");
+        }
+    }
+
+    #[test]
+    fn a_sensor_is_stuck_or_railed_in_its_own_columns_for_its_own_time() {
+        let mut run = Run::new("none");
+        run.stimulus = (0..100)
+            .map(|row| [row, 1000 + row, 2000 + row, 3000 + row])
+            .collect();
+        let before = run.stimulus.clone();
+        let text = "[[fault]]\nat = 0.0001\nkind = \"force_stuck\"\nduration = 0.0002\n\
+                    [[fault]]\nat = 0.0005\nkind = \"acceleration_railed\"\n";
+        for fault in parse(text, "f.toml").unwrap() {
+            fault.provoke(&mut run);
+        }
+        for (row, (before, after)) in before.iter().zip(&run.stimulus).enumerate() {
+            let mut expected = *before;
+            if (10..30).contains(&row) {
+                expected[..2].copy_from_slice(&[10, 1010]);
+            }
+            if row >= 50 {
+                expected[2..].fill(4095);
+            }
+            assert_eq!(*after, expected, "row {row}");
+        }
+    }
+
+    #[test]
+    fn a_supply_that_dips_comes_back() {
+        let mut run = Run::new("none");
+        let text = "[[fault]]\nat = 0.1\nkind = \"supply\"\nvolts = 2.7\nduration = 0.05\n";
+        parse(text, "f.toml").unwrap()[0].provoke(&mut run);
+        let expected = [(100_000_000, 2700), (150_000_000, 3300)];
+        let expected = expected.map(|(at_ns, millivolts)| Fault {
+            at_ns,
+            kind: FaultKind::Supply { millivolts },
+        });
+        assert_eq!(run.faults, expected);
+    }
+}
