@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use bead_model::calibration::BASELINE;
 use bead_model::design::{Capture, derive};
+use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! Why a run of the image does not come about.
 
-use hertz_chain::{ScenarioError, SimulateError};
+use hertz_chain::{InputError, SimulateError};
 use stm32f405_qemu::RunError;
 
 /// Why a run of the image does not come about. The message is one line: what, why, what next.
@@ -8,7 +8,7 @@ use stm32f405_qemu::RunError;
 pub enum BenchError {
     /// The scenario cannot be read.
     #[error(transparent)]
-    Scenario(#[from] ScenarioError),
+    Input(#[from] InputError),
     /// The scenario cannot be integrated.
     #[error(transparent)]
     Simulation(#[from] SimulateError),

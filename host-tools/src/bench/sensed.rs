@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bead_model::design::Bead;
 use bead_model::reduced_chain::FOLLOWERS;
-use hertz_chain::{Options, Sampler, Scenario, Solution, simulate};
+use hertz_chain::{Options, Sampler, Scenario, Solution, simulate_with};
 use serde::{Deserialize, Serialize};
 
 use crate::bench::error::BenchError;
@@ -19,8 +19,8 @@ pub const RING_DOWN: f64 = 6e-3;
 /// The bead has no intruder, and so senses nothing; the message names those that have one.
 pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     let model = solution.model();
-    let Some(intruder) = model.resonators().iter().find(|resonator| resonator.bead == bead) else {
-        let with: Vec<String> = model.resonators().iter().map(|r| r.bead.to_string()).collect();
+    let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
+        let with: Vec<String> = model.intruders().iter().map(|one| one.bead.to_string()).collect();
         return Err(BenchError::Unfit(if with.is_empty() {
             format!("--bead {bead}: no bead of this scenario has an intruder; add an [[intruder]] to it")
         } else {
@@ -39,10 +39,10 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     let behind = model.contact(bead + 1);
     Ok(Bead {
         mass: model.mass(bead),
-        intruder_mass: intruder.mass,
+        intruder_mass: intruder.oscillator.mass,
         front_mass: 0.0,
-        stiffness: intruder.stiffness,
-        damping: intruder.damping,
+        stiffness: intruder.oscillator.stiffness,
+        damping: intruder.oscillator.damping,
         contact_stiffness: behind.stiffness,
         relaxation: behind.relaxation,
     })
@@ -110,7 +110,7 @@ pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchErr
         duration: Some(scenario.duration + RING_DOWN),
         ..Options::default()
     };
-    Ok(simulate(scenario, &options)?)
+    Ok(simulate_with(scenario, &options)?)
 }
 
 /// What the full chain says of one strike at one bead.
@@ -227,18 +227,19 @@ impl Stimulus for Sensed<'_> {
 
 #[cfg(test)]
 mod tests {
+    use hertz_chain::simulate;
+
     use super::*;
-    use crate::comparison::testing::paper_scenario;
 
     #[test]
     fn a_bead_without_an_intruder_is_refused_and_the_others_named() {
         let mut scenario = crate::comparison::testing::short_scenario();
         scenario.intruders[0].beads = vec![4, 9];
-        let solution = simulate(&scenario, &Options::default()).unwrap();
+        let solution = simulate(&scenario).unwrap();
         let error = bead_of(&solution, 5).unwrap_err();
         assert!(error.to_string().contains("one of: 4, 9"), "{error}");
         scenario.intruders.clear();
-        let solution = simulate(&scenario, &Options::default()).unwrap();
+        let solution = simulate(&scenario).unwrap();
         assert!(
             bead_of(&solution, 5)
                 .unwrap_err()
@@ -249,7 +250,7 @@ mod tests {
 
     #[test]
     fn the_paper_bead_is_found_in_the_paper_scenario() {
-        let solution = simulate(&crate::comparison::testing::short_scenario(), &Options::default()).unwrap();
+        let solution = simulate(&crate::comparison::testing::short_scenario()).unwrap();
         let (found, stated) = (bead_of(&solution, 8).unwrap(), Bead::paper());
         for (found, stated) in [
             (found.mass, stated.mass),
@@ -265,7 +266,7 @@ mod tests {
 
     #[test]
     fn every_strike_is_the_same_signal_at_its_own_phase_of_the_clock() {
-        let scenario = paper_scenario();
+        let scenario = Scenario::paper();
         let solution = simulate_with_ring_down(&scenario).unwrap();
         let timing = Timing {
             lead_in: 0.02,

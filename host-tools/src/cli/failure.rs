@@ -63,7 +63,7 @@ macro_rules! input_errors {
     };
 }
 input_errors!(
-    hertz_chain::ScenarioError,
+    hertz_chain::InputError,
     hertz_chain::SimulateError,
     hertz_figures::error::Error,
     RecordingError,

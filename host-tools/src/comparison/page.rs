@@ -380,11 +380,12 @@ fn push(out: &mut String, text: std::fmt::Arguments<'_>) {
 mod tests {
     use super::*;
     use crate::comparison::strike::FullChain;
-    use crate::comparison::testing::{paper_scenario, recorded_strike};
+    use crate::comparison::testing::recorded_strike;
+    use hertz_chain::Scenario;
 
     fn page(failure: Option<&str>) -> String {
         let strike = recorded_strike();
-        let comparison = FullChain::run(&paper_scenario(), 8).unwrap().compare(&strike);
+        let comparison = FullChain::run(&Scenario::paper(), 8).unwrap().compare(&strike);
         let page = Page {
             title: "One <absorber> & more",
             recording: "bead-8.mcap",

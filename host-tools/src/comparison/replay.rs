@@ -1,6 +1,6 @@
 //! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
 
-use bead_model::calibration::BASELINE;
+use bead_model::layout::BASELINE;
 use bead_model::sensor::GainMatch;
 use bead_model::{Meter, Record, Settings, Sink, StrikeReport, Window};
 use bead_wire::Strike;

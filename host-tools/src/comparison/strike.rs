@@ -7,11 +7,11 @@
 //! The recording does not say when the striker hit. Each strike is therefore placed in time where its force fits the
 //! simulated one best; the acceleration, taken [`SCAN_SKEW`] later, follows.
 
-use bead_model::calibration::{BASELINE, Channel};
+use bead_model::calibration::Channel;
 use bead_model::design::Bead;
+use bead_model::layout::BASELINE;
 use bead_model::reduced_chain::FOOT;
 use bead_model::sensor::Sensor;
-use bead_model::window::noise_end;
 use bead_wire::{FINE_UNIT, FORCE_UNIT_N};
 use fixed::types::extra::LeEqU32;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
@@ -407,7 +407,7 @@ impl FullChain {
             3.0 * FORCE_UNIT_N * f64::from(strike.said.force_noise),
         );
         // The bead looks at forces from the foot of the wave on, and takes them for noise when some in a row were.
-        let foot = usize::from(noise_end(settings));
+        let foot = usize::from(settings.window.noise_end());
         let mut silent = 0;
         let gated: Vec<f64> = (0..)
             .zip(&force)
@@ -606,11 +606,11 @@ fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::testing::{paper_scenario, recorded_strike};
+    use crate::comparison::testing::recorded_strike;
 
     #[test]
     fn a_strike_made_by_the_model_meets_every_goal() {
-        let chain = FullChain::run(&paper_scenario(), 8).unwrap();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
         let comparison = chain.compare(&recorded_strike());
         println!("{:#?} {:#?}", comparison.deviation, comparison.goal);
         assert!(comparison.pass);
@@ -625,7 +625,7 @@ mod tests {
 
     #[test]
     fn the_strike_is_placed_in_time_within_a_hundredth_of_a_sample() {
-        let chain = FullChain::run(&paper_scenario(), 8).unwrap();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
         let strike = recorded_strike();
         let traces = chain.compare(&strike).traces.unwrap();
         // The test's strike began at 20 ms, and index 1 is time 0.
@@ -659,8 +659,8 @@ mod tests {
 
     #[test]
     fn an_estimate_out_of_its_goal_does_not_pass() {
-        let chain = FullChain::run(&paper_scenario(), 8).unwrap();
-        let mut scenario = paper_scenario();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
+        let mut scenario = Scenario::paper();
         // Energy goes with the square of the speed: 0.4 % off, twice A's goal.
         scenario.striker.velocity *= 1.002;
         let other = FullChain::run(&scenario, 8).unwrap();

@@ -66,7 +66,7 @@ fn columns(solution: &Solution) -> Vec<Column> {
             s.velocity(body)
         }));
     }
-    for bead in model.resonators().iter().map(|resonator| resonator.bead) {
+    for bead in model.intruders().iter().map(|intruder| intruder.bead) {
         let of = move |value: Option<f64>| value.unwrap_or(f64::NAN);
         columns.push(Column::new(
             format!("bead_{bead}_intruder_displacement_m"),
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn a_file_read_back_holds_the_solution_bit_for_bit() {
         let scenario = crate::comparison::testing::short_scenario();
-        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        let solution = hertz_chain::simulate(&scenario).unwrap();
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("strike.parquet");
         write(&scenario, &solution, 1e5, &path).unwrap();
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn a_rate_without_rows_is_refused() {
         let scenario = crate::comparison::testing::short_scenario();
-        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        let solution = hertz_chain::simulate(&scenario).unwrap();
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
             let error = write(&scenario, &solution, rate, Path::new("never.parquet")).unwrap_err();
             assert!(matches!(error, TimeSeriesError::Rate { .. }), "{error}");

@@ -4,7 +4,9 @@
 use std::sync::Arc;
 
 use hertz_chain::solitary::{KINETIC_SHARE, SPEED_FROM_FORCE, SPEED_FROM_VELOCITY};
-use hertz_chain::{Accuracy, Collision, ContactForce, Options, PulseSearch, Scenario, Solution, simulate};
+use hertz_chain::{
+    Accuracy, Collision, ContactForce, Options, PulseSearch, Scenario, Solution, simulate_with,
+};
 use rayon::prelude::*;
 
 use crate::chart::{Axis, Chart, Panel};
@@ -235,7 +237,7 @@ fn at(scenario: &Scenario, tolerance: f64, longest_step: f64) -> Result<Solution
         accuracy,
         ..Options::default()
     };
-    Ok(simulate(scenario, &options)?)
+    Ok(simulate_with(scenario, &options)?)
 }
 
 fn efforts(scenario: &Scenario) -> Result<Vec<Effort>, Error> {

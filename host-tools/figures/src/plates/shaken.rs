@@ -20,11 +20,7 @@ plans! {
         => response,
 }
 
-const INTRUDER: Oscillator = Oscillator {
-    mass: MASS,
-    stiffness: STIFFNESS,
-    damping: DAMPING,
-};
+const INTRUDER: Oscillator = Oscillator::PAPER;
 const SWEEP: Sweep = Sweep {
     from: 80.0,
     to: 2800.0,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hertz_chain::{Options, Scenario, Summary, simulate};
+use hertz_chain::{Scenario, Summary, simulate};
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-    let solution = simulate(&scenario, &Options::default())?;
+    let solution = simulate(&scenario)?;
     if let Some(out) = &arguments.out {
         progress.set_message(format!("writing {}", out.display()));
         time_series::write(&scenario, &solution, arguments.rate, out)?;
