@@ -231,9 +231,17 @@ mod tests {
 
     use super::*;
 
+    /// The first millisecond of the paper's strike: the wave does not reach the intruder.
+    fn short_scenario() -> Scenario {
+        Scenario {
+            duration: 1e-3,
+            ..Scenario::paper()
+        }
+    }
+
     #[test]
     fn a_bead_without_an_intruder_is_refused_and_the_others_named() {
-        let mut scenario = crate::comparison::testing::short_scenario();
+        let mut scenario = short_scenario();
         scenario.intruders[0].beads = vec![4, 9];
         let solution = simulate(&scenario).unwrap();
         let error = bead_of(&solution, 5).unwrap_err();
@@ -250,7 +258,7 @@ mod tests {
 
     #[test]
     fn the_paper_bead_is_found_in_the_paper_scenario() {
-        let solution = simulate(&crate::comparison::testing::short_scenario()).unwrap();
+        let solution = simulate(&short_scenario()).unwrap();
         let (found, stated) = (bead_of(&solution, 8).unwrap(), Bead::paper());
         for (found, stated) in [
             (found.mass, stated.mass),

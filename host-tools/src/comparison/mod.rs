@@ -7,5 +7,5 @@ pub mod replay;
 pub mod run;
 pub mod strike;
 #[cfg(test)]
-pub(crate) mod testing;
+mod testing;
 pub mod verdict;

@@ -9,14 +9,6 @@ use crate::bench::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
 use crate::comparison::replay::{wire_shape, wire_strike};
 use crate::recording::strikes::{Chunk, RecordedStrike};
 
-/// The first millisecond of the paper's strike: the wave does not reach the intruder.
-pub(crate) fn short_scenario() -> Scenario {
-    Scenario {
-        duration: 1e-3,
-        ..Scenario::paper()
-    }
-}
-
 /// The paper's strike as bead 8 would report it, made by the model on this computer.
 pub(crate) fn recorded_strike() -> RecordedStrike {
     let solution = simulate_with_ring_down(&Scenario::paper()).unwrap();

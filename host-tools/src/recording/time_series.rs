@@ -153,9 +153,17 @@ mod tests {
     use parquet::file::reader::{FileReader, SerializedFileReader};
     use parquet::record::Field;
 
+    /// The first millisecond of the paper's strike: the wave does not reach the intruder.
+    fn short_scenario() -> Scenario {
+        Scenario {
+            duration: 1e-3,
+            ..Scenario::paper()
+        }
+    }
+
     #[test]
     fn a_file_read_back_holds_the_solution_bit_for_bit() {
-        let scenario = crate::comparison::testing::short_scenario();
+        let scenario = short_scenario();
         let solution = hertz_chain::simulate(&scenario).unwrap();
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("strike.parquet");
@@ -192,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_rate_without_rows_is_refused() {
-        let scenario = crate::comparison::testing::short_scenario();
+        let scenario = short_scenario();
         let solution = hertz_chain::simulate(&scenario).unwrap();
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
             let error = write(&scenario, &solution, rate, Path::new("never.parquet")).unwrap_err();
