@@ -95,6 +95,27 @@ pub fn table<const N: usize>(header: [impl Into<String>; N]) -> Table {
     table
 }
 
+/// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's cells.
+pub fn columns<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<Item = R>) -> String {
+    let mut table = Table::new();
+    table
+        .load_style(presets::NOTHING)
+        .set_header(header.split('|').map(str::trim))
+        .add_rows(rows);
+    for (index, column) in table.column_iter_mut().enumerate() {
+        column.set_padding((0, 2));
+        if index > 0 {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table_text(&table)
+}
+
+/// `yes` if something holds, else `no`: for the cells of a table.
+pub fn either(holds: bool, yes: &str, no: &str) -> String {
+    (if holds { yes } else { no }).to_owned()
+}
+
 /// A table's text without blanks at the ends of its lines.
 pub fn table_text(table: &Table) -> String {
     table
