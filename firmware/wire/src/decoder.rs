@@ -6,8 +6,9 @@
 
 use serde::Serialize;
 
+use crate::cause::{Reject, Rejected};
 use crate::deframer::Deframer;
-use crate::frame::{Cause, Checked, Frame, Header, MAX_ENCODED, Reject};
+use crate::frame::{Checked, Frame, Header, MAX_ENCODED};
 use crate::sequence::{Arrival, Run};
 
 /// What came, what was refused and what never came.
@@ -28,8 +29,8 @@ pub struct Counters {
     pub duplicates: u64,
     /// Restarts of the bead seen.
     pub restarts: u64,
-    /// Sequence number of the first frame. Unless it is 0, frames were missed before it: how many is
-    /// unknown, as the bead may have been sending before anyone listened.
+    /// Sequence number of the first frame; of several beads, the highest such number. Unless it is 0, frames were missed
+    /// before it: how many is unknown, as the bead may have been sending before anyone listened.
     pub first_sequence: Option<u32>,
     /// Bytes between delimiters that are no frame, by cause.
     pub rejected: Rejected,
@@ -43,74 +44,12 @@ impl Counters {
     }
 }
 
-/// How often each [`Cause`] was met.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Rejected {
-    /// [`Cause::TooLong`]
-    pub too_long: u64,
-    /// [`Cause::Cobs`]
-    pub cobs: u64,
-    /// [`Cause::TooShort`]
-    pub too_short: u64,
-    /// [`Cause::Crc`]
-    pub crc: u64,
-    /// [`Cause::Version`]
-    pub version: u64,
-    /// [`Cause::Kind`]
-    pub kind: u64,
-    /// [`Cause::Body`]
-    pub body: u64,
-    /// [`Cause::Trailing`]
-    pub trailing: u64,
-}
-
-impl Rejected {
-    /// All causes together.
-    pub fn total(&self) -> u64 {
-        let Self {
-            too_long,
-            cobs,
-            too_short,
-            crc,
-            version,
-            kind,
-            body,
-            trailing,
-        } = self;
-        too_long + cobs + too_short + crc + version + kind + body + trailing
-    }
-
-    /// None of any.
-    pub(crate) const NONE: Self = Self {
-        too_long: 0,
-        cobs: 0,
-        too_short: 0,
-        crc: 0,
-        version: 0,
-        kind: 0,
-        body: 0,
-        trailing: 0,
-    };
-
-    pub(crate) fn count(&mut self, cause: Cause) {
-        *match cause {
-            Cause::TooLong => &mut self.too_long,
-            Cause::Cobs => &mut self.cobs,
-            Cause::TooShort => &mut self.too_short,
-            Cause::Crc => &mut self.crc,
-            Cause::Version(_) => &mut self.version,
-            Cause::Kind(_) => &mut self.kind,
-            Cause::Body => &mut self.body,
-            Cause::Trailing => &mut self.trailing,
-        } += 1;
-    }
-}
-
 /// Takes bytes as they come, gives frames and rejects.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     deframer: Deframer<MAX_ENCODED>,
-    run: Option<Run>,
+    /// One run of sequence numbers for each address.
+    runs: [Option<Run>; 256],
     counters: Counters,
 }
 
@@ -125,7 +64,7 @@ impl Decoder {
     pub const fn new() -> Self {
         Self {
             deframer: Deframer::new(),
-            run: None,
+            runs: [None; 256],
             counters: Counters {
                 bytes: 0,
                 frames: 0,
@@ -150,7 +89,7 @@ impl Decoder {
     }
 
     /// Takes any number of bytes, and hands on each frame and each reject as its delimiter comes.
-    pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(Result<Frame<'_>, Reject>)) {
+    pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(Result<Frame, Reject>)) {
         for &byte in bytes {
             if let Some(result) = self.push(byte) {
                 sink(result);
@@ -159,16 +98,23 @@ impl Decoder {
     }
 
     /// Takes one byte; a delimiter may give a frame or a reject.
-    pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, Reject>> {
+    pub fn push(&mut self, byte: u8) -> Option<Result<Frame, Reject>> {
         self.counters.bytes += 1;
         let between = self.deframer.push(byte)?;
         let result = between.payload.and_then(|payload| {
             let checked = Checked::new(payload)?;
-            // Even where the body is none that we know, the frame itself was not lost.
-            let Header { boot, sequence, .. } = checked.header;
-            let arrival = Run::follow(&mut self.run, boot, sequence, checked.opens_boot());
+            // Even where the body is not one that we know, the frame itself was not lost.
+            let Header {
+                address,
+                boot,
+                sequence,
+                ..
+            } = checked.header;
+            let run = &mut self.runs[usize::from(address)];
+            let arrival = Run::follow(run, boot, sequence, checked.opens_boot());
             self.counters.follow(arrival, sequence);
             Ok(Frame {
+                version: checked.version,
                 header: checked.header,
                 arrival,
                 message: checked.message()?,
@@ -188,7 +134,7 @@ impl Decoder {
 impl Counters {
     fn follow(&mut self, arrival: Arrival, sequence: u32) {
         match arrival {
-            Arrival::First => self.first_sequence = Some(sequence),
+            Arrival::First => self.first_sequence = self.first_sequence.max(Some(sequence)),
             Arrival::Next { lost } => self.lost += u64::from(lost),
             Arrival::Restart { lost } => {
                 self.lost += u64::from(lost);

@@ -4,7 +4,8 @@
 //! A byte 0x00 is always a delimiter and never anything else, so after any damage this is in step again at the
 //! next one. It keeps no more than one frame of `N` bytes, allocates nothing and cannot panic.
 
-use crate::frame::{Cause, DELIMITER};
+use crate::cause::Cause;
+use crate::payload::DELIMITER;
 
 /// Takes bytes as they come, gives payloads.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! From the count that a 32-bit timer latched to a place on the sample clock.
 
-use crate::message::Sync;
+use crate::message::sync::Sync;
 
 /// The number nearest to `about` whose low 32 bits are `count`: a count of 32 bits goes on where it wraps, as long as
 /// `about` is off by less than half of them.

@@ -1,0 +1,61 @@
+use crate::body::body;
+use crate::names::bits;
+
+body! {
+    /// How often sensors and supply failed since the last reset, and what is wrong now: with each status.
+    pub struct Health: Copy, Default {
+        /// Frames that the boot before had made and not sent to the end when it was reset; 0 after power-up.
+        pub frames_lost_by_reset: u32,
+        /// Strikes that ended without a result, since samples of their window were lost.
+        pub strikes_cut: u32,
+        /// Times that the force sensor got stuck.
+        pub force_stuck: u32,
+        /// Times that the force came to lie at a rail.
+        pub force_railed: u32,
+        /// Times that the acceleration sensor got stuck.
+        pub acceleration_stuck: u32,
+        /// Times that the acceleration came to lie at a rail.
+        pub acceleration_railed: u32,
+        /// Times that the supply fell below its limit.
+        pub supply_low: u32,
+        /// The supply when acquisition was started last, in mV; 0 before the first start.
+        pub supply_mv: u16,
+        /// What is wrong now.
+        pub standing: Standing,
+    }
+}
+
+bits! {
+    /// What is wrong now.
+    pub struct Standing(u8, 1) {
+        /// The force sensor is stuck.
+        0 "force_stuck" FORCE_STUCK,
+        /// The force lies at a rail.
+        1 "force_railed" FORCE_RAILED,
+        /// The acceleration sensor is stuck.
+        2 "acceleration_stuck" ACCELERATION_STUCK,
+        /// The acceleration lies at a rail.
+        3 "acceleration_railed" ACCELERATION_RAILED,
+        /// The supply is below its limit.
+        4 "supply_low" SUPPLY_LOW,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Health {
+    Health {
+        frames_lost_by_reset: 5,
+        strikes_cut: 1,
+        force_stuck: 0,
+        force_railed: 2,
+        acceleration_stuck: 300,
+        acceleration_railed: 0,
+        supply_low: 70_000,
+        supply_mv: 3_291,
+        standing: Standing::FORCE_RAILED.with(Standing::SUPPLY_LOW),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "@@health";

@@ -1,0 +1,67 @@
+use crate::body::body;
+use crate::names::bits;
+use crate::text::Text;
+
+/// Longest package version sent, in bytes.
+pub const MAX_FIRMWARE: usize = 24;
+/// Longest git description sent, in bytes: a full hash with `-dirty` fits.
+pub const MAX_GIT: usize = 48;
+
+body! {
+    /// The bead tells its name and the units of its counts: first frame after a reset, then every second.
+    ///
+    /// This body is frozen: every version can read it from a frame of every later one.
+    pub struct Identity {
+        /// Package version of the image.
+        pub firmware: Text<MAX_FIRMWARE>,
+        /// Git description of the tree that the image was built from.
+        pub git: Text<MAX_GIT>,
+        /// 96-bit unique device id (RM0090 section 39.1).
+        pub uid: [u8; 12],
+        /// Resets since power-up; 0 is the power-up itself. Its low byte stands in every header.
+        pub boot: u32,
+        /// Why the last reset came.
+        pub reset_cause: ResetCauses,
+        /// Scans a second, in hertz: the unit of every sample index.
+        pub sample_rate_hz: u32,
+        /// ADC channels in a scan.
+        pub channels: u8,
+    }
+}
+
+bits! {
+    /// Causes of the last reset: bits 31 to 24 of RCC_CSR (RM0090 section 7.3.21).
+    pub struct ResetCauses(u8, 1) {
+        /// The supply fell below the brown-out threshold.
+        1 "brown_out" BROWN_OUT,
+        /// The reset pin was low.
+        2 "pin" PIN,
+        /// The power came up.
+        3 "power_on" POWER_ON,
+        /// The firmware asked for it.
+        4 "software" SOFTWARE,
+        /// The independent watchdog was not fed.
+        5 "independent_watchdog" INDEPENDENT_WATCHDOG,
+        /// The window watchdog was not fed in its window.
+        6 "window_watchdog" WINDOW_WATCHDOG,
+        /// A low-power mode was entered that is not allowed.
+        7 "low_power" LOW_POWER,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Identity {
+    Identity {
+        firmware: "0.1.0".into(),
+        git: "v0.1.0-3-g0123456-dirty".into(),
+        uid: *b"\x30\x00\x2a\x00\x0e\x51\x33\x35\x39\x30\x37\x31",
+        boot: 0x1_0002,
+        reset_cause: ResetCauses::from_bits(0x14),
+        sample_rate_hz: 100_000,
+        channels: 4,
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "@@identity";

@@ -1,0 +1,23 @@
+use crate::body::body;
+use crate::text::Block;
+
+body! {
+    /// The settings block in force: with each identity, and before the first strike that is measured with it.
+    ///
+    /// A strike was measured with the settings of the last such frame before its own.
+    pub struct Settings {
+        /// Magic, version, length, body and CRC, as `bead-model` encoded them.
+        pub block: Block,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Settings {
+    Settings {
+        block: Block::try_from(&b"BEAD\x01\x00\xff"[..]).unwrap(),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "@@settings";

@@ -1,0 +1,58 @@
+use crate::body::body;
+use crate::units::{Decay, Fraction, Frequency, Impulse, Samples};
+
+body! {
+    /// The shape of one strike: follows its strike frame. A number that could not be told is 0.
+    pub struct Shape: Copy {
+        /// Number of the strike since the last reset, from 0.
+        pub strike: u32,
+        /// Sample index of the window's first scan.
+        pub first_index: u64,
+        /// Time from `first_index` to the highest force.
+        pub arrival: Samples,
+        /// Full width of the pulse of force at half its height.
+        pub width: Samples,
+        /// Momentum that came in over the window.
+        pub impulse: Impulse,
+        /// Frequency at which the intruder rang after the pulse had passed.
+        pub ring_frequency: Frequency,
+        /// Decay of the amplitude of that ringing.
+        pub ring_decay: Decay,
+        /// How the two gains of the force agree, if the strike tells.
+        pub force_gains: Option<GainMatch>,
+        /// How the two gains of the acceleration agree, if the strike tells.
+        pub acceleration_gains: Option<GainMatch>,
+    }
+}
+
+body! {
+    /// How far the gains of a sensor are from their settings: within a shape frame.
+    pub struct GainMatch: Copy {
+        /// By which part of the signal the wide channel reads higher than the sensitive one.
+        pub deviation: Fraction,
+        /// Its standard deviation.
+        pub uncertainty: Fraction,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Shape {
+    Shape {
+        strike: 3,
+        first_index: 41_168,
+        arrival: Samples::from_bits(11_862_016),
+        width: Samples::from_bits(2_437_939),
+        impulse: Impulse::from_bits(15_269_888),
+        ring_frequency: Frequency::from_bits(110_426_521),
+        ring_decay: Decay::from_bits(114_589_696),
+        force_gains: None,
+        acceleration_gains: Some(GainMatch {
+            deviation: Fraction::from_bits(-655),
+            uncertainty: Fraction::from_bits(721),
+        }),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "@@shape";

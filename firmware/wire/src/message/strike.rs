@@ -1,0 +1,92 @@
+use crate::body::body;
+use crate::names::bits;
+use crate::units::{Acceleration, Energy, Force, Fraction};
+
+body! {
+    /// The result of one strike: after its window.
+    pub struct Strike: Copy {
+        /// Number of the strike since the last reset, from 0.
+        pub strike: u32,
+        /// Sample index of the window's first scan.
+        pub first_index: u64,
+        /// Sample index at which the detector fired.
+        pub trigger_index: u64,
+        /// Scans in the window.
+        pub samples: u16,
+        /// Highest force.
+        pub peak_force: Force,
+        /// Sample index of the highest force.
+        pub peak_index: u64,
+        /// Highest acceleration.
+        pub acceleration_max: Acceleration,
+        /// Lowest acceleration.
+        pub acceleration_min: Acceleration,
+        /// Absorbed energy from the acceleration alone; the energy that noise adds is taken off.
+        pub absorbed_measured: Energy,
+        /// Absorbed energy from the force alone, by the reduced chain.
+        pub absorbed_predicted: Energy,
+        /// Energy of the wave that came in, from its peak force.
+        pub incident_energy: Energy,
+        /// `absorbed_measured` over `incident_energy`.
+        pub absorbed_fraction: Fraction,
+        /// The energy of noise that was taken off `absorbed_measured`.
+        pub noise_energy: Energy,
+        /// Standard deviation of the force before the strike.
+        pub force_noise: Force,
+        /// Doubts about the result.
+        pub flags: StrikeFlags,
+    }
+}
+
+bits! {
+    /// Doubts about the result of a strike.
+    pub struct StrikeFlags(u16, 3) {
+        /// The force stood at a rail of the converter at the low gain: peak and prediction are too low.
+        0 "force_railed" FORCE_RAILED,
+        /// The acceleration stood at a rail of the converter at the low gain: the measured energy is too low.
+        1 "acceleration_railed" ACCELERATION_RAILED,
+        /// A state of the reduced chain left half the range of its format.
+        3 "chain_range" CHAIN_RANGE,
+        /// The two estimates differ by more than the settings allow, and no other flag says why.
+        4 "estimates_differ" ESTIMATES_DIFFER,
+        /// The intruder does not ring or die away as its settings say.
+        5 "intruder_drifted" INTRUDER_DRIFTED,
+        /// The two gains of a sensor differ by more than noise explains.
+        6 "gains_differ" GAINS_DIFFER,
+        /// The strike was measured with settings that are not the owner's: built in, or built in because those in
+        /// flash were refused.
+        13 "settings_not_owners" SETTINGS_NOT_OWNERS,
+        /// A sensor or the supply was at fault when the window was complete: see `standing` in the health frame.
+        14 "sensor_fault" SENSOR_FAULT,
+    }
+}
+
+impl StrikeFlags {
+    /// Flags that depend on the bead's state outside the window: a replay of the window does not have them.
+    pub const OF_THE_BEAD: Self = Self::SETTINGS_NOT_OWNERS.with(Self::SENSOR_FAULT);
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Strike {
+    Strike {
+        strike: 3,
+        first_index: 41_168,
+        trigger_index: 41_200,
+        samples: 400,
+        peak_force: Force::from_bits(412_345),
+        peak_index: 41_207,
+        acceleration_max: Acceleration::from_bits(12_713_984),
+        acceleration_min: Acceleration::from_bits(-9_876_543),
+        absorbed_measured: Energy::from_bits(13_919_900_000),
+        absorbed_predicted: Energy::from_bits(13_921_000_000),
+        incident_energy: Energy::from_bits(-1),
+        absorbed_fraction: Fraction::from_bits(13_107),
+        noise_energy: Energy::from_bits(77_000),
+        force_noise: Force::from_bits(328),
+        flags: StrikeFlags::from_bits(0x8001),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "@@strike";

@@ -1,0 +1,43 @@
+use crate::body::body;
+use crate::codes::{Codes, MAX_SCANS};
+use crate::units::Energy;
+
+/// Bytes of the scans of one frame.
+pub(crate) const PIECE: usize = 3 * MAX_SCANS;
+/// Bytes of those scans and of the two scans before them.
+const PIECE_AND_BEFORE: usize = 3 * (2 + MAX_SCANS);
+
+body! {
+    /// A run of samples of a strike, raw, with the estimates as they stood after the last of them.
+    pub struct Waveform {
+        /// Number of the strike since the last reset, from 0.
+        pub strike: u32,
+        /// Sample index of the first scan here.
+        pub first_index: u64,
+        /// The scans at the high gain.
+        pub codes: Codes<PIECE>,
+        /// The scans at the low gain, if they had a part in the estimates: first the two scans before `first_index`,
+        /// then those of `codes`. Otherwise empty.
+        pub wide: Codes<PIECE_AND_BEFORE>,
+        /// Absorbed energy so far, from the acceleration alone.
+        pub absorbed_measured: Energy,
+        /// Absorbed energy so far, from the force alone.
+        pub absorbed_predicted: Energy,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Waveform {
+    Waveform {
+        strike: 3,
+        first_index: 41_168,
+        codes: Codes::pack([[0x123, 0xABC], [0, 0xFFF]]).unwrap(),
+        wide: Codes::pack([[0x080, 0x800], [0x081, 0x801], [0x082, 0x802], [0x083, 0x803]]).unwrap(),
+        absorbed_measured: Energy::from_bits(-64),
+        absorbed_predicted: Energy::from_bits(64),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "@@waveform";
