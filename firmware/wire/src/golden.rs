@@ -12,13 +12,18 @@ use std::format;
 use std::string::String;
 use std::vec::Vec;
 
-use crate::body::Fields;
+use crate::body::{Field, Fields};
+use crate::codes::Codes;
 use crate::decoder::Decoder;
 use crate::frame::{Frame, Header, MAX_FRAME, encode};
+use crate::message::fault::FaultCause;
+use crate::message::shape::GainMatch;
+use crate::message::strike::StrikeFlags;
 use crate::message::{Kind, Message, examples};
 use crate::payload::VERSION;
 use crate::request::{MAX_REQUEST, Request, RequestDecoder, encode_request};
-use crate::text::Block;
+use crate::text::{Block, MAX_BLOCK, Text};
+use crate::units::{Energy, Force, Fraction, Impulse, Samples};
 
 const HEADER: Header = Header {
     address: 7,
@@ -29,17 +34,17 @@ const HEADER: Header = Header {
 
 /// The requests, delimiters included: number 0xA1B2 to address 7.
 const REQUESTS: [&str; 11] = [
-    "00090240b2a113c5f58c00",
-    "00090241b2a124af378d00",
-    "00090242b2a17d11718f00",
-    "000b0243b2a107424541440106ff0a27797a00",
-    "00090244b2a1cf6dfc8b00",
-    "00090245b2a1f8073e8a00",
-    "00090246b2a1a1b9788800",
-    "00090247b2a196d3ba8900",
-    "000b0248b2a1c413f2f160d000",
-    "00090249b2a19cfe248300",
-    "0009024ab2a1c540628100",
+    "000a0340b2a10785e734f500",
+    "000a0341b2a107e080884d00",
+    "000a0342b2a1070e2f3d5f00",
+    "000c0343b2a10707424541440106ff9749be0b00",
+    "000a0344b2a107d270567a00",
+    "000a0345b2a107b717eac200",
+    "000a0346b2a10759b85fd000",
+    "000a0347b2a1073cdfe36800",
+    "000c0348b2a107c413e72d38fe00",
+    "000a0349b2a1070fa83c8800",
+    "000a034ab2a107e107899a00",
 ];
 
 fn requests() -> [Request; 11] {
@@ -86,7 +91,10 @@ fn todays_frames_are_the_same_bytes_and_are_understood() {
         let sent = to_hex(encode(&HEADER, &message, &mut buffer).unwrap());
         assert_eq!(sent, hex, "{}", message.kind().name());
         let frame = read(hex);
-        assert_eq!((frame.version, frame.header, &frame.message), (VERSION, HEADER, &message));
+        assert_eq!(
+            (frame.version, frame.header, &frame.message),
+            (VERSION, HEADER, &message)
+        );
     }
 }
 
@@ -96,30 +104,58 @@ fn the_frames_of_version_2_are_read_as_those_of_address_0() {
         .into_iter()
         .map(|(message, _)| (message.kind().name(), message))
         .collect();
-    let rows = include_str!("golden/v2.txt").lines().filter(|line| !line.starts_with('#'));
+    let rows = include_str!("golden/v2.txt")
+        .lines()
+        .filter(|line| !line.starts_with('#'));
     for (row, line) in rows.enumerate() {
         let (name, hex) = line.split_once(' ').unwrap();
         let frame = read(hex);
         let header = Header { address: 0, ..HEADER };
-        assert_eq!((frame.version, frame.header, &frame.message), (2, header, &today[name]), "row {row}");
+        assert_eq!(
+            (frame.version, frame.header, &frame.message),
+            (2, header, &today[name]),
+            "row {row}"
+        );
     }
 }
 
+/// With the longest values of every form of a field, the sum over a body is exact.
 #[test]
-fn the_longest_body_of_each_kind_is_as_long_as_its_fields_say() {
+fn the_longest_form_of_each_field_is_as_long_as_stated() {
+    fn longest<F: Field>(values: &[F]) {
+        let mut buffer = [0; 300];
+        let lengths = values
+            .iter()
+            .map(|value| postcard::to_slice(value, &mut buffer).unwrap().len());
+        assert_eq!(lengths.max(), Some(F::LONGEST), "{}", F::FORM);
+    }
+    // Zigzag: the lowest number is the longest.
+    longest(&[u8::MAX]);
+    longest(&[u16::MAX]);
+    longest(&[u32::MAX]);
+    longest(&[u64::MAX]);
+    longest(&[true]);
+    longest(&[[0xFF_u8; 12]]);
+    longest(&[Force::from_bits(i32::MIN)]);
+    longest(&[Energy::from_bits(i64::MIN)]);
+    longest(&[Impulse::from_bits(i64::MIN)]);
+    longest(&[Samples::from_bits(u32::MAX)]);
+    longest(&[FaultCause::Unknown(u8::MAX)]);
+    longest(&[Text::<24>::new(format_args!("{:x>99}", ""))]);
+    longest(&[Text::<96>::new(format_args!("{:x>99}", ""))]);
+    longest(&[Block::try_from(&[1; MAX_BLOCK][..]).unwrap()]);
+    longest(&[Codes::<96>::pack([[1, 2]; 32]).unwrap()]);
+    longest(&[Codes::<102>::pack([[1, 2]; 34]).unwrap()]);
+    longest(&[StrikeFlags::from_bits(u16::MAX)]);
+    longest(&[Some(GainMatch {
+        deviation: Fraction::from_bits(i32::MIN),
+        uncertainty: Fraction::from_bits(i32::MIN),
+    })]);
     for &kind in Kind::ALL {
-        let mut longest = 0;
-        // All ones give the longest varints; lengths drawn from all ones are taken modulo their bound plus one.
-        for draw in 0..2000u64 {
-            let mut state = draw;
-            let message = Message::draw(kind, &mut || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                if draw % 2 == 0 { u64::MAX << (draw % 40) | state >> 40 } else { state >> 7 }
-            });
-            let mut buffer = [0; 2 * MAX_FRAME];
-            longest = longest.max(message.encode(&mut buffer).unwrap());
-        }
-        assert!(longest <= kind.longest(), "{}: {longest}", kind.name());
+        assert_eq!(
+            kind.longest(),
+            kind.fields().iter().map(|field| field.longest).sum()
+        );
     }
 }
 
@@ -130,10 +166,16 @@ fn requests_are_the_same_bytes_and_are_understood() {
         let sent = encode_request(HEADER.address, 0xA1B2, &request, &mut buffer).unwrap();
         assert_eq!(to_hex(sent), hex, "{request:?}");
         let mut decoder = RequestDecoder::new();
-        let heard: Vec<_> = from_hex(hex).into_iter().filter_map(|byte| decoder.push(byte)).collect();
+        let heard: Vec<_> = from_hex(hex)
+            .into_iter()
+            .filter_map(|byte| decoder.push(byte))
+            .collect();
         assert_eq!(heard.len(), 1);
         let heard = heard[0].clone().unwrap();
-        assert_eq!((heard.address, heard.number, heard.request), (HEADER.address, 0xA1B2, Ok(request)));
+        assert_eq!(
+            (heard.address, heard.number, heard.request),
+            (HEADER.address, 0xA1B2, Ok(request))
+        );
     }
     assert_eq!(Request::LIST.len(), REQUESTS.len());
 }
@@ -144,7 +186,10 @@ fn every_kind_has_a_name_and_fields_and_no_number_of_a_request() {
         assert_eq!(Kind::from_byte(kind as u8), Some(kind));
         assert!((kind as u8) < 64);
         let mut names = Vec::new();
-        let (message, _) = examples().into_iter().find(|(message, _)| message.kind() == kind).unwrap();
+        let (message, _) = examples()
+            .into_iter()
+            .find(|(message, _)| message.kind() == kind)
+            .unwrap();
         message.each(&mut |name, _| names.push(name));
         assert!(kind.fields().iter().map(|field| field.name).eq(names));
     }

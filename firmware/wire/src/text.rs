@@ -86,7 +86,9 @@ impl Block {
 impl TryFrom<&[u8]> for Block {
     type Error = BlockTooLong;
     fn try_from(bytes: &[u8]) -> Result<Self, BlockTooLong> {
-        Vec::from_slice(bytes).map(Self).map_err(|_| BlockTooLong(bytes.len()))
+        Vec::from_slice(bytes)
+            .map(Self)
+            .map_err(|_| BlockTooLong(bytes.len()))
     }
 }
 

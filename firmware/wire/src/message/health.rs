@@ -57,5 +57,4 @@ pub(crate) fn example() -> Health {
 }
 
 #[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "@@health";
+pub(crate) const GOLDEN: &str = "000a030702040302010c0b01020a0101040705010402ac020bf0a204db1912ea25825d00";

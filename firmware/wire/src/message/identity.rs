@@ -63,5 +63,4 @@ pub(crate) fn example() -> Identity {
 }
 
 #[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "@@identity";
+pub(crate) const GOLDEN: &str = "000a030102040302010c0b01020a0101210705302e312e301776302e312e302d332d67303132333435362d646972747930022a150e5133353930373182800414a08d060460f395a500";

@@ -59,4 +59,4 @@ pub(crate) fn example() -> Link {
 
 #[cfg(test)]
 pub(crate) const GOLDEN: &str =
-    "@@link";
+    "000a031202040302010c0b01020a01011f0780e497d0120c0102ac020405f0a20406070809a0b323a0d1194622427300";

@@ -53,4 +53,4 @@ pub(crate) fn example() -> Reply {
 
 #[cfg(test)]
 pub(crate) const GOLDEN: &str =
-    "@@reply";
+    "000a031002040302010c0b01020a01011707b2c302060c666f7220353030303020487a108d0d3a00";

@@ -47,5 +47,4 @@ pub(crate) fn example() -> SelfTest {
 }
 
 #[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "@@self_test";
+pub(crate) const GOLDEN: &str = "000a031302040302010c0b01020a01010b070501d8f504fc06d33d00";

@@ -19,5 +19,4 @@ pub(crate) fn example() -> Settings {
 }
 
 #[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "@@settings";
+pub(crate) const GOLDEN: &str = "000a030602040302010c0b01020a0101080707424541440106ff2fa4ef5400";

@@ -54,5 +54,4 @@ pub(crate) fn example() -> Shape {
 }
 
 #[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "@@shape";
+pub(crate) const GOLDEN: &str = "000a030802040302010c0b01020a01011a0703d0c1028080d405b3e694018080c80e99f3d3348080d2360a019d0aa20b100dbb2100";

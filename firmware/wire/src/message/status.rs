@@ -62,4 +62,4 @@ pub(crate) fn example() -> Status {
 
 #[cfg(test)]
 pub(crate) const GOLDEN: &str =
-    "@@status";
+    "000a030202040302010c0b01020a01010f0780e497d012018090cad2c60e0306c801f0a2040980100201dd2ac55b00";

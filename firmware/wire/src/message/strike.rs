@@ -88,5 +88,4 @@ pub(crate) fn example() -> Strike {
 }
 
 #[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "@@strike";
+pub(crate) const GOLDEN: &str = "000a030302040302010c0b01020a0101330703d0c102f0c1029003f2aa32f7c1028080900cfdd0b509c0c586db6780e98cdc6701e6cc0190b309900581800244e7f5ec00";

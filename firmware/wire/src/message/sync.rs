@@ -31,5 +31,4 @@ pub(crate) fn example() -> Sync {
 }
 
 #[cfg(test)]
-pub(crate) const GOLDEN: &str =
-    "@@sync";
+pub(crate) const GOLDEN: &str = "000a030902040302010c0b01020a010110070bd0c102c706c806ac0278bebcf300";

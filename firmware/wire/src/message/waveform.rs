@@ -40,4 +40,4 @@ pub(crate) fn example() -> Waveform {
 
 #[cfg(test)]
 pub(crate) const GOLDEN: &str =
-    "@@waveform";
+    "000a030402040302010c0b01020a01010a0703d0c1020623c1ab05f0ff0c8012808110808220808330807f800143de479e00";
