@@ -29,7 +29,7 @@ pub use codes::{CodeError, Codes, MAX_CODE, MAX_SCANS, unpacked};
 pub use decoder::{Counters, Decoder};
 pub use edge::unwrapped;
 pub use frame::{Frame, Header, MAX_FRAME, encode};
-pub use message::fault::{Fault, FaultCause, MAX_DETAIL};
+pub use message::fault::{Detail, Fault, FaultCause, MAX_DETAIL};
 pub use message::health::{Health, Standing};
 pub use message::identity::{Identity, MAX_FIRMWARE, MAX_GIT, ResetCauses};
 pub use message::link::Link;

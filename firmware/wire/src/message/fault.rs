@@ -5,6 +5,9 @@ use crate::text::Text;
 /// Longest detail of a fault or a reply, in bytes.
 pub const MAX_DETAIL: usize = 96;
 
+/// One line for people.
+pub type Detail = Text<MAX_DETAIL>;
+
 names! {
     /// What went wrong. The list may grow at its end.
     pub enum FaultCause {
@@ -51,7 +54,7 @@ body! {
         /// Program counter where it did; 0 where that says nothing.
         pub pc: u32,
         /// One line for people; longer ones are cut between characters.
-        pub detail: Text<MAX_DETAIL>,
+        pub detail: Detail,
     }
 }
 

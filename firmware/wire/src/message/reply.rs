@@ -1,7 +1,6 @@
 use crate::body::body;
-use crate::message::fault::MAX_DETAIL;
+use crate::message::fault::Detail;
 use crate::names::names;
-use crate::text::Text;
 
 names! {
     /// What became of a request. The list may grow at its end.
@@ -38,7 +37,7 @@ body! {
         /// What became of it: a request with any other outcome than `done` has changed nothing.
         pub outcome: Outcome,
         /// One line for people; empty where there is nothing to say. Longer ones are cut between characters.
-        pub detail: Text<MAX_DETAIL>,
+        pub detail: Detail,
     }
 }
 
