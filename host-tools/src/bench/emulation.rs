@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use bead_model::design::{Capture, derive};
 use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};
 use stm32f405_qemu::{Outcome, PinInput, Run, RunError};
@@ -17,7 +18,7 @@ use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::sensed::{Sensed, Timing, Truth, bead_of};
 use crate::cli::failure::{Blame, Failure};
 use crate::recording::file::{RecordingError, Writer};
-use crate::recording::frames::{self, Message};
+use crate::recording::frames::{self, Frame};
 
 /// Where the image looks for settings that a probe has put there (`memory.x`).
 pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
@@ -97,6 +98,10 @@ pub struct RunTruth {
 pub struct Ran {
     /// The bytes that the bead sent.
     pub stream: Vec<u8>,
+    /// The frames in them.
+    pub frames: Vec<Frame>,
+    /// What of them was received, refused and lost.
+    pub counters: Counters,
     /// When each had left, in ns of true time since power-up.
     pub sent_ns: Vec<u64>,
     /// True time of the first triggered scan, in ns since power-up.
@@ -115,7 +120,7 @@ impl Ran {
         let mut sent = self.sent_ns.iter();
         for run in self.stream.split_inclusive(|byte| *byte == 0) {
             let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
-            writer.write_at(run, zero_ns + at.saturating_sub(self.first_scan_ns))?;
+            writer.write_at(run, zero_ns + at.saturating_sub(self.first_scan_ns), |_| {})?;
         }
         Ok(())
     }
@@ -332,32 +337,31 @@ impl Emulation {
         run
     }
 
-    /// Runs the image. Returns the bytes that it sent and what was measured.
-    ///
-    /// # Errors
-    /// As [`timed`](Self::timed).
-    pub fn run(&self) -> Result<(Vec<u8>, EmulatorReport), Failure> {
-        let Ran { stream, report, .. } = self.timed()?;
-        Ok((stream, report))
-    }
-
     /// Runs the image.
     ///
     /// # Errors
     /// The image is none, QEMU fails, or the image never samples.
-    pub fn timed(&self) -> Result<Ran, Failure> {
+    pub fn run(&self) -> Result<Ran, Failure> {
         let clock = Instant::now();
         let outcome = self.machine().execute().map_err(blame)?;
-        let report = self.report(&outcome, clock.elapsed().as_secs_f64())?;
+        let (frames, counters) = frames::decode(&outcome.uart);
+        let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
         Ok(Ran {
             first_scan_ns: outcome.sampling.map_or(0, |sampling| sampling.first_ns),
             stream: outcome.uart,
+            frames,
+            counters,
             sent_ns: outcome.uart_ns,
             report,
         })
     }
 
-    fn report(&self, outcome: &Outcome, real_seconds: f64) -> Result<EmulatorReport, Failure> {
+    fn report(
+        &self,
+        outcome: &Outcome,
+        frames: &[Frame],
+        real_seconds: f64,
+    ) -> Result<EmulatorReport, Failure> {
         let Some(sampling) = &outcome.sampling else {
             let last = outcome
                 .log
@@ -378,8 +382,7 @@ impl Emulation {
             let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
             Some(function.instructions as f64 / samples as f64)
         };
-        let windows: Vec<u64> = frames::decode(&outcome.uart)
-            .0
+        let windows: Vec<u64> = frames
             .iter()
             .filter_map(|frame| match &frame.message {
                 Message::Strike(strike) => Some(strike.samples.into()),

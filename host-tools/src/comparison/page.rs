@@ -3,12 +3,11 @@
 use std::fmt::Write;
 
 use bead_model::settings::Settings;
-use bead_wire::{Counters, SettingsSource, Status};
+use bead_wire::{Counters, Identity, SettingsSource, Status};
 
 use crate::bench::emulation::EmulatorReport;
 use crate::cli::failure::Failure;
 use crate::comparison::strike::{Absorbed, Sensed, StrikeComparison, Traces, Values};
-use crate::recording::frames::{Identity, reset_causes};
 use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, STYLE, Scale, Series, WIDTH, escape};
 
 /// What a report tells.
@@ -465,7 +464,7 @@ impl Report<'_> {
                 format!(
                     "{}, reset by {}",
                     identity.boot,
-                    reset_causes(identity.reset_cause).join(", ")
+                    identity.reset_cause.names().collect::<Vec<_>>().join(", ")
                 ),
             );
             fact(
@@ -523,6 +522,7 @@ impl Report<'_> {
                     SettingsSource::Flash => "flash, put there by a probe".to_owned(),
                     SettingsSource::BuiltIn => "the image: flash has none".to_owned(),
                     SettingsSource::FlashRefused => "the image: those in flash were refused".to_owned(),
+                    SettingsSource::Unknown(number) => format!("source {number}, of a later version"),
                 },
             );
             fact(

@@ -9,11 +9,11 @@ use std::collections::VecDeque;
 use std::process;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use bead_wire::{MAX_REQUEST, Outcome, Request, encode_request};
+use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Reply, Request, encode_request};
 
 use crate::cli::failure::{Blame, Failure};
 use crate::line::port::{Address, Port};
-use crate::recording::frames::{Frame, Item, Message, Reader, Reply};
+use crate::recording::frames::{Frame, Item, Reader};
 
 /// How often a request is sent before the bead is given up.
 const ATTEMPTS: u32 = 3;
@@ -63,7 +63,7 @@ impl Conversation {
         Ok(Self {
             address: address.clone(),
             port,
-            reader: Reader::new(),
+            reader: Reader::default(),
             behind: VecDeque::new(),
             next: (since.subsec_micros() ^ process::id()) as u16,
             patience,
@@ -74,11 +74,11 @@ impl Conversation {
     ///
     /// # Errors
     /// The request is none that fits a frame, the port goes away, or no reply comes.
-    pub fn ask(&mut self, request: &Request<'_>) -> Result<Answer, Failure> {
+    pub fn ask(&mut self, request: &Request) -> Result<Answer, Failure> {
         let number = self.next;
         self.next = self.next.wrapping_add(1);
         let mut buffer = [0; MAX_REQUEST];
-        let bytes = encode_request(number, request, &mut buffer)
+        let bytes = encode_request(ANY, number, request, &mut buffer)
             .or_input(|| "this cannot be sent to a bead")?
             .to_vec();
         let mut frames = Vec::new();
@@ -104,7 +104,7 @@ impl Conversation {
     ///
     /// # Errors
     /// As [`ask`](Self::ask), and [`Failure::Verdict`] with the bead's reason if it refuses.
-    pub fn command(&mut self, request: &Request<'_>) -> Result<Answer, Failure> {
+    pub fn command(&mut self, request: &Request) -> Result<Answer, Failure> {
         let answer = self.ask(request)?;
         match answer.reply.outcome {
             Outcome::Done => Ok(answer),
@@ -157,7 +157,7 @@ impl Conversation {
                 .port
                 .read(&mut buffer)
                 .or_device(|| format!("{} went away", self.address))?;
-            self.reader.feed(&buffer[..length], |item| {
+            self.reader.feed(&buffer[..length], None, |item| {
                 if let Item::Frame(frame) = item {
                     self.behind.push_back(frame);
                 }
@@ -185,8 +185,8 @@ impl Conversation {
 
 /// What the bead said no to, and why.
 pub fn refused(reply: &Reply) -> Failure {
-    let name = reply.outcome.name().replace('_', " ");
-    Failure::Verdict(match reply.detail.is_empty() {
+    let name = reply.outcome.to_string().replace('_', " ");
+    Failure::Verdict(match reply.detail.as_str().is_empty() {
         true => format!("the bead refused: {name}"),
         false => format!("the bead refused: {name}; {}", reply.detail),
     })

@@ -5,13 +5,13 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use bead_wire::{FORCE_UNIT_N, FaultCause, Status};
+use bead_wire::{FaultCause, Message, Status};
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::bench::bridge::{self, Bridge};
-use crate::bench::emulation::{Emulation, EmulatorReport, InstructionsPerSample, Ran, find_image};
+use crate::bench::emulation::{Emulation, InstructionsPerSample, Ran, find_image};
 use crate::bench::faults::{self, Planned};
 use crate::bench::front_end::SAMPLE_RATE_HZ;
 use crate::bench::sensed::{
@@ -23,7 +23,7 @@ use crate::cli::output::{self, Format};
 use crate::comparison::replay::replay;
 use crate::line::port::Address;
 use crate::recording::file::{About, Part, Writer};
-use crate::recording::frames::{self, Frame, Message, flag_names, joules};
+use crate::recording::frames::Frame;
 use crate::recording::strikes::assemble;
 
 const AFTER_HELP: &str = "\
@@ -240,14 +240,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         emulation.sync(edges.take_while(|edge| *edge < seconds).collect());
     }
     progress.set_message("running the image in QEMU");
-    let ran = emulation.timed()?;
+    let ran = emulation.run()?;
     progress.finish_and_clear();
 
     let recording = match &arguments.out {
         Some(out) => Some(record(arguments, out, &text, &emulation, &ran)?),
         None => None,
     };
-    let report = report(&emulation, &ran.stream, &ran.report, recording);
+    let report = report(&emulation, ran, recording);
     match arguments.format {
         Format::Json => output::print_json(&report)?,
         Format::Table => output::print_line(&table(&report))?,
@@ -266,8 +266,7 @@ fn record(
     fs::create_dir_all(out)
         .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
     let path = out.join(format!("bead-{}.mcap", arguments.bead));
-    let (frames, _) = frames::decode(&ran.stream);
-    let firmware = frames.iter().find_map(|frame| match &frame.message {
+    let firmware = ran.frames.iter().find_map(|frame| match &frame.message {
         Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
         _ => None,
     });
@@ -300,20 +299,26 @@ fn record(
     Ok(path)
 }
 
-fn report(
-    emulation: &Emulation,
-    stream: &[u8],
-    measured: &EmulatorReport,
-    recording: Option<PathBuf>,
-) -> Report {
-    let (frames, counters) = frames::decode(stream);
+fn report(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Report {
+    let Ran {
+        frames,
+        counters,
+        report: measured,
+        ..
+    } = ran;
     let statuses = last_statuses(&frames);
     let counted =
         |count: &dyn Fn(&Status) -> u32| statuses.iter().map(|status| u64::from(count(status))).sum();
+    let told = told(&frames);
+    let health = frames
+        .iter()
+        .rev()
+        .find(|frame| matches!(frame.message, Message::Health(_)))
+        .map(Frame::body);
     let mut struck = None;
     let mut echoes = Vec::new();
     let mut strikes = Vec::new();
-    for strike in assemble(&frames, Some(&emulation.settings)) {
+    for strike in assemble(frames, Some(emulation.settings)) {
         let begun = emulation
             .truth
             .starts
@@ -326,16 +331,15 @@ fn report(
         let list = if is_echo { &mut echoes } else { &mut strikes };
         list.push(Strike {
             sample_index: strike.said.trigger_index,
-            peak_force: f64::from(strike.said.peak_force) * FORCE_UNIT_N,
-            absorbed_measured: joules(strike.said.absorbed_measured),
-            absorbed_predicted: joules(strike.said.absorbed_predicted),
-            flags: flag_names(strike.said.flags),
+            peak_force: strike.said.peak_force.newtons(),
+            absorbed_measured: strike.said.absorbed_measured.joules(),
+            absorbed_predicted: strike.said.absorbed_predicted.joules(),
+            flags: strike.said.flags.names().collect(),
             truth: (!is_echo).then_some(emulation.truth.truth),
             replay_identical: replay.identical(),
             first_difference: replay.first_difference,
         });
     }
-    let told = told(&frames);
     Report {
         frames: Frames {
             received: counters.frames,
@@ -353,15 +357,11 @@ fn report(
         echoes,
         provoked: answered(&emulation.faults, &told),
         faults: told,
-        health: frames
-            .iter()
-            .rev()
-            .find(|frame| matches!(frame.message, Message::Health(_)))
-            .map(Frame::body),
+        health,
         instructions_per_sample: measured.instructions_per_sample,
         instructions_available: measured.instructions_available,
         saturated: measured.saturated,
-        unknown_registers: measured.unknown_registers.clone(),
+        unknown_registers: measured.unknown_registers,
         recording,
     }
 }
@@ -370,15 +370,15 @@ fn report(
 fn last_statuses(frames: &[Frame]) -> Vec<Status> {
     let mut last: Vec<(u8, Status)> = Vec::new();
     for frame in frames {
-        let Message::Status(status) = frame.message else {
+        let Message::Status(status) = &frame.message else {
             continue;
         };
         let same_boot = |(boot, before): &&mut (u8, Status)| {
             *boot == frame.header.boot && before.uptime_ms <= status.uptime_ms
         };
         match last.last_mut().filter(same_boot) {
-            Some((_, before)) => *before = status,
-            None => last.push((frame.header.boot, status)),
+            Some((_, before)) => *before = *status,
+            None => last.push((frame.header.boot, *status)),
         }
     }
     last.into_iter().map(|(_, status)| status).collect()
@@ -390,7 +390,7 @@ fn told(frames: &[Frame]) -> Vec<Told> {
             sample_index: frame.header.sample_index,
             cause: fault.cause,
             boot: fault.boot,
-            detail: fault.detail.clone(),
+            detail: fault.detail.as_str().to_owned(),
         }),
         _ => None,
     });
@@ -609,7 +609,7 @@ fn table(report: &Report) -> String {
             provoked.add_row([
                 fault.kind.name().to_owned(),
                 fault.at.to_string(),
-                cause.map_or("-", FaultCause::name).to_owned(),
+                cause.map_or_else(|| "-".to_owned(), |cause| cause.to_string()),
                 match (cause, reported) {
                     (None, _) => "-",
                     (_, true) => "yes",
@@ -624,7 +624,7 @@ fn table(report: &Report) -> String {
         let mut told = output::table(["the bead reported", "at sample", "of boot", "detail"]);
         for fault in &report.faults {
             told.add_row([
-                fault.cause.name().to_owned(),
+                fault.cause.to_string(),
                 fault.sample_index.to_string(),
                 fault.boot.to_string(),
                 fault.detail.clone(),
