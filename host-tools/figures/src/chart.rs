@@ -150,8 +150,27 @@ pub struct Axis {
     pub scale: Scale,
 }
 
+impl Axis {
+    /// A linear axis.
+    pub fn new(label: impl Into<String>, range: Range<f64>) -> Self {
+        Self {
+            label: label.into(),
+            range: (range.start, range.end),
+            scale: Scale::Linear,
+        }
+    }
+
+    /// A logarithmic axis.
+    pub fn log(label: impl Into<String>, range: Range<f64>) -> Self {
+        Self {
+            scale: Scale::Log,
+            ..Self::new(label, range)
+        }
+    }
+}
+
 /// One panel: a pair of axes with curves.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Panel {
     /// The quantity and unit of the vertical axis.
     pub y_label: String,
@@ -209,7 +228,59 @@ const fn px(pixels: u32) -> u32 {
 }
 const FONT: &str = "sans-serif";
 
+impl Panel {
+    /// A panel of 240 pixels with a linear vertical axis, over the chart's horizontal axis.
+    pub fn new(y_label: impl Into<String>, series: Vec<Series>) -> Self {
+        Self {
+            y_label: y_label.into(),
+            y_scale: Scale::Linear,
+            y_range: None,
+            series,
+            height: 240,
+            x: None,
+        }
+    }
+
+    /// The same with a logarithmic vertical axis.
+    #[must_use]
+    pub fn log(mut self) -> Self {
+        self.y_scale = Scale::Log;
+        self
+    }
+
+    /// The same with this vertical range.
+    #[must_use]
+    pub fn range(mut self, low: f64, high: f64) -> Self {
+        self.y_range = Some((low, high));
+        self
+    }
+
+    /// The same in this height, pixels.
+    #[must_use]
+    pub fn height(mut self, height: u32) -> Self {
+        self.height = height;
+        self
+    }
+
+    /// The same over a horizontal axis of its own.
+    #[must_use]
+    pub fn over(mut self, x: Axis) -> Self {
+        self.x = Some(x);
+        self
+    }
+}
+
 impl Chart {
+    /// A chart for a column of print, without a description.
+    pub fn new(x: Axis, panels: Vec<Panel>) -> Self {
+        Self {
+            description: String::new(),
+            x,
+            panels,
+            width: COLUMN,
+        }
+    }
+
     /// The chart as an `<svg>` element that fills its column and takes its colours from [`STYLE`] in the page.
     ///
     /// # Errors
@@ -587,25 +658,17 @@ mod tests {
         let points = (0..100)
             .map(|i| (f64::from(i) * 0.1, (f64::from(i) * 0.2).sin()))
             .collect();
+        let sensed = Series {
+            name: "sensed".to_owned(),
+            ink: Ink::Sensed,
+            mark: Mark::Line,
+            points,
+        };
+        let panel = Panel::new("force (N)", vec![sensed]).height(200);
         Chart {
             description: "a \"sine\" & more".to_owned(),
-            x: Axis {
-                label: "time (ms)".to_owned(),
-                range: (0.0, 10.0),
-                scale: Scale::Linear,
-            },
             width: WIDTH,
-            panels: vec![Panel {
-                y_label: "force (N)".to_owned(),
-                height: 200,
-                series: vec![Series {
-                    name: "sensed".to_owned(),
-                    ink: Ink::Sensed,
-                    mark: Mark::Line,
-                    points,
-                }],
-                ..Panel::default()
-            }],
+            ..Chart::new(Axis::new("time (ms)", 0.0..10.0), vec![panel])
         }
     }
 

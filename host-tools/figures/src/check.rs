@@ -101,6 +101,30 @@ impl Check {
     }
 }
 
+/// A list of checks, one a row: what is checked and its unit (none for a pure number), its value, how it has to stand to
+/// what is expected, and what the paper says instead where the equations say otherwise.
+///
+/// ```text
+/// checks![
+///     "highest acceleration", "m/s²": highest => close(133.23, 1e-3);
+///     "lasting loss of the chain's energy", "%": lasting => near(1.3, 1e-4), paper "nearly 4 %";
+/// ]
+/// ```
+///
+/// The name of the relation is a function of [`Check`]; its numbers are that function's. The text of a row may name
+/// variables, as `format!` takes it.
+macro_rules! checks {
+    (@unit) => { "" };
+    (@unit $unit:literal) => { $unit };
+    ($($what:literal $(, $unit:literal)?: $value:expr => $relation:ident($($bound:expr),+) $(, paper $paper:literal)?;)*) => {
+        vec![$(
+            $crate::check::Check::$relation(format!($what), checks!(@unit $($unit)?), $value, $($bound),+)
+                $(.but_paper($paper))?
+        ),*]
+    };
+}
+pub(crate) use checks;
+
 #[cfg(test)]
 mod tests {
     use super::*;

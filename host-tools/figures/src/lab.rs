@@ -4,7 +4,7 @@ use std::any::Any;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use hertz_chain::{Options, Scenario, Solution, Summary, simulate};
+use hertz_chain::{Scenario, Solution, Summary, simulate};
 
 use crate::error::Error;
 
@@ -92,7 +92,7 @@ impl Lab {
         let kept = match found {
             Some(kept) => kept,
             None => {
-                let solution = simulate(scenario, &Options::default())?;
+                let solution = simulate(scenario)?;
                 let run = Run {
                     summary: solution.summary(),
                     solution,

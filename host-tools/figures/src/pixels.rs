@@ -74,6 +74,6 @@ pub(crate) fn gif(charts: &[Chart]) -> Result<Vec<u8>, Error> {
     let written = encoder
         .set_repeat(gif::Repeat::Infinite)
         .and_then(|()| images.iter().try_for_each(|image| encoder.write_frame(image)))
-        .and_then(|()| Ok(encoder.into_inner()?));
+        .and_then(|()| encoder.into_inner());
     written.map_err(|error| refused(&error))
 }

@@ -30,6 +30,30 @@ pub struct Figure {
     pub frames: Vec<Chart>,
 }
 
+impl Figure {
+    /// A figure that does not move.
+    pub fn new(chart: Chart, checks: Vec<Check>) -> Self {
+        Self {
+            chart,
+            checks,
+            frames: Vec::new(),
+        }
+    }
+}
+
+/// The plans of a plate, one a row: name, title, what is simulated, and the function that draws it.
+macro_rules! plans {
+    ($($name:literal: $title:literal; $setting:expr => $draw:expr,)*) => {
+        pub(crate) const PLANS: &[$crate::plan::Plan] = &[$($crate::plan::Plan {
+            name: $name,
+            title: $title,
+            setting: $setting,
+            draw: $draw,
+        }),*];
+    };
+}
+pub(crate) use plans;
+
 /// How one figure came out, as in the JSON of `bead figures`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {

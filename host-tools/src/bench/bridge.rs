@@ -18,9 +18,9 @@ use std::time::Duration;
 
 use stm32f405_qemu::{Run, UartInput};
 
-use crate::bench::emulation::{Emulation, blame};
+use crate::bench::emulation::Emulation;
+use crate::bench::error::BenchError;
 use crate::bench::front_end::SAMPLE_RATE_HZ;
-use crate::cli::failure::{Blame, Failure};
 use crate::line::port::Address;
 
 /// Time in which the image has started to sample, and to hear.
@@ -66,7 +66,7 @@ impl Bridge {
     ///
     /// # Errors
     /// QEMU fails.
-    pub fn pass(&mut self, bytes: &[u8], time: Duration) -> Result<Vec<u8>, Failure> {
+    pub fn pass(&mut self, bytes: &[u8], time: Duration) -> Result<Vec<u8>, BenchError> {
         if self.ended_ns == 0 && !bytes.is_empty() {
             // A bead that has not started does not hear.
             let mut said = self.pass(&[], START)?;
@@ -81,7 +81,7 @@ impl Bridge {
         }
         self.scans += (time.as_secs_f64() * f64::from(SAMPLE_RATE_HZ)).ceil() as usize;
         self.machine.stimulus = self.rows.iter().copied().cycle().take(self.scans).collect();
-        let outcome = self.machine.execute().map_err(blame)?;
+        let outcome = self.machine.execute()?;
         self.ended_ns = outcome.virtual_ns;
         let new = outcome.uart.get(self.said..).unwrap_or_default().to_vec();
         self.said += new.len();
@@ -93,15 +93,18 @@ impl Bridge {
 ///
 /// # Errors
 /// The address cannot be listened at, or QEMU fails.
-pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Result<(), Failure> {
-    let cannot = || format!("cannot listen at {address}; is something else there?");
+pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Result<(), BenchError> {
+    let cannot = |error| {
+        let what = format!("cannot listen at {address}; is something else there?");
+        BenchError::unfit(&what, error)
+    };
     match address {
-        Address::Serial(path) => Err(Failure::input(format!(
+        Address::Serial(path) => Err(BenchError::Unfit(format!(
             "cannot listen at {path}; give unix:PATH or tcp:HOST:PORT"
         ))),
         Address::Tcp(server) => {
-            let listener = TcpListener::bind(server.as_str()).or_input(cannot)?;
-            listener.set_nonblocking(true).or_input(cannot)?;
+            let listener = TcpListener::bind(server.as_str()).map_err(cannot)?;
+            listener.set_nonblocking(true).map_err(cannot)?;
             accept(bridge, stop, || {
                 let (stream, _) = listener.accept()?;
                 stream.set_nonblocking(false)?;
@@ -110,9 +113,9 @@ pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Resul
             })
         }
         Address::Unix(path) => {
-            let listener = UnixListener::bind(path).or_input(cannot)?;
+            let listener = UnixListener::bind(path).map_err(cannot)?;
             let _removed = Removed(path.clone());
-            listener.set_nonblocking(true).or_input(cannot)?;
+            listener.set_nonblocking(true).map_err(cannot)?;
             accept(bridge, stop, || {
                 let (stream, _) = listener.accept()?;
                 stream.set_nonblocking(false)?;
@@ -137,7 +140,7 @@ fn accept<S: Read + Write>(
     bridge: &mut Bridge,
     stop: &AtomicBool,
     mut next: impl FnMut() -> io::Result<S>,
-) -> Result<(), Failure> {
+) -> Result<(), BenchError> {
     while !stop.load(Ordering::Relaxed) {
         match next() {
             Ok(stream) => talk(bridge, stream, stop)?,
@@ -149,7 +152,7 @@ fn accept<S: Read + Write>(
 }
 
 /// Passes bytes both ways until the other end hangs up.
-fn talk<S: Read + Write>(bridge: &mut Bridge, mut stream: S, stop: &AtomicBool) -> Result<(), Failure> {
+fn talk<S: Read + Write>(bridge: &mut Bridge, mut stream: S, stop: &AtomicBool) -> Result<(), BenchError> {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     let mut buffer = [0; 4096];
     while !stop.load(Ordering::Relaxed) {

@@ -11,12 +11,12 @@ use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};
-use stm32f405_qemu::{Outcome, PinInput, Run, RunError};
+use stm32f405_qemu::{Outcome, PinInput, Run};
 
+use crate::bench::error::BenchError;
 use crate::bench::faults::Planned;
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::sensed::{Sensed, Timing, Truth, bead_of};
-use crate::cli::failure::{Blame, Failure};
 use crate::recording::file::{RecordingError, Writer};
 use crate::recording::frames::{self, Frame};
 
@@ -41,11 +41,11 @@ const CRYSTAL_HZ: f64 = 8e6;
 ///
 /// # Errors
 /// There is none; the message says how to build it.
-pub fn find_image(given: Option<&Path>) -> Result<PathBuf, Failure> {
+pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     if let Some(path) = given {
         return match path.is_file() {
             true => Ok(path.to_owned()),
-            false => Err(Failure::input(format!(
+            false => Err(BenchError::Unfit(format!(
                 "--firmware {}: there is no such file; build the image with `cargo xtask build`",
                 path.display()
             ))),
@@ -67,7 +67,7 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, Failure> {
         .map(|folder| folder.join(IMAGE))
         .find(|path| path.is_file())
         .ok_or_else(|| {
-            Failure::input(format!(
+            BenchError::Unfit(format!(
                 "the image {IMAGE} was not found in a target directory here or above; build it with `cargo xtask build`, or name one with --firmware"
             ))
         })
@@ -92,6 +92,15 @@ pub struct RunTruth {
     /// When edges came at its sync input: true time in s since the first triggered scan, which has the index 1.
     #[serde(default)]
     pub sync_edges: Vec<f64>,
+}
+
+impl RunTruth {
+    /// The strike, from 0, that had begun by a sample index, if one had.
+    pub fn begun(&self, sample_index: u64) -> Option<usize> {
+        self.starts
+            .iter()
+            .rposition(|&start| start <= sample_index as f64)
+    }
 }
 
 /// What one run gave.
@@ -197,6 +206,23 @@ pub struct InstructionsPerSample {
     pub run: f64,
 }
 
+impl InstructionsPerSample {
+    /// Each count with its name, as tables have them.
+    pub fn rows(&self) -> [(&'static str, Option<f64>); 9] {
+        [
+            ("estimate A, observer", self.observer),
+            ("estimate B, reduced chain", self.reduced_chain),
+            ("calibration, peaks, chunks of a window", self.window),
+            ("frames, by sample of a window", self.framing),
+            ("trigger", self.trigger),
+            ("all, while a strike is measured", self.total),
+            ("all, in the busiest block", self.worst_block),
+            ("all, while none is", self.idle),
+            ("all, over the run", Some(self.run)),
+        ]
+    }
+}
+
 /// A run that is ready to start.
 pub struct Emulation {
     /// The bead's settings.
@@ -225,17 +251,18 @@ impl Emulation {
         seed: Option<u64>,
         timing: Timing,
         image: &Path,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, BenchError> {
         let physics = bead_of(solution, bead)?;
         let front = front_end.calibration();
-        let settings = derive(&physics, &front, &Capture::above_noise_of(&front))
-            .or_input(|| format!("no settings fit bead {bead} and this front end"))?;
+        let settings = derive(&physics, &front, &Capture::above_noise_of(&front)).map_err(|error| {
+            BenchError::unfit(&format!("no settings fit bead {bead} and this front end"), error)
+        })?;
         let mut block = [0; BLOCK_MAX];
         let length = settings
             .encode(&mut block)
-            .or_input(|| "cannot encode the settings")?;
+            .map_err(|error| BenchError::unfit("cannot encode the settings", error))?;
         if timing.strikes > 1 && timing.interval < solution.end() {
-            return Err(Failure::input(format!(
+            return Err(BenchError::Unfit(format!(
                 "--interval {} s: a strike and its ring-down take {} s; give at least that",
                 timing.interval,
                 solution.end()
@@ -341,9 +368,9 @@ impl Emulation {
     ///
     /// # Errors
     /// The image is none, QEMU fails, or the image never samples.
-    pub fn run(&self) -> Result<Ran, Failure> {
+    pub fn run(&self) -> Result<Ran, BenchError> {
         let clock = Instant::now();
-        let outcome = self.machine().execute().map_err(blame)?;
+        let outcome = self.machine().execute()?;
         let (frames, counters) = frames::decode(&outcome.uart);
         let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
         Ok(Ran {
@@ -361,20 +388,20 @@ impl Emulation {
         outcome: &Outcome,
         frames: &[Frame],
         real_seconds: f64,
-    ) -> Result<EmulatorReport, Failure> {
+    ) -> Result<EmulatorReport, BenchError> {
         let Some(sampling) = &outcome.sampling else {
             let last = outcome
                 .log
                 .last()
                 .map_or_else(|| "nothing".to_owned(), ToString::to_string);
-            return Err(Failure::device(format!(
+            return Err(BenchError::Mute(format!(
                 "{} never started to sample in {:.1} s; the last that it logged: {last}",
                 self.image.display(),
                 outcome.virtual_ns as f64 * 1e-9
             )));
         };
         let counted = outcome.instructions.as_ref().ok_or_else(|| {
-            Failure::device("the emulator counted no instructions although it was asked to")
+            BenchError::Mute("the emulator counted no instructions although it was asked to".to_owned())
         })?;
         let function = |label: &str| counted.functions.iter().find(|function| function.label == label);
         // None also where the compiler has left no function of the label.
@@ -429,15 +456,4 @@ fn qemu_version() -> Option<String> {
     let said = Command::new(program).arg("--version").output().ok()?;
     let first = String::from_utf8_lossy(&said.stdout).lines().next()?.to_owned();
     Some(first)
-}
-
-/// Whose fault a failed run is.
-pub(crate) fn blame(error: RunError) -> Failure {
-    match error {
-        RunError::ImageMissing { .. }
-        | RunError::NotArmElf { .. }
-        | RunError::NoSymbols { .. }
-        | RunError::Input(_) => Failure::input(error),
-        _ => Failure::device(error),
-    }
 }

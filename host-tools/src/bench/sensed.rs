@@ -4,11 +4,11 @@ use std::path::Path;
 
 use bead_model::design::Bead;
 use bead_model::reduced_chain::FOLLOWERS;
-use hertz_chain::{Options, Sampler, Scenario, Solution, simulate};
+use hertz_chain::{Options, Sampler, Scenario, Solution, simulate_with};
 use serde::{Deserialize, Serialize};
 
+use crate::bench::error::BenchError;
 use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
-use crate::cli::failure::Failure;
 
 /// Seconds simulated beyond the scenario's end, so that the intruder's ring-down is complete in every window.
 pub const RING_DOWN: f64 = 6e-3;
@@ -17,11 +17,11 @@ pub const RING_DOWN: f64 = 6e-3;
 ///
 /// # Errors
 /// The bead has no intruder, and so senses nothing; the message names those that have one.
-pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
+pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     let model = solution.model();
-    let Some(intruder) = model.resonators().iter().find(|resonator| resonator.bead == bead) else {
-        let with: Vec<String> = model.resonators().iter().map(|r| r.bead.to_string()).collect();
-        return Err(Failure::input(if with.is_empty() {
+    let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
+        let with: Vec<String> = model.intruders().iter().map(|one| one.bead.to_string()).collect();
+        return Err(BenchError::Unfit(if with.is_empty() {
             format!("--bead {bead}: no bead of this scenario has an intruder; add an [[intruder]] to it")
         } else {
             format!(
@@ -31,7 +31,7 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
         }));
     };
     if bead + 1 == model.bodies() {
-        return Err(Failure::input(format!(
+        return Err(BenchError::Unfit(format!(
             "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
         )));
     }
@@ -39,10 +39,10 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
     let behind = model.contact(bead + 1);
     Ok(Bead {
         mass: model.mass(bead),
-        intruder_mass: intruder.mass,
+        intruder_mass: intruder.oscillator.mass,
         front_mass: 0.0,
-        stiffness: intruder.stiffness,
-        damping: intruder.damping,
+        stiffness: intruder.oscillator.stiffness,
+        damping: intruder.oscillator.damping,
         contact_stiffness: behind.stiffness,
         relaxation: behind.relaxation,
     })
@@ -73,7 +73,7 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<Stri
 ///
 /// # Errors
 /// There is none, or more than one.
-pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
+pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
     let hosts: Vec<usize> = scenario
         .intruders
         .iter()
@@ -81,10 +81,10 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
         .collect();
     match hosts[..] {
         [host] => Ok(host),
-        [] => Err(Failure::input(
-            "no bead of this scenario has an intruder; add an [[intruder]] to it",
+        [] => Err(BenchError::Unfit(
+            "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
         )),
-        _ => Err(Failure::input(format!(
+        _ => Err(BenchError::Unfit(format!(
             "several beads have intruders ({hosts:?}); say which with --bead"
         ))),
     }
@@ -94,10 +94,10 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
 ///
 /// # Errors
 /// The file is missing or is no scenario; the message names file, line and key.
-pub fn load_scenario(path: &Path) -> Result<(Scenario, String), Failure> {
-    let scenario = Scenario::load(path).map_err(Failure::input)?;
+pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
+    let scenario = Scenario::load(path)?;
     let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))?;
+        .map_err(|error| BenchError::Unfit(format!("cannot read {}: {error}", path.display())))?;
     Ok((scenario, text))
 }
 
@@ -105,12 +105,12 @@ pub fn load_scenario(path: &Path) -> Result<(Scenario, String), Failure> {
 ///
 /// # Errors
 /// The scenario cannot be integrated.
-pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, Failure> {
+pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchError> {
     let options = Options {
         duration: Some(scenario.duration + RING_DOWN),
         ..Options::default()
     };
-    simulate(scenario, &options).map_err(Failure::input)
+    Ok(simulate_with(scenario, &options)?)
 }
 
 /// What the full chain says of one strike at one bead.
@@ -127,7 +127,7 @@ impl Truth {
     ///
     /// # Errors
     /// The bead has no intruder, or no force ever reaches it.
-    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, Failure> {
+    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, BenchError> {
         bead_of(solution, bead)?;
         let summary = solution.summary();
         let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
@@ -137,7 +137,7 @@ impl Truth {
                 peak_force: peak.force,
                 absorbed,
             }),
-            _ => Err(Failure::input(format!(
+            _ => Err(BenchError::Unfit(format!(
                 "no force reaches bead {bead} within {} s; make the scenario's duration longer",
                 scenario.duration
             ))),
@@ -227,19 +227,27 @@ impl Stimulus for Sensed<'_> {
 
 #[cfg(test)]
 mod tests {
+    use hertz_chain::simulate;
+
     use super::*;
-    use crate::comparison::testing::paper_scenario;
+
+    /// The first millisecond of the paper's strike: the wave does not reach the intruder.
+    fn short_scenario() -> Scenario {
+        Scenario {
+            duration: 1e-3,
+            ..Scenario::paper()
+        }
+    }
 
     #[test]
     fn a_bead_without_an_intruder_is_refused_and_the_others_named() {
-        let mut scenario = crate::comparison::testing::short_scenario();
+        let mut scenario = short_scenario();
         scenario.intruders[0].beads = vec![4, 9];
-        let solution = simulate(&scenario, &Options::default()).unwrap();
+        let solution = simulate(&scenario).unwrap();
         let error = bead_of(&solution, 5).unwrap_err();
-        assert_eq!(error.exit_status(), 2);
         assert!(error.to_string().contains("one of: 4, 9"), "{error}");
         scenario.intruders.clear();
-        let solution = simulate(&scenario, &Options::default()).unwrap();
+        let solution = simulate(&scenario).unwrap();
         assert!(
             bead_of(&solution, 5)
                 .unwrap_err()
@@ -250,7 +258,7 @@ mod tests {
 
     #[test]
     fn the_paper_bead_is_found_in_the_paper_scenario() {
-        let solution = simulate(&crate::comparison::testing::short_scenario(), &Options::default()).unwrap();
+        let solution = simulate(&short_scenario()).unwrap();
         let (found, stated) = (bead_of(&solution, 8).unwrap(), Bead::paper());
         for (found, stated) in [
             (found.mass, stated.mass),
@@ -266,7 +274,7 @@ mod tests {
 
     #[test]
     fn every_strike_is_the_same_signal_at_its_own_phase_of_the_clock() {
-        let scenario = paper_scenario();
+        let scenario = Scenario::paper();
         let solution = simulate_with_ring_down(&scenario).unwrap();
         let timing = Timing {
             lead_in: 0.02,

@@ -10,6 +10,14 @@
 use std::fmt::Display;
 use std::process::ExitCode;
 
+use stm32f405_qemu::RunError;
+
+use crate::bench::error::BenchError;
+use crate::line::conversation::LineError;
+use crate::recording::file::RecordingError;
+use crate::recording::time_series::TimeSeriesError;
+use crate::recording::whole::WriteError;
+
 /// Why a command did not end with exit status 0. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
@@ -45,9 +53,45 @@ impl Failure {
     }
 }
 
-impl From<hertz_figures::error::Error> for Failure {
-    fn from(error: hertz_figures::error::Error) -> Self {
-        Self::input(error)
+/// Errors of the library that blame what the command was given: exit status 2.
+macro_rules! input_errors {
+    ($($error:ty),*) => {
+        $(impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::input(error)
+            }
+        })*
+    };
+}
+input_errors!(
+    hertz_chain::InputError,
+    hertz_chain::SimulateError,
+    hertz_figures::error::Error,
+    RecordingError,
+    TimeSeriesError,
+    WriteError
+);
+
+impl From<BenchError> for Failure {
+    fn from(error: BenchError) -> Self {
+        use RunError::{ImageMissing, Input, NoSymbols, NotArmElf};
+        match error {
+            BenchError::Mute(_) => Self::device(error),
+            BenchError::Emulator(ImageMissing { .. } | NotArmElf { .. } | NoSymbols { .. } | Input(_)) => {
+                Self::input(error)
+            }
+            BenchError::Emulator(_) => Self::device(error),
+            _ => Self::input(error),
+        }
+    }
+}
+
+impl From<LineError> for Failure {
+    fn from(error: LineError) -> Self {
+        match error {
+            LineError::Refused(why) => Self::Verdict(why),
+            _ => Self::device(error),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The command line: the command tree, and beneath it the commands, their options and their output.
 
+mod bench_options;
 mod commands;
 pub mod failure;
 mod front_end_options;

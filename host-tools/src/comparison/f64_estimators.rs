@@ -171,15 +171,15 @@ fn runge_kutta(bead: &Bead, state: &State, step: f64, [start, middle, end]: [f64
 mod tests {
     use super::*;
     use crate::bench::sensed::bead_of;
-    use crate::comparison::testing::paper_scenario;
+    use hertz_chain::Scenario;
 
     const RATE: f64 = 100e3;
 
     /// Samples of the paper's strike without noise and without rounding, behind `pole`, with the energy that the
     /// intruder of the full chain dissipates until the last of them.
     fn samples(pole_hz: Option<f64>) -> (Bead, Vec<f64>, Vec<f64>, f64) {
-        let scenario = paper_scenario();
-        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        let scenario = Scenario::paper();
+        let solution = hertz_chain::simulate(&scenario).unwrap();
         let bead = bead_of(&solution, 8).unwrap();
         let fine = 20;
         let end = (scenario.duration * RATE) as usize;

@@ -16,9 +16,9 @@ use fixed::types::extra::LeEqU32;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
 use serde::Serialize;
 
+use crate::bench::error::BenchError;
 use crate::bench::front_end::SCAN_SKEW;
 use crate::bench::sensed::{Truth, bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
-use crate::cli::failure::Failure;
 use crate::comparison::f64_estimators;
 use crate::comparison::replay::{Replay, replay};
 use crate::recording::strikes::{RecordedStrike, ScanCodes};
@@ -94,18 +94,110 @@ pub struct StrikeComparison {
     pub traces: Option<Traces>,
 }
 
+/// One quantity of a strike, as tables have it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The quantity and its unit.
+    pub name: &'static str,
+    /// By the device, by replay, in f64 from the same samples, by the full chain. None where it is not known, empty
+    /// where nobody computes it.
+    pub cells: [Option<String>; 4],
+    /// The device's deviation, as a part of the full chain's value.
+    pub off: f64,
+    /// What the deviation may be, if there is a goal.
+    pub goal: Option<f64>,
+}
+
+impl Row {
+    /// Whether the deviation is within its goal, if there is a goal.
+    pub fn met(&self) -> Option<bool> {
+        self.goal.map(|goal| self.off.abs() <= goal)
+    }
+}
+
+impl StrikeComparison {
+    /// Both energies and the highest force.
+    pub fn rows(&self) -> [Row; 3] {
+        let row = |name, of: fn(&Values) -> f64, scale: f64, digits: usize, goal| {
+            let cell = |values: Values| format!("{:.digits$}", of(&values) * scale);
+            Row {
+                name,
+                cells: [
+                    Some(self.device),
+                    self.replay,
+                    self.f64_samples,
+                    Some(self.f64_chain),
+                ]
+                .map(|values| values.map(cell)),
+                off: of(&self.deviation),
+                goal,
+            }
+        };
+        let Goal {
+            absorbed_measured,
+            absorbed_predicted,
+        } = self.goal;
+        [
+            row(
+                "A, measured (nJ)",
+                |v| v.absorbed_measured,
+                1e9,
+                3,
+                Some(absorbed_measured),
+            ),
+            row(
+                "B, predicted (nJ)",
+                |v| v.absorbed_predicted,
+                1e9,
+                3,
+                Some(absorbed_predicted),
+            ),
+            row("peak force (N)", |v| v.peak_force, 1.0, 5, None),
+        ]
+    }
+
+    /// The quantities of its shape; none if that is not known.
+    pub fn shape_rows(&self) -> Vec<Row> {
+        let Some(ShapeComparison { device, f64_chain }) = self.shape else {
+            return Vec::new();
+        };
+        let row = |name, of: fn(&ShapeValues) -> f64, scale: f64, digits: usize| {
+            let cell = |shape: &ShapeValues| format!("{:.digits$}", of(shape) * scale);
+            Row {
+                name,
+                cells: [cell(&device), String::new(), String::new(), cell(&f64_chain)].map(Some),
+                off: of(&device) / of(&f64_chain) - 1.0,
+                goal: None,
+            }
+        };
+        vec![
+            row("width at half height (µs)", |shape| shape.width, 1e6, 2),
+            row("impulse (mN·s)", |shape| shape.impulse, 1e3, 4),
+            row("ringing (Hz)", |shape| shape.ring_frequency, 1.0, 1),
+            row("its decay (1/s)", |shape| shape.ring_decay, 1.0, 1),
+            row("so k is (kN/m)", |shape| shape.stiffness, 1e-3, 1),
+            row("and c (N·s/m)", |shape| shape.damping, 1.0, 2),
+        ]
+    }
+}
+
+/// A deviation in percent, signed, with a true minus.
+pub fn percent(part: f64) -> String {
+    format!("{:+.3} %", part * 100.0).replace('-', "−")
+}
+
 /// The shape of a strike: of the bead, and of the full chain.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ShapeComparison {
     /// As the bead sent it.
-    pub device: Shape,
+    pub device: ShapeValues,
     /// Of the full chain; its ringing is that of a host that flies free.
-    pub f64_chain: Shape,
+    pub f64_chain: ShapeValues,
 }
 
 /// The shape of a strike in SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Shape {
+pub struct ShapeValues {
     /// Full width at half height of the force, s.
     pub width: f64,
     /// Momentum that came in over the window, N·s.
@@ -120,7 +212,7 @@ pub struct Shape {
     pub damping: f64,
 }
 
-impl Shape {
+impl ShapeValues {
     /// With the reduced mass μ of intruder and host, kg.
     fn of(said: &bead_wire::Shape, rate_hz: u32, reduced: f64) -> Self {
         let (frequency, decay) = (said.ring_frequency.hertz(), said.ring_decay.per_second());
@@ -147,10 +239,10 @@ pub struct Goal {
 
 /// What the sensors delivered, or what the chain did, over the time since the striker hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sensed {
+pub struct SensedPoint {
     /// When, s.
     pub time: f64,
-    /// Sensed, the front end's pole taken out.
+    /// SensedPoint, the front end's pole taken out.
     pub sensed: f64,
     /// Simulated at that time.
     pub simulated: f64,
@@ -158,7 +250,7 @@ pub struct Sensed {
 
 /// An estimate of the absorbed energy at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Absorbed {
+pub struct AbsorbedPoint {
     /// When, s since the striker hit.
     pub time: f64,
     /// By the estimate, J.
@@ -171,19 +263,19 @@ pub struct Absorbed {
 #[derive(Debug, Clone, Default)]
 pub struct Traces {
     /// Force, N.
-    pub force: Vec<Sensed>,
+    pub force: Vec<SensedPoint>,
     /// Acceleration, m/s², taken [`SCAN_SKEW`] after the force.
-    pub acceleration: Vec<Sensed>,
+    pub acceleration: Vec<SensedPoint>,
     /// A and B in f64 from the same samples.
-    pub f64_samples: [Vec<Absorbed>; 2],
+    pub f64_samples: [Vec<AbsorbedPoint>; 2],
     /// A and B replayed.
-    pub replay: [Vec<Absorbed>; 2],
+    pub replay: [Vec<AbsorbedPoint>; 2],
     /// A and B from the device, at the ends of its chunks.
-    pub device: [Vec<Absorbed>; 2],
+    pub device: [Vec<AbsorbedPoint>; 2],
 }
 
 /// What is compared against: the full chain, run once for all strikes.
-pub struct Chain {
+pub struct FullChain {
     bead: usize,
     physics: Bead,
     solution: Solution,
@@ -191,12 +283,12 @@ pub struct Chain {
     peak_time: f64,
 }
 
-impl Chain {
+impl FullChain {
     /// Runs the full chain of `scenario` around bead `bead`.
     ///
     /// # Errors
     /// The bead has no intruder, or the scenario cannot be run.
-    pub fn run(scenario: &Scenario, bead: usize) -> Result<Self, Failure> {
+    pub fn run(scenario: &Scenario, bead: usize) -> Result<Self, BenchError> {
         let solution = simulate_with_ring_down(scenario)?;
         let physics = bead_of(&solution, bead)?;
         let truth = Truth::of(scenario, &solution, bead)?;
@@ -276,7 +368,7 @@ impl Chain {
             ..
         } = self.physics;
         let reduced = intruder_mass * (mass - intruder_mass) / mass;
-        let device = Shape::of(&said, strike.settings?.sample_rate_hz, reduced);
+        let device = ShapeValues::of(&said, strike.settings?.sample_rate_hz, reduced);
         let inside = |time: f64| time.clamp(0.0, self.solution.end());
         let window = [force.first()?, force.last()?].map(|point| inside(point.time));
         let pulses = self.solution.pulses(self.bead, &PulseSearch::default());
@@ -284,7 +376,7 @@ impl Chain {
         let decay = 0.5 * damping / reduced;
         Some(ShapeComparison {
             device,
-            f64_chain: Shape {
+            f64_chain: ShapeValues {
                 width: pulse.fwhm?,
                 impulse: self
                     .solution
@@ -337,13 +429,13 @@ impl Chain {
         });
         // Both estimates of the device know a sample when the next one is there, and count it in full: after
         // sample n they stand for the time n - 1/2. A's samples are the acceleration's, a skew later.
-        let along = |offset: f64, energies: &mut dyn Iterator<Item = (usize, f64)>| -> Vec<Absorbed> {
+        let along = |offset: f64, energies: &mut dyn Iterator<Item = (usize, f64)>| -> Vec<AbsorbedPoint> {
             let mut sampler = self.solution.sampler();
             energies
                 .map(|(sample, estimate)| {
                     let time = at(sample as f64) + offset;
                     let inside = sampler.at(time.clamp(0.0, self.solution.end()));
-                    Absorbed {
+                    AbsorbedPoint {
                         time,
                         estimate,
                         chain: inside.intruder_dissipated(self.bead).unwrap_or(0.0),
@@ -388,7 +480,7 @@ impl Chain {
         start: f64,
         rate: f64,
         quantity: impl Fn(&Snapshot<'_>) -> f64,
-    ) -> Vec<Sensed> {
+    ) -> Vec<SensedPoint> {
         let mut sampler = self.solution.sampler();
         samples
             .iter()
@@ -396,7 +488,7 @@ impl Chain {
             .map(|(i, &sensed)| {
                 let time = start + i as f64 / rate;
                 let inside = (0.0..=self.solution.end()).contains(&time);
-                Sensed {
+                SensedPoint {
                     time,
                     sensed,
                     simulated: if inside { quantity(&sampler.at(time)) } else { 0.0 },
@@ -511,11 +603,11 @@ fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::testing::{paper_scenario, recorded_strike};
+    use crate::comparison::testing::recorded_strike;
 
     #[test]
     fn a_strike_made_by_the_model_meets_every_goal() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
         let comparison = chain.compare(&recorded_strike());
         println!("{:#?} {:#?}", comparison.deviation, comparison.goal);
         assert!(comparison.pass);
@@ -530,14 +622,14 @@ mod tests {
 
     #[test]
     fn the_strike_is_placed_in_time_within_a_hundredth_of_a_sample() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
         let strike = recorded_strike();
         let traces = chain.compare(&strike).traces.unwrap();
         // The test's strike began at 20 ms, and index 1 is time 0.
         let true_start = (strike.said.first_index as f64 - 1.0) * 1e-5 - 0.02;
         let samples = (traces.force[0].time - true_start) * 1e5;
         assert!(samples.abs() < 0.01, "{samples}");
-        let worst = |curve: &[Sensed]| {
+        let worst = |curve: &[SensedPoint]| {
             curve
                 .iter()
                 .map(|p| (p.sensed - p.simulated).abs())
@@ -564,11 +656,11 @@ mod tests {
 
     #[test]
     fn an_estimate_out_of_its_goal_does_not_pass() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
-        let mut scenario = paper_scenario();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
+        let mut scenario = Scenario::paper();
         // Energy goes with the square of the speed: 0.4 % off, twice A's goal.
         scenario.striker.velocity *= 1.002;
-        let other = Chain::run(&scenario, 8).unwrap();
+        let other = FullChain::run(&scenario, 8).unwrap();
         let strike = recorded_strike();
         assert!(chain.compare(&strike).pass);
         assert!(!other.compare(&strike).pass);

@@ -9,26 +9,9 @@ use crate::bench::front_end::FrontEnd;
 use crate::bench::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
 use crate::recording::strikes::RecordedStrike;
 
-/// The paper's strike, as every user has it.
-pub(crate) fn paper_scenario() -> Scenario {
-    Scenario::from_toml(
-        include_str!("../../../docs/scenarios/paper-strike.toml"),
-        "paper-strike.toml",
-    )
-    .unwrap()
-}
-
-/// Its first millisecond: the wave does not reach the intruder.
-pub(crate) fn short_scenario() -> Scenario {
-    Scenario {
-        duration: 1e-3,
-        ..paper_scenario()
-    }
-}
-
 /// The paper's strike as bead 8 would report it, made by the model on this computer.
 pub(crate) fn recorded_strike() -> RecordedStrike {
-    let solution = simulate_with_ring_down(&paper_scenario()).unwrap();
+    let solution = simulate_with_ring_down(&Scenario::paper()).unwrap();
     let front_end = FrontEnd::default();
     let settings = derive(
         &bead_of(&solution, 8).unwrap(),

@@ -26,7 +26,6 @@ use std::path::{Path, PathBuf};
 use bead_wire::{Arrival, Message};
 use serde::Serialize;
 
-use crate::cli::failure::Failure;
 use crate::recording::file::{Recording, RecordingError};
 use crate::recording::frames::{Frame, Item};
 use crate::recording::json::hex;
@@ -463,17 +462,17 @@ pub struct StrikeReport {
 ///
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
-pub fn compare(paths: &[PathBuf]) -> Result<Report, Failure> {
+pub fn compare(paths: &[PathBuf]) -> Result<Report, RecordingError> {
     let mut all = Vec::new();
     for path in paths {
         let received = Received::open(path)?;
-        let tracker = Tracker::of(&received.recording).map_err(Failure::input)?;
+        let tracker = Tracker::of(&received.recording)?;
         let segments = tracker.segments.into_iter().enumerate();
         let fitted: Vec<_> = segments
             .filter_map(|(boot, segment)| Some((place(path, boot), segment.fit()?, segment)))
             .collect();
         if fitted.is_empty() {
-            return Err(Failure::input(format!(
+            return Err(RecordingError::Clock(format!(
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
                 path.display()
             )));
@@ -517,7 +516,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<Report, Failure> {
             });
         }
         if aligned == 0 {
-            return Err(Failure::input(format!(
+            return Err(RecordingError::Clock(format!(
                 "{} and {} have fewer than two sync edges in common; wire both beads' PA15 to one source, and record them at the same time",
                 paths[0].display(),
                 recording[0].0.recording.display()

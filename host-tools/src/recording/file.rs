@@ -149,6 +149,27 @@ pub enum RecordingError {
         "{0} is an MCAP file without a channel `frames`; give one made by `bead record` or `bead emulate`"
     )]
     NotOurs(PathBuf),
+    /// A recording without a strike: a check has nothing to check.
+    #[error("{path}: no strike among its {frames} frames, so there is nothing to check; record one")]
+    NoStrike {
+        /// The file.
+        path: PathBuf,
+        /// Frames in it.
+        frames: u64,
+    },
+    /// Clocks of these recordings cannot be compared.
+    #[error("{0}")]
+    Clock(String),
+    /// An attachment that this version did not write.
+    #[error("{path}: cannot read its {part}; record it again: {source}")]
+    Part {
+        /// The file.
+        path: PathBuf,
+        /// Name of the attachment.
+        part: &'static str,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
 }
 
 /// Writes a recording while it comes.

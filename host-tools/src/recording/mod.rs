@@ -7,3 +7,4 @@ pub mod json;
 pub mod received;
 pub mod strikes;
 pub mod time_series;
+pub mod whole;

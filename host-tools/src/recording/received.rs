@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, Message, Status};
 
-use crate::cli::failure::{Blame, Failure};
-use crate::recording::file::{Part, Pieces, Recording};
+use crate::recording::file::{Part, Pieces, Recording, RecordingError};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
 use crate::recording::strikes::Strikes;
 
@@ -24,8 +23,8 @@ impl Received {
     ///
     /// # Errors
     /// The file cannot be read or is no recording.
-    pub fn open(path: &Path) -> Result<Self, Failure> {
-        let recording = Recording::open(path).map_err(Failure::input)?;
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let recording = Recording::open(path)?;
         if let Some(warning) = recording.warning() {
             eprintln!("bead: {}: {warning}", path.display());
         }
@@ -39,36 +38,32 @@ impl Received {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, Failure> {
+    pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, RecordingError> {
         let given = self.recording.parts.get(&Part::Settings);
         let given = given.and_then(|block| Settings::decode(block).ok());
-        let frames = self.recording.frames().map_err(Failure::input)?;
-        Ok(Strikes::new(LastSaid::new(frames), given))
+        Ok(Strikes::new(LastSaid::new(self.recording.frames()?), given))
     }
 
     /// That there was no strike: the check that was asked for has nothing to check.
-    pub fn no_strike(&self, counters: &Counters) -> Failure {
-        Failure::input(format!(
-            "{}: no strike among its {} frames, so there is nothing to check; record one",
-            self.path.display(),
-            counters.frames
-        ))
+    pub fn no_strike(&self, counters: &Counters) -> RecordingError {
+        RecordingError::NoStrike {
+            path: self.path.clone(),
+            frames: counters.frames,
+        }
     }
 
     /// A part of the recording that is JSON.
     ///
     /// # Errors
     /// The part is there and is not what this version writes.
-    pub fn json<T: serde::de::DeserializeOwned>(&self, part: Part) -> Result<Option<T>, Failure> {
+    pub fn json<T: serde::de::DeserializeOwned>(&self, part: Part) -> Result<Option<T>, RecordingError> {
         let Some(bytes) = self.recording.parts.get(&part) else {
             return Ok(None);
         };
-        let value = serde_json::from_slice(bytes).or_input(|| {
-            format!(
-                "{}: cannot read its {}; record it again",
-                self.path.display(),
-                part.name()
-            )
+        let value = serde_json::from_slice(bytes).map_err(|source| RecordingError::Part {
+            path: self.path.clone(),
+            part: part.name(),
+            source,
         })?;
         Ok(Some(value))
     }

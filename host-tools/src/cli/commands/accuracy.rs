@@ -5,7 +5,6 @@
 //! measures: the codes, the image, the frames and the truth are those of `bead emulate`.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use bead_wire::{Energy, StrikeFlags};
@@ -14,13 +13,14 @@ use hertz_chain::Scenario;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::bench::emulation::{Emulation, find_image};
+use crate::bench::emulation::Emulation;
 use crate::bench::sensed::{Timing, bead_of, load_scenario, simulate_with_ring_down};
+use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::front_end_options::Sensors;
 use crate::cli::output::{self, Format};
 use crate::recording::frames::Frame;
-use crate::recording::strikes::assemble;
+use crate::recording::strikes::{RecordedStrike, assemble};
 
 const AFTER_HELP: &str = "\
 The scenario is struck again and again, by spheres of the radii and at the speeds given; what else it says stays. Each cell
@@ -46,11 +46,8 @@ const LEAD_IN: f64 = 0.02;
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// The scenario, a TOML file in SI units.
-    scenario: PathBuf,
-    /// The bead that senses: one with an intruder.
-    #[arg(long, value_name = "N")]
-    bead: usize,
+    #[command(flatten)]
+    bench: BenchOptions,
     /// Radii of the striker, m.
     #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = [0.0045, 0.007, 0.009, 0.0115])]
     radii: Vec<f64>,
@@ -63,9 +60,6 @@ pub(crate) struct Arguments {
     /// Seed of the noise: the same seed gives the same table.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// The flash image [default: as `cargo xtask build` leaves it].
-    #[arg(long, value_name = "ELF")]
-    firmware: Option<PathBuf>,
     /// Write the table to this file too, as Markdown.
     #[arg(long, value_name = "F.md")]
     table: Option<PathBuf>,
@@ -124,8 +118,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             )));
         }
     }
-    let image = find_image(arguments.firmware.as_deref())?;
-    let (scenario, _) = load_scenario(&arguments.scenario)?;
+    let image = arguments.bench.image()?;
+    let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
     let grid: Vec<(f64, f64)> = arguments
         .radii
         .iter()
@@ -145,13 +139,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     progress.finish_and_clear();
 
     if let Some(path) = &arguments.table {
-        let text = markdown(arguments, &cells);
-        output::write_whole(path, |file| Ok(file.write_all(text.as_bytes())?))?;
+        output::write_bytes(path, markdown(arguments, &cells))?;
     }
-    match arguments.format {
-        Format::Json => output::print_json(&cells)?,
-        Format::Table => output::print_line(&table(&cells))?,
-    }
+    output::print(arguments.format, &cells, || table(&cells))?;
     let outside = cells.iter().filter(|cell| !cell.pass).count();
     match outside {
         0 => Ok(()),
@@ -164,7 +154,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> Result<Cell, Failure> {
     let solution = simulate_with_ring_down(scenario)?;
-    bead_of(&solution, arguments.bead)?;
+    bead_of(&solution, arguments.bench.bead)?;
     let timing = Timing {
         lead_in: LEAD_IN,
         strikes: arguments.strikes,
@@ -174,7 +164,7 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
         let run = Emulation::prepare(
             scenario,
             &solution,
-            arguments.bead,
+            arguments.bench.bead,
             &sensors.front_end(),
             Some(arguments.seed),
             timing,
@@ -188,7 +178,7 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
     let intruder = summary
         .intruders
         .iter()
-        .find(|intruder| intruder.bead == arguments.bead);
+        .find(|intruder| intruder.bead == arguments.bench.bead);
     Ok(Cell {
         radius: scenario.striker.radius,
         speed: scenario.striker.velocity,
@@ -205,17 +195,12 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
 /// Of the first window after each strike; those after it are echoes.
 fn errors(run: &Emulation, frames: Vec<Frame>) -> Errors {
     let strikes = assemble(frames, Some(run.settings));
-    let starts = &run.truth.starts;
-    let ends = starts.iter().skip(1).copied().chain([f64::INFINITY]);
-    let measured: Vec<_> = starts
-        .iter()
-        .zip(ends)
-        .filter_map(|(&start, end)| {
-            strikes
-                .iter()
-                .find(|strike| (start..end).contains(&(strike.said.trigger_index as f64)))
-        })
-        .collect();
+    let mut begun = None;
+    let mut is_first = |strike: &&RecordedStrike| {
+        let before = std::mem::replace(&mut begun, run.truth.begun(strike.said.trigger_index));
+        begun.is_some() && begun != before
+    };
+    let measured: Vec<_> = strikes.iter().filter(&mut is_first).collect();
     let absorbed = run.truth.truth.absorbed;
     let of = |energy: &dyn Fn(&bead_wire::Strike) -> Energy| -> (f64, f64) {
         let errors: Vec<f64> = measured
@@ -315,8 +300,8 @@ square over the strikes, in brackets the worst. A is measured by the acceleratio
 pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [estimators.md](estimators.md).
 
 ",
-        arguments.scenario.display(),
-        arguments.bead,
+        arguments.bench.scenario.display(),
+        arguments.bench.bead,
         arguments.strikes,
         arguments.strikes
     );

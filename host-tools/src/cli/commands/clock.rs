@@ -32,10 +32,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let report = compare(&arguments.recordings)?;
-    match arguments.format {
-        Format::Json => output::print_json(&report),
-        Format::Table => output::print_line(&table(&report)),
-    }
+    output::print(arguments.format, &report, || table(&report))
 }
 
 /// Host time in ns since 1970, as people and programs read it.

@@ -79,9 +79,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ));
     }
     let recording = Received::open(path)?.recording;
-    let tracker = Tracker::of(&recording).map_err(Failure::input)?;
+    let tracker = Tracker::of(&recording)?;
     let fits: Vec<_> = tracker.segments().iter().map(|segment| segment.fit()).collect();
-    print(path, recording.frames().map_err(Failure::input)?, &fits)
+    print(path, recording.frames()?, &fits)
 }
 
 /// Prints frames to standard output, a line each; `fits` say how bead time becomes host time, of each boot.

@@ -1,6 +1,5 @@
 //! `bead optimise`: the intruders that leave least energy in the chain.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -140,7 +139,7 @@ struct Compared {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+    let scenario = Scenario::load(&arguments.scenario)?;
     let search = search(arguments, &scenario)?;
     let bar = output::progress(search.evaluations as u64);
     bar.set_message(format!("designs for {} hosts", search.hosts.len()));
@@ -155,7 +154,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             100.0 * optimum.share,
             optimum.scenario(&scenario).to_toml()
         );
-        output::write_whole(out, |file| Ok(file.write_all(text.as_bytes())?))?;
+        output::write_bytes(out, text)?;
     }
     let report = Report {
         hosts: search.hosts,
@@ -167,10 +166,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         optimum,
         compared,
     };
-    match arguments.format {
-        Format::Json => output::print_json(&report),
-        Format::Table => output::print_line(&table(&scenario, &report)),
-    }
+    output::print(arguments.format, &report, || table(&scenario, &report))
 }
 
 fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure> {
@@ -230,7 +226,7 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
         let strikes = optimum
             .strikes
             .iter()
-            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE).map_err(Failure::input))
+            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE))
             .collect::<Result<Vec<_>, _>>()?;
         compared.push(Compared {
             name,

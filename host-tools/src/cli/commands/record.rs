@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -65,66 +65,26 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
-    let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
-    let out = arguments.out.clone().unwrap_or_else(named);
-    if out.is_dir() {
-        return Err(Failure::input(format!(
-            "{} is a directory; give --out a file's name",
-            out.display()
-        )));
-    }
-    if out.exists() && !arguments.force {
-        return Err(Failure::input(format!(
-            "{} is there already; give another --out, or --force to replace it",
-            out.display()
-        )));
-    }
-
+    let out = arguments.recording(started)?;
     let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
-    let opened = Instant::now();
-    // The monotonic clock from here on: steps of the host's own time are no drift of the bead's.
-    let opened_ns = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |since| since.as_nanos() as u64);
+    let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
+    let mut recorder = Recorder::new(arguments, &out, started)?;
     let deadline = arguments
         .duration
-        .and_then(|duration| opened.checked_add(duration));
-    let mut notes = BTreeMap::from([("started".into(), started.to_rfc3339())]);
-    if let Address::Serial(_) = arguments.port {
-        notes.insert("baud".into(), arguments.baud.to_string());
-    }
-    let about = About {
-        source: arguments.port.to_string(),
-        notes,
-        ..About::default()
-    };
-    let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
-    let mut recorder = Recorder {
-        writer: Writer::create(&out, &about).map_err(Failure::input)?,
-        tracker: Tracker::default(),
-        opened,
-        opened_ns,
-        strikes: 0,
-        format: arguments.format,
-        printed: Ok(()),
-        progress: output::spinner(format!("listening to {}", arguments.port)),
-    };
-
+        .and_then(|duration| recorder.opened.checked_add(duration));
     let (heard, kept) = thread::scope(|scope| {
         let (sender, receiver) = mpsc::channel();
         let listener = scope.spawn(|| listen(&mut port, &stop, deadline, sender));
         let kept = recorder.keep(&receiver);
         drop(receiver);
         stop.store(true, Ordering::Relaxed);
-        (
-            listener
-                .join()
-                .unwrap_or_else(|cause| panic::resume_unwind(cause)),
-            kept,
-        )
+        let heard = listener
+            .join()
+            .unwrap_or_else(|cause| panic::resume_unwind(cause));
+        (heard, kept)
     });
     recorder.progress.finish_and_clear();
-    let seconds = opened.elapsed().as_secs_f64();
+    let seconds = recorder.opened.elapsed().as_secs_f64();
     let Recorder {
         writer,
         strikes,
@@ -134,10 +94,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     } = recorder;
     let partial = writer.partial_path().to_owned();
     let counters = kept.and_then(|()| writer.finish()).map_err(|error| {
-        Failure::input(format!(
-            "{error}; what came before is kept in {}",
-            partial.display()
-        ))
+        let partial = partial.display();
+        Failure::input(format!("{error}; what came before is kept in {partial}"))
     })?;
 
     let result = format!("{}: {}", out.display(), summary(&counters, strikes, seconds));
@@ -148,14 +106,36 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             arguments.port
         )));
     }
-    eprintln!("bead: {result}");
-    if let Some(line) = clock_line(&tracker) {
+    let lines = [
+        Some(result),
+        clock_line(&tracker),
+        advice(&counters).map(str::to_owned),
+    ];
+    for line in lines.into_iter().flatten() {
         eprintln!("bead: {line}");
     }
-    if let Some(advice) = advice(&counters) {
-        eprintln!("bead: {advice}");
-    }
     printed
+}
+
+impl Arguments {
+    /// The recording's name, which nothing else has.
+    fn recording(&self, started: DateTime<Utc>) -> Result<PathBuf, Failure> {
+        let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
+        let out = self.out.clone().unwrap_or_else(named);
+        if out.is_dir() {
+            return Err(Failure::input(format!(
+                "{} is a directory; give --out a file's name",
+                out.display()
+            )));
+        }
+        if out.exists() && !self.force {
+            return Err(Failure::input(format!(
+                "{} is there already; give another --out, or --force to replace it",
+                out.display()
+            )));
+        }
+        Ok(out)
+    }
 }
 
 /// Reads the port until told to stop, at least once. An error is the port going away.
@@ -192,6 +172,34 @@ struct Recorder {
 }
 
 impl Recorder {
+    /// A recorder of a port that was opened just now.
+    fn new(arguments: &Arguments, out: &Path, started: DateTime<Utc>) -> Result<Self, Failure> {
+        let opened = Instant::now();
+        // The monotonic clock from here on: steps of the host's own time are no drift of the bead's.
+        let opened_ns = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |since| since.as_nanos() as u64);
+        let mut notes = BTreeMap::from([("started".into(), started.to_rfc3339())]);
+        if let Address::Serial(_) = arguments.port {
+            notes.insert("baud".into(), arguments.baud.to_string());
+        }
+        let about = About {
+            source: arguments.port.to_string(),
+            notes,
+            ..About::default()
+        };
+        Ok(Self {
+            writer: Writer::create(out, &about)?,
+            tracker: Tracker::default(),
+            opened,
+            opened_ns,
+            strikes: 0,
+            format: arguments.format,
+            printed: Ok(()),
+            progress: output::spinner(format!("listening to {}", arguments.port)),
+        })
+    }
+
     /// Records what comes until the sender is gone.
     fn keep(&mut self, receiver: &Receiver<(Instant, Vec<u8>)>) -> Result<(), RecordingError> {
         loop {

@@ -118,7 +118,7 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
             );
             Ok(())
         }
-        _ => Err(refused(&reply)),
+        _ => Err(refused(&reply).into()),
     }
 }
 
