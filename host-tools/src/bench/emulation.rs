@@ -129,7 +129,7 @@ impl Ran {
         let mut sent = self.sent_ns.iter();
         for run in self.stream.split_inclusive(|byte| *byte == 0) {
             let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
-            writer.write_at(run, zero_ns + at.saturating_sub(self.first_scan_ns), |_| {})?;
+            writer.write(run, Some(zero_ns + at.saturating_sub(self.first_scan_ns)), |_| {})?;
         }
         Ok(())
     }

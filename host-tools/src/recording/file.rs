@@ -252,40 +252,18 @@ impl Writer {
         written.map_err(|source| self.failed(source))
     }
 
-    /// Records bytes as received, the last of them at `received_ns`: the host's time in ns since 1970. Hands on the frames
-    /// and the rejects in them.
+    /// Records bytes as received, the last of them at `received_ns`, the host's time in ns since 1970, if it is known. Hands
+    /// on the frames and the rejects in them.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write_at(
-        &mut self,
-        bytes: &[u8],
-        received_ns: u64,
-        sink: impl FnMut(Item),
-    ) -> Result<(), RecordingError> {
-        let before = self.written;
-        self.write(bytes, Some(received_ns), sink)?;
-        if self.written == before {
-            return Ok(());
-        }
-        let last = self.written.wrapping_sub(1);
-        let header = MessageHeader {
-            channel_id: self.received,
-            sequence: last,
-            log_time: self.clock.log,
-            publish_time: self.clock.bead,
-        };
-        let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
-        let written = self.mcap.write_to_known_channel(&header, &data);
-        written.map_err(|source| self.failed(source))
-    }
-
-    fn write(
+    pub fn write(
         &mut self,
         bytes: &[u8],
         received_ns: Option<u64>,
         mut sink: impl FnMut(Item),
     ) -> Result<(), RecordingError> {
+        let before = self.written;
         for byte in bytes {
             let Self { reader, clock, .. } = self;
             reader.feed(std::slice::from_ref(byte), received_ns, |item| {
@@ -304,10 +282,27 @@ impl Writer {
                 self.end_run()?;
             }
         }
+        if let Some(received_ns) = received_ns.filter(|_| self.written != before) {
+            self.write_time(received_ns)?;
+        }
         if self.flushed.elapsed() >= FLUSH_EVERY {
             self.flush()?;
         }
         Ok(())
+    }
+
+    /// Says when the piece was received in which the last run ended.
+    fn write_time(&mut self, received_ns: u64) -> Result<(), RecordingError> {
+        let last = self.written.wrapping_sub(1);
+        let header = MessageHeader {
+            channel_id: self.received,
+            sequence: last,
+            log_time: self.clock.log,
+            publish_time: self.clock.bead,
+        };
+        let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
+        let written = self.mcap.write_to_known_channel(&header, &data);
+        written.map_err(|source| self.failed(source))
     }
 
     fn end_run(&mut self) -> Result<(), RecordingError> {
@@ -487,12 +482,20 @@ impl Recording {
         })
     }
 
+    /// Its runs of bytes, in the order received.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn pieces(&self) -> Result<Pieces, RecordingError> {
+        Pieces::open(&self.path)
+    }
+
     /// Its frames, in the order received, each with the time of its receipt.
     ///
     /// # Errors
     /// The file cannot be read.
     pub fn frames(&self) -> Result<Frames<Pieces>, RecordingError> {
-        Pieces::open(&self.path).map(Frames::new)
+        self.pieces().map(Frames::new)
     }
 
     /// One line that says what is missing, if anything is.
@@ -874,7 +877,7 @@ mod tests {
         let mut expected = Vec::new();
         for (n, piece) in (1_700_000_000_000_000_000..).zip(stream.chunks(97)) {
             let before = writer.written;
-            writer.write_at(piece, n, |_| {}).unwrap();
+            writer.write(piece, Some(n), |_| {}).unwrap();
             expected.extend((before..writer.written).map(|_| Some(n)));
         }
         // What is never ended by a delimiter has no time.

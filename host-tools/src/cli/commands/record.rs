@@ -225,7 +225,7 @@ impl Recorder {
             progress,
             ..
         } = self;
-        writer.write_at(bytes, received_ns, |item| {
+        writer.write(bytes, Some(received_ns), |item| {
             let Item::Frame(frame) = item else { return };
             tracker.push(&frame);
             if frame.arrival == Arrival::Duplicate {
