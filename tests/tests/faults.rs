@@ -6,10 +6,9 @@ use bead::bench::sensed::Timing;
 use bead::comparison::replay::replay;
 use bead::recording::frames::Frame;
 use bead::recording::strikes::{RecordedStrike, assemble};
-use bead_model::Flags;
 use bead_tests::{Heard, paper_at};
 use bead_wire::Message;
-use bead_wire::{Energy, FaultCause, SettingsSource, Standing, StrikeFlags};
+use bead_wire::{Energy, FaultCause, Health, SettingsSource, Standing, StrikeFlags};
 use stm32f405_qemu::{Outcome, Poke, ResetCause};
 
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A reset from

@@ -40,7 +40,7 @@ fn two_strikes_give_two_reports_each_accurate_and_replayed_bit_for_bit() {
             (1.3e-3..1.6e-3).contains(&arrival),
             "{arrival} s after the strike"
         );
-        let off = |bits: i64| bits.joules() / run.truth.truth.absorbed - 1.0;
+        let off = |energy: bead_wire::Energy| energy.joules() / run.truth.truth.absorbed - 1.0;
         let (a, b) = (
             off(strike.said.absorbed_measured),
             off(strike.said.absorbed_predicted),

@@ -27,7 +27,7 @@ pub(crate) fn dashed(name: impl Into<String>, place: usize, points: Vec<(f64, f6
     }
 }
 
-/// Points of a family, one a run.
+/// Points of a family, one for each run.
 pub(crate) fn discs(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
     Series {
         mark: Mark::Discs,
@@ -35,12 +35,12 @@ pub(crate) fn discs(name: impl Into<String>, place: usize, points: Vec<(f64, f64
     }
 }
 
-/// A curve of a family with its points.
+/// A curve of a family with a disc at each point.
 pub(crate) fn dotted(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> [Series; 2] {
     [line(name, place, points.clone()), discs("", place, points)]
 }
 
-/// A level or a place to compare with.
+/// A level or a place for comparison.
 pub(crate) fn guide(name: impl Into<String>, points: Vec<(f64, f64)>) -> Series {
     Series {
         ink: Ink::Guide,
@@ -67,7 +67,7 @@ pub(crate) fn time_axis(span: Range<f64>) -> Axis {
     Axis::new("time since the strike (ms)", span.start * 1e3..span.end * 1e3)
 }
 
-/// `count` values from `low` to `high` that grow by one factor.
+/// `count` values from `low` to `high` in geometric progression.
 pub(crate) fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
     let step = (high / low).ln() / (count - 1) as f64;
     (0..count).map(|n| low * (step * n as f64).exp()).collect()

@@ -13,7 +13,7 @@ pub(crate) const DAMPING: f64 = Oscillator::PAPER.damping;
 /// The stiffness that the paper finds to absorb most, N/m.
 pub(crate) const OPTIMUM: f64 = 1e5;
 
-/// The steel ball on a chain of so many beads, for so long.
+/// The steel ball on a chain of `beads` beads, for `duration` seconds.
 pub(crate) fn strike(beads: usize, relaxation: f64, duration: f64) -> Scenario {
     Scenario {
         title: String::new(),
@@ -45,7 +45,7 @@ pub(crate) fn intruder(
     )
 }
 
-/// The same strike with these intruders; none for no host.
+/// The same strike with these intruders; unchanged if they have no host.
 pub(crate) fn with(mut scenario: Scenario, intruder: Intruder) -> Scenario {
     if !intruder.beads.is_empty() {
         scenario.intruders.push(intruder);

@@ -1,12 +1,13 @@
-//! The image in QEMU behind an address, where programs find it as they find a bead's line.
+//! The image in QEMU behind an address: programs reach it as they reach a bead's line.
 //!
 //! # Design
-//! A run of the image is the same each time, byte for byte, and so is its beginning if more is asked of it later. So
-//! time is made to pass by running the image anew from power-up, with all that it was sent before and a little longer than
-//! the last time; what it says beyond the last time is new. The image's time passes while somebody listens, and stands
-//! still otherwise. What bead and strikes do is exactly what they do in any other run.
+//! Every run of the image is the same, byte for byte, and a longer run begins as a shorter one does. To let
+//! time pass, the bridge therefore runs the image again from power-up, sends it all that it was sent before,
+//! and stops a little later than last time. What the image says after the end of the last run is new. The
+//! image's time passes while a program is connected and stands still otherwise. Bead and strikes do exactly
+//! what they do in any other run.
 //!
-//! A run costs more the longer it is: this is for asking a bead, not for recording hours.
+//! A longer run costs more: the bridge is for requests to a bead, not for hours of recording.
 
 use std::io::{self, Read, Write};
 use std::net::TcpListener;
@@ -23,23 +24,23 @@ use crate::bench::error::BenchError;
 use crate::bench::front_end::SAMPLE_RATE_HZ;
 use crate::line::port::Address;
 
-/// Time in which the image has started to sample, and to hear.
+/// After this time the image samples and hears.
 const START: Duration = Duration::from_millis(50);
-/// Time that passes when something came in: most is answered within it.
+/// Time that passes after bytes came in. Most requests are answered within it.
 const ANSWER: Duration = Duration::from_millis(80);
-/// Time that passes at once while somebody only listens.
+/// Time that passes in one run while a program only listens.
 const STEP: Duration = Duration::from_millis(250);
-/// From the end of one run to what comes in the next.
+/// From the end of one run to the first byte that comes in after it.
 const GAP_NS: u64 = 1_000_000;
-/// Who is answered hangs up within this time, or wants more.
+/// A program that was answered hangs up within this time, or sends more.
 const PAUSE: Duration = Duration::from_millis(100);
-/// How often it is looked whether somebody connects, or the end is asked for.
+/// Between two looks for a new connection, or for a request to stop.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// An image whose time passes on demand.
 pub struct Bridge {
     machine: Run,
-    /// Codes at the converter; they begin again where they end.
+    /// Codes at the converter. The first follows the last.
     rows: Vec<[u16; 4]>,
     scans: usize,
     ended_ns: u64,
@@ -51,7 +52,7 @@ impl Bridge {
     pub fn new(emulation: &Emulation) -> Self {
         let mut machine = emulation.machine();
         machine.count_instructions = false;
-        // A store that is made room in takes four seconds at most.
+        // Making room in the store takes four seconds at most.
         machine.sampling_deadline_ns = 10_000_000_000;
         Self {
             rows: std::mem::take(&mut machine.stimulus),
@@ -62,7 +63,7 @@ impl Bridge {
         }
     }
 
-    /// Lets time pass, at whose beginning `bytes` come in; gives what the bead said.
+    /// Sends `bytes`, lets time pass, and returns what the bead said.
     ///
     /// # Errors
     /// QEMU fails.
@@ -89,7 +90,7 @@ impl Bridge {
     }
 }
 
-/// Serves whoever connects to the address, one after the other, until `stop`.
+/// Serves the programs that connect to the address, one after another, until `stop`.
 ///
 /// # Errors
 /// The address cannot be listened at, or QEMU fails.
@@ -126,12 +127,12 @@ pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Resul
     }
 }
 
-/// A socket's path, which is there no longer than its listener.
+/// The path of a socket. It is removed with its listener.
 struct Removed(PathBuf);
 
 impl Drop for Removed {
     fn drop(&mut self) {
-        // One that is gone already is gone.
+        // The file may be gone already.
         let _ = std::fs::remove_file(&self.0);
     }
 }
@@ -144,7 +145,7 @@ fn accept<S: Read + Write>(
     while !stop.load(Ordering::Relaxed) {
         match next() {
             Ok(stream) => talk(bridge, stream, stop)?,
-            // Nobody there, or gone again at once.
+            // No program connects, or it hung up at once.
             Err(_) => thread::sleep(LOOK),
         }
     }

@@ -24,23 +24,25 @@ use crate::recording::frames::{self, Frame};
 pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
 /// The image as `cargo xtask build` leaves it in the target directory.
 const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
-/// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, since a sensor
-/// without any is one that fails.
+/// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, as
+/// a sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
-/// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
+/// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680
+/// cycles.
 pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
 
 /// The pin of the sync input (`firmware/src/sync.rs`).
 const SYNC_PIN: &str = "PA15";
-/// How long a sync pulse is, s. The bead looks at its rising edge.
+/// Length of a sync pulse, s. The bead uses its rising edge.
 const SYNC_PULSE: f64 = 1e-3;
 /// The crystal, Hz.
 const CRYSTAL_HZ: f64 = 8e6;
 
-/// Finds the image: as given, or as built, beside this program or upwards from here.
+/// Finds the image: the given one, or the built one in a target directory that holds this program or lies
+/// above the working directory.
 ///
 /// # Errors
-/// There is none; the message says how to build it.
+/// The image is not there; the message says how to build it.
 pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     if let Some(path) = given {
         return match path.is_file() {
@@ -80,22 +82,23 @@ pub struct RunTruth {
     pub bead: usize,
     /// What it should say of each strike.
     pub truth: Truth,
-    /// When each strike began, in samples: sample index of the scan that holds the force at that time.
+    /// When each strike began, as a sample index, with a fraction.
     pub starts: Vec<f64>,
-    /// The front end that it sensed through.
+    /// The front end of the sensors.
     pub front_end: FrontEnd,
-    /// Seed of its noise; none for no noise.
+    /// Seed of the noise; none without noise.
     pub seed: Option<u64>,
     /// How fast the bead's clock was, ppm: below 0 for slow.
     #[serde(default)]
     pub clock_ppm: f64,
-    /// When edges came at its sync input: true time in s since the first triggered scan, which has the index 1.
+    /// When edges came at its sync input: true time in s since the first triggered scan, which has the index
+    /// 1.
     #[serde(default)]
     pub sync_edges: Vec<f64>,
 }
 
 impl RunTruth {
-    /// The strike, from 0, that had begun by a sample index, if one had.
+    /// The last strike, counted from 0, that began by a sample index.
     pub fn begun(&self, sample_index: u64) -> Option<usize> {
         self.starts
             .iter()
@@ -111,7 +114,7 @@ pub struct Ran {
     pub frames: Vec<Frame>,
     /// What of them was received, refused and lost.
     pub counters: Counters,
-    /// When each had left, in ns of true time since power-up.
+    /// When each byte was sent, in ns of true time since power-up.
     pub sent_ns: Vec<u64>,
     /// True time of the first triggered scan, in ns since power-up.
     pub first_scan_ns: u64,
@@ -120,8 +123,8 @@ pub struct Ran {
 }
 
 impl Ran {
-    /// Records what was sent, each run of bytes when the last of it had left: true time since the first triggered scan, to
-    /// which `zero_ns` is added. What was sent before that scan counts as sent at it.
+    /// Records the bytes that were sent. The time of a run of bytes is when its last byte was sent: true time
+    /// since the first triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -135,10 +138,10 @@ impl Ran {
     }
 }
 
-/// What is sensed by a clock that is fast: its seconds are shorter.
+/// What a bead with a fast clock senses: its seconds are shorter.
 struct OnClock<S> {
     sensed: S,
-    /// Seconds of the clock in a true one.
+    /// Seconds of the clock in a true second.
     rate: f64,
 }
 
@@ -157,7 +160,7 @@ impl<S: Stimulus> Stimulus for OnClock<S> {
 pub struct EmulatorReport {
     /// The image that was run.
     pub image: String,
-    /// The first line of what QEMU says of its version, if it says it.
+    /// The first line of `qemu-system-arm --version`, if that could be run.
     pub qemu: Option<String>,
     /// Instructions of each function, and of all.
     pub instructions_per_sample: InstructionsPerSample,
@@ -173,11 +176,11 @@ pub struct EmulatorReport {
     pub saturated: [usize; 2],
     /// Registers that the image touched and no model knows.
     pub unknown_registers: Vec<String>,
-    /// Features asked for and not modelled.
+    /// Features that the image used and the emulator does not model.
     pub unmodelled: Vec<String>,
     /// Virtual time of the run, s.
     pub virtual_seconds: f64,
-    /// Time that it took here, s.
+    /// Time that the run took on this computer, s.
     pub real_seconds: f64,
     /// The image's own log.
     pub log: Vec<String>,
@@ -186,23 +189,24 @@ pub struct EmulatorReport {
 /// Instructions executed for each sample.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct InstructionsPerSample {
-    /// In estimate A, for each sample that it took; none if it took none.
+    /// Estimate A, for each sample that it took; none if it took no sample.
     pub observer: Option<f64>,
-    /// In estimate B and its square root, for each sample that it took; none if it took none.
+    /// Estimate B and its square root, for each sample that it took; none if it took no sample.
     pub reduced_chain: Option<f64>,
-    /// In calibration, peaks and the cut into chunks, for each sample of a window; none if there was none.
+    /// Calibration, peaks and the cut into chunks, for each sample of a window; none without a window.
     pub window: Option<f64>,
-    /// In the encoding of all frames, for each sample of a window; none if there was none.
+    /// The encoding of all frames, for each sample of a window; none without a window.
     pub framing: Option<f64>,
-    /// In the search for a strike, for each sample of the run; none if the image has no such function.
+    /// The search for a strike, for each sample of the run; none if the image has no such function.
     pub trigger: Option<f64>,
-    /// In the whole image, for each sample of the blocks in which a strike was measured; none if none was.
+    /// The whole image, for each sample of the blocks in which a strike was measured; none without a strike.
     pub total: Option<f64>,
-    /// In the whole image, for each sample of the busiest block; none if no block was taken.
+    /// The whole image, for each sample of the busiest block; none if no block was taken.
     pub worst_block: Option<f64>,
-    /// In the whole image, for each sample of the blocks in which no strike was measured; none if there was none.
+    /// The whole image, for each sample of the blocks in which no strike was measured; none without such a
+    /// block.
     pub idle: Option<f64>,
-    /// In the whole image, for each sample of the whole run, quiet and strikes.
+    /// The whole image, for each sample of the whole run, quiet and strikes.
     pub run: f64,
 }
 
@@ -227,7 +231,7 @@ impl InstructionsPerSample {
 pub struct Emulation {
     /// The bead's settings.
     pub settings: Settings,
-    /// The same as their block in flash.
+    /// The same settings as their block in flash.
     pub block: Vec<u8>,
     /// What is true.
     pub truth: RunTruth,
@@ -296,8 +300,9 @@ impl Emulation {
         })
     }
 
-    /// The same with a clock that is fast by so many ppm, rounded to whole hertz of the crystal: an eighth of a ppm. What
-    /// the bead senses of `solution`, which it was prepared with, is digitised anew.
+    /// The same run with a clock that is fast by `ppm`, rounded to whole hertz of the crystal, which is an
+    /// eighth of a ppm. `solution` is the one that the run was prepared with: what the bead senses of it is
+    /// digitised again.
     #[must_use]
     pub fn with_clock(mut self, solution: &Solution, ppm: f64) -> Self {
         let ppm = (ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
@@ -367,7 +372,7 @@ impl Emulation {
     /// Runs the image.
     ///
     /// # Errors
-    /// The image is none, QEMU fails, or the image never samples.
+    /// The file is no image, QEMU fails, or the image never samples.
     pub fn run(&self) -> Result<Ran, BenchError> {
         let clock = Instant::now();
         let outcome = self.machine().execute()?;
@@ -404,7 +409,7 @@ impl Emulation {
             BenchError::Mute("the emulator counted no instructions although it was asked to".to_owned())
         })?;
         let function = |label: &str| counted.functions.iter().find(|function| function.label == label);
-        // None also where the compiler has left no function of the label.
+        // None also where the compiler left no function with the label.
         let per_sample = |label: &str, samples: u64| {
             let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
             Some(function.instructions as f64 / samples as f64)
@@ -450,7 +455,7 @@ impl Emulation {
     }
 }
 
-/// What QEMU, where the emulator finds it, says of its version.
+/// The version of the QEMU that the emulator runs.
 fn qemu_version() -> Option<String> {
     let program = env::var_os("STM32F405_QEMU").unwrap_or_else(|| "qemu-system-arm".into());
     let said = Command::new(program).arg("--version").output().ok()?;

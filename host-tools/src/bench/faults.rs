@@ -69,18 +69,18 @@ const KINDS: [(&str, Kind); 13] = [
     ("power_cut", Kind::PowerCut),
 ];
 
-/// Voltages between which a supply may be put: those between which the part works (DocID022152, general operating
-/// conditions).
+/// Voltages between which a supply may be put: those between which the part works (DocID022152, general
+/// operating conditions).
 const VOLTS: std::ops::RangeInclusive<f64> = 1.8..=3.6;
 /// A good supply, mV.
 const GOOD_MV: u32 = 3300;
 /// Below this the bead's detector finds the supply low, V (`firmware/src/health.rs`).
 const LOW_VOLTS: f64 = 2.93;
-/// A sensor that is stuck or railed for so long is always found, s: two windows of the bead.
+/// The bead always finds a sensor that is stuck or railed for this long, s: two windows of its check.
 const FOUND: f64 = 0.2;
-/// A port that sends nothing for so long, s, is always ridden out.
+/// The bead always rides out a port that sends nothing for this long, s.
 const RIDDEN_OUT: f64 = 0.5;
-/// A port that sends nothing for so long, s, always ends in a reset by the bead itself.
+/// The bead always resets itself when its port sends nothing for this long, s.
 const GIVEN_UP: f64 = 1.5;
 
 impl Kind {
@@ -90,12 +90,12 @@ impl Kind {
         found.map_or("", |(name, _)| name)
     }
 
-    /// Whether it lasts.
+    /// Whether the fault has a duration.
     fn lasts(self) -> bool {
         self.columns().is_some() || matches!(self, Self::Supply | Self::UartStall)
     }
 
-    /// The columns of the stimulus that it changes, if it is a sensor's: both of its gains.
+    /// For the fault of a sensor, the columns of the stimulus that it changes: those of both gains.
     fn columns(self) -> Option<Range<usize>> {
         match self {
             Self::ForceStuck | Self::ForceRailed => Some(0..2),
@@ -120,7 +120,7 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// What the bead is to report, if it is to notice at all.
+    /// What the bead must report; none if it must not notice.
     pub fn cause(&self) -> Option<FaultCause> {
         match self.kind {
             Kind::AdcOverrun => Some(FaultCause::AdcOverrun),
@@ -135,7 +135,7 @@ impl Planned {
             Kind::HardFault => Some(FaultCause::HardFault),
             Kind::Hang => Some(FaultCause::Watchdog),
             Kind::StackOverflow => Some(FaultCause::StackOverflow),
-            // Its identity says so: a power-on reset is no fault.
+            // The bead's identity says so: a power-on reset is no fault.
             Kind::PowerCut => None,
         }
     }
@@ -159,7 +159,7 @@ impl Planned {
         self.duration.is_none_or(|duration| duration >= FOUND)
     }
 
-    /// Makes it happen in a run.
+    /// Makes the fault happen in a run.
     pub fn provoke(&self, run: &mut Run) {
         let ns = |seconds: f64| (seconds * 1e9) as u64;
         let mut fail = |at: f64, kind: FaultKind| run.faults.push(Fault { at_ns: ns(at), kind });

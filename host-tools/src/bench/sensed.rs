@@ -1,4 +1,4 @@
-//! What a bead of a simulated chain senses, strike after strike, and what it should say of it.
+//! What a bead of a simulated chain senses, strike after strike, and what it should report.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
 /// Seconds simulated beyond the scenario's end, so that the intruder's ring-down is complete in every window.
 pub const RING_DOWN: f64 = 6e-3;
 
-/// The bead and its surroundings as its settings are derived from.
+/// The bead and its surroundings: what its settings are derived from.
 ///
 /// # Errors
 /// The bead has no intruder, and so senses nothing; the message names those that have one.
@@ -35,7 +35,8 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
             "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
         )));
     }
-    // The reduced chain is uniform: the beads behind the host count as it, joined as it is to the next.
+    // The reduced chain is uniform: every bead behind the host counts as a host, and every contact as the
+    // host's right one.
     let behind = model.contact(bead + 1);
     Ok(Bead {
         mass: model.mass(bead),
@@ -48,10 +49,11 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     })
 }
 
-/// What to know about estimate B where the reduced chain is not like the real one, if anything.
+/// A warning where the reduced chain of estimate B is not like the real chain.
 ///
-/// The reduced chain follows the host with four beads that touch without force, and a free end: three of the real ones are
-/// as good (0.15 %), with fewer the end's reflection comes back while the intruder still moves.
+/// The reduced chain has four beads behind the host, which touch without force, and a free end. Three real
+/// beads are as good (0.15 %). With fewer, the reflection from the end comes back while the intruder still
+/// moves.
 pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<String> {
     let model = solution.model();
     let behind = (model.bodies() - 1).saturating_sub(bead);
@@ -69,10 +71,10 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<Stri
     })
 }
 
-/// The only bead with an intruder, for commands that were not told which.
+/// The only bead with an intruder, for commands that name no bead.
 ///
 /// # Errors
-/// There is none, or more than one.
+/// No bead has an intruder, or more than one has.
 pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
     let hosts: Vec<usize> = scenario
         .intruders
@@ -123,7 +125,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Of the bead `bead` of a solution of `scenario`.
+    /// The truth for bead `bead`, from a solution of `scenario`.
     ///
     /// # Errors
     /// The bead has no intruder, or no force ever reaches it.
@@ -159,21 +161,21 @@ pub struct Timing {
 impl Timing {
     /// When the striker of strike `number`, from 0, touches the chain, s.
     ///
-    /// Strikes do not wait for the sample clock: each but the first comes at another phase of it, spread evenly by
-    /// the golden ratio.
+    /// Strikes do not wait for the sample clock. Each comes at another phase of it; the golden ratio spreads
+    /// the phases evenly.
     pub fn start(&self, number: u32) -> f64 {
         let phase = (f64::from(number) * 0.618_033_988_749_894_9).fract();
         self.lead_in + f64::from(number) * self.interval + phase / f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// Scans from power-up to when the last strike, `long` seconds each, is over.
+    /// Scans from power-up to the end of the last strike; a strike takes `long` seconds.
     pub fn scans(&self, long: f64) -> usize {
         let last = self.strikes.saturating_sub(1);
         ((self.start(last) + long) * f64::from(SAMPLE_RATE_HZ)).ceil() as usize + 1
     }
 }
 
-/// What the sensors of one bead feel: the same strike again and again, quiet between.
+/// What the sensors of one bead feel: the same strike again and again, with quiet between.
 pub struct Sensed<'a> {
     bead: usize,
     timing: Timing,
@@ -183,7 +185,7 @@ pub struct Sensed<'a> {
 }
 
 impl<'a> Sensed<'a> {
-    /// Of the bead `bead`, which has an intruder, of `solution`.
+    /// The sensors of bead `bead`, which has an intruder, in `solution`.
     pub fn new(solution: &'a Solution, bead: usize, timing: Timing) -> Self {
         Self {
             bead,
@@ -194,14 +196,15 @@ impl<'a> Sensed<'a> {
         }
     }
 
-    /// Time since the last strike began, if its simulation goes so far.
+    /// Time since the last strike began; none if the simulation does not go so far.
     fn in_strike(&self, time: f64) -> Option<f64> {
         let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
         if guess < 0.0 {
             return None;
         }
         let number = (guess as u32).min(self.timing.strikes.checked_sub(1)?);
-        // A strike starts up to a sample after its place in the row: just after it, the one before still counts.
+        // A strike starts up to one sample after its place in the row. Until then the strike before still
+        // counts.
         let start = self.timing.start(number);
         let start = if time < start && number > 0 {
             self.timing.start(number - 1)

@@ -1,4 +1,4 @@
-//! What is run on the bench: what `bead emulate` and `bead accuracy` share.
+//! What is run on the bench: options that `bead emulate` and `bead accuracy` share.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What a command failed of, and the exit status that says so.
+//! Why a command failed, and its exit status.
 //!
 //! | status | meaning |
 //! |---|---|
@@ -53,7 +53,7 @@ impl Failure {
     }
 }
 
-/// Errors of the library that blame what the command was given: exit status 2.
+/// Errors of the library whose cause is the command's input: exit status 2.
 macro_rules! input_errors {
     ($($error:ty),*) => {
         $(impl From<$error> for Failure {
@@ -101,7 +101,7 @@ impl From<&Failure> for ExitCode {
     }
 }
 
-/// Says whose fault an error is, at the place that knows.
+/// Says whether the input or the device is at fault.
 pub trait Blame<T> {
     /// The input is at fault.
     fn or_input<C: Display + Send + Sync + 'static>(self, context: impl FnOnce() -> C) -> Result<T, Failure>;

@@ -55,9 +55,10 @@ pub fn print_line(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// A flag that Ctrl-C and SIGTERM raise; a second one ends the program at once, as it would without us.
+/// A flag that Ctrl-C and SIGTERM set. The second signal ends the program at once.
 ///
-/// SIGHUP is left alone: under `nohup` a recording outlives its terminal, and without it the file stays readable.
+/// SIGHUP is left alone: under `nohup` a recording outlives its terminal, and without it the file stays
+/// readable.
 pub(crate) fn stop_at_signals() -> io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
@@ -70,7 +71,7 @@ pub(crate) fn stop_at_signals() -> io::Result<Arc<AtomicBool>> {
 /// A duration on the command line.
 ///
 /// # Errors
-/// One line: it is no number of seconds above 0.
+/// The text is not a number of seconds above 0.
 pub fn seconds(text: &str) -> Result<Duration, String> {
     text.parse()
         .ok()
@@ -79,7 +80,7 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "give seconds, more than 0".to_owned())
 }
 
-/// A table without rulings: names left, figures right.
+/// A table without rules: names on the left, numbers on the right.
 pub fn table<const N: usize>(header: [impl Into<String>; N]) -> Table {
     let mut table = Table::new();
     table
@@ -94,7 +95,7 @@ pub fn table<const N: usize>(header: [impl Into<String>; N]) -> Table {
     table
 }
 
-/// A table's text without the blanks that padding leaves at the line ends.
+/// A table's text without blanks at the ends of its lines.
 pub fn table_text(table: &Table) -> String {
     table
         .lines()

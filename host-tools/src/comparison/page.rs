@@ -1,4 +1,4 @@
-//! The HTML report of a comparison: one file, nothing from outside it.
+//! The HTML page of a comparison: one file that needs nothing from outside.
 
 use std::fmt::Write;
 
@@ -24,15 +24,15 @@ pub struct Page<'a> {
     pub strikes: &'a [StrikeComparison],
     /// Why the comparison failed, if it did.
     pub failure: Option<&'a str>,
-    /// What was received.
+    /// Counts of what was received.
     pub counters: &'a Counters,
-    /// Who spoke.
+    /// The bead's identity.
     pub identity: Option<&'a Identity>,
-    /// What the bead said of itself last.
+    /// The bead's last status.
     pub status: Option<&'a Status>,
     /// The settings of the first strike.
     pub settings: Option<&'a Settings>,
-    /// What the emulator measured, for a run in it.
+    /// What the emulator measured, for an emulated run.
     pub emulator: Option<&'a EmulatorReport>,
 }
 

@@ -1,4 +1,5 @@
-//! The pictures of a strike: what was sensed and estimated, and what is left when the simulation is subtracted.
+//! The pictures of a strike: what was sensed and estimated, and what is left when the simulation is
+//! subtracted.
 
 use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 

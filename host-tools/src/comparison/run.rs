@@ -322,7 +322,8 @@ fn reported(frames: &[Frame]) -> Vec<ReportedFault> {
     faults.collect()
 }
 
-/// Which faults of the fault file the bead reported. The first report of a cause answers the first fault that has it.
+/// Which faults of the fault file the bead reported. The first report of a cause answers the first fault that
+/// has it.
 fn answered(planned: &[Planned], reported: &[ReportedFault]) -> Vec<ProvokedFault> {
     let mut in_time = planned.to_vec();
     in_time.sort_by(|a, b| a.at.total_cmp(&b.at));

@@ -1,11 +1,12 @@
 //! Device, replay, f64 from the same samples and the full f64 chain, side by side.
 //!
 //! # Design
-//! From the full chain to the device, each step adds one source of error: sampling, twelve bits, noise and the
-//! reduced chain; then fixed point; then nothing, for replay and device must agree in every bit.
+//! Each step from the full chain to the device adds one source of error. The first adds sampling, twelve
+//! bits, noise and the reduced chain. The second adds fixed point. The third adds nothing: replay and device
+//! must agree in every bit.
 //!
-//! The recording does not say when the striker hit. Each strike is therefore placed in time where its force fits the
-//! simulated one best; the acceleration, taken [`SCAN_SKEW`] later, follows.
+//! The recording does not say when the striker hit. Each strike is therefore placed at the time where its
+//! force fits the simulated force best. The acceleration was taken [`SCAN_SKEW`] later.
 
 use bead_model::calibration::Channel;
 use bead_model::design::Bead;
@@ -58,7 +59,7 @@ impl Values {
     }
 }
 
-/// One strike, four times.
+/// One strike, from four sources.
 #[derive(Debug, Clone, Serialize)]
 pub struct StrikeComparison {
     /// Its number since the bead's reset.
@@ -67,25 +68,26 @@ pub struct StrikeComparison {
     pub sample_index: u64,
     /// What the bead sent.
     pub device: Values,
-    /// What this computer makes of the same codes with the same code; none if it could not be replayed.
+    /// The result of the bead's code on this computer, from the same samples; none if it could not be
+    /// replayed.
     pub replay: Option<Values>,
     /// Whether the two agree in every bit.
     pub replay_identical: bool,
-    /// Where they part first.
+    /// Where they differ first.
     pub first_difference: Option<String>,
-    /// What f64 makes of the same codes; none if codes are missing.
+    /// The result of f64 estimates from the same samples; none if samples are missing.
     pub f64_samples: Option<Values>,
     /// What the full chain says.
     pub f64_chain: Values,
     /// Device against full chain, as a part of it.
     pub deviation: Values,
-    /// What the deviations of A and B may be.
+    /// How great the deviations of A and B may be.
     pub goal: Goal,
     /// Noise of the force before the strike, N rms.
     pub force_noise: f64,
     /// Names of the strike's flags.
     pub flags: Vec<&'static str>,
-    /// Its shape; none if that or the samples were not received.
+    /// Its shape; none if the shape or the samples were not received.
     pub shape: Option<ShapeComparison>,
     /// Whether the goals are met and replay is identical.
     pub pass: bool,
@@ -99,12 +101,12 @@ pub struct StrikeComparison {
 pub struct Row {
     /// The quantity and its unit.
     pub name: &'static str,
-    /// By the device, by replay, in f64 from the same samples, by the full chain. None where it is not known, empty
-    /// where nobody computes it.
+    /// The value by the device, by replay, in f64 from the same samples, and by the full chain. None where it
+    /// is not known, empty where no source computes it.
     pub cells: [Option<String>; 4],
     /// The device's deviation, as a part of the full chain's value.
     pub off: f64,
-    /// What the deviation may be, if there is a goal.
+    /// How great the deviation may be, if there is a goal.
     pub goal: Option<f64>,
 }
 
@@ -191,7 +193,7 @@ pub fn percent(part: f64) -> String {
 pub struct ShapeComparison {
     /// As the bead sent it.
     pub device: ShapeValues,
-    /// Of the full chain; its ringing is that of a host that flies free.
+    /// Of the full chain. The ringing is computed for a host that flies free.
     pub f64_chain: ShapeValues,
 }
 
@@ -206,9 +208,9 @@ pub struct ShapeValues {
     pub ring_frequency: f64,
     /// Decay of its amplitude, 1/s.
     pub ring_decay: f64,
-    /// Stiffness that rings so, k = μ (ω² + β²), N/m.
+    /// Stiffness from the ringing, k = μ (ω² + β²), N/m.
     pub stiffness: f64,
-    /// Damping that decays so, c = 2 μ β, N·s/m.
+    /// Damping from the decay, c = 2 μ β, N·s/m.
     pub damping: f64,
 }
 
@@ -237,12 +239,12 @@ pub struct Goal {
     pub absorbed_predicted: f64,
 }
 
-/// What the sensors delivered, or what the chain did, over the time since the striker hit.
+/// What the sensors delivered at one time, and what the chain did then.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensedPoint {
-    /// When, s.
+    /// Time since the striker hit, s.
     pub time: f64,
-    /// SensedPoint, the front end's pole taken out.
+    /// Sensed, with the front end's pole removed.
     pub sensed: f64,
     /// Simulated at that time.
     pub simulated: f64,
@@ -251,7 +253,7 @@ pub struct SensedPoint {
 /// An estimate of the absorbed energy at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AbsorbedPoint {
-    /// When, s since the striker hit.
+    /// Time since the striker hit, s.
     pub time: f64,
     /// By the estimate, J.
     pub estimate: f64,
@@ -274,7 +276,7 @@ pub struct Traces {
     pub device: [Vec<AbsorbedPoint>; 2],
 }
 
-/// What is compared against: the full chain, run once for all strikes.
+/// The full chain that strikes are compared with. It is run once for all strikes.
 pub struct FullChain {
     bead: usize,
     physics: Bead,
@@ -306,12 +308,12 @@ impl FullChain {
         })
     }
 
-    /// What to know about estimate B at this bead, if anything.
+    /// A warning about estimate B at this bead, if there is one.
     pub fn note(&self) -> Option<String> {
         unlike_the_reduced_chain(&self.solution, self.bead)
     }
 
-    /// The strike, four times.
+    /// Compares a strike from four sources.
     pub fn compare(&self, strike: &RecordedStrike) -> StrikeComparison {
         let replay = replay(strike);
         let device = Values::of(&strike.said);
@@ -403,7 +405,8 @@ impl FullChain {
             settings.chain.gate.to_num(),
             3.0 * strike.said.force_noise.newtons(),
         );
-        // The bead looks at forces from the foot of the wave on, and takes them for noise when some in a row were.
+        // The bead uses forces from the foot of the wave on. After some weak forces in a row it takes them
+        // for noise.
         let foot = usize::from(settings.window.noise_end());
         let mut silent = 0;
         let gated: Vec<f64> = (0..)
@@ -427,8 +430,8 @@ impl FullChain {
         let acceleration = self.beside(&acceleration, acceleration_at, rate, |s| {
             s.intruder_acceleration(self.bead).unwrap_or(0.0)
         });
-        // Both estimates of the device know a sample when the next one is there, and count it in full: after
-        // sample n they stand for the time n - 1/2. A's samples are the acceleration's, a skew later.
+        // Both estimates of the device use a sample when the next one is there, and count it in full: after
+        // sample n they stand for the time n - 1/2. A uses the acceleration, which is taken a skew later.
         let along = |offset: f64, energies: &mut dyn Iterator<Item = (usize, f64)>| -> Vec<AbsorbedPoint> {
             let mut sampler = self.solution.sampler();
             energies
@@ -473,7 +476,7 @@ impl FullChain {
         })
     }
 
-    /// Samples beside what the chain did at their times, 0 outside its run.
+    /// Samples, each with what the chain did at that time; 0 outside the chain's run.
     fn beside(
         &self,
         samples: &[f64],
@@ -497,13 +500,13 @@ impl FullChain {
             .collect()
     }
 
-    /// Time since the striker hit of the window's first sample: where the squared distance of sensed and simulated
-    /// force is least.
+    /// Time since the striker hit of the window's first sample: where the squared distance of sensed and
+    /// simulated force is least.
     fn place(&self, force: &[f64], rate: f64) -> f64 {
         let peak = (0..force.len())
             .max_by(|&a, &b| force[a].total_cmp(&force[b]))
             .unwrap_or(0);
-        // The pulse and what follows it at once: later waves are small and cost time.
+        // The pulse and what follows at once. Later waves are small and would cost time.
         let near = peak.saturating_sub(40)..(peak + 80).min(force.len());
         let distance = |start: f64| -> f64 {
             let mut sampler = self.solution.sampler();
@@ -525,8 +528,8 @@ impl FullChain {
     }
 }
 
-/// A sensor's signal in its unit, relative to the quiet start of the window, filter and delay taken out: from the channel of
-/// the high gain wherever that is away from its rails.
+/// A sensor's signal in its unit, relative to the quiet start of the window, with filter and delay removed.
+/// It comes from the channel at the high gain wherever that is away from its rails.
 fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
     let sensitive: Vec<f64> = scans.iter().map(|scan| scan.sensitive[sensor].into()).collect();
     // Codes that were not sent had no part in the window.
@@ -538,7 +541,7 @@ fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F
         let reach = at.saturating_sub(1)..(at + 2).min(scans.len());
         sensitive[reach].iter().all(|code| (64.0..=4031.0).contains(code))
     };
-    // Where both channels see a signal that moves, they are made to agree.
+    // The two channels are made to agree where both see a strong signal.
     let per_code = calibration.sensitive.per_code.to_num::<f64>();
     let differences: Vec<f64> = (0..scans.len())
         .filter(|&at| believable(at) && values[at].abs() >= 1024.0 * per_code)
@@ -580,8 +583,8 @@ fn force_noise(strike: &RecordedStrike) -> f64 {
     codes * per_code
 }
 
-/// Where a function with one minimum between `low` and `high` has it: golden section, to a part in a million of
-/// the interval.
+/// The place of the minimum of a function that has one between `low` and `high`: golden section, to a
+/// millionth of the interval.
 fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5f64.sqrt() - 1.0);
     let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
@@ -642,7 +645,7 @@ mod tests {
             "{}",
             worst(&traces.acceleration)
         );
-        // The curves of energy stay together all the way, not at their ends only.
+        // The curves of energy stay together all the way, not only at their ends.
         for curves in [&traces.f64_samples, &traces.replay, &traces.device] {
             for curve in curves {
                 let off = curve

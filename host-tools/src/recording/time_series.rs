@@ -1,4 +1,4 @@
-//! A simulation as a Parquet file: one row a time, one column a quantity, the unit in the column's name.
+//! A simulation as a Parquet file. Each row is a time, each column a quantity with its unit in the name.
 //!
 //! The file's key-value metadata holds the scenario's title, the scenario itself (JSON) and the row rate.
 
@@ -102,7 +102,7 @@ pub fn write(
         let end = solution.end();
         return Err(TimeSeriesError::Rate { rate_hz, rows, end });
     }
-    // The last row may fall on the end to within rounding.
+    // Rounding must not lose a last row that falls on the end.
     let rows = (rows * (1.0 + 1e-12)).floor() as usize + 1;
     let columns = columns(solution);
     Ok(write_whole(path, |file| {

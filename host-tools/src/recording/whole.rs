@@ -14,8 +14,8 @@ pub struct WriteError {
     reason: anyhow::Error,
 }
 
-/// Writes a file under a temporary name beside `path` and renames it when `fill` has succeeded, so that nothing
-/// half-written is ever found under the name asked for.
+/// Writes a file under a temporary name beside `path` and renames it when `fill` has succeeded, so that
+/// nothing half-written is ever found under the name asked for.
 ///
 /// # Errors
 /// The directory is missing or not writable, or what `fill` reports.

@@ -1,5 +1,5 @@
-//! What the paper does not show and a user wants to know: rebound, the solitary wave's invariants, exact scaling, and how
-//! the error falls with the effort.
+//! What a user wants to know and the paper does not show: rebound, the solitary wave's invariants, exact
+//! scaling, and how the error falls with the effort.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ plans! {
         => convergence,
 }
 
-/// Coefficient of restitution as simulated, for the relaxation time that makes a collision so viscous.
+/// Simulated coefficient of restitution, at the relaxation time that gives the collision this `alpha`.
 fn rebound(lab: &Lab, alpha: f64, force: ContactForce) -> Result<(Collision, f64), Error> {
     let mut scenario = strike(1, ELASTIC, 0.6e-3);
     scenario.chain.contact_force = force;
@@ -197,7 +197,7 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
         .enumerate()
         .map(|(place, (curve, speed))| {
             let name = format!("{speed} m/s");
-            // Every fifth of the points, a fifth apart from curve to curve, so that all are seen.
+            // A few points of each curve, shifted from curve to curve, so that all curves are seen.
             let some = curve.iter().skip(8 * place).step_by(40).copied().collect();
             discs(name, place, some)
         });
@@ -220,7 +220,7 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
     ))
 }
 
-/// One effort: evaluations, farthest peak force, energy lost in contacts and intruders, energy balance.
+/// One effort: evaluations, and the errors of the peak forces, of the energies, and of the energy balance.
 struct Effort {
     evaluations: f64,
     force: f64,
@@ -250,7 +250,7 @@ fn efforts(scenario: &Scenario) -> Result<Vec<Effort>, Error> {
             let part = (tolerance / 1e-13).log10() / 5.0;
             let longest = 1.0 / (24.0 - 16.0 * part.min(1.0));
             let summary = at(scenario, tolerance, longest)?.summary();
-            // The last contacts are not through with their wave when the run ends.
+            // When the run ends, the wave is still in the last contacts.
             let force = summary
                 .peak_force
                 .iter()
@@ -286,7 +286,7 @@ fn convergence(_: &Lab) -> Result<Figure, Error> {
     ] {
         let efforts = efforts(&scenario)?;
         let of = |value: fn(&Effort) -> f64| -> Vec<(f64, f64)> {
-            // What is exactly right would have no place on a logarithmic axis.
+            // An error of 0 would have no place on a logarithmic axis.
             efforts
                 .iter()
                 .map(|effort| (effort.evaluations, value(effort).max(1e-16)))

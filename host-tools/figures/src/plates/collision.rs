@@ -1,4 +1,4 @@
-//! Equations (9) and (10), two bodies that meet, and what a striker hands over by its mass.
+//! Equations (9) and (10) for two bodies that meet, and the energy that a striker hands over, by its mass.
 
 use hertz_chain::Collision;
 use rayon::prelude::*;

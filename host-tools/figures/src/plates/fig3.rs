@@ -1,4 +1,4 @@
-//! Figure 3: how the intruder's stiffness decides what it takes. 38 elastic beads, intruder in bead 8.
+//! Figure 3: how much energy the intruder takes, by its stiffness. 38 elastic beads, intruder in bead 8.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;

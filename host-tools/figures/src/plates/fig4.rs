@@ -1,4 +1,5 @@
-//! Figure 4: what an intruder in bead 15 of 46 elastic beads reflects, lets pass and sends on later, by its stiffness.
+//! Figure 4: what an intruder in bead 15 of 46 elastic beads reflects, transmits and sends on later, by its
+//! stiffness.
 
 use std::sync::Arc;
 
@@ -19,8 +20,8 @@ pub(crate) const HOST: usize = 15;
 const NEAR: usize = 10;
 const FAR: usize = 25;
 pub(crate) const DURATION: f64 = 0.014;
-/// Long enough for the slow secondary waves to pass both contacts. The main wave is at the end by 11 ms, and a free end sends
-/// nothing back.
+/// Long enough for the slow secondary waves to pass both contacts. The main wave reaches the end after 11 ms,
+/// and a free end sends nothing back.
 const SPLIT_DURATION: f64 = 0.04;
 const SWEEP: &str = "46 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 15, k from 10³ to 10⁷ N/m; energies through contacts 10 and 25";
 
@@ -32,7 +33,7 @@ plans! {
         SWEEP => transmitted,
 }
 
-/// Whatever stands in the host.
+/// The run with this intruder in the host.
 pub(crate) fn run(lab: &Lab, intruder: Intruder) -> Result<Arc<Run>, Error> {
     lab.run(&with(strike(46, ELASTIC, DURATION), intruder))
 }
@@ -97,7 +98,7 @@ pub(crate) fn splits(lab: &Lab, intruders: &[Intruder]) -> Result<Vec<Arc<Split>
         .collect()
 }
 
-/// A part of the incident energy in %, for each value of what was swept.
+/// A part of the incident energy in %, for each value of the sweep.
 pub(crate) fn share(values: &[f64], splits: &[Arc<Split>], of: impl Fn(&Split) -> f64) -> Vec<(f64, f64)> {
     let percent = |split: &Arc<Split>| 100.0 * of(split) / split.incident.energy;
     values.iter().copied().zip(splits.iter().map(percent)).collect()

@@ -1,4 +1,5 @@
-//! Figure 6: the striker's modulus, speed and size, seen at the first contact, at contact 30 and in the spectrum there.
+//! Figure 6: the striker's modulus, speed and size, seen at the first contact, at contact 30 and in the
+//! spectrum there.
 
 use std::sync::Arc;
 

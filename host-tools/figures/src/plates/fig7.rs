@@ -1,4 +1,5 @@
-//! Figure 7: how much of its energy a striker lighter than, as heavy as, and heavier than a bead leaves in the chain.
+//! Figure 7: how much of its energy a striker lighter than, as heavy as, and heavier than a bead leaves in
+//! the chain.
 
 use std::sync::Arc;
 

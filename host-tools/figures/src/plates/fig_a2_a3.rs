@@ -38,19 +38,19 @@ plans! {
         DAMPING_SWEEP => |lab| transmitted(lab, &DAMPINGS),
 }
 
-/// What is changed on the intruder, and how its energies come out.
+/// What is changed on the intruder, and what its energies must show.
 struct Family {
     three: [(&'static str, f64); 3],
     intruder: fn(f64) -> Intruder,
     values: fn() -> Vec<f64>,
     axis: fn() -> Axis,
-    /// The unit of the axis in that of the values.
+    /// The unit of the axis, in units of the values.
     unit: f64,
     reflected: fn(&Shares) -> Vec<Check>,
     transmitted: fn(&Shares) -> Vec<Check>,
 }
 
-/// Shares of the incident energy in %, against what was swept.
+/// Shares of the incident energy in %, against the swept quantity.
 struct Shares {
     reflected: Vec<(f64, f64)>,
     secondary: Vec<(f64, f64)>,
@@ -167,8 +167,8 @@ fn shift(lab: &Lab, mass: f64, beads: [usize; 2]) -> Result<Figure, Error> {
     let (Some(first), Some(second)) = (first, second) else {
         return Err(Error::Missing(format!("no pulse passes beads {beads:?}")));
     };
-    // Every bead of a wave moves alike, one after another: with a bead's share of the momentum M V and V(t - n / rate), the
-    // momentum is M × rate × shift.
+    // The beads of a wave move alike, one after another: bead n moves with V(t - n / rate). Its momentum is M
+    // V, so that the wave's momentum is M × rate × shift.
     let rate = 1.0 / (second.time - first.time);
     let expected = first.impulse / (solution.model().mass(beads[0]) * rate);
     let between = 0.5 * (second.to + next(&run, beads[0], second.to));

@@ -1,4 +1,5 @@
-//! Figure A4: a wave through nine neighbours with heavier and heavier intruders; over the mass, an animation.
+//! Figure A4: a wave through nine neighbouring hosts, for heavier and heavier intruders; also as an animation
+//! over the mass.
 
 use std::sync::Arc;
 
@@ -38,7 +39,7 @@ fn scenario(mass: f64) -> hertz_chain::Scenario {
     )
 }
 
-/// Force over time at every contact, each curve a step above the last.
+/// Force over time at every contact. Each curve stands one step above the one before.
 fn waterfall(run: &Run, title: &str) -> Chart {
     let span = 1.5e-3..DURATION;
     let curves: Vec<Series> = CONTACTS

@@ -1,4 +1,4 @@
-//! Figures A5 and A6: the experiment's strikers, on four hosts and on a chain without.
+//! Figures A5 and A6: the experiment's strikers, on a chain with four hosts and on one without.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ plans! {
         STRIKERS => spectra,
 }
 
-/// Steel balls of the experiment's size and up, m.
+/// Steel balls of the experiment's size and larger, radius in m.
 const RADII: [f64; 3] = [0.0045, 0.0065, 0.0095];
 
 const DURATION: f64 = 0.004;

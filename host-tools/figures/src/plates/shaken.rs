@@ -1,4 +1,4 @@
-//! Figure A1: the intruder on a shaker, and its stiffness and damping found back.
+//! Figure A1: the intruder on a shaker, and its stiffness and damping fitted to the response.
 
 use hertz_chain::{Oscillator, OscillatorFit, PulseSearch, Sweep, fit_response, fit_ring_down};
 use rand::SeedableRng;
@@ -27,10 +27,10 @@ const SWEEP: Sweep = Sweep {
     duration: 0.5,
     amplitude: 1e-6,
 };
-/// Scatter of the points that stand for a measurement, of |h|.
+/// Scatter of |h| in the points that stand for a measurement.
 const NOISE: f64 = 0.02;
 const SEED: u64 = 1;
-/// Standard errors that a fitted value may be off by: one in 16 000 is further.
+/// A fitted value may be off by this many standard errors; one value in 16 000 is off by more.
 const SIGMAS: f64 = 4.0;
 
 fn response(lab: &Lab) -> Result<Figure, Error> {

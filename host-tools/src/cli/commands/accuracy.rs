@@ -1,8 +1,8 @@
 //! `bead accuracy`: how far the image's two estimates are from the truth, over strikers and speeds.
 //!
 //! # Design
-//! Every cell is a run of the flash image in QEMU on several strikes, with noise, behind each pair of sensors. Nothing here
-//! measures: the codes, the image, the frames and the truth are those of `bead emulate`.
+//! For every cell the flash image runs in QEMU on several strikes, with noise, behind each pair of sensors.
+//! The codes, the image, the frames and the truth are those of `bead emulate`.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -23,12 +23,12 @@ use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
 
 const AFTER_HELP: &str = "\
-The scenario is struck again and again, by spheres of the radii and at the speeds given; what else it says stays. Each cell
-is so many strikes on the flash image in QEMU, with the noise of the front end, once behind the sensors for weak strikes and
-once behind those for strong ones. The error of an estimate is its root mean square over those strikes, relative to the full
-f64 chain; the worst stands beside it.
+The scenario is struck by spheres of the given radii at the given speeds; all else in it stays. For each cell the flash
+image runs in QEMU on --strikes strikes, with the noise of the front end: once behind the sensors for weak strikes, and
+once behind those for strong ones. The error of an estimate is the root mean square over the strikes, relative to the
+full f64 chain; the worst error stands beside it.
 
-Exit status 1 if, in any cell, neither pair of sensors keeps A within 0.5 % and B within 1 %, without a rail.
+Exit status 1 if in any cell neither pair of sensors keeps A within 0.5 % and B within 1 % without meeting a rail.
 
 Examples:
   bead accuracy docs/scenarios/paper-strike.toml --bead 8
@@ -37,7 +37,7 @@ Examples:
 
 /// Goals, as parts of the truth: of estimate A, and of B.
 const GOALS: [f64; 2] = [5e-3, 1e-2];
-/// From strike to strike, s, at least.
+/// Shortest time from strike to strike, s.
 const INTERVAL: f64 = 0.05;
 /// Quiet before the first strike, s.
 const LEAD_IN: f64 = 0.02;
@@ -54,7 +54,7 @@ pub(crate) struct Arguments {
     /// Its speeds, m/s.
     #[arg(long, value_name = "M/S", value_delimiter = ',', default_values_t = [0.1, 0.2, 0.45, 1.0, 2.0, 5.0])]
     speeds: Vec<f64>,
-    /// Strikes a cell, each at another phase of the sample clock.
+    /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     strikes: u32,
     /// Seed of the noise: the same seed gives the same table.
@@ -85,14 +85,14 @@ struct Cell {
     pass: bool,
 }
 
-/// Of the estimates of one run.
+/// Errors of the estimates of one run.
 #[derive(Debug, Serialize)]
 struct Errors {
     /// Strikes that were measured.
     strikes: usize,
     /// Root mean square over the strikes, A and B, as a part of the truth.
     rms: [f64; 2],
-    /// The greatest, with its sign.
+    /// The greatest error, with its sign.
     worst: [f64; 2],
     /// Every flag that was set.
     flags: Vec<&'static str>,
@@ -192,7 +192,7 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
     })
 }
 
-/// Of the first window after each strike; those after it are echoes.
+/// The errors of the first window after each strike. Later windows are echoes.
 fn errors(run: &Emulation, frames: Vec<Frame>) -> Errors {
     let strikes = assemble(frames, Some(run.settings));
     let mut begun = None;
@@ -226,7 +226,7 @@ fn errors(run: &Emulation, frames: Vec<Frame>) -> Errors {
     }
 }
 
-/// An error with its worst, or what flag says that it is none.
+/// An error with its worst value, or the flag that makes it meaningless.
 fn shown(errors: &Errors, estimate: usize) -> String {
     let railed = ["acceleration_railed", "force_railed"][estimate];
     if errors.flags.contains(&railed) {

@@ -19,8 +19,8 @@ use crate::recording::file::Part;
 use crate::recording::received::Received;
 
 const AFTER_HELP: &str = "\
-Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun; of an
-emulated run also a quarter of the core free while a strike is measured. Exit status 1 if one is missed.
+Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. An emulated run
+must also leave a quarter of the core free while a strike is measured. Exit status 1 if a goal is missed.
 
 Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
@@ -33,16 +33,16 @@ Examples:
 pub(crate) struct Arguments {
     /// The recording.
     recording: PathBuf,
-    /// The scenario that it is a recording of.
+    /// The scenario that was recorded.
     #[arg(long, value_name = "S.toml")]
     scenario: PathBuf,
     /// The bead that sensed [default: as the recording says, else the only one with an intruder].
     #[arg(long, value_name = "N")]
     bead: Option<usize>,
-    /// Write a report of one self-contained HTML file.
+    /// Write a report: one self-contained HTML file.
     #[arg(long, value_name = "F.html")]
     report: Option<PathBuf>,
-    /// Write the figures as SVG files of their own into this directory, which is made if need be.
+    /// Write the figures as SVG files into this directory, which is made if it is missing.
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
     /// How to print the result.

@@ -26,14 +26,14 @@ use crate::line::port::Address;
 use crate::recording::file::{About, Part, Writer};
 
 const AFTER_HELP: &str = "\
-The image is the very file that is flashed to a board. It gets the bead's settings in its flash sector and codes at
-its converter; what it sends is decoded, replayed and held against the full f64 chain. With --out the recording
-DIR/bead-N.mcap is left for `bead decode`, `bead replay` and `bead compare`, and the settings block that the image
-was given as DIR/bead-N.settings, to be flashed to a board of this calibration at 0x080A0000.
+The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes at its
+converter. What it sends is decoded, replayed and compared with the full f64 chain. --out leaves the recording
+DIR/bead-N.mcap for `bead decode`, `bead replay` and `bead compare`, and the image's settings block DIR/bead-N.settings,
+which can be flashed to a board of this calibration at 0x080A0000.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs. With
---faults: if a fault is not reported, one is reported that was not provoked, something is lost that is not counted, or
-replay differs.
+--faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not counted, or replay
+differs.
 
 Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
@@ -50,7 +50,7 @@ Examples:
 pub(crate) struct Arguments {
     #[command(flatten)]
     bench: BenchOptions,
-    /// Leave the recording and the settings block in this directory, which is made if need be.
+    /// Leave the recording and the settings block in this directory, which is made if it is missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// How often the chain is struck.
@@ -59,10 +59,10 @@ pub(crate) struct Arguments {
     /// Time from strike to strike, s.
     #[arg(long, value_name = "S", default_value_t = 0.1)]
     interval: f64,
-    /// Give an edge at the sync input (PA15) every so many s.
+    /// Time between edges at the sync input (PA15), s [default: no edges].
     #[arg(long, value_name = "S")]
     sync_period: Option<f64>,
-    /// The bead's crystal is fast by so many ppm, below 0 slow.
+    /// How fast the bead's crystal is, ppm; below 0 for a slow one.
     #[arg(
         long,
         value_name = "PPM",
@@ -73,7 +73,7 @@ pub(crate) struct Arguments {
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
     #[arg(long, value_name = "F.toml")]
     faults: Option<PathBuf>,
-    /// Do not run to an end: be a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C.
+    /// Do not run to an end, but be a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C.
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["out", "faults", "format"])]
     listen: Option<Address>,
     /// How to print the result.
@@ -83,13 +83,14 @@ pub(crate) struct Arguments {
     front_end: FrontEndOptions,
 }
 
-/// The bead tells edges that are farther apart than 10 ms (`firmware/src/sync.rs`), and some for its own delay.
+/// The bead reports edges that are more than 10 ms apart (`firmware/src/sync.rs`); the rest is for its own
+/// delay.
 const SYNC_LEAST: f64 = 0.02;
 /// Quiet before the first strike, s: the image has started, its detector is armed.
 const LEAD_IN: f64 = 0.02;
 
 impl Arguments {
-    /// What no run can have.
+    /// Refuses values that no run can have.
     fn check(&self) -> Result<(), Failure> {
         if !(self.interval.is_finite() && self.interval > 0.0) {
             let interval = self.interval;
@@ -182,7 +183,7 @@ fn prepare(arguments: &Arguments, scenario: &Scenario, progress: &ProgressBar) -
     Ok(emulation)
 }
 
-/// Leaves everything that belongs to the run in one file.
+/// Writes everything that belongs to the run to one file.
 fn record(
     arguments: &Arguments,
     out: &Path,

@@ -1,9 +1,9 @@
 //! `bead record`: what a bead sends, to a recording.
 //!
 //! # Design
-//! A thread of its own reads the port and does nothing else, so that a slow disk or a reader of standard output
-//! that has paused costs memory, never bytes. It ends at `--duration`, at a signal, or when the port goes away;
-//! what it has read is recorded to the last byte in each case.
+//! One thread only reads the port. A slow disk, or a paused reader of standard output, therefore costs memory
+//! and never bytes. The thread ends at `--duration`, at a signal, or when the port goes away. In each case
+//! all that it read is recorded.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -27,9 +27,10 @@ use crate::recording::file::{About, RecordingError, Writer};
 use crate::recording::frames::{Frame, Item};
 
 const AFTER_HELP: &str = "\
-Ends at Ctrl-C, or after --duration, with exit status 0; when the port goes away, with 3. The recording is complete
-in each case. Every byte is kept as received, corrupt frames included, and when it was received. Each strike is printed as
-it comes. At the end: how fast the bead's clock is against this host's, as far as the time tells it; see `bead clock`.
+Ends at Ctrl-C or after --duration with exit status 0, and with 3 when the port goes away. The recording is complete in
+each case. It keeps every byte as received, corrupt frames included, with the time of receipt. Each strike is printed as
+it comes. The last line says how fast the bead's clock is against this host's, if the recording is long enough; see
+`bead clock`.
 
 Examples:
   bead record --port /dev/ttyUSB0
@@ -52,7 +53,7 @@ pub(crate) struct Arguments {
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
-    /// Stop after so long, s.
+    /// Stop after this time, s.
     #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
     duration: Option<Duration>,
     /// How to print the strikes; as JSON, one object a line, as `bead decode` does.
@@ -118,7 +119,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 impl Arguments {
-    /// The recording's name, which nothing else has.
+    /// The name of the recording. No other file has it, unless it may be replaced.
     fn recording(&self, started: DateTime<Utc>) -> Result<PathBuf, Failure> {
         let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
         let out = self.out.clone().unwrap_or_else(named);
@@ -138,7 +139,7 @@ impl Arguments {
     }
 }
 
-/// Reads the port until told to stop, at least once. An error is the port going away.
+/// Reads the port until it is told to stop, at least once. An error means that the port went away.
 fn listen(
     port: &mut Port,
     stop: &AtomicBool,
@@ -148,7 +149,7 @@ fn listen(
     let mut buffer = vec![0; 64 * 1024];
     loop {
         let length = port.read(&mut buffer)?;
-        // Here and not where it is written: the disk must not delay it.
+        // The time is taken here and not at the writer, where the disk would delay it.
         let now = Instant::now();
         let wanted = length == 0 || sender.send((now, buffer[..length].to_vec())).is_ok();
         let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
@@ -166,7 +167,7 @@ struct Recorder {
     opened_ns: u64,
     strikes: u64,
     format: Format,
-    /// Standard output may fail; the recording goes on.
+    /// What printing gave. If standard output fails, the recording goes on.
     printed: Result<(), Failure>,
     progress: ProgressBar,
 }
@@ -175,7 +176,8 @@ impl Recorder {
     /// A recorder of a port that was opened just now.
     fn new(arguments: &Arguments, out: &Path, started: DateTime<Utc>) -> Result<Self, Failure> {
         let opened = Instant::now();
-        // The monotonic clock from here on: steps of the host's own time are no drift of the bead's.
+        // From here on the monotonic clock counts, so that a step of the host's time is not taken for the
+        // bead's drift.
         let opened_ns = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |since| since.as_nanos() as u64);
@@ -299,7 +301,7 @@ fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
     )
 }
 
-/// How the bead's clock runs since its last restart, if that can be told by now.
+/// How the bead's clock runs since its last restart, if the recording is long enough to tell.
 fn clock_line(tracker: &Tracker) -> Option<String> {
     let fit = tracker.segments().last()?.fit()?;
     let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
@@ -309,7 +311,7 @@ fn clock_line(tracker: &Tracker) -> Option<String> {
     ))
 }
 
-/// What to look at when no frame came at all.
+/// What to check when no frame came.
 fn advice(counters: &Counters) -> Option<&'static str> {
     match counters {
         Counters { frames: 1.., .. } => None,
