@@ -23,7 +23,7 @@ mod table;
 mod text;
 mod units;
 
-pub use body::{Body, Field, FieldDoc, Fields, Value};
+pub use body::{Body, Field, FieldDoc, Fields, Named, Parts, Value};
 pub use cause::{Cause, Reject, Rejected};
 pub use codes::{CodeError, Codes, MAX_CODE, MAX_SCANS, unpacked};
 pub use decoder::{Counters, Decoder};
