@@ -120,7 +120,7 @@ impl<'de, const BYTES: usize> Deserialize<'de> for Codes<BYTES> {
 
 impl<const BYTES: usize> Field for Codes<BYTES> {
     const LONGEST: usize = counted(BYTES);
-    const FORM: &'static str = "bytes, 3 a scan";
+    const FORM: &'static str = "scans";
     fn value(&self) -> Value<'_> {
         Value::Scans(&self.0)
     }

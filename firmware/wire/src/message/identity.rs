@@ -21,7 +21,7 @@ body! {
         pub uid: [u8; 12],
         /// Number of resets since power-up. Its low byte is in every header.
         pub boot: u32,
-        /// Causes of the last reset.
+        /// Causes of the last reset: bits 31 to 24 of RCC_CSR (RM0090 section 7.3.21).
         pub reset_cause: ResetCauses,
         /// Scans per second, in Hz. A sample index over this rate is a time in s.
         pub sample_rate_hz: u32,
@@ -31,7 +31,7 @@ body! {
 }
 
 bits! {
-    /// Causes of the last reset: bits 31 to 24 of RCC_CSR (RM0090 section 7.3.21).
+    /// Causes of the last reset.
     pub struct ResetCauses(u8, 1) {
         /// The supply fell below the brown-out threshold.
         1 "brown_out" BROWN_OUT,

@@ -9,7 +9,7 @@ body! {
         /// Sample index of the first scan in `codes`. Scans that are missing between two frames were dropped
         /// and are counted in the link frame.
         pub first_index: u64,
-        /// The scans at the high gain.
+        /// The scans at the high gain, at most 32.
         pub codes: Codes<PIECE>,
     }
 }

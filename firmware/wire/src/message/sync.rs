@@ -14,7 +14,7 @@ body! {
         /// Time from that trigger to the edge, in clocks of the sample timer (84 MHz). Less than
         /// `clocks_per_sample`.
         pub clocks: u16,
-        /// Number of clocks in a sample period.
+        /// Number of clocks in a sample period: 840 at 100 kHz.
         pub clocks_per_sample: u16,
         /// How often, since the last reset, one edge or more came too soon after another to be reported.
         pub missed: u32,

@@ -14,7 +14,7 @@ body! {
         pub strike: u32,
         /// Sample index of the first scan in `codes`.
         pub first_index: u64,
-        /// The scans at the high gain.
+        /// The scans at the high gain, at most 32.
         pub codes: Codes<PIECE>,
         /// The scans at the low gain, if the estimates used them: the two scans before `first_index`, then
         /// the scans of `codes`. Otherwise empty.
