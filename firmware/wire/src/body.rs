@@ -1,8 +1,10 @@
-//! What every body is made of: a struct whose fields know their form, their longest form and their meaning.
+//! What every body is made of: a struct whose fields know their form, their greatest length and their
+//! meaning.
 //!
 //! # Design
-//! [`body!`] declares the struct of a message once. From that one declaration follow its postcard form, the longest
-//! body in bytes, the walk over its fields that JSON and replay use, and its table in `docs/protocol.md`.
+//! [`body!`] declares the struct of a message once. From that one declaration follow its postcard form, the
+//! longest body in bytes, the walk over its fields that JSON and replay use, and its table in
+//! `docs/protocol.md`.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -34,16 +36,16 @@ pub enum Value<'a> {
     Set {
         /// The bits, as they travel; some may have no name.
         bits: u16,
-        /// Number and name of each bit that has one.
-        names: &'static [(u8, &'static str)],
+        /// The bits that have a name.
+        names: &'static [Named],
     },
     /// Text.
     Text(&'a str),
     /// Bytes.
     Bytes(&'a [u8]),
-    /// Packed scans: see [`unpacked`](crate::codes::unpacked).
+    /// Packed scans, as [`unpacked`](crate::codes::unpacked) reads them.
     Scans(&'a [u8]),
-    /// Fields within a field, if there are any.
+    /// Fields within a field; `None` where they are absent.
     Group(Option<&'a dyn Fields>),
 }
 
@@ -53,8 +55,24 @@ pub trait Fields {
     fn each(&self, see: &mut dyn FnMut(&'static str, Value<'_>));
 }
 
+/// Number, name and meaning of one entry of a list.
+pub type Named = (u8, &'static str, &'static str);
+
+/// What a field is made of, beyond its form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parts {
+    /// Nothing else: a number, text or bytes.
+    None,
+    /// One of these names.
+    Names(&'static [Named]),
+    /// A bit for each of these names.
+    Bits(&'static [Named]),
+    /// These fields.
+    Fields(&'static [FieldDoc]),
+}
+
 /// One row of a body's table in the documentation.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldDoc {
     /// Name, as in JSON.
     pub name: &'static str,
@@ -62,8 +80,23 @@ pub struct FieldDoc {
     pub form: &'static str,
     /// Longest form on the wire, in bytes.
     pub longest: usize,
-    /// What it says, one line or more.
+    /// Its meaning.
     pub about: &'static str,
+    /// Its list of names, or its own fields.
+    pub parts: Parts,
+}
+
+impl FieldDoc {
+    /// The row of a field with this name and meaning.
+    pub(crate) const fn of<T: Field>(name: &'static str, about: &'static str) -> Self {
+        Self {
+            name,
+            form: T::FORM,
+            longest: T::LONGEST,
+            about,
+            parts: T::PARTS,
+        }
+    }
 }
 
 /// The body of a message.
@@ -72,9 +105,9 @@ pub trait Body: Fields + Serialize + DeserializeOwned {
     const LONGEST: usize;
     /// Its fields, in the order of the wire.
     const FIELDS: &'static [FieldDoc];
-    /// What it says, one line or more.
+    /// What it says, in one paragraph or more.
     const ABOUT: &'static str;
-    /// A body with every field drawn from random bits, within its bounds: for tests and fuzzing.
+    /// A body with every field drawn from random bits, within its bounds. For tests and fuzzing.
     fn draw(random: &mut dyn FnMut() -> u64) -> Self;
 }
 
@@ -82,18 +115,21 @@ pub trait Body: Fields + Serialize + DeserializeOwned {
 pub trait Field: Serialize + DeserializeOwned {
     /// Longest form on the wire, in bytes.
     ///
-    /// Postcard writes an integer wider than a byte as a varint of seven bits a byte (signed ones zigzag first), and
-    /// a text or a run of bytes as its length, a varint, then its bytes.
+    /// [Postcard](https://postcard.jamesmunns.com/wire-format) writes an integer wider than a byte as a
+    /// varint of seven bits a byte, a signed one in zigzag order. It writes text or bytes as their length, a
+    /// varint, and then the bytes.
     const LONGEST: usize;
-    /// Form on the wire and unit, as in `docs/protocol.md`.
+    /// Form on the wire, and unit.
     const FORM: &'static str;
+    /// Its list of names, or its own fields.
+    const PARTS: Parts = Parts::None;
     /// The value.
     fn value(&self) -> Value<'_>;
     /// Any value, drawn from random bits.
     fn draw(random: &mut dyn FnMut() -> u64) -> Self;
 }
 
-/// Longest form of text or bytes that may have `most` bytes.
+/// Longest form of text or bytes of at most `most` bytes, in bytes.
 pub(crate) const fn counted(most: usize) -> usize {
     assert!(most < 1 << 14, "a length of three varint bytes");
     most + if most < 1 << 7 { 1 } else { 2 }
@@ -126,7 +162,7 @@ impl Field for bool {
     }
 }
 
-/// The device id: as long as it is.
+/// The device id. It travels without a length, because the length is fixed.
 impl Field for [u8; 12] {
     const LONGEST: usize = 12;
     const FORM: &'static str = "12 bytes";
@@ -140,7 +176,8 @@ impl Field for [u8; 12] {
 
 impl<T: Body> Field for Option<T> {
     const LONGEST: usize = 1 + T::LONGEST;
-    const FORM: &'static str = "bool, then if true the fields of the next table";
+    const FORM: &'static str = "bool; if true, the fields below follow";
+    const PARTS: Parts = Parts::Fields(T::FIELDS);
     fn value(&self) -> Value<'_> {
         Value::Group(self.as_ref().map(|body| body as &dyn Fields))
     }
@@ -149,7 +186,7 @@ impl<T: Body> Field for Option<T> {
     }
 }
 
-/// Declares the struct of a body. Traits to derive beside the usual ones stand behind its name.
+/// Declares the struct of a body. Further traits to derive stand behind its name.
 macro_rules! body {
     (
         $(#[doc = $about:literal])*
@@ -172,12 +209,8 @@ macro_rules! body {
 
         impl $crate::body::Body for $name {
             const LONGEST: usize = 0 $(+ <$type as $crate::body::Field>::LONGEST)*;
-            const FIELDS: &'static [$crate::body::FieldDoc] = &[$($crate::body::FieldDoc {
-                name: stringify!($field),
-                form: <$type as $crate::body::Field>::FORM,
-                longest: <$type as $crate::body::Field>::LONGEST,
-                about: concat!($($doc),*),
-            }),*];
+            const FIELDS: &'static [$crate::body::FieldDoc] =
+                &[$($crate::body::FieldDoc::of::<$type>(stringify!($field), concat!($($doc),*))),*];
             const ABOUT: &'static str = concat!($($about, "\n"),*);
             fn draw(random: &mut dyn FnMut() -> u64) -> Self {
                 Self { $($field: $crate::body::Field::draw(random),)* }

@@ -6,9 +6,9 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{bytes} bytes rejected: {cause}")]
 pub struct Reject {
-    /// Why not.
+    /// Why they are no frame.
     pub cause: Cause,
-    /// How many bytes there were, as received.
+    /// Number of bytes, as received.
     pub bytes: u64,
 }
 
@@ -18,7 +18,7 @@ pub enum Cause {
     /// More bytes than any frame has.
     #[error("longer than a frame may be")]
     TooLong,
-    /// Not COBS: a run ends beyond the delimiter.
+    /// Not COBS: a run of bytes goes on beyond the delimiter.
     #[error("not COBS")]
     Cobs,
     /// Fewer bytes than header and CRC.
@@ -27,21 +27,21 @@ pub enum Cause {
     /// The CRC does not match.
     #[error("CRC differs")]
     Crc,
-    /// Another version of the layout.
+    /// A version that this one cannot read.
     #[error("version {0} is not ours")]
     Version(u8),
     /// A kind that this version does not know.
     #[error("kind {0} is unknown")]
     Kind(u8),
-    /// The body is no message of its kind.
+    /// The body does not fit the kind.
     #[error("body is no message of its kind")]
     Body,
-    /// The body goes on after its message.
+    /// Bytes are left over after the body.
     #[error("body goes on after its message")]
     Trailing,
 }
 
-/// How often each [`Cause`] was met.
+/// Number of rejects, by [`Cause`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Rejected {
     /// [`Cause::TooLong`]
@@ -63,7 +63,7 @@ pub struct Rejected {
 }
 
 impl Rejected {
-    /// No reject of any cause.
+    /// Nothing was rejected.
     pub(crate) const NONE: Self = Self {
         too_long: 0,
         cobs: 0,
@@ -75,7 +75,7 @@ impl Rejected {
         trailing: 0,
     };
 
-    /// All causes together.
+    /// Number of rejects, of all causes.
     pub fn total(&self) -> u64 {
         let damaged = self.too_long + self.cobs + self.too_short + self.crc;
         damaged + self.version + self.kind + self.body + self.trailing

@@ -10,10 +10,10 @@ pub const MAX_CODE: u16 = 0xFFF;
 /// Most scans in one waveform frame.
 pub const MAX_SCANS: usize = 32;
 
-/// Scans of two 12-bit codes, force then acceleration, at one of the two gains, packed in three bytes each: at most
-/// `BYTES / 3` scans.
+/// At most `BYTES / 3` scans, packed in three bytes each. A scan is two 12-bit codes, force then
+/// acceleration, at one of the two gains.
 ///
-/// A scan is the number `force | acceleration << 12`, 24 bits, little-endian.
+/// The three bytes are the 24-bit number `force | acceleration << 12`, little-endian.
 ///
 /// ```
 /// use bead_wire::Codes;
@@ -31,10 +31,10 @@ pub enum CodeError {
     /// A code needs more than 12 bits.
     #[error("ADC code {0} is above 4095")]
     TooHigh(u16),
-    /// The scans need more bytes than there is room for.
+    /// The scans need more than this number of bytes.
     #[error("the scans need more than the {0} bytes there are")]
     TooMany(usize),
-    /// The bytes do not end where a scan does.
+    /// The number of bytes is not a multiple of three.
     #[error("{0} bytes are no whole number of scans of 3 bytes")]
     PartialScan(usize),
 }
@@ -58,7 +58,7 @@ impl<const BYTES: usize> Codes<BYTES> {
         Ok(Self(packed))
     }
 
-    /// Takes packed bytes as they are.
+    /// Takes bytes that are packed already.
     ///
     /// # Errors
     /// A length that is not a multiple of three, or more bytes than fit.
@@ -81,7 +81,7 @@ impl<const BYTES: usize> Codes<BYTES> {
         self.0.len() / 3
     }
 
-    /// Whether there is no scan.
+    /// Whether it has no scan.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -120,7 +120,7 @@ impl<'de, const BYTES: usize> Deserialize<'de> for Codes<BYTES> {
 
 impl<const BYTES: usize> Field for Codes<BYTES> {
     const LONGEST: usize = counted(BYTES);
-    const FORM: &'static str = "bytes, 3 a scan";
+    const FORM: &'static str = "scans";
     fn value(&self) -> Value<'_> {
         Value::Scans(&self.0)
     }

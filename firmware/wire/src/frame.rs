@@ -1,19 +1,21 @@
-//! One frame: how it is laid out, made and taken apart.
+//! One frame: its layout, how it is encoded, and how it is decoded.
 //!
 //! # Design
 //! ```text
-//! 0x00  COBS( version u8 | kind u8 | boot u8 | sequence u32 | sample index u64 | address u8 | body | CRC-32 u32 )  0x00
+//! 0x00  COBS( version u8 | kind u8 | boot u8 | sequence u32 | sample index u64 | address u8
+//!             | body | CRC-32 u32 )  0x00
 //! ```
 //!
-//! Little-endian. The CRC is CRC-32/ISO-HDLC of everything before it. A delimiter stands on *both* sides:
-//! with one at the end only, a bit flipped in it, or a reset in the middle of a frame, would take the next
-//! frame along; with two, the damage ends where the next frame begins.
+//! Numbers are little-endian. The CRC is CRC-32/ISO-HDLC of all bytes before it. A delimiter is on *both*
+//! sides of a frame. With one at the end only, a flipped bit in it, or a reset in the middle of a frame,
+//! would damage the next frame too.
 //!
-//! **The header is frozen**, and so are the bodies of [`Identity`](crate::Identity) and [`Reply`](crate::Reply). A later
-//! version may change all other frames and may append to these two bodies. So every host can say to which bead it
-//! talks and why it does not understand the rest, and every bead can say that it does not understand its host.
+//! **The header is frozen**, and so are the bodies of [`Identity`](crate::Identity) and
+//! [`Reply`](crate::Reply). A later version may change all other bodies, and may append fields to these two.
+//! So a host can always say which bead it hears and why it cannot read the rest, and a bead can always say
+//! that it does not understand its host.
 //!
-//! Version 2 had no address; its frames are read as those of address 0. Version 1 is refused.
+//! Version 2 had no address; its frames are read as frames of address 0. Version 1 is refused.
 
 use crate::cause::Cause;
 use crate::message::{Kind, MAX_BODY, Message};
@@ -28,18 +30,19 @@ const HEADER: usize = 1 + 1 + 1 + 4 + 8;
 const MAX_PAYLOAD: usize = HEADER + 1 + MAX_BODY + CRC_LENGTH;
 /// Longest frame between its delimiters, in bytes.
 pub(crate) const MAX_ENCODED: usize = corncobs::max_encoded_len(MAX_PAYLOAD) - 1;
-/// Longest frame on the wire with both delimiters, in bytes: a buffer this long always does.
+/// Longest frame on the wire with both delimiters, in bytes. A buffer of this length is always long enough.
 pub const MAX_FRAME: usize = 1 + MAX_ENCODED + 1;
 
-/// What stands before the body of every frame.
+/// What is before the body of every frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// Address of the bead, from its settings: tells beads apart on a shared line and in merged streams. 0 where nobody
-    /// gave it one.
+    /// Address of the bead, from its settings. It tells beads apart on a shared line and in merged streams. 0
+    /// unless the owner chose one.
     pub address: u8,
-    /// Low byte of the number of resets since power-up: another one is another run of sequence numbers.
+    /// Low byte of the number of resets since power-up. Another one begins another run of sequence numbers.
     pub boot: u8,
-    /// Counts every frame made since the reset from 0, sent or not; wraps.
+    /// Number of the frame since the reset, from 0. Frames that were made but not sent count too. It wraps
+    /// after 2³².
     pub sequence: u32,
     /// Index of the newest scan when the frame was made.
     pub sample_index: u64,
@@ -48,11 +51,11 @@ pub struct Header {
 /// A frame that passed every check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frame {
-    /// Version of the sender: above [`VERSION`] for an identity or a reply of a later one.
+    /// Version of the sender. It is above [`VERSION`] for an identity or a reply of a later version.
     pub version: u8,
     /// Its header.
     pub header: Header,
-    /// How it follows on the frames of this address before it.
+    /// How it follows the earlier frames of this address.
     pub arrival: Arrival,
     /// Its message.
     pub message: Message,
@@ -61,7 +64,7 @@ pub struct Frame {
 /// Writes one frame, with both its delimiters, to the head of `buffer` and returns it.
 ///
 /// # Errors
-/// A buffer too small; [`MAX_FRAME`] bytes always suffice.
+/// The buffer is too small. [`MAX_FRAME`] bytes are always enough.
 pub fn encode<'b>(
     header: &Header,
     message: &Message,
@@ -75,15 +78,15 @@ pub fn encode<'b>(
     payload[7..HEADER].copy_from_slice(&header.sample_index.to_le_bytes());
     payload[HEADER] = header.address;
     let start = HEADER + 1;
-    // `MAX_BODY` covers every body, so this cannot fail; were that sum ever wrong, one frame is refused instead of
-    // the bead stopped.
+    // `MAX_BODY` covers every body, so this cannot fail. If it were too small, one frame would be refused,
+    // and the bead would not stop.
     let length = message
         .encode(&mut payload[start..start + MAX_BODY])
         .map_err(|_| BufferTooSmall(buffer.len()))?;
     seal(&mut payload, start + length, buffer)
 }
 
-/// A payload whose CRC is right and whose header can be read: its numbers can be believed, its body not yet.
+/// A payload whose CRC is right and whose header can be read. Its body is not yet checked.
 pub(crate) struct Checked<'a> {
     pub(crate) version: u8,
     kind: u8,
@@ -92,17 +95,17 @@ pub(crate) struct Checked<'a> {
 }
 
 impl<'a> Checked<'a> {
-    /// Checks the result of COBS decoding.
+    /// Checks a payload.
     pub(crate) fn new(payload: &'a [u8]) -> Result<Self, Cause> {
         let (head, rest) = open::<HEADER>(payload)?;
         let [version, kind, boot, s0, s1, s2, s3, index @ ..] = *head;
         let (address, body) = match version {
+            ..WITHOUT_ADDRESS => return Err(Cause::Version(version)),
             WITHOUT_ADDRESS => (0, rest),
-            WITHOUT_ADDRESS.. => {
+            _ => {
                 let (&address, body) = rest.split_first().ok_or(Cause::TooShort)?;
                 (address, body)
             }
-            older => return Err(Cause::Version(older)),
         };
         let header = Header {
             address,
@@ -118,7 +121,7 @@ impl<'a> Checked<'a> {
         })
     }
 
-    /// Whether this claims to be the first frame of a boot.
+    /// Whether this is the first frame of a boot.
     pub(crate) fn opens_boot(&self) -> bool {
         self.kind == Kind::Identity as u8 && self.header.sequence == 0
     }

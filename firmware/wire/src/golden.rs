@@ -1,9 +1,10 @@
-//! Frames as bytes, one of each kind: yesterday's recordings must decode today.
+//! Frames as bytes, one of each kind: what was recorded yesterday must be read today.
 //!
-//! If a test here fails, the layout of a frame has changed. Was that the purpose? A body never changes: give the new one a new
-//! number and a file of its own. A new header is a new [`VERSION`]: keep today's frames in a file beside `v2.txt`, with a test
-//! that reads them, and put the new ones into the files of the messages. Was it not the purpose? Then a field was
-//! added, lost or moved, or a bound has changed: undo that.
+//! If a test here fails, the layout of a frame has changed.
+//! - Was that the purpose? A body never changes: give the new one a new number and a file of its own. If the
+//!   header has changed, raise [`VERSION`], keep today's frames in a file beside `v2.txt`, with a test that
+//!   reads them, and put the new frames into the files of the messages.
+//! - Was it not? Then a field was added, lost or moved, or a bound has changed: undo that.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -32,7 +33,7 @@ const HEADER: Header = Header {
     sample_index: 0x0A_0000_0B0C,
 };
 
-/// The requests, delimiters included: number 0xA1B2 to address 7.
+/// The requests with their delimiters: number 0xA1B2, for address 7.
 const REQUESTS: [&str; 11] = [
     "000a0340b2a10785e734f500",
     "000a0341b2a107e080884d00",
@@ -119,7 +120,7 @@ fn the_frames_of_version_2_are_read_as_those_of_address_0() {
     }
 }
 
-/// With the longest values of every form of a field, the sum over a body is exact.
+/// The longest body is the sum over its fields, so each form of a field is tried with its longest values.
 #[test]
 fn the_longest_form_of_each_field_is_as_long_as_stated() {
     fn longest<F: Field>(values: &[F]) {
@@ -129,7 +130,7 @@ fn the_longest_form_of_each_field_is_as_long_as_stated() {
             .map(|value| postcard::to_slice(value, &mut buffer).unwrap().len());
         assert_eq!(lengths.max(), Some(F::LONGEST), "{}", F::FORM);
     }
-    // Zigzag: the lowest number is the longest.
+    // In zigzag order the lowest number is the longest.
     longest(&[u8::MAX]);
     longest(&[u16::MAX]);
     longest(&[u32::MAX]);

@@ -1,13 +1,14 @@
-//! What the bead tells its host: the table of all messages.
+//! What the bead sends to its host: the table of all messages.
 //!
 //! # Design
-//! One row makes a kind: its number, its name, which is the name of its file too, and its body. Everything else
-//! follows from the table: parsing, encoding, the longest frame, and the page in `docs/protocol.md`.
+//! A row makes a kind: its number, its name, which is the name of its file too, and its body. Parsing,
+//! encoding, the longest frame and the tables of `docs/protocol.md` follow from the table.
 //!
-//! **A body never changes.** Postcard has no field names and no lengths to skip by, so another field is another layout:
-//! give it a new number and a file of its own. Hosts that do not know a number say so and go on.
+//! **A body never changes.** Postcard writes neither names nor lengths of fields, so another field is another
+//! layout. It gets a new number and a file of its own. A host that does not know a number says so and goes
+//! on.
 //!
-//! Kinds below 64 are the bead's, from 64 up the host's: see [`Request`](crate::Request).
+//! Kinds below 64 are the bead's. Kinds from 64 up are the host's: see [`Request`](crate::Request).
 
 pub(crate) mod fault;
 pub(crate) mod health;

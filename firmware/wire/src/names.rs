@@ -1,9 +1,12 @@
-//! Numbers that have names: causes, outcomes, checks, and sets of bits.
+//! Numbers that have names: causes, outcomes, checks; and sets of bits that have names.
 //!
 //! # Design
-//! A list may grow at its end without another version. A number that this version does not know is kept: the frame
-//! arrives with the number and everything else that it says, and only the name is missing.
+//! A list may grow at its end; that needs no other version. A number that this version does not know is kept:
+//! the frame arrives with the number and all its other fields, and only the name is missing.
 
+use crate::body::Named;
+
+/// Declares an enumeration. A row has the number, the name in JSON and the variant.
 macro_rules! names {
     (
         $(#[doc = $about:literal])*
@@ -21,8 +24,7 @@ macro_rules! names {
 
         impl $type {
             /// Number, name and meaning of each that this version knows, in the order of the numbers.
-            pub const LIST: &'static [(u8, &'static str, &'static str)] =
-                &[$(($number, $name, concat!($($doc),*)),)*];
+            pub const LIST: &'static [$crate::body::Named] = &[$(($number, $name, concat!($($doc),*)),)*];
 
             /// The one with this number.
             pub const fn from_number(number: u8) -> Self {
@@ -83,7 +85,8 @@ macro_rules! names {
 
         impl $crate::body::Field for $type {
             const LONGEST: usize = 1;
-            const FORM: &'static str = "u8, see its list";
+            const FORM: &'static str = "u8, a number of the list below";
+            const PARTS: $crate::body::Parts = $crate::body::Parts::Names(Self::LIST);
             fn value(&self) -> $crate::body::Value<'_> {
                 $crate::body::Value::Name { number: self.number(), name: self.name() }
             }
@@ -95,6 +98,8 @@ macro_rules! names {
 }
 pub(crate) use names;
 
+/// Declares a set of bits over an integer, whose greatest length on the wire follows it, in bytes. A row has
+/// the number of the bit, its name in JSON and its constant.
 macro_rules! bits {
     (
         $(#[doc = $about:literal])*
@@ -112,11 +117,8 @@ macro_rules! bits {
             pub const NONE: Self = Self(0);
             $($(#[doc = $doc])* pub const $constant: Self = Self(1 << $number);)*
 
-            /// Number and name of each bit that has one.
-            pub const NAMES: &'static [(u8, &'static str)] = &[$(($number, $name),)*];
             /// Number, name and meaning of each bit that has one.
-            pub const LIST: &'static [(u8, &'static str, &'static str)] =
-                &[$(($number, $name, concat!($($doc),*)),)*];
+            pub const LIST: &'static [$crate::body::Named] = &[$(($number, $name, concat!($($doc),*)),)*];
 
             /// The set with these bits; bits without a name are kept.
             pub const fn from_bits(bits: $bits) -> Self {
@@ -143,17 +145,18 @@ macro_rules! bits {
                 Self(self.0 & !others.0)
             }
 
-            /// Names of the bits in the set, those that have one.
+            /// Names of the bits in the set that have one.
             pub fn names(self) -> impl Iterator<Item = &'static str> {
-                $crate::names::named(self.0.into(), Self::NAMES)
+                $crate::names::named(self.0.into(), Self::LIST)
             }
         }
 
         impl $crate::body::Field for $type {
             const LONGEST: usize = $longest;
-            const FORM: &'static str = concat!(stringify!($bits), ", a set of bits, see its list");
+            const FORM: &'static str = concat!(stringify!($bits), ", a bit for each of the list below");
+            const PARTS: $crate::body::Parts = $crate::body::Parts::Bits(Self::LIST);
             fn value(&self) -> $crate::body::Value<'_> {
-                $crate::body::Value::Set { bits: self.0.into(), names: Self::NAMES }
+                $crate::body::Value::Set { bits: self.0.into(), names: Self::LIST }
             }
             fn draw(random: &mut dyn FnMut() -> u64) -> Self {
                 Self(random() as $bits)
@@ -163,10 +166,10 @@ macro_rules! bits {
 }
 pub(crate) use bits;
 
-/// Names of the bits that are set, from number and name of each.
-pub fn named(bits: u16, names: &'static [(u8, &'static str)]) -> impl Iterator<Item = &'static str> {
+/// Names of the bits that are set, by this list.
+pub fn named(bits: u16, names: &'static [Named]) -> impl Iterator<Item = &'static str> {
     names
         .iter()
-        .filter(move |(number, _)| bits >> number & 1 == 1)
-        .map(|(_, name)| *name)
+        .filter(move |row| bits >> row.0 & 1 == 1)
+        .map(|row| row.1)
 }

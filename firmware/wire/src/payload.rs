@@ -1,4 +1,5 @@
-//! What frames and requests share: a payload ends with its CRC and travels as COBS between two delimiters.
+//! What frames and requests have in common: a payload ends with its CRC, and travels as COBS between two
+//! delimiters.
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use serde::Deserialize;
@@ -8,19 +9,22 @@ use crate::cause::Cause;
 pub(crate) const CRC_LENGTH: usize = 4;
 pub(crate) const DELIMITER: u8 = 0;
 
-/// Version of the header: the first byte of every frame and request. See the [`frame`](crate::frame) module.
+/// Version that this crate sends: the first byte of every frame and request. `docs/protocol.md` says what a
+/// version stands for.
 pub const VERSION: u8 = 3;
 
-/// Sixteen bytes at a time, from 16 KiB of tables: half of what a frame cost was its checksum.
+/// Takes sixteen bytes at a time, with 16 KiB of tables. A checksum byte by byte was half the cost of a
+/// frame.
 static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
-/// The buffer cannot take the frame. It has this many bytes; [`MAX_FRAME`](crate::MAX_FRAME) bytes always suffice for a
-/// frame, and [`MAX_REQUEST`](crate::MAX_REQUEST) bytes for a request.
+/// The buffer of this number of bytes is too small. [`MAX_FRAME`](crate::MAX_FRAME) bytes are enough for
+/// every frame, [`MAX_REQUEST`](crate::MAX_REQUEST) bytes for every request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the frame does not fit the buffer of {0} bytes")]
 pub struct BufferTooSmall(pub usize);
 
-/// Puts the CRC behind the first `end` bytes of `payload`, COBS and delimiters around all, into `buffer`.
+/// Puts the CRC behind the first `end` bytes of `payload`, and writes all of it as COBS between two
+/// delimiters into `buffer`.
 pub(crate) fn seal<'b>(
     payload: &mut [u8],
     end: usize,
@@ -35,12 +39,12 @@ pub(crate) fn seal<'b>(
     if rest.len() < corncobs::max_encoded_len(payload.len()) {
         return Err(too_small);
     }
-    // With the delimiter at its end.
+    // This writes the delimiter at the end too.
     let length = corncobs::encode_buf(payload, rest);
     Ok(&buffer[..1 + length])
 }
 
-/// The first `HEADER` bytes of a payload and the rest of it, if its CRC is right.
+/// Splits a payload whose CRC is right into its first `HEADER` bytes and the rest, without the CRC.
 pub(crate) fn open<const HEADER: usize>(payload: &[u8]) -> Result<(&[u8; HEADER], &[u8]), Cause> {
     let (covered, crc) = payload.split_last_chunk().ok_or(Cause::TooShort)?;
     let parts = covered.split_first_chunk().ok_or(Cause::TooShort)?;
@@ -50,7 +54,7 @@ pub(crate) fn open<const HEADER: usize>(payload: &[u8]) -> Result<(&[u8; HEADER]
     }
 }
 
-/// The only thing in `body`.
+/// The one value that `body` consists of.
 pub(crate) fn whole<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, Cause> {
     match postcard::take_from_bytes(body) {
         Ok((thing, [])) => Ok(thing),

@@ -5,11 +5,11 @@
 //! 0x00  COBS( version u8 | kind u8 | number u16 | address u8 | body | CRC-32 u32 )  0x00
 //! ```
 //!
-//! The frame is that of the bead's own messages but for its header: a host has no boot and no samples. It chooses a
-//! number, and the bead's [`Reply`](crate::Reply) has the same one. The header is frozen, so that a bead can answer a
-//! request of any later version with [`Outcome::Version`](crate::Outcome::Version).
+//! Only the header differs from that of the bead's frames, as a host has no boot and no samples. The host
+//! chooses a number, and the bead's [`Reply`](crate::Reply) has the same one. This header is frozen too, so a
+//! bead can answer a request of any later version with [`Outcome::Version`](crate::Outcome::Version).
 //!
-//! A request may always be repeated: a host that hears no reply asks again, under the same number.
+//! Every request may be repeated: a host that hears no reply asks again, with the same number.
 
 use serde::Serialize;
 
@@ -24,10 +24,10 @@ use crate::text::Block;
 const HEADER: usize = 1 + 1 + 2;
 const MAX_PAYLOAD: usize = HEADER + 1 + MAX_BODY + CRC_LENGTH;
 const MAX_ENCODED: usize = corncobs::max_encoded_len(MAX_PAYLOAD) - 1;
-/// Longest request on the wire with both delimiters, in bytes: a buffer this long always does.
+/// Longest request on the wire with both delimiters, in bytes. A buffer of this length is always long enough.
 pub const MAX_REQUEST: usize = 1 + MAX_ENCODED + 1;
 
-/// The address that every bead answers to.
+/// The address that every bead answers.
 pub const ANY: u8 = 0xFF;
 
 requests! {
@@ -37,37 +37,38 @@ requests! {
     65 "status" Status,
     /// Send a settings frame with the block in force.
     66 "read settings" ReadSettings,
-    /// Check this settings block, store it, read it back, and use it from the end of a strike that is being measured;
-    /// then send a settings frame.
+    /// Check this settings block, store it and read it back. Use it from the end of a strike that is being
+    /// measured. Then send a settings frame.
     67 "write settings" WriteSettings {
         /// The block, as `bead-model` encodes it.
         block: Block,
     },
-    /// Forget the stored settings: back to those that a debug probe put into flash, or else the built-in ones; then send
-    /// a settings frame.
+    /// Forget the settings that came over the link, and use those that a debug probe put into flash, or else
+    /// the built-in ones. Then send a settings frame.
     68 "erase settings" EraseSettings,
     /// Look for strikes, as after a reset.
     69 "arm" Arm,
-    /// Look for no strikes from the end of the one that is being measured, until armed again or reset.
+    /// Look for no strikes until armed again or reset. A strike that is being measured is finished first.
     70 "disarm" Disarm,
-    /// Send one self-test frame for each check.
+    /// Check the bead, and send a self-test frame for each check.
     71 "self-test" SelfTest,
-    /// Send every scan for a time, as far as the link carries them.
+    /// Send every scan for this time, in raw frames, as far as the link can carry them.
     72 "raw" Raw {
-        /// The time in ms, at most 10 000; 0 ends the stream.
+        /// The time, in ms, at most 10 000; 0 ends the stream.
         duration_ms: u32,
     },
-    /// Set counts to 0: in the status frame overruns, dropped blocks and dropped frames; all counts of health and link.
+    /// Set counts to 0: in the status frame overruns, dropped blocks and dropped frames; in the health frame
+    /// and in the link frame all counts.
     73 "reset counters" ResetCounters,
-    /// Reply, send the frames that wait, and reset.
+    /// Reply, send the frames that wait, and reset the bead.
     74 "reboot" Reboot,
 }
 
-/// Writes one request to the bead with this address, or to [`ANY`], with both its delimiters, to the head of `buffer` and
-/// returns it.
+/// Writes one request, with both its delimiters, to the head of `buffer` and returns it. It is for the bead
+/// with this address, or for any bead: [`ANY`].
 ///
 /// # Errors
-/// A buffer too small; [`MAX_REQUEST`] bytes always suffice.
+/// The buffer is too small. [`MAX_REQUEST`] bytes are always enough.
 pub fn encode_request<'b>(
     address: u8,
     number: u16,
@@ -85,25 +86,26 @@ pub fn encode_request<'b>(
     seal(&mut payload, start + length, buffer)
 }
 
-/// A frame of a host whose CRC is right: somebody waits for a reply.
+/// A frame of a host whose CRC is right, so that somebody waits for a reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// Address of the bead that is asked, or [`ANY`]. Version 2 had no address; its requests are for any bead.
+    /// Address of the bead that is asked, or [`ANY`]. Requests of version 2 have no address; they are for any
+    /// bead.
     pub address: u8,
     /// The number that the reply must have.
     pub number: u16,
-    /// What is asked, or why it is not understood.
+    /// What is asked, or why the bead does not understand it.
     pub request: Result<Request, Cause>,
 }
 
-/// What came in.
+/// What was received, and what was refused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct RequestCounters {
-    /// Bytes received, delimiters included.
+    /// Number of bytes received, with delimiters.
     pub bytes: u64,
-    /// Requests understood, to whatever address.
+    /// Number of requests understood, to any address.
     pub requests: u64,
-    /// Bytes between delimiters that are no request, by cause.
+    /// What was between delimiters and is no request, by cause.
     pub rejected: Rejected,
 }
 
@@ -115,7 +117,8 @@ impl RequestCounters {
     };
 }
 
-/// Takes bytes as they come, gives requests. Keeps one request, allocates nothing, cannot panic.
+/// Takes bytes one at a time, gives requests. It keeps at most one request, allocates nothing and cannot
+/// panic.
 #[derive(Clone, Debug)]
 pub struct RequestDecoder {
     deframer: Deframer<MAX_ENCODED>,
@@ -142,14 +145,13 @@ impl RequestDecoder {
         &self.counters
     }
 
-    /// What was received so far, to be counted elsewhere: the count starts again. Bytes since the last delimiter are
-    /// kept.
+    /// Takes what was received so far; the counts begin again at 0. Bytes since the last delimiter are kept.
     pub fn take_counters(&mut self) -> RequestCounters {
         core::mem::replace(&mut self.counters, RequestCounters::NONE)
     }
 
-    /// Takes one byte. A delimiter may give a request, or the cause for which bytes are no frame at all: nobody waits for
-    /// a reply to those.
+    /// Takes one byte. A delimiter may give a frame, or the cause why the bytes before it are none. Nobody
+    /// waits for a reply to bytes that are no frame.
     pub fn push(&mut self, byte: u8) -> Option<Result<Heard, Cause>> {
         self.counters.bytes += 1;
         let heard = self.deframer.push(byte)?.payload.and_then(read);

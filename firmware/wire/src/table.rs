@@ -1,8 +1,11 @@
 //! The macro that turns the table of messages into types.
 
-/// Declares [`Kind`](crate::Kind) and [`Message`](crate::Message) from rows of number, name (of the file too) and body.
+/// Declares [`Kind`](crate::Kind) and [`Message`](crate::Message). A row has the number, the name, which is
+/// the name of the file too, and the body.
 macro_rules! messages {
     ($($number:literal $name:ident $body:ident,)*) => {
+        $(pub use $name::$body;)*
+
         /// Kind of a frame: its second byte.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         #[repr(u8)]
@@ -56,7 +59,6 @@ macro_rules! messages {
 
         /// One message. It owns its text and bytes.
         #[derive(Clone, Debug, PartialEq, Eq)]
-        #[expect(clippy::large_enum_variant, reason = "the bead has no heap to box the long ones on")]
         pub enum Message {
             $(
                 #[doc = concat!("[`", stringify!($body), "`](crate::", stringify!($body), ")")]
@@ -80,7 +82,8 @@ macro_rules! messages {
                 }
             }
 
-            /// A message of this kind with every field drawn from random bits, within its bounds: for tests and fuzzing.
+            /// A message of this kind with every field drawn from random bits, within its bounds. For tests
+            /// and fuzzing.
             pub fn draw(kind: Kind, random: &mut dyn FnMut() -> u64) -> Self {
                 match kind {
                     $(Kind::$body => Self::$body(Body::draw(random)),)*
@@ -135,7 +138,8 @@ macro_rules! messages {
 }
 pub(crate) use messages;
 
-/// Declares [`Request`](crate::Request) from rows of number, name, variant and, in braces, the fields of its body.
+/// Declares [`Request`](crate::Request). A row has the number, the name, the variant and, in braces, the
+/// fields of the body.
 macro_rules! requests {
     ($(
         $(#[doc = $about:literal])*
@@ -159,12 +163,7 @@ macro_rules! requests {
                 $number,
                 $name,
                 concat!($($about, "\n"),*),
-                &[$($(FieldDoc {
-                    name: stringify!($field),
-                    form: <$type as Field>::FORM,
-                    longest: <$type as Field>::LONGEST,
-                    about: concat!($($doc),*),
-                },)*)?],
+                &[$($(FieldDoc::of::<$type>(stringify!($field), concat!($($doc),*)),)*)?],
             ),)*];
 
             /// Its number on the wire: the second byte of its frame.
@@ -174,7 +173,8 @@ macro_rules! requests {
                 }
             }
 
-            /// A request of this number with every field drawn from random bits: for tests and fuzzing.
+            /// A request of this number with every field drawn from random bits; `None` if there is no such
+            /// number. For tests and fuzzing.
             pub fn draw(number: u8, random: &mut dyn FnMut() -> u64) -> Option<Self> {
                 let _ = &random;
                 match number {

@@ -1,4 +1,4 @@
-//! Text and bytes of bounded length, kept in place.
+//! Text and bytes of bounded length, stored in place.
 
 use core::fmt;
 
@@ -7,16 +7,16 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use crate::body::{Field, Value, counted};
 
-/// Text of at most `N` bytes. What is longer is cut between characters, never refused.
+/// Text of at most `N` bytes. Longer text is cut between two characters; it is never refused.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Text<const N: usize>(String<N>);
 
 impl<const N: usize> Text<N> {
-    /// As `format!`, cut.
+    /// Formats like `format!`, and cuts what is too long.
     pub fn new(arguments: fmt::Arguments<'_>) -> Self {
         let mut text = Self(String::new());
-        // `write_str` never fails; a `Display` that does has written what it could.
+        // `write_str` never fails. If a `Display` fails, what it wrote so far stays.
         let _ = fmt::Write::write_fmt(&mut text, arguments);
         text
     }
@@ -56,7 +56,7 @@ impl<const N: usize> Field for Text<N> {
     fn draw(random: &mut dyn FnMut() -> u64) -> Self {
         let mut text = Self::default();
         for _ in 0..random() as usize % (N + 1) {
-            // Of one to four bytes each.
+            // Characters of one to four bytes.
             let letter = ['x', '\u{e9}', '\u{2026}', '\u{1f41d}'][random() as usize % 4];
             let _ = fmt::Write::write_char(&mut text, letter);
         }
@@ -64,14 +64,14 @@ impl<const N: usize> Field for Text<N> {
     }
 }
 
-/// Longest settings block that fits a frame, in bytes; `bead-model`'s longest is as long.
+/// Longest settings block that fits a frame, in bytes. The longest block of `bead-model` is just as long.
 pub const MAX_BLOCK: usize = 256;
 
-/// A settings block, exactly as `bead-model` encoded it; opaque here.
+/// A settings block, exactly as `bead-model` encoded it. This crate does not look into it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Block(Vec<u8, MAX_BLOCK>);
 
-/// A block is longer than a frame takes.
+/// A block has this many bytes, which is more than fits a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a settings block of {0} bytes; a frame takes at most {MAX_BLOCK}")]
 pub struct BlockTooLong(pub usize);

@@ -1,8 +1,8 @@
-//! Physical quantities as they travel: the fixed-point bits that the bead computed, with their unit.
+//! Physical quantities as they travel: the fixed-point bits that the bead computed, and their unit.
 //!
 //! # Design
-//! A quantity is never rounded to SI on its way: the host that replays the samples compares bits. The unit of a field
-//! is its type, so it is stated once, here, for code, JSON and documentation.
+//! A quantity is not rounded to SI on its way, because the host that replays the samples compares bits. The
+//! unit of a field is its type: it is stated here once, for code, JSON and documentation.
 
 use crate::body::{Field, Value};
 use serde::{Deserialize, Serialize};
@@ -12,16 +12,17 @@ use serde::{Deserialize, Serialize};
 pub struct Unit {
     /// SI unit.
     pub symbol: &'static str,
-    /// End of the name of a field in JSON: `_n` for newtons.
+    /// End of a field's name in JSON, such as `_n` for newtons.
     pub suffix: &'static str,
-    /// Size of one bit in the SI unit, or, if [`per_sample`](Self::per_sample), in the SI unit over a sample period.
+    /// Size of one bit in the SI unit, or, if [`per_sample`](Self::per_sample), in the SI unit over a sample
+    /// period.
     pub resolution: f64,
-    /// Whether the time in the unit is counted in sample periods.
+    /// Whether the time in the unit is counted in sample periods: then the value in SI needs the sample rate.
     pub per_sample: bool,
 }
 
 impl Unit {
-    /// The value of `bits` in the SI unit. `None` if that needs the sample rate, in hertz, and there is none.
+    /// The value of `bits` in the SI unit; `None` if it needs the sample rate, in Hz, and none is given.
     pub fn si(&self, bits: i64, sample_rate_hz: Option<u32>) -> Option<f64> {
         let value = bits as f64 * self.resolution;
         match self.per_sample {
@@ -95,14 +96,17 @@ quantities! {
     /// A force (I16F16 of a newton).
     Force(i32, 5, "i32, 2^-16 N"): newtons, unit("N", "_n", FRACTION_16, false);
     /// An acceleration (I16F16 of a metre per second squared).
-    Acceleration(i32, 5, "i32, 2^-16 m/s²"): metres_per_second_squared, unit("m/s²", "_mps2", FRACTION_16, false);
+    Acceleration(i32, 5, "i32, 2^-16 m/s²"): metres_per_second_squared,
+        unit("m/s²", "_mps2", FRACTION_16, false);
     /// An energy (I40F24 of a nanojoule).
     Energy(i64, 10, "i64, 2^-24 nJ"): joules, unit("J", "_j", NANOJOULE_24, false);
     /// A part of a whole (I16F16).
     Fraction(i32, 5, "i32, 2^-16"): ratio, unit("1", "", FRACTION_16, false);
-    /// A momentum (I48F16 of a newton times a sample period): over the sample rate, newton seconds.
-    Impulse(i64, 10, "i64, 2^-16 N times a sample period"): newton_samples, unit("N·s", "_ns", FRACTION_16, true);
-    /// A time finer than a sample (U16F16 of a sample period): over the sample rate, seconds.
+    /// A momentum (I48F16 of a newton times a sample period). Divided by the sample rate it is in newton
+    /// seconds.
+    Impulse(i64, 10, "i64, 2^-16 N times a sample period"): newton_samples,
+        unit("N·s", "_ns", FRACTION_16, true);
+    /// A time finer than a sample (U16F16 of a sample period). Divided by the sample rate it is in seconds.
     Samples(u32, 5, "u32, 2^-16 sample periods"): samples, unit("s", "_s", FRACTION_16, true);
     /// A frequency (U16F16 of a hertz).
     Frequency(u32, 5, "u32, 2^-16 Hz"): hertz, unit("Hz", "_hz", FRACTION_16, false);
@@ -111,7 +115,7 @@ quantities! {
 }
 
 impl Impulse {
-    /// Its value in newton seconds, at a sample rate in hertz.
+    /// Its value in newton seconds, for a sample rate in Hz.
     pub fn newton_seconds(self, sample_rate_hz: u32) -> f64 {
         self.newton_samples() / f64::from(sample_rate_hz)
     }

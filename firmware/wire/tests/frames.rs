@@ -1,4 +1,4 @@
-//! One frame: what it carries, what it refuses, how long it gets.
+//! One frame: what it carries, which bytes are refused, and how long it can be.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -83,7 +83,7 @@ proptest! {
     fn texts_too_long_are_cut_between_characters(text: String, filling in "\\PC{80,200}") {
         let text = text + &filling;
         let cut = Text::<MAX_DETAIL>::from(text.as_str());
-        // A character has at most four bytes: no more than three are given up.
+        // A character has at most four bytes, so the cut costs at most three more than it has to.
         prop_assert!(text.starts_with(cut.as_str()) && cut.as_str().len() <= MAX_DETAIL);
         prop_assert!(cut.as_str().len() + 3 >= MAX_DETAIL.min(text.len()));
     }
@@ -99,7 +99,7 @@ proptest! {
 #[test]
 fn no_frame_is_longer_than_max_frame_and_one_is_as_long() {
     assert_eq!(MAX_FRAME, 282, "docs/protocol.md and hosts' buffers say so");
-    // No zero byte anywhere is the worst case of COBS.
+    // Bytes without a zero are the worst case of COBS.
     let header = Header {
         address: 0xFF,
         boot: 0xFF,
@@ -119,7 +119,7 @@ fn blocks_too_long_are_refused() {
         Block::try_from(&[1; MAX_BLOCK + 1][..]),
         Err(BlockTooLong(MAX_BLOCK + 1))
     );
-    // On the wire too: 257 bytes are announced, and they come.
+    // The decoder refuses them too: here the length says 257, and 257 bytes follow.
     let body = [&[0x81, 0x02][..], &[1; MAX_BLOCK + 1]].concat();
     assert_eq!(cause(&by_hand(VERSION, 6, 0, &body)), Some(Cause::TooLong));
     let detail = [&[0x07, 0x00, 97][..], &[b'x'; 97]].concat();
@@ -163,7 +163,7 @@ fn each_kind_of_damage_is_refused_by_its_name() {
     assert_eq!(cause(&by_hand(VERSION, 63, 0, b"")), Some(Cause::Kind(63)));
     assert_eq!(cause(&by_hand(VERSION, 6, 0, b"\x03ab")), Some(Cause::Body));
     assert_eq!(cause(&by_hand(VERSION, 6, 0, b"\x02abc")), Some(Cause::Trailing));
-    // A waveform of four bytes: one scan and a third. Then one whole scan.
+    // First a waveform of four bytes, which is one scan and a third. Then one of a whole scan.
     assert_eq!(
         cause(&by_hand(VERSION, 4, 0, b"\x00\x00\x04abcd\x00\x00\x00")),
         Some(Cause::Body)
@@ -285,7 +285,7 @@ fn a_body_shows_its_fields_in_order_with_value_and_unit() {
     assert_eq!(seen[0], ("deviation", -1 << 15, Some(-0.5)));
     assert_eq!((seen[1].0, seen[1].1), ("uncertainty", 1));
     assert_eq!(Force::from_bits(3 << 15).newtons(), 1.5);
-    // Counted in sample periods: no seconds without the rate.
+    // A time in sample periods has no value in seconds without the sample rate.
     assert_eq!(bead_wire::Samples::UNIT.si(1 << 16, None), None);
     assert_eq!(bead_wire::Samples::UNIT.si(1 << 16, Some(50_000)), Some(20e-6));
 }

@@ -1,4 +1,5 @@
-//! Requests on a bad line: what is whole is done, what is not is refused by its cause, and the next one is understood.
+//! Requests on a bad line: a whole one is understood, a damaged one is refused by its cause, and costs the
+//! next one nothing.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -40,7 +41,7 @@ fn decode(decoder: &mut RequestDecoder, stream: &[u8]) -> Vec<Result<Heard, Caus
     stream.iter().filter_map(|&byte| decoder.push(byte)).collect()
 }
 
-/// The one thing that stands in `stream`.
+/// The one request or reject in `stream`.
 fn only(stream: &[u8]) -> Result<Heard, Cause> {
     let mut heard = decode(&mut RequestDecoder::new(), stream);
     assert_eq!(heard.len(), 1, "{heard:?}");
@@ -61,7 +62,7 @@ proptest! {
         prop_assert_eq!(only(&bytes(number, &request)), Ok(understood(number, request)));
     }
 
-    /// Every bit of the request in turn, delimiters included.
+    /// Flips every bit of the request in turn, those of the delimiters too.
     #[test]
     fn a_flipped_bit_never_makes_another_request(number: u16, request in request()) {
         let damaged = bytes(number, &request);
@@ -72,10 +73,12 @@ proptest! {
             let mut decoder = RequestDecoder::new();
             let heard = decode(&mut decoder, &[&flipped[..], &after].concat());
             let requests: Vec<_> = heard.iter().flatten().collect();
-            // A flip in the delimiter behind it joins nothing: the next request has its own in front.
+            // A flip in the delimiter behind the request does not join it to the next one, which begins with
+            // its own.
             let (last, others) = requests.split_last().unwrap();
             prop_assert_eq!(*last, &understood(9, Request::Arm), "bit {}", bit);
-            // The code behind a run of 254 bytes says nothing if it is the last: without it the request is the same.
+            // After a run of 254 bytes the last COBS code may carry nothing. Then a flip in it leaves the
+            // same request.
             prop_assert!(others.iter().all(|other| **other == understood(number, request.clone())), "bit {}", bit);
             prop_assert_eq!(decoder.counters().requests as usize, requests.len());
         }
@@ -122,7 +125,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
             request: Err(cause),
         })
     };
-    // With the CRC right, somebody waits for a reply: number and address are known, whatever the version.
+    // If the CRC is right, somebody waits for a reply. Number and address are known, whatever the version.
     assert_eq!(
         only(&by_hand(VERSION + 1, 64, 7, &[])),
         refused(Cause::Version(VERSION + 1))
@@ -133,7 +136,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
     );
     assert_eq!(only(&by_hand(VERSION, 63, 7, &[])), refused(Cause::Kind(63)));
     assert_eq!(only(&by_hand(VERSION, 75, 7, &[])), refused(Cause::Kind(75)));
-    // The bead's own kinds are not a host's.
+    // A bead's kind is no request.
     assert_eq!(only(&by_hand(VERSION, 1, 7, &[])), refused(Cause::Kind(1)));
     assert_eq!(only(&by_hand(VERSION, 69, 7, &[0])), refused(Cause::Trailing));
     assert_eq!(only(&by_hand(VERSION, 72, 7, &[])), refused(Cause::Body));
@@ -141,13 +144,13 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
         only(&by_hand(VERSION, 72, 7, &[0x64, 0])),
         refused(Cause::Trailing)
     );
-    // A block of two bytes of which one is missing, and of which one is too many.
+    // A block of two bytes, once with one byte missing and once with one too many.
     assert_eq!(only(&by_hand(VERSION, 67, 7, &[2, 1])), refused(Cause::Body));
     assert_eq!(
         only(&by_hand(VERSION, 67, 7, &[2, 1, 2, 3])),
         refused(Cause::Trailing)
     );
-    // Version 2 had no address: its host hears that it is not understood.
+    // Version 2 had no address, so any bead tells its host that it does not understand.
     assert_eq!(
         only(&by_hand(2, 64, 7, &[])),
         Ok(Heard {
@@ -156,7 +159,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
             request: Err(Cause::Version(2)),
         })
     );
-    // With a wrong CRC, nothing can be believed.
+    // If the CRC is wrong, no byte can be believed.
     let mut wrong = by_hand(VERSION, 72, 7, &[0x64]);
     let last = wrong.len() - 2;
     wrong[last] ^= 1;
@@ -182,7 +185,7 @@ fn no_request_is_longer_than_max_request_and_one_is_as_long() {
     let longest = Request::WriteSettings {
         block: block(&[0xFF; MAX_BLOCK]),
     };
-    // Numbers without a zero byte are the worst case of COBS.
+    // Bytes without a zero are the worst case of COBS.
     assert_eq!(bytes(0xFFFF, &longest).len(), MAX_REQUEST);
     for room in 0..MAX_REQUEST {
         assert_eq!(
@@ -194,7 +197,7 @@ fn no_request_is_longer_than_max_request_and_one_is_as_long() {
 
 #[test]
 fn a_frame_of_the_bead_that_comes_back_is_no_request() {
-    // As on a line whose two wires touch.
+    // This happens on a line whose two wires touch.
     let reply = Reply {
         request: 7,
         outcome: bead_wire::Outcome::Done,

@@ -1,4 +1,4 @@
-//! A stream of frames on a bad line: what is damaged is refused, what is lost is counted.
+//! A stream of frames on a bad line: damaged frames are refused, lost frames are counted.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -47,7 +47,7 @@ fn arrivals(stream: &[u8]) -> Vec<Arrival> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Every bit of the frame in turn, delimiters included.
+    /// Flips every bit of the frame in turn, those of the delimiters too.
     #[test]
     fn a_flipped_bit_costs_its_own_frame_and_no_other(message in unopening(), sequence in 0..u32::MAX - 2) {
         let damaged = bytes(3, sequence + 1, &message);
@@ -58,7 +58,7 @@ proptest! {
             let mut decoder = Decoder::new();
             let (sequences, rejects) = decode(&mut decoder, &[&before[..], &flipped, &after].concat());
             prop_assert_eq!(&sequences, &[sequence, sequence + 2], "bit {}", bit);
-            // A bit that makes a delimiter leaves two pieces.
+            // A flip that makes a delimiter leaves two pieces.
             prop_assert!(matches!(rejects.len(), 1 | 2), "bit {bit}: {rejects:?}");
             prop_assert_eq!(decoder.counters().lost, 1);
         }
@@ -73,7 +73,7 @@ proptest! {
         for n in (0..kept.len()).filter(|&n| kept[n]) {
             decode(&mut decoder, &filler(0, sequence(n)));
         }
-        // Before the first one received and after the last, nothing is known.
+        // Frames before the first one received and after the last one are unknown.
         let heard = kept.iter().position(|&kept| kept);
         let last = kept.iter().rposition(|&kept| kept);
         let between = heard.zip(last).map_or(&[][..], |(first, last)| &kept[first..=last]);
@@ -84,7 +84,8 @@ proptest! {
         prop_assert_eq!(counters.restarts, 0);
     }
 
-    /// Boot after boot, each with frames dropped anywhere, its first ones and all of them included.
+    /// Several boots, each with frames dropped anywhere. The first frames of a boot may be dropped, or all of
+    /// them.
     #[test]
     fn dropped_frames_are_counted_exactly_over_restarts(boots in vec(vec(any::<bool>(), 1..100), 1..6)) {
         let mut decoder = Decoder::new();
@@ -92,7 +93,7 @@ proptest! {
         for (number, kept) in boots.iter().enumerate() {
             let Some(last) = kept.iter().rposition(|&kept| kept) else { continue };
             let first = kept.iter().position(|&kept| kept).unwrap();
-            // What was sent before anyone listened is unknown; a later boot is listened to from its start.
+            // In the first boot heard, earlier frames are unknown. A later boot is heard from its start.
             let listened = if heard == 0 { first } else { 0 };
             lost += kept[listened..=last].iter().filter(|&&kept| !kept).count() as u64;
             heard += 1;
@@ -127,7 +128,7 @@ proptest! {
         let frames: Vec<_> = (0..).zip(&messages).map(|(n, message)| bytes(0, n, message)).collect();
         let stream = frames.concat();
         let cut = cut.index(stream.len());
-        // The bead is reset while it sends: its next boot follows in the middle of a frame.
+        // The bead is reset while it sends, so its next boot follows in the middle of a frame.
         let mut decoder = Decoder::new();
         let (sequences, rejects) = decode(&mut decoder, &[&stream[..cut], &boot(1, 2).concat()].concat());
         let whole = |frame: usize| frames[..=frame].concat().len() <= cut + 1;
@@ -213,7 +214,7 @@ fn the_wrap_of_the_sequence_is_no_restart() {
 
 #[test]
 fn an_identity_numbered_zero_begins_a_run_though_the_boot_is_the_same() {
-    // A power cycle counts boots from the start again.
+    // After a power cycle boots are counted from 0 again.
     let stream = [boot(0, 10), boot(0, 3)].concat().concat();
     let mut decoder = Decoder::new();
     decode(&mut decoder, &stream);
@@ -288,7 +289,7 @@ fn each_address_has_a_run_of_sequence_numbers_of_its_own() {
         let settings = bead_wire::Settings { block: text.clone() };
         bytes_of(address, 0, sequence, &settings.into())
     };
-    // Two beads on one line, frame by frame; bead 9 loses two.
+    // Frames of two beads alternate; two frames of bead 9 are lost.
     let stream = [frame(3, 0), frame(9, 70), frame(3, 1), frame(9, 73), frame(3, 2)].concat();
     assert_eq!(
         arrivals(&stream),
@@ -302,7 +303,7 @@ fn each_address_has_a_run_of_sequence_numbers_of_its_own() {
     );
     let mut decoder = Decoder::new();
     decode(&mut decoder, &stream);
-    // The highest first number of the two: frames of bead 9 were missed before anyone listened.
+    // It is the higher first number of the two, because frames of bead 9 were missed before anyone listened.
     assert_eq!(decoder.counters().first_sequence, Some(70));
     assert_eq!(decoder.counters().lost, 2);
 }

@@ -11,49 +11,49 @@ pub type Detail = Text<MAX_DETAIL>;
 names! {
     /// What went wrong. The list may grow at its end.
     pub enum FaultCause {
-        /// The image panicked; `detail` has file and line.
+        /// The firmware panicked; `detail` has file and line.
         0 "panic" Panic,
-        /// The core took a hard fault; `pc` is the instruction.
+        /// The core took a hard fault; `pc` is the address of the instruction.
         1 "hard_fault" HardFault,
         /// The watchdog reset the bead.
         2 "watchdog" Watchdog,
-        /// The ADC overran (RM0090 section 13.8.2): acquisition was started again.
+        /// The ADC overran (RM0090 section 13.8.2). Acquisition was started again.
         3 "adc_overrun" AdcOverrun,
-        /// The DMA stream reported a transfer error: acquisition was started again.
+        /// The DMA stream reported a transfer error. Acquisition was started again.
         4 "dma_error" DmaError,
-        /// The estimators fell behind and a block was lost: a strike in progress is void.
+        /// The estimators fell behind and a block was lost. A strike in progress is void.
         5 "block_lost" BlockLost,
-        /// The settings block in flash failed its check.
+        /// The bead refused the settings block in flash; `detail` says why.
         6 "settings_refused" SettingsRefused,
-        /// The stack reached its guard.
+        /// The stack reached its limit.
         7 "stack_overflow" StackOverflow,
-        /// The window of a strike was cut by lost samples: the strike has no result.
+        /// Samples were lost in the window of a strike. The strike has no result.
         8 "strike_cut" StrikeCut,
-        /// The force code does not move, although noise should move it.
+        /// The code of the force does not change, although noise should change it.
         9 "force_stuck" ForceStuck,
-        /// The force lies at a rail for longer than any strike.
+        /// The force stays at a rail for longer than any strike does.
         10 "force_railed" ForceRailed,
-        /// The acceleration code does not move, although noise should move it.
+        /// The code of the acceleration does not change, although noise should change it.
         11 "acceleration_stuck" AccelerationStuck,
-        /// The acceleration lies at a rail for longer than any strike.
+        /// The acceleration stays at a rail for longer than any strike does.
         12 "acceleration_railed" AccelerationRailed,
         /// The supply is below its limit.
         13 "supply_low" SupplyLow,
-        /// A fault of causes 9 to 13 is over; `detail` is the name of its cause.
+        /// A fault of one of the causes 9 to 13 is over; `detail` is the name of the cause.
         14 "recovered" Recovered,
     }
 }
 
 body! {
-    /// Something went wrong, in this boot or the one before.
+    /// Something went wrong, in this boot or in the one before it.
     pub struct Fault {
         /// What went wrong.
         pub cause: FaultCause,
-        /// The boot in which it did: the one before, if it ended in a reset.
+        /// The boot in which it went wrong. It is the boot before this one if the fault ended in a reset.
         pub boot: u32,
-        /// Program counter where it did; 0 where that says nothing.
+        /// Program counter when it went wrong; 0 where it has no meaning.
         pub pc: u32,
-        /// One line for people; longer ones are cut between characters.
+        /// One line for people. A longer line is cut between two characters.
         pub detail: Detail,
     }
 }

@@ -2,23 +2,25 @@ use crate::body::body;
 use crate::names::bits;
 
 body! {
-    /// How often sensors and supply failed since the last reset, and what is wrong now: with each status.
+    /// How often sensors and supply failed since the last reset, and what is wrong now. It comes with each
+    /// status frame.
     pub struct Health: Copy, Default {
-        /// Frames that the boot before had made and not sent to the end when it was reset; 0 after power-up.
+        /// Number of frames that the boot before this one had made but not sent when the reset came; 0 after
+        /// power-up.
         pub frames_lost_by_reset: u32,
-        /// Strikes that ended without a result, since samples of their window were lost.
+        /// Number of strikes without a result, because samples of their window were lost.
         pub strikes_cut: u32,
-        /// Times that the force sensor got stuck.
+        /// How often the force sensor got stuck.
         pub force_stuck: u32,
-        /// Times that the force came to lie at a rail.
+        /// How often the force stayed at a rail.
         pub force_railed: u32,
-        /// Times that the acceleration sensor got stuck.
+        /// How often the acceleration sensor got stuck.
         pub acceleration_stuck: u32,
-        /// Times that the acceleration came to lie at a rail.
+        /// How often the acceleration stayed at a rail.
         pub acceleration_railed: u32,
-        /// Times that the supply fell below its limit.
+        /// How often the supply fell below its limit.
         pub supply_low: u32,
-        /// The supply when acquisition was started last, in mV; 0 before the first start.
+        /// Supply voltage at the last start of acquisition, in mV; 0 before the first start.
         pub supply_mv: u16,
         /// What is wrong now.
         pub standing: Standing,
@@ -30,11 +32,11 @@ bits! {
     pub struct Standing(u8, 1) {
         /// The force sensor is stuck.
         0 "force_stuck" FORCE_STUCK,
-        /// The force lies at a rail.
+        /// The force stays at a rail.
         1 "force_railed" FORCE_RAILED,
         /// The acceleration sensor is stuck.
         2 "acceleration_stuck" ACCELERATION_STUCK,
-        /// The acceleration lies at a rail.
+        /// The acceleration stays at a rail.
         3 "acceleration_railed" ACCELERATION_RAILED,
         /// The supply is below its limit.
         4 "supply_low" SUPPLY_LOW,

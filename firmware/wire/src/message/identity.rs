@@ -8,43 +8,44 @@ pub const MAX_FIRMWARE: usize = 24;
 pub const MAX_GIT: usize = 48;
 
 body! {
-    /// The bead tells its name and the units of its counts: first frame after a reset, then every second.
+    /// Who the bead is, and the unit of its sample index. It is the first frame after a reset, and comes
+    /// every second.
     ///
-    /// This body is frozen: every version can read it from a frame of every later one.
+    /// This body is frozen: a reader of any version understands it in a frame of any later version.
     pub struct Identity {
         /// Package version of the image.
         pub firmware: Text<MAX_FIRMWARE>,
         /// Git description of the tree that the image was built from.
         pub git: Text<MAX_GIT>,
-        /// 96-bit unique device id (RM0090 section 39.1).
+        /// Unique device id, 96 bits (RM0090 section 39.1).
         pub uid: [u8; 12],
-        /// Resets since power-up; 0 is the power-up itself. Its low byte stands in every header.
+        /// Number of resets since power-up. Its low byte is in every header.
         pub boot: u32,
-        /// Why the last reset came.
+        /// Causes of the last reset: bits 31 to 24 of RCC_CSR (RM0090 section 7.3.21).
         pub reset_cause: ResetCauses,
-        /// Scans a second, in hertz: the unit of every sample index.
+        /// Scans per second, in Hz. A sample index over this rate is a time in s.
         pub sample_rate_hz: u32,
-        /// ADC channels in a scan.
+        /// Number of ADC channels in a scan.
         pub channels: u8,
     }
 }
 
 bits! {
-    /// Causes of the last reset: bits 31 to 24 of RCC_CSR (RM0090 section 7.3.21).
+    /// Causes of the last reset.
     pub struct ResetCauses(u8, 1) {
         /// The supply fell below the brown-out threshold.
         1 "brown_out" BROWN_OUT,
         /// The reset pin was low.
         2 "pin" PIN,
-        /// The power came up.
+        /// The power was switched on.
         3 "power_on" POWER_ON,
-        /// The firmware asked for it.
+        /// The firmware reset the bead.
         4 "software" SOFTWARE,
-        /// The independent watchdog was not fed.
+        /// The independent watchdog was not fed in time.
         5 "independent_watchdog" INDEPENDENT_WATCHDOG,
-        /// The window watchdog was not fed in its window.
+        /// The window watchdog was not fed within its window.
         6 "window_watchdog" WINDOW_WATCHDOG,
-        /// A low-power mode was entered that is not allowed.
+        /// The core entered a low-power mode that is not allowed.
         7 "low_power" LOW_POWER,
     }
 }

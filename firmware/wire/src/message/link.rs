@@ -1,38 +1,39 @@
 use crate::body::body;
 
 body! {
-    /// What came in over the link since the last reset, and what became of it: with each status, and at the end of a raw
-    /// stream.
+    /// What the bead received since the last reset, and what became of it. It comes with each status frame,
+    /// and at the end of a raw stream.
     ///
-    /// The bytes between two delimiters are either an accepted request or counted in exactly one of the rejections.
+    /// The bytes between two delimiters count once: as a request, or in exactly one of the rejections.
     pub struct Link: Copy, Default {
-        /// Bytes received.
+        /// Number of bytes received.
         pub bytes: u64,
-        /// Requests accepted.
+        /// Number of requests understood, including those to other addresses.
         pub requests: u32,
-        /// Times that the receiver was not emptied in time, and bytes were lost.
+        /// How often the receiver was not emptied in time, and bytes were lost.
         pub overruns: u32,
-        /// Times that there was no stop bit, or noise.
+        /// How often a stop bit was missing or noisy.
         pub line_errors: u32,
-        /// Rejected: more bytes than any request has.
+        /// Rejected: longer than any request.
         pub rejected_too_long: u32,
         /// Rejected: not COBS.
         pub rejected_cobs: u32,
-        /// Rejected: fewer bytes than header and CRC.
+        /// Rejected: shorter than header and CRC.
         pub rejected_too_short: u32,
-        /// Rejected: the CRC does not match.
+        /// Rejected: wrong CRC.
         pub rejected_crc: u32,
-        /// Rejected: of another version.
+        /// Rejected: another version.
         pub rejected_version: u32,
-        /// Rejected: of an unknown kind.
+        /// Rejected: unknown kind.
         pub rejected_kind: u32,
-        /// Rejected: the body is not that of its kind.
+        /// Rejected: the body does not fit the kind.
         pub rejected_body: u32,
-        /// Rejected: the body goes on after its request.
+        /// Rejected: bytes are left over after the body.
         pub rejected_trailing: u32,
-        /// Scans sent in raw frames.
+        /// Number of scans sent in raw frames.
         pub raw_sent: u64,
-        /// Scans of a raw stream that were not sent: the link carries fewer than are taken.
+        /// Number of scans of raw streams that were not sent, because the link carries fewer scans than the
+        /// bead takes.
         pub raw_dropped: u64,
     }
 }

@@ -3,11 +3,13 @@ use crate::codes::Codes;
 use crate::message::waveform::PIECE;
 
 body! {
-    /// A run of samples as they came from the converter, whether there is a strike or not: while a raw stream lasts.
+    /// Consecutive scans as they came from the converter, with or without a strike. A host asks for such a
+    /// stream.
     pub struct Raw {
-        /// Sample index of the first scan here. Scans missing between two frames were dropped: see the link frame.
+        /// Sample index of the first scan in `codes`. Scans that are missing between two frames were dropped
+        /// and are counted in the link frame.
         pub first_index: u64,
-        /// The scans at the high gain.
+        /// The scans at the high gain, at most 32.
         pub codes: Codes<PIECE>,
     }
 }

@@ -5,38 +5,38 @@ use crate::names::names;
 names! {
     /// What became of a request. The list may grow at its end.
     pub enum Outcome {
-        /// It was done.
+        /// The bead did what was asked.
         0 "done" Done,
-        /// Its frame has a version that the bead does not know.
+        /// The request has a version that the bead does not know.
         1 "version" Version,
-        /// There is no such request.
+        /// The bead knows no request of this kind.
         2 "kind" Kind,
-        /// Its body is not that of its kind: too short, too long, or a value that does not exist.
+        /// The body does not fit the kind: it is too short, too long, or has a value that does not exist.
         3 "body" Body,
-        /// A number in it is out of range.
+        /// A number in the request is out of range.
         4 "out_of_range" OutOfRange,
-        /// The settings block fails its checksum, is of a version that cannot be migrated, or has a value that the bead
-        /// cannot work with.
+        /// The settings block has a wrong checksum, a version that cannot be migrated, or a value that the
+        /// bead cannot work with.
         5 "settings_invalid" SettingsInvalid,
-        /// The settings are for a sample rate that this image does not run at.
+        /// The settings are for another sample rate than that of this firmware.
         6 "sample_rate" SampleRate,
-        /// The store in flash is full: the next boot makes room.
+        /// The settings store in flash is full. The next boot makes room.
         7 "store_full" StoreFull,
-        /// The flash did not take or keep the settings.
+        /// The settings could not be read back from flash.
         8 "flash_failed" FlashFailed,
     }
 }
 
 body! {
-    /// The answer to one request. Frames that the request asked for come before it.
+    /// The answer to one request. The frames that the request asks for come before it.
     ///
-    /// This body is frozen: every version can read it from a frame of every later one.
+    /// This body is frozen: a reader of any version understands it in a frame of any later version.
     pub struct Reply {
-        /// Number of the request, as its sender chose it.
+        /// Number of the request, as its host chose it.
         pub request: u16,
-        /// What became of it: a request with any other outcome than `done` has changed nothing.
+        /// What became of the request. A request with any other outcome than `done` has changed nothing.
         pub outcome: Outcome,
-        /// One line for people; empty where there is nothing to say. Longer ones are cut between characters.
+        /// One line for people, or nothing. A longer line is cut between two characters.
         pub detail: Detail,
     }
 }

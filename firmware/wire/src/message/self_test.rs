@@ -4,35 +4,38 @@ use crate::names::names;
 names! {
     /// A check of the self-test. The list may grow at its end.
     pub enum Check {
-        /// The supply is between 2.93 and 3.6 V, and was not low since acquisition was started last; `value` is the supply
-        /// then, in mV.
+        /// The supply was between 2.93 and 3.6 V at the last start of acquisition, and has not been low
+        /// since; `value` is the supply at that start, in mV.
         0 "supply" Supply,
-        /// The force sensor moves and is off the rails; `value` is its bits of `standing` in the health frame.
+        /// The code of the force changes and is off the rails; `value` has the force's bits of `standing` in
+        /// the health frame.
         1 "force" Force,
-        /// The acceleration sensor moves and is off the rails; `value` is its bits of `standing` in the health frame.
+        /// The code of the acceleration changes and is off the rails; `value` has the acceleration's bits of
+        /// `standing` in the health frame.
         2 "acceleration" Acceleration,
-        /// Blocks of samples come; `value` is how many came within 20 ms.
+        /// Blocks of samples come; `value` is the number of blocks within 20 ms.
         3 "acquisition" Acquisition,
         /// The settings block in force passes every check again; `value` is its length in bytes.
         4 "settings" Settings,
-        /// 8 KiB of the stack were never used; `value` is how many bytes never were.
+        /// At least 8 KiB of the stack were never used; `value` is the number of bytes that were never used.
         5 "stack" Stack,
-        /// The estimators give for a known window, bit for bit, what they gave when the image was built; `value` is how
-        /// many of their results differ.
+        /// For a known window the estimators give, bit for bit, the results that they gave on the computer
+        /// that built the firmware; `value` is the number of results that differ.
         6 "estimators" Estimators,
-        /// The settings store in flash can be read; `value` is the length of the block in it, in bytes, 0 for none.
+        /// The settings store in flash can be read; `value` is the length of the block in it, in bytes; 0 if
+        /// it is empty.
         7 "store" Store,
     }
 }
 
 body! {
-    /// The result of one check of a self-test: one for each check.
+    /// The result of one check of a self-test. Each check gives one frame.
     pub struct SelfTest: Copy {
         /// What was checked.
         pub check: Check,
         /// Whether the check passed.
         pub passed: bool,
-        /// What was found, in the unit of the check.
+        /// What the check found; the list says what it is, and in which unit.
         pub value: u32,
     }
 }

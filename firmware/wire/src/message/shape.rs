@@ -2,35 +2,36 @@ use crate::body::body;
 use crate::units::{Decay, Fraction, Frequency, Impulse, Samples};
 
 body! {
-    /// The shape of one strike: follows its strike frame. A number that could not be told is 0.
+    /// The shape of one strike. It follows the strike frame. A value that could not be found is 0.
     pub struct Shape: Copy {
         /// Number of the strike since the last reset, from 0.
         pub strike: u32,
-        /// Sample index of the window's first scan.
+        /// Sample index of the first scan of the window.
         pub first_index: u64,
         /// Time from `first_index` to the highest force.
         pub arrival: Samples,
-        /// Full width of the pulse of force at half its height.
+        /// Full width of the force pulse at half its height.
         pub width: Samples,
-        /// Momentum that came in over the window.
+        /// Momentum that came in during the window.
         pub impulse: Impulse,
-        /// Frequency at which the intruder rang after the pulse had passed.
+        /// Frequency of the intruder's ringing after the pulse had passed.
         pub ring_frequency: Frequency,
-        /// Decay of the amplitude of that ringing.
+        /// Rate at which the amplitude of this ringing decays.
         pub ring_decay: Decay,
-        /// How the two gains of the force agree, if the strike tells.
+        /// How well the two gains of the force agree, if the strike shows it.
         pub force_gains: Option<GainMatch>,
-        /// How the two gains of the acceleration agree, if the strike tells.
+        /// How well the two gains of the acceleration agree, if the strike shows it.
         pub acceleration_gains: Option<GainMatch>,
     }
 }
 
 body! {
-    /// How far the gains of a sensor are from their settings: within a shape frame.
+    /// How far the two gains of a sensor are from their settings. It is part of a shape frame.
     pub struct GainMatch: Copy {
-        /// By which part of the signal the wide channel reads higher than the sensitive one.
+        /// By how much the channel at the low gain reads higher than the one at the high gain, as a part of
+        /// the signal.
         pub deviation: Fraction,
-        /// Its standard deviation.
+        /// Standard deviation of `deviation`.
         pub uncertainty: Fraction,
     }
 }

@@ -2,43 +2,44 @@ use crate::body::body;
 use crate::names::names;
 
 names! {
-    /// Where the settings in force came from.
+    /// Where the settings in force came from. The list may grow at its end.
     pub enum SettingsSource {
-        /// Compiled in: flash has no settings.
+        /// They are compiled in: flash has none.
         0 "built_in" BuiltIn,
-        /// Put into flash by a debug probe.
+        /// A debug probe put them into flash.
         1 "flash" Flash,
-        /// Compiled in, because the settings in flash failed their check.
+        /// They are compiled in, because the settings in flash were refused.
         2 "flash_refused" FlashRefused,
-        /// Written over the link and kept in flash.
+        /// A host wrote them over the link; flash keeps them.
         3 "stored" Stored,
     }
 }
 
 body! {
-    /// Counters since the last reset, and the state of the bead: every second.
+    /// Counters since the last reset, and the state of the bead. It comes every second.
     pub struct Status: Copy {
-        /// Milliseconds since the last reset.
+        /// Time since the last reset, in ms.
         pub uptime_ms: u64,
-        /// Times that acquisition was started; a step means that samples are missing between.
+        /// How often acquisition was started. A step means that samples are missing.
         pub epoch: u32,
-        /// Scans taken.
+        /// Number of scans taken.
         pub samples: u64,
-        /// Strikes found.
+        /// Number of strikes found.
         pub strikes: u32,
-        /// ADC or DMA overruns.
+        /// Number of overruns of the ADC or the DMA.
         pub overruns: u32,
-        /// Blocks of samples that the estimators never saw.
+        /// Number of blocks of samples that the estimators never saw.
         pub blocks_dropped: u32,
-        /// Frames made and numbered but not sent: the transmit queue was full.
+        /// Number of frames that were made and numbered but not sent, because the transmit queue was full.
         pub frames_dropped_queue_full: u32,
-        /// Frames made and numbered but not sent: longer than a frame may be.
+        /// Number of frames that were made and numbered but not sent, because they were longer than a frame
+        /// may be.
         pub frames_dropped_too_long: u32,
-        /// Least stack that was ever free, in bytes.
+        /// The least stack that was ever free, in bytes.
         pub stack_free_min: u32,
-        /// Where the settings came from.
+        /// Where the settings in force came from.
         pub settings_source: SettingsSource,
-        /// Whether the strike detector is armed.
+        /// Whether the bead looks for strikes.
         pub armed: bool,
     }
 }

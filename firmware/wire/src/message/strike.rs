@@ -3,15 +3,15 @@ use crate::names::bits;
 use crate::units::{Acceleration, Energy, Force, Fraction};
 
 body! {
-    /// The result of one strike: after its window.
+    /// The result of one strike. It comes after the waveform frames of its window.
     pub struct Strike: Copy {
         /// Number of the strike since the last reset, from 0.
         pub strike: u32,
-        /// Sample index of the window's first scan.
+        /// Sample index of the first scan of the window.
         pub first_index: u64,
-        /// Sample index at which the detector fired.
+        /// Sample index of the scan that triggered the detector.
         pub trigger_index: u64,
-        /// Scans in the window.
+        /// Number of scans in the window.
         pub samples: u16,
         /// Highest force.
         pub peak_force: Force,
@@ -21,15 +21,15 @@ body! {
         pub acceleration_max: Acceleration,
         /// Lowest acceleration.
         pub acceleration_min: Acceleration,
-        /// Absorbed energy from the acceleration alone; the energy that noise adds is taken off.
+        /// Absorbed energy, estimated from the acceleration alone. `noise_energy` is already subtracted.
         pub absorbed_measured: Energy,
-        /// Absorbed energy from the force alone, by the reduced chain.
+        /// Absorbed energy, estimated from the force alone by the reduced chain.
         pub absorbed_predicted: Energy,
-        /// Energy of the wave that came in, from its peak force.
+        /// Energy of the incoming wave, estimated from the peak force.
         pub incident_energy: Energy,
-        /// `absorbed_measured` over `incident_energy`.
+        /// `absorbed_measured` divided by `incident_energy`.
         pub absorbed_fraction: Fraction,
-        /// The energy of noise that was taken off `absorbed_measured`.
+        /// Energy of the noise, which is subtracted in `absorbed_measured`.
         pub noise_energy: Energy,
         /// Standard deviation of the force before the strike.
         pub force_noise: Force,
@@ -41,28 +41,29 @@ body! {
 bits! {
     /// Doubts about the result of a strike.
     pub struct StrikeFlags(u16, 3) {
-        /// The force stood at a rail of the converter at the low gain: peak and prediction are too low.
+        /// The force at the low gain reached a rail of the converter: peak and prediction are too low.
         0 "force_railed" FORCE_RAILED,
-        /// The acceleration stood at a rail of the converter at the low gain: the measured energy is too low.
+        /// The acceleration at the low gain reached a rail of the converter: the measured energy is too low.
         1 "acceleration_railed" ACCELERATION_RAILED,
-        /// A state of the reduced chain left half the range of its format.
+        /// A state of the reduced chain exceeded half the range of its format.
         3 "chain_range" CHAIN_RANGE,
         /// The two estimates differ by more than the settings allow, and no other flag says why.
         4 "estimates_differ" ESTIMATES_DIFFER,
-        /// The intruder does not ring or die away as its settings say.
+        /// The frequency or the decay of the intruder's ringing is not what the settings say.
         5 "intruder_drifted" INTRUDER_DRIFTED,
         /// The two gains of a sensor differ by more than noise explains.
         6 "gains_differ" GAINS_DIFFER,
-        /// The strike was measured with settings that are not the owner's: built in, or built in because those in
-        /// flash were refused.
+        /// The strike was measured with the built-in settings, because flash has none or the bead refused
+        /// them. They are not the owner's.
         13 "settings_not_owners" SETTINGS_NOT_OWNERS,
-        /// A sensor or the supply was at fault when the window was complete: see `standing` in the health frame.
+        /// A sensor or the supply was at fault at the end of the window; `standing` of the health frame says
+        /// which.
         14 "sensor_fault" SENSOR_FAULT,
     }
 }
 
 impl StrikeFlags {
-    /// Flags that depend on the bead's state outside the window: a replay of the window does not have them.
+    /// Flags that depend on the state of the bead outside the window. A replay of the window cannot set them.
     pub const OF_THE_BEAD: Self = Self::SETTINGS_NOT_OWNERS.with(Self::SENSOR_FAULT);
 }
 

@@ -2,26 +2,26 @@ use crate::body::body;
 use crate::codes::{Codes, MAX_SCANS};
 use crate::units::Energy;
 
-/// Bytes of the scans of one frame.
+/// Bytes of the scans in one frame.
 pub(crate) const PIECE: usize = 3 * MAX_SCANS;
 /// Bytes of those scans and of the two scans before them.
 const PIECE_AND_BEFORE: usize = 3 * (2 + MAX_SCANS);
 
 body! {
-    /// A run of samples of a strike, raw, with the estimates as they stood after the last of them.
+    /// Consecutive scans of a strike, and the two estimates after the last of these scans.
     pub struct Waveform {
         /// Number of the strike since the last reset, from 0.
         pub strike: u32,
-        /// Sample index of the first scan here.
+        /// Sample index of the first scan in `codes`.
         pub first_index: u64,
-        /// The scans at the high gain.
+        /// The scans at the high gain, at most 32.
         pub codes: Codes<PIECE>,
-        /// The scans at the low gain, if they had a part in the estimates: first the two scans before `first_index`,
-        /// then those of `codes`. Otherwise empty.
+        /// The scans at the low gain, if the estimates used them: the two scans before `first_index`, then
+        /// the scans of `codes`. Otherwise empty.
         pub wide: Codes<PIECE_AND_BEFORE>,
-        /// Absorbed energy so far, from the acceleration alone.
+        /// Absorbed energy so far, estimated from the acceleration alone.
         pub absorbed_measured: Energy,
-        /// Absorbed energy so far, from the force alone.
+        /// Absorbed energy so far, estimated from the force alone.
         pub absorbed_predicted: Energy,
     }
 }

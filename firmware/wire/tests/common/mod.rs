@@ -4,7 +4,7 @@
     dead_code,
     unreachable_pub,
     missing_docs,
-    reason = "each test uses some of it"
+    reason = "each test uses a part of it"
 )]
 
 use bead_wire::{Block, Decoder, Header, Kind, MAX_FRAME, Message, Reject, Request, Settings, encode};
