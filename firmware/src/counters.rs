@@ -34,40 +34,14 @@ pub(crate) struct Counters {
     pub(crate) health: Health,
 }
 
-static COUNTERS: Mutex<CriticalSectionRawMutex, Cell<Counters>> = Mutex::new(Cell::new(Counters {
-    newest_index: 0,
-    epoch: 0,
-    samples: 0,
-    strikes: 0,
-    overruns: 0,
-    blocks_dropped: 0,
-    blocks_handed_on: 0,
-    blocks_estimated: 0,
-    frames: 0,
-    frames_dropped_queue_full: 0,
-    frames_dropped_too_long: 0,
-    frames_sent: 0,
-    frames_waiting: 0,
-    armed: false,
-    health: Health {
-        frames_lost_by_reset: 0,
-        strikes_cut: 0,
-        force_stuck: 0,
-        force_railed: 0,
-        acceleration_stuck: 0,
-        acceleration_railed: 0,
-        supply_low: 0,
-        supply_mv: 0,
-        standing: 0,
-    },
-}));
+static COUNTERS: Mutex<CriticalSectionRawMutex, Cell<Option<Counters>>> = Mutex::new(Cell::new(None));
 
 /// Changes some of the counts.
 pub(crate) fn update(change: impl FnOnce(&mut Counters)) {
     COUNTERS.lock(|cell| {
-        let mut counters = cell.get();
+        let mut counters = cell.get().unwrap_or_default();
         change(&mut counters);
-        cell.set(counters);
+        cell.set(Some(counters));
     });
 }
 
@@ -89,7 +63,7 @@ pub(crate) fn reset() {
 
 /// All counts at one moment.
 pub(crate) fn snapshot() -> Counters {
-    COUNTERS.lock(Cell::get)
+    COUNTERS.lock(Cell::get).unwrap_or_default()
 }
 
 /// Counts of what came in over the link. They are not part of [`Counters`], which change with every block.

@@ -12,7 +12,7 @@
 //! with less noise looks stuck, and is reported as stuck. A sensor is stuck or railed if one of its two
 //! channels is.
 
-use bead_wire::{FaultCause, Health};
+use bead_wire::{FaultCause, Health, Standing};
 
 use crate::block::{Block, CHANNELS};
 use crate::{counters, report, supply};
@@ -135,7 +135,7 @@ impl Sensor {
 struct Condition {
     cause: FaultCause,
     detail: &'static str,
-    bit: u8,
+    bit: Standing,
     count: fn(&mut Health) -> &mut u32,
 }
 
@@ -143,14 +143,14 @@ impl Condition {
     fn begins(&self) {
         counters::update(|c| {
             *(self.count)(&mut c.health) += 1;
-            c.health.standing |= self.bit;
+            c.health.standing = c.health.standing.with(self.bit);
         });
         report::fault(self.cause, self.detail);
     }
 
     fn ends(&self) {
-        counters::update(|c| c.health.standing &= !self.bit);
-        report::fault(FaultCause::Recovered, self.cause.name());
+        counters::update(|c| c.health.standing = c.health.standing.without(self.bit));
+        report::fault(FaultCause::Recovered, self.cause.name().unwrap_or_default());
     }
 }
 
@@ -169,13 +169,13 @@ impl Watch {
             Condition {
                 cause: FaultCause::ForceStuck,
                 detail: "the force code has not moved for 100 ms",
-                bit: Health::FORCE_STUCK,
+                bit: Standing::FORCE_STUCK,
                 count: |health| &mut health.force_stuck,
             },
             Condition {
                 cause: FaultCause::ForceRailed,
                 detail: "the force has been at a rail for 100 ms",
-                bit: Health::FORCE_RAILED,
+                bit: Standing::FORCE_RAILED,
                 count: |health| &mut health.force_railed,
             },
         );
@@ -183,13 +183,13 @@ impl Watch {
             Condition {
                 cause: FaultCause::AccelerationStuck,
                 detail: "the acceleration code has not moved for 100 ms",
-                bit: Health::ACCELERATION_STUCK,
+                bit: Standing::ACCELERATION_STUCK,
                 count: |health| &mut health.acceleration_stuck,
             },
             Condition {
                 cause: FaultCause::AccelerationRailed,
                 detail: "the acceleration has been at a rail for 100 ms",
-                bit: Health::ACCELERATION_RAILED,
+                bit: Standing::ACCELERATION_RAILED,
                 count: |health| &mut health.acceleration_railed,
             },
         );
@@ -199,7 +199,7 @@ impl Watch {
             supply: Condition {
                 cause: FaultCause::SupplyLow,
                 detail: "the supply is below 2.93 V",
-                bit: Health::SUPPLY_LOW,
+                bit: Standing::SUPPLY_LOW,
                 count: |health| &mut health.supply_low,
             },
             supply_low_blocks: 0,

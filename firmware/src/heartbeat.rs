@@ -3,6 +3,7 @@
 //! One short flash a second: all is well. Two: the reset before this boot was a fault's. Three: a sensor or
 //! the supply cannot be believed. None: it hangs, as this is the last task to get the core.
 
+use bead_wire::Standing;
 use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Duration, Ticker, Timer};
@@ -20,8 +21,8 @@ pub(crate) async fn heartbeat(pin: Peri<'static, peripherals::PC13>, after_fault
     let mut second = Ticker::every(Duration::from_secs(1));
     loop {
         let flashes = match (counters::snapshot().health.standing, after_fault) {
-            (0, false) => 1,
-            (0, true) => 2,
+            (Standing::NONE, false) => 1,
+            (Standing::NONE, true) => 2,
             _ => 3,
         };
         for _ in 0..flashes {

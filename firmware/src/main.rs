@@ -31,7 +31,6 @@ mod stack;
 mod storage;
 mod supply;
 mod sync;
-mod text;
 mod trace;
 mod transmit;
 mod watchdog;
@@ -82,8 +81,10 @@ fn main() -> ! {
     }
     let (mut store, opened) = storage::open(p.FLASH);
     let loaded = settings::load(&mut store, opened);
-    settings::begin(&loaded);
+    let (settings, refused) = (loaded.settings, loaded.refused);
+    estimate::arm(loaded.arm());
     defmt::info!("settings: {=str}", loaded.origin());
+    settings::begin(loaded);
 
     let inputs = Inputs {
         adc: p.ADC1,
@@ -117,7 +118,7 @@ fn main() -> ! {
         .spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
     spawn
         .rest
-        .spawn(report::report(boot, loaded.refused).expect(ONCE));
+        .spawn(report::report(boot, refused.map(|refused| refused.why)).expect(ONCE));
     spawn
         .rest
         .spawn(receive::receive(receiver, commands).expect(ONCE));
@@ -126,7 +127,7 @@ fn main() -> ! {
         .spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
     spawn
         .estimate
-        .spawn(estimate::estimate(loaded.settings, METER.take(), blocks).expect(ONCE));
+        .spawn(estimate::estimate(settings, METER.take(), blocks).expect(ONCE));
     spawn
         .acquire
         .spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), full).expect(ONCE));

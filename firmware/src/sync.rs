@@ -14,7 +14,7 @@
 //! meanwhile is counted once, as the timer does not say how often it came. So a storm costs a hundred short
 //! interrupts and frames a second, at the lowest priority, and no sample.
 
-use bead_wire::{Message, Sync, unwrapped};
+use bead_wire::{Sync, unwrapped};
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::pac;
 use embassy_stm32::pac::timer::vals::{Sms, Ts};
@@ -26,7 +26,7 @@ use embassy_stm32::{Peri, bind_interrupts, peripherals};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::clocks::TIMER_HZ;
-use crate::outbox::{self, Record};
+use crate::outbox;
 use crate::sample_clock::SAMPLE_RATE_HZ;
 
 bind_interrupts!(struct Irqs {
@@ -95,8 +95,7 @@ pub(crate) async fn sync(input: SyncInput) -> ! {
         missed += u32::from(pac::TIM2.sr().read().ccof(0));
         // The timer was started by the trigger of index 1.
         let clocks = unwrapped(count, clocks_now() - started) + u64::from(CLOCKS_PER_SAMPLE);
-        let message = Message::Sync(Sync::at(edge, clocks, CLOCKS_PER_SAMPLE, missed));
-        outbox::push(Record::Message(message));
+        outbox::push(Sync::at(edge, clocks, CLOCKS_PER_SAMPLE, missed));
         edge += 1;
         Timer::after(HOLD_OFF).await;
     }

@@ -287,6 +287,7 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
     let samples = |seconds: f64| (seconds / dt).round().clamp(0.0, f64::from(u16::MAX)) as u16;
     let settings = Settings {
         name: Name::default(),
+        address: 0,
         sample_rate_hz: capture.sample_rate_hz,
         bead: Bead {
             mass: bead.mass as f32,

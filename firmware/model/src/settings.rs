@@ -16,7 +16,9 @@ use fixed::types::extra::{U26, U30};
 use serde::{Deserialize, Serialize};
 
 /// Version of the settings block; a block of another one is refused.
-pub const VERSION: u16 = 3;
+pub const VERSION: u16 = 4;
+/// The oldest version that is migrated: version 3 had no address.
+const OLDEST: u16 = 3;
 /// Upper bound of an encoded block, bytes.
 pub const BLOCK_MAX: usize = 256;
 
@@ -71,6 +73,9 @@ pub struct Settings {
     pub disagreement: I16F16,
     /// How the intruder rings, and by how much it may ring otherwise before a strike is flagged.
     pub ringing: Ringing,
+    /// Address of the bead: it tells beads apart on a shared line and in merged streams. 0 where nobody gave it one,
+    /// 254 at most.
+    pub address: u8,
 }
 
 /// Why a settings block is refused.
@@ -103,7 +108,7 @@ impl fmt::Display for SettingsError {
             Self::Magic => write!(f, "not a settings block: it does not start with \"BEAD\""),
             Self::Version(found) => write!(
                 f,
-                "settings block of version {found}, this program knows {VERSION}"
+                "settings block of version {found}, this program knows {OLDEST} to {VERSION}"
             ),
             Self::Truncated => write!(f, "settings block is shorter than its header says"),
             Self::Checksum => write!(f, "settings block with a wrong checksum: half written or damaged"),
@@ -142,7 +147,7 @@ impl Settings {
         Ok(end + 4)
     }
 
-    /// Reads a block; what follows it in `bytes` is ignored, so that a flash sector can be given whole.
+    /// Reads a block, of version 3 too; the bytes behind it are ignored, so that a flash sector can be given whole.
     pub fn decode(bytes: &[u8]) -> Result<Self, SettingsError> {
         let header = bytes.get(..HEADER).ok_or(SettingsError::Truncated)?;
         if header.iter().all(|&byte| byte == 0xff) {
@@ -151,17 +156,25 @@ impl Settings {
         if header[..4] != MAGIC {
             return Err(SettingsError::Magic);
         }
-        let version = u16::from_le_bytes([header[4], header[5]]);
-        if version != VERSION {
-            return Err(SettingsError::Version(version));
-        }
         let end = HEADER + usize::from(u16::from_le_bytes([header[6], header[7]]));
         let stored = bytes.get(end..end + 4).ok_or(SettingsError::Truncated)?;
         if CRC.checksum(&bytes[..end]).to_le_bytes() != stored {
             return Err(SettingsError::Checksum);
         }
+        let body = &bytes[HEADER..end];
+        let mut migrated = [0; BLOCK_MAX];
+        let body = match u16::from_le_bytes([header[4], header[5]]) {
+            VERSION => body,
+            // It ended where the address begins, and a bead without an address has address 0.
+            OLDEST => {
+                let room = migrated.get_mut(..=body.len()).ok_or(SettingsError::Body)?;
+                room[..body.len()].copy_from_slice(body);
+                room
+            }
+            other => return Err(SettingsError::Version(other)),
+        };
         let (settings, rest): (Self, &[u8]) =
-            postcard::take_from_bytes(&bytes[HEADER..end]).map_err(|_| SettingsError::Body)?;
+            postcard::take_from_bytes(body).map_err(|_| SettingsError::Body)?;
         if !rest.is_empty() {
             return Err(SettingsError::Body);
         }
@@ -217,6 +230,7 @@ impl Settings {
                         .all(|channel| channel.is_below(Observer::MOST)),
                 "the codes of a channel reach beyond 32 kN or 65 km/s²",
             ),
+            (self.address < 0xFF, "address 255 is every bead's"),
             (self.disagreement > 0, "disagreement is not above 0"),
             (self.observer.is_bounded(), "a weight of the observer is negative"),
             (

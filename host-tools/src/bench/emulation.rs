@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use bead_model::design::{Capture, derive};
 use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};
 use stm32f405_qemu::{Outcome, PinInput, Run};
@@ -17,7 +18,7 @@ use crate::bench::faults::Planned;
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::sensed::{Sensed, Timing, Truth, bead_of};
 use crate::recording::file::{RecordingError, Writer};
-use crate::recording::frames::{self, Message};
+use crate::recording::frames::{self, Frame};
 
 /// Where the image looks for settings that a probe has put there (`memory.x`).
 pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
@@ -109,6 +110,10 @@ impl RunTruth {
 pub struct Ran {
     /// The bytes that the bead sent.
     pub stream: Vec<u8>,
+    /// The frames in them.
+    pub frames: Vec<Frame>,
+    /// What of them was received, refused and lost.
+    pub counters: Counters,
     /// When each byte was sent, in ns of true time since power-up.
     pub sent_ns: Vec<u64>,
     /// True time of the first triggered scan, in ns since power-up.
@@ -127,7 +132,7 @@ impl Ran {
         let mut sent = self.sent_ns.iter();
         for run in self.stream.split_inclusive(|byte| *byte == 0) {
             let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
-            writer.write_at(run, zero_ns + at.saturating_sub(self.first_scan_ns))?;
+            writer.write(run, Some(zero_ns + at.saturating_sub(self.first_scan_ns)), |_| {})?;
         }
         Ok(())
     }
@@ -364,32 +369,31 @@ impl Emulation {
         run
     }
 
-    /// Runs the image. Returns the bytes that it sent and what was measured.
-    ///
-    /// # Errors
-    /// As [`timed`](Self::timed).
-    pub fn run(&self) -> Result<(Vec<u8>, EmulatorReport), BenchError> {
-        let Ran { stream, report, .. } = self.timed()?;
-        Ok((stream, report))
-    }
-
     /// Runs the image.
     ///
     /// # Errors
     /// The file is no image, QEMU fails, or the image never samples.
-    pub fn timed(&self) -> Result<Ran, BenchError> {
+    pub fn run(&self) -> Result<Ran, BenchError> {
         let clock = Instant::now();
         let outcome = self.machine().execute()?;
-        let report = self.report(&outcome, clock.elapsed().as_secs_f64())?;
+        let (frames, counters) = frames::decode(&outcome.uart);
+        let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
         Ok(Ran {
             first_scan_ns: outcome.sampling.map_or(0, |sampling| sampling.first_ns),
             stream: outcome.uart,
+            frames,
+            counters,
             sent_ns: outcome.uart_ns,
             report,
         })
     }
 
-    fn report(&self, outcome: &Outcome, real_seconds: f64) -> Result<EmulatorReport, BenchError> {
+    fn report(
+        &self,
+        outcome: &Outcome,
+        frames: &[Frame],
+        real_seconds: f64,
+    ) -> Result<EmulatorReport, BenchError> {
         let Some(sampling) = &outcome.sampling else {
             let last = outcome
                 .log
@@ -410,8 +414,7 @@ impl Emulation {
             let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
             Some(function.instructions as f64 / samples as f64)
         };
-        let windows: Vec<u64> = frames::decode(&outcome.uart)
-            .0
+        let windows: Vec<u64> = frames
             .iter()
             .filter_map(|frame| match &frame.message {
                 Message::Strike(strike) => Some(strike.samples.into()),

@@ -13,6 +13,7 @@ use std::process::ExitCode;
 use stm32f405_qemu::RunError;
 
 use crate::bench::error::BenchError;
+use crate::line::conversation::LineError;
 use crate::recording::file::RecordingError;
 use crate::recording::time_series::TimeSeriesError;
 use crate::recording::whole::WriteError;
@@ -81,6 +82,15 @@ impl From<BenchError> for Failure {
             }
             BenchError::Emulator(_) => Self::device(error),
             _ => Self::input(error),
+        }
+    }
+}
+
+impl From<LineError> for Failure {
+    fn from(error: LineError) -> Self {
+        match error {
+            LineError::Refused(why) => Self::Verdict(why),
+            _ => Self::device(error),
         }
     }
 }

@@ -24,6 +24,6 @@ pub(crate) struct LineOptions {
 
 impl LineOptions {
     pub(crate) fn open(&self) -> Result<Conversation, Failure> {
-        Conversation::open(&self.port, self.baud, self.timeout)
+        Ok(Conversation::open(&self.port, self.baud, self.timeout)?)
     }
 }

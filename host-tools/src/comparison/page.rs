@@ -1,14 +1,13 @@
 //! The HTML page of a comparison: one file that needs nothing from outside.
 
 use bead_model::settings::Settings;
-use bead_wire::{Counters, SettingsSource, Status};
+use bead_wire::{Counters, Identity, SettingsSource, Status};
 use hertz_figures::chart::{STYLE, escape};
 use hertz_figures::error::Error;
 
 use crate::bench::emulation::EmulatorReport;
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::strike::{StrikeComparison, percent};
-use crate::recording::frames::{Identity, reset_causes};
 
 /// What the page shows.
 #[derive(Debug)]
@@ -262,7 +261,7 @@ fn of_identity(identity: &Identity) -> Vec<Fact> {
         sample_rate_hz,
         channels,
     } = identity;
-    let causes = reset_causes(*reset_cause).join(", ");
+    let causes = reset_cause.names().collect::<Vec<_>>().join(", ");
     vec![
         ("firmware", format!("{firmware} ({git})")),
         ("device", uid.iter().map(|byte| format!("{byte:02x}")).collect()),
@@ -299,10 +298,11 @@ fn of_settings(settings: &Settings) -> Vec<Fact> {
 
 fn of_status(status: &Status) -> Vec<Fact> {
     let source = match status.settings_source {
-        SettingsSource::Stored => "flash, written over the link",
-        SettingsSource::Flash => "flash, put there by a probe",
-        SettingsSource::BuiltIn => "the image: flash has none",
-        SettingsSource::FlashRefused => "the image: those in flash were refused",
+        SettingsSource::Stored => "flash, written over the link".to_owned(),
+        SettingsSource::Flash => "flash, put there by a probe".to_owned(),
+        SettingsSource::BuiltIn => "the image: flash has none".to_owned(),
+        SettingsSource::FlashRefused => "the image: those in flash were refused".to_owned(),
+        SettingsSource::Unknown(number) => format!("source {number}, of a later version"),
     };
     let acquisition = format!(
         "{} samples in epoch {}, {} overruns, {} blocks dropped",
@@ -313,7 +313,7 @@ fn of_status(status: &Status) -> Vec<Fact> {
         status.frames_dropped_queue_full, status.frames_dropped_too_long
     );
     vec![
-        ("settings came from", source.to_owned()),
+        ("settings came from", source),
         ("acquisition", acquisition),
         ("frames dropped by the bead", dropped),
         ("least free stack", format!("{} bytes", status.stack_free_min)),

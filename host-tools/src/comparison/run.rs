@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use bead_wire::{FORCE_UNIT_N, FaultCause, Status};
+use bead_wire::{FaultCause, Message, Status};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -11,7 +11,7 @@ use crate::bench::emulation::{Emulation, InstructionsPerSample, Ran};
 use crate::bench::faults::Planned;
 use crate::bench::sensed::Truth;
 use crate::comparison::replay::replay;
-use crate::recording::frames::{self, Frame, Message, flag_names, joules};
+use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
 
 /// What a run came to, as in the JSON of `bead emulate`. SI units.
@@ -108,10 +108,10 @@ impl MeasuredStrike {
         let replay = replay(strike);
         Self {
             sample_index: strike.said.trigger_index,
-            peak_force: f64::from(strike.said.peak_force) * FORCE_UNIT_N,
-            absorbed_measured: joules(strike.said.absorbed_measured),
-            absorbed_predicted: joules(strike.said.absorbed_predicted),
-            flags: flag_names(strike.said.flags),
+            peak_force: strike.said.peak_force.newtons(),
+            absorbed_measured: strike.said.absorbed_measured.joules(),
+            absorbed_predicted: strike.said.absorbed_predicted.joules(),
+            flags: strike.said.flags.names().collect(),
             truth,
             replay_identical: replay.identical(),
             first_difference: replay.first_difference,
@@ -121,16 +121,23 @@ impl MeasuredStrike {
 
 impl RunReport {
     /// What a run of `emulation` came to. Every strike is replayed.
-    pub fn of(emulation: &Emulation, ran: &Ran, recording: Option<PathBuf>) -> Self {
-        let (frames, counters) = frames::decode(&ran.stream);
-        let measured = &ran.report;
+    pub fn of(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Self {
+        let Ran {
+            frames,
+            counters,
+            report: measured,
+            ..
+        } = ran;
         let statuses = last_statuses(&frames);
         let counted =
             |count: fn(&Status) -> u32| statuses.iter().map(|status| u64::from(count(status))).sum();
         let truth = &emulation.truth;
         let mut begun = None;
         let (mut strikes, mut echoes) = (Vec::new(), Vec::new());
-        for strike in assemble(&frames, Some(&emulation.settings)) {
+        let reported = reported(&frames);
+        let is_health = |frame: &&Frame| matches!(frame.message, Message::Health(_));
+        let health = frames.iter().rev().find(is_health).map(Frame::body);
+        for strike in assemble(frames, Some(emulation.settings)) {
             let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
             // After a reset the indices begin anew and do not tell which strike it was.
             if measured.resets == 0 && begun.is_some() && begun == before {
@@ -139,8 +146,6 @@ impl RunReport {
                 strikes.push(MeasuredStrike::of(&strike, Some(truth.truth)));
             }
         }
-        let reported = reported(&frames);
-        let is_health = |frame: &&Frame| matches!(frame.message, Message::Health(_));
         Self {
             frames: FrameCounts {
                 received: counters.frames,
@@ -158,11 +163,11 @@ impl RunReport {
             echoes,
             provoked: answered(&emulation.faults, &reported),
             faults: reported,
-            health: frames.iter().rev().find(is_health).map(Frame::body),
+            health,
             instructions_per_sample: measured.instructions_per_sample,
             instructions_available: measured.instructions_available,
             saturated: measured.saturated,
-            unknown_registers: measured.unknown_registers.clone(),
+            unknown_registers: measured.unknown_registers,
             recording,
         }
     }
@@ -290,15 +295,15 @@ fn first_no<const N: usize>(checks: [(bool, String); N]) -> Result<(), String> {
 fn last_statuses(frames: &[Frame]) -> Vec<Status> {
     let mut last: Vec<(u8, Status)> = Vec::new();
     for frame in frames {
-        let Message::Status(status) = frame.message else {
+        let Message::Status(status) = &frame.message else {
             continue;
         };
         let same_boot = |(boot, before): &&mut (u8, Status)| {
             *boot == frame.header.boot && before.uptime_ms <= status.uptime_ms
         };
         match last.last_mut().filter(same_boot) {
-            Some((_, before)) => *before = status,
-            None => last.push((frame.header.boot, status)),
+            Some((_, before)) => *before = *status,
+            None => last.push((frame.header.boot, *status)),
         }
     }
     last.into_iter().map(|(_, status)| status).collect()
@@ -310,7 +315,7 @@ fn reported(frames: &[Frame]) -> Vec<ReportedFault> {
             sample_index: frame.header.sample_index,
             cause: fault.cause,
             boot: fault.boot,
-            detail: fault.detail.clone(),
+            detail: fault.detail.as_str().to_owned(),
         }),
         _ => None,
     });

@@ -13,7 +13,6 @@ use bead_model::design::Bead;
 use bead_model::layout::BASELINE;
 use bead_model::reduced_chain::FOOT;
 use bead_model::sensor::Sensor;
-use bead_wire::{FINE_UNIT, FORCE_UNIT_N};
 use fixed::types::extra::LeEqU32;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
 use serde::Serialize;
@@ -23,8 +22,7 @@ use crate::bench::front_end::SCAN_SKEW;
 use crate::bench::sensed::{Truth, bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
 use crate::comparison::f64_estimators;
 use crate::comparison::replay::{Replay, replay};
-use crate::recording::frames::{flag_names, joules, newton_seconds};
-use crate::recording::strikes::{Codes, RecordedStrike};
+use crate::recording::strikes::{RecordedStrike, ScanCodes};
 
 /// Goal for estimate A against the full chain.
 pub const GOAL_A: f64 = 2e-3;
@@ -45,9 +43,9 @@ pub struct Values {
 impl Values {
     fn of(said: &bead_wire::Strike) -> Self {
         Self {
-            peak_force: f64::from(said.peak_force) * FORCE_UNIT_N,
-            absorbed_measured: joules(said.absorbed_measured),
-            absorbed_predicted: joules(said.absorbed_predicted),
+            peak_force: said.peak_force.newtons(),
+            absorbed_measured: said.absorbed_measured.joules(),
+            absorbed_predicted: said.absorbed_predicted.joules(),
         }
     }
 
@@ -219,12 +217,11 @@ pub struct ShapeValues {
 impl ShapeValues {
     /// With the reduced mass μ of intruder and host, kg.
     fn of(said: &bead_wire::Shape, rate_hz: u32, reduced: f64) -> Self {
-        let fine = |bits: u32| f64::from(bits) * FINE_UNIT;
-        let (frequency, decay) = (fine(said.ring_frequency), fine(said.ring_decay));
+        let (frequency, decay) = (said.ring_frequency.hertz(), said.ring_decay.per_second());
         let omega = std::f64::consts::TAU * frequency;
         Self {
-            width: fine(said.width) / f64::from(rate_hz),
-            impulse: newton_seconds(said.impulse, rate_hz),
+            width: said.width.samples() / f64::from(rate_hz),
+            impulse: said.impulse.newton_seconds(rate_hz),
             ring_frequency: frequency,
             ring_decay: decay,
             stiffness: reduced * (omega * omega + decay * decay),
@@ -356,7 +353,7 @@ impl FullChain {
             deviation,
             goal,
             force_noise: force_noise(strike),
-            flags: flag_names(strike.said.flags),
+            flags: strike.said.flags.names().collect(),
             shape: self.shape(strike, traces.as_ref()),
             pass,
             traces,
@@ -406,7 +403,7 @@ impl FullChain {
         let acceleration = sensed(&strike.scans, 1, &settings.acceleration);
         let gate = f64::max(
             settings.chain.gate.to_num(),
-            3.0 * FORCE_UNIT_N * f64::from(strike.said.force_noise),
+            3.0 * strike.said.force_noise.newtons(),
         );
         // The bead uses forces from the foot of the wave on. After some weak forces in a row it takes them
         // for noise.
@@ -462,18 +459,18 @@ impl FullChain {
             replay: [
                 along(
                     half + SCAN_SKEW,
-                    &mut replayed().map(|(i, energy)| (i, joules(energy.0))),
+                    &mut replayed().map(|(i, energy)| (i, energy.0.joules())),
                 ),
-                along(half, &mut replayed().map(|(i, energy)| (i, joules(energy.1)))),
+                along(half, &mut replayed().map(|(i, energy)| (i, energy.1.joules()))),
             ],
             device: [
                 along(
                     half + SCAN_SKEW,
-                    &mut chunks().map(|c| (c.end - 1, joules(c.absorbed_measured))),
+                    &mut chunks().map(|c| (c.end - 1, c.absorbed_measured.joules())),
                 ),
                 along(
                     half,
-                    &mut chunks().map(|c| (c.end - 1, joules(c.absorbed_predicted))),
+                    &mut chunks().map(|c| (c.end - 1, c.absorbed_predicted.joules())),
                 ),
             ],
         })
@@ -533,10 +530,10 @@ impl FullChain {
 
 /// A sensor's signal in its unit, relative to the quiet start of the window, with filter and delay removed.
 /// It comes from the channel at the high gain wherever that is away from its rails.
-fn sensed<F: LeEqU32>(scans: &[Codes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
+fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
     let sensitive: Vec<f64> = scans.iter().map(|scan| scan.sensitive[sensor].into()).collect();
     // Codes that were not sent had no part in the window.
-    let wide = |scan: &Codes| scan.wide.map_or(f64::NAN, |wide| wide[sensor].into());
+    let wide = |scan: &ScanCodes| scan.wide.map_or(f64::NAN, |wide| wide[sensor].into());
     let wide: Vec<f64> = scans.iter().map(wide).collect();
     let values = channel(&sensitive, &calibration.sensitive);
     let wides = channel(&wide, &calibration.wide);

@@ -2,12 +2,12 @@
 
 use bead_model::design::{Capture, derive};
 use bead_model::{Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
+use bead_wire::StrikeFlags;
 use hertz_chain::Scenario;
 
 use crate::bench::front_end::FrontEnd;
 use crate::bench::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
-use crate::comparison::replay::{wire_shape, wire_strike};
-use crate::recording::strikes::{Chunk, RecordedStrike};
+use crate::recording::strikes::RecordedStrike;
 
 /// The paper's strike as bead 8 would report it, made by the model on this computer.
 pub(crate) fn recorded_strike() -> RecordedStrike {
@@ -29,13 +29,9 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
         timing.scans(solution.end()),
         Some(1),
     );
-    let mut strike = RecordedStrike {
-        said: wire_strike(&Window::open(0, 0).report(&settings, &Record::new())),
-        shape: None,
-        scans: Vec::new(),
-        chunks: Vec::new(),
-        settings: Some(settings),
-    };
+    let nothing = Window::open(0, 0).report(&settings, &Record::new());
+    let mut strike = RecordedStrike::new(0, bead_telemetry::strike(&nothing, StrikeFlags::NONE));
+    strike.settings = Some(settings);
     feed(&settings, &codes.scans, &mut strike);
     strike
 }
@@ -44,19 +40,11 @@ fn feed(settings: &Settings, codes: &[[u16; 4]], strike: &mut RecordedStrike) {
     struct Into<'a>(&'a mut RecordedStrike);
     impl Sink for Into<'_> {
         fn chunk(&mut self, chunk: &bead_model::Chunk) {
-            let sensitive: Vec<_> = chunk.scans.iter().map(|scan| scan.sensitive()).collect();
-            let wide = chunk.before.iter().chain(&chunk.scans).map(|scan| scan.wide());
-            let wide: Vec<_> = wide.filter(|_| chunk.loud).collect();
-            self.0.extend(&sensitive, &wide);
-            self.0.chunks.push(Chunk {
-                end: self.0.scans.len(),
-                absorbed_measured: chunk.absorbed_measured.to_bits(),
-                absorbed_predicted: chunk.absorbed_predicted.to_bits(),
-            });
+            self.0.push(&bead_telemetry::waveform(chunk));
         }
         fn report(&mut self, report: &StrikeReport) {
-            self.0.said = wire_strike(report);
-            self.0.shape = Some(wire_shape(report));
+            self.0.said = bead_telemetry::strike(report, StrikeFlags::NONE);
+            self.0.shape = Some(bead_telemetry::shape(report));
         }
     }
     let mut meter = Meter::new();

@@ -1,8 +1,9 @@
 //! Whether a recording agrees with the simulation: what must hold of its strikes, and of the run as a whole.
 
+use bead_wire::{Counters, Status};
+
 use crate::bench::emulation::EmulatorReport;
 use crate::comparison::strike::{StrikeComparison, percent};
-use crate::recording::received::Received;
 
 /// Part of the core that work on a strike may take.
 const BUSY_MOST: f64 = 0.75;
@@ -21,12 +22,12 @@ pub struct Soundness {
 }
 
 impl Soundness {
-    /// Of a recording, and of the emulator's report if it has one.
-    pub fn of(received: &Received, emulator: Option<&EmulatorReport>) -> Self {
-        let told = received.status().map_or(0, |status| status.overruns.into());
+    /// From the counts of a recording, the last status in it, and the emulator's report if it has one.
+    pub fn of(counters: &Counters, status: Option<&Status>, emulator: Option<&EmulatorReport>) -> Self {
+        let told = status.map_or(0, |status| status.overruns.into());
         Self {
-            lost: received.counters.lost,
-            corrupt: received.counters.rejected.total(),
+            lost: counters.lost,
+            corrupt: counters.rejected.total(),
             overruns: emulator.map_or(told, |emulator| emulator.overruns.max(told)),
             instructions: emulator.and_then(|emulator| {
                 let total = emulator.instructions_per_sample.total?;

@@ -7,6 +7,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use bead_wire::{Energy, StrikeFlags};
 use clap::Args;
 use hertz_chain::Scenario;
 use rayon::prelude::*;
@@ -18,7 +19,7 @@ use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::front_end_options::Sensors;
 use crate::cli::output::{self, Format};
-use crate::recording::frames::{self, flag_names, joules};
+use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
 
 const AFTER_HELP: &str = "\
@@ -169,8 +170,8 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
             timing,
             image,
         )?;
-        let (stream, _) = run.run()?;
-        Ok::<_, Failure>((errors(&run, &stream), run.truth.truth.peak_force))
+        let ran = run.run()?;
+        Ok::<_, Failure>((errors(&run, ran.frames), run.truth.truth.peak_force))
     };
     let ((weak, peak_force), (strong, _)) = (errors(Sensors::Weak)?, errors(Sensors::Strong)?);
     let summary = solution.summary();
@@ -192,9 +193,8 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
 }
 
 /// The errors of the first window after each strike. Later windows are echoes.
-fn errors(run: &Emulation, stream: &[u8]) -> Errors {
-    let (frames, _) = frames::decode(stream);
-    let strikes = assemble(&frames, Some(&run.settings));
+fn errors(run: &Emulation, frames: Vec<Frame>) -> Errors {
+    let strikes = assemble(frames, Some(run.settings));
     let mut begun = None;
     let mut is_first = |strike: &&RecordedStrike| {
         let before = std::mem::replace(&mut begun, run.truth.begun(strike.said.trigger_index));
@@ -202,10 +202,10 @@ fn errors(run: &Emulation, stream: &[u8]) -> Errors {
     };
     let measured: Vec<_> = strikes.iter().filter(&mut is_first).collect();
     let absorbed = run.truth.truth.absorbed;
-    let of = |bits: &dyn Fn(&bead_wire::Strike) -> i64| -> (f64, f64) {
+    let of = |energy: &dyn Fn(&bead_wire::Strike) -> Energy| -> (f64, f64) {
         let errors: Vec<f64> = measured
             .iter()
-            .map(|strike| joules(bits(&strike.said)) / absorbed - 1.0)
+            .map(|strike| energy(&strike.said).joules() / absorbed - 1.0)
             .collect();
         let squares: f64 = errors.iter().map(|error| error * error).sum();
         let worst = errors.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
@@ -215,12 +215,14 @@ fn errors(run: &Emulation, stream: &[u8]) -> Errors {
         of(&|said| said.absorbed_measured),
         of(&|said| said.absorbed_predicted),
     );
-    let flags = measured.iter().fold(0, |flags, strike| flags | strike.said.flags);
+    let flags = measured
+        .iter()
+        .fold(StrikeFlags::NONE, |flags, strike| flags.with(strike.said.flags));
     Errors {
         strikes: measured.len(),
         rms: [a.0, b.0],
         worst: [a.1, b.1],
-        flags: flag_names(flags),
+        flags: flags.names().collect(),
     }
 }
 

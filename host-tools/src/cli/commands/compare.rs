@@ -64,7 +64,7 @@ struct Comparison<'a> {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (scenario, _) = load_scenario(&arguments.scenario)?;
     let received = Received::open(&arguments.recording)?;
-    let recorded = received.some_strikes()?;
+    let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
     let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
     let bead = match arguments.bead.or(truth.as_ref().map(|truth| truth.bead)) {
@@ -77,14 +77,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(note) = chain.note() {
         progress.suspend(|| eprintln!("bead: {note}"));
     }
-    let mut strikes = Vec::with_capacity(recorded.len());
-    for (number, strike) in recorded.iter().enumerate() {
-        progress.set_message(format!("comparing strike {} of {}", number + 1, recorded.len()));
-        strikes.push(chain.compare(strike));
+    let mut strikes: Vec<StrikeComparison> = Vec::new();
+    let mut settings = None;
+    let mut drawn = false;
+    for strike in recorded.by_ref() {
+        progress.set_message(format!("comparing strike {}", strikes.len() + 1));
+        let mut comparison = chain.compare(&strike);
+        // The figures show the first strike that was received whole; the curves of others would fill the memory.
+        if drawn {
+            comparison.traces = None;
+        }
+        drawn |= comparison.traces.is_some();
+        settings = settings.or(strike.settings.filter(|_| strikes.is_empty()));
+        strikes.push(comparison);
     }
     progress.finish_and_clear();
+    let heard = recorded.frames();
+    if strikes.is_empty() {
+        return Err(received.no_strike(heard.counters()).into());
+    }
 
-    let soundness = Soundness::of(&received, emulator.as_ref());
+    let soundness = Soundness::of(heard.counters(), heard.status(), emulator.as_ref());
     let failure = failure(&strikes, &soundness);
     let page = Page {
         title: &scenario.title,
@@ -92,10 +105,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         bead,
         strikes: &strikes,
         failure: failure.as_deref(),
-        counters: &received.counters,
-        identity: received.identity(),
-        status: received.status(),
-        settings: recorded[0].settings.as_ref(),
+        counters: heard.counters(),
+        identity: heard.identity(),
+        status: heard.status(),
+        settings: settings.as_ref(),
         emulator: emulator.as_ref(),
     };
     if let Some(path) = &arguments.report {

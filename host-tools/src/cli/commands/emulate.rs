@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bead_wire::FaultCause;
+use bead_wire::Message;
 use clap::Args;
 use hertz_chain::Scenario;
 use indicatif::ProgressBar;
@@ -23,7 +23,6 @@ use crate::cli::output::{self, Format};
 use crate::comparison::run::{FrameCounts, MeasuredStrike, RunReport};
 use crate::line::port::Address;
 use crate::recording::file::{About, Part, Writer};
-use crate::recording::frames::{self, Message};
 
 const AFTER_HELP: &str = "\
 The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes at its
@@ -130,14 +129,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Ok(bridge::serve(&mut Bridge::new(&emulation), address, &stop)?);
     }
     progress.set_message("running the image in QEMU");
-    let ran = emulation.timed()?;
+    let ran = emulation.run()?;
     progress.finish_and_clear();
 
     let recording = match &arguments.out {
         Some(out) => Some(record(arguments, out, &text, &emulation, &ran)?),
         None => None,
     };
-    let report = RunReport::of(&emulation, &ran, recording);
+    let report = RunReport::of(&emulation, ran, recording);
     output::print(arguments.format, &report, || table(&report))?;
     report.verdict(arguments.strikes).map_err(Failure::Verdict)
 }
@@ -194,8 +193,7 @@ fn record(
     fs::create_dir_all(out)
         .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
     let path = out.join(format!("bead-{}.mcap", arguments.bench.bead));
-    let (frames, _) = frames::decode(&ran.stream);
-    let firmware = frames.iter().find_map(|frame| match &frame.message {
+    let firmware = ran.frames.iter().find_map(|frame| match &frame.message {
         Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
         _ => None,
     });
@@ -307,7 +305,7 @@ fn provoked(report: &RunReport) -> String {
         [
             provoked.fault.kind.name().to_owned(),
             provoked.fault.at.to_string(),
-            provoked.cause.map_or("-", FaultCause::name).to_owned(),
+            provoked.cause.map_or("-".to_owned(), |cause| cause.to_string()),
             provoked.cause.map_or("-".to_owned(), |_| reported),
         ]
     });
@@ -316,9 +314,8 @@ fn provoked(report: &RunReport) -> String {
 
 fn reported(report: &RunReport) -> String {
     let rows = report.faults.iter().map(|fault| {
-        let name = fault.cause.name().to_owned();
         [
-            name,
+            fault.cause.to_string(),
             fault.sample_index.to_string(),
             fault.boot.to_string(),
             fault.detail.clone(),

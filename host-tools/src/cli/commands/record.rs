@@ -13,7 +13,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use std::{panic, thread};
 
-use bead_wire::{ACCELERATION_UNIT_MPS2, Arrival, Counters, FORCE_UNIT_N, Strike};
+use bead_wire::{Arrival, Counters, Fault, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
 use indicatif::ProgressBar;
@@ -24,7 +24,7 @@ use crate::cli::output::{self, Format};
 use crate::line::port::{Address, Port};
 use crate::recording::clock::Tracker;
 use crate::recording::file::{About, RecordingError, Writer};
-use crate::recording::frames::{Fault, Frame, Item, Message, Reader, flag_names, joules};
+use crate::recording::frames::{Frame, Item};
 
 const AFTER_HELP: &str = "\
 Ends at Ctrl-C or after --duration with exit status 0, and with 3 when the port goes away. The recording is complete in
@@ -161,7 +161,6 @@ fn listen(
 
 struct Recorder {
     writer: Writer,
-    reader: Reader,
     tracker: Tracker,
     opened: Instant,
     /// The same in ns since 1970.
@@ -193,7 +192,6 @@ impl Recorder {
         };
         Ok(Self {
             writer: Writer::create(out, &about)?,
-            reader: Reader::new(),
             tracker: Tracker::default(),
             opened,
             opened_ns,
@@ -211,8 +209,7 @@ impl Recorder {
                 Ok((received, bytes)) => {
                     let since = received.duration_since(self.opened);
                     let received_ns = self.opened_ns + since.as_nanos() as u64;
-                    self.writer.write_at(&bytes, received_ns)?;
-                    self.show(&bytes, received_ns);
+                    self.keep_piece(&bytes, received_ns)?;
                 }
                 Err(RecvTimeoutError::Timeout) => self.writer.flush()?,
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
@@ -220,9 +217,9 @@ impl Recorder {
         }
     }
 
-    fn show(&mut self, bytes: &[u8], received_ns: u64) {
+    fn keep_piece(&mut self, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
         let Self {
-            reader,
+            writer,
             tracker,
             strikes,
             format,
@@ -230,9 +227,9 @@ impl Recorder {
             progress,
             ..
         } = self;
-        reader.feed(bytes, |item| {
+        writer.write(bytes, Some(received_ns), |item| {
             let Item::Frame(frame) = item else { return };
-            tracker.push(&frame, Some(received_ns));
+            tracker.push(&frame);
             if frame.arrival == Arrival::Duplicate {
                 return;
             }
@@ -251,32 +248,33 @@ impl Recorder {
                 };
                 *printed = progress.suspend(|| output::print_line(&line));
             }
-        });
-        let counters = reader.counters();
+        })?;
+        let counters = writer.counters();
         progress.set_message(format!(
             "{} frames, {} lost, {} corrupt, {strikes} strikes",
             counters.frames,
             counters.lost,
             counters.rejected.total()
         ));
+        Ok(())
     }
 }
 
 fn strike_line(frame: &Frame, strike: &Strike) -> String {
-    let at = match frame.sample_rate_hz {
-        Some(rate) => format!("at {:.5} s", strike.trigger_index as f64 / f64::from(rate)),
+    let at = match frame.seconds(strike.trigger_index as f64) {
+        Some(seconds) => format!("at {seconds:.5} s"),
         None => format!("at sample {}", strike.trigger_index),
     };
     let mut line = format!(
         "strike {} {at}: {:.3} N, {:+.1} to {:+.1} m/s², absorbed {:.2} nJ measured, {:.2} nJ predicted",
         strike.strike,
-        f64::from(strike.peak_force) * FORCE_UNIT_N,
-        f64::from(strike.acceleration_min) * ACCELERATION_UNIT_MPS2,
-        f64::from(strike.acceleration_max) * ACCELERATION_UNIT_MPS2,
-        joules(strike.absorbed_measured) * 1e9,
-        joules(strike.absorbed_predicted) * 1e9,
+        strike.peak_force.newtons(),
+        strike.acceleration_min.metres_per_second_squared(),
+        strike.acceleration_max.metres_per_second_squared(),
+        strike.absorbed_measured.joules() * 1e9,
+        strike.absorbed_predicted.joules() * 1e9,
     );
-    for name in flag_names(strike.flags) {
+    for name in strike.flags.names() {
         line.push_str(", ");
         line.push_str(name);
     }
@@ -284,10 +282,10 @@ fn strike_line(frame: &Frame, strike: &Strike) -> String {
 }
 
 fn fault_line(fault: &Fault) -> String {
-    let mut line = format!("fault in boot {}: {}", fault.boot, fault.cause.name());
-    if !fault.detail.is_empty() {
+    let mut line = format!("fault in boot {}: {}", fault.boot, fault.cause);
+    if !fault.detail.as_str().is_empty() {
         line.push_str(", ");
-        line.push_str(&fault.detail);
+        line.push_str(fault.detail.as_str());
     }
     line
 }
@@ -334,7 +332,7 @@ mod tests {
             cause,
             boot: 3,
             pc: 0,
-            detail: detail.to_owned(),
+            detail: detail.into(),
         };
         assert_eq!(
             fault_line(&fault(bead_wire::FaultCause::Recovered, "force_stuck")),
@@ -351,26 +349,29 @@ mod tests {
         let mut tracker = Tracker::default();
         let mut sent = |second: u64| {
             let identity = bead_wire::Identity {
-                firmware: "",
-                git: "",
+                firmware: "".into(),
+                git: "".into(),
                 uid: [0; 12],
                 boot: 0,
-                reset_cause: 0,
+                reset_cause: bead_wire::ResetCauses::NONE,
                 sample_rate_hz: 100_000,
                 channels: 2,
             };
             let frame = Frame {
+                version: bead_wire::VERSION,
                 header: bead_wire::Header {
+                    address: 0,
                     boot: 0,
                     sequence: second as u32,
                     sample_index: 100_000 * second,
                 },
                 arrival: Arrival::Next { lost: 0 },
                 sample_rate_hz: Some(100_000),
-                message: bead_wire::Message::Identity(identity).into(),
+                // A bead that is fast by 50 ppm, and frames up to 30 us late.
+                received_ns: Some(second * 999_950_002 + second * 7919 % 30_011),
+                message: identity.into(),
             };
-            // A bead that is fast by 50 ppm, and frames up to 30 us late.
-            tracker.push(&frame, Some(second * 999_950_002 + second * 7919 % 30_011));
+            tracker.push(&frame);
             clock_line(&tracker)
         };
         assert_eq!(sent(0), None);
