@@ -1,4 +1,4 @@
-//! `bead command`: what a bead can be asked but its settings.
+//! `bead command`: requests to a bead, except those for its settings.
 
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -35,9 +35,10 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Who is there: firmware, device, boot.
+    /// Show the bead's identity: firmware, device, boot.
     Identity(Common),
-    /// How it fares: counts of samples, strikes, losses and faults, and what came in over its line.
+    /// Show the bead's status: counts of samples, strikes, losses and faults, and of what came in over its
+    /// line.
     Status(Common),
     /// Let the bead check itself: supply, sensors, settings, stack, estimators, flash.
     SelfTest(Common),
@@ -45,11 +46,12 @@ enum Action {
     Arm(Common),
     /// Look for no strikes until it is armed or reset.
     Disarm(Common),
-    /// Have every scan sent for a while, whether there is a strike or not; about half of them fit the line.
+    /// Let the bead send every scan for a while, with or without a strike. About half of the scans fit the
+    /// line.
     Raw {
         #[command(flatten)]
         common: Common,
-        /// For how long, s; 10 at most.
+        /// How long, s; at most 10.
         #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
         duration: Duration,
         /// The codes as CSV, one scan a row; - for standard output, with the summary on standard error.
@@ -58,7 +60,7 @@ enum Action {
     },
     /// Set the counts of losses, faults and rejected input to 0.
     ResetCounters(Common),
-    /// Reset the bead, and wait until it is there again.
+    /// Reset the bead, and wait until it is back.
     Reboot(Common),
 }
 
@@ -95,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// A request whose answer is that it was done.
+/// Sends a request whose answer is only that it was done.
 fn simple(common: &Common, request: &Request, done: &str) -> Result<(), Failure> {
     common.line.open()?.command(request)?;
     said(common.format, &json!({ "outcome": "done" }), done)
@@ -133,7 +135,7 @@ fn status(common: &Common) -> Result<(), Failure> {
     }
 }
 
-/// The members of some objects, one a row, as they are named in JSON.
+/// The members of JSON objects by name, one in each row.
 fn rows<const N: usize>(objects: [&Value; N]) -> String {
     let mut table = output::table(["", ""]);
     for (key, value) in objects.iter().filter_map(|object| object.as_object()).flatten() {
@@ -225,7 +227,7 @@ fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(),
         Message::Link(link) => Some(link),
         _ => None,
     };
-    // What tells the sample rate, and the counts, which are since the reset.
+    // The identity gives the sample rate, the status the counts since the reset.
     bead.command(&Request::Identity)?;
     let before = bead.command(&Request::Status)?.last("link frame", link)?;
     let answer = bead.command(&Request::Raw { duration_ms })?;
@@ -286,7 +288,7 @@ fn stream(
             pieces.push(raw);
             None
         }
-        // One each second, and one at the end of the stream, which is when all its scans are counted.
+        // A link frame comes every second, and one at the end of the stream, when all its scans are counted.
         Message::Link(link) => {
             let counted = link.raw_sent + link.raw_dropped - before.raw_sent - before.raw_dropped;
             let scans = duration_ms * u64::from(frame.sample_rate_hz.unwrap_or(0)) / 1000;

@@ -1,4 +1,4 @@
-//! `bead settings`: what a bead is told of itself, read, written and shown.
+//! `bead settings`: a bead's settings, read, written and shown.
 
 use std::fs;
 use std::io::Write;
@@ -47,7 +47,7 @@ enum Action {
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },
-    /// Give a bead other settings: in force from the next strike on, and kept in its flash.
+    /// Write settings to a bead: they are in force from the next strike on, and kept in its flash.
     Write {
         /// The settings.
         #[arg(value_name = "F.settings")]
@@ -64,7 +64,8 @@ enum Action {
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },
-    /// Make a bead forget what it was given over the link: back to the settings of the debug probe, or the built-in ones.
+    /// Erase the settings that a bead was given over the link. It goes back to the settings of the debug
+    /// probe, or to the built-in ones.
     Reset {
         #[command(flatten)]
         line: LineOptions,
@@ -122,7 +123,7 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
     }
 }
 
-/// A full store is made room in when the bead starts.
+/// A bead makes room in a full store when it starts.
 fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Reply, Failure> {
     eprintln!(
         "bead: its flash has no room for another block; resetting it, which makes some and takes a few seconds"
@@ -160,7 +161,7 @@ fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result
     }
 }
 
-/// Every setting with its unit; coefficients as the numbers that they stand for.
+/// Every setting with its unit. Coefficients are shown as the numbers that they stand for.
 fn table(settings: &Settings) -> String {
     let Settings {
         name,
