@@ -95,7 +95,7 @@ impl Conversation {
     ///
     /// # Errors
     /// The port goes away, or no reply comes.
-    pub fn ask(&mut self, request: &Request) -> Result<Answer, LineError> {
+    pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
         let number = self.next;
         self.next = self.next.wrapping_add(1);
         let mut buffer = [0; MAX_REQUEST];
@@ -124,9 +124,9 @@ impl Conversation {
     /// Sends a request and returns the bead's answer if the request was done.
     ///
     /// # Errors
-    /// As [`ask`](Self::ask), and [`LineError::Refused`] with the bead's reason if it refuses.
-    pub fn command(&mut self, request: &Request) -> Result<Answer, LineError> {
-        let answer = self.ask(request)?;
+    /// As [`request`](Self::request), and [`LineError::Refused`] with the bead's reason if it refuses.
+    pub fn request_done(&mut self, request: &Request) -> Result<Answer, LineError> {
+        let answer = self.request(request)?;
         match answer.reply.outcome {
             Outcome::Done => Ok(answer),
             _ => Err(refused(&answer.reply)),
@@ -136,11 +136,11 @@ impl Conversation {
     /// Resets the bead, waits until it is back, and returns the number of its boot.
     ///
     /// # Errors
-    /// As [`command`](Self::command), or it does not come back within 10 s.
+    /// As [`request_done`](Self::request_done), or it does not come back within 10 s.
     pub fn reboot(&mut self) -> Result<u32, LineError> {
         /// Erasing a sector takes four seconds; the rest is margin.
         const START: Duration = Duration::from_secs(10);
-        self.command(&Request::Reboot)?;
+        self.request_done(&Request::Reboot)?;
         let boot = self.listen(START, |frame| match &frame.message {
             // The first frame of a boot.
             Message::Identity(identity) if frame.header.sequence == 0 => Some(identity.boot),

@@ -393,16 +393,16 @@ fn common_edges(own: &Segment, reference: &Segment) -> Option<Vec<(f64, f64)>> {
 
 /// What `bead clock` finds: each recording against the host, and against the first.
 #[derive(Debug, Clone, Serialize)]
-pub struct Report {
+pub struct ClockComparison {
     /// One for each recording and boot.
     pub clocks: Vec<ClockReport>,
-    /// Where [`AlignmentReport`]s and [`StrikeReport`]s count their time from, if there are any: the first
+    /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: the first
     /// recording's boot with most edges.
     pub reference: Option<Place>,
     /// One for each other recording and boot that has two edges or more in common with the reference.
     pub alignments: Vec<AlignmentReport>,
     /// Strikes on the reference's time, in the order of their arrival.
-    pub strikes: Vec<StrikeReport>,
+    pub strikes: Vec<StrikeArrival>,
 }
 
 /// A recording and a boot in it.
@@ -456,7 +456,7 @@ pub struct AlignmentReport {
 
 /// A strike on the reference's time.
 #[derive(Debug, Clone, Serialize)]
-pub struct StrikeReport {
+pub struct StrikeArrival {
     /// Where it was felt.
     #[serde(flatten)]
     pub place: Place,
@@ -470,7 +470,7 @@ pub struct StrikeReport {
 ///
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
-pub fn compare(paths: &[PathBuf]) -> Result<Report, RecordingError> {
+pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     let mut all = Vec::new();
     for path in paths {
         let received = Received::open(path)?;
@@ -488,7 +488,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<Report, RecordingError> {
         all.push(fitted);
     }
     let clocks = all.iter().flatten().map(clock_report).collect();
-    let mut report = Report {
+    let mut report = ClockComparison {
         clocks,
         reference: None,
         alignments: Vec::new(),
@@ -562,9 +562,9 @@ fn struck<'a>(
     place: &'a Place,
     segment: &'a Segment,
     reference: impl Fn(f64) -> f64 + 'a,
-) -> impl Iterator<Item = StrikeReport> + 'a {
+) -> impl Iterator<Item = StrikeArrival> + 'a {
     segment.struck.iter().filter_map(move |struck| {
-        Some(StrikeReport {
+        Some(StrikeArrival {
             place: place.clone(),
             strike: struck.strike,
             arrival_s: reference(segment.seconds(struck.position)?),

@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::recording::clock::{Place, Report, compare};
+use crate::recording::clock::{ClockComparison, Place, compare};
 
 const AFTER_HELP: &str = "\
 Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive times of the
@@ -65,7 +65,7 @@ fn named(place: &Place) -> String {
 const CLOCKS: &str = "against this host | index 0 was at | for s | frames | drift ppm | ± | residual µs | delay µs \
                       | edges | missed";
 
-fn table(report: &Report) -> String {
+fn table(report: &ClockComparison) -> String {
     let micro = |seconds: f64| format!("{:.1}", seconds * 1e6);
     let clocks = report.clocks.iter().map(|clock| {
         let [ppm, within] = drift(clock.drift_ppm.unwrap_or(0.0), clock.drift_uncertainty_ppm);

@@ -99,7 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// Sends a request whose answer is only that it was done.
 fn simple(common: &Common, request: &Request, done: &str) -> Result<(), Failure> {
-    common.line.open()?.command(request)?;
+    common.line.open()?.request_done(request)?;
     said(common.format, &json!({ "outcome": "done" }), done)
 }
 
@@ -111,7 +111,7 @@ fn said(format: Format, json: &Value, text: &str) -> Result<(), Failure> {
 }
 
 fn identity(common: &Common) -> Result<(), Failure> {
-    let answer = common.line.open()?.command(&Request::Identity)?;
+    let answer = common.line.open()?.request_done(&Request::Identity)?;
     let body = answer.last("identity frame", |frame| {
         matches!(frame.message, Message::Identity(_)).then(|| frame.body())
     })?;
@@ -122,7 +122,7 @@ fn identity(common: &Common) -> Result<(), Failure> {
 }
 
 fn status(common: &Common) -> Result<(), Failure> {
-    let answer = common.line.open()?.command(&Request::Status)?;
+    let answer = common.line.open()?.request_done(&Request::Status)?;
     let body = |what: &str, wanted: fn(&Message) -> bool| {
         answer.last(what, |frame| wanted(&frame.message).then(|| frame.body()))
     };
@@ -155,7 +155,7 @@ fn rows<const N: usize>(objects: [&Value; N]) -> String {
 }
 
 fn self_test(common: &Common) -> Result<(), Failure> {
-    let answer = common.line.open()?.command(&Request::SelfTest)?;
+    let answer = common.line.open()?.request_done(&Request::SelfTest)?;
     let checks: Vec<_> = answer
         .frames
         .iter()
@@ -228,9 +228,9 @@ fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(),
         _ => None,
     };
     // The identity gives the sample rate, the status the counts since the reset.
-    bead.command(&Request::Identity)?;
-    let before = bead.command(&Request::Status)?.last("link frame", link)?;
-    let answer = bead.command(&Request::Raw { duration_ms })?;
+    bead.request_done(&Request::Identity)?;
+    let before = bead.request_done(&Request::Status)?.last("link frame", link)?;
+    let answer = bead.request_done(&Request::Raw { duration_ms })?;
     let (pieces, after) = stream(&mut bead, answer, duration, before, u64::from(duration_ms))?;
 
     let write = |to: &mut dyn Write| -> std::io::Result<()> {

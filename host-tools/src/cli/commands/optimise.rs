@@ -118,7 +118,7 @@ const PAPER: [(&str, f64); 2] = [
 
 /// The result, as printed in JSON.
 #[derive(Serialize)]
-struct Report {
+struct SearchReport {
     hosts: Vec<usize>,
     total_mass: f64,
     mass: [f64; 2],
@@ -157,7 +157,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
         output::write_bytes(out, text)?;
     }
-    let report = Report {
+    let report = SearchReport {
         hosts: search.hosts,
         total_mass: search.total_mass,
         mass: search.mass,
@@ -252,7 +252,7 @@ fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)
 }
 
-fn table(scenario: &Scenario, report: &Report) -> String {
+fn table(scenario: &Scenario, report: &SearchReport) -> String {
     let mut parts = Vec::new();
     if !scenario.title.is_empty() {
         parts.push(scenario.title.clone());
@@ -305,7 +305,7 @@ fn table(scenario: &Scenario, report: &Report) -> String {
     parts.join("\n\n")
 }
 
-fn intruders(report: &Report) -> String {
+fn intruders(report: &SearchReport) -> String {
     let optimum = &report.optimum;
     let figure = |value: f64, unit: f64, [low, high]: [f64; 2]| {
         let bound = value < low * 1.001 || value > high * 0.999;

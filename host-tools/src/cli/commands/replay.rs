@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct ReplayReport {
     identical: bool,
     strikes: Vec<Strike>,
 }
@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if strikes.is_empty() {
         return Err(received.no_strike(recorded.frames().counters()).into());
     }
-    let report = Report {
+    let report = ReplayReport {
         identical: strikes.iter().all(|strike| strike.identical),
         strikes,
     };
@@ -82,7 +82,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-fn table(report: &Report) -> String {
+fn table(report: &ReplayReport) -> String {
     let mut table = output::table(["strike", "sample index", "samples", "chunks", "replay"]);
     for strike in &report.strikes {
         table.add_row([

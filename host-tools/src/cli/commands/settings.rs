@@ -81,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             print(&block, *format, || format!("{}: ", file.display()))
         }
         Action::Reset { line } => {
-            let answer = line.open()?.command(&Request::EraseSettings)?;
+            let answer = line.open()?.request_done(&Request::EraseSettings)?;
             eprintln!("bead: settings {}", answer.reply.detail);
             Ok(())
         }
@@ -89,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn read(line: &LineOptions, out: Option<&Path>, format: Format) -> Result<(), Failure> {
-    let answer = line.open()?.command(&Request::ReadSettings)?;
+    let answer = line.open()?.request_done(&Request::ReadSettings)?;
     let block = answer.last("settings frame", |frame| match &frame.message {
         Message::Settings(settings) => Some(settings.block.clone()),
         _ => None,
@@ -106,7 +106,7 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
     let request = Request::WriteSettings {
         block: Block::try_from(&block[..]).or_input(|| "this is not a settings block")?,
     };
-    let mut reply = bead.ask(&request)?.reply;
+    let mut reply = bead.request(&request)?.reply;
     if reply.outcome == Outcome::StoreFull {
         reply = after_reboot(&mut bead, &request)?;
     }
@@ -129,7 +129,7 @@ fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Reply, Fai
         "bead: its flash has no room for another block; resetting it, which makes some and takes a few seconds"
     );
     bead.reboot()?;
-    Ok(bead.ask(request)?.reply)
+    Ok(bead.request(request)?.reply)
 }
 
 fn load(file: &Path) -> Result<Vec<u8>, Failure> {
