@@ -272,7 +272,7 @@ const HEADINGS: [&str; 8] = [
 ];
 
 fn table(cells: &[Cell]) -> String {
-    output::columns(&HEADINGS.join(" | "), cells.iter().map(row))
+    output::table(&HEADINGS.join(" | "), cells.iter().map(row))
 }
 
 fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {

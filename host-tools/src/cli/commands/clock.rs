@@ -82,7 +82,7 @@ fn table(report: &ClockComparison) -> String {
             clock.edges_missed.to_string(),
         ]
     });
-    let mut parts = vec![output::columns(CLOCKS, clocks)];
+    let mut parts = vec![output::table(CLOCKS, clocks)];
     let Some(reference) = &report.reference else {
         return parts.concat();
     };
@@ -106,13 +106,13 @@ fn table(report: &ClockComparison) -> String {
         "against {} | edges in common | index 0 was at s | drift ppm | ± | residual ns | largest ns",
         named(reference)
     );
-    parts.push(output::columns(&header, alignments));
+    parts.push(output::table(&header, alignments));
     if !report.strikes.is_empty() {
         let strikes = report.strikes.iter().map(|strike| {
             let arrival = format!("{:.9}", strike.arrival_s);
             [named(&strike.place), strike.strike.to_string(), arrival]
         });
-        parts.push(output::columns("strike at | number | arrived at s", strikes));
+        parts.push(output::table("strike at | number | arrived at s", strikes));
     }
     parts.join("\n\n")
 }

@@ -4,7 +4,7 @@ use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bead_wire::{Check, Link, Message, Raw, Request, Standing};
+use bead_wire::{Check, Link, Message, Raw, Request, SelfTest, Standing};
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
@@ -88,11 +88,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
         Action::Reboot(common) => {
             let boot = common.line.open()?.reboot()?;
-            said(
-                common.format,
-                &json!({ "boot": boot }),
-                &format!("in boot {boot}"),
-            )
+            output::print(common.format, &json!({ "boot": boot }), || {
+                format!("in boot {boot}")
+            })
         }
     }
 }
@@ -100,14 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Sends a request whose answer is only that it was done.
 fn simple(common: &Common, request: &Request, done: &str) -> Result<(), Failure> {
     common.line.open()?.request_done(request)?;
-    said(common.format, &json!({ "outcome": "done" }), done)
-}
-
-fn said(format: Format, json: &Value, text: &str) -> Result<(), Failure> {
-    match format {
-        Format::Json => output::print_json(json),
-        Format::Table => output::print_line(text),
-    }
+    output::print(common.format, &json!({ "outcome": "done" }), || done.to_owned())
 }
 
 fn identity(common: &Common) -> Result<(), Failure> {
@@ -115,10 +106,7 @@ fn identity(common: &Common) -> Result<(), Failure> {
     let body = answer.last("identity frame", |frame| {
         matches!(frame.message, Message::Identity(_)).then(|| frame.body())
     })?;
-    match common.format {
-        Format::Json => output::print_json(&body),
-        Format::Table => output::print_line(&rows([&body])),
-    }
+    output::print(common.format, &body, || rows([&body]))
 }
 
 fn status(common: &Common) -> Result<(), Failure> {
@@ -129,16 +117,14 @@ fn status(common: &Common) -> Result<(), Failure> {
     let status = body("status frame", |message| matches!(message, Message::Status(_)))?;
     let health = body("health frame", |message| matches!(message, Message::Health(_)))?;
     let link = body("link frame", |message| matches!(message, Message::Link(_)))?;
-    match common.format {
-        Format::Json => output::print_json(&json!({ "status": status, "health": health, "link": link })),
-        Format::Table => output::print_line(&rows([&status, &health, &link])),
-    }
+    let all = json!({ "status": status, "health": health, "link": link });
+    output::print(common.format, &all, || rows([&status, &health, &link]))
 }
 
 /// The members of JSON objects by name, one in each row.
 fn rows<const N: usize>(objects: [&Value; N]) -> String {
-    let mut table = output::table(["", ""]);
-    for (key, value) in objects.iter().filter_map(|object| object.as_object()).flatten() {
+    let members = objects.iter().filter_map(|object| object.as_object()).flatten();
+    let rows = members.map(|(key, value)| {
         let value = match value {
             Value::String(text) => text.clone(),
             Value::Array(items) if items.is_empty() => "none".to_owned(),
@@ -148,10 +134,10 @@ fn rows<const N: usize>(objects: [&Value; N]) -> String {
             }
             other => other.to_string(),
         };
-        table.add_row([key.replace('_', " "), value]);
-    }
+        [key.replace('_', " "), value]
+    });
     // Without its empty header.
-    output::table_text(&table).trim_start().to_owned()
+    output::table("|", rows).trim_start().to_owned()
 }
 
 fn self_test(common: &Common) -> Result<(), Failure> {
@@ -169,20 +155,13 @@ fn self_test(common: &Common) -> Result<(), Failure> {
             "the bead tested itself, but what it found was lost on the way; ask again",
         ));
     }
-    match common.format {
-        Format::Json => output::print_json(&checks)?,
-        Format::Table => {
-            let mut table = output::table(["check", "", "found"]);
-            for test in &checks {
-                table.add_row([
-                    test.check.to_string(),
-                    (if test.passed { "passed" } else { "FAILED" }).to_owned(),
-                    found(test.check, test.value),
-                ]);
-            }
-            output::print_line(&output::table_text(&table))?;
-        }
-    }
+    output::print(common.format, &checks, || {
+        let row = |test: &SelfTest| {
+            let passed = output::either(test.passed, "passed", "FAILED");
+            [test.check.to_string(), passed, found(test.check, test.value)]
+        };
+        output::table("check | | found", checks.iter().map(row))
+    })?;
     let failed: Vec<_> = checks
         .iter()
         .filter(|test| !test.passed)
@@ -271,7 +250,7 @@ fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(),
         return Ok(());
     }
     output::write_whole(out, |file| Ok(write(file)?))?;
-    said(common.format, &summary, &text)
+    output::print(common.format, &summary, || text)
 }
 
 /// The pieces of a raw stream, and the counts at its end.

@@ -179,7 +179,7 @@ fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
             .concat(),
         );
     }
-    output::columns(
+    output::table(
         "| device | replay | f64, same samples | f64 chain | device off by | goal |",
         rows,
     )

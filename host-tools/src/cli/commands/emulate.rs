@@ -272,7 +272,7 @@ fn strikes(report: &RunReport) -> String {
             output::either(flags.is_empty(), "-", &flags),
         ]
     };
-    output::columns(STRIKES, report.measured().map(row))
+    output::table(STRIKES, report.measured().map(row))
 }
 
 fn counts(report: &RunReport) -> String {
@@ -296,7 +296,7 @@ fn counts(report: &RunReport) -> String {
         row("overruns", report.overruns),
         row("resets", report.resets as u64),
     ]);
-    output::columns("frames |", rows)
+    output::table("frames |", rows)
 }
 
 fn provoked(report: &RunReport) -> String {
@@ -309,7 +309,7 @@ fn provoked(report: &RunReport) -> String {
             provoked.cause.map_or("-".to_owned(), |_| reported),
         ]
     });
-    output::columns("provoked | at (s) | to be reported as | reported", rows)
+    output::table("provoked | at (s) | to be reported as | reported", rows)
 }
 
 fn reported(report: &RunReport) -> String {
@@ -321,7 +321,7 @@ fn reported(report: &RunReport) -> String {
             fault.detail.clone(),
         ]
     });
-    output::columns("the bead reported | at sample | of boot | detail", rows)
+    output::table("the bead reported | at sample | of boot | detail", rows)
 }
 
 fn instructions(report: &RunReport) -> String {
@@ -333,5 +333,5 @@ fn instructions(report: &RunReport) -> String {
         };
         [name.to_owned(), count, part]
     });
-    output::columns("instructions a sample | | of those that fit", rows)
+    output::table("instructions a sample | | of those that fit", rows)
 }

@@ -113,17 +113,16 @@ fn verdict(outcomes: &[Outcome], check: bool) -> Result<(), Failure> {
 }
 
 fn table(outcomes: &[Outcome]) -> String {
-    let mut table = output::table(["figure and check", "value", "expected", "unit", ""]);
-    for outcome in outcomes {
-        for check in &outcome.checks {
-            table.add_row([
+    let rows = outcomes.iter().flat_map(|outcome| {
+        outcome.checks.iter().map(|check| {
+            [
                 format!("{:<5} {}", outcome.name, check.what),
                 chapter::number(check.value),
                 chapter::expectation(check),
                 check.unit.to_owned(),
-                if check.pass { "ok" } else { "FAILED" }.to_owned(),
-            ]);
-        }
-    }
-    output::table_text(&table)
+                output::either(check.pass, "ok", "FAILED"),
+            ]
+        })
+    });
+    output::table("figure and check | value | expected | unit |", rows)
 }

@@ -281,7 +281,7 @@ fn table(scenario: &Scenario, report: &SearchReport) -> String {
     });
     let header =
         "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts";
-    parts.push(output::columns(header, strikes));
+    parts.push(output::table(header, strikes));
 
     let remains = match (report.aim, optimum.strikes.len()) {
         (_, 1) => "remains (%)",
@@ -297,7 +297,7 @@ fn table(scenario: &Scenario, report: &SearchReport) -> String {
         .collect();
     rows.push(row("best that are all alike", String::new(), optimum.share_alike));
     rows.push(row("best", grams(total_mass(&optimum.intruders)), optimum.share));
-    parts.push(output::columns(
+    parts.push(output::table(
         &format!("intruders | together (g) | {remains}"),
         rows,
     ));
@@ -333,7 +333,7 @@ fn intruders(report: &SearchReport) -> String {
             percent(absorbed),
         ]
     });
-    output::columns(
+    output::table(
         "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)",
         rows,
     )

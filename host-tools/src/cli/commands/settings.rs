@@ -151,14 +151,8 @@ fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result
             whose()
         ))
     })?;
-    match format {
-        Format::Json => output::print_json(&json!({
-            "version": VERSION,
-            "bytes": block.len(),
-            "settings": settings,
-        })),
-        Format::Table => output::print_line(&table(&settings)),
-    }
+    let json = json!({ "version": VERSION, "bytes": block.len(), "settings": settings });
+    output::print(format, &json, || table(&settings))
 }
 
 /// Every setting with its unit. Coefficients are shown as the numbers that they stand for.
@@ -286,11 +280,7 @@ fn table(settings: &Settings) -> String {
         ),
         ("and so from", part(ringing.decay_tolerance.to_num())),
     ];
-    let mut table = output::table(["setting", ""]);
-    for (name, value) in rows {
-        table.add_row([name.to_owned(), value]);
-    }
-    output::table_text(&table)
+    output::table("setting |", rows.map(|(name, value)| [name.to_owned(), value]))
 }
 
 #[cfg(test)]

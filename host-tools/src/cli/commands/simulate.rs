@@ -60,7 +60,7 @@ fn table(scenario: &Scenario, summary: &Summary) -> String {
                 .map_or_else(|| "-".to_owned(), |width| format!("{:.4}", width * 1e3)),
         ]
     });
-    parts.push(output::columns(
+    parts.push(output::table(
         "contact | peak force (N) | at (ms) | width at half (ms)",
         contacts,
     ));
@@ -77,7 +77,7 @@ fn table(scenario: &Scenario, summary: &Summary) -> String {
         });
         let header =
             "intruder in bead | acceleration max (m/s²) | min (m/s²) | displacement (µm) | dissipated (nJ)";
-        parts.push(output::columns(header, intruders));
+        parts.push(output::table(header, intruders));
     }
 
     let energy = &summary.energy;
@@ -94,7 +94,7 @@ fn table(scenario: &Scenario, summary: &Summary) -> String {
         let part = format!("{:.3} %", joule / energy.striker_initial * 100.0);
         [name.to_owned(), format!("{:.4}", joule * 1e6), part]
     });
-    parts.push(output::columns("energy | µJ | of the striker's", energies));
+    parts.push(output::table("energy | µJ | of the striker's", energies));
 
     let solver = &summary.solver;
     parts.push(format!(
