@@ -102,7 +102,7 @@ impl Flow<'_> {
         passed += integrate(
             &mut Inside::new(self.solution, step),
             self.contact,
-            self.solution.time(step),
+            self.solution.times[step],
             t,
         );
         passed

@@ -146,12 +146,13 @@ pub struct Model {
     /// Mass of bodies 0..=N, intruders included, kg.
     masses: Vec<f64>,
     /// The same less the intruders: what the contacts accelerate directly.
-    shells: Vec<f64>,
+    pub(crate) shells: Vec<f64>,
     /// Contacts 1..=N, and N + 1 if there is a wall, at index j - 1.
     contacts: Vec<Contact>,
     /// In the order of their beads.
     intruders: Vec<HostedIntruder>,
-    clipped: bool,
+    /// Whether contact forces are kept from falling below zero.
+    pub(crate) clipped: bool,
     striker_speed: f64,
 }
 
@@ -264,16 +265,6 @@ impl Model {
     /// Speed of the striker at t = 0, m/s.
     pub fn striker_speed(&self) -> f64 {
         self.striker_speed
-    }
-
-    /// Mass of a body without its intruder, kg: what contacts and spring accelerate directly.
-    pub(crate) fn shell(&self, body: usize) -> f64 {
-        self.shells[body]
-    }
-
-    /// Whether contact forces are kept from falling below zero.
-    pub(crate) fn clipped(&self) -> bool {
-        self.clipped
     }
 
     pub(crate) fn layout(&self) -> Layout {

@@ -128,7 +128,7 @@ impl Solution {
     pub fn summary(&self) -> Summary {
         let model = self.model();
         let layout = model.layout();
-        let last = self.summary_end();
+        let last = self.summary_end;
         let end = self.state(last);
         let energies = model.energies(end);
         let striker_initial = model.striker_energy();
@@ -138,7 +138,7 @@ impl Solution {
         Summary {
             peak_force: self.contact_peaks(),
             final_state: FinalState {
-                time: self.time(last),
+                time: self.times[last],
                 displacement: (0..model.bodies()).map(|body| end[body]).collect(),
                 velocity: (0..model.bodies())
                     .map(|body| end[layout.velocity(body)])
@@ -171,8 +171,8 @@ impl Solution {
                 .collect(),
             solver: SolverSummary {
                 steps: self.step_times().len() as u64 - 1,
-                evaluations: self.evaluations(),
-                seconds: self.seconds(),
+                evaluations: self.evaluations,
+                seconds: self.seconds,
             },
         }
     }
@@ -208,7 +208,7 @@ impl Solution {
     /// The greatest (or least) value of a quantity.
     fn peak(&self, quantity: Quantity, side: Side) -> Peak {
         let sign = if side == Side::Up { 1.0 } else { -1.0 };
-        let last = self.summary_end();
+        let last = self.summary_end;
         let value = |knot: usize| sign * quantity.value(self.model(), self.state(knot));
         let values: Vec<f64> = (0..=last).map(value).collect();
         let coarse = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -239,11 +239,11 @@ impl Solution {
                     best = Peak { value, time, knot };
                 }
             };
-            consider(values[knot], self.time(knot));
+            consider(values[knot], self.times[knot]);
             for step in knot.saturating_sub(1)..(knot + 1).min(last) {
                 if rises(step) && !rises(step + 1) {
                     let mut inside = Inside::new(self, step);
-                    let (from, to) = (self.time(step), self.time(step + 1));
+                    let (from, to) = (self.times[step], self.times[step + 1]);
                     let time = crossing(from, to, |t| sign * inside.rate(quantity, t));
                     consider(sign * inside.value(quantity, time), time);
                 }
@@ -261,10 +261,10 @@ impl Solution {
         let half = 0.5 * peak.value;
         let below = |knot: &usize| quantity.value(self.model(), self.state(*knot)) < half;
         let rise = (0..=peak.knot).rev().find(below)?;
-        let fall = (peak.knot..=self.summary_end()).find(below)?;
+        let fall = (peak.knot..=self.summary_end).find(below)?;
         let through = |step: usize| {
             let mut inside = Inside::new(self, step);
-            crossing(self.time(step), self.time(step + 1), |t| {
+            crossing(self.times[step], self.times[step + 1], |t| {
                 inside.value(quantity, t) - half
             })
         };

@@ -49,7 +49,7 @@ impl Model {
         let square = |body: usize| y[layout.velocity(body)] * y[layout.velocity(body)];
         let mut energies = RegionEnergies::default();
         for body in beads.clone() {
-            energies.kinetic += 0.5 * self.shell(body) * square(body);
+            energies.kinetic += 0.5 * self.shells[body] * square(body);
             energies.kinetic_as_printed += 0.5 * self.mass(body) * square(body);
             if body > 0 {
                 energies.elastic += self.contact_energy(y, body);

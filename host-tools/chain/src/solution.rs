@@ -17,33 +17,19 @@ use crate::region::RegionEnergies;
 /// keep more than 4 GB is refused.
 #[derive(Debug, Clone)]
 pub struct Solution {
-    model: Model,
-    times: Vec<f64>,
-    states: Vec<f64>,
-    summary_end: usize,
-    evaluations: u64,
-    seconds: f64,
+    pub(crate) model: Model,
+    /// Ends of the steps, s.
+    pub(crate) times: Vec<f64>,
+    /// The state at each of them, one after another.
+    pub(crate) states: Vec<f64>,
+    /// Index of the scenario's end in `times`.
+    pub(crate) summary_end: usize,
+    pub(crate) evaluations: u64,
+    /// Wall-clock time, s.
+    pub(crate) seconds: f64,
 }
 
 impl Solution {
-    pub(crate) fn new(
-        model: Model,
-        times: Vec<f64>,
-        states: Vec<f64>,
-        summary_end: usize,
-        evaluations: u64,
-        seconds: f64,
-    ) -> Self {
-        Self {
-            model,
-            times,
-            states,
-            summary_end,
-            evaluations,
-            seconds,
-        }
-    }
-
     /// Masses, contacts and intruders of the chain.
     pub fn model(&self) -> &Model {
         &self.model
@@ -114,23 +100,6 @@ impl Solution {
         );
         let knot = self.times.partition_point(|&time| time <= t);
         knot.clamp(1, self.times.len() - 1) - 1
-    }
-
-    /// Step whose end is the end of the scenario.
-    pub(crate) fn summary_end(&self) -> usize {
-        self.summary_end
-    }
-
-    pub(crate) fn evaluations(&self) -> u64 {
-        self.evaluations
-    }
-
-    pub(crate) fn seconds(&self) -> f64 {
-        self.seconds
-    }
-
-    pub(crate) fn time(&self, knot: usize) -> f64 {
-        self.times[knot]
     }
 
     pub(crate) fn state(&self, knot: usize) -> &[f64] {
@@ -225,32 +194,28 @@ impl Snapshot<'_> {
         self.model.force(&self.state, contact)
     }
 
-    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m.
+    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; none without an intruder.
     pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
-        Some(self.state[self.model.layout().relative(self.model.intruder_of(bead)?)])
+        let intruder = self.model.intruder_of(bead)?;
+        Some(self.state[self.model.layout().relative(intruder)])
     }
 
     /// Its rate, m/s.
     pub fn intruder_velocity(&self, bead: usize) -> Option<f64> {
-        Some(
-            self.state[self
-                .model
-                .layout()
-                .relative_velocity(self.model.intruder_of(bead)?)],
-        )
+        let intruder = self.model.intruder_of(bead)?;
+        Some(self.state[self.model.layout().relative_velocity(intruder)])
     }
 
-    /// Absolute acceleration of the intruder in `bead`, m/s².
+    /// Absolute acceleration of the intruder in `bead`, m/s²; none without an intruder.
     pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
-        Some(
-            self.model
-                .intruder_acceleration(&self.state, self.model.intruder_of(bead)?),
-        )
+        let intruder = self.model.intruder_of(bead)?;
+        Some(self.model.intruder_acceleration(&self.state, intruder))
     }
 
-    /// Energy lost so far in the intruder of `bead`, ∫ c x'² dt, J.
+    /// Energy that the intruder in `bead` has dissipated, ∫ c x'² dt, J; none without an intruder.
     pub fn intruder_dissipated(&self, bead: usize) -> Option<f64> {
-        Some(self.state[self.model.layout().intruder_loss(self.model.intruder_of(bead)?)])
+        let intruder = self.model.intruder_of(bead)?;
+        Some(self.state[self.model.layout().intruder_loss(intruder)])
     }
 
     /// Energies of beads `beads.start()` to `beads.end()`, by kind, J; body 0 is the striker.

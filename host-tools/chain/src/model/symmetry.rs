@@ -285,7 +285,7 @@ fn leaving_the_static_load_out_on_both_sides_changes_nothing() {
             for bead in 1..=5 {
                 let load = if bead == 1 { 2.0 } else { 0.0 };
                 let expected = load + force(bead) - force(bead + 1);
-                let ours = model.shell(bead) * rate[layout.velocity(bead)];
+                let ours = model.shells[bead] * rate[layout.velocity(bead)];
                 assert!((ours - expected).abs() < 1e-13 * 2.0, "{bead}: {ours} {expected}");
                 total += expected.abs();
             }
