@@ -1,0 +1,231 @@
+//! What a search for intruders is given, and whether it makes sense.
+
+use serde::Serialize;
+
+use crate::model::Model;
+use crate::scenario::{InputError, Scenario};
+use crate::simulate::{Accuracy, SimulateError};
+
+/// What to look for, and where. [`Search::new`] sets bounds that suit the chain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Search {
+    /// The beads that may hold an intruder each.
+    pub hosts: Vec<usize>,
+    /// What the intruders may weigh together, kg.
+    pub total_mass: f64,
+    /// Least and greatest mass of each, kg.
+    pub mass: [f64; 2],
+    /// Least and greatest stiffness, N/m.
+    pub stiffness: [f64; 2],
+    /// Least and greatest damping, N·s/m.
+    pub damping: [f64; 2],
+    /// Speeds of the striker, m/s; none is the scenario's own.
+    pub speeds: Vec<f64>,
+    /// What several speeds come to.
+    pub aim: Aim,
+    /// Whether all intruders are to be alike.
+    pub alike: bool,
+    /// Designs to try at most, each at every speed.
+    pub evaluations: usize,
+    /// How closely to integrate while searching; what is found is run again at [`Accuracy::REFERENCE`].
+    pub accuracy: Accuracy,
+}
+
+/// What the shares that remain of several strikes come to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Aim {
+    /// Their mean.
+    #[default]
+    Mean,
+    /// The greatest. The descent follows a power mean, which is smooth; designs are compared by the greatest.
+    Worst,
+}
+
+impl Aim {
+    /// Of these shares. Not a number without any.
+    pub fn of(self, shares: &[f64]) -> f64 {
+        match self {
+            Self::Mean => shares.iter().sum::<f64>() / shares.len() as f64,
+            Self::Worst => shares.iter().copied().fold(f64::NAN, f64::max),
+        }
+    }
+}
+
+impl Search {
+    /// A search with bounds taken from the chain: masses up to half the lightest host; stiffness and damping from far below to
+    /// far above what answers to a strike, which is M ω² and M ω with M of the lightest host and π/ω the time of a contact.
+    ///
+    /// # Errors
+    /// [`OptimiseError`]: the scenario, the hosts or the total mass are not what a search can use.
+    pub fn new(scenario: &Scenario, hosts: Vec<usize>, total_mass: f64) -> Result<Self, OptimiseError> {
+        scenario.check()?;
+        check_hosts(scenario, &hosts)?;
+        check_total(scenario, &hosts, total_mass)?;
+        let (_, host) = lightest(scenario, &hosts);
+        let rate = std::f64::consts::PI / Model::new(scenario).shortest_contact();
+        let heaviest = 0.5 * host;
+        Ok(Self {
+            mass: [0.02 * heaviest.min(total_mass / hosts.len() as f64), heaviest],
+            stiffness: [1e-5 * host * rate * rate, host * rate * rate],
+            damping: [1e-4 * host * rate, 0.2 * host * rate],
+            hosts,
+            total_mass,
+            speeds: Vec::new(),
+            aim: Aim::default(),
+            alike: false,
+            evaluations: 6000,
+            accuracy: Accuracy::DRAFT,
+        })
+    }
+}
+
+/// Why there is no optimum.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OptimiseError {
+    /// A scenario could not be run.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
+    /// A value of the [`Search`] is not what one can use.
+    #[error("{key}: {what}; {advice}")]
+    Search {
+        /// Its field.
+        key: &'static str,
+        /// What is wrong.
+        what: String,
+        /// What would do.
+        advice: String,
+    },
+}
+
+impl From<InputError> for OptimiseError {
+    fn from(error: InputError) -> Self {
+        Self::Simulate(error.into())
+    }
+}
+
+/// Points of the coarse grid in mass, stiffness, damping.
+pub(super) const COARSE: [usize; 3] = [2, 9, 7];
+
+fn complaint(key: &'static str, what: String, advice: impl Into<String>) -> OptimiseError {
+    OptimiseError::Search {
+        key,
+        what,
+        advice: advice.into(),
+    }
+}
+
+fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
+    let beads = scenario.spheres();
+    hosts
+        .iter()
+        .map(|&bead| (bead, beads[bead - 1].mass()))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .expect("hosts have been checked to be there")
+}
+
+fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), OptimiseError> {
+    let beads = scenario.chain.beads;
+    if hosts.is_empty() {
+        let advice = format!("name at least one bead from 1 to {beads}, such as 7-16");
+        return Err(complaint("hosts", "names no bead".to_owned(), advice));
+    }
+    for (index, bead) in hosts.iter().enumerate() {
+        if !(1..=beads).contains(bead) {
+            let advice = format!("beads are counted from 1 to {beads} (chain.beads)");
+            return Err(complaint(
+                "hosts",
+                format!("bead {bead} is not in the chain"),
+                advice,
+            ));
+        }
+        if hosts[..index].contains(bead) {
+            let what = format!("bead {bead} is named twice");
+            return Err(complaint("hosts", what, "name each bead once"));
+        }
+    }
+    Ok(())
+}
+
+fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), OptimiseError> {
+    if !(total.is_finite() && total > 0.0) {
+        let what = format!("{total} is not a positive number");
+        return Err(complaint(
+            "total_mass",
+            what,
+            "give a number above zero in kg, such as 0.037",
+        ));
+    }
+    let (bead, host) = lightest(scenario, hosts);
+    let most = host * hosts.len() as f64;
+    if total >= most {
+        let what = format!(
+            "{total} kg in {} hosts leaves bead {bead}, of {host:.3e} kg, nothing but intruder",
+            hosts.len()
+        );
+        return Err(complaint(
+            "total_mass",
+            what,
+            format!("give less than {most:.3} kg"),
+        ));
+    }
+    Ok(())
+}
+
+pub(super) fn check(scenario: &Scenario, search: &Search) -> Result<(), OptimiseError> {
+    scenario.check()?;
+    check_hosts(scenario, &search.hosts)?;
+    check_total(scenario, &search.hosts, search.total_mass)?;
+    for (key, [low, high]) in [
+        ("mass", search.mass),
+        ("stiffness", search.stiffness),
+        ("damping", search.damping),
+    ] {
+        if !(low.is_finite() && high.is_finite() && low > 0.0 && low < high) {
+            let what = format!("{low} to {high} is no range to search");
+            return Err(complaint(
+                key,
+                what,
+                "give two positive numbers, the lesser first",
+            ));
+        }
+    }
+    let (bead, host) = lightest(scenario, &search.hosts);
+    if search.mass[1] >= host {
+        let what = format!(
+            "{} kg is as heavy as bead {bead} of {host:.3e} kg",
+            search.mass[1]
+        );
+        return Err(complaint("mass", what, "let the greatest mass be less"));
+    }
+    let least = search.mass[0] * search.hosts.len() as f64;
+    if least > search.total_mass {
+        let what = format!(
+            "{} hosts of at least {} kg are more than the total mass of {} kg",
+            search.hosts.len(),
+            search.mass[0],
+            search.total_mass
+        );
+        return Err(complaint("mass", what, "let the least mass be less"));
+    }
+    for speed in &search.speeds {
+        if !(speed.is_finite() && *speed > 0.0) {
+            let what = format!("{speed} is not a positive number");
+            return Err(complaint(
+                "speeds",
+                what,
+                "give numbers above zero in m/s, such as 0.45",
+            ));
+        }
+    }
+    let fewest = COARSE.iter().product::<usize>();
+    if search.evaluations < fewest {
+        let what = format!(
+            "{} are too few: the first, coarse search takes {fewest}",
+            search.evaluations
+        );
+        return Err(complaint("evaluations", what, "give 1000 or more"));
+    }
+    Ok(())
+}
