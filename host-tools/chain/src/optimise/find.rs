@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::problem::Problem;
 use super::remaining::Remaining;
-use super::search::{OptimiseError, Search, check};
+use super::search::{OptimiseError, Search};
 use crate::scenario::{Intruder, MOST_BEADS, Scenario};
 use crate::simulate::Accuracy;
 
@@ -54,7 +54,7 @@ pub fn optimise(
     search: &Search,
     progress: Option<&(dyn Fn(f64) + Sync)>,
 ) -> Result<Optimum, OptimiseError> {
-    check(scenario, search)?;
+    search.check(scenario)?;
     let mut hosts = search.hosts.clone();
     hosts.sort_unstable();
     let mut bare = scenario.clone();
@@ -75,14 +75,14 @@ pub fn optimise(
     let mut spent = 0;
     let coarse = problem.coarse(&mut spent)?;
     let most = spent + (search.evaluations - spent) / if search.alike { 1 } else { 8 };
-    let alike = problem.descend(coarse, 1, most, &mut spent)?;
+    let alike = problem.descend(coarse, most, &mut spent)?;
     let share_alike = alike.value;
     let mut best = alike;
     if !search.alike && problem.hosts.len() > 1 {
         let starts = problem.starts(&best);
         for (index, start) in starts.iter().enumerate() {
             let most = spent + (search.evaluations - spent) / (starts.len() - index);
-            let found = problem.descend(start.clone(), problem.hosts.len(), most, &mut spent)?;
+            let found = problem.descend(start.clone(), most, &mut spent)?;
             if found.value < best.value {
                 best = found;
             }

@@ -60,8 +60,9 @@ impl Search {
     /// [`OptimiseError`]: the scenario, the hosts or the total mass are not what a search can use.
     pub fn new(scenario: &Scenario, hosts: Vec<usize>, total_mass: f64) -> Result<Self, OptimiseError> {
         scenario.check()?;
-        check_hosts(scenario, &hosts)?;
-        check_total(scenario, &hosts, total_mass)?;
+        check_hosts(scenario, &hosts)
+            .and_then(|()| check_total(scenario, &hosts, total_mass))
+            .map_err(OptimiseError::Search)?;
         let (_, host) = lightest(scenario, &hosts);
         let rate = std::f64::consts::PI / Model::new(scenario).shortest_contact();
         let heaviest = 0.5 * host;
@@ -87,16 +88,9 @@ pub enum OptimiseError {
     /// A scenario could not be run.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
-    /// A value of the [`Search`] is not what one can use.
-    #[error("{key}: {what}; {advice}")]
-    Search {
-        /// Its field.
-        key: &'static str,
-        /// What is wrong.
-        what: String,
-        /// What would do.
-        advice: String,
-    },
+    /// A value of the [`Search`] cannot be used; the key is its field.
+    #[error(transparent)]
+    Search(InputError),
 }
 
 impl From<InputError> for OptimiseError {
@@ -108,14 +102,7 @@ impl From<InputError> for OptimiseError {
 /// Points of the coarse grid in mass, stiffness, damping.
 pub(super) const COARSE: [usize; 3] = [2, 9, 7];
 
-fn complaint(key: &'static str, what: String, advice: impl Into<String>) -> OptimiseError {
-    OptimiseError::Search {
-        key,
-        what,
-        advice: advice.into(),
-    }
-}
-
+/// The host of least mass and its mass, kg.
 fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
     let beads = scenario.spheres();
     hosts
@@ -125,16 +112,16 @@ fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
         .expect("hosts have been checked to be there")
 }
 
-fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), OptimiseError> {
+fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), InputError> {
     let beads = scenario.chain.beads;
     if hosts.is_empty() {
         let advice = format!("name at least one bead from 1 to {beads}, such as 7-16");
-        return Err(complaint("hosts", "names no bead".to_owned(), advice));
+        return Err(InputError::at("hosts", "names no bead", advice));
     }
     for (index, bead) in hosts.iter().enumerate() {
         if !(1..=beads).contains(bead) {
             let advice = format!("beads are counted from 1 to {beads} (chain.beads)");
-            return Err(complaint(
+            return Err(InputError::at(
                 "hosts",
                 format!("bead {bead} is not in the chain"),
                 advice,
@@ -142,29 +129,25 @@ fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), OptimiseError
         }
         if hosts[..index].contains(bead) {
             let what = format!("bead {bead} is named twice");
-            return Err(complaint("hosts", what, "name each bead once"));
+            return Err(InputError::at("hosts", what, "name each bead once"));
         }
     }
     Ok(())
 }
 
-fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), OptimiseError> {
+fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), InputError> {
     if !(total.is_finite() && total > 0.0) {
         let what = format!("{total} is not a positive number");
-        return Err(complaint(
-            "total_mass",
-            what,
-            "give a number above zero in kg, such as 0.037",
-        ));
+        let advice = "give a number above zero in kg, such as 0.037";
+        return Err(InputError::at("total_mass", what, advice));
     }
     let (bead, host) = lightest(scenario, hosts);
-    let most = host * hosts.len() as f64;
+    let count = hosts.len();
+    let most = host * count as f64;
     if total >= most {
-        let what = format!(
-            "{total} kg in {} hosts leaves bead {bead}, of {host:.3e} kg, nothing but intruder",
-            hosts.len()
-        );
-        return Err(complaint(
+        let what =
+            format!("{total} kg in {count} hosts leaves bead {bead}, of {host:.3e} kg, nothing but intruder");
+        return Err(InputError::at(
             "total_mass",
             what,
             format!("give less than {most:.3} kg"),
@@ -173,59 +156,58 @@ fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), O
     Ok(())
 }
 
-pub(super) fn check(scenario: &Scenario, search: &Search) -> Result<(), OptimiseError> {
-    scenario.check()?;
-    check_hosts(scenario, &search.hosts)?;
-    check_total(scenario, &search.hosts, search.total_mass)?;
-    for (key, [low, high]) in [
-        ("mass", search.mass),
-        ("stiffness", search.stiffness),
-        ("damping", search.damping),
-    ] {
-        if !(low.is_finite() && high.is_finite() && low > 0.0 && low < high) {
-            let what = format!("{low} to {high} is no range to search");
-            return Err(complaint(
-                key,
-                what,
-                "give two positive numbers, the lesser first",
-            ));
+impl Search {
+    pub(super) fn check(&self, scenario: &Scenario) -> Result<(), OptimiseError> {
+        scenario.check()?;
+        self.check_values(scenario).map_err(OptimiseError::Search)
+    }
+
+    fn check_values(&self, scenario: &Scenario) -> Result<(), InputError> {
+        check_hosts(scenario, &self.hosts)?;
+        check_total(scenario, &self.hosts, self.total_mass)?;
+        for (key, [low, high]) in [
+            ("mass", self.mass),
+            ("stiffness", self.stiffness),
+            ("damping", self.damping),
+        ] {
+            if !(low.is_finite() && high.is_finite() && low > 0.0 && low < high) {
+                let what = format!("{low} to {high} is no range to search");
+                return Err(InputError::at(
+                    key,
+                    what,
+                    "give two positive numbers, the lesser first",
+                ));
+            }
         }
-    }
-    let (bead, host) = lightest(scenario, &search.hosts);
-    if search.mass[1] >= host {
-        let what = format!(
-            "{} kg is as heavy as bead {bead} of {host:.3e} kg",
-            search.mass[1]
-        );
-        return Err(complaint("mass", what, "let the greatest mass be less"));
-    }
-    let least = search.mass[0] * search.hosts.len() as f64;
-    if least > search.total_mass {
-        let what = format!(
-            "{} hosts of at least {} kg are more than the total mass of {} kg",
-            search.hosts.len(),
-            search.mass[0],
-            search.total_mass
-        );
-        return Err(complaint("mass", what, "let the least mass be less"));
-    }
-    for speed in &search.speeds {
-        if !(speed.is_finite() && *speed > 0.0) {
+        let (bead, host) = lightest(scenario, &self.hosts);
+        let [least, greatest] = self.mass;
+        if greatest >= host {
+            let what = format!("{greatest} kg is as heavy as bead {bead} of {host:.3e} kg");
+            return Err(InputError::at("mass", what, "let the greatest mass be less"));
+        }
+        let (count, total) = (self.hosts.len(), self.total_mass);
+        if least * count as f64 > total {
+            let what =
+                format!("{count} hosts of at least {least} kg are more than the total mass of {total} kg");
+            return Err(InputError::at("mass", what, "let the least mass be less"));
+        }
+        if let Some(speed) = self
+            .speeds
+            .iter()
+            .find(|speed| !(speed.is_finite() && **speed > 0.0))
+        {
             let what = format!("{speed} is not a positive number");
-            return Err(complaint(
-                "speeds",
-                what,
-                "give numbers above zero in m/s, such as 0.45",
-            ));
+            let advice = "give numbers above zero in m/s, such as 0.45";
+            return Err(InputError::at("speeds", what, advice));
         }
+        let fewest = COARSE.iter().product::<usize>();
+        if self.evaluations < fewest {
+            let what = format!(
+                "{} are too few: the first, coarse search takes {fewest}",
+                self.evaluations
+            );
+            return Err(InputError::at("evaluations", what, "give 1000 or more"));
+        }
+        Ok(())
     }
-    let fewest = COARSE.iter().product::<usize>();
-    if search.evaluations < fewest {
-        let what = format!(
-            "{} are too few: the first, coarse search takes {fewest}",
-            search.evaluations
-        );
-        return Err(complaint("evaluations", what, "give 1000 or more"));
-    }
-    Ok(())
 }
