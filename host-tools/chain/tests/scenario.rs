@@ -26,7 +26,7 @@ stiffness = 3.95e5
 damping = 12.0
 ";
 
-/// What comes of replacing the first `old` in [`SOUND`].
+/// The error after the first `old` in [`SOUND`] is replaced.
 fn complaint(old: &str, new: &str) -> String {
     assert!(SOUND.contains(old), "{old}");
     complaint_about(&SOUND.replacen(old, new, 1))
@@ -486,7 +486,7 @@ fn more_beads_than_anybody_means_are_refused_at_once() {
     );
 }
 
-/// Lists as long as a chain can be are looked through once, not once for each of their beads.
+/// Lists as long as a chain can be are read through once, not once for each of their beads.
 #[test]
 fn lists_as_long_as_the_longest_chain_are_checked_in_no_time() {
     let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
