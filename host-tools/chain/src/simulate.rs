@@ -10,11 +10,11 @@ use crate::solution::Solution;
 /// How closely the integration follows the equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accuracy {
-    /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth of its
-    /// scale. The scales are the striker's speed, its depth in a bead at rest, and its energy.
+    /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth
+    /// of its scale. The scales are the striker's speed, its depth in a bead at rest, and its energy.
     pub tolerance: f64,
-    /// Longest step, as a part of the scenario's shortest contact. It keeps a step from passing over a collision of
-    /// bodies in free flight.
+    /// Longest step, as a part of the scenario's shortest contact. It keeps a step from passing over a
+    /// collision of bodies in free flight.
     pub longest_step: f64,
 }
 
@@ -85,8 +85,8 @@ pub enum SimulateError {
     /// A value of the scenario or of the [`Options`] is out of range.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// The run needs more steps than memory should hold: it is too long, has too many beads, or something in it is much
-    /// faster than a strike.
+    /// The run needs more steps than memory should hold: it is too long, has too many beads, or something in
+    /// it is much faster than a strike.
     #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or soften the intruders and relaxation that need short steps", MOST_VALUES * 8 / 1_000_000_000)]
     TooLong {
         /// How far the run came, s; 0 if it was clear from the start.
@@ -136,7 +136,8 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     let model = Model::new(scenario);
     let floor = model.scales().into_iter().map(|scale| 0.01 * tolerance * scale);
     let longest = longest_step * model.shortest_contact();
-    // The method is stable for steps of up to some 6 of the shortest time constants. A run takes at least that many.
+    // The method is stable for steps of up to some 6 of the shortest time constants. A run takes at least
+    // that many.
     let fewest_steps = end * (1.0 / longest).max(model.fastest_rate() / 6.0);
     if fewest_steps * model.layout().dimension() as f64 > MOST_VALUES as f64 {
         return Err(SimulateError::TooLong { time: 0.0, end });
@@ -177,8 +178,8 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     })
 }
 
-/// Makes one step. It ends where a contact begins or ceases to be clipped, if it would pass over such a point. The
-/// force has a kink there, which the error estimate misses when it falls between two stages.
+/// Makes one step. It ends where a contact begins or ceases to be clipped, if it would pass over such a
+/// point. The force has a kink there, which the error estimate misses when it falls between two stages.
 fn advance(stepper: &mut Stepper, model: &Model, stop: f64) -> Result<(), Stuck> {
     if !model.clipped {
         return stepper.advance(model, stop);
@@ -207,7 +208,8 @@ fn advance(stepper: &mut Stepper, model: &Model, stop: f64) -> Result<(), Stuck>
             })
         })
         .fold(end, f64::min);
-    // A kink at the very start is the end of the last step, found again. One at the very end is where this step ends.
+    // A kink at the very start is the end of the last step, found again. One at the very end is where this
+    // step ends.
     let part = (kink - start) / (end - start);
     if part > 1e-6 && part < 1.0 - 1e-6 {
         stepper.return_to(model, start, &state);

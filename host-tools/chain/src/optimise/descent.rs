@@ -14,8 +14,8 @@ const STEP: f64 = 1e-3;
 const SETTLED: f64 = 1e-5;
 
 impl Problem<'_> {
-    /// Improves a design until nothing near it is better, or until `most` evaluations are `spent` in all. The intruders
-    /// stay alike if the design has one entry.
+    /// Improves a design until nothing near it is better, or until `most` evaluations are `spent` in all. The
+    /// intruders stay alike if the design has one entry.
     pub(super) fn descend(
         &self,
         start: Tried,
@@ -39,7 +39,8 @@ impl Problem<'_> {
             &variables.bounds,
             &[&overweight as &dyn slsqp::Func<()>],
             (),
-            // Calls. Those after `most` evaluations cost nothing, so the budget never ends a descent before its time.
+            // Calls. Those after `most` evaluations cost nothing, so the budget never ends a descent before
+            // its time.
             most.min(1_000_000),
             Some(StopTols {
                 ftol_rel: SETTLED,
@@ -61,8 +62,8 @@ impl Problem<'_> {
     }
 }
 
-/// The variables of a descent, three for each entry of a design. All are of order one: the mass in parts of the total
-/// that falls to one host, and the logarithms of stiffness and damping.
+/// The variables of a descent, three for each entry of a design. All are of order one: the mass in parts of
+/// the total that falls to one host, and the logarithms of stiffness and damping.
 struct Variables {
     /// The part of the total mass that falls to one host, kg.
     each: f64,
@@ -99,7 +100,8 @@ impl Variables {
             .collect()
     }
 
-    /// Steps to designs beside `x`, one for each variable. Each goes away from the nearer bound, so none crosses it.
+    /// Steps to designs beside `x`, one for each variable. Each goes away from the nearer bound, so none
+    /// crosses it.
     fn steps(&self, x: &[f64]) -> Vec<f64> {
         let away = |(x, (low, high)): (&f64, &(f64, f64))| if *x > 0.5 * (low + high) { -STEP } else { STEP };
         x.iter().zip(&self.bounds).map(away).collect()
@@ -144,7 +146,8 @@ impl Descent<'_> {
         here
     }
 
-    /// Shares at `x`, then a step beside it in each variable; none once the evaluations are spent or a run has failed.
+    /// Shares at `x`, then a step beside it in each variable; none once the evaluations are spent or a run
+    /// has failed.
     fn shares(&mut self, x: &[f64], steps: &[f64]) -> Option<Vec<Vec<f64>>> {
         self.full |= *self.spent + 1 + steps.len() > self.most;
         if self.full || self.failed.is_some() {
@@ -162,7 +165,8 @@ impl Descent<'_> {
     }
 }
 
-/// How much the intruders of a design weigh over the bound on their sum, as a part of it; at most 0 where it is kept.
+/// How much the intruders of a design weigh over the bound on their sum, as a part of it; at most 0 where it
+/// is kept.
 fn overweight(x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()) -> f64 {
     let part = 1.0 / (x.len() / 3) as f64;
     if let Some(gradient) = gradient {

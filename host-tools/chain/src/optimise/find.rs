@@ -18,16 +18,17 @@ pub struct Optimum {
     pub strikes: Vec<Remaining>,
     /// The aim over these strikes.
     pub share: f64,
-    /// The same as the search saw it, at its own accuracy.
+    /// The same as the search found it, at its own accuracy.
     pub share_searched: f64,
-    /// The best of intruders that are all alike, at the search's accuracy.
+    /// The least share of intruders that are all alike, at the search's accuracy.
     pub share_alike: f64,
-    /// How much the share changes if the chain is made twice as long: what the far end has to do with it. Not next to zero, it
-    /// says that a wave came back from there and was counted as absorbed the second time.
+    /// How much the share changes if the chain is made twice as long: the influence of the far end. If it is
+    /// not near zero, a wave came back from there, and its energy was counted as absorbed the second time.
     pub far_end: f64,
-    /// Designs tried.
+    /// Number of designs tried.
     pub evaluations: usize,
-    /// Whether the descent that led here found no better design near by, rather than its part of the evaluations spent.
+    /// Whether the descent that led here found no better design near by. If not, it spent its part of the
+    /// evaluations.
     pub settled: bool,
 }
 
@@ -41,14 +42,14 @@ impl Optimum {
     }
 }
 
-/// Finds the intruders that leave least. The scenario's own are left out. `progress` is told the part of the evaluations
-/// spent. The same input gives the same result, however many processors there are.
+/// Finds the intruders that leave the least energy. The scenario's own are left out. `progress` is called
+/// with the part of the evaluations spent. The same input gives the same result, on any number of processors.
 ///
-/// What is found is a local optimum, the best of four descents (one if [`Search::alike`]); nothing proves that there is none
-/// better.
+/// The result is a local optimum, the best of four descents (of one if [`Search::alike`]). Nothing proves
+/// that there is no better one.
 ///
 /// # Errors
-/// [`OptimiseError`]: a value of scenario or search is out of range, or a run does not get on.
+/// [`OptimiseError`]: a value of scenario or search is out of range, or a run cannot go on.
 pub fn optimise(
     scenario: &Scenario,
     search: &Search,
@@ -90,7 +91,7 @@ pub fn optimise(
     }
 
     let mut intruders = problem.intruders(&best.design);
-    // Rounding that breaks the bound on the sum is taken back.
+    // Take back the rounding that breaks the bound on the sum.
     let total: f64 = intruders.iter().map(|intruder| intruder.mass).sum();
     for intruder in &mut intruders {
         intruder.mass *= (search.total_mass / total).min(1.0);

@@ -1,4 +1,4 @@
-//! Designs, and what they leave.
+//! Designs, and the energy that they leave.
 
 use rayon::prelude::*;
 
@@ -10,7 +10,7 @@ use crate::simulate::{Accuracy, SimulateError};
 /// Mass, stiffness, damping.
 pub(super) type Properties = [f64; 3];
 
-/// One design and what it leaves.
+/// A design and the share that it leaves.
 #[derive(Debug, Clone)]
 pub(super) struct Tried {
     /// One entry a host, or one for all.
@@ -21,7 +21,8 @@ pub(super) struct Tried {
 
 /// Stiffnesses of a ramp go from 1/RAMP at one end of the hosts to RAMP at the other.
 const RAMP: f64 = 4.0;
-/// Exponent of the power mean that stands for the greatest share; of three speeds it is 1.7 % below it at most.
+/// Exponent of the power mean that stands for the greatest share. Of three speeds it is at most 1.7 % below
+/// it.
 const POWER: f64 = 64.0;
 
 pub(super) struct Problem<'a> {
@@ -33,7 +34,7 @@ pub(super) struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// All of them are alike if the design has one entry.
+    /// The intruders of a design; they are all alike if it has one entry.
     pub(super) fn intruders(&self, design: &[Properties]) -> Vec<Intruder> {
         self.hosts
             .iter()
@@ -61,7 +62,7 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Shares that remain at each speed, for each of these sets of intruders.
+    /// The shares that remain at each speed, for each set of intruders.
     pub(super) fn shares(
         &self,
         sets: Vec<Vec<Intruder>>,
@@ -83,7 +84,7 @@ impl Problem<'_> {
         shares
     }
 
-    /// What the descent follows: the aim, made smooth.
+    /// The smooth aim that the descent follows.
     pub(super) fn follow(&self, shares: &[f64]) -> f64 {
         match self.search.aim {
             Aim::Mean => self.search.aim.of(shares),
@@ -136,7 +137,7 @@ impl Problem<'_> {
         })
     }
 
-    /// Where beads set out from to go their own ways.
+    /// The designs from which each bead goes its own way.
     pub(super) fn starts(&self, alike: &Tried) -> Vec<Tried> {
         let middle = (self.hosts.len() - 1) as f64 / 2.0;
         let [low, high] = self.search.stiffness;

@@ -1,4 +1,4 @@
-//! What a strike leaves in the chain.
+//! The energy that a strike leaves in the chain.
 
 use serde::Serialize;
 
@@ -6,8 +6,8 @@ use crate::absorption::Absorption;
 use crate::scenario::Scenario;
 use crate::simulate::{Accuracy, Options, SimulateError, simulate_with};
 
-/// What a strike leaves, at the end of the run. The parts are energies over [`Remaining::injected`]; `before`, `within`,
-/// `after` and `contacts` add up to `share`.
+/// What a strike leaves at the end of the run. The parts are energies over [`Remaining::injected`]; `before`,
+/// `within`, `after` and `contacts` add up to `share`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Remaining {
@@ -15,9 +15,9 @@ pub struct Remaining {
     pub speed: f64,
     /// End of the run, s.
     pub time: f64,
-    /// What the striker gave up by then, J.
+    /// Energy that the striker has given by then, J.
     pub injected: f64,
-    /// What the intruders have not dissipated.
+    /// The share that the intruders have not dissipated.
     pub share: f64,
     /// In the beads before the first host: reflected.
     pub before: f64,
@@ -25,7 +25,7 @@ pub struct Remaining {
     pub within: f64,
     /// In the beads after the last host: transmitted. Without an intruder, the whole chain is `after`.
     pub after: f64,
-    /// Lost in contacts.
+    /// Dissipated in contacts.
     pub contacts: f64,
     /// Each intruder, in the order of the beads.
     pub intruders: Vec<Absorption>,
@@ -33,8 +33,8 @@ pub struct Remaining {
 
 /// Runs a scenario with its striker at `speed`, m/s, and says what remains.
 ///
-/// The run lasts the scenario's duration times (V/`speed`)^(1/5), V being the scenario's speed: in that time the wave comes as
-/// far whatever the speed (exactly so on an elastic chain without intruders).
+/// The run lasts the scenario's duration times (V/`speed`)^(1/5), V being the scenario's speed. In that time
+/// the wave comes equally far at any speed (exactly so on an elastic chain without intruders).
 ///
 /// # Errors
 /// As [`simulate_with`].

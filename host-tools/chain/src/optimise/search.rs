@@ -1,4 +1,4 @@
-//! What a search for intruders is given, and whether it makes sense.
+//! The input of a search for intruders, and its check.
 
 use serde::Serialize;
 
@@ -6,12 +6,12 @@ use crate::model::Model;
 use crate::scenario::{InputError, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
 
-/// What to look for, and where. [`Search::new`] sets bounds that suit the chain.
+/// The input of a search. [`Search::new`] sets bounds that suit the chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Search {
     /// The beads that may hold an intruder each.
     pub hosts: Vec<usize>,
-    /// What the intruders may weigh together, kg.
+    /// Greatest sum of the intruders' masses, kg.
     pub total_mass: f64,
     /// Least and greatest mass of each, kg.
     pub mass: [f64; 2],
@@ -19,19 +19,19 @@ pub struct Search {
     pub stiffness: [f64; 2],
     /// Least and greatest damping, N·s/m.
     pub damping: [f64; 2],
-    /// Speeds of the striker, m/s; none is the scenario's own.
+    /// Speeds of the striker, m/s; without any, the scenario's own.
     pub speeds: Vec<f64>,
-    /// What several speeds come to.
+    /// How the shares of several speeds become one.
     pub aim: Aim,
     /// Whether all intruders are to be alike.
     pub alike: bool,
-    /// Designs to try at most, each at every speed.
+    /// Most designs to try, each at every speed.
     pub evaluations: usize,
-    /// How closely to integrate while searching; what is found is run again at [`Accuracy::REFERENCE`].
+    /// Accuracy while searching; the result is run again at [`Accuracy::REFERENCE`].
     pub accuracy: Accuracy,
 }
 
-/// What the shares that remain of several strikes come to.
+/// How the shares that remain of several strikes become one number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Aim {
@@ -43,7 +43,7 @@ pub enum Aim {
 }
 
 impl Aim {
-    /// Of these shares. Not a number without any.
+    /// The number for these shares; not a number without any.
     pub fn of(self, shares: &[f64]) -> f64 {
         match self {
             Self::Mean => shares.iter().sum::<f64>() / shares.len() as f64,
@@ -53,11 +53,12 @@ impl Aim {
 }
 
 impl Search {
-    /// A search with bounds taken from the chain: masses up to half the lightest host; stiffness and damping from far below to
-    /// far above what answers to a strike, which is M ω² and M ω with M of the lightest host and π/ω the time of a contact.
+    /// A search with bounds taken from the chain. Masses go up to half the lightest host. Stiffness and
+    /// damping go from far below to far above M ω² and M ω, the values that answer to a strike: M is the
+    /// lightest host's mass and π/ω the time of a contact.
     ///
     /// # Errors
-    /// [`OptimiseError`]: the scenario, the hosts or the total mass are not what a search can use.
+    /// [`OptimiseError`]: a search cannot use the scenario, the hosts or the total mass.
     pub fn new(scenario: &Scenario, hosts: Vec<usize>, total_mass: f64) -> Result<Self, OptimiseError> {
         scenario.check()?;
         check_hosts(scenario, &hosts)
