@@ -5,7 +5,8 @@ use std::str::FromStr;
 
 use clap::Args;
 use hertz_chain::{
-    Accuracy, Aim, Intruder, OptimiseError, Optimum, Remaining, Scenario, Search, optimise, remaining,
+    Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Scenario, Search,
+    optimise, remaining,
 };
 use serde::Serialize;
 
@@ -193,9 +194,9 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
 /// Names the option in place of the search's field.
 fn refusal(error: OptimiseError) -> Failure {
     match error {
-        OptimiseError::Search { key, what, advice } => {
-            Failure::input(format!("--{}: {what}; {advice}", key.replace('_', "-")))
-        }
+        OptimiseError::Search(InputError {
+            key, what, advice, ..
+        }) => Failure::input(format!("--{}: {what}; {advice}", key.replace('_', "-"))),
         other => Failure::input(other),
     }
 }
@@ -207,10 +208,8 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
     }
     for (name, stiffness) in PAPER {
         let paper = Intruder {
-            beads: search.hosts.clone(),
-            mass: 3.7e-3,
             stiffness,
-            damping: 12.0,
+            ..Intruder::new(search.hosts.iter().copied(), Oscillator::PAPER)
         };
         others.push((name, vec![paper]));
     }
