@@ -5,12 +5,13 @@
 
 mod checks;
 mod image;
+mod imports;
 mod links;
 mod mutants;
 mod setup;
 mod step;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -67,75 +68,50 @@ fn main() -> ExitCode {
 }
 
 fn run(task: Task) -> Result<(), Stop> {
-    let place = Place::find()?;
-    let steps = Steps::new(place.root.clone(), place.target.clone());
+    let steps = Steps::start()?;
     match task {
         Task::Setup => setup(&steps, Need::Check),
         Task::Build => {
             setup(&steps, Need::Run)?;
-            build(&steps, &place)
+            build(&steps)
         }
-        Task::Demo => demo(&steps, &place),
+        Task::Demo => demo(&steps),
         Task::Lint => {
             setup(&steps, Need::Check)?;
-            lint(&steps, &place)
+            lint(&steps)
         }
-        Task::Test => test(&steps, &place),
-        Task::Mutants => mutants::check(&steps, &place),
+        Task::Test => test(&steps),
+        Task::Mutants => mutants::check(&steps),
     }
 }
 
-/// Where the workspace is and where it builds.
-struct Place {
-    root: PathBuf,
-    target: PathBuf,
+/// The flash image.
+fn image(steps: &Steps) -> PathBuf {
+    steps.built(&format!("{TARGET}/firmware/bead-firmware"))
 }
 
-impl Place {
-    fn find() -> Result<Self, Stop> {
-        let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let root = manifest.ancestors().nth(2).unwrap_or(manifest).to_owned();
-        // Cargo has put this program into <target>/release: that honours CARGO_TARGET_DIR and cargo's configuration.
-        let program =
-            std::env::current_exe().map_err(|error| Stop::failed(format!("where is xtask? {error}")))?;
-        let target = program.ancestors().nth(2).unwrap_or(&root).to_owned();
-        Ok(Place { root, target })
-    }
-
-    /// A path below the target directory, written relative to the root where it can be.
-    fn built(&self, path: &str) -> PathBuf {
-        let full = self.target.join(path);
-        full.strip_prefix(&self.root).map(Path::to_owned).unwrap_or(full)
-    }
-
-    /// The flash image.
-    fn image(&self) -> PathBuf {
-        self.built(&format!("{TARGET}/firmware/bead-firmware"))
-    }
-}
-
-fn build(steps: &Steps, place: &Place) -> Result<(), Stop> {
-    let image = format!("cargo build --profile firmware --target {TARGET} -p bead-firmware");
-    steps.run("build the flash image", &Line::new(&image))?;
-    let size = Size::of(&place.root.join(place.image()))?;
-    steps.announce(&format!("the image {} takes {size}", place.image().display()));
+fn build(steps: &Steps) -> Result<(), Stop> {
+    let line = format!("cargo build --profile firmware --target {TARGET} -p bead-firmware");
+    steps.run("build the flash image", &Line::new(&line))?;
+    let size = Size::of(&steps.root.join(image(steps)))?;
+    steps.announce(&format!("the image {} takes {size}", image(steps).display()));
     steps.run(
         "build the host tools",
         &Line::new("cargo build --release -p bead -p stm32f405-qemu"),
     )
 }
 
-fn demo(steps: &Steps, place: &Place) -> Result<(), Stop> {
+fn demo(steps: &Steps) -> Result<(), Stop> {
     setup(steps, Need::Run)?;
-    build(steps, place)?;
+    build(steps)?;
     let scenario = "docs/scenarios/paper-strike.toml";
-    let bead = |words: &str| Line::program(place.built("release/bead")).words(words);
-    let recording = place.built("demo/bead-8.mcap");
-    let report = place.built("demo/report.html");
+    let bead = |words: &str| Line::program(steps.built("release/bead")).words(words);
+    let recording = steps.built("demo/bead-8.mcap");
+    let report = steps.built("demo/report.html");
     let emulate = bead(&format!("emulate {scenario} --bead 8 --firmware"))
-        .arg(place.image())
+        .arg(image(steps))
         .words("--out")
-        .arg(place.built("demo"));
+        .arg(steps.built("demo"));
     steps.run(
         "a striker hits the chain; the flash image senses it inside bead 8, in QEMU",
         &emulate,
@@ -154,12 +130,13 @@ fn demo(steps: &Steps, place: &Place) -> Result<(), Stop> {
     Ok(())
 }
 
-fn lint(steps: &Steps, place: &Place) -> Result<(), Stop> {
+fn lint(steps: &Steps) -> Result<(), Stop> {
     let host = "--release --workspace --exclude bead-firmware";
     let thumb = format!("--profile firmware --target {TARGET} -p bead-firmware");
     steps.announce("links of the documentation");
-    let followed = links::check(&place.root)?;
+    let followed = links::check(&steps.root)?;
     steps.announce(&format!("{followed} links lead somewhere"));
+    steps.announce(&imports::check(&steps.root)?);
     steps.run("format", &Line::new("cargo fmt --all --check"))?;
     steps.run(
         "lints, host",
@@ -176,10 +153,10 @@ fn lint(steps: &Steps, place: &Place) -> Result<(), Stop> {
     Ok(())
 }
 
-fn test(steps: &Steps, place: &Place) -> Result<(), Stop> {
+fn test(steps: &Steps) -> Result<(), Stop> {
     setup(steps, Need::Check)?;
-    lint(steps, place)?;
-    build(steps, place)?;
+    lint(steps)?;
+    build(steps)?;
     let bare = format!(
         "cargo build --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
     );
@@ -191,15 +168,15 @@ fn test(steps: &Steps, place: &Place) -> Result<(), Stop> {
         "tests",
         &Line::new("cargo test --release --workspace --exclude bead-firmware"),
     )?;
-    let (figures, table) = (place.built("figures"), place.built("figures/checks.md"));
-    let draw = Line::program(place.built("release/bead"))
+    let (figures, table) = (steps.built("figures"), steps.built("figures/checks.md"));
+    let draw = Line::program(steps.built("release/bead"))
         .words("figures --check --out")
         .arg(&figures)
         .words("--table")
         .arg(&table)
         .words("--format json");
     steps.run_quietly("the paper's figures, and every check of them", &draw)?;
-    let rows = checks::compare(&place.root.join("docs/checks.md"), &place.root.join(&table))?;
+    let rows = checks::compare(&steps.root.join("docs/checks.md"), &steps.root.join(&table))?;
     steps.announce(&format!("docs/checks.md tells the same in {rows} lines"));
     steps.announce(&format!("all checks pass, after {}", steps.elapsed()));
     Ok(())

@@ -6,7 +6,7 @@
 
 use std::ffi::OsStr;
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -108,19 +108,30 @@ fn quoted(word: &str) -> String {
 /// The steps of one run of xtask, on one clock.
 #[derive(Debug)]
 pub(crate) struct Steps {
-    root: PathBuf,
-    target_dir: PathBuf,
+    /// The root of the workspace, in which they run.
+    pub(crate) root: PathBuf,
+    /// The directory that they build into.
+    pub(crate) target: PathBuf,
     start: Instant,
 }
 
 impl Steps {
-    /// Steps that run in `root` and build into `target_dir`.
-    pub(crate) fn new(root: PathBuf, target_dir: PathBuf) -> Self {
-        Steps {
-            root,
-            target_dir,
-            start: Instant::now(),
-        }
+    /// The steps of the workspace that this program belongs to.
+    pub(crate) fn start() -> Result<Self, Stop> {
+        let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let root = manifest.ancestors().nth(2).unwrap_or(manifest).to_owned();
+        // Cargo has put this program into <target>/release: that honours CARGO_TARGET_DIR and cargo's configuration.
+        let program =
+            std::env::current_exe().map_err(|error| Stop::failed(format!("where is xtask? {error}")))?;
+        let target = program.ancestors().nth(2).unwrap_or(&root).to_owned();
+        let start = Instant::now();
+        Ok(Steps { root, target, start })
+    }
+
+    /// A path below the target directory, written relative to the root where it can be.
+    pub(crate) fn built(&self, path: &str) -> PathBuf {
+        let full = self.target.join(path);
+        full.strip_prefix(&self.root).map(Path::to_owned).unwrap_or(full)
     }
 
     /// Says what comes next.
@@ -158,7 +169,7 @@ impl Steps {
         command.current_dir(&self.root).stdout(result);
         if std::env::var_os("CARGO_TARGET_DIR").is_some() {
             // It may be relative to where `cargo xtask` was called.
-            command.env("CARGO_TARGET_DIR", &self.target_dir);
+            command.env("CARGO_TARGET_DIR", &self.target);
         }
         let status = command.status().map_err(|error| {
             Stop::missing(format!(
@@ -219,8 +230,7 @@ mod tests {
 
     #[test]
     fn the_status_of_a_failed_command_is_passed_on_but_cargos_is_one() {
-        let here = std::env::current_dir().unwrap();
-        let steps = Steps::new(here.clone(), here);
+        let steps = Steps::start().unwrap();
         let stop = steps
             .run("says no", &Line::new("sh -c").arg("exit 2"))
             .unwrap_err();
