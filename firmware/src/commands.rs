@@ -15,7 +15,7 @@ use crate::settings::{self, Refusal};
 use crate::storage;
 use crate::text::Text;
 use crate::trace::Boot;
-use crate::{counters, estimate, raw, receive, report, self_test};
+use crate::{counters, estimate, raw, report, self_test};
 
 /// What is queued when a reboot is asked for leaves within this time, or never.
 const DRAIN: Duration = Duration::from_millis(500);
@@ -92,7 +92,7 @@ impl Commands {
             }
             Request::ResetCounters => {
                 counters::reset();
-                receive::count(|link| *link = Link::default());
+                counters::update_link(|link| *link = Link::default());
             }
             Request::Reboot => {
                 reply(number, Answer::done());

@@ -2,7 +2,7 @@
 
 use core::cell::Cell;
 
-use bead_wire::Health;
+use bead_wire::{Health, Link};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
@@ -90,4 +90,21 @@ pub(crate) fn reset() {
 /// The counts as they stand, all of one moment.
 pub(crate) fn snapshot() -> Counters {
     COUNTERS.lock(Cell::get)
+}
+
+/// What came in over the link. Apart from the other counts, which change with every block.
+static LINK: Mutex<CriticalSectionRawMutex, Cell<Option<Link>>> = Mutex::new(Cell::new(None));
+
+/// What came in over the link, as it stands.
+pub(crate) fn link() -> Link {
+    LINK.lock(Cell::get).unwrap_or_default()
+}
+
+/// Changes some of the counts of what came in.
+pub(crate) fn update_link(change: impl FnOnce(&mut Link)) {
+    LINK.lock(|cell| {
+        let mut link = cell.get().unwrap_or_default();
+        change(&mut link);
+        cell.set(Some(link));
+    });
 }

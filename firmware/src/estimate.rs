@@ -13,7 +13,7 @@ use bead_wire::{FaultCause, Message, Strike};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
 
-use crate::acquire::Block;
+use crate::block::Block;
 use crate::counters;
 use crate::health::Watch;
 use crate::outbox::{self, Record};

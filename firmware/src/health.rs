@@ -9,22 +9,11 @@
 //! A sensor with its noise moves the code: of the 1250 codes looked at, some ten differ from the rest if the
 //! noise is a fifth of a code and lies as badly as it can, in the middle between two steps. A sensor that is
 //! quieter looks stuck, and is reported as such. A sensor is stuck or railed if one of its two channels is.
-//!
-//! The supply is the reference of the ADC. The internal reference voltage tells it, on ADC1 alone, and has to be
-//! sampled for 10 µs at least (DocID022152, embedded reference voltage), more than the 7.4 µs between two scans:
-//! while scans are made it cannot be measured without losing some. So it is measured whenever acquisition is
-//! started, and while it runs the programmable voltage detector watches, which needs no ADC (RM0090 section
-//! 5.2.3) and is looked at once a block.
 
 use bead_wire::{FaultCause, Health};
-use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
-use embassy_stm32::pac::PWR;
-use embassy_stm32::peripherals;
-use embassy_time::{Duration, block_for};
 
-use crate::acquire::{Block, CHANNELS};
-use crate::counters;
-use crate::report;
+use crate::block::{Block, CHANNELS};
+use crate::{counters, report, supply};
 
 /// Channels of a sensor.
 const GAINS: usize = 2;
@@ -35,46 +24,9 @@ const STEP: usize = 8;
 const WINDOW: u32 = 50;
 /// Bits in which all codes next to a rail agree: 0 to 15, or 4080 to 4095.
 const HIGH: u16 = 0xFF0;
-/// The detector's threshold, number 6 of PWR_CR.PLS: the supply is low below 2.93 V, and good again above 3.03 V
-/// (DocID022152, table of the reset and power control block, typical values).
-const THRESHOLD: u8 = 6;
-
 /// Blocks without a low supply after which it is good again: 20 ms, so that one that flickers is told 50 times a
 /// second at most.
 const SUPPLY_HOLD: u32 = 10;
-
-/// Switches the supply's detector on.
-pub(crate) fn watch_supply() {
-    PWR.cr1().modify(|w| {
-        w.set_pls(THRESHOLD);
-        w.set_pvde(true);
-    });
-}
-
-/// Measures the supply by an ADC that is not scanning. Takes some 60 µs.
-pub(crate) fn measure_supply(adc: &mut Adc<'_, peripherals::ADC1>) {
-    let mut reference = adc.enable_vrefint();
-    block_for(Duration::from_micros(VrefInt::start_time_us().into()));
-    // 22.9 µs at 21 MHz.
-    let code = adc.blocking_read(&mut reference, SampleTime::CYCLES480);
-    let supply_mv = match code {
-        0 => 0,
-        code => 3300 * u32::from(factory_reference()) / u32::from(code),
-    };
-    counters::update(|c| c.health.supply_mv = supply_mv.try_into().unwrap_or(u16::MAX));
-}
-
-/// The code of the internal reference voltage at a supply of 3.3 V and 30 °C, as the factory measured it
-/// (DocID022152, internal reference voltage calibration values).
-#[allow(
-    unsafe_code,
-    reason = "the factory's words are memory that no Rust object stands for"
-)]
-fn factory_reference() -> u16 {
-    const VREFIN_CAL: *const u16 = core::ptr::without_provenance(0x1FFF_7A2A);
-    // SAFETY: the address is that of a halfword of system memory, which is always readable and never changes.
-    unsafe { VREFIN_CAL.read_volatile() }
-}
 
 /// What a window found of one sensor.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -273,7 +225,7 @@ impl Watch {
 
     fn look_at_supply(&mut self) {
         let was_low = self.supply_low_blocks > 0;
-        if PWR.csr1().read().pvdo() {
+        if supply::is_low() {
             self.supply_low_blocks = SUPPLY_HOLD;
             if !was_low {
                 self.supply.begins();

@@ -9,20 +9,19 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use bead_model::meter::CHUNK;
 
-use crate::acquire::{Block, SCANS_PER_BLOCK};
+use crate::block::{BLOCK_US, Block};
+use crate::counters;
 use crate::outbox::{self, Record};
-use crate::sample_clock::SAMPLE_RATE_HZ;
-use crate::{receive, report};
+use crate::report;
 
 /// Longest stream, in ms.
 pub(crate) const MAX_MS: u32 = 10_000;
-const BLOCK_MS: u32 = SCANS_PER_BLOCK as u32 * 1000 / SAMPLE_RATE_HZ;
 
 static BLOCKS_LEFT: AtomicU32 = AtomicU32::new(0);
 
 /// Begins a stream of so many ms, or ends the one there is.
 pub(crate) fn start(duration_ms: u32) {
-    BLOCKS_LEFT.store(duration_ms.div_ceil(BLOCK_MS), Ordering::Relaxed);
+    BLOCKS_LEFT.store(duration_ms.div_ceil(BLOCK_US / 1000), Ordering::Relaxed);
 }
 
 /// Queues a block if there is a stream. Tells what was dropped when the stream ends.
@@ -39,8 +38,8 @@ pub(crate) fn offer(block: &Block) {
         let scans: heapless::Vec<_, CHUNK> = rest.by_ref().take(CHUNK).collect();
         let count = scans.len() as u64;
         match outbox::push_if_calm(Record::Raw { first_index, scans }) {
-            true => receive::count(|link| link.raw_sent += count),
-            false => receive::count(|link| link.raw_dropped += count),
+            true => counters::update_link(|link| link.raw_sent += count),
+            false => counters::update_link(|link| link.raw_dropped += count),
         }
         first_index += count;
     }

@@ -6,36 +6,16 @@
 //! has been quiet for 2 ms; it is counted. No reply is made to what is no request, so nobody can fill the outbox with
 //! noise.
 
-use core::cell::Cell;
-
 use bead_wire::{Link, RequestCounters, RequestDecoder};
 use embassy_futures::yield_now;
 use embassy_stm32::usart::{Error, RingBufferedUartRx};
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Timer, with_timeout};
 
 use crate::commands::Commands;
-use crate::port;
+use crate::{counters, port};
 
 /// A line on which nothing has come for so long is quiet: 400 bytes' time.
 const QUIET: Duration = Duration::from_millis(2);
-
-static LINK: Mutex<CriticalSectionRawMutex, Cell<Option<Link>>> = Mutex::new(Cell::new(None));
-
-/// What came in, as it stands.
-pub(crate) fn link() -> Link {
-    LINK.lock(Cell::get).unwrap_or_default()
-}
-
-/// Changes some of its counts. They are apart from the others, which change with every block.
-pub(crate) fn count(change: impl FnOnce(&mut Link)) {
-    LINK.lock(|cell| {
-        let mut link = cell.get().unwrap_or_default();
-        change(&mut link);
-        cell.set(Some(link));
-    });
-}
 
 /// Receives for ever.
 #[embassy_executor::task]
@@ -51,10 +31,10 @@ pub(crate) async fn receive(mut port: RingBufferedUartRx<'static>, mut commands:
                     }
                 }
                 let counted = decoder.take_counters();
-                count(|link| add(link, &counted));
+                counters::update_link(|link| add(link, &counted));
             }
             Err(error) => {
-                count(|link| match error {
+                counters::update_link(|link| match error {
                     Error::Overrun | Error::BufferTooLong => link.overruns += 1,
                     _ => link.line_errors += 1,
                 });

@@ -3,12 +3,12 @@
 use bead_wire::{Fault, FaultCause, Identity, Message, Status};
 use embassy_time::{Duration, Instant, Ticker};
 
-use crate::acquire::CHANNELS;
+use crate::block::CHANNELS;
 use crate::counters;
 use crate::outbox::{self, Record};
 use crate::sample_clock::SAMPLE_RATE_HZ;
 use crate::trace::{self, Boot};
-use crate::{receive, settings, stack};
+use crate::{settings, stack};
 
 /// A host that starts to listen knows within this time what it listens to.
 const PERIOD: Duration = Duration::from_secs(1);
@@ -64,7 +64,7 @@ pub(crate) fn tell_status() {
 
 /// Tells what came in over the link.
 pub(crate) fn tell_link() {
-    tell(Message::Link(receive::link()));
+    tell(Message::Link(counters::link()));
 }
 
 /// Tells of a fault that the bead survived.
