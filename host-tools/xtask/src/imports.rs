@@ -40,11 +40,11 @@ const WORKSPACE: &[Package] = &[
         "bead-firmware",
         &["bead-model", "bead-wire", "bead-store", "bead-telemetry"],
     ),
-    package("bead-figures", &["hertz-chain"]),
+    package("hertz-figures", &["hertz-chain"]),
     Package {
         name: "bead",
         knows: HOST,
-        rooms: &["line", "recording", "bench", "comparison", "cli"],
+        rooms: &["recording", "line", "bench", "comparison", "cli"],
     },
     package("bead-tests", HOST),
 ];
@@ -56,7 +56,7 @@ const HOST: &[&str] = &[
     "hertz-chain",
     "stm32f405-qemu",
     "bead-telemetry",
-    "bead-figures",
+    "hertz-figures",
     "bead",
 ];
 
