@@ -4,8 +4,8 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
 
-use assert_cmd::Command;
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead::comparison::replay::{wire_shape, wire_strike};
@@ -19,9 +19,8 @@ use tempfile::TempDir;
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
 
-fn bead(arguments: &[&str]) -> std::process::Output {
-    Command::cargo_bin("bead")
-        .unwrap()
+fn bead(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_bead"))
         .args(arguments)
         .output()
         .unwrap()
@@ -560,10 +559,11 @@ fn raw_bytes_decode_from_standard_input_and_what_is_cut_is_said() {
     let mut raw = Vec::new();
     recording(&directory, |stream| raw.clone_from(stream));
     raw.truncate(raw.len() - 5);
-    let output = Command::cargo_bin("bead")
-        .unwrap()
+    let path = directory.path().join("cut.bin");
+    fs::write(&path, raw).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_bead"))
         .args(["decode", "-"])
-        .write_stdin(raw)
+        .stdin(fs::File::open(path).unwrap())
         .output()
         .unwrap();
     assert!(output.status.success());

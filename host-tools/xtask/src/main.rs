@@ -14,74 +14,90 @@ mod step;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::Command;
 
 use crate::image::Size;
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{Line, Steps, Stop};
 
-#[derive(Debug, Parser)]
-#[command(
-    name = "cargo xtask",
-    bin_name = "cargo xtask",
-    about = "Set-up, build, demo and test of the sensing absorber bead",
-    after_help = "New here? `cargo xtask demo` needs nothing but Rust: it installs what is missing, saying what, \
-                  and shows every command that it runs."
-)]
-struct Cli {
-    #[command(subcommand)]
-    command: Task,
-}
+/// A command of xtask: its name, what it does, more about it, and the function that does it.
+type Task = (
+    &'static str,
+    &'static str,
+    &'static str,
+    fn(&Steps) -> Result<(), Stop>,
+);
 
-#[derive(Debug, Subcommand)]
-enum Task {
-    /// Install what is missing: Rust's thumbv7em-none-eabihf target and QEMU's qemu-system-arm
-    ///
-    /// Says what it installs before it does. QEMU comes by apt, as root or with a sudo that asks for no password;
-    /// elsewhere the command for this system is printed and the exit status is 3. Run again, it changes nothing.
-    Setup,
-    /// Build the flash image and, in release, the host tools
-    Build,
-    /// Simulate a strike, run the flash image on it in QEMU, replay its samples, compare with the simulation
-    ///
-    /// Everything lands in target/demo: the recording, and report.html.
-    Demo,
-    /// Run every check, host and QEMU: format, lints, documentation, builds, tests
-    ///
-    /// Stops at the first step that fails, with the command that repeats it.
-    Test,
-    /// The checks of `test` that run nothing: format, lints, documentation and its links
-    Lint,
-    /// Make mistakes in a copy of the simulator, one by one, and see that the figures' checks notice each
-    Mutants,
-}
+const TASKS: &[Task] = &[
+    (
+        "setup",
+        "Install what is missing: Rust's thumbv7em-none-eabihf target and QEMU's qemu-system-arm",
+        "It says what it installs before it does. QEMU comes by apt, as root or with a sudo that asks for no password. \
+         Elsewhere it prints the command for this system and ends with status 3. A second run changes nothing.",
+        |steps| setup(steps, Need::Check),
+    ),
+    (
+        "build",
+        "Build the flash image and, in release, the host tools",
+        "",
+        |steps| {
+            setup(steps, Need::Run)?;
+            build(steps)
+        },
+    ),
+    (
+        "demo",
+        "Simulate a strike, run the flash image on it in QEMU, replay its samples, compare with the simulation",
+        "The recording and report.html land in target/demo.",
+        demo,
+    ),
+    (
+        "test",
+        "Run every check, on the host and in QEMU: format, lints, documentation, builds, tests",
+        "It stops at the first step that fails, with the command that repeats this step.",
+        test,
+    ),
+    (
+        "lint",
+        "Run the checks of `test` that run no program: format, lints, imports, documentation and its links",
+        "",
+        |steps| {
+            setup(steps, Need::Check)?;
+            lint(steps)
+        },
+    ),
+    (
+        "mutants",
+        "Make mistakes in a copy of the simulator, one by one, and see that the figures' checks notice each",
+        "",
+        mutants::check,
+    ),
+];
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    match run(cli.command) {
+    let mut cli = Command::new("cargo xtask")
+        .bin_name("cargo xtask")
+        .about("Set-up, build, demo and test of the sensing absorber bead")
+        .after_help(
+            "New here? `cargo xtask demo` needs nothing but Rust. It installs what is missing, says what, and shows \
+             every command that it runs.",
+        )
+        .subcommand_required(true)
+        .arg_required_else_help(true);
+    for &(name, about, more, _) in TASKS {
+        cli = cli.subcommand(Command::new(name).about(about).after_help(more));
+    }
+    let matches = cli.get_matches();
+    let task = TASKS
+        .iter()
+        .find(|(name, ..)| matches.subcommand_name() == Some(name));
+    let run = |&(.., run): &Task| run(&Steps::start()?);
+    match task.map_or(Ok(()), run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => {
             eprintln!("error: {}", stop.message);
             ExitCode::from(stop.status)
         }
-    }
-}
-
-fn run(task: Task) -> Result<(), Stop> {
-    let steps = Steps::start()?;
-    match task {
-        Task::Setup => setup(&steps, Need::Check),
-        Task::Build => {
-            setup(&steps, Need::Run)?;
-            build(&steps)
-        }
-        Task::Demo => demo(&steps),
-        Task::Lint => {
-            setup(&steps, Need::Check)?;
-            lint(&steps)
-        }
-        Task::Test => test(&steps),
-        Task::Mutants => mutants::check(&steps),
     }
 }
 
