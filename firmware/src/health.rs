@@ -1,14 +1,16 @@
 //! Whether sensors and supply can be believed.
 //!
 //! # Design
-//! Looked at is every [`STEP`]th scan of every block, which costs four instructions a sample. All codes of a
-//! channel are put together by OR and by AND: if both give the same, the code never moved; if all are next to
-//! one rail, their high bits agree. A condition begins when a whole [`WINDOW`] of blocks was so, and is over with
-//! the first block that is not: each is told when it begins and when it is over, ten times a second at most.
+//! Every [`STEP`]th scan of a block is checked, which costs four instructions a sample. The codes of a
+//! channel are combined by OR and by AND. If both results are the same, the code never moved. If all codes
+//! are next to one rail, their high bits agree. A fault begins when it holds for [`WINDOW`] blocks, and ends
+//! with the first block in which it does not hold. Its begin and its end are reported, at most ten times a
+//! second.
 //!
-//! A sensor with its noise moves the code: of the 1250 codes looked at, some ten differ from the rest if the
-//! noise is a fifth of a code and lies as badly as it can, in the middle between two steps. A sensor that is
-//! quieter looks stuck, and is reported as such. A sensor is stuck or railed if one of its two channels is.
+//! The noise of a sensor moves its code. In the worst case the signal lies in the middle between two steps of
+//! the code: noise of a fifth of a code then changes about ten of the 1250 codes that are checked. A sensor
+//! with less noise looks stuck, and is reported as stuck. A sensor is stuck or railed if one of its two
+//! channels is.
 
 use bead_wire::{FaultCause, Health};
 
@@ -17,18 +19,18 @@ use crate::{counters, report, supply};
 
 /// Channels of a sensor.
 const GAINS: usize = 2;
-/// Of so many scans one is looked at.
+/// One of this many scans is checked.
 const STEP: usize = 8;
-/// Blocks from verdict to verdict: 100 ms, more than the longest window of a strike (1024 samples), so that no
-/// strike looks like a railed sensor.
+/// Blocks from one verdict to the next: 100 ms. This is more than the longest window of a strike (1024
+/// samples), so that no strike looks like a railed sensor.
 const WINDOW: u32 = 50;
 /// Bits in which all codes next to a rail agree: 0 to 15, or 4080 to 4095.
 const HIGH: u16 = 0xFF0;
-/// Blocks without a low supply after which it is good again: 20 ms, so that one that flickers is told 50 times a
-/// second at most.
+/// The supply is good again after this many blocks in which it was not low: 20 ms. A supply that flickers is
+/// reported at most 50 times a second.
 const SUPPLY_HOLD: u32 = 10;
 
-/// What a window found of one sensor.
+/// What [`WINDOW`] blocks say about a sensor.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Verdict {
     Good,
@@ -36,7 +38,7 @@ enum Verdict {
     Railed,
 }
 
-/// Codes put together.
+/// The codes of a channel, combined by OR (`any`) and by AND (`all`).
 #[derive(Clone, Copy)]
 struct Codes {
     any: u16,
@@ -69,7 +71,7 @@ impl Codes {
     }
 }
 
-/// What two channels say together.
+/// The worse verdict of the two channels of a sensor.
 fn verdict(channels: [Codes; GAINS]) -> Verdict {
     let verdicts = channels.map(Codes::verdict);
     let worst = [Verdict::Railed, Verdict::Stuck]
@@ -129,7 +131,7 @@ impl Sensor {
     }
 }
 
-/// One thing that can be wrong: how it is told and counted.
+/// One thing that can be wrong: how it is reported and counted.
 struct Condition {
     cause: FaultCause,
     detail: &'static str,
@@ -152,7 +154,7 @@ impl Condition {
     }
 }
 
-/// Watches the blocks on their way to the meter.
+/// Checks the blocks that the meter has taken.
 pub(crate) struct Watch {
     blocks: u32,
     sensors: [Sensor; CHANNELS / GAINS],
@@ -204,7 +206,7 @@ impl Watch {
         }
     }
 
-    /// Looks at a block, and at the supply.
+    /// Checks a block, and the supply.
     pub(crate) fn look(&mut self, block: &Block) {
         let mut codes = [Codes::NONE; CHANNELS];
         for scan in block.scans().step_by(STEP) {

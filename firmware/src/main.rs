@@ -1,10 +1,10 @@
 //! The image of the sensing absorber bead: the wiring. See `docs/firmware.md`.
 //!
 //! ```text
-//! TIM3 ─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─records─> outbox ─> transmit ─> USART1
-//!   └──> TIM2 ─> sync ─edges─────────────────────────────────────┤
-//!                                                  report, faults ───┤
-//!                                   USART1 ─> receive ─> commands ───┘
+//! TIM3 ─┬─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─strikes─┬─> outbox ─> transmit ─> USART1
+//!       └─> TIM2 ─> sync ───────────────────────────────edges───┤
+//!                   report, health ────────────status, faults───┤
+//!         USART1 ─> receive ─> commands ──────────────replies───┘
 //! ```
 #![no_std]
 #![no_main]

@@ -1,10 +1,10 @@
-//! What comes in over the link: bytes to requests, each answered before the next.
+//! From the bytes that come in over the link to requests; each is answered before the next is read.
 //!
 //! # Design
-//! At the lowest priority, and no more than a piece at a time before the other tasks there: garbage at full line
-//! rate costs idle time. Who sends more than the ring takes while a request is being done is not heard again until the line
-//! has been quiet for 2 ms; it is counted. No reply is made to what is no request, so nobody can fill the outbox with
-//! noise.
+//! This task has the lowest priority. It takes one piece of bytes and then lets the other tasks of its
+//! priority run: garbage at full line rate costs idle time only. If a host sends more than the ring can hold
+//! while a request is being done, bytes are let go until the line has been quiet for 2 ms; this is counted.
+//! Bytes that are no request get no reply, so noise cannot fill the outbox.
 
 use bead_wire::{Link, RequestCounters, RequestDecoder};
 use embassy_futures::yield_now;
@@ -14,7 +14,7 @@ use embassy_time::{Duration, Timer, with_timeout};
 use crate::commands::Commands;
 use crate::{counters, port};
 
-/// A line on which nothing has come for so long is quiet: 400 bytes' time.
+/// A line is quiet when nothing has come for this time, in which 400 bytes could have come.
 const QUIET: Duration = Duration::from_millis(2);
 
 /// Receives for ever.
@@ -41,15 +41,17 @@ pub(crate) async fn receive(mut port: RingBufferedUartRx<'static>, mut commands:
                 quiet(&mut port, &mut bytes).await;
             }
         }
-        // There may be bytes at once, for as long as somebody sends; the others here want the core as well.
+        // While a host sends, the next bytes are there at once. The other tasks of this priority need the
+        // core too.
         yield_now().await;
     }
 }
 
-/// After an error: lets go what comes until the line has been quiet for a while.
+/// After an error: drops all bytes until the line has been quiet for [`QUIET`].
 ///
-/// An error stops the driver, and started again it hands out what the end of the ring held before. Old bytes must not be
-/// taken for requests, so everything is let go until nothing is left and nothing comes.
+/// An error stops the driver. When it is started again, it first gives what the end of the ring held before.
+/// Old bytes must not be taken for requests, so everything is dropped until nothing is left and nothing
+/// comes.
 async fn quiet(port: &mut RingBufferedUartRx<'static>, bytes: &mut [u8]) {
     loop {
         port::rewind();

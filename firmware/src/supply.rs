@@ -1,10 +1,11 @@
 //! The supply, which is also the reference of the ADC.
 //!
 //! # Design
-//! The internal reference voltage tells the supply. Only ADC1 can convert it, and it has to be sampled for at least
-//! 10 µs (DocID022152, embedded reference voltage). Between two scans there are 4.9 µs, so it cannot be measured
-//! while scans are made without losing some. It is measured whenever acquisition starts. While acquisition runs, the
-//! programmable voltage detector watches the supply; it needs no ADC (RM0090 section 5.2.3).
+//! The internal reference voltage tells the supply. Only ADC1 can convert it, and it has to be sampled for at
+//! least 10 µs (DocID022152, embedded reference voltage). Between two scans there are 4.9 µs, so it cannot be
+//! measured while scans are made without losing some. It is measured whenever acquisition starts. While
+//! acquisition runs, the programmable voltage detector watches the supply; it needs no ADC (RM0090 section
+//! 5.2.3).
 
 use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
 use embassy_stm32::pac::PWR;
@@ -13,8 +14,8 @@ use embassy_time::{Duration, block_for};
 
 use crate::counters;
 
-/// The detector's threshold, number 6 of PWR_CR.PLS: the supply is low below 2.93 V, and good again above 3.03 V
-/// (DocID022152, table of the reset and power control block, typical values).
+/// The detector's threshold, number 6 of PWR_CR.PLS: the supply is low below 2.93 V, and good again above
+/// 3.03 V (DocID022152, table of the reset and power control block, typical values).
 const THRESHOLD: u8 = 6;
 
 /// Switches the detector on.
