@@ -185,7 +185,7 @@ pub const WIDTH: u32 = 860;
 /// Width in pixels of a chart that stays legible in a column of print (86 mm: text of 7 points).
 pub const COLUMN: u32 = 480;
 /// Plotters rounds to whole pixels: a chart is drawn larger by this and scaled back, so that curves are smooth.
-pub(crate) const FINE: u32 = 4;
+pub const FINE: u32 = 4;
 const LEGEND_HEIGHT: u32 = 30;
 const LEGEND_ROW: u32 = 20;
 const X_LABELS_HEIGHT: u32 = 50;

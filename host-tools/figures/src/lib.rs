@@ -2,7 +2,7 @@
 //!
 //! # Design
 //! A [`Plan`](plan::Plan) names a figure and says how to draw it. Drawing gives a [`Figure`](plan::Figure): a chart and
-//! a list of [`Check`](check::Check)s. Files are made from the chart alone, so what is written is what is drawn. Figures
+//! a list of [`Check`](check::Check)s. Figures
 //! of one plate share their runs through the [`Lab`](lab::Lab), which also records how well energy and momentum held in
 //! every run that a figure used.
 
@@ -12,10 +12,8 @@ pub mod chart;
 pub mod check;
 mod curve;
 pub mod error;
-pub mod files;
 pub mod lab;
 mod observe;
-mod pixels;
 pub mod plan;
 mod plates;
 mod setting;

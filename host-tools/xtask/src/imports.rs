@@ -46,6 +46,7 @@ const WORKSPACE: &[Package] = &[
         knows: HOST,
         rooms: &["recording", "line", "bench", "comparison", "cli"],
     },
+    package("bead-figures", HOST),
     package("bead-tests", HOST),
 ];
 /// All that the host's programs may use.

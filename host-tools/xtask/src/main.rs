@@ -42,7 +42,7 @@ const TASKS: &[Task] = &[
         "",
         |steps| {
             setup(steps, Need::Run)?;
-            build(steps)
+            build(steps, &format!("{DEMO} -p bead-figures"))
         },
     ),
     (
@@ -101,25 +101,32 @@ fn main() -> ExitCode {
     }
 }
 
+/// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are none of them.
+const DEMO: &str = "-p bead -p stm32f405-qemu";
+
 /// The flash image.
 fn image(steps: &Steps) -> PathBuf {
     steps.built(&format!("{TARGET}/firmware/bead-firmware"))
 }
 
-fn build(steps: &Steps) -> Result<(), Stop> {
-    let line = format!("cargo build --profile firmware --target {TARGET} -p bead-firmware");
-    steps.run("build the flash image", &Line::new(&line))?;
+/// Builds the flash image, and beside it the host's packages in `packages`.
+fn build(steps: &Steps, packages: &str) -> Result<(), Stop> {
+    let firmware = Line::new(&format!(
+        "cargo build --profile firmware --target {TARGET} -p bead-firmware"
+    ));
+    let host = Line::new("cargo build --release").words(packages);
+    steps.run_both(
+        ("build the host tools", &host),
+        ("and the flash image", &firmware),
+    )?;
     let size = Size::of(&steps.root.join(image(steps)))?;
     steps.announce(&format!("the image {} takes {size}", image(steps).display()));
-    steps.run(
-        "build the host tools",
-        &Line::new("cargo build --release -p bead -p stm32f405-qemu"),
-    )
+    Ok(())
 }
 
 fn demo(steps: &Steps) -> Result<(), Stop> {
     setup(steps, Need::Run)?;
-    build(steps)?;
+    build(steps, DEMO)?;
     let scenario = "docs/scenarios/paper-strike.toml";
     let bead = |words: &str| Line::program(steps.built("release/bead")).words(words);
     let recording = steps.built("demo/bead-8.mcap");
@@ -154,36 +161,32 @@ fn lint(steps: &Steps) -> Result<(), Stop> {
     steps.announce(&format!("{followed} links lead somewhere"));
     steps.announce(&imports::check(&steps.root)?);
     steps.run("format", &Line::new("cargo fmt --all --check"))?;
-    steps.run(
-        "lints, host",
-        &Line::new(&format!("cargo clippy {host} --all-targets -- -D warnings")),
-    )?;
-    steps.run(
-        "lints, image",
-        &Line::new(&format!("cargo clippy {thumb} -- -D warnings")),
-    )?;
+    let clippy = |what: &str| Line::new(&format!("cargo clippy {what} -- -D warnings"));
+    let all = format!("{host} --all-targets");
+    steps.run_both(("lints, host", &clippy(&all)), ("lints, image", &clippy(&thumb)))?;
     let doc =
         |what: &str| Line::new(&format!("cargo doc --no-deps {what}")).env("RUSTDOCFLAGS", "-D warnings");
     steps.run("documentation, host", &doc(host))?;
-    steps.run("documentation, image", &doc(&thumb))?;
-    Ok(())
+    steps.run("documentation, image", &doc(&thumb))
 }
 
 fn test(steps: &Steps) -> Result<(), Stop> {
     setup(steps, Need::Check)?;
     lint(steps)?;
-    build(steps)?;
+    build(steps, "--workspace --exclude bead-firmware")?;
     let bare = format!(
-        "cargo build --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
+        "cargo check --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
     );
     steps.run(
-        "build the shared crates without their default features",
+        "the shared crates without their default features",
         &Line::new(&bare),
     )?;
-    steps.run(
-        "tests",
-        &Line::new("cargo test --release --workspace --exclude bead-firmware"),
-    )?;
+    // The figures' checks are left to the next step, which draws as well.
+    let tests = format!(
+        "cargo test --release --workspace --exclude bead-firmware -- --skip {}",
+        mutants::TEST
+    );
+    steps.run("tests", &Line::new(&tests))?;
     let (figures, table) = (steps.built("figures"), steps.built("figures/checks.md"));
     let draw = Line::program(steps.built("release/bead"))
         .words("figures --check --out")

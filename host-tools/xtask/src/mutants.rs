@@ -12,7 +12,8 @@ use crate::step::{Steps, Stop};
 
 /// Where all the physics is.
 const MODEL: &str = "host-tools/chain/src/model.rs";
-const TEST: &str = "every_check_of_every_figure_passes";
+/// The test of all checks of all figures.
+pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
 
 struct Mutant {
     mistake: &'static str,

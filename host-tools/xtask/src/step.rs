@@ -6,8 +6,9 @@
 
 use std::ffi::OsStr;
 use std::fmt;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 /// Why the run ends early, and with which exit status.
@@ -157,25 +158,58 @@ impl Steps {
     }
 
     fn run_into(&self, title: &str, line: &Line, result: Stdio) -> Result<(), Stop> {
+        let mut command = self.command(title, line);
+        let status = command.stdout(result).status();
+        self.ended(title, line, status)
+    }
+
+    /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What the second
+    /// one says is kept, and told only if it fails.
+    ///
+    /// # Errors
+    /// As [`Steps::run`], of the first one that fails.
+    pub(crate) fn run_both(&self, first: (&str, &Line), second: (&str, &Line)) -> Result<(), Stop> {
+        let mut beside = self.command(second.0, second.1);
+        std::thread::scope(|scope| {
+            let beside = scope.spawn(move || beside.output());
+            let run = self.run(first.0, first.1);
+            let output = beside
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            run?;
+            let status = output.map(|output| {
+                if !output.status.success() {
+                    eprint!("{}", String::from_utf8_lossy(&output.stderr));
+                }
+                output.status
+            });
+            self.ended(second.0, second.1, status)
+        })
+    }
+
+    /// A command in the root of the workspace, which it announces.
+    fn command(&self, title: &str, line: &Line) -> Command {
         self.announce(title);
         eprintln!("          $ {line}");
-        let repeat = || {
-            format!(
-                "To repeat this step alone, in {}:\n    {line}",
-                self.root.display()
-            )
-        };
         let mut command = line.command();
-        command.current_dir(&self.root).stdout(result);
+        command.current_dir(&self.root);
         if std::env::var_os("CARGO_TARGET_DIR").is_some() {
             // It may be relative to where `cargo xtask` was called.
             command.env("CARGO_TARGET_DIR", &self.target);
         }
-        let status = command.status().map_err(|error| {
+        command
+    }
+
+    /// Whether a command has ended well.
+    fn ended(&self, title: &str, line: &Line, status: io::Result<ExitStatus>) -> Result<(), Stop> {
+        let repeat = format!(
+            "To repeat this step alone, in {}:\n    {line}",
+            self.root.display()
+        );
+        let status = status.map_err(|error| {
             Stop::missing(format!(
-                "\"{title}\" could not start `{}`: {error}.\n{}",
-                line.words[0],
-                repeat()
+                "\"{title}\" could not start `{}`: {error}.\n{repeat}",
+                line.words[0]
             ))
         })?;
         if status.success() {
@@ -186,7 +220,7 @@ impl Steps {
             _ => 1,
         };
         Err(Stop {
-            message: format!("\"{title}\" failed ({status}). {}", repeat()),
+            message: format!("\"{title}\" failed ({status}). {repeat}"),
             status: code,
         })
     }
@@ -244,6 +278,17 @@ mod tests {
             .run("no such program", &Line::new("no-such-program-here"))
             .unwrap_err();
         assert_eq!(stop.status, MISSING);
+    }
+
+    #[test]
+    fn of_two_commands_at_a_time_the_one_that_fails_is_named() {
+        let steps = Steps::start().unwrap();
+        let [good, bad] = ["sh -c true", "sh -c false"].map(Line::new);
+        assert!(steps.run_both(("good", &good), ("good too", &good)).is_ok());
+        for (first, second) in [(&good, &bad), (&bad, &good)] {
+            let stop = steps.run_both(("one", first), ("other", second)).unwrap_err();
+            assert!(stop.message.contains("sh -c false"), "{}", stop.message);
+        }
     }
 
     #[test]

@@ -1,16 +1,18 @@
 //! `bead figures`: the paper's figures, each with its data and its checks.
 
+mod files;
+mod pixels;
+
 use std::io::Write;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
-use clap::Args;
-
+use bead::cli::failure::{Blame, Failure};
+use bead::cli::output::{self, Format};
+use clap::Parser;
 use hertz_figures::lab::Lab;
 use hertz_figures::plan::{Outcome, Plan};
-use hertz_figures::{catalogue, chapter, files};
-
-use crate::cli::failure::{Blame, Failure};
-use crate::cli::output::{self, Format};
+use hertz_figures::{catalogue, chapter};
 
 const AFTER_HELP: &str = "\
 Each figure is written as figure-NAME.svg, .png, .csv and .parquet, an animation as .gif too; index.html shows them all
@@ -23,10 +25,10 @@ Examples:
   bead figures --check --out figures
   bead figures --check --format json | jq '.[] | select(.pass | not)'";
 
-/// Arguments of `bead figures`.
-#[derive(Debug, Args)]
-#[command(after_help = AFTER_HELP)]
-pub(crate) struct Arguments {
+/// Draw the paper's figures, with their data and their checks.
+#[derive(Debug, Parser)]
+#[command(name = "bead figures", bin_name = "bead figures", version, after_help = AFTER_HELP)]
+struct Arguments {
     /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; every figure without a name.
     names: Vec<String>,
     /// Where the files go; made if it is not there.
@@ -46,7 +48,17 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("bead: {failure}");
+            ExitCode::from(&failure)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Failure> {
     let plans = catalogue::chosen(&arguments.names)?;
     if arguments.list {
         return list(&plans, arguments.format);
