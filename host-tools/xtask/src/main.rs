@@ -3,6 +3,7 @@
 //! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. `demo` ends with the status
 //! of the `bead` command that ended it.
 
+mod book;
 mod checks;
 mod image;
 mod imports;
@@ -65,6 +66,12 @@ const TASKS: &[Task] = &[
             setup(steps, Need::Check)?;
             lint(steps)
         },
+    ),
+    (
+        "book",
+        "Render docs/ as a book with mdBook, into target/book",
+        "It installs mdBook into target/tools if it is missing, which takes some minutes.",
+        book::render,
     ),
     (
         "mutants",
