@@ -68,6 +68,18 @@ const TASKS: &[Task] = &[
         },
     ),
     (
+        "numbers",
+        "Measure what a sample costs and what the image takes, and write it into docs/budget.md",
+        "",
+        |steps| {
+            setup(steps, Need::Run)?;
+            build(steps, DEMO)?;
+            let measure =
+                Line::new("cargo test --release -p bead-tests --test budget").env("BEAD_NUMBERS_WRITE", "1");
+            steps.run("the budget", &measure)
+        },
+    ),
+    (
         "book",
         "Render docs/ as a book with mdBook, into target/book",
         "It installs mdBook into target/tools if it is missing, which takes some minutes.",
