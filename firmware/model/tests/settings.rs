@@ -31,7 +31,10 @@ fn settings_of_version_3_are_migrated_with_address_0() {
     assert_eq!(settings.address, 0);
     // What the paper's bead was given then, by `bead settings show` of that day.
     assert_eq!(settings.sample_rate_hz, 100_000);
-    assert_eq!((settings.bead.intruder_mass, settings.bead.stiffness), (3.7e-3, 3.95e5));
+    assert_eq!(
+        (settings.bead.intruder_mass, settings.bead.stiffness),
+        (3.7e-3, 3.95e5)
+    );
     assert_eq!((settings.window.history, settings.window.length), (160, 672));
     assert_eq!((settings.window.threshold, settings.window.lookback), (26, 50));
     // The ringing stands last, just before the address.
