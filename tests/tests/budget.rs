@@ -55,10 +55,10 @@ fn sizes(elf: &[u8]) -> [f64; 3] {
 
 #[test]
 fn what_a_sample_costs_is_what_the_budget_says_and_within_its_targets() {
-    let (_, report) = paper(1, 0.1, Some(1)).run().unwrap();
+    let report = paper(1, 0.1, Some(1)).run().unwrap().report;
     let cost = report.instructions_per_sample;
     // Many strikes, close together, are what fills the stack.
-    let (stream, _) = paper(20, 0.02, Some(1)).run().unwrap();
+    let stream = paper(20, 0.02, Some(1)).run().unwrap().stream;
     let status = Heard::new(stream).status();
     assert_eq!(status.strikes, 20);
     let [flash, variables, stack] = sizes(&fs::read(image()).unwrap());

@@ -2,10 +2,10 @@
 
 use std::sync::LazyLock;
 
-use bead::recording::frames::Message;
 use bead::recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Asked, Asking, paper};
-use bead_wire::{Check, Link, MAX_REQUEST, Outcome, Request, encode_request};
+use bead_wire::Message;
+use bead_wire::{ANY, Check, Link, MAX_REQUEST, Outcome, Request, Standing, encode_request};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
@@ -19,7 +19,7 @@ const SOFTWARE: u8 = 1 << 4 | 1 << 2;
 /// Two strikes with nobody asking anything.
 static QUIET: LazyLock<Vec<RecordedStrike>> = LazyLock::new(|| {
     let asked = Asking::new(&paper(2, 0.1, Some(1))).run();
-    assemble(&asked.heard.frames, None)
+    assemble(asked.heard.frames.clone(), None)
 });
 
 /// Two strikes while the line is busy with `bytes` from 10 ms before the first to 50 ms after it.
@@ -41,7 +41,7 @@ fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> Asked {
 /// Every byte of a flood came in, and the request behind it was understood.
 fn assert_heard(asked: &Asked) {
     let sent = (0.08 * LINE) as u64;
-    let request = encode_request(0, &Request::Identity, &mut [0; MAX_REQUEST])
+    let request = encode_request(ANY, 0, &Request::Identity, &mut [0; MAX_REQUEST])
         .map(<[u8]>::len)
         .unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(asked.heard.link().bytes, sent + request as u64);
@@ -50,7 +50,7 @@ fn assert_heard(asked: &Asked) {
 
 /// Nothing that the host sent made a difference to the strikes, or to any frame of the bead's own.
 fn assert_undisturbed(asked: &Asked) {
-    let strikes = assemble(&asked.heard.frames, None);
+    let strikes = assemble(asked.heard.frames.clone(), None);
     assert_eq!(strikes.len(), 2);
     for (strike, quiet) in strikes.iter().zip(QUIET.iter()) {
         assert_eq!(strike.said, quiet.said, "A and B in every bit");
@@ -119,7 +119,7 @@ fn a_flood_without_a_delimiter_changes_no_bit_and_costs_one_reject() {
 #[test]
 fn a_flood_of_requests_that_are_refused_changes_no_bit() {
     // Whole in every way but that the kind is none: each is owed a reply.
-    let unknown = bead_tests::framed(&[bead_wire::VERSION, 99, 1, 0]);
+    let unknown = bead_tests::framed(&[bead_wire::VERSION, 99, 1, 0, ANY]);
     let asked = flooded(|_| unknown.repeat(100));
     assert_undisturbed(&asked);
     let link = asked.heard.link();
@@ -176,12 +176,12 @@ fn each_request_is_answered_with_what_it_asks_for() {
         panic!("{:?}", answers[1]);
     };
     assert!(status.armed && status.samples > RATE / 5);
-    assert_eq!((health.supply_mv, health.standing), (3300, 0));
+    assert_eq!((health.supply_mv, health.standing), (3300, Standing::NONE));
     assert_eq!(link.requests, 1, "the one before; this is being answered");
     let [Message::Settings(block)] = answers[2][..] else {
         panic!("{:?}", answers[2]);
     };
-    assert_eq!(*block, asked.block);
+    assert_eq!(block.block.bytes(), asked.block);
     let checks: Vec<_> = answers[3]
         .iter()
         .map(|message| match message {
@@ -239,12 +239,12 @@ fn a_self_test_names_what_fails() {
 fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happens() {
     let mut asking = Asking::new(&paper(0, 0.1, Some(1)));
     let version = bead_wire::VERSION;
-    asking.send(0.20, &bead_tests::framed(&[version + 1, 64, 1, 0]));
-    asking.send(0.22, &bead_tests::framed(&[version, 99, 2, 0]));
-    asking.send(0.24, &bead_tests::framed(&[version, 69, 3, 0, 7]));
-    asking.send(0.26, &bead_tests::framed(&[version, 72, 4, 0]));
-    asking.send(0.28, &bead_tests::framed(&[version, 67, 5, 0, 9, 1, 2]));
-    let mut corrupt = encode_request(6, &Request::Disarm, &mut [0; MAX_REQUEST])
+    asking.send(0.20, &bead_tests::framed(&[version + 1, 64, 1, 0, ANY]));
+    asking.send(0.22, &bead_tests::framed(&[version, 99, 2, 0, ANY]));
+    asking.send(0.24, &bead_tests::framed(&[version, 69, 3, 0, ANY, 7]));
+    asking.send(0.26, &bead_tests::framed(&[version, 72, 4, 0, ANY]));
+    asking.send(0.28, &bead_tests::framed(&[version, 67, 5, 0, ANY, 9, 1, 2]));
+    let mut corrupt = encode_request(ANY, 6, &Request::Disarm, &mut [0; MAX_REQUEST])
         .unwrap_or_else(|error| panic!("{error}"))
         .to_vec();
     corrupt[3] ^= 1;
@@ -284,7 +284,7 @@ fn a_disarmed_bead_measures_no_strike_and_an_armed_one_does_again() {
     asking.ask(0.29, &Request::Status);
     asking.ask(0.3, &Request::Arm);
     let asked = asking.run();
-    let strikes = assemble(&asked.heard.frames, None);
+    let strikes = assemble(asked.heard.frames.clone(), None);
     let at: Vec<_> = strikes
         .iter()
         .map(|strike| strike.said.trigger_index / 1000)
@@ -309,7 +309,7 @@ fn a_strike_that_is_being_measured_when_the_bead_is_disarmed_is_measured_to_its_
     let first = asking.first_scan();
     asking.ask(first + sampling + 0.001, &Request::Disarm);
     let asked = asking.run();
-    let strikes = assemble(&asked.heard.frames, None);
+    let strikes = assemble(asked.heard.frames.clone(), None);
     assert_eq!(strikes.len(), 1);
     assert_eq!(strikes[0].said, QUIET[0].said);
 }
@@ -326,10 +326,10 @@ fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_car
         let Message::Raw(piece) = &frame.message else {
             continue;
         };
-        for (index, codes) in (piece.first_index as usize..).zip(&piece.codes) {
+        for (index, codes) in (piece.first_index as usize..).zip(piece.codes.iter()) {
             // Scan 0 was started by software, before the first row.
             let [force, _, acceleration, _] = asked.rows[index.max(1) - 1];
-            assert_eq!(*codes, [force, acceleration], "scan {index}");
+            assert_eq!(codes, [force, acceleration], "scan {index}");
         }
         gaps += u64::from(next.is_some_and(|next| next != piece.first_index));
         next = Some(piece.first_index + piece.codes.len() as u64);
@@ -384,7 +384,7 @@ fn counters_are_reset_and_what_identifies_a_strike_is_not() {
     let (status, link) = (asked.heard.status(), asked.heard.link());
     assert_eq!((status.overruns, link.rejected_cobs), (0, 0));
     assert_eq!((status.epoch, status.strikes), (1, 2));
-    assert_eq!(assemble(&asked.heard.frames, None)[1].said.strike, 1);
+    assert_eq!(assemble(asked.heard.frames.clone(), None)[1].said.strike, 1);
     assert_eq!(asked.outcome.resets, [], "the watchdog does not mind");
 }
 
@@ -403,7 +403,7 @@ fn a_reboot_replies_loses_no_frame_and_is_no_fault() {
     );
     assert_eq!(asked.heard.faults().count(), 0);
     assert_eq!(asked.heard.health().frames_lost_by_reset, 0);
-    assert_eq!(assemble(&asked.heard.frames, None).len(), 2);
+    assert_eq!(assemble(asked.heard.frames.clone(), None).len(), 2);
 }
 
 #[test]

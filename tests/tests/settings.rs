@@ -6,13 +6,14 @@ use std::sync::LazyLock;
 
 use bead::bench::emulation::Emulation;
 use bead::comparison::replay::replay;
-use bead::recording::frames::{Frame, Message};
+use bead::recording::frames::Frame;
 use bead::recording::strikes::assemble;
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
 use bead_store::Store;
 use bead_tests::{Asked, Asking, paper, settings_at};
-use bead_wire::{FaultCause, Outcome, Request, SettingsSource};
+use bead_wire::Message;
+use bead_wire::{Block, FaultCause, Outcome, Request, SettingsSource, StrikeFlags};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use ram::{RANGE, Ram};
 use stm32f405_qemu::{Fault, FaultKind};
@@ -45,8 +46,10 @@ fn windows_of(length: u16) -> Vec<u8> {
     block(&settings)
 }
 
-fn write(block: &[u8]) -> Request<'_> {
-    Request::WriteSettings { block }
+fn write(block: &[u8]) -> Request {
+    Request::WriteSettings {
+        block: Block::try_from(block).unwrap(),
+    }
 }
 
 /// The blocks that the bead told, each once in a row.
@@ -54,7 +57,7 @@ fn told(frames: &[Frame]) -> Vec<&[u8]> {
     let mut blocks: Vec<_> = frames
         .iter()
         .filter_map(|frame| match &frame.message {
-            Message::Settings(block) => Some(&block[..]),
+            Message::Settings(settings) => Some(settings.block.bytes()),
             _ => None,
         })
         .collect();
@@ -83,7 +86,7 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
     let asked = asking.run();
     let heard = &asked.heard;
     assert_eq!(heard.answer(0), (Outcome::Done, String::new()));
-    let strikes = assemble(&heard.frames, None);
+    let strikes = assemble(heard.frames.clone(), None);
     let samples: Vec<_> = strikes.iter().map(|strike| strike.said.samples).collect();
     assert_eq!(
         samples,
@@ -92,7 +95,7 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
     );
     for strike in &strikes {
         assert_eq!(replay(strike).first_difference, None);
-        assert_eq!(strike.said.flags, 0);
+        assert_eq!(strike.said.flags, StrikeFlags::NONE);
     }
     assert_eq!(told(&heard.frames), [&asked.block[..], &new, &asked.block]);
     let sources: Vec<_> = heard
@@ -138,7 +141,7 @@ fn a_write_while_a_strike_is_measured_changes_no_bit_of_it_and_holds_for_the_nex
         (first.at_ns as f64 - trigger) * 1e-6,
         (last.at_ns as f64 - trigger) * 1e-6
     );
-    let strikes = assemble(&asked.heard.frames, None);
+    let strikes = assemble(asked.heard.frames.clone(), None);
     assert_eq!(strikes[0].said, quiet[0].said);
     assert_eq!(
         (&strikes[0].scans, &strikes[0].chunks),

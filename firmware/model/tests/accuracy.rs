@@ -6,7 +6,7 @@
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::{Chunk, Flags, Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
-use hertz_chain::{Options, Scenario, Solution, simulate};
+use hertz_chain::{Scenario, Solution, simulate};
 
 const HOST: usize = 8;
 /// Quiet before the strike, samples.
@@ -36,33 +36,10 @@ fn strike_felt(
     force_noise: f64,
     front_mass: f64,
 ) -> Strike {
-    let text = format!(
-        r#"
-        title = "A strike on bead 8"
-        duration = 0.008
-        [chain]
-        beads = 16
-        radius = 0.019
-        density = 1775.0
-        young = 4.5e9
-        poisson = 0.44
-        relaxation = 4.2e-6
-        contact_force = "printed"
-        [striker]
-        radius = 0.0045
-        density = 7980.0
-        young = 203e9
-        poisson = 0.27
-        velocity = {speed}
-        [[intruder]]
-        beads = [8]
-        mass = 3.7e-3
-        stiffness = 3.95e5
-        damping = 12.0
-        "#
-    );
-    let scenario = Scenario::from_toml(&text, "accuracy.rs").unwrap();
-    let solution = simulate(&scenario, &Options::default()).unwrap();
+    let mut scenario = Scenario::paper();
+    scenario.duration = 0.008;
+    scenario.striker.velocity = speed;
+    let solution = simulate(&scenario).unwrap();
 
     let mut front_end = FrontEnd::reference();
     front_end.force.sensitive.noise_rms = force_noise;

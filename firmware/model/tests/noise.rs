@@ -7,7 +7,7 @@ use bead_model::layout::PIECE;
 use bead_model::observer::ObserverState;
 use bead_model::quantity::SensedAcceleration;
 use bead_model::{Chunk, Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
-use hertz_chain::{Options, Scenario, Solution, simulate};
+use hertz_chain::{Options, Scenario, Solution, simulate_with};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -28,14 +28,13 @@ impl Sink for Last {
 
 /// The paper's strike at this speed, m/s, and what its intruder absorbs, nJ.
 fn strike(speed: f64) -> (Solution, f64) {
-    let text = include_str!("../../../docs/scenarios/paper-strike.toml");
-    let text = text.replace("velocity = 0.45", &format!("velocity = {speed:?}"));
-    let scenario = Scenario::from_toml(&text, "paper-strike.toml").unwrap();
+    let mut scenario = Scenario::paper();
+    scenario.striker.velocity = speed;
     let options = Options {
         duration: Some(0.012),
         ..Options::default()
     };
-    let solution = simulate(&scenario, &options).unwrap();
+    let solution = simulate_with(&scenario, &options).unwrap();
     let absorbed = solution.intruder_dissipated(HOST, scenario.duration).unwrap() * 1e9;
     (solution, absorbed)
 }

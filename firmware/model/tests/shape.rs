@@ -3,7 +3,7 @@
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::{Record, Scan, Settings, Shape, Window};
-use hertz_chain::{Options, PulseSearch, Scenario, Solution, simulate};
+use hertz_chain::{PulseSearch, Scenario, Solution, simulate};
 
 const HOST: usize = 8;
 const RATE: f64 = 100e3;
@@ -12,34 +12,13 @@ const LEAD: usize = 200;
 const LENGTH: usize = 700;
 
 fn chain(speed: f64, beads: usize, host: usize, stiffness: f64) -> Solution {
-    let text = format!(
-        r#"
-        duration = 0.008
-        [chain]
-        beads = {beads}
-        radius = 0.019
-        density = 1775.0
-        young = 4.5e9
-        poisson = 0.44
-        relaxation = 4.2e-6
-        [striker]
-        radius = 0.0045
-        density = 7980.0
-        young = 203e9
-        poisson = 0.27
-        velocity = {speed}
-        [[intruder]]
-        beads = [{host}]
-        mass = 3.7e-3
-        stiffness = {stiffness:?}
-        damping = 12.0
-        "#
-    );
-    simulate(
-        &Scenario::from_toml(&text, "shape.rs").unwrap(),
-        &Options::default(),
-    )
-    .unwrap()
+    let mut scenario = Scenario::paper();
+    scenario.duration = 0.008;
+    scenario.chain.beads = beads;
+    scenario.striker.velocity = speed;
+    scenario.intruders[0].beads = vec![host];
+    scenario.intruders[0].stiffness = stiffness;
+    simulate(&scenario).unwrap()
 }
 
 /// The codes that `host` samples, 12 bits over 16 N × `range` and ±250 m/s² × `range`, with noise of this many codes rms. The

@@ -67,9 +67,13 @@ macro_rules! names {
             }
         }
 
+        /// The number on the wire; in formats that people read the name, if there is one.
         impl serde::Serialize for $type {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                serializer.serialize_u8(self.number())
+                match self.name().filter(|_| serializer.is_human_readable()) {
+                    Some(name) => serializer.serialize_str(name),
+                    None => serializer.serialize_u8(self.number()),
+                }
             }
         }
 

@@ -37,9 +37,9 @@ impl Solution {
             }
         };
         self.model()
-            .resonators()
+            .intruders()
             .iter()
-            .map(|resonator| of(&snapshot, resonator.bead))
+            .map(|intruder| of(&snapshot, intruder.bead))
             .collect()
     }
 }

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::collision::Collision;
 use crate::scenario::Scenario;
-use crate::simulate::{Options, SimulateError, simulate};
+use crate::simulate::{Options, SimulateError, simulate_with};
 use crate::solution::Solution;
 
 /// What a striker gave to its chain in a run.
@@ -43,7 +43,7 @@ impl Solution {
 /// speed, so that nothing else changes; heavy ones take longer to part, see [`Injection::parted`].
 ///
 /// # Errors
-/// As [`simulate`]; a ratio that is not a positive number is the scenario's `striker.mass`.
+/// As [`simulate_with`]; a ratio that is not a positive number is the scenario's `striker.mass`.
 pub fn injection_curve(
     scenario: &Scenario,
     mass_ratios: &[f64],
@@ -56,7 +56,7 @@ pub fn injection_curve(
         .map(|ratio| {
             let mut scenario = scenario.clone();
             scenario.striker.mass = Some(ratio * bead);
-            Ok(simulate(&scenario, options)?.injection())
+            Ok(simulate_with(&scenario, options)?.injection())
         })
         .collect()
 }

@@ -21,7 +21,8 @@
 mod symmetry;
 
 use crate::dop853::System;
-use crate::scenario::{ContactForce, Scenario, Sphere};
+use crate::oscillator::Oscillator;
+use crate::scenario::{ContactForce, Intruder, Scenario, Sphere};
 
 /// One contact: it joins bodies j-1 and j, the one after the last bead that bead and the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,21 +128,17 @@ impl Contact {
     }
 }
 
-/// One intruder in its host.
+/// An intruder in its host.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct Resonator {
+pub struct HostedIntruder {
     /// The host bead, from 1.
     pub bead: usize,
-    /// Mass m, kg.
-    pub mass: f64,
-    /// Stiffness k, N/m.
-    pub stiffness: f64,
-    /// Damping c, N·s/m.
-    pub damping: f64,
+    /// Its mass, stiffness and damping.
+    pub oscillator: Oscillator,
 }
 
-/// What a scenario comes to: masses, contacts, resonators.
+/// What a scenario comes to: masses, contacts, intruders.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// Radii of bodies 0..=N, m.
@@ -153,7 +150,7 @@ pub struct Model {
     /// Contacts 1..=N, and N + 1 if there is a wall, at index j - 1.
     contacts: Vec<Contact>,
     /// In the order of their beads.
-    resonators: Vec<Resonator>,
+    intruders: Vec<HostedIntruder>,
     clipped: bool,
     striker_speed: f64,
 }
@@ -165,16 +162,14 @@ impl Model {
         let beads = scenario.spheres();
         let first = Sphere {
             radius: striker.radius,
-            density: striker.density,
-            young: striker.young,
-            poisson: striker.poisson,
+            material: striker.material(),
             relaxation: beads[0].relaxation,
         };
         let bodies: Vec<_> = std::iter::once(first).chain(beads).collect();
         let mut masses: Vec<f64> = bodies.iter().map(Sphere::mass).collect();
         masses[0] = striker.mass.unwrap_or(masses[0]);
 
-        let side = |body: &Sphere| Side::new(body.poisson, body.young, 1.0 / body.radius);
+        let side = |body: &Sphere| Side::new(body.material.poisson, body.material.young, 1.0 / body.radius);
         let load = scenario.chain.precompression;
         let mut contacts: Vec<Contact> = bodies
             .windows(2)
@@ -193,22 +188,18 @@ impl Model {
             contacts.push(Contact::new(sides, relaxation, load));
         }
 
-        let mut resonators: Vec<Resonator> = scenario
-            .intruders
-            .iter()
-            .flat_map(|intruder| {
-                intruder.beads.iter().map(|&bead| Resonator {
-                    bead,
-                    mass: intruder.mass,
-                    stiffness: intruder.stiffness,
-                    damping: intruder.damping,
-                })
-            })
-            .collect();
-        resonators.sort_by_key(|resonator| resonator.bead);
+        let hosted = |intruder: &Intruder| {
+            let oscillator = intruder.oscillator();
+            let hosts = intruder.beads.iter();
+            hosts
+                .map(move |&bead| HostedIntruder { bead, oscillator })
+                .collect::<Vec<_>>()
+        };
+        let mut intruders: Vec<_> = scenario.intruders.iter().flat_map(hosted).collect();
+        intruders.sort_by_key(|intruder| intruder.bead);
         let mut shells = masses.clone();
-        for resonator in &resonators {
-            shells[resonator.bead] -= resonator.mass;
+        for intruder in &intruders {
+            shells[intruder.bead] -= intruder.oscillator.mass;
         }
         let clipped = scenario.chain.contact_force == ContactForce::Clipped;
         Self {
@@ -216,7 +207,7 @@ impl Model {
             masses,
             shells,
             contacts,
-            resonators,
+            intruders,
             clipped,
             striker_speed: striker.velocity,
         }
@@ -261,8 +252,8 @@ impl Model {
     }
 
     /// The intruders, in the order of their beads.
-    pub fn resonators(&self) -> &[Resonator] {
-        &self.resonators
+    pub fn intruders(&self) -> &[HostedIntruder] {
+        &self.intruders
     }
 
     /// Kinetic energy of the striker at t = 0, J.
@@ -288,7 +279,7 @@ impl Model {
     pub(crate) fn layout(&self) -> Layout {
         Layout {
             bodies: self.masses.len(),
-            intruders: self.resonators.len(),
+            intruders: self.intruders.len(),
             walled: self.contacts.len() == self.masses.len(),
         }
     }
@@ -398,14 +389,17 @@ impl Model {
             let rate = 2.0 * contact.linear_stiffness() / reduced;
             rate.sqrt().max(rate * contact.relaxation)
         });
-        self.resonators
+        self.intruders
             .iter()
-            .map(|resonator| {
-                let (host, shell) = (self.masses[resonator.bead], self.shells[resonator.bead]);
-                let reduced = resonator.mass * shell / host;
-                (resonator.stiffness / reduced)
-                    .sqrt()
-                    .max(resonator.damping / reduced)
+            .map(|intruder| {
+                let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
+                let Oscillator {
+                    mass,
+                    stiffness,
+                    damping,
+                } = intruder.oscillator;
+                let reduced = mass * shell / host;
+                (stiffness / reduced).sqrt().max(damping / reduced)
             })
             .chain(loaded)
             .fold(0.0, f64::max)
@@ -488,20 +482,25 @@ impl System for Model {
         if let Some(index) = layout.wall_impulse() {
             rest[index - base] = wall_force;
         }
-        for (i, intruder) in self.resonators.iter().enumerate() {
+        for (i, intruder) in self.intruders.iter().enumerate() {
             let x = y[layout.relative(i)];
             let x_rate = y[layout.relative_velocity(i)];
-            let pull = intruder.stiffness * x + intruder.damping * x_rate;
+            let Oscillator {
+                mass,
+                stiffness,
+                damping,
+            } = intruder.oscillator;
+            let pull = stiffness * x + damping * x_rate;
             acceleration[intruder.bead] += pull;
             rest[layout.relative(i) - base] = x_rate;
-            rest[layout.relative_velocity(i) - base] = -pull / intruder.mass;
-            rest[layout.intruder_loss(i) - base] = intruder.damping * x_rate * x_rate;
+            rest[layout.relative_velocity(i) - base] = -pull / mass;
+            rest[layout.intruder_loss(i) - base] = damping * x_rate * x_rate;
         }
         rest[layout.contact_loss() - base] = loss;
         for (acceleration, shell) in acceleration.iter_mut().zip(&self.shells) {
             *acceleration /= shell;
         }
-        for (i, intruder) in self.resonators.iter().enumerate() {
+        for (i, intruder) in self.intruders.iter().enumerate() {
             rest[layout.relative_velocity(i) - base] -= acceleration[intruder.bead];
         }
     }
@@ -560,10 +559,11 @@ impl Model {
             energies.chain += elastic;
             energies.chain_as_printed += elastic;
         }
-        for (i, intruder) in self.resonators.iter().enumerate() {
+        for (i, intruder) in self.intruders.iter().enumerate() {
             let x = y[layout.relative(i)];
             let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
-            energies.intruders += kinetic(intruder.mass, velocity) + 0.5 * intruder.stiffness * x * x;
+            let Oscillator { mass, stiffness, .. } = intruder.oscillator;
+            energies.intruders += kinetic(mass, velocity) + 0.5 * stiffness * x * x;
             energies.dissipated_intruders += y[layout.intruder_loss(i)];
         }
         energies.dissipated_contacts = y[layout.contact_loss()];
@@ -580,31 +580,36 @@ impl Model {
             .map(|(n, mass)| mass * y[layout.velocity(n)])
             .sum();
         let intruders: f64 = self
-            .resonators
+            .intruders
             .iter()
             .enumerate()
-            .map(|(i, r)| r.mass * y[layout.relative_velocity(i)])
+            .map(|(i, intruder)| intruder.oscillator.mass * y[layout.relative_velocity(i)])
             .sum();
         bodies + intruders
     }
 }
 
 impl Model {
-    /// Which of the resonators sits in `bead`.
+    /// The index of the intruder in `bead`.
     pub(crate) fn intruder_of(&self, bead: usize) -> Option<usize> {
-        self.resonators
-            .binary_search_by_key(&bead, |resonator| resonator.bead)
+        self.intruders
+            .binary_search_by_key(&bead, |intruder| intruder.bead)
             .ok()
     }
 
     /// Absolute acceleration u'' of an intruder.
     pub(crate) fn intruder_acceleration(&self, y: &[f64], intruder: usize) -> f64 {
-        let (layout, resonator) = (self.layout(), &self.resonators[intruder]);
+        let layout = self.layout();
+        let Oscillator {
+            mass,
+            stiffness,
+            damping,
+        } = self.intruders[intruder].oscillator;
         let (x, x_rate) = (
             y[layout.relative(intruder)],
             y[layout.relative_velocity(intruder)],
         );
-        -(resonator.stiffness * x + resonator.damping * x_rate) / resonator.mass
+        -(stiffness * x + damping * x_rate) / mass
     }
 
     /// The magnitude that each component of the state is measured by.

@@ -154,11 +154,11 @@ impl Solution {
                 dissipated_intruders: energies.dissipated_intruders,
                 balance_error,
             },
-            intruders: (0..model.resonators().len())
+            intruders: (0..model.intruders().len())
                 .map(|i| {
                     let relative = Quantity::RelativeDisplacement(i);
                     IntruderSummary {
-                        bead: model.resonators()[i].bead,
+                        bead: model.intruders()[i].bead,
                         acceleration_max: self.peak(Quantity::Acceleration(i), Side::Up).value,
                         acceleration_min: self.peak(Quantity::Acceleration(i), Side::Down).value,
                         relative_displacement_max: self

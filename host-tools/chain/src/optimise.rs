@@ -21,10 +21,9 @@ use serde::Serialize;
 use slsqp::{FailStatus, StopTols, SuccessStatus};
 
 use crate::absorption::Absorption;
-use crate::check::{MOST_BEADS, ScenarioError};
 use crate::model::Model;
-use crate::scenario::{Intruder, Scenario};
-use crate::simulate::{Accuracy, Options, SimulateError, simulate};
+use crate::scenario::{InputError, Intruder, MOST_BEADS, Scenario};
+use crate::simulate::{Accuracy, Options, SimulateError, simulate_with};
 
 /// What to look for, and where. [`Search::new`] sets bounds that suit the chain.
 #[derive(Debug, Clone, PartialEq)]
@@ -119,8 +118,8 @@ pub enum OptimiseError {
     },
 }
 
-impl From<ScenarioError> for OptimiseError {
-    fn from(error: ScenarioError) -> Self {
+impl From<InputError> for OptimiseError {
+    fn from(error: InputError) -> Self {
         Self::Simulate(error.into())
     }
 }
@@ -156,7 +155,7 @@ pub struct Remaining {
 /// far whatever the speed (exactly so on an elastic chain without intruders).
 ///
 /// # Errors
-/// As [`simulate`].
+/// As [`simulate_with`].
 pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<Remaining, SimulateError> {
     let mut struck = scenario.clone();
     struck.striker.velocity = speed;
@@ -165,14 +164,14 @@ pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<
         accuracy,
         ..Options::default()
     };
-    let solution = simulate(&struck, &options)?;
+    let solution = simulate_with(&struck, &options)?;
     let end = solution.at(solution.end());
     let energies = end.energies();
     let injected = solution.model().striker_energy() - energies.striker;
     let beads = scenario.chain.beads;
-    let resonators = solution.model().resonators();
-    let first = resonators.first().map_or(1, |resonator| resonator.bead);
-    let last = resonators.last().map_or(0, |resonator| resonator.bead);
+    let intruders = solution.model().intruders();
+    let first = intruders.first().map_or(1, |intruder| intruder.bead);
+    let last = intruders.last().map_or(0, |intruder| intruder.bead);
     // An empty range of beads has no energy.
     let part = |from: usize, to: usize| {
         if from > to {

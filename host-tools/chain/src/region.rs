@@ -59,12 +59,12 @@ impl Model {
                 energies.elastic += self.contact_energy(y, self.bodies());
             }
         }
-        for (i, intruder) in self.resonators().iter().enumerate() {
+        for (i, intruder) in self.intruders().iter().enumerate() {
             if beads.contains(&intruder.bead) {
                 let x = y[layout.relative(i)];
                 let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
-                energies.intruder_kinetic += 0.5 * intruder.mass * velocity * velocity;
-                energies.intruder_elastic += 0.5 * intruder.stiffness * x * x;
+                energies.intruder_kinetic += 0.5 * intruder.oscillator.mass * velocity * velocity;
+                energies.intruder_elastic += 0.5 * intruder.oscillator.stiffness * x * x;
                 energies.intruder_dissipated += y[layout.intruder_loss(i)];
             }
         }

@@ -2,10 +2,9 @@
 
 use std::time::Instant;
 
-use crate::check::ScenarioError;
 use crate::dop853::{Dense, Stepper, Stuck, crossing};
 use crate::model::Model;
-use crate::scenario::Scenario;
+use crate::scenario::{InputError, Scenario};
 use crate::solution::Solution;
 
 /// How closely the integration follows the equations.
@@ -67,7 +66,7 @@ impl std::fmt::Debug for Options<'_> {
 pub enum SimulateError {
     /// A value of the scenario is out of range.
     #[error(transparent)]
-    Scenario(#[from] ScenarioError),
+    Scenario(#[from] InputError),
     /// [`Options::duration`] is not a positive number.
     #[error("duration: {0} s cannot be simulated; give a number above zero")]
     Duration(f64),
@@ -102,11 +101,19 @@ pub enum SimulateError {
 /// Values that a solution may keep, 4 GB of them.
 const MOST_VALUES: usize = 500_000_000;
 
-/// Integrates a scenario.
+/// Integrates a scenario at [`Accuracy::REFERENCE`], for as long as it says.
+///
+/// # Errors
+/// [`SimulateError`]: the scenario is out of range, or the integration does not get on.
+pub fn simulate(scenario: &Scenario) -> Result<Solution, SimulateError> {
+    simulate_with(scenario, &Options::default())
+}
+
+/// Integrates a scenario as the options say.
 ///
 /// # Errors
 /// [`SimulateError`]: the scenario or an option is out of range, or the integration does not get on.
-pub fn simulate(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, SimulateError> {
+pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, SimulateError> {
     let clock = Instant::now();
     scenario.check()?;
     let end = options.duration.unwrap_or(scenario.duration);

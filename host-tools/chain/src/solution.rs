@@ -44,7 +44,7 @@ impl Solution {
         }
     }
 
-    /// Masses, contacts and resonators of the chain.
+    /// Masses, contacts and intruders of the chain.
     pub fn model(&self) -> &Model {
         &self.model
     }

@@ -1,45 +1,20 @@
 //! How exact the integration is, measured against itself and against what is known of the equations.
 
-use hertz_chain::{Accuracy, Options, Scenario, Section, Solution, Wall, simulate};
+mod common;
 
-const PAPER: &str = r#"
-duration = 0.004
-[chain]
-beads = 16
-radius = 0.019
-density = 1775.0
-young = 4.5e9
-poisson = 0.44
-relaxation = 4.2e-6
-[striker]
-radius = 0.0045
-density = 7980.0
-young = 203e9
-poisson = 0.27
-velocity = 0.45
-[[intruder]]
-beads = [8]
-mass = 3.7e-3
-stiffness = 3.95e5
-damping = 12.0
-"#;
+use common::{elastic, run};
+use hertz_chain::{Accuracy, Material, Options, Scenario, Section, Solution, Wall, simulate_with};
 
+/// The paper's strike, for the 4 ms that its figure shows.
 fn paper() -> Scenario {
-    Scenario::from_toml(PAPER, "paper.toml").expect("the scenario is sound")
+    Scenario {
+        duration: 0.004,
+        ..Scenario::paper()
+    }
 }
 
-/// A long elastic chain without intruders.
-fn elastic(beads: usize, duration: f64) -> Scenario {
-    let mut scenario = paper();
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = beads;
-    scenario.duration = duration;
-    scenario
-}
-
-fn run(scenario: &Scenario) -> Solution {
-    simulate(scenario, &Options::default()).expect("the scenario runs")
+fn with(options: &Options<'_>) -> Solution {
+    simulate_with(&paper(), options).expect("the scenario runs")
 }
 
 /// More steps, each of a fifth of the error.
@@ -48,7 +23,7 @@ fn run_finer(scenario: &Scenario) -> Solution {
         tolerance: 2e-14,
         longest_step: 1.0 / 50.0,
     };
-    simulate(
+    simulate_with(
         scenario,
         &Options {
             accuracy,
@@ -129,12 +104,11 @@ fn peaks_and_widths_repeat_with_other_steps() {
 
 #[test]
 fn the_draft_is_good_for_pictures() {
-    let scenario = paper();
     let draft = Options {
         accuracy: Accuracy::DRAFT,
         ..Options::default()
     };
-    let (force, energy) = distance(&simulate(&scenario, &draft).expect("runs"), &run(&scenario));
+    let (force, energy) = distance(&with(&draft), &run(&paper()));
     assert!(
         force < 3e-6 && energy < 3e-6,
         "forces {force:e}, energies {energy:e}"
@@ -234,10 +208,8 @@ fn a_chain_of_other_size_and_material_is_the_same_on_another_scale() {
     let mut small = paper();
     small.chain.precompression = 0.3;
     small.wall = Some(Wall {
-        young: 203e9,
-        poisson: 0.27,
         radius: Some(0.05),
-        relaxation: None,
+        ..Wall::flat(Material::STEEL)
     });
     small.sections = vec![Section {
         beads: vec![4, 5],
@@ -340,12 +312,11 @@ fn a_pulse_becomes_the_solitary_wave() {
 
 #[test]
 fn a_longer_run_leaves_the_summary_as_it_is() {
-    let scenario = paper();
     let longer = Options {
         duration: Some(0.006),
         ..Options::default()
     };
-    let (longer, plain) = (simulate(&scenario, &longer).expect("runs"), run(&scenario));
+    let (longer, plain) = (with(&longer), run(&paper()));
     assert_eq!(longer.end(), 0.006);
     assert_eq!(longer.summary().peak_force, plain.summary().peak_force);
     assert_eq!(longer.summary().final_state, plain.summary().final_state);
@@ -358,7 +329,7 @@ fn a_shorter_run_is_summed_up_to_its_own_end() {
         duration: Some(0.001),
         ..Options::default()
     };
-    let solution = simulate(&paper(), &shorter).expect("runs");
+    let solution = with(&shorter);
     let end = solution.summary().final_state;
     assert_eq!((solution.end(), end.time), (0.001, 0.001));
     let displacement = run(&paper()).displacement(1, 0.001);
@@ -373,8 +344,14 @@ fn a_time_after_the_end_is_refused() {
 
 #[test]
 fn sections_make_their_beads_unlike_the_rest() {
-    let text = format!("{PAPER}\n[[section]]\nbeads = [3, 4]\nradius = 0.0095\nrelaxation = 0.0\n");
-    let solution = run(&Scenario::from_toml(&text, "stepped.toml").expect("sound"));
+    let mut scenario = paper();
+    scenario.sections = vec![Section {
+        beads: vec![3, 4],
+        radius: Some(0.0095),
+        relaxation: Some(0.0),
+        ..Section::default()
+    }];
+    let solution = run(&scenario);
     let model = solution.model();
     assert!((model.mass(3) / model.mass(2) - 0.125).abs() < 1e-15);
     assert_eq!(model.mass(2), model.mass(5));
@@ -389,11 +366,9 @@ fn sections_make_their_beads_unlike_the_rest() {
 
 #[test]
 fn the_striker_may_have_mass_and_relaxation_of_its_own() {
-    let text = PAPER.replace(
-        "velocity = 0.45",
-        "velocity = 0.45\nmass = 3.0e-3\nrelaxation = 0.0",
-    );
-    let solution = run(&Scenario::from_toml(&text, "striker.toml").expect("sound"));
+    let mut scenario = paper();
+    (scenario.striker.mass, scenario.striker.relaxation) = (Some(3.0e-3), Some(0.0));
+    let solution = run(&scenario);
     assert_eq!(solution.model().mass(0), 3.0e-3);
     assert_eq!(solution.model().contact(1).relaxation, 0.0);
     assert_eq!(solution.model().contact(2).relaxation, 4.2e-6);
@@ -411,7 +386,7 @@ fn progress_is_told() {
         progress: Some(&progress),
         ..Options::default()
     };
-    simulate(&paper(), &options).expect("runs");
+    with(&options);
     assert_eq!(*last.lock().expect("no panic"), 1.0);
 }
 

@@ -1,25 +1,12 @@
 //! Closed forms of collisions and solitary waves against the integration, and fits against data whose answer is known.
 
+mod common;
+
+use common::{elastic, normal, run, softer};
 use hertz_chain::solitary::{EqualSpheres, KINETIC_SHARE, SPEED_FROM_FORCE, SPEED_FROM_VELOCITY};
 use hertz_chain::{
-    Accuracy, Collision, Intruder, Options, PulseSearch, Scenario, Solution, TransmissionFit,
-    injection_curve, simulate,
+    Accuracy, Collision, Intruder, Options, PulseSearch, TransmissionFit, injection_curve, simulate_with,
 };
-
-/// The paper's strike on an elastic chain.
-fn elastic(beads: usize, duration: f64) -> Scenario {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = beads;
-    scenario.duration = duration;
-    scenario
-}
-
-fn run(scenario: &Scenario) -> Solution {
-    simulate(scenario, &Options::default()).expect("the scenario runs")
-}
 
 #[test]
 fn a_collision_lasts_peaks_and_ends_as_the_closed_forms_say() {
@@ -106,7 +93,7 @@ fn a_pulse_has_the_invariants_of_the_solitary_wave() {
     let spheres = EqualSpheres {
         stiffness: solution.model().contact(2).stiffness,
         mass: solution.model().mass(1),
-        radius: 0.019,
+        radius: solution.model().radius(1),
     };
     let speed = solution.speed(&early, &late);
     assert!((spheres.speed_from_force(late.force) / speed - 1.0).abs() < 1e-5);
@@ -138,17 +125,6 @@ fn a_striker_injects_most_at_the_mass_of_a_bead_and_keeps_nothing_above() {
     }
     let error = injection_curve(&scenario, &[-1.0], &Options::default()).expect_err("no mass is negative");
     assert!(error.to_string().starts_with("striker.mass: "), "{error}");
-}
-
-/// A pseudo-random number of mean 0 and variance 1 (twelve uniform ones added).
-fn normal(state: &mut u64) -> f64 {
-    let mut uniform = || {
-        *state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1_u64 << 53) as f64
-    };
-    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
 }
 
 #[test]
@@ -199,13 +175,11 @@ fn each_light_intruder_of_the_paper_lets_97_percent_pass() {
             let mut scenario = elastic(40, 0.0085);
             if n > 0 {
                 scenario.intruders = vec![Intruder {
-                    beads: (7..7 + n).collect(),
                     mass: 2.7e-3,
-                    stiffness: 1e5,
-                    damping: 12.0,
+                    ..softer(7..7 + n)
                 }];
             }
-            let solution = simulate(&scenario, &draft).expect("runs");
+            let solution = simulate_with(&scenario, &draft).expect("runs");
             let absorbed: f64 = solution.absorption(0.0085).iter().map(|one| one.dissipated).sum();
             assert!((absorbed - solution.energy(0.0085).dissipated_intruders).abs() < 1e-18);
             (n, solution.energy(0.0085).chain)

@@ -1,43 +1,9 @@
 //! Chains under a static load, and chains with a fixed far end.
 
-use hertz_chain::{
-    ContactForce, Intruder, Options, PulseSearch, Scenario, Section, Snapshot, Solution, Wall, simulate,
-};
+mod common;
 
-/// The paper's strike on an elastic chain.
-fn elastic(beads: usize, duration: f64) -> Scenario {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = beads;
-    scenario.duration = duration;
-    scenario
-}
-
-/// Struck by a bead like its own, so that one solitary wave has nearly all.
-fn struck_by_a_bead(beads: usize, duration: f64) -> Scenario {
-    let mut scenario = elastic(beads, duration);
-    scenario.striker.radius = scenario.chain.radius;
-    scenario.striker.density = scenario.chain.density;
-    scenario.striker.young = scenario.chain.young;
-    scenario.striker.poisson = scenario.chain.poisson;
-    scenario
-}
-
-/// Flat, of the beads' material.
-fn wall_like_the_beads(scenario: &Scenario) -> Wall {
-    Wall {
-        young: scenario.chain.young,
-        poisson: scenario.chain.poisson,
-        radius: None,
-        relaxation: None,
-    }
-}
-
-fn run(scenario: &Scenario) -> Solution {
-    simulate(scenario, &Options::default()).expect("the scenario runs")
-}
+use common::{elastic, run, softer, struck_by_a_bead};
+use hertz_chain::{ContactForce, Material, PulseSearch, Scenario, Section, Snapshot, Wall};
 
 /// Walls and loads weak and strong, with all that makes a run harder.
 fn harder() -> Vec<(&'static str, Scenario)> {
@@ -52,13 +18,8 @@ fn harder() -> Vec<(&'static str, Scenario)> {
         let mut scenario = elastic(16, 0.006);
         scenario.chain.relaxation = 4.2e-6;
         scenario.chain.precompression = load;
-        scenario.wall = walled.then(|| wall_like_the_beads(&scenario));
-        scenario.intruders = vec![Intruder {
-            beads: vec![5, 16],
-            mass: 3.7e-3,
-            stiffness: 1e5,
-            damping: 12.0,
-        }];
+        scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
+        scenario.intruders = vec![softer([5, 16])];
         scenario.sections = vec![Section {
             beads: vec![9, 10],
             radius: Some(0.012),
@@ -135,7 +96,7 @@ fn a_loaded_chain_waits_at_rest_and_carries_its_load() {
     for walled in [false, true] {
         let mut scenario = elastic(40, 0.0007);
         scenario.chain.precompression = 12.5;
-        scenario.wall = walled.then(|| wall_like_the_beads(&scenario));
+        scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
         let solution = run(&scenario);
         let start = solution.at(0.0);
         assert_eq!((start.force(1), start.overlap(1)), (0.0, 0.0));
@@ -162,14 +123,13 @@ fn a_loaded_chain_waits_at_rest_and_carries_its_load() {
 #[test]
 fn the_walls_stiffness_is_hertz() {
     let mut scenario = elastic(3, 0.001);
-    let compliance = |young: f64, poisson: f64| 0.75 * (1.0 - poisson * poisson) / young;
-    let theta = compliance(4.5e9, 0.44) + compliance(203e9, 0.27);
+    let compliance = |of: Material| 0.75 * (1.0 - of.poisson * of.poisson) / of.young;
+    let theta = compliance(Material::BAKELITE) + compliance(Material::STEEL);
     for (radius, curvature) in [(None, 1.0 / 0.019), (Some(0.05), 1.0 / 0.019 + 1.0 / 0.05)] {
         scenario.wall = Some(Wall {
-            young: 203e9,
-            poisson: 0.27,
             radius,
             relaxation: Some(3e-6),
+            ..Wall::flat(Material::STEEL)
         });
         let solution = run(&scenario);
         let wall = solution.model().contact(4);
@@ -189,7 +149,7 @@ fn the_walls_stiffness_is_hertz() {
 #[test]
 fn a_solitary_wave_comes_back_from_the_wall() {
     let mut scenario = struck_by_a_bead(40, 0.012);
-    scenario.wall = Some(wall_like_the_beads(&scenario));
+    scenario.wall = Some(Wall::flat(Material::BAKELITE));
     let solution = run(&scenario);
     let search = PulseSearch {
         height: 0.1,
@@ -263,7 +223,7 @@ fn a_small_wave_gives_a_rigid_wall_twice_its_momentum() {
     let mut scenario = long_and_small(800.0, 160, 0.025);
     scenario.wall = Some(Wall {
         young: 1e300,
-        ..wall_like_the_beads(&scenario)
+        ..Wall::flat(Material::BAKELITE)
     });
     let solution = run(&scenario);
     // Before the wave is at the wall, and when it is on its way back.

@@ -15,7 +15,9 @@
 
 use std::collections::BTreeMap;
 
-use hertz_chain::{Chain, ContactForce, Intruder, Options, Scenario, Solution, Striker, Summary, simulate};
+use hertz_chain::{
+    Chain, ContactForce, Intruder, Oscillator, Scenario, Solution, Striker, Summary, simulate,
+};
 use serde_json::{Map, Value};
 
 fn cases() -> Map<String, Value> {
@@ -47,11 +49,13 @@ fn scenario(name: &str, case: &Value) -> Scenario {
         numbers(p, "c"),
         numbers(p, "m"),
     );
-    let intruder = |i: usize| Intruder {
-        beads: vec![hosts[i] as usize],
-        mass: m[i],
-        stiffness: k[i],
-        damping: c[i],
+    let intruder = |i: usize| {
+        let oscillator = Oscillator {
+            mass: m[i],
+            stiffness: k[i],
+            damping: c[i],
+        };
+        Intruder::new([hosts[i] as usize], oscillator)
     };
     Scenario {
         title: name.to_owned(),
@@ -60,23 +64,19 @@ fn scenario(name: &str, case: &Value) -> Scenario {
             beads: number(p, "N_chain_beads") as usize,
             radius: number(p, "R"),
             density: number(p, "rho"),
-            young: 4.5e9,
             poisson: number(p, "nu"),
             relaxation: number(p, "tau"),
             contact_force: match p["clip_contact_force"].as_bool().expect("a flag") {
                 true => ContactForce::Clipped,
                 false => ContactForce::Printed,
             },
-            precompression: 0.0,
+            ..Chain::PAPER
         },
         striker: Striker {
-            radius: p["Rs"].as_f64().unwrap_or(0.0045),
-            density: 7980.0,
-            young: p["Ys"].as_f64().unwrap_or(203e9),
-            poisson: 0.27,
+            radius: p["Rs"].as_f64().unwrap_or(Striker::PAPER.radius),
+            young: p["Ys"].as_f64().unwrap_or(Striker::PAPER.young),
             velocity: number(p, "V_s"),
-            mass: None,
-            relaxation: None,
+            ..Striker::PAPER
         },
         wall: None,
         intruders: (0..hosts.len()).map(intruder).collect(),
@@ -138,7 +138,7 @@ impl Samples {
             interval: solution.end() / count as f64,
             forces: vec![Vec::with_capacity(count + 1); model.contacts()],
             chain_energy: Vec::with_capacity(count + 1),
-            accelerations: vec![Vec::with_capacity(count + 1); model.resonators().len()],
+            accelerations: vec![Vec::with_capacity(count + 1); model.intruders().len()],
         };
         let mut sampler = solution.sampler();
         for i in 0..=count {
@@ -147,8 +147,8 @@ impl Samples {
                 forces.push(snapshot.force(contact));
             }
             samples.chain_energy.push(snapshot.energies().chain_as_printed);
-            for (accelerations, resonator) in samples.accelerations.iter_mut().zip(model.resonators()) {
-                let acceleration = snapshot.intruder_acceleration(resonator.bead);
+            for (accelerations, intruder) in samples.accelerations.iter_mut().zip(model.intruders()) {
+                let acceleration = snapshot.intruder_acceleration(intruder.bead);
                 accelerations.push(acceleration.expect("a host"));
             }
         }
@@ -337,7 +337,7 @@ const ALLOWED: [(&str, f64); 14] = [
 fn every_reference_case_is_met() {
     for (name, case) in cases() {
         let scenario = scenario(&name, &case);
-        let solution = simulate(&scenario, &Options::default()).expect("the case runs");
+        let solution = simulate(&scenario).expect("the case runs");
         let summary = solution.summary();
         let samples = Samples::of(&solution);
         let model = solution.model();

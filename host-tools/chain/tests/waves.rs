@@ -1,30 +1,16 @@
 //! Pulses, what passes a contact, and how a wave is shared out at an intruder, against independent sums over the motion.
 
-use hertz_chain::{Intruder, Options, PulseSearch, Scenario, Solution, simulate};
+mod common;
 
-/// The paper's strike on an elastic chain.
-fn elastic(beads: usize, duration: f64) -> Scenario {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = beads;
-    scenario.duration = duration;
-    scenario
-}
+use common::{elastic, run};
+use hertz_chain::{Intruder, Oscillator, PulseSearch, Scenario};
 
 fn with_intruder(mut scenario: Scenario, beads: Vec<usize>, stiffness: f64) -> Scenario {
     scenario.intruders = vec![Intruder {
-        beads,
-        mass: 3.7e-3,
         stiffness,
-        damping: 12.0,
+        ..Intruder::new(beads, Oscillator::PAPER)
     }];
     scenario
-}
-
-fn run(scenario: &Scenario) -> Solution {
-    simulate(scenario, &Options::default()).expect("the scenario runs")
 }
 
 #[test]

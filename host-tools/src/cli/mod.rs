@@ -1,5 +1,6 @@
-//! The command line: the command tree, and beneath it the commands, their options and their output.
+//! The command line: the command tree, and below it the commands, their options and their output.
 
+mod bench_options;
 mod commands;
 pub mod failure;
 mod front_end_options;
@@ -51,9 +52,9 @@ enum Command {
     Decode(decode::Arguments),
     /// Run the recorded samples through the bead's code: every result bit for bit.
     Replay(replay::Arguments),
-    /// Hold a recording against the simulation: device, replay, f64 from the same samples, full chain.
+    /// Compare a recording with the simulation: device, replay, f64 from the same samples, full chain.
     Compare(compare::Arguments),
-    /// How recorded beads' clocks run: against this host, and against one another.
+    /// Find how the clocks of recorded beads run: against this host, and against one another.
     Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
     Optimise(optimise::Arguments),

@@ -2,7 +2,10 @@
 
 pub mod f64_estimators;
 pub mod page;
+pub mod pictures;
 pub mod replay;
+pub mod run;
 pub mod strike;
 #[cfg(test)]
-pub(crate) mod testing;
+mod testing;
+pub mod verdict;

@@ -1,19 +1,19 @@
-//! The HTML report of a comparison: one file, nothing from outside it.
+//! The HTML page of a comparison: one file that needs nothing from outside.
 
 use std::fmt::Write;
 
 use bead_model::settings::Settings;
-use bead_wire::{Counters, SettingsSource, Status};
+use bead_wire::{Counters, Identity, SettingsSource, Status};
+use hertz_figures::chart::{STYLE, escape};
+use hertz_figures::error::Error;
 
 use crate::bench::emulation::EmulatorReport;
-use crate::cli::failure::Failure;
-use crate::comparison::strike::{Absorbed, Sensed, StrikeComparison, Traces, Values};
-use crate::recording::frames::{Identity, reset_causes};
-use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, STYLE, Scale, Series, WIDTH, escape};
+use crate::comparison::pictures::{residual_chart, strike_chart};
+use crate::comparison::strike::{StrikeComparison, percent};
 
-/// What a report tells.
+/// What the page shows.
 #[derive(Debug)]
-pub struct Report<'a> {
+pub struct Page<'a> {
     /// The scenario's title.
     pub title: &'a str,
     /// The recording's name.
@@ -24,188 +24,16 @@ pub struct Report<'a> {
     pub strikes: &'a [StrikeComparison],
     /// Why the comparison failed, if it did.
     pub failure: Option<&'a str>,
-    /// What was received.
+    /// Counts of what was received.
     pub counters: &'a Counters,
-    /// Who spoke.
+    /// The bead's identity.
     pub identity: Option<&'a Identity>,
-    /// What the bead said of itself last.
+    /// The bead's last status.
     pub status: Option<&'a Status>,
     /// The settings of the first strike.
     pub settings: Option<&'a Settings>,
-    /// What the emulator measured, for a run in it.
+    /// What the emulator measured, for an emulated run.
     pub emulator: Option<&'a EmulatorReport>,
-}
-
-/// What the sensors delivered and what came of it, over one time axis: the picture of a strike.
-pub fn strike_chart(traces: &Traces) -> Chart {
-    let sensed = |points: &[Sensed], y_label: &str, [simulated, sensed]: [&str; 2]| Panel {
-        y_label: y_label.to_owned(),
-        height: 165,
-        series: vec![
-            series(
-                simulated,
-                Ink::Chain,
-                Mark::Broad,
-                points.iter().map(|p| (p.time, p.simulated)),
-                1.0,
-            ),
-            series(
-                sensed,
-                Ink::Sensed,
-                Mark::Dots,
-                points.iter().map(|p| (p.time, p.sensed)),
-                1.0,
-            ),
-        ],
-        ..Panel::default()
-    };
-    let chain = traces.f64_samples[1].iter().map(|p| (p.time, p.chain));
-    let [measured, predicted] = traces.device.each_ref().map(|curve| energies(curve));
-    let absorbed = vec![
-        series("", Ink::Chain, Mark::Broad, chain, 1e9),
-        series(
-            "A, measured by the acceleration",
-            Ink::Measured,
-            Mark::Rings,
-            measured,
-            1e9,
-        ),
-        series(
-            "B, predicted from the force",
-            Ink::Predicted,
-            Mark::Discs,
-            predicted,
-            1e9,
-        ),
-    ];
-    Chart {
-        description:
-            "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time"
-                .to_owned(),
-        x: time_axis(traces),
-        width: WIDTH,
-        panels: vec![
-            sensed(&traces.force, "force (N)", ["simulated", "sensed by the bead"]),
-            sensed(&traces.acceleration, "acceleration (m/s²)", ["", ""]),
-            Panel {
-                y_label: "absorbed energy (nJ)".to_owned(),
-                height: 230,
-                series: absorbed,
-                ..Panel::default()
-            },
-        ],
-    }
-}
-
-/// What is left when the simulation is taken away.
-pub fn residual_chart(traces: &Traces) -> Chart {
-    let residual = |points: &[Sensed], name: &str, y_label: &str, scale: f64| Panel {
-        y_label: y_label.to_owned(),
-        height: 140,
-        series: vec![series(
-            name,
-            Ink::Sensed,
-            Mark::Dots,
-            points.iter().map(|p| (p.time, p.sensed - p.simulated)),
-            scale,
-        )],
-        ..Panel::default()
-    };
-    let last = traces.f64_samples[1].last().map_or(1.0, |last| last.chain);
-    let off = |points: &[Absorbed]| {
-        points
-            .iter()
-            .map(|p| (p.time, p.estimate - p.chain))
-            .collect::<Vec<_>>()
-    };
-    let mut absorbed = Vec::new();
-    for (which, ink, name) in [(0, Ink::Measured, "A"), (1, Ink::Predicted, "B")] {
-        let f64_name = format!("{name}, f64");
-        absorbed.push(series(
-            &f64_name,
-            ink,
-            Mark::Dashed,
-            off(&traces.f64_samples[which]),
-            100.0 / last,
-        ));
-        absorbed.push(series(
-            &format!("{name}, replay"),
-            ink,
-            Mark::Line,
-            off(&traces.replay[which]),
-            100.0 / last,
-        ));
-        let mark = if which == 0 { Mark::Rings } else { Mark::Discs };
-        absorbed.push(series(
-            &format!("{name}, bead"),
-            ink,
-            mark,
-            off(&traces.device[which]),
-            100.0 / last,
-        ));
-    }
-    Chart {
-        description:
-            "What remains of force, acceleration and absorbed energy when the simulation is subtracted"
-                .to_owned(),
-        x: time_axis(traces),
-        width: WIDTH,
-        panels: vec![
-            residual(&traces.force, "sensed − simulated force", "force (mN)", 1e3),
-            residual(
-                &traces.acceleration,
-                "sensed − simulated acceleration",
-                "acceleration (m/s²)",
-                1.0,
-            ),
-            Panel {
-                y_label: "energy (% of final)".to_owned(),
-                height: 230,
-                series: absorbed,
-                ..Panel::default()
-            },
-        ],
-    }
-}
-
-fn time_axis(traces: &Traces) -> Axis {
-    Axis {
-        label: "time since the striker hit (ms)".to_owned(),
-        range: x_range(traces),
-        scale: Scale::Linear,
-    }
-}
-
-fn x_range(traces: &Traces) -> (f64, f64) {
-    let ends = (traces.force.first(), traces.force.last());
-    let (Some(first), Some(last)) = ends else {
-        return (0.0, 1.0);
-    };
-    (first.time * 1e3, last.time * 1e3)
-}
-
-/// A curve over milliseconds, its values scaled to the axis.
-fn series(
-    name: &str,
-    ink: Ink,
-    mark: Mark,
-    points: impl IntoIterator<Item = (f64, f64)>,
-    scale: f64,
-) -> Series {
-    let points = points
-        .into_iter()
-        .map(|(time, value)| (time * 1e3, value * scale))
-        .collect();
-    Series {
-        name: name.to_owned(),
-        ink,
-        mark,
-        points,
-    }
-}
-
-fn energies(points: &[Absorbed]) -> Vec<(f64, f64)> {
-    points.iter().map(|point| (point.time, point.estimate)).collect()
 }
 
 const PAGE_STYLE: &str = "\
@@ -237,12 +65,12 @@ border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
 details summary{cursor:pointer;color:var(--faint)}\
 @media print{main{max-width:none}}";
 
-impl Report<'_> {
+impl Page<'_> {
     /// The page.
     ///
     /// # Errors
     /// A chart cannot be drawn.
-    pub fn html(&self) -> Result<String, Failure> {
+    pub fn html(&self) -> Result<String, Error> {
         let mut body = String::new();
         self.head(&mut body);
         self.agreement(&mut body);
@@ -355,45 +183,19 @@ impl Report<'_> {
                     strike.strike, strike.sample_index,
                 ),
             );
-            type Of = fn(&Values) -> f64;
-            let rows: [(&str, Of, f64, usize, Option<f64>); 3] = [
-                (
-                    "A, measured (nJ)",
-                    |v| v.absorbed_measured,
-                    1e9,
-                    2,
-                    Some(strike.goal.absorbed_measured),
-                ),
-                (
-                    "B, predicted (nJ)",
-                    |v| v.absorbed_predicted,
-                    1e9,
-                    2,
-                    Some(strike.goal.absorbed_predicted),
-                ),
-                ("peak force (N)", |v| v.peak_force, 1.0, 4, None),
-            ];
-            for (name, of, scale, digits, goal) in rows {
-                let cell = |values: Option<Values>| {
-                    values.map_or_else(
-                        || "–".to_owned(),
-                        |values| format!("{:.digits$}", of(&values) * scale),
-                    )
-                };
-                let off = of(&strike.deviation);
-                let met = goal.map(|goal| off.abs() <= goal);
-                let class = met.map_or("", |met| if met { "pass" } else { "fail" });
+            for row in strike.rows() {
+                let class = row.met().map_or("", |met| if met { "pass" } else { "fail" });
+                let [device, replay, f64_samples, f64_chain] =
+                    row.cells.map(|cell| cell.unwrap_or_else(|| "–".to_owned()));
                 push(
                     out,
                     format_args!(
-                        "<tr><td>{name}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"{class}\">{}</td>\
-                     <td>{}</td></tr>",
-                        cell(Some(strike.device)),
-                        cell(strike.replay),
-                        cell(strike.f64_samples),
-                        cell(Some(strike.f64_chain)),
-                        percent(off),
-                        goal.map_or_else(|| "–".to_owned(), |goal| format!("±{:.1} %", goal * 100.0)),
+                        "<tr><td>{}</td><td>{device}</td><td>{replay}</td><td>{f64_samples}</td><td>{f64_chain}</td>\
+                         <td class=\"{class}\">{}</td><td>{}</td></tr>",
+                        row.name,
+                        percent(row.off),
+                        row.goal
+                            .map_or_else(|| "–".to_owned(), |goal| format!("±{:.1} %", goal * 100.0)),
                     ),
                 );
             }
@@ -420,18 +222,7 @@ impl Report<'_> {
              period; the core at 168 MHz has 1680 cycles.</p><div class=\"scroll\"><table><tbody>"
             ),
         );
-        let per_sample = emulator.instructions_per_sample;
-        for (name, count) in [
-            ("estimate A, observer", per_sample.observer),
-            ("estimate B, reduced chain", per_sample.reduced_chain),
-            ("calibration, peaks, chunks of a window", per_sample.window),
-            ("frames, by sample of a window", per_sample.framing),
-            ("trigger", per_sample.trigger),
-            ("everything, while a strike is measured", per_sample.total),
-            ("everything, in the busiest block", per_sample.worst_block),
-            ("everything, while none is measured", per_sample.idle),
-            ("everything, over the whole run", Some(per_sample.run)),
-        ] {
+        for (name, count) in emulator.instructions_per_sample.rows() {
             let Some(count) = count else { continue };
             let part = count / available * 100.0;
             push(
@@ -465,7 +256,7 @@ impl Report<'_> {
                 format!(
                     "{}, reset by {}",
                     identity.boot,
-                    reset_causes(identity.reset_cause).join(", ")
+                    identity.reset_cause.names().collect::<Vec<_>>().join(", ")
                 ),
             );
             fact(
@@ -523,6 +314,7 @@ impl Report<'_> {
                     SettingsSource::Flash => "flash, put there by a probe".to_owned(),
                     SettingsSource::BuiltIn => "the image: flash has none".to_owned(),
                     SettingsSource::FlashRefused => "the image: those in flash were refused".to_owned(),
+                    SettingsSource::Unknown(number) => format!("source {number}, of a later version"),
                 },
             );
             fact(
@@ -584,21 +376,17 @@ fn push(out: &mut String, text: std::fmt::Arguments<'_>) {
     let _ = out.write_fmt(text);
 }
 
-/// A deviation in percent, signed, with a true minus.
-pub fn percent(part: f64) -> String {
-    format!("{:+.3} %", part * 100.0).replace('-', "−")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::strike::Chain;
-    use crate::comparison::testing::{paper_scenario, recorded_strike};
+    use crate::comparison::strike::FullChain;
+    use crate::comparison::testing::recorded_strike;
+    use hertz_chain::Scenario;
 
     fn page(failure: Option<&str>) -> String {
         let strike = recorded_strike();
-        let comparison = Chain::run(&paper_scenario(), 8).unwrap().compare(&strike);
-        let report = Report {
+        let comparison = FullChain::run(&Scenario::paper(), 8).unwrap().compare(&strike);
+        let page = Page {
             title: "One <absorber> & more",
             recording: "bead-8.mcap",
             bead: 8,
@@ -610,7 +398,7 @@ mod tests {
             settings: strike.settings.as_ref(),
             emulator: None,
         };
-        report.html().unwrap()
+        page.html().unwrap()
     }
 
     #[test]

@@ -23,12 +23,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use bead_wire::Arrival;
+use bead_wire::{Arrival, Message};
 use serde::Serialize;
 
-use crate::cli::failure::Failure;
-use crate::recording::file::Recording;
-use crate::recording::frames::{Frame, Item, Message, Reader};
+use crate::recording::file::{Recording, RecordingError};
+use crate::recording::frames::{Frame, Item};
+use crate::recording::json::hex;
 use crate::recording::received::Received;
 
 /// Of the frames in so many samples only the one with the least delay is kept: a quarter of a second.
@@ -104,8 +104,8 @@ pub fn begins_segment(arrival: Arrival) -> bool {
 }
 
 impl Tracker {
-    /// Takes a frame, and the host's time of its receipt in ns since 1970, if it is known.
-    pub fn push(&mut self, frame: &Frame, received_ns: Option<u64>) {
+    /// Takes a frame.
+    pub fn push(&mut self, frame: &Frame) {
         if frame.arrival == Arrival::Duplicate {
             return;
         }
@@ -116,23 +116,20 @@ impl Tracker {
             });
         }
         if let Some(segment) = self.segments.last_mut() {
-            segment.push(frame, received_ns);
+            segment.push(frame);
         }
     }
 
     /// All that is in a recording.
-    pub fn of(recording: &Recording) -> Self {
-        let (mut tracker, mut reader) = (Self::default(), Reader::new());
-        for run in &recording.runs {
-            for bytes in [&run.bytes[..], &[0]] {
-                reader.feed(bytes, |item| {
-                    if let Item::Frame(frame) = item {
-                        tracker.push(&frame, run.received_ns);
-                    }
-                });
-            }
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn of(recording: &Recording) -> Result<Self, RecordingError> {
+        let mut tracker = Self::default();
+        for frame in recording.frames()?.filter_map(Item::frame) {
+            tracker.push(&frame);
         }
-        tracker
+        Ok(tracker)
     }
 
     /// The segments so far, in order.
@@ -142,7 +139,7 @@ impl Tracker {
 }
 
 impl Segment {
-    fn push(&mut self, frame: &Frame, received_ns: Option<u64>) {
+    fn push(&mut self, frame: &Frame) {
         let mut position = frame.header.sample_index as f64;
         match &frame.message {
             Message::Identity(identity) => {
@@ -160,11 +157,13 @@ impl Segment {
             }
             Message::Shape(shape) => self.struck.push(Struck {
                 strike: shape.strike,
-                position: shape.first_index as f64 + f64::from(shape.arrival) * bead_wire::FINE_UNIT,
+                position: shape.first_index as f64 + shape.arrival.samples(),
             }),
             _ => {}
         }
-        let Some(received_ns) = received_ns else { return };
+        let Some(received_ns) = frame.received_ns else {
+            return;
+        };
         self.frames += 1;
         // Made before the first block of samples, and perhaps before the sample clock ran: index 0 is then no time.
         if frame.header.sample_index == 0 {
@@ -463,17 +462,17 @@ pub struct StrikeReport {
 ///
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
-pub fn compare(paths: &[PathBuf]) -> Result<Report, Failure> {
+pub fn compare(paths: &[PathBuf]) -> Result<Report, RecordingError> {
     let mut all = Vec::new();
     for path in paths {
         let received = Received::open(path)?;
-        let tracker = Tracker::of(&received.recording);
+        let tracker = Tracker::of(&received.recording)?;
         let segments = tracker.segments.into_iter().enumerate();
         let fitted: Vec<_> = segments
             .filter_map(|(boot, segment)| Some((place(path, boot), segment.fit()?, segment)))
             .collect();
         if fitted.is_empty() {
-            return Err(Failure::input(format!(
+            return Err(RecordingError::Clock(format!(
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
                 path.display()
             )));
@@ -517,7 +516,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<Report, Failure> {
             });
         }
         if aligned == 0 {
-            return Err(Failure::input(format!(
+            return Err(RecordingError::Clock(format!(
                 "{} and {} have fewer than two sync edges in common; wire both beads' PA15 to one source, and record them at the same time",
                 paths[0].display(),
                 recording[0].0.recording.display()
@@ -538,7 +537,7 @@ fn place(path: &Path, boot: usize) -> Place {
 fn clock_report((place, fit, segment): &(Place, Fit, Segment)) -> ClockReport {
     ClockReport {
         place: place.clone(),
-        uid: segment.uid.map(|uid| crate::recording::frames::hex(&uid)),
+        uid: segment.uid.map(|uid| hex(&uid)),
         started_unix_ns: fit.host_ns(0.0),
         span_s: fit.span,
         frames: segment.frames,
@@ -611,19 +610,22 @@ mod tests {
             };
             // By the bead's own clock; the index moves by blocks of 200 samples.
             let index = (time * 500.0).floor() * 200.0;
+            let after = time / (1.0 + ppm * 1e-6) + late + 2e-4;
+            let received = 1_700_000_000_000_000_000 + (after * 1e9) as u64;
             let status = Frame {
+                version: bead_wire::VERSION,
                 header: bead_wire::Header {
+                    address: 0,
                     boot: 0,
                     sequence: 0,
                     sample_index: index as u64,
                 },
                 arrival: Arrival::Next { lost: 0 },
                 sample_rate_hz: Some(100_000),
-                message: Message::Settings(Vec::new()),
+                received_ns: Some(received),
+                message: bead_wire::Health::default().into(),
             };
-            let after = time / (1.0 + ppm * 1e-6) + late + 2e-4;
-            let received = 1_700_000_000_000_000_000 + (after * 1e9) as u64;
-            segment.push(&status, Some(received));
+            segment.push(&status);
         }
         segment
     }
@@ -689,20 +691,24 @@ mod tests {
             ..Segment::default()
         };
         let mut identity = Frame {
+            version: bead_wire::VERSION,
             header: bead_wire::Header {
+                address: 0,
                 boot: 0,
                 sequence: 0,
                 sample_index: 0,
             },
             arrival: Arrival::First,
             sample_rate_hz: Some(100_000),
-            message: Message::Settings(Vec::new()),
+            // Two milliseconds before index 0.
+            received_ns: Some(1_699_999_999_998_000_000),
+            message: bead_wire::Health::default().into(),
         };
-        // Two milliseconds before index 0.
-        with_start.push(&identity, Some(1_699_999_999_998_000_000));
+        with_start.push(&identity);
         assert_eq!((with_start.frames, with_start.fit()), (1, None));
         identity.header.sample_index = 200;
-        with_start.push(&identity, Some(1_700_000_000_003_000_000));
+        identity.received_ns = Some(1_700_000_000_003_000_000);
+        with_start.push(&identity);
         assert!(with_start.fit().is_some());
         assert!(late.fit().unwrap().host_ns(0.0) > 1_700_000_000_000_000_000);
     }

@@ -3,12 +3,12 @@
 
 use super::{Contact, Model};
 use crate::dop853::{Stepper, System};
-use crate::scenario::{ContactForce, Intruder, Scenario, Section, Wall};
+use crate::oscillator::Oscillator;
+use crate::scenario::{ContactForce, Intruder, Material, Scenario, Section, Striker, Wall};
 
 /// The paper's strike on `beads` elastic beads, no intruder.
 fn elastic(beads: usize) -> Scenario {
-    let text = include_str!("../../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
+    let mut scenario = Scenario::paper();
     scenario.intruders.clear();
     scenario.chain.relaxation = 0.0;
     scenario.chain.beads = beads;
@@ -17,21 +17,11 @@ fn elastic(beads: usize) -> Scenario {
 
 fn with_intruder(mut scenario: Scenario, bead: usize, damping: f64) -> Scenario {
     scenario.intruders = vec![Intruder {
-        beads: vec![bead],
-        mass: 3.7e-3,
         stiffness: 1e5,
         damping,
+        ..Intruder::new([bead], Oscillator::PAPER)
     }];
     scenario
-}
-
-fn steel_wall() -> Wall {
-    Wall {
-        young: 203e9,
-        poisson: 0.27,
-        radius: None,
-        relaxation: None,
-    }
 }
 
 /// The state a time `duration` after `state`, at the reference accuracy.
@@ -57,7 +47,7 @@ fn distance(model: &Model, one: &[f64], other: &[f64]) -> f64 {
 fn turn(model: &Model, state: &mut [f64]) {
     let layout = model.layout();
     let bodies = (0..model.bodies()).map(|body| layout.velocity(body));
-    let intruders = (0..model.resonators().len()).map(|i| layout.relative_velocity(i));
+    let intruders = (0..model.intruders().len()).map(|i| layout.relative_velocity(i));
     for i in bodies.chain(intruders) {
         state[i] = -state[i];
     }
@@ -67,7 +57,7 @@ fn turn(model: &Model, state: &mut [f64]) {
 fn an_elastic_chain_runs_backwards_to_where_it_came_from() {
     let mut loaded = with_intruder(elastic(12), 5, 0.0);
     loaded.chain.precompression = 3.0;
-    loaded.wall = Some(steel_wall());
+    loaded.wall = Some(Wall::flat(Material::STEEL));
     for (name, scenario) in [("free", with_intruder(elastic(12), 5, 0.0)), ("loaded", loaded)] {
         let model = Model::new(&scenario);
         let start = model.initial();
@@ -104,10 +94,8 @@ fn a_chain_seen_in_a_mirror_moves_as_its_image() {
         poisson: Some(scenario.striker.poisson),
         relaxation: None,
     });
-    image.striker.radius = scenario.chain.radius;
-    image.striker.density = scenario.chain.density;
-    image.striker.young = scenario.chain.young;
-    image.striker.poisson = scenario.chain.poisson;
+    let chain = &scenario.chain;
+    image.striker = Striker::new(chain.radius, chain.material(), scenario.striker.velocity);
     let (model, other) = (Model::new(&scenario), Model::new(&image));
     let layout = model.layout();
     let mirrored = |state: &[f64]| {
@@ -138,7 +126,7 @@ fn a_rigid_wall_is_a_mirror() {
         walled.chain.precompression = load;
         walled.wall = Some(Wall {
             young: 1e300,
-            ..steel_wall()
+            ..Wall::flat(Material::STEEL)
         });
         let mut double = walled.clone();
         double.wall = None;
@@ -190,7 +178,7 @@ fn a_rigid_wall_is_a_mirror() {
 fn the_motion_from_any_time_on_depends_on_the_state_then_alone() {
     let mut scenario = with_intruder(elastic(12), 5, 12.0);
     scenario.chain.relaxation = 4.2e-6;
-    scenario.wall = Some(steel_wall());
+    scenario.wall = Some(Wall::flat(Material::STEEL));
     let model = Model::new(&scenario);
     let whole = evolve(&model, model.initial(), 0.003);
     for first in [0.0004, 0.0013, 0.0027] {
@@ -266,7 +254,7 @@ fn leaving_the_static_load_out_on_both_sides_changes_nothing() {
             let mut scenario = with_intruder(elastic(5), 3, 12.0);
             scenario.chain.relaxation = 2e-5;
             scenario.chain.precompression = 2.0;
-            scenario.wall = walled.then(steel_wall);
+            scenario.wall = walled.then(|| Wall::flat(Material::STEEL));
             if clipped {
                 scenario.chain.contact_force = ContactForce::Clipped;
             }

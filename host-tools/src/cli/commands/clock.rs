@@ -10,9 +10,10 @@ use crate::cli::output::{self, Format};
 use crate::recording::clock::{Place, Report, compare};
 
 const AFTER_HELP: &str = "\
-Drift is how fast a bead's clock is; below zero it is slow. Against the host it comes from the receive times of the
-recording: a minute tells it to some ppm, ten minutes to a tenth of one, as far as delays allow. With several recordings, beads whose
-sync inputs saw the same edges are put on the time of the first, to tens of ns, and their strikes with them.
+Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive times of the
+recording: a minute gives it to some ppm, ten minutes to a tenth of a ppm, as far as delays allow. With several
+recordings, beads whose sync inputs saw the same edges are put on the time of the first bead, to tens of ns. Their
+strikes are put on that time too.
 
 Examples:
   bead clock strikes.mcap
@@ -22,7 +23,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// The recordings; the first one's bead gives the time of all.
+    /// The recordings. The bead of the first gives the time for all.
     #[arg(required = true, value_name = "F.mcap")]
     recordings: Vec<PathBuf>,
     /// How to print the result.
@@ -32,10 +33,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let report = compare(&arguments.recordings)?;
-    match arguments.format {
-        Format::Json => output::print_json(&report),
-        Format::Table => output::print_line(&table(&report)),
-    }
+    output::print(arguments.format, &report, || table(&report))
 }
 
 /// Host time in ns since 1970, as people and programs read it.
@@ -43,7 +41,7 @@ pub(crate) fn rfc3339(unix_ns: i64) -> String {
     DateTime::from_timestamp_nanos(unix_ns).to_rfc3339_opts(SecondsFormat::Nanos, true)
 }
 
-/// A drift with its uncertainty; with none, nothing is known of it.
+/// A drift with its uncertainty. Without an uncertainty nothing is known of the drift.
 pub(crate) fn drift(ppm: f64, uncertainty: Option<f64>) -> [String; 2] {
     match uncertainty {
         Some(within) => [figures(ppm, within), figures(within, within)],
@@ -51,7 +49,7 @@ pub(crate) fn drift(ppm: f64, uncertainty: Option<f64>) -> [String; 2] {
     }
 }
 
-/// As many decimals as the uncertainty leaves: its first figure but one.
+/// A number with as many decimals as its uncertainty supports: two digits of the uncertainty.
 fn figures(value: f64, within: f64) -> String {
     let decimals = (1.0 - within.abs().max(1e-6).log10()).ceil().clamp(0.0, 6.0) as usize;
     format!("{value:.decimals$}")

@@ -4,7 +4,7 @@ use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bead_wire::{Check, Link, Request};
+use bead_wire::{Check, Link, Message, Raw, Request, Standing};
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
@@ -12,7 +12,7 @@ use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
 use crate::line::conversation::{Answer, Conversation};
-use crate::recording::frames::{Frame, Message, Raw, standing_names};
+use crate::recording::frames::Frame;
 
 const AFTER_HELP: &str = "\
 A bead goes on measuring while it is asked; a reboot excepted.
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// A request whose answer is that it was done.
-fn simple(common: &Common, request: &Request<'_>, done: &str) -> Result<(), Failure> {
+fn simple(common: &Common, request: &Request, done: &str) -> Result<(), Failure> {
     common.line.open()?.command(request)?;
     said(common.format, &json!({ "outcome": "done" }), done)
 }
@@ -173,7 +173,7 @@ fn self_test(common: &Common) -> Result<(), Failure> {
             let mut table = output::table(["check", "", "found"]);
             for test in &checks {
                 table.add_row([
-                    test.check.name().to_owned(),
+                    test.check.to_string(),
                     (if test.passed { "passed" } else { "FAILED" }).to_owned(),
                     found(test.check, test.value),
                 ]);
@@ -184,7 +184,7 @@ fn self_test(common: &Common) -> Result<(), Failure> {
     let failed: Vec<_> = checks
         .iter()
         .filter(|test| !test.passed)
-        .map(|test| test.check.name())
+        .map(|test| test.check.to_string())
         .collect();
     match failed.is_empty() {
         true => Ok(()),
@@ -199,10 +199,13 @@ fn self_test(common: &Common) -> Result<(), Failure> {
 fn found(check: Check, value: u32) -> String {
     match check {
         Check::Supply => format!("{value} mV"),
-        Check::Force | Check::Acceleration => match standing_names(value as u8)[..] {
-            [] => "moves, off the rails".to_owned(),
-            ref standing => standing.join(", "),
-        },
+        Check::Force | Check::Acceleration => {
+            let standing: Vec<_> = Standing::from_bits(value as u8).names().collect();
+            match standing.is_empty() {
+                true => "moves, off the rails".to_owned(),
+                false => standing.join(", "),
+            }
+        }
         Check::Acquisition => format!("{value} blocks of samples in 20 ms"),
         Check::Settings => format!("{value} bytes"),
         Check::Stack => format!("{value} bytes never used"),
@@ -211,6 +214,7 @@ fn found(check: Check, value: u32) -> String {
             0 => "nothing stored".to_owned(),
             _ => format!("{value} bytes stored"),
         },
+        Check::Unknown(_) => value.to_string(),
     }
 }
 
@@ -231,7 +235,7 @@ fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(),
         let mut to = BufWriter::new(to);
         writeln!(to, "sample_index,force_code,acceleration_code")?;
         for piece in &pieces {
-            for (index, codes) in (piece.first_index..).zip(&piece.codes) {
+            for (index, codes) in (piece.first_index..).zip(piece.codes.iter()) {
                 let codes = codes.map(|code| code.to_string());
                 writeln!(to, "{index},{}", codes.join(","))?;
             }

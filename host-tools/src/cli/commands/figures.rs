@@ -1,13 +1,12 @@
 //! `bead figures`: the paper's figures, each with its data and its checks.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-
 use hertz_figures::lab::Lab;
 use hertz_figures::plan::{Outcome, Plan};
 use hertz_figures::{catalogue, chapter, files};
+use serde_json::json;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output::{self, Format};
@@ -27,7 +26,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; every figure without a name.
+    /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; every figure without a
+    /// name.
     names: Vec<String>,
     /// Where the files go; made if it is not there.
     #[arg(long, value_name = "DIR", default_value = "figures")]
@@ -71,45 +71,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let mut files = Vec::new();
         for file in files::files(plan, &figure)? {
             let path = arguments.out.join(&file.name);
-            output::write_whole(&path, |out| Ok(out.write_all(&file.bytes)?))?;
+            output::write_bytes(&path, &file.bytes)?;
             files.push(path.display().to_string());
         }
         outcomes.push(plan.outcome(&figure, files));
         progress.inc(1);
     }
     progress.finish_and_clear();
-    let page = chapter::html(&outcomes);
-    output::write_whole(&arguments.out.join("index.html"), |file| {
-        Ok(file.write_all(page.as_bytes())?)
-    })?;
+    output::write_bytes(&arguments.out.join("index.html"), chapter::html(&outcomes))?;
     if let Some(path) = &arguments.table {
-        let table = chapter::markdown(&outcomes);
-        output::write_whole(path, |file| Ok(file.write_all(table.as_bytes())?))?;
+        output::write_bytes(path, chapter::markdown(&outcomes))?;
     }
-    match arguments.format {
-        Format::Json => output::print_json(&outcomes)?,
-        Format::Table => output::print_line(&table(&outcomes))?,
-    }
+    output::print(arguments.format, &outcomes, || table(&outcomes))?;
     verdict(&outcomes, arguments.check)
 }
 
 fn list(plans: &[Plan], format: Format) -> Result<(), Failure> {
-    match format {
-        Format::Json => {
-            let entries: Vec<_> = plans
-                .iter()
-                .map(|plan| serde_json::json!({"name": plan.name, "title": plan.title, "setting": plan.setting}))
-                .collect();
-            output::print_json(&entries)
-        }
-        Format::Table => {
-            let lines: Vec<String> = plans
-                .iter()
-                .map(|plan| format!("{:<5} {}\n      {}", plan.name, plan.title, plan.setting))
-                .collect();
-            output::print_line(&lines.join("\n"))
-        }
-    }
+    let entry = |plan: &Plan| json!({"name": plan.name, "title": plan.title, "setting": plan.setting});
+    let line = |plan: &Plan| format!("{:<5} {}\n      {}", plan.name, plan.title, plan.setting);
+    let entries: Vec<_> = plans.iter().map(entry).collect();
+    output::print(format, &entries, || {
+        plans.iter().map(line).collect::<Vec<_>>().join("\n")
+    })
 }
 
 fn verdict(outcomes: &[Outcome], check: bool) -> Result<(), Failure> {

@@ -1,6 +1,5 @@
 //! `bead optimise`: the intruders that leave least energy in the chain.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -14,10 +13,10 @@ use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 
 const AFTER_HELP: &str = "\
-What remains is the share of the injected energy that the intruders have not dissipated by the end of the run: what
-they still hold, what was reflected and transmitted, what contacts lost. The scenario's duration says when that is, at
-its own speed; a strike of speed v runs (V/v)^(1/5) times as long, in which a wave comes as far. Let the last of the wave
-pass the hosts, and the chain be long enough that nothing comes back: both are told.
+What remains is the share of the injected energy that the intruders have not dissipated by the end of the run: what they
+still hold, what was reflected and transmitted, and what the contacts lost. The scenario's duration is that of a strike at
+the scenario's speed V. A strike at speed v runs (V/v)^(1/5) times as long, in which its wave comes as far. The duration
+must let the whole wave pass the hosts, and the chain must be so long that nothing comes back: the result tells both.
 
 Examples:
   bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 --total-mass 0.037
@@ -29,33 +28,33 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// The scenario, a TOML file in SI units. Its intruders are for comparison.
+    /// The scenario, a TOML file in SI units. Its intruders are only compared with.
     scenario: PathBuf,
     /// The beads that hold an intruder each, such as 7-16 or 7,9,12-14.
     #[arg(long, value_name = "BEADS")]
     hosts: Beads,
-    /// What the intruders may weigh together, kg.
+    /// Greatest mass of all intruders together, kg.
     #[arg(long, value_name = "KG")]
     total_mass: f64,
     /// Least and greatest mass of each, kg [default: up to half the lightest host].
     #[arg(long, value_name = "LOW:HIGH")]
     mass: Option<Bounds>,
-    /// Least and greatest stiffness, N/m [default: five decades about what answers to the strike].
+    /// Least and greatest stiffness, N/m [default: five decades about the stiffness that fits the strike].
     #[arg(long, value_name = "LOW:HIGH")]
     stiffness: Option<Bounds>,
-    /// Least and greatest damping, N·s/m [default: three decades about what answers to the strike].
+    /// Least and greatest damping, N·s/m [default: three decades about the damping that fits the strike].
     #[arg(long, value_name = "LOW:HIGH")]
     damping: Option<Bounds>,
     /// Speeds of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S,…", value_delimiter = ',')]
     speeds: Vec<f64>,
-    /// Look at the worst of these strikes, not at their mean.
+    /// Judge by the worst of these strikes, not by their mean.
     #[arg(long, requires = "speeds")]
     worst: bool,
     /// Make all intruders alike.
     #[arg(long)]
     alike: bool,
-    /// Designs to try at most, each at every speed.
+    /// Greatest number of designs to try, each at every speed.
     #[arg(long, value_name = "N", default_value_t = 6000)]
     evaluations: usize,
     /// Write the scenario with the intruders found to this file, for `bead simulate`.
@@ -110,7 +109,8 @@ impl FromStr for Bounds {
     }
 }
 
-/// Intruders of the paper, to compare with: what it measured, and the stiffness that it finds best (its Fig. 5).
+/// Intruders of the paper, for comparison: as measured, and with the stiffness that the paper finds best (its
+/// Fig. 5).
 const PAPER: [(&str, f64); 2] = [
     ("paper, as measured: 3.7 g, 395 kN/m, 12 N·s/m", 3.95e5),
     ("paper, its best k: 3.7 g, 100 kN/m, 12 N·s/m", 1e5),
@@ -140,7 +140,7 @@ struct Compared {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+    let scenario = Scenario::load(&arguments.scenario)?;
     let search = search(arguments, &scenario)?;
     let bar = output::progress(search.evaluations as u64);
     bar.set_message(format!("designs for {} hosts", search.hosts.len()));
@@ -155,7 +155,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             100.0 * optimum.share,
             optimum.scenario(&scenario).to_toml()
         );
-        output::write_whole(out, |file| Ok(file.write_all(text.as_bytes())?))?;
+        output::write_bytes(out, text)?;
     }
     let report = Report {
         hosts: search.hosts,
@@ -167,10 +167,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         optimum,
         compared,
     };
-    match arguments.format {
-        Format::Json => output::print_json(&report),
-        Format::Table => output::print_line(&table(&scenario, &report)),
-    }
+    output::print(arguments.format, &report, || table(&scenario, &report))
 }
 
 fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure> {
@@ -193,7 +190,7 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
     Ok(search)
 }
 
-/// Fields of a search are options here.
+/// Names the option in place of the search's field.
 fn refusal(error: OptimiseError) -> Failure {
     match error {
         OptimiseError::Search { key, what, advice } => {
@@ -223,14 +220,14 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
             intruders,
             ..scenario.clone()
         };
-        // The paper's may be too heavy for these beads.
+        // The paper's intruder may be too heavy for these beads.
         if other.check().is_err() {
             continue;
         }
         let strikes = optimum
             .strikes
             .iter()
-            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE).map_err(Failure::input))
+            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE))
             .collect::<Result<Vec<_>, _>>()?;
         compared.push(Compared {
             name,

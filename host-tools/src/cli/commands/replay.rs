@@ -46,11 +46,11 @@ struct Strike {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let received = Received::open(&arguments.recording)?;
-    let strikes: Vec<Strike> = received
-        .some_strikes()?
-        .iter()
+    let mut recorded = received.strikes()?;
+    let strikes: Vec<Strike> = recorded
+        .by_ref()
         .map(|strike| {
-            let replay = replay(strike);
+            let replay = replay(&strike);
             Strike {
                 strike: strike.said.strike,
                 sample_index: strike.said.trigger_index,
@@ -61,6 +61,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
         })
         .collect();
+    if strikes.is_empty() {
+        return Err(received.no_strike(recorded.frames().counters()).into());
+    }
     let report = Report {
         identical: strikes.iter().all(|strike| strike.identical),
         strikes,

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use bead_model::settings::{Settings, VERSION};
-use bead_wire::{MAX_BLOCK, Outcome, Request};
+use bead_wire::{Block, MAX_BLOCK, Message, Outcome, Reply, Request};
 use clap::{Args, Subcommand};
 use serde_json::json;
 
@@ -13,7 +13,6 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
 use crate::line::conversation::{Conversation, refused};
-use crate::recording::frames::Message;
 
 const AFTER_HELP: &str = "\
 Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a checksum.
@@ -91,19 +90,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn read(line: &LineOptions, out: Option<&Path>, format: Format) -> Result<(), Failure> {
     let answer = line.open()?.command(&Request::ReadSettings)?;
     let block = answer.last("settings frame", |frame| match &frame.message {
-        Message::Settings(block) => Some(block.clone()),
+        Message::Settings(settings) => Some(settings.block.clone()),
         _ => None,
     })?;
     if let Some(out) = out {
-        output::write_whole(out, |file| Ok(file.write_all(&block)?))?;
+        output::write_whole(out, |file| Ok(file.write_all(block.bytes())?))?;
     }
-    print(&block, format, || "the bead has a ".to_owned())
+    print(block.bytes(), format, || "the bead has a ".to_owned())
 }
 
 fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
     let block = load(file)?;
     let mut bead = line.open()?;
-    let request = Request::WriteSettings { block: &block };
+    let request = Request::WriteSettings {
+        block: Block::try_from(&block[..]).or_input(|| "this is not a settings block")?,
+    };
     let mut reply = bead.ask(&request)?.reply;
     if reply.outcome == Outcome::StoreFull {
         reply = after_reboot(&mut bead, &request)?;
@@ -117,15 +118,12 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
             );
             Ok(())
         }
-        _ => Err(refused(&reply)),
+        _ => Err(refused(&reply).into()),
     }
 }
 
 /// A full store is made room in when the bead starts.
-fn after_reboot(
-    bead: &mut Conversation,
-    request: &Request<'_>,
-) -> Result<crate::recording::frames::Reply, Failure> {
+fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Reply, Failure> {
     eprintln!(
         "bead: its flash has no room for another block; resetting it, which makes some and takes a few seconds"
     );
@@ -176,6 +174,7 @@ fn table(settings: &Settings) -> String {
         incident,
         disagreement,
         ringing,
+        address,
     } = settings;
     let rate = f64::from(*sample_rate_hz);
     let samples = |count: u16| format!("{count} samples ({:.2} ms)", f64::from(count) / rate * 1e3);
@@ -204,6 +203,7 @@ fn table(settings: &Settings) -> String {
                 name => name.to_owned(),
             },
         ),
+        ("address", address.to_string()),
         ("sample rate", format!("{rate} Hz")),
         ("bead with its intruder, M", format!("{:.4} g", bead.mass * 1e3)),
         ("intruder, m", format!("{:.4} g", bead.intruder_mass * 1e3)),

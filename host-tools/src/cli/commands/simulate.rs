@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hertz_chain::{Options, Scenario, Summary, simulate};
+use hertz_chain::{Scenario, Summary, simulate};
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -33,19 +33,16 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+    let scenario = Scenario::load(&arguments.scenario)?;
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-    let solution = simulate(&scenario, &Options::default()).map_err(Failure::input)?;
+    let solution = simulate(&scenario)?;
     if let Some(out) = &arguments.out {
         progress.set_message(format!("writing {}", out.display()));
         time_series::write(&scenario, &solution, arguments.rate, out)?;
     }
     progress.finish_and_clear();
     let summary = solution.summary();
-    match arguments.format {
-        Format::Json => output::print_json(&summary),
-        Format::Table => output::print_line(&table(&scenario, &summary)),
-    }
+    output::print(arguments.format, &summary, || table(&scenario, &summary))
 }
 
 fn table(scenario: &Scenario, summary: &Summary) -> String {
