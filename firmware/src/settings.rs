@@ -13,6 +13,7 @@
 
 use core::cell::RefCell;
 use core::slice;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use bead_model::SettingsError;
 use bead_model::settings::Settings;
@@ -205,7 +206,9 @@ fn sector() -> &'static [u8] {
 static IN_FORCE: Mutex<CriticalSectionRawMutex, RefCell<Option<Loaded>>> = Mutex::new(RefCell::new(None));
 
 /// Settings for the estimators to take.
-static OFFERED: Signal<CriticalSectionRawMutex, Loaded> = Signal::new();
+static OFFERED: Mutex<CriticalSectionRawMutex, RefCell<Option<Loaded>>> = Mutex::new(RefCell::new(None));
+/// Whether there are some. To look at this costs little, which is done for every block.
+static IS_OFFERED: AtomicBool = AtomicBool::new(false);
 /// The estimators have taken the settings that were offered.
 static TAKEN: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
@@ -217,13 +220,18 @@ pub(crate) fn begin(loaded: Loaded) {
 /// Offers settings, and waits until they are in force. A strike that is being measured is finished first.
 pub(crate) async fn change(loaded: Loaded) {
     TAKEN.reset();
-    OFFERED.signal(loaded);
+    OFFERED.lock(|cell| cell.replace(Some(loaded)));
+    IS_OFFERED.store(true, Ordering::Release);
     TAKEN.wait().await;
 }
 
 /// The settings that are offered, if any. The caller uses them from now on. Called between two strikes.
 pub(crate) fn take() -> Option<Settings> {
-    let loaded = OFFERED.try_take()?;
+    if !IS_OFFERED.load(Ordering::Acquire) {
+        return None;
+    }
+    IS_OFFERED.store(false, Ordering::Relaxed);
+    let loaded = OFFERED.lock(RefCell::take)?;
     let settings = loaded.settings;
     begin(loaded);
     tell();

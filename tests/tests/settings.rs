@@ -122,7 +122,7 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
 #[test]
 fn a_write_while_a_strike_is_measured_changes_no_bit_of_it_and_holds_for_the_next() {
     let run = paper(2, 0.1, Some(1));
-    let quiet = assemble(&Asking::new(&run).run().heard.frames, None);
+    let quiet = assemble(Asking::new(&run).run().heard.frames, None);
     let mut asking = Asking::new(&run);
     let during = asking.first_scan() + quiet[0].said.trigger_index as f64 / 100e3 + 0.0005;
     let new = windows_of(300);
@@ -292,7 +292,7 @@ fn a_stored_block_that_this_image_does_not_know_is_refused_and_the_one_of_the_pr
     let asked = start_with(store.into_flash().bytes);
     let refused = asked.heard.faults().next().expect("it is told");
     assert_eq!(
-        (refused.cause, &refused.detail[..]),
+        (refused.cause, refused.detail.as_str()),
         (FaultCause::SettingsRefused, "a block of another version")
     );
     assert_eq!(told(&asked.heard.frames), [&asked.block[..]]);
@@ -309,7 +309,7 @@ fn a_store_without_a_whole_block_is_erased_and_told_of() {
     );
     let refused = asked.heard.faults().next().expect("it is told");
     assert_eq!(
-        (refused.cause, &refused.detail[..]),
+        (refused.cause, refused.detail.as_str()),
         (
             FaultCause::SettingsRefused,
             "what was stored is not whole, and was erased"

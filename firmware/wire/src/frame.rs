@@ -65,6 +65,8 @@ pub struct Frame {
 ///
 /// # Errors
 /// The buffer is too small. [`MAX_FRAME`] bytes are always enough.
+// A function of its own so that its instructions can be counted.
+#[inline(never)]
 pub fn encode<'b>(
     header: &Header,
     message: &Message,
