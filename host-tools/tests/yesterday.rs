@@ -81,8 +81,8 @@ fn recordings_made_before_version_3_replay_to_the_same_bits() {
 
 #[test]
 fn a_recording_of_the_future_says_who_speaks_and_what_to_do() {
-    const WHO: &str = "bead 7 with firmware 9.0.0 (v9.0.0) speaks version 9 of the protocol, and this program knows \
-                       version 3; use the `bead` that belongs to that firmware";
+    const WHO: &str = "bead 7 with firmware 9.0.0 (v9.0.0) speaks version 9 of the protocol, and this program \
+                       knows version 3; use the `bead` that belongs to that firmware";
     let bytes = fs::read(data("frame-of-the-future.bin")).unwrap();
     let directory = TempDir::new().unwrap();
     let path = directory.path().join("future.mcap");

@@ -35,13 +35,13 @@ impl Frame {
             .map(|rate| index / f64::from(rate))
     }
 
-    /// Who sends and what to do, in one line, if this is the identity of a bead whose other frames are of a
-    /// version that this program does not know.
+    /// One line about a bead of a version that this program does not know: who it is and what to do. `None`
+    /// unless this is the identity of such a bead.
     pub fn from_the_future(&self) -> Option<String> {
         match &self.message {
             Message::Identity(bead) if self.version > VERSION => Some(format!(
-                "bead {} with firmware {} ({}) speaks version {} of the protocol, and this program knows version \
-                 {VERSION}; use the `bead` that belongs to that firmware",
+                "bead {} with firmware {} ({}) speaks version {} of the protocol, and this program knows \
+                 version {VERSION}; use the `bead` that belongs to that firmware",
                 self.header.address, bead.firmware, bead.git, self.version
             )),
             _ => None,
