@@ -1,12 +1,13 @@
 //! Frames as they come from a bead: pieces of bytes in, frames with their receive times out.
 //!
 //! # Design
-//! [`Frames`] is the one way from bytes to frames, whatever the bytes come from: a recording, a pipe, a line, an
-//! emulated run. It keeps no more than the frames of one piece. Frames stay as they came: fixed-point bits, ADC codes.
+//! [`Frames`] is the one way from bytes to frames, whatever the bytes come from: a recording, a pipe, a line,
+//! an emulated run. It keeps no more than the frames of one piece. Frames stay as they came: fixed-point
+//! bits, ADC codes.
 
 use std::collections::{HashMap, VecDeque};
 
-use bead_wire::{Arrival, Counters, Decoder, Header, Message, Reject};
+use bead_wire::{Arrival, Counters, Decoder, Header, Message, Reject, VERSION};
 
 /// A frame that passed every check.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,11 +27,25 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A time of its bead, in s since the reset: of this sample index. `None` before an identity told the sample rate.
+    /// A time of its bead, in s since the reset: of this sample index. `None` before an identity told the
+    /// sample rate.
     pub fn seconds(&self, index: f64) -> Option<f64> {
         self.sample_rate_hz
             .filter(|rate| *rate > 0)
             .map(|rate| index / f64::from(rate))
+    }
+
+    /// One line about a bead of a version that this program does not know: who it is and what to do. `None`
+    /// unless this is the identity of such a bead.
+    pub fn from_the_future(&self) -> Option<String> {
+        match &self.message {
+            Message::Identity(bead) if self.version > VERSION => Some(format!(
+                "bead {} with firmware {} ({}) speaks version {} of the protocol, and this program knows \
+                 version {VERSION}; use the `bead` that belongs to that firmware",
+                self.header.address, bead.firmware, bead.git, self.version
+            )),
+            _ => None,
+        }
     }
 }
 
