@@ -10,6 +10,7 @@ use crate::observer::Observer;
 use crate::reduced_chain::ReducedChain;
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
+use bead_crc::checksum;
 use core::fmt;
 use fixed::types::I16F16;
 use fixed::types::extra::{U26, U30};
@@ -25,7 +26,6 @@ const FORCE_MOST: u32 = 1 << 15;
 
 const MAGIC: [u8; 4] = *b"BEAD";
 const HEADER: usize = MAGIC.len() + 4;
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// What its owner calls a bead: UTF-8, filled up with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -135,7 +135,7 @@ impl Settings {
         block[..4].copy_from_slice(&MAGIC);
         block[4..6].copy_from_slice(&VERSION.to_le_bytes());
         block[6..8].copy_from_slice(&(length as u16).to_le_bytes());
-        let checksum = CRC.checksum(block);
+        let checksum = checksum(block);
         rest.get_mut(..4)
             .ok_or(SettingsError::BufferTooSmall)?
             .copy_from_slice(&checksum.to_le_bytes());
@@ -157,7 +157,7 @@ impl Settings {
         }
         let end = HEADER + usize::from(u16::from_le_bytes([header[6], header[7]]));
         let stored = bytes.get(end..end + 4).ok_or(SettingsError::Truncated)?;
-        if CRC.checksum(&bytes[..end]).to_le_bytes() != stored {
+        if checksum(&bytes[..end]).to_le_bytes() != stored {
             return Err(SettingsError::Checksum);
         }
         let (settings, rest): (Self, &[u8]) =

@@ -9,7 +9,7 @@
 //! with one at the end only, a bit flipped in it, or a reset in the middle of a frame, would take the next
 //! frame along; with two, what is damaged ends where the next frame begins.
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use bead_crc::checksum;
 use serde::{Deserialize, Serialize};
 
 use crate::codes::MAX_SCANS;
@@ -31,8 +31,6 @@ pub(crate) const MAX_ENCODED: usize = corncobs::max_encoded_len(MAX_PAYLOAD) - 1
 pub const MAX_FRAME: usize = 1 + MAX_ENCODED + 1;
 
 pub(crate) const DELIMITER: u8 = 0;
-/// Sixteen bytes at a time, from 16 KiB of tables: half of what a frame cost was its checksum.
-pub(crate) static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
 /// What stands before the body of every frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -140,7 +138,7 @@ pub(crate) fn frame<'b>(
     buffer: &'b mut [u8],
 ) -> Result<&'b [u8], EncodeError> {
     let too_small = EncodeError::BufferTooSmall(buffer.len());
-    let crc = CRC.checksum(&payload[..end]);
+    let crc = checksum(&payload[..end]);
     payload[end..end + CRC_LENGTH].copy_from_slice(&crc.to_le_bytes());
     let (first, rest) = buffer.split_first_mut().ok_or(too_small)?;
     *first = DELIMITER;
@@ -224,7 +222,7 @@ pub(crate) fn within(slice: &[u8], most: usize) -> Result<(), EncodeError> {
 pub(crate) fn checked<const HEADER: usize>(payload: &[u8]) -> Result<(&[u8; HEADER], &[u8]), Cause> {
     let (covered, crc) = payload.split_last_chunk().ok_or(Cause::TooShort)?;
     let parts = covered.split_first_chunk().ok_or(Cause::TooShort)?;
-    match CRC.checksum(covered) == u32::from_le_bytes(*crc) {
+    match checksum(covered) == u32::from_le_bytes(*crc) {
         true => Ok(parts),
         false => Err(Cause::Crc),
     }
