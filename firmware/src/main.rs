@@ -57,7 +57,8 @@ fn main() -> ! {
     static BLOCKS: ConstStaticCell<[Block; estimate::BLOCKS]> = ConstStaticCell::new([Block::EMPTY; _]);
     static CHANNEL: StaticCell<Channel<'static, CriticalSectionRawMutex, Block>> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
-    static WINDOW: ConstStaticCell<bead_model::Record> = ConstStaticCell::new(bead_model::Record::new());
+    static WINDOW: ConstStaticCell<bead_model::WindowRecord> =
+        ConstStaticCell::new(bead_model::WindowRecord::new());
     static RECEIVED: ConstStaticCell<port::Ring> = ConstStaticCell::new([0; _]);
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 

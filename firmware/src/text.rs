@@ -1,19 +1,19 @@
-//! One line for people.
+//! A line of text for people.
 
 use core::fmt::{self, Write};
 
 use bead_wire::MAX_DETAIL;
 use heapless::String;
 
-/// Text that is cut where its room ends.
+/// Text, cut to the room of a frame.
 #[derive(Clone)]
 pub(crate) struct Text(String<MAX_DETAIL>);
 
 impl Text {
-    /// As `format!`, cut.
+    /// Formats like `format!`, and cuts what does not fit.
     pub(crate) fn new(arguments: fmt::Arguments<'_>) -> Self {
         let mut text = Self(String::new());
-        // `write_str` never fails; a `Display` that does has written what it could.
+        // `write_str` never fails. A `Display` that fails has written what it could.
         let _ = text.write_fmt(arguments);
         text
     }

@@ -46,5 +46,5 @@ pub mod window;
 pub use meter::{Chunk, Meter, Sink};
 pub use quantity::{Acceleration, AdcCode, Energy, Force, Pair, Scan};
 pub use settings::{Settings, SettingsError};
-pub use shape::{Record, Shape};
+pub use shape::{Shape, WindowRecord};
 pub use window::{Flags, StrikeReport, Window};

@@ -5,7 +5,7 @@ use core::ops::Range;
 use crate::layout::{HISTORY_MAX, PIECE};
 use crate::quantity::{Energy, Scan};
 use crate::settings::Settings;
-use crate::shape::Record;
+use crate::shape::WindowRecord;
 use crate::window::{StrikeReport, Window};
 
 /// Scans in a full chunk of a window's waveform.
@@ -99,7 +99,7 @@ pub struct Meter {
     recent: Recent,
     phase: Phase,
     /// Forces and accelerations of the window so far.
-    record: Record,
+    record: WindowRecord,
     strikes: u32,
 }
 
@@ -119,7 +119,7 @@ impl Meter {
                 next: HISTORY_MAX,
             },
             phase: Phase::Settling { quiet: 0 },
-            record: Record::new(),
+            record: WindowRecord::new(),
             strikes: 0,
         }
     }
@@ -280,7 +280,7 @@ impl Measurement {
         &mut self,
         settings: &Settings,
         scans: &[Scan],
-        record: &mut Record,
+        record: &mut WindowRecord,
         sink: &mut impl Sink,
     ) -> usize {
         let Self { window, chunk } = self;

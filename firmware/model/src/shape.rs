@@ -73,7 +73,13 @@ impl Shape {
     ///
     /// Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub(crate) fn of(sample_rate_hz: u32, record: &Record, peak: usize, ring_end: usize, noise: f32) -> Self {
+    pub(crate) fn of(
+        sample_rate_hz: u32,
+        record: &WindowRecord,
+        peak: usize,
+        ring_end: usize,
+        noise: f32,
+    ) -> Self {
         let mut shape = Self::default();
         let forces = &record.forces[..record.length];
         shape.impulse = Impulse::from_bits(forces.iter().map(|force| i64::from(force.to_bits())).sum());
@@ -135,19 +141,19 @@ pub(crate) struct Peaks {
 
 /// Force and acceleration of the samples of a window. It is too large for a stack.
 #[derive(Clone)]
-pub struct Record {
+pub struct WindowRecord {
     length: usize,
     forces: [Force; RECORD_MAX],
     accelerations: [SensedAcceleration; RECORD_MAX],
 }
 
-impl Default for Record {
+impl Default for WindowRecord {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Record {
+impl WindowRecord {
     /// An empty record.
     pub const fn new() -> Self {
         Self {
@@ -373,7 +379,7 @@ mod tests {
 
     #[test]
     fn a_window_of_nothing_has_no_shape() {
-        let mut record = Record::new();
+        let mut record = WindowRecord::new();
         assert_eq!(Shape::of(100_000, &record, 0, 0, 0.0), Shape::default());
         record.clear();
         for _ in 0..50 {

@@ -9,7 +9,7 @@ use crate::quantity::{Acceleration, Energy, Force, Scan, SensedAcceleration};
 use crate::reduced_chain::ReducedChainState;
 use crate::sensor::{Loudness, SensorState};
 use crate::settings::Settings;
-use crate::shape::{Peaks, Record, Shape};
+use crate::shape::{Peaks, Shape, WindowRecord};
 use fixed::types::I16F16;
 use serde::{Deserialize, Serialize};
 
@@ -151,7 +151,7 @@ impl Window {
     /// depend on how the samples are cut into calls. Never inlined, so that its instructions can be counted
     /// by its symbol.
     #[inline(never)]
-    pub fn process(&mut self, settings: &Settings, mut scans: &[Scan], record: &mut Record) {
+    pub fn process(&mut self, settings: &Settings, mut scans: &[Scan], record: &mut WindowRecord) {
         while !scans.is_empty() {
             let room = PIECE - usize::from(self.samples) % PIECE;
             let (piece, rest) = scans.split_at(scans.len().min(room));
@@ -176,7 +176,7 @@ impl Window {
     }
 
     /// Takes samples after the baseline, at most [`PIECE`].
-    fn measure(&mut self, settings: &Settings, scans: &[Scan], record: &mut Record) {
+    fn measure(&mut self, settings: &Settings, scans: &[Scan], record: &mut WindowRecord) {
         let mut forces = [Force::ZERO; PIECE];
         let forces = &mut forces[..scans.len()];
         let mut accelerations = [SensedAcceleration::ZERO; PIECE];
@@ -245,7 +245,7 @@ impl Window {
     }
 
     /// The report of the window, made when its last sample has been taken.
-    pub fn report(&self, settings: &Settings, record: &Record) -> StrikeReport {
+    pub fn report(&self, settings: &Settings, record: &WindowRecord) -> StrikeReport {
         let [measured, predicted] = [
             self.absorbed_measured(settings),
             self.absorbed_predicted(settings),

@@ -2,7 +2,7 @@
 
 use bead_model::layout::BASELINE;
 use bead_model::sensor::GainMatch;
-use bead_model::{Meter, Record, Settings, Sink, StrikeReport, Window};
+use bead_model::{Meter, Settings, Sink, StrikeReport, Window, WindowRecord};
 use bead_wire::Strike;
 
 use crate::recording::strikes::{Chunk, RecordedStrike};
@@ -52,7 +52,7 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     }
 
     let mut window = Window::open(number, strike.said.first_index);
-    let mut record = Record::new();
+    let mut record = WindowRecord::new();
     record.clear();
     let mut energies = Vec::with_capacity(strike.scans.len());
     for codes in &strike.scans {

@@ -1,7 +1,7 @@
 //! What the unit tests of several files share.
 
 use bead_model::design::{Capture, derive};
-use bead_model::{Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
+use bead_model::{Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
 use hertz_chain::Scenario;
 
 use crate::bench::front_end::FrontEnd;
@@ -47,7 +47,7 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
         Some(1),
     );
     let mut strike = RecordedStrike {
-        said: wire_strike(&Window::open(0, 0).report(&settings, &Record::new())),
+        said: wire_strike(&Window::open(0, 0).report(&settings, &WindowRecord::new())),
         shape: None,
         scans: Vec::new(),
         chunks: Vec::new(),
