@@ -96,14 +96,8 @@ fn main() -> ! {
     };
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
-    let parts = port::Parts {
-        usart: p.USART1,
-        tx: p.PA9,
-        rx: p.PA10,
-        tx_dma: p.DMA2_CH7,
-        rx_dma: p.DMA2_CH2,
-    };
-    let (transmitter, receiver) = port::open(parts, RECEIVED.take());
+    let (transmitter, receiver) =
+        port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2, RECEIVED.take());
     let commands = Commands {
         boot,
         store,

@@ -20,21 +20,12 @@ bind_interrupts!(struct Irqs {
     DMA2_STREAM7 => dma::InterruptHandler<peripherals::DMA2_CH7>;
 });
 
-/// Number of the stream [`Parts::rx_dma`].
+/// Number of the receiver's stream.
 const RX_STREAM: usize = 2;
 const BAUD: u32 = 2_000_000;
 
 /// Bytes by which the receiver may fall behind: 5 ms at full rate.
 pub(crate) type Ring = [u8; 1024];
-
-/// USART1, its pins and its DMA streams.
-pub(crate) struct Parts {
-    pub(crate) usart: Peri<'static, peripherals::USART1>,
-    pub(crate) tx: Peri<'static, peripherals::PA9>,
-    pub(crate) rx: Peri<'static, peripherals::PA10>,
-    pub(crate) tx_dma: Peri<'static, peripherals::DMA2_CH7>,
-    pub(crate) rx_dma: Peri<'static, peripherals::DMA2_CH2>,
-}
 
 /// Makes the receiver's DMA, if it was stopped, begin at the start of its ring again.
 ///
@@ -51,22 +42,18 @@ pub(crate) fn rewind() {
 
 /// Sets up the port.
 pub(crate) fn open(
-    parts: Parts,
+    usart: Peri<'static, peripherals::USART1>,
+    tx: Peri<'static, peripherals::PA9>,
+    rx: Peri<'static, peripherals::PA10>,
+    tx_dma: Peri<'static, peripherals::DMA2_CH7>,
+    rx_dma: Peri<'static, peripherals::DMA2_CH2>,
     ring: &'static mut Ring,
 ) -> (UartTx<'static, Async>, RingBufferedUartRx<'static>) {
     let mut config = Config::default();
     config.baudrate = BAUD;
     // A pin without a wire is then an idle line, not noise.
     config.rx_pull = gpio::Pull::Up;
-    let port = Uart::new(
-        parts.usart,
-        parts.rx,
-        parts.tx,
-        parts.tx_dma,
-        parts.rx_dma,
-        Irqs,
-        config,
-    );
+    let port = Uart::new(usart, rx, tx, tx_dma, rx_dma, Irqs, config);
     interrupt::USART1.set_priority(Priority::P6);
     let (transmitter, receiver) = port.expect("2 Mbaud divide 84 MHz").split();
     (transmitter, receiver.into_ring_buffered(ring))

@@ -8,7 +8,7 @@
 //! ```
 
 use crate::calibration::Channel;
-use crate::coefficients::{Coefficients, coefficients};
+use crate::coefficients::coefficients;
 use crate::layout::WindowSettings;
 use crate::observer::Observer;
 use crate::quantity::Force;
@@ -199,70 +199,40 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         ("sample rate", f64::from(capture.sample_rate_hz)),
         ("trigger threshold", capture.threshold),
     ] {
-        if !(value.is_finite() && value > 0.0) {
-            return Err(DesignError::Input {
-                name,
-                value,
-                expected: "positive",
-            });
-        }
+        require(value.is_finite() && value > 0.0, name, value, "positive")?;
     }
-    if !(bead.relaxation.is_finite() && bead.relaxation >= 0.0) {
-        return Err(DesignError::Input {
-            name: "relaxation",
-            value: bead.relaxation,
-            expected: "0 or positive",
-        });
-    }
-    if bead.intruder_mass >= bead.mass {
-        return Err(DesignError::Input {
-            name: "intruder mass",
-            value: bead.intruder_mass,
-            expected: "below the bead's",
-        });
-    }
-    if !(0.0..bead.mass - bead.intruder_mass).contains(&bead.front_mass) {
-        return Err(DesignError::Input {
-            name: "front mass",
-            value: bead.front_mass,
-            expected: "0 or more, and below the host's",
-        });
-    }
+    let relaxation = bead.relaxation;
+    let holds = relaxation.is_finite() && relaxation >= 0.0;
+    require(holds, "relaxation", relaxation, "0 or positive")?;
+    let (intruder, front) = (bead.intruder_mass, bead.front_mass);
+    require(
+        intruder < bead.mass,
+        "intruder mass",
+        intruder,
+        "below the bead's",
+    )?;
+    let holds = (0.0..bead.mass - intruder).contains(&front);
+    require(holds, "front mass", front, "0 or more, and below the host's")?;
 
     let dt = 1.0 / f64::from(capture.sample_rate_hz);
-    let Coefficients {
-        start,
-        end,
-        measured,
-        contact,
-        relaxation,
-        incoming,
-        stiffness,
-        damping,
-        intruder,
-        host,
-        predicted,
-        incident,
-        ring_frequency,
-        ring_decay,
-    } = coefficients(bead, f64::from(capture.sample_rate_hz));
+    let coefficient = coefficients(bead, f64::from(capture.sample_rate_hz));
     let observer = Observer {
-        start: fix("weight of the old acceleration", start)?,
-        end: fix("weight of the new acceleration", end)?,
-        energy: fix("energy by acceleration", measured)?,
+        start: fix("weight of the old acceleration", coefficient.start)?,
+        end: fix("weight of the new acceleration", coefficient.end)?,
+        energy: fix("energy by acceleration", coefficient.measured)?,
     };
     let quiet = &front_end.force.sensitive;
     let force_noise = quiet.noise_rms.hypot(quiet.per_code / 12f64.sqrt());
     let chain = ReducedChain {
-        contact: fix("contact", contact)?,
-        relaxation: fix("relaxation", relaxation)?,
-        incoming: fix("incoming", incoming)?,
-        stiffness: fix("stiffness", stiffness)?,
-        damping: fix("damping", damping)?,
-        intruder: fix("intruder", intruder)?,
-        host: fix("host", host)?,
+        contact: fix("contact", coefficient.contact)?,
+        relaxation: fix("relaxation", coefficient.relaxation)?,
+        incoming: fix("incoming", coefficient.incoming)?,
+        stiffness: fix("stiffness", coefficient.stiffness)?,
+        damping: fix("damping", coefficient.damping)?,
+        intruder: fix("intruder", coefficient.intruder)?,
+        host: fix("host", coefficient.host)?,
         gate: Force::from_num(3.0 * force_noise),
-        energy: fix("energy by velocity", predicted)?,
+        energy: fix("energy by velocity", coefficient.predicted)?,
     };
 
     let samples = |seconds: f64| (seconds / dt).round().clamp(0.0, f64::from(u16::MAX)) as u16;
@@ -288,12 +258,12 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         },
         observer,
         chain,
-        incident: fix("incident", incident)?,
+        incident: fix("incident", coefficient.incident)?,
         disagreement: fix("disagreement", capture.disagreement)?,
         ringing: Ringing {
-            frequency: fix("frequency of the ringing", ring_frequency)?,
+            frequency: fix("frequency of the ringing", coefficient.ring_frequency)?,
             frequency_tolerance: fix("tolerance of the frequency", capture.ring_frequency_tolerance)?,
-            decay: fix("decay of the ringing", ring_decay)?,
+            decay: fix("decay of the ringing", coefficient.ring_decay)?,
             decay_tolerance: fix("tolerance of the decay", capture.ring_decay_tolerance)?,
         },
     };
@@ -310,19 +280,24 @@ fn sensor<F: LeEqU32>(sensor: &SensorFrontEnd, dt: f64) -> Result<Sensor<F>, Des
 
 fn channel<F: LeEqU32>(channel: &ChannelFrontEnd, delay: f64, dt: f64) -> Result<Channel<F>, DesignError> {
     let lag = match channel.pole_hz {
-        Some(hz) if !(hz.is_finite() && hz > 0.0) => {
-            return Err(DesignError::Input {
-                name: "anti-alias pole",
-                value: hz,
-                expected: "positive, Hz",
-            });
+        Some(hz) => {
+            require(hz.is_finite() && hz > 0.0, "anti-alias pole", hz, "positive, Hz")?;
+            1.0 / (TAU * hz)
         }
-        Some(hz) => 1.0 / (TAU * hz),
         None => 0.0,
     };
     Ok(Channel {
         per_code: fix("per code", channel.per_code)?,
         slope: fix("anti-alias pole", channel.per_code * (lag - delay) / (2.0 * dt))?,
+    })
+}
+
+/// Refuses an input that does not hold what is expected.
+fn require(holds: bool, name: &'static str, value: f64, expected: &'static str) -> Result<(), DesignError> {
+    holds.then_some(()).ok_or(DesignError::Input {
+        name,
+        value,
+        expected,
     })
 }
 

@@ -12,7 +12,7 @@ use crate::window::{StrikeReport, Window};
 pub const CHUNK: usize = PIECE;
 
 /// A piece of a window's waveform, with the energies absorbed by its end.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Chunk {
     /// Number of the strike since power-up, from 0.
     pub strike: u32,
@@ -262,11 +262,7 @@ impl Measurement {
             chunk: Chunk {
                 strike,
                 first_index,
-                scans: heapless::Vec::new(),
-                before: [Scan::ZERO; 2],
-                loud: false,
-                absorbed_measured: Energy::ZERO,
-                absorbed_predicted: Energy::ZERO,
+                ..Chunk::default()
             },
         }
     }

@@ -109,7 +109,7 @@ pub struct StrikeReport {
 pub const GAIN_TOLERANCE: I16F16 = I16F16::lit("0.02");
 
 /// The running window of a strike.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Window {
     strike: u32,
     first_index: u64,
@@ -134,16 +134,7 @@ impl Window {
         Self {
             strike,
             first_index,
-            samples: 0,
-            force: SensorState::default(),
-            acceleration: SensorState::default(),
-            observer: ObserverState::default(),
-            chain: ReducedChainState::default(),
-            force_squares: 0,
-            force_samples: 0,
-            ring_end: 0,
-            loud: false,
-            railed: Flags::default(),
+            ..Self::default()
         }
     }
 
