@@ -58,6 +58,10 @@ struct Recent {
 impl Recent {
     /// Appends as many of `scans` as there is room for.
     fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>) {
+        if self.length == 0 {
+            // The first scans follow a history of zeros.
+            (self.length, self.next) = (HISTORY_MAX, HISTORY_MAX);
+        }
         if self.length == ROOM {
             let unwanted = self.next - HISTORY_MAX;
             self.scans.copy_within(unwanted.., 0);
@@ -83,6 +87,8 @@ impl Recent {
     clippy::large_enum_variant,
     reason = "there is no heap to box it on, and one meter in all"
 )]
+// `Settling` has the tag 0: a new meter is all zeros, and takes no flash.
+#[repr(u32)]
 enum Phase {
     /// Counts quiet samples up to a whole history.
     Settling { quiet: u16 },
@@ -115,8 +121,8 @@ impl Meter {
         Self {
             recent: Recent {
                 scans: [Scan::ZERO; ROOM],
-                length: HISTORY_MAX,
-                next: HISTORY_MAX,
+                length: 0,
+                next: 0,
             },
             phase: Phase::Settling { quiet: 0 },
             record: WindowRecord::new(),
