@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
 
-use assert_cmd::Command;
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead::recording::file::{About, Part, Recording, Writer};
@@ -18,9 +19,8 @@ use tempfile::TempDir;
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
 
-fn bead(arguments: &[&str]) -> std::process::Output {
-    Command::cargo_bin("bead")
-        .unwrap()
+fn bead(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_bead"))
         .args(arguments)
         .output()
         .unwrap()
@@ -549,10 +549,11 @@ fn raw_bytes_decode_from_standard_input_and_what_is_cut_is_said() {
     let mut raw = Vec::new();
     recording(&directory, |stream| raw.clone_from(stream));
     raw.truncate(raw.len() - 5);
-    let output = Command::cargo_bin("bead")
-        .unwrap()
+    let path = directory.path().join("cut.bin");
+    fs::write(&path, raw).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_bead"))
         .args(["decode", "-"])
-        .write_stdin(raw)
+        .stdin(fs::File::open(path).unwrap())
         .output()
         .unwrap();
     assert!(output.status.success());
@@ -664,67 +665,32 @@ fn a_run_that_cannot_start_leaves_nothing_behind() {
 }
 
 #[test]
-fn a_figure_leaves_its_picture_its_data_and_its_checks() {
-    let directory = TempDir::new().unwrap();
-    let out = directory.path().join("new/figures");
-    let table = directory.path().join("checks.md");
-    let [out_text, table_text] = [&out, &table].map(|path| path.to_str().unwrap());
-    let figures = json(&[
-        "figures", "2C", "--check", "--out", out_text, "--table", table_text, "--format", "json",
-    ]);
-    let figure = &figures[0];
-    assert_eq!(figures.as_array().unwrap().len(), 1);
+fn figures_are_the_program_beside_this_one_with_its_arguments_and_its_status() {
+    let built = Path::new(env!("CARGO_BIN_EXE_bead"));
+    // Of its own name there: a link that leads back would find the programs that were built.
+    let directory = tempfile::tempdir_in(built.parent().unwrap()).unwrap();
+    let [bead, figures] = ["bead", "bead-figures"].map(|name| directory.path().join(name));
+    fs::hard_link(built, &bead).unwrap();
+    let run = || {
+        Command::new(&bead)
+            .args(["figures", "2C", "--out", "x y", "--help"])
+            .output()
+            .unwrap()
+    };
+    let missing = run();
+    let error = String::from_utf8(missing.stderr).unwrap();
     assert_eq!(
-        keys(figure),
-        ["checks", "files", "name", "pass", "setting", "title"]
+        (missing.status.code(), error.lines().count()),
+        (Some(3), 1),
+        "{error}"
     );
-    assert_eq!((&figure["name"], &figure["pass"]), (&"2c".into(), &true.into()));
-    for key in ["expected", "pass", "tolerance", "value", "what"] {
-        assert!(keys(&figure["checks"][0]).contains(&key), "{key}");
-    }
-    let files: Vec<&str> = figure["files"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|file| file.as_str().unwrap())
-        .collect();
-    assert_eq!(files.len(), 4);
-    let bytes = |extension: &str| fs::read(out.join(format!("figure-2c.{extension}"))).unwrap();
-    assert!(bytes("svg").starts_with(b"<svg "));
-    assert!(bytes("png").starts_with(b"\x89PNG"));
-    assert!(bytes("parquet").starts_with(b"PAR1"));
-    let csv = String::from_utf8(bytes("csv")).unwrap();
-    assert!(csv.starts_with("panel,curve,x_quantity,x,y_quantity,y\n"));
-    let highest = csv
-        .lines()
-        .skip(1)
-        .map(|line| line.rsplit(',').next().unwrap().parse::<f64>().unwrap())
-        .fold(0.0, f64::max);
-    assert!(
-        (highest - 133.23).abs() < 0.05,
-        "the curve's own maximum, {highest} m/s²"
+    assert!(error.contains("cargo build --release -p bead-figures"), "{error}");
+    fs::write(&figures, "#!/bin/sh\necho \"$#:$*\"\nexit 1\n").unwrap();
+    fs::set_permissions(&figures, fs::Permissions::from_mode(0o755)).unwrap();
+    let found = run();
+    assert_eq!(found.status.code(), Some(1));
+    assert_eq!(
+        String::from_utf8(found.stdout).unwrap(),
+        "4:2C --out x y --help\n"
     );
-    assert!(
-        fs::read_to_string(table)
-            .unwrap()
-            .contains("| 2c | highest acceleration | 133.233 m/s² |")
-    );
-    assert!(
-        fs::read_to_string(out.join("index.html"))
-            .unwrap()
-            .contains("figure-2c.svg")
-    );
-}
-
-#[test]
-fn a_figure_that_is_none_and_a_place_that_is_no_directory_are_refused() {
-    refused(&["figures", "2e"], 2, &["2e: no such figure", "2d, 3a"]);
-    let file = tempfile::NamedTempFile::new().unwrap();
-    refused(
-        &["figures", "2a", "--out", file.path().to_str().unwrap()],
-        2,
-        &["cannot make the directory", "--out"],
-    );
-    let list = json(&["figures", "--list", "--format", "json"]);
-    assert!(list.as_array().unwrap().len() > 50);
 }

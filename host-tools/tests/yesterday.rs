@@ -4,9 +4,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 use std::fs;
-use std::process::Output;
+use std::process::{Command, Output};
 
-use assert_cmd::Command;
 use bead::recording::file::{About, Writer};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -18,8 +17,7 @@ fn data(name: &str) -> String {
 }
 
 fn bead(arguments: &[&str]) -> Output {
-    Command::cargo_bin("bead")
-        .unwrap()
+    Command::new(env!("CARGO_BIN_EXE_bead"))
         .args(arguments)
         .output()
         .unwrap()

@@ -207,16 +207,16 @@ impl Heard {
     }
 }
 
-/// A run of the image that is asked things.
-pub struct Asking {
+/// A run of the image that gets requests.
+pub struct Requests {
     /// The machine, to be given more.
     pub machine: Run,
     block: Vec<u8>,
     next: u16,
 }
 
-impl Asking {
-    /// A run that is not yet asked anything.
+impl Requests {
+    /// A run without requests so far.
     pub fn new(run: &Emulation) -> Self {
         Self {
             machine: run.machine(),
@@ -229,7 +229,7 @@ impl Asking {
     ///
     /// # Panics
     /// It is no request that can be sent.
-    pub fn ask(&mut self, at: f64, request: &Request) -> u16 {
+    pub fn request(&mut self, at: f64, request: &Request) -> u16 {
         let number = self.next;
         self.next += 1;
         let mut buffer = [0; MAX_REQUEST];
@@ -239,7 +239,7 @@ impl Asking {
         number
     }
 
-    /// Sends any bytes, as [`ask`](Self::ask) does.
+    /// Sends any bytes, as [`request`](Self::request) does.
     pub fn send(&mut self, at: f64, bytes: &[u8]) {
         self.machine.uart_input.push(UartInput {
             at_ns: (at * 1e9) as u64,
@@ -251,9 +251,9 @@ impl Asking {
     ///
     /// # Panics
     /// QEMU fails.
-    pub fn run(self) -> Asked {
+    pub fn run(self) -> Answered {
         let outcome = self.machine.execute().unwrap_or_else(|error| panic!("{error}"));
-        Asked {
+        Answered {
             heard: Heard::new(outcome.uart.clone()),
             rows: self.machine.stimulus,
             block: self.block,
@@ -261,7 +261,7 @@ impl Asking {
         }
     }
 
-    /// When the image takes the first scan, s after power-up. Nothing that it is asked later changes that.
+    /// When the image takes the first scan, s after power-up. No request changes that.
     ///
     /// # Panics
     /// QEMU fails, or the image never samples.
@@ -273,8 +273,8 @@ impl Asking {
     }
 }
 
-/// What came of a run that was asked things.
-pub struct Asked {
+/// What came of a run that got requests.
+pub struct Answered {
     /// What the emulator saw.
     pub outcome: Outcome,
     /// What the bead said.

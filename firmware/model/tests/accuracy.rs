@@ -71,8 +71,8 @@ fn strike_felt(
             Some(n) => {
                 let t = n as f64 / f64::from(rate);
                 (
-                    solution.force(HOST, t) - front_mass * host_acceleration(&solution, t),
-                    solution.intruder_acceleration(HOST, t).unwrap(),
+                    solution.at(t).force(HOST) - front_mass * host_acceleration(&solution, t),
+                    solution.at(t).intruder_acceleration(HOST).unwrap(),
                 )
             }
             None => (0.0, 0.0),
@@ -89,7 +89,7 @@ fn strike_felt(
         let acceleration = code(acceleration, front_end.acceleration.sensitive.per_code, 2048.2);
         codes.push(Scan::new([force, force, acceleration, acceleration]));
     }
-    let truth = solution.intruder_dissipated(HOST, solution.end()).unwrap() * 1e9;
+    let truth = solution.at(solution.end()).intruder_dissipated(HOST).unwrap() * 1e9;
     Strike {
         front_end,
         codes,

@@ -36,7 +36,7 @@ fn strike(speed: f64) -> (Solution, f64) {
         ..Options::default()
     };
     let solution = simulate_with(&scenario, &options).unwrap();
-    let absorbed = solution.intruder_dissipated(HOST, scenario.duration).unwrap() * 1e9;
+    let absorbed = solution.at(scenario.duration).intruder_dissipated(HOST).unwrap() * 1e9;
     (solution, absorbed)
 }
 
@@ -63,8 +63,8 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
                     let (force, acceleration) = match time {
                         ..0.0 => (0.0, 0.0),
                         _ => (
-                            solution.force(HOST, time),
-                            solution.intruder_acceleration(HOST, time).unwrap(),
+                            solution.at(time).force(HOST),
+                            solution.at(time).intruder_acceleration(HOST).unwrap(),
                         ),
                     };
                     let code = |value: f64, per_code: f64, zero: f64| {

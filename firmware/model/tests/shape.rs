@@ -50,8 +50,8 @@ fn sensed(solution: &Solution, host: usize, range: f64, noise: f64) -> (Settings
                 (0.0, 0.0)
             } else {
                 (
-                    solution.force(host, t),
-                    solution.intruder_acceleration(host, t).unwrap(),
+                    solution.at(t).force(host),
+                    solution.at(t).intruder_acceleration(host).unwrap(),
                 )
             };
             let mut code = |value: f64, per_code: f64, zero: f64| {

@@ -1,12 +1,12 @@
-//! Your own absorber: what do a mass, a stiffness and a damping of your choice take from the paper's strike, in one bead or in
-//! several? Change the table and run it.
+//! Your own absorber: what do a mass, a stiffness and a damping of your choice take from the paper's strike,
+//! in one bead or in several? Change the table and run it.
 
 use hertz_chain::{Intruder, Oscillator, PulseSearch, Scenario, simulate};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scenario = Scenario::paper();
     scenario.chain.beads = 30;
-    // Long enough for all of them to ring down.
+    // Long enough for all intruders to ring down.
     scenario.duration = 0.012;
 
     println!(

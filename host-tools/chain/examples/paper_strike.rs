@@ -1,5 +1,5 @@
-//! The paper's strike: a small steel ball hits sixteen Bakelite beads, and the eighth holds a mass on a spring. What is
-//! printed first is the strike as a scenario file says it.
+//! The paper's strike: a small steel ball hits sixteen Bakelite beads, and the eighth holds a mass on a
+//! spring. The example first prints the strike as a scenario file.
 
 use hertz_chain::{Scenario, simulate};
 

@@ -1,5 +1,6 @@
-//! A stepped chain: twenty large beads, then forty of half the radius. The one wave of the large beads goes on in the small ones
-//! as a train of waves, each weaker and slower than the one before (Job et al., Granular Matter 10, 13, 2007).
+//! A stepped chain: twenty large beads, then forty of half the radius. The single wave of the large beads
+//! goes on in the small ones as a train of waves, each weaker and slower than the one before (Job et al.,
+//! Granular Matter 10, 13, 2007).
 
 use hertz_chain::{Chain, Material, PulseSearch, Scenario, Section, Striker, simulate};
 

@@ -28,7 +28,7 @@ pub use absorption::Absorption;
 pub use collision::Collision;
 pub use fit::FitError;
 pub use flow::{Flow, Passed};
-pub use injection::{Injection, injection_curve};
+pub use injection::Injection;
 pub use model::{Contact, Energies, HostedIntruder, Model};
 pub use observe::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
 pub use optimise::{Aim, OptimiseError, Optimum, Remaining, Search, optimise, remaining};

@@ -16,7 +16,8 @@ pub struct Oscillator {
 }
 
 impl Oscillator {
-    /// h = (k + iωc) / (k + iωc - mω²), eq. (A1): the motion of the mass over that of its host, at a frequency in Hz.
+    /// h = (k + iωc) / (k + iωc - mω²), eq. (A1): the motion of the mass over that of its host, at a
+    /// frequency in Hz.
     pub fn transmissibility(&self, frequency: f64) -> Complex64 {
         let omega = TAU * frequency;
         let coupling = Complex64::new(self.stiffness, omega * self.damping);
@@ -28,12 +29,12 @@ impl Oscillator {
         (self.stiffness / self.mass).sqrt() / TAU
     }
 
-    /// ζ = c / (2 √(k m)). The paper calls it a loss factor, which would be twice that.
+    /// ζ = c / (2 √(k m)). The paper calls it a loss factor, but that would be twice as much.
     pub fn damping_ratio(&self) -> f64 {
         0.5 * self.damping / (self.stiffness * self.mass).sqrt()
     }
 
-    /// Frequency (Hz) and height of the peak of |h|: at √(√(1 + 8ζ²) - 1) / 2ζ of the natural frequency.
+    /// Frequency (Hz) and height of the peak of |h|, at √(√(1 + 8ζ²) - 1) / 2ζ of the natural frequency.
     pub fn transmissibility_peak(&self) -> (f64, f64) {
         let square = self.damping_ratio().powi(2);
         // √(1 + 8ζ²) - 1 without the loss of digits for small ζ.

@@ -36,11 +36,12 @@ fn positive(what: &str, value: f64) -> Result<(), FitError> {
     })
 }
 
-/// Finds k and c of a mass in kg from points (frequency in Hz, |h|) of a swept response, all of the same weight. They should
-/// hold the peak.
+/// Finds k and c of a mass in kg from points (frequency in Hz, |h|) of a swept response. All points have the
+/// same weight, and they should hold the peak.
 ///
 /// # Errors
-/// [`FitError`]: fewer than three points, a point or the mass that is no positive number, or points without a resonance.
+/// [`FitError`]: there are fewer than three points, a point or the mass is not a positive number, or the
+/// points have no resonance.
 pub fn fit_response(points: &[(f64, f64)], mass: f64) -> Result<OscillatorFit, FitError> {
     positive("the mass", mass)?;
     for (frequency, magnitude) in points {
@@ -50,7 +51,7 @@ pub fn fit_response(points: &[(f64, f64)], mass: f64) -> Result<OscillatorFit, F
     let Some(peak) = points.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
         return Err(FitError::TooFew { got: 0, need: 3 });
     };
-    // Near the peak of a light damper: h² = 1 + 1/4ζ².
+    // At the peak of a light damper: h² = 1 + 1/4ζ².
     let omega = TAU * peak.0;
     let ratio = 0.5 / (peak.1 * peak.1 - 1.0).max(0.1).sqrt();
     let guess = [(mass * omega * omega).ln(), (2.0 * ratio * mass * omega).ln()];
@@ -84,14 +85,14 @@ pub fn fit_response(points: &[(f64, f64)], mass: f64) -> Result<OscillatorFit, F
     })
 }
 
-/// Finds k and c from how an underdamped mass rings down: exp(-βt) (A cos ωt + B sin ωt) is fitted to a signal of its
-/// acceleration or its motion in the host, and k = μ (ω² + β²), c = 2 μ β.
+/// Finds k and c from how an underdamped mass rings down. It fits exp(-βt) (A cos ωt + B sin ωt) to a signal
+/// of the mass's acceleration or of its motion in the host; then k = μ (ω² + β²) and c = 2 μ β.
 ///
-/// `mass` is the reduced one, μ in kg: m (M - m) / M in a host that is free, m in one that is held. The signal should be a
-/// few times longer than it takes to die down, and nothing else should act on the host meanwhile.
+/// `mass` is the reduced mass μ, kg: m (M - m) / M in a host that is free, m in one that is held. The signal
+/// should last a few times longer than the ringing, and nothing else should act on the host meanwhile.
 ///
 /// # Errors
-/// [`FitError`]: fewer than five values, a value or the mass that is no number, or nothing that rings.
+/// [`FitError`]: there are fewer than five values, a value or the mass is not a number, or nothing rings.
 pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitError> {
     positive("the mass", mass)?;
     positive("the interval", signal.interval)?;

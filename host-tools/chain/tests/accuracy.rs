@@ -1,4 +1,4 @@
-//! How exact the integration is, measured against itself and against what is known of the equations.
+//! How exact the integration is, against itself and against known results.
 
 mod common;
 
@@ -33,8 +33,8 @@ fn run_finer(scenario: &Scenario) -> Solution {
     .expect("the scenario runs")
 }
 
-/// Worst distance of forces (to the greatest at the last contact) and of energies (to the striker's), at times that are
-/// nobody's step.
+/// Worst distance of forces (in parts of the greatest at the last contact) and of energies (in parts of the
+/// striker's), at times where no step ends.
 fn distance(one: &Solution, other: &Solution) -> (f64, f64) {
     let summary = other.summary();
     let weakest = summary
@@ -132,20 +132,20 @@ fn the_energy_balance_closes() {
     let solution = run(&paper());
     let energy = solution.summary().energy;
     assert!(energy.balance_error < 1e-14, "{:e}", energy.balance_error);
-    // With M for the host as the paper prints it, the sum is off by the intruder's share of the motion.
-    let end = solution.energy(0.002);
+    // With M for the host, as the paper prints it, the sum misses by the intruder's share of the motion.
+    let end = solution.at(0.002).energies();
     let as_printed = end.total() - end.chain + end.chain_as_printed;
     assert!((as_printed / energy.striker_initial - 1.0).abs() > 1e-3);
 }
 
-/// How the numbers of one run follow from those of another.
+/// The factors between the numbers of two runs.
 struct Scale {
     force: f64,
     time: f64,
     energy: f64,
 }
 
-/// The worst distance of peaks, widths, energies and absorbed energies from what the scale says.
+/// The worst distance of peaks, widths, energies and absorbed energies from what the factors say.
 fn off_scale(one: &Scenario, other: &Scenario, scale: &Scale) -> f64 {
     let (one, other) = (run(one).summary(), run(other).summary());
     assert_eq!(one.peak_force.len(), other.peak_force.len());
@@ -171,7 +171,8 @@ fn off_scale(one: &Scenario, other: &Scenario, scale: &Scale) -> f64 {
     worst
 }
 
-/// F ~ V^(6/5), t ~ V^(-1/5), E ~ V²; an intruder's stiffness must go as V^(2/5) and its damping as V^(1/5) to follow.
+/// F ~ V^(6/5), t ~ V^(-1/5), E ~ V². The motion follows if an intruder's stiffness goes as V^(2/5) and its
+/// damping as V^(1/5).
 #[test]
 fn an_elastic_chain_scales_with_the_speed() {
     let plain = elastic(12, 0.003);
@@ -201,8 +202,8 @@ fn an_elastic_chain_scales_with_the_speed() {
     }
 }
 
-/// Lengths times l, densities times r, moduli times y: times go as l √(r/y), forces as y l², energies as y l³, whatever else
-/// is in the chain.
+/// Lengths times l, densities times r, moduli times y: times go as l √(r/y), forces as y l², energies as y
+/// l³, whatever else is in the chain.
 #[test]
 fn a_chain_of_other_size_and_material_is_the_same_on_another_scale() {
     let mut small = paper();
@@ -255,7 +256,7 @@ fn a_chain_of_other_size_and_material_is_the_same_on_another_scale() {
     }
 }
 
-/// Eqs. (9) and (10) with the factor of (10) as it must be, (5/4)^(3/5).
+/// Eqs. (9) and (10) with the right factor of (10), (5/4)^(3/5).
 #[test]
 fn two_elastic_bodies_touch_as_hertz_says() {
     let scenario = elastic(1, 0.0003);
@@ -273,8 +274,8 @@ fn two_elastic_bodies_touch_as_hertz_says() {
         "{} {time}",
         peak.time
     );
-    assert_eq!(solution.force(1, 1.0001 * time), 0.0);
-    assert!(solution.force(1, 0.9999 * time) > 0.0);
+    assert_eq!(solution.at(1.0001 * time).force(1), 0.0);
+    assert!(solution.at(0.9999 * time).force(1) > 0.0);
 }
 
 /// Ramírez et al. 1999: e = 1 - 1.15344 A + 0.79826 A² ..., with A = (3/2) α, α = τ (κ/μ)^(2/5) V^(1/5).
@@ -320,7 +321,7 @@ fn a_longer_run_leaves_the_summary_as_it_is() {
     assert_eq!(longer.end(), 0.006);
     assert_eq!(longer.summary().peak_force, plain.summary().peak_force);
     assert_eq!(longer.summary().final_state, plain.summary().final_state);
-    assert!(longer.force(16, 0.0041) > 1.0);
+    assert!(longer.at(0.0041).force(16) > 1.0);
 }
 
 #[test]
@@ -332,14 +333,14 @@ fn a_shorter_run_is_summed_up_to_its_own_end() {
     let solution = with(&shorter);
     let end = solution.summary().final_state;
     assert_eq!((solution.end(), end.time), (0.001, 0.001));
-    let displacement = run(&paper()).displacement(1, 0.001);
+    let displacement = run(&paper()).at(0.001).displacement(1);
     assert!((end.displacement[1] / displacement - 1.0).abs() < 1e-11);
 }
 
 #[test]
 #[should_panic = "0.0041 s is not within the run, 0 to 0.004 s"]
 fn a_time_after_the_end_is_refused() {
-    run(&paper()).force(1, 0.0041);
+    run(&paper()).at(0.0041).force(1);
 }
 
 #[test]

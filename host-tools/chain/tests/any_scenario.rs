@@ -1,4 +1,4 @@
-//! What holds for every scenario, on scenarios drawn at random.
+//! Laws that hold for every scenario, on scenarios drawn at random.
 
 use hertz_chain::{Chain, ContactForce, Intruder, Oscillator, Scenario, Section, Striker, Wall, simulate};
 use proptest::prelude::*;
@@ -102,7 +102,8 @@ proptest! {
         let solution = simulate(&scenario).expect("the scenario is sound");
         let summary = solution.summary();
         let energy = summary.energy;
-        // 3000 scenarios in a row stayed below 2e-11; one in many thousands, loaded and clipped, came to 5.1e-11.
+        // 3000 scenarios in a row stayed below 2e-11; one in many thousands, loaded and clipped, came to
+        // 5.1e-11.
         prop_assert!(energy.balance_error < 2e-10, "{:e}", energy.balance_error);
         prop_assert!(energy.dissipated_contacts >= 0.0 && energy.dissipated_intruders >= 0.0);
         prop_assert!(energy.chain_max <= energy.striker_initial * (1.0 + 1e-10));

@@ -1,4 +1,4 @@
-//! Chains whose beads differ: stepped, tapered, and with an absorber of its own in each bead.
+//! Chains whose beads differ: stepped, tapered, and with an intruder of its own in each bead.
 
 mod common;
 
@@ -13,9 +13,10 @@ fn of_radius(beads: impl IntoIterator<Item = usize>, radius: f64) -> Section {
     }
 }
 
-/// Job, Melo, Sokolow and Sen, Granular Matter 10, 13 (2007): a wave that meets beads of half the radius goes on as a train
-/// whose amplitudes fall by a constant ratio. Taken for a particle that hits lighter ones of an eighth of its mass, it would
-/// keep 7/9 of its speed each time, so that forces would fall as (7/9)^(6/5) = 0.74; the integration has 0.62 to 0.66.
+/// Job, Melo, Sokolow and Sen, Granular Matter 10, 13 (2007): a wave that meets beads of half the radius goes
+/// on as a train whose amplitudes fall by a constant ratio. A particle that hits lighter ones of an eighth of
+/// its mass would keep 7/9 of its speed each time, and forces would fall as (7/9)^(6/5) = 0.74. The
+/// integration has 0.62 to 0.66.
 #[test]
 fn a_wave_that_steps_down_in_radius_becomes_a_train() {
     let mut scenario = struck_by_a_bead(60, 0.0076);
@@ -35,14 +36,15 @@ fn a_wave_that_steps_down_in_radius_becomes_a_train() {
         assert!(pair[1].energy < 0.53 * pair[0].energy, "{pair:?}");
         assert!(pair[1].fwhm > pair[0].fwhm, "{pair:?}");
     }
-    // Half of the energy is in the first, 0.39 by particles; nearly all has gone on by then.
+    // Half of the energy is in the first wave; 0.39 would be, if waves were particles. Nearly all has gone on
+    // by then.
     let share = train[0].energy / incident[0].energy;
     assert!((share - 0.515).abs() < 0.001, "{share}");
     let passed = solution.flow(21).between(0.0, 0.0076).energy;
     assert!(passed > 0.99 * incident[0].energy, "{passed} {incident:?}");
 }
 
-/// The other way, a part goes back and the rest goes on as one wave.
+/// The other way, a part of the wave goes back, and the rest goes on as one wave.
 #[test]
 fn a_wave_that_steps_up_in_radius_is_reflected_in_part() {
     let mut scenario = struck_by_a_bead(60, 0.009);
@@ -57,7 +59,7 @@ fn a_wave_that_steps_up_in_radius_is_reflected_in_part() {
     let split = solution.split(12, 32, &search).expect("it passes both");
     let (main, reflected) = (split.main.energy, split.reflected);
     let parts = [main, reflected].map(|part| part / split.incident.energy);
-    // Taken for a particle that hits one eight times as heavy, it would hand over 32/81 = 0.395.
+    // A particle that hits one eight times as heavy would hand over 32/81 = 0.395.
     assert!(
         (parts[0] - 0.4760).abs() < 5e-4 && (parts[1] - 0.5227).abs() < 5e-4,
         "{parts:?}"
@@ -66,9 +68,9 @@ fn a_wave_that_steps_up_in_radius_is_reflected_in_part() {
     assert_eq!(solution.pulses(32, &search).len(), 1);
 }
 
-/// Each bead thinner by a part q. In the binary collision approximation a wave's speed grows by 2 / (1 + (1 - q)³) from bead to
-/// bead; the wave covers several beads, and so it grows less: by 0.04 % at q = 0.02, by 0.4 % at 0.05, by
-/// 2.5 % at 0.1.
+/// Each bead is thinner by a part q. In the binary collision approximation a wave's speed grows by 2 / (1 +
+/// (1 - q)³) from bead to bead. The wave covers several beads, so it grows less: by 0.04 % less at q = 0.02,
+/// 0.4 % at 0.05, and 2.5 % at 0.1.
 #[test]
 fn a_tapered_chain_speeds_a_wave_up_by_somewhat_less_than_binary_collisions() {
     for (q, growth, off) in [
@@ -139,7 +141,7 @@ fn an_array_with_one_section_and_one_intruder_a_bead_is_what_its_beads_say() {
             .all(|each| each.dissipated > 0.0)
     );
 
-    // Tables that say the same one by one as in a list, and in any order, are the same chain.
+    // Tables for single beads, in any order, say the same as one table with a list: the chain is the same.
     let mut uniform = struck_by_a_bead(30, 0.006);
     uniform.intruders = vec![softer(hosts.clone())];
     uniform.sections = vec![of_radius(hosts.clone(), 0.015)];

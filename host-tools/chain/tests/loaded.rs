@@ -5,7 +5,7 @@ mod common;
 use common::{elastic, run, softer, struck_by_a_bead};
 use hertz_chain::{ContactForce, Material, PulseSearch, Scenario, Section, Snapshot, Wall};
 
-/// Walls and loads weak and strong, with all that makes a run harder.
+/// Walls and loads, weak and strong, with everything that makes a run harder.
 fn harder() -> Vec<(&'static str, Scenario)> {
     let mut cases = Vec::new();
     for (name, load, walled) in [
@@ -80,10 +80,10 @@ fn what_passes_a_contact_is_what_is_gained_after_it_with_load_and_wall() {
                 let gain = solution.at(t).region(a..=16).total();
                 worst = worst.max((passed - lost - gain).abs() / energy);
             }
-            let whole = solution.energy(t).chain;
+            let whole = solution.at(t).energies().chain;
             let parts =
                 solution.at(t).region(1..=7).mechanical() + solution.at(t).region(8..=16).mechanical();
-            let intruders = solution.energy(t).intruders;
+            let intruders = solution.at(t).energies().intruders;
             worst = worst.max((parts - intruders - whole).abs() / energy);
         }
         println!("{name}: {worst:.1e}");
@@ -105,8 +105,8 @@ fn a_loaded_chain_waits_at_rest_and_carries_its_load() {
             assert!((start.force(contact) / 12.5 - 1.0).abs() < 2e-15);
             assert!((start.overlap(contact) / overlap - 1.0).abs() < 1e-15);
         }
-        // The load has pushed nothing by the time that nothing of the wave has come.
-        assert!(solution.velocity(40, 0.0007).abs() < 1e-12 * scenario.striker.velocity);
+        // The wave has not come to bead 40 yet, and the load has not pushed it.
+        assert!(solution.at(0.0007).velocity(40).abs() < 1e-12 * scenario.striker.velocity);
         let summary = solution.summary();
         assert_eq!(summary.peak_force.len(), solution.model().contacts());
         let last = summary.peak_force[summary.peak_force.len() - 1];
@@ -159,7 +159,7 @@ fn a_solitary_wave_comes_back_from_the_wall() {
     assert_eq!(pulses.len(), 2, "{pulses:?}");
     let (there, back) = (pulses[0], pulses[1]);
     let wall = solution.pulses(41, &search)[0];
-    // Nearly all of it comes back, as strong as it was.
+    // Nearly all of the wave comes back, as strong as it was.
     assert!(
         (back.energy / there.energy + 0.99723).abs() < 1e-5,
         "{there:?} {back:?}"
@@ -168,7 +168,7 @@ fn a_solitary_wave_comes_back_from_the_wall() {
         (back.force / there.force - 0.99834).abs() < 1e-5,
         "{there:?} {back:?}"
     );
-    // Beads near the wall go back after it, so that the wall gives a little more than twice the wave's momentum.
+    // The beads near the wall follow the wave back, so the wall gives a little more than twice its momentum.
     assert!(
         (wall.impulse / there.impulse - 2.06043).abs() < 1e-5,
         "{wall:?} {there:?}"
@@ -191,8 +191,8 @@ fn long_and_small(load: f64, beads: usize, duration: f64) -> Scenario {
     scenario
 }
 
-/// c = 2R √(K/M) with K = (3/2) κ^(2/3) F₀^(1/3). Whatever the lattice does to a wave's shape, the mean time of its force,
-/// ∫ t (F - F₀) dt / ∫ (F - F₀) dt, goes from contact to contact at c.
+/// c = 2R √(K/M) with K = (3/2) κ^(2/3) F₀^(1/3). Whatever the lattice does to a wave's shape, the mean time
+/// of its force, ∫ t (F - F₀) dt / ∫ (F - F₀) dt, goes from contact to contact at c.
 #[test]
 fn a_small_wave_goes_at_the_speed_of_sound() {
     for load in [100.0, 800.0, 6400.0] {
@@ -226,7 +226,7 @@ fn a_small_wave_gives_a_rigid_wall_twice_its_momentum() {
         ..Wall::flat(Material::BAKELITE)
     });
     let solution = run(&scenario);
-    // Before the wave is at the wall, and when it is on its way back.
+    // Before the wave reaches the wall, and on its way back.
     let (before, after) = (solution.at(0.012), solution.at(0.025));
     let momentum = before.momentum() - solution.model().mass(0) * before.velocity(0);
     assert!(before.wall_impulse().abs() < 1e-8 * momentum);

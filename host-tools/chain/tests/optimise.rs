@@ -77,7 +77,7 @@ fn intruders_that_may_differ_leave_less_than_alike_ones() {
         && pair[0].damping == pair[1].damping));
     assert!(free.share < alike.share - 0.01, "{} {}", free.share, alike.share);
     assert!(free.share_searched < free.share_alike);
-    // What was found at draft accuracy is there at the reference one.
+    // The design found at draft accuracy is as good at the reference accuracy.
     assert!((free.share - free.share_searched).abs() < 1e-6);
 }
 
@@ -122,9 +122,10 @@ fn a_range_of_strikes_gives_a_compromise() {
     let mean = |shares: [f64; 2]| 0.5 * (shares[0] + shares[1]);
     let (slow, fast) = (at(&of(Aim::Mean, &speeds[..1])), at(&of(Aim::Mean, &speeds[1..])));
     let (fair, middle) = (at(&of(Aim::Worst, &speeds)), at(&of(Aim::Mean, &speeds)));
-    // Elastic chains scale: with k as V^(2/5) and c as V^(1/5) the same share remains at any speed. Seen: 5e-8.
+    // Elastic chains scale: with k as V^(2/5) and c as V^(1/5) the same share remains at any speed. Seen:
+    // 5e-8.
     assert!((slow[0] - fast[1]).abs() < 1e-6);
-    // Each is best at what it was made for.
+    // Each is best for its own aim.
     assert!(slow[0] < fair[0].min(middle[0]) && fast[1] < fair[1].min(middle[1]));
     assert!(worst(fair) < worst(slow).min(worst(fast)).min(worst(middle)));
     assert!(mean(middle) < mean(slow).min(mean(fast)).min(mean(fair)));

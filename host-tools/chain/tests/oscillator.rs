@@ -26,7 +26,7 @@ fn the_papers_intruder_amplifies_most_at_1607_hz() {
     }
     assert!((Oscillator::PAPER.natural_frequency() - 1644.4).abs() < 0.05);
     assert!((Oscillator::PAPER.damping_ratio() - 0.15695).abs() < 1e-5);
-    // However it is damped, it follows slow motion, and at √2 of its frequency it moves as much as its host.
+    // With any damping it follows slow motion, and at √2 of its frequency it moves as much as its host.
     assert_eq!(Oscillator::PAPER.transmissibility(0.0).norm(), 1.0);
     let level = Oscillator::PAPER
         .transmissibility(2.0_f64.sqrt() * Oscillator::PAPER.natural_frequency())

@@ -26,7 +26,7 @@ stiffness = 3.95e5
 damping = 12.0
 ";
 
-/// What comes of replacing the first `old` in [`SOUND`].
+/// The error after the first `old` in [`SOUND`] is replaced.
 fn complaint(old: &str, new: &str) -> String {
     assert!(SOUND.contains(old), "{old}");
     complaint_about(&SOUND.replacen(old, new, 1))
@@ -486,7 +486,7 @@ fn more_beads_than_anybody_means_are_refused_at_once() {
     );
 }
 
-/// Lists as long as a chain can be are looked through once, not once for each of their beads.
+/// Lists as long as a chain can be are read through once, not once for each of their beads.
 #[test]
 fn lists_as_long_as_the_longest_chain_are_checked_in_no_time() {
     let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
@@ -535,7 +535,7 @@ fn a_scenario_built_in_code_is_checked_too() {
     let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
     scenario.chain.young = f64::NAN;
     let error = simulate(&scenario).expect_err("NaN");
-    assert!(matches!(error, SimulateError::Scenario(_)));
+    assert!(matches!(error, SimulateError::Input(_)));
     assert!(
         error
             .to_string()
@@ -551,10 +551,9 @@ fn options_out_of_range_are_refused() {
         duration: Some(-1.0),
         ..Options::default()
     };
-    assert_eq!(
-        simulate_with(&scenario, &options).expect_err("negative"),
-        SimulateError::Duration(-1.0)
-    );
+    let error = simulate_with(&scenario, &options).expect_err("negative");
+    let expected = "duration: -1 s cannot be simulated; give a number above zero";
+    assert_eq!(error.to_string(), expected);
     let mut options = Options::default();
     options.accuracy.tolerance = 1e-17;
     let error = simulate_with(&scenario, &options).expect_err("below rounding");

@@ -205,7 +205,7 @@ pub const WIDTH: u32 = 860;
 pub const COLUMN: u32 = 480;
 /// Plotters rounds to whole pixels: a chart is drawn larger by this and scaled back, so that curves are
 /// smooth.
-pub(crate) const FINE: u32 = 4;
+pub const FINE: u32 = 4;
 const LEGEND_HEIGHT: u32 = 30;
 const LEGEND_ROW: u32 = 20;
 const X_LABELS_HEIGHT: u32 = 50;

@@ -38,7 +38,7 @@ pub enum Error {
 
 impl Error {
     /// A chart of this description cannot be drawn in this form.
-    pub(crate) fn drawing(what: &str, form: &'static str, reason: impl Display) -> Self {
+    pub fn drawing(what: &str, form: &'static str, reason: impl Display) -> Self {
         Self::Drawing {
             what: what.to_owned(),
             form,

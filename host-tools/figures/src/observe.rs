@@ -32,7 +32,7 @@ pub(crate) fn contact_time(run: &Run) -> f64 {
         ..PulseSearch::default()
     };
     let humps = run.solution.pulses(1, &search);
-    let touching = |hump: &Pulse| run.solution.force(1, hump.to) > 1e-9 * hump.force;
+    let touching = |hump: &Pulse| run.solution.at(hump.to).force(1) > 1e-9 * hump.force;
     let last = humps.iter().find(|hump| !touching(hump)).or(humps.last());
     last.map_or(f64::NAN, |hump| hump.to)
 }

@@ -133,7 +133,7 @@ impl Truth {
         bead_of(solution, bead)?;
         let summary = solution.summary();
         let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
-        let absorbed = solution.intruder_dissipated(bead, scenario.duration);
+        let absorbed = solution.at(scenario.duration).intruder_dissipated(bead);
         match (peak, absorbed) {
             (Some(peak), Some(absorbed)) => Ok(Self {
                 peak_force: peak.force,
@@ -290,8 +290,8 @@ mod tests {
         for number in 0..3 {
             for since in [0.5e-3, 1.6e-3, 3e-3, 11.9e-3] {
                 let time = timing.start(number) + since;
-                assert!((sensed.force(time) - solution.force(8, since)).abs() < 1e-6);
-                let expected = solution.intruder_acceleration(8, since).unwrap();
+                assert!((sensed.force(time) - solution.at(since).force(8)).abs() < 1e-6);
+                let expected = solution.at(since).intruder_acceleration(8).unwrap();
                 assert!((sensed.acceleration(time) - expected).abs() < 1e-4);
             }
         }

@@ -80,28 +80,27 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "give seconds, more than 0".to_owned())
 }
 
-/// A table without rules: names on the left, numbers on the right.
-pub fn table<const N: usize>(header: [impl Into<String>; N]) -> Table {
+/// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's cells.
+pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<Item = R>) -> String {
     let mut table = Table::new();
     table
         .load_style(presets::NOTHING)
-        .set_header(header.map(Into::<String>::into));
+        .set_header(header.split('|').map(str::trim))
+        .add_rows(rows);
     for (index, column) in table.column_iter_mut().enumerate() {
         column.set_padding((0, 2));
         if index > 0 {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    table
+    // Padding leaves blanks at the ends of the lines.
+    let lines: Vec<_> = table.lines().map(|line| line.trim_end().to_owned()).collect();
+    lines.join("\n")
 }
 
-/// A table's text without blanks at the ends of its lines.
-pub fn table_text(table: &Table) -> String {
-    table
-        .lines()
-        .map(|line| line.trim_end().to_owned())
-        .collect::<Vec<_>>()
-        .join("\n")
+/// `yes` if something holds, else `no`: for the cells of a table.
+pub fn either(holds: bool, yes: &str, no: &str) -> String {
+    (if holds { yes } else { no }).to_owned()
 }
 
 /// A spinner on standard error that names the step under way; silent when standard error is not a terminal.

@@ -193,9 +193,9 @@ mod tests {
                 .step_by(fine as usize)
                 .collect()
         };
-        let force = sample(Box::new(|t| solution.force(8, t)));
-        let acceleration = sample(Box::new(|t| solution.intruder_acceleration(8, t).unwrap()));
-        let truth = solution.intruder_dissipated(8, end as f64 / RATE).unwrap();
+        let force = sample(Box::new(|t| solution.at(t).force(8)));
+        let acceleration = sample(Box::new(|t| solution.at(t).intruder_acceleration(8).unwrap()));
+        let truth = solution.at(end as f64 / RATE).intruder_dissipated(8).unwrap();
         (bead, force, acceleration, truth)
     }
 

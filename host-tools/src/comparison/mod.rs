@@ -5,6 +5,7 @@ pub mod page;
 pub mod pictures;
 pub mod replay;
 pub mod run;
+mod signal;
 pub mod strike;
 #[cfg(test)]
 mod testing;

@@ -6,19 +6,19 @@ use bead_wire::{Energy, Fields, Shape, Strike, StrikeFlags, Value};
 
 use crate::recording::strikes::{Chunk, RecordedStrike};
 
-/// What became of one strike.
+/// The replay of one strike.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replay {
-    /// What this computer says of the strike; none where samples or settings are missing.
+    /// The result on this computer; none where samples or settings are missing.
     pub said: Option<Strike>,
     /// Estimates after every sample, A and B.
     pub energies: Vec<(Energy, Energy)>,
-    /// Where device and replay part first; none if they agree in every bit.
+    /// Where device and replay differ first; none if they agree in every bit.
     pub first_difference: Option<String>,
 }
 
 impl Replay {
-    /// Whether everything that the bead said came out again, bit for bit.
+    /// Whether replay gives everything that the bead sent, bit for bit.
     pub fn identical(&self) -> bool {
         self.first_difference.is_none()
     }
@@ -32,8 +32,8 @@ impl Replay {
     }
 }
 
-/// Replays one strike twice: its window alone, and as a stream through the strike detector, which must fire at the
-/// same sample.
+/// Replays one strike twice: its window alone, and as a stream through the strike detector, which must fire
+/// at the same sample.
 pub fn replay(strike: &RecordedStrike) -> Replay {
     let number = strike.said.strike;
     let Some(settings) = &strike.settings else {
@@ -103,7 +103,7 @@ fn differs(what: &str, device: &dyn Fields, replay: &dyn Fields) -> Option<Strin
         })
 }
 
-/// Every field of a body, by name, as bits. A group that is not there is unlike any that is.
+/// Every field of a body, by name, as bits. A missing group differs from every present one.
 fn bits(body: &dyn Fields) -> Vec<(String, i128)> {
     let mut all = Vec::new();
     body.each(&mut |name, value| match value {
@@ -126,7 +126,7 @@ fn bits(body: &dyn Fields) -> Vec<(String, i128)> {
     all
 }
 
-/// Without what the bead knew of its state from before the window.
+/// Removes what depends on the bead's state before the window.
 fn of_the_window(strike: &Strike) -> Strike {
     Strike {
         flags: strike.flags.without(StrikeFlags::OF_THE_BEAD),
@@ -159,15 +159,15 @@ impl Sink for Heard {
     }
 }
 
-/// The window begins where the detector's history began, and a detector is armed only by quiet before that. The
-/// recording does not hold it, so the quiet start of the window stands in for it.
+/// The window begins where the detector's history began, and a detector is armed only by quiet before that.
+/// The recording does not hold it, so the quiet start of the window stands in for it.
 fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<String> {
     let number = strike.said.strike;
     let quiet = strike.scans.get(..usize::from(BASELINE))?;
     let before = u64::from(settings.window.history) + 1;
     let mut meter = Meter::new();
     let mut heard = Heard::default();
-    // Indices are the recording's; those of the quiet before it only have to be consecutive.
+    // The indices are those of the recording. The indices of the quiet before it must only be consecutive.
     let first = strike.said.first_index.wrapping_sub(before);
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
     for (offset, codes) in (0..).zip(stream) {

@@ -8,12 +8,8 @@
 //! The recording does not say when the striker hit. Each strike is therefore placed at the time where its
 //! force fits the simulated force best. The acceleration was taken [`SCAN_SKEW`] later.
 
-use bead_model::calibration::Channel;
 use bead_model::design::Bead;
 use bead_model::layout::BASELINE;
-use bead_model::reduced_chain::FOOT;
-use bead_model::sensor::Sensor;
-use fixed::types::extra::LeEqU32;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
 use serde::Serialize;
 
@@ -22,7 +18,8 @@ use crate::bench::front_end::SCAN_SKEW;
 use crate::bench::sensed::{Truth, bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
 use crate::comparison::f64_estimators;
 use crate::comparison::replay::{Replay, replay};
-use crate::recording::strikes::{RecordedStrike, ScanCodes};
+use crate::comparison::signal::{force_noise, gated, least, sensed};
+use crate::recording::strikes::RecordedStrike;
 
 /// Goal for estimate A against the full chain.
 pub const GOAL_A: f64 = 2e-3;
@@ -401,26 +398,8 @@ impl FullChain {
         let rate = f64::from(settings.sample_rate_hz);
         let force = sensed(&strike.scans, 0, &settings.force);
         let acceleration = sensed(&strike.scans, 1, &settings.acceleration);
-        let gate = f64::max(
-            settings.chain.gate.to_num(),
-            3.0 * strike.said.force_noise.newtons(),
-        );
-        // The bead uses forces from the foot of the wave on. After some weak forces in a row it takes them
-        // for noise.
-        let foot = usize::from(settings.window.noise_end());
-        let mut silent = 0;
-        let gated: Vec<f64> = (0..)
-            .zip(&force)
-            .map(|(sample, &force)| {
-                let quiet = sample >= foot && force.abs() < gate;
-                silent = if quiet { silent + 1 } else { 0 };
-                if sample < foot || silent > FOOT {
-                    0.0
-                } else {
-                    force
-                }
-            })
-            .collect();
+        let noise = strike.said.force_noise.newtons();
+        let gated = gated(&force, settings, noise);
         let measured = f64_estimators::measured(&self.physics, &acceleration, rate);
         let predicted = f64_estimators::predicted(&self.physics, &gated, rate);
         let start = self.place(&force, rate);
@@ -430,49 +409,42 @@ impl FullChain {
         let acceleration = self.beside(&acceleration, acceleration_at, rate, |s| {
             s.intruder_acceleration(self.bead).unwrap_or(0.0)
         });
-        // Both estimates of the device use a sample when the next one is there, and count it in full: after
-        // sample n they stand for the time n - 1/2. A uses the acceleration, which is taken a skew later.
-        let along = |offset: f64, energies: &mut dyn Iterator<Item = (usize, f64)>| -> Vec<AbsorbedPoint> {
-            let mut sampler = self.solution.sampler();
-            energies
-                .map(|(sample, estimate)| {
-                    let time = at(sample as f64) + offset;
+        // Energies of A and B after samples, `offset` seconds off the force. A uses the acceleration, a skew later.
+        let along = |offset: f64, energies: Vec<(usize, [f64; 2])>| {
+            [0, 1].map(|which| {
+                let offset = if which == 0 { offset + SCAN_SKEW } else { offset };
+                let mut sampler = self.solution.sampler();
+                let points = energies.iter().map(|(sample, estimates)| {
+                    let time = at(*sample as f64) + offset;
                     let inside = sampler.at(time.clamp(0.0, self.solution.end()));
                     AbsorbedPoint {
                         time,
-                        estimate,
+                        estimate: estimates[which],
                         chain: inside.intruder_dissipated(self.bead).unwrap_or(0.0),
                     }
-                })
-                .collect()
+                });
+                points.collect::<Vec<_>>()
+            })
         };
+        let f64_samples = measured.iter().zip(&predicted).map(|(a, b)| [*a, *b]).enumerate();
+        let replayed = replay
+            .energies
+            .iter()
+            .map(|(a, b)| [a.joules(), b.joules()])
+            .enumerate();
+        let told = strike.chunks.iter().map(|chunk| {
+            let energies = [chunk.absorbed_measured, chunk.absorbed_predicted];
+            (chunk.end - 1, energies.map(|energy| energy.joules()))
+        });
+        // Both estimates of the device use a sample when the next one is there, and count it in full: after
+        // sample n they stand for the time n - 1/2.
         let half = -0.5 / rate;
-        let chunks = || strike.chunks.iter();
-        let replayed = || replay.energies.iter().enumerate();
         Some(Traces {
             force,
             acceleration,
-            f64_samples: [
-                along(SCAN_SKEW, &mut measured.iter().copied().enumerate()),
-                along(0.0, &mut predicted.iter().copied().enumerate()),
-            ],
-            replay: [
-                along(
-                    half + SCAN_SKEW,
-                    &mut replayed().map(|(i, energy)| (i, energy.0.joules())),
-                ),
-                along(half, &mut replayed().map(|(i, energy)| (i, energy.1.joules()))),
-            ],
-            device: [
-                along(
-                    half + SCAN_SKEW,
-                    &mut chunks().map(|c| (c.end - 1, c.absorbed_measured.joules())),
-                ),
-                along(
-                    half,
-                    &mut chunks().map(|c| (c.end - 1, c.absorbed_predicted.joules())),
-                ),
-            ],
+            f64_samples: along(0.0, f64_samples.collect()),
+            replay: along(half, replayed.collect()),
+            device: along(half, told.collect()),
         })
     }
 
@@ -526,81 +498,6 @@ impl FullChain {
         let guess = self.peak_time - peak as f64 / rate;
         least(guess - 2.0 / rate, guess + 2.0 / rate, distance)
     }
-}
-
-/// A sensor's signal in its unit, relative to the quiet start of the window, with filter and delay removed.
-/// It comes from the channel at the high gain wherever that is away from its rails.
-fn sensed<F: LeEqU32>(scans: &[ScanCodes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
-    let sensitive: Vec<f64> = scans.iter().map(|scan| scan.sensitive[sensor].into()).collect();
-    // Codes that were not sent had no part in the window.
-    let wide = |scan: &ScanCodes| scan.wide.map_or(f64::NAN, |wide| wide[sensor].into());
-    let wide: Vec<f64> = scans.iter().map(wide).collect();
-    let values = channel(&sensitive, &calibration.sensitive);
-    let wides = channel(&wide, &calibration.wide);
-    let believable = |at: usize| {
-        let reach = at.saturating_sub(1)..(at + 2).min(scans.len());
-        sensitive[reach].iter().all(|code| (64.0..=4031.0).contains(code))
-    };
-    // The two channels are made to agree where both see a strong signal.
-    let per_code = calibration.sensitive.per_code.to_num::<f64>();
-    let differences: Vec<f64> = (0..scans.len())
-        .filter(|&at| believable(at) && values[at].abs() >= 1024.0 * per_code)
-        .map(|at| wides[at] - values[at])
-        .filter(|difference| difference.is_finite())
-        .collect();
-    let offset = differences.iter().sum::<f64>() / (differences.len() + 1) as f64;
-    (0..scans.len())
-        .map(|at| match believable(at) || wides[at].is_nan() {
-            true => values[at],
-            false => wides[at] - offset,
-        })
-        .collect()
-}
-
-/// A channel's codes in its unit.
-fn channel<F: LeEqU32>(codes: &[f64], channel: &Channel<F>) -> Vec<f64> {
-    let quiet = &codes[..usize::from(BASELINE)];
-    let zero = quiet.iter().sum::<f64>() / quiet.len() as f64;
-    let (per_code, slope) = (channel.per_code.to_num::<f64>(), channel.slope.to_num::<f64>());
-    let values: Vec<f64> = codes.iter().map(|code| (code - zero) * per_code).collect();
-    // The slope is per change over two samples.
-    f64_estimators::lead(&values, 2.0 * slope / per_code)
-}
-
-/// Noise of the force before the strike, N rms.
-fn force_noise(strike: &RecordedStrike) -> f64 {
-    let quiet = strike
-        .scans
-        .iter()
-        .take(usize::from(BASELINE))
-        .map(|scan| f64::from(scan.sensitive[0]));
-    let count = quiet.clone().count().max(1) as f64;
-    let mean = quiet.clone().sum::<f64>() / count;
-    let codes = (quiet.map(|code| (code - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let per_code = strike
-        .settings
-        .map_or(0.0, |settings| settings.force.sensitive.per_code.to_num::<f64>());
-    codes * per_code
-}
-
-/// The place of the minimum of a function that has one between `low` and `high`: golden section, to a
-/// millionth of the interval.
-fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
-    let ratio = 0.5 * (5f64.sqrt() - 1.0);
-    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
-    let (mut fa, mut fb) = (f(a), f(b));
-    for _ in 0..29 {
-        if fa < fb {
-            (high, b, fb) = (b, a, fa);
-            a = high - ratio * (high - low);
-            fa = f(a);
-        } else {
-            (low, a, fa) = (a, b, fb);
-            b = low + ratio * (high - low);
-            fb = f(b);
-        }
-    }
-    0.5 * (low + high)
 }
 
 #[cfg(test)]
@@ -667,10 +564,5 @@ mod tests {
         let strike = recorded_strike();
         assert!(chain.compare(&strike).pass);
         assert!(!other.compare(&strike).pass);
-    }
-
-    #[test]
-    fn golden_section_finds_the_bottom_of_a_parabola() {
-        assert!((least(-3.0, 5.0, |x| (x - 1.234).powi(2)) - 1.234).abs() < 1e-5);
     }
 }

@@ -1,9 +1,9 @@
-//! Asking a bead, and hearing what it answers among all else that it says.
+//! Requests to a bead, and its replies among all else that it sends.
 //!
 //! # Design
-//! A request that gets no reply in time is sent again under the same number, as a line may lose either: every
-//! request may be repeated (`docs/protocol.md`). Numbers start anywhere, so that a reply to who asked before is not taken for
-//! ours.
+//! A request that gets no reply in time is sent again under the same number, as the line may lose request or
+//! reply. Every request may be repeated (`docs/protocol.md`). The first number is arbitrary, so that a reply
+//! to an earlier program is not taken for ours.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -14,7 +14,7 @@ use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Reply, Request, encode_reque
 use crate::line::port::{Address, Port, PortError};
 use crate::recording::frames::{Frame, Item, Reader};
 
-/// How often a request is sent before the bead is given up.
+/// How often a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
 
 /// Why a conversation fails. The message is one line: what, why, what next.
@@ -39,12 +39,12 @@ pub enum LineError {
     Refused(String),
 }
 
-/// A line on which a bead is asked.
+/// A line on which a bead gets requests.
 pub struct Conversation {
     address: Address,
     port: Port,
     reader: Reader,
-    /// Frames that came behind the last one that was wanted.
+    /// Frames that came after the last wanted one.
     behind: VecDeque<Frame>,
     next: u16,
     patience: Duration,
@@ -53,7 +53,7 @@ pub struct Conversation {
 /// What a bead answered.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// Everything that it said after the request was sent first, the reply not among it.
+    /// Everything that the bead sent after the first copy of the request, without the reply.
     pub frames: Vec<Frame>,
     /// The reply.
     pub reply: Reply,
@@ -63,7 +63,7 @@ impl Answer {
     /// The last of the frames that is wanted.
     ///
     /// # Errors
-    /// There is none: the frame was lost.
+    /// No frame is wanted: it was lost.
     pub fn last<T>(&self, what: &str, wanted: impl Fn(&Frame) -> Option<T>) -> Result<T, LineError> {
         self.frames.iter().rev().find_map(wanted).ok_or_else(|| {
             LineError::Silent(format!(
@@ -91,11 +91,11 @@ impl Conversation {
         })
     }
 
-    /// Asks, and gives what the bead answers, done or refused.
+    /// Sends a request and returns the bead's answer, done or refused.
     ///
     /// # Errors
     /// The port goes away, or no reply comes.
-    pub fn ask(&mut self, request: &Request) -> Result<Answer, LineError> {
+    pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
         let number = self.next;
         self.next = self.next.wrapping_add(1);
         let mut buffer = [0; MAX_REQUEST];
@@ -121,26 +121,26 @@ impl Conversation {
         Err(self.silence())
     }
 
-    /// Asks, and gives what the bead answers if it does what it was asked for.
+    /// Sends a request and returns the bead's answer if the request was done.
     ///
     /// # Errors
-    /// As [`ask`](Self::ask), and [`LineError::Refused`] with the bead's reason if it refuses.
-    pub fn command(&mut self, request: &Request) -> Result<Answer, LineError> {
-        let answer = self.ask(request)?;
+    /// As [`request`](Self::request), and [`LineError::Refused`] with the bead's reason if it refuses.
+    pub fn request_done(&mut self, request: &Request) -> Result<Answer, LineError> {
+        let answer = self.request(request)?;
         match answer.reply.outcome {
             Outcome::Done => Ok(answer),
             _ => Err(refused(&answer.reply)),
         }
     }
 
-    /// Resets the bead, and waits until it is there again; gives the number of its boot.
+    /// Resets the bead, waits until it is back, and returns the number of its boot.
     ///
     /// # Errors
-    /// As [`command`](Self::command), or it does not come back within 10 s.
+    /// As [`request_done`](Self::request_done), or it does not come back within 10 s.
     pub fn reboot(&mut self) -> Result<u32, LineError> {
-        /// Four seconds for a sector that is erased, and as much again.
+        /// Erasing a sector takes four seconds; the rest is margin.
         const START: Duration = Duration::from_secs(10);
-        self.command(&Request::Reboot)?;
+        self.request_done(&Request::Reboot)?;
         let boot = self.listen(START, |frame| match &frame.message {
             // The first frame of a boot.
             Message::Identity(identity) if frame.header.sequence == 0 => Some(identity.boot),
@@ -154,7 +154,7 @@ impl Conversation {
         })
     }
 
-    /// Hears the bead until something wanted comes, or for so long.
+    /// Listens to the bead until `wanted` gives something, or for `patience`.
     ///
     /// # Errors
     /// The port has gone away.
@@ -186,7 +186,7 @@ impl Conversation {
         }
     }
 
-    /// Why there is no reply, as far as what came tells.
+    /// Why there is no reply, as far as the received bytes tell.
     fn silence(&self) -> LineError {
         let seconds = self.patience.as_secs_f64() * f64::from(ATTEMPTS);
         let counters = self.reader.counters();
@@ -208,7 +208,7 @@ fn gone(what: String, source: io::Error) -> LineError {
     LineError::Gone { what, source }
 }
 
-/// What the bead said no to, and why.
+/// What the bead refused, and why.
 pub fn refused(reply: &Reply) -> LineError {
     let name = reply.outcome.to_string().replace('_', " ");
     LineError::Refused(match reply.detail.as_str().is_empty() {

@@ -9,14 +9,14 @@
 //! log time is the same but never runs back: after a restart of the bead, whose index begins again, it goes
 //! on from the last one. Bytes that are no frame have the time of the frame before them.
 //!
-//! When the host received them stands in a channel of its own, `received`: for each piece of bytes in which runs ended,
-//! the number of the last of them (u32) and the host's time (u64, ns since 1970), little-endian. [`crate::recording::clock`] makes
-//! of it how bead and host run against each other.
+//! A second channel, `received`, says when the host received the bytes: for each piece of bytes in which runs
+//! ended, the number of the last run (u32) and the host's time (u64, ns since 1970), little-endian. From this
+//! [`crate::recording::clock`] finds how the clocks of bead and host run against each other.
 //!
-//! **Crashes.** A recording is written as `NAME.partial` and takes its name when it is finished, so that what
-//! bears the name is whole. What is written goes to the system in chunks, each complete, at least once a
-//! second while bytes come; a recording cut short at any byte gives back every message before the cut, and
-//! says that it was cut. The chunks are not compressed: frames are dense, and what is cut stays readable.
+//! **Crashes.** A recording is written as `NAME.partial` and takes its name when it is finished: a file with
+//! that name is whole. The writer gives complete chunks to the system, at least once a second while bytes
+//! come. A recording cut short at any byte gives back every message before the cut, and says that it was cut.
+//! The chunks are not compressed, as frames are dense and a cut chunk must stay readable.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, File};
@@ -36,11 +36,13 @@ const ENCODING: &str = "bead-wire";
 const RECEIVED: &str = "received";
 const RECEIVED_ENCODING: &str = "bead-received";
 const METADATA: &str = "recording";
-/// Bytes after which a chunk is closed: small, so that little is at stake, and much above a frame.
+/// Bytes after which a chunk is closed: few, so that little is lost in a crash, and many more than a frame
+/// has.
 const CHUNK: u64 = 16 * 1024;
-/// Longest time for which received bytes are held back from the system.
+/// Longest time for which received bytes wait before they go to the system.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// Bytes without a delimiter after which they are put away, so that a dead line cannot fill the memory.
+/// Bytes without a delimiter after which they are written as a run, so that a dead line cannot fill the
+/// memory.
 const LONGEST_RUN: usize = 64 * 1024;
 
 /// What a recording is of.
@@ -82,7 +84,7 @@ impl About {
     }
 }
 
-/// What may be attached to a recording, each once.
+/// What may be attached to a recording, each part once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// The settings block that the bead was given.
@@ -244,7 +246,8 @@ impl Writer {
         })
     }
 
-    /// Attaches a part; those known beforehand are best attached first, so that a crash leaves them.
+    /// Attaches a part. Parts that are known beforehand should be attached first, so that they survive a
+    /// crash.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -260,8 +263,8 @@ impl Writer {
         written.map_err(|source| self.failed(source))
     }
 
-    /// Records bytes as received, the last of them at `received_ns`, the host's time in ns since 1970, if it is known. Hands
-    /// on the frames and the rejects in them.
+    /// Records bytes as received, the last of them at `received_ns`, the host's time in ns since 1970, if it
+    /// is known. Hands on the frames and the rejects in them.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -299,7 +302,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Says when the piece was received in which the last run ended.
+    /// Records when the piece with the end of the last run was received.
     fn write_time(&mut self, received_ns: u64) -> Result<(), RecordingError> {
         let last = self.written.wrapping_sub(1);
         let header = MessageHeader {
@@ -329,7 +332,7 @@ impl Writer {
         written.map_err(|source| self.failed(source))
     }
 
-    /// Hands all whole messages to the system: from here on, a crash of this program cannot lose them.
+    /// Gives all whole messages to the system. After that a crash of this program cannot lose them.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -339,7 +342,7 @@ impl Writer {
         flushed.map_err(|source| self.failed(source))
     }
 
-    /// What was received so far, and what was not.
+    /// Counts of what was received so far, and of what was lost.
     pub fn counters(&self) -> &Counters {
         self.reader.counters()
     }
@@ -349,7 +352,7 @@ impl Writer {
         &self.partial
     }
 
-    /// Completes the file and gives it its name, in the place of a file that had it.
+    /// Completes the file and gives it its name. It replaces a file of that name.
     ///
     /// # Errors
     /// The file cannot be written or renamed; what is there stays under its temporary name.
@@ -366,7 +369,8 @@ impl Writer {
             ..
         } = self;
         let file = mcap.into_inner().into_inner().map_err(|error| error.into_error());
-        // On disk before it has its name: a power cut must not leave the name with nothing behind it.
+        // The file must be on disk before it has its name: after a power cut no name may stand for an empty
+        // file.
         file.and_then(|file| file.sync_all())
             .map_err(|source| RecordingError::File {
                 action: "write",
@@ -389,7 +393,8 @@ impl Writer {
     }
 }
 
-/// Creates `path` with `.partial`, or `.2.partial` and so on: what an earlier crash left is not touched.
+/// Creates `path` with `.partial`, or `.2.partial` and so on. A file that an earlier crash left is not
+/// touched.
 fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
     let mut attempt = 1u32;
     loop {
@@ -448,14 +453,14 @@ pub enum State {
     Whole,
     /// The file ends early: it was not finished, or not copied whole.
     CutShort {
-        /// The runs are all there nevertheless: only the index behind them is not.
+        /// Whether all runs are there and only the index behind them is missing.
         runs_whole: bool,
     },
     /// Something in the file is not what was written; what follows it may be missing.
     Damaged(String),
 }
 
-/// A recording on disk. It is read as it is asked for, and never kept whole.
+/// A recording on disk. It is read piece by piece and never kept whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recording {
     path: PathBuf,
@@ -470,7 +475,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Looks through a file, whole or cut short: what it is of, its attachments, and how much of it is there.
+    /// Reads a file once, whole or cut short: what it is of, its attachments, and how much of it is there.
     ///
     /// # Errors
     /// The file cannot be read, or is no recording. One cut short or damaged is no error: see [`State`].
@@ -506,7 +511,7 @@ impl Recording {
         self.pieces().map(Frames::new)
     }
 
-    /// One line that says what is missing, if anything is.
+    /// One line that says what is missing; none for a whole recording.
     pub fn warning(&self) -> Option<String> {
         let runs = self.runs;
         match &self.state {
@@ -525,8 +530,8 @@ impl Recording {
     }
 }
 
-/// The runs of bytes in a recording, each with its delimiter and the time of its receipt. Memory: a chunk of the file, and
-/// the runs of one piece of bytes.
+/// The runs of bytes in a recording, each with its delimiter and the time of its receipt. Memory: a chunk of
+/// the file, and the runs of one piece of bytes.
 pub struct Pieces {
     walk: Walk,
     found: Found,
@@ -557,8 +562,8 @@ impl Iterator for Pieces {
     }
 }
 
-/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of some 16 KiB, and
-/// attachments much below this.
+/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of some 16
+/// KiB, and attachments much below this.
 const RECORD_MOST: usize = 64 << 20;
 
 /// A way through the records of a file.
@@ -569,7 +574,7 @@ struct Walk {
     next: u64,
     runs_whole: bool,
     damage: Option<String>,
-    /// Of what was walked so far.
+    /// State of what was read so far.
     state: State,
     ended: bool,
 }
@@ -595,7 +600,7 @@ impl Walk {
             return Err(RecordingError::NotMcap(path.to_owned()));
         }
         file.rewind().map_err(failed)?;
-        // Chunks are taken whole and walked here, as one cut short must give what it has.
+        // Chunks are taken whole and read here, as a cut chunk must give what it has.
         let options = LinearReaderOptions::default()
             .with_emit_chunks(true)
             .with_record_length_limit(RECORD_MOST)
@@ -613,7 +618,7 @@ impl Walk {
         })
     }
 
-    /// Goes on by one event; false at the end.
+    /// Reads one event; false at the end.
     fn step(&mut self, found: &mut Found) -> bool {
         if self.ended {
             return false;
@@ -641,7 +646,7 @@ impl Walk {
             }
             Some(Err(McapError::UnexpectedEof)) => {
                 let mut tail = Vec::new();
-                // What cannot be read is not there.
+                // What cannot be read counts as missing.
                 let _ = self
                     .file
                     .seek(SeekFrom::Start(self.next))
@@ -662,8 +667,8 @@ impl Walk {
     }
 }
 
-/// Most bytes of runs that wait for the time of their piece: a piece is read at once, up to 64 KiB, and ends a run that
-/// began before.
+/// Greatest number of bytes in runs that wait for the time of their piece. A piece has up to 64 KiB and may
+/// end a run that began before it.
 const HELD_MOST: usize = 4 * LONGEST_RUN;
 
 /// What is found on the way through a file.
@@ -673,7 +678,7 @@ struct Found {
     parts: BTreeMap<Part, Vec<u8>>,
     channel: Option<u16>,
     received_channel: Option<u16>,
-    /// Runs, with their numbers, whose time comes behind them.
+    /// Runs with their numbers that wait for their time, which follows them in the file.
     held: VecDeque<(u32, Vec<u8>)>,
     held_bytes: usize,
     /// Runs with their time.
@@ -698,7 +703,8 @@ impl Found {
                     .try_into()
                     .map_err(|_| "a receive time is of another length")?;
                 let last = u32::from_le_bytes(*last);
-                // A piece's time is that of every run that ended in it: of those after the last of the piece before.
+                // The time of a piece is the time of every run that ended in it: the runs after the last run
+                // of the piece before.
                 self.release(
                     |number| last.wrapping_sub(number) < 1 << 31,
                     Some(u64::from_le_bytes(received_ns)),
@@ -709,7 +715,7 @@ impl Found {
                 run.push(0);
                 self.held_bytes += run.len();
                 self.held.push_back((header.sequence, run));
-                // Nothing says when these were received.
+                // The file does not say when these were received.
                 while self.held_bytes > HELD_MOST {
                     self.release_first(None);
                 }
@@ -727,7 +733,7 @@ impl Found {
         Ok(())
     }
 
-    /// Hands on the first runs that wait, as far as their numbers are `wanted`.
+    /// Hands on the first waiting runs whose numbers are `wanted`.
     fn release(&mut self, wanted: impl Fn(u32) -> bool, received_ns: Option<u64>) {
         while self.held.front().is_some_and(|(number, _)| wanted(*number)) {
             self.release_first(received_ns);
@@ -758,7 +764,7 @@ impl Found {
     fn cut_chunk(&mut self, tail: &[u8]) {
         let is_chunk = tail.first() == Some(&mcap::records::op::CHUNK);
         if let Some(records) = tail.get(RECORD_HEAD + CHUNK_HEAD..).filter(|_| is_chunk) {
-            // It ends within a record: that is what being cut means.
+            // The chunk ends within a record, as it is cut.
             let _ = self.records(records);
         }
     }

@@ -1,9 +1,8 @@
 //! Frames as they come from a bead: pieces of bytes in, frames with their receive times out.
 //!
 //! # Design
-//! [`Frames`] is the one way from bytes to frames, whatever the bytes come from: a recording, a pipe, a line,
-//! an emulated run. It keeps no more than the frames of one piece. Frames stay as they came: fixed-point
-//! bits, ADC codes.
+//! [`Frames`] turns bytes into frames, from every source: a recording, a pipe, a line, an emulated run. It
+//! keeps only the frames of one piece. Frames stay as they came: fixed-point bits and ADC codes.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -27,8 +26,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A time of its bead, in s since the reset: of this sample index. `None` before an identity told the
-    /// sample rate.
+    /// The bead's time of a sample index, in s since the reset. `None` before an identity gave the sample
+    /// rate.
     pub fn seconds(&self, index: f64) -> Option<f64> {
         self.sample_rate_hz
             .filter(|rate| *rate > 0)
@@ -69,7 +68,7 @@ impl Item {
     }
 }
 
-/// Bytes of any number, and when the host received the last of them, in ns since 1970, if that is known.
+/// A piece of bytes, and when the host received the last byte, in ns since 1970, if that is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
     /// The bytes, delimiters among them.
@@ -87,7 +86,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Takes bytes as received, and hands on each frame and each reject.
+    /// Takes bytes as received, and gives each frame and each reject to `sink`.
     pub fn feed(&mut self, bytes: &[u8], received_ns: Option<u64>, mut sink: impl FnMut(Item)) {
         let Self { decoder, rates } = self;
         decoder.feed(bytes, |result| {
@@ -110,7 +109,7 @@ impl Reader {
         });
     }
 
-    /// What came, what was refused and what never came.
+    /// Counts of what came, what was refused, and what was lost.
     pub fn counters(&self) -> &Counters {
         self.decoder.counters()
     }
@@ -139,7 +138,7 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
         }
     }
 
-    /// What came so far, what was refused and what never came.
+    /// Counts of what came so far, what was refused, and what was lost.
     pub fn counters(&self) -> &Counters {
         self.reader.counters()
     }
@@ -149,7 +148,7 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
         self.reader.pending()
     }
 
-    /// Whether the next frame is still to be read: it may be long in coming.
+    /// Whether the next frame must still be read. On a line it may take long to come.
     pub fn is_empty(&self) -> bool {
         self.ready.is_empty()
     }
@@ -171,7 +170,7 @@ impl<I: Iterator<Item = Piece>> Iterator for Frames<I> {
     }
 }
 
-/// A whole stream at once: its frames, and what became of the others.
+/// The frames of a whole stream, and the counts of what came, was refused and was lost.
 pub fn decode(bytes: &[u8]) -> (Vec<Frame>, Counters) {
     let (mut reader, mut frames) = (Reader::default(), Vec::new());
     reader.feed(bytes, None, |item| frames.extend(item.frame()));

@@ -1,9 +1,9 @@
 //! Frames as JSON, for people and programs.
 //!
 //! # Design
-//! A body is shown field by field, in the order of the wire. A quantity is shown in its SI unit, which is the end of the
-//! key, with the bits beside it (`…_raw`); a number that has a name by its name, with the number beside it. The index
-//! of a scan has the bead's time beside it. Nothing is lost on the way.
+//! A body is shown field by field, in the order of the wire. A quantity is shown in its SI unit, which ends
+//! the key, with its bits beside it (`…_raw`). A number with a name is shown as its name, with the number
+//! beside it. A scan index has the bead's time beside it. Nothing is left out.
 
 use std::fmt::Write;
 
@@ -16,7 +16,7 @@ use crate::recording::frames::Frame;
 impl Frame {
     /// One JSON object: the header, then the message.
     ///
-    /// `time_s` is the bead's own time since its reset, null until an identity told the sample rate.
+    /// `time_s` is the bead's own time since its reset, null until an identity gave the sample rate.
     /// `lost_before` counts the frames lost since the last one received.
     pub fn json(&self) -> Value {
         let (arrival, lost_before) = match self.arrival {
@@ -48,7 +48,7 @@ impl Frame {
 
     fn body_map(&self) -> Map<String, Value> {
         let mut object = self.fields(&self.message);
-        // What follows from several fields together.
+        // Values that follow from several fields.
         match &self.message {
             Message::Shape(shape) => {
                 let arrival = shape.first_index as f64 + shape.arrival.samples();

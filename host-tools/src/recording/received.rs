@@ -1,4 +1,4 @@
-//! What came from a bead: the frames and strikes of a recording, and what the bead said of itself last.
+//! What came from a bead: the frames and strikes of a recording, and the bead's last identity and status.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ pub struct Received {
 }
 
 impl Received {
-    /// Opens a recording; what is missing of it is said on standard error.
+    /// Opens a recording. Standard error says what is missing of it.
     ///
     /// # Errors
     /// The file cannot be read or is no recording.
@@ -34,7 +34,7 @@ impl Received {
         })
     }
 
-    /// The strikes, with their samples and settings, one after the other.
+    /// The strikes with their samples and settings, one after another.
     ///
     /// # Errors
     /// The file cannot be read.

@@ -1,4 +1,4 @@
-//! The strikes of a recording: each with its samples, what the bead said of it, and the settings it ran with.
+//! The strikes of a recording: each with its samples, the bead's result, and the settings in force.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
@@ -12,7 +12,7 @@ use crate::recording::frames::Frame;
 /// Energies as they stood after a run of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Chunk {
-    /// Samples of the window up to and with the last of this chunk.
+    /// Samples of the window up to the end of this chunk.
     pub end: usize,
     /// Estimate A.
     pub absorbed_measured: Energy,
@@ -30,7 +30,7 @@ pub struct ScanCodes {
 }
 
 impl ScanCodes {
-    /// As the bead had them; codes that had no part in the estimates are 0.
+    /// The codes as the bead had them. Codes that had no part in the estimates are 0.
     pub fn scan(&self) -> Scan {
         let ([force, acceleration], [force_wide, acceleration_wide]) =
             (self.sensitive, self.wide.unwrap_or_default());
@@ -47,7 +47,7 @@ pub struct RecordedStrike {
     pub said: Strike,
     /// What it said of its shape, if that was received.
     pub shape: Option<Shape>,
-    /// The window's codes, as far as received without a gap from its start.
+    /// The window's codes from its start up to the first gap.
     pub scans: Vec<ScanCodes>,
     /// The chunks that they came in.
     pub chunks: Vec<Chunk>,
@@ -95,16 +95,16 @@ impl RecordedStrike {
     }
 }
 
-/// Frames after which nothing of a strike is still to come: what is later than this is counted as lost.
+/// A frame that comes this many frames too late counts as lost.
 const SETTLED: u32 = REORDER;
-/// Strikes that wait for the first settings of their boot, and strikes whose frame has not come yet: a bead that never
-/// tells either must not fill the memory.
+/// Greatest number of strikes that wait, for the first settings of their boot or for their strike frame. A
+/// bead that never sends either must not fill the memory.
 const WAITING: usize = 64;
 
-/// What a bead has said since its last reset, as far as it is not yet part of a strike that was handed on.
+/// What a bead sent since its last reset and is not yet part of a strike that was handed on.
 #[derive(Debug, Clone, Default)]
 struct Boot {
-    /// By the number of the frame that told it: settings may be changed between two strikes.
+    /// By the number of their frame, as settings may change between two strikes.
     settings: BTreeMap<u32, Settings>,
     /// By the number of the strike.
     waveforms: BTreeMap<u32, Vec<Waveform>>,
@@ -113,7 +113,7 @@ struct Boot {
     strikes: BTreeMap<u32, (u32, Strike)>,
 }
 
-/// Puts frames together, strike by strike, over resets and with late frames in their place. It keeps no more than the
+/// Puts frames together to strikes, over resets and with late frames in their place. It only keeps the
 /// strikes of the newest frames of each bead.
 #[derive(Debug, Clone)]
 pub struct Strikes<I> {
@@ -125,7 +125,7 @@ pub struct Strikes<I> {
 }
 
 impl<I: Iterator<Item = Frame>> Strikes<I> {
-    /// The strikes in `frames`. `known` are the settings that the bead is known to have been given, for a boot whose
+    /// The strikes in `frames`. `known` are settings that the bead was given; they serve for a boot whose
     /// settings frames are all lost.
     pub fn new(frames: impl IntoIterator<IntoIter = I>, known: Option<Settings>) -> Self {
         Self {
@@ -156,7 +156,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         match frame.message {
             Message::Settings(settings) => {
                 let settings = Settings::decode(settings.block.bytes()).ok();
-                // They come every second and rarely change.
+                // Settings come every second and rarely change.
                 let is_new = settings.as_ref() != boot.settings.last_entry().as_ref().map(|last| last.get());
                 let settings = settings.filter(|_| is_new);
                 boot.settings.extend(settings.map(|settings| (newest, settings)));
@@ -211,7 +211,7 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
 }
 
 impl Boot {
-    /// The strikes of which nothing is still to come, as of the frame with the number `newest`.
+    /// The strikes that are complete at the frame with the number `newest`.
     fn settled(&mut self, newest: u32, address: u8, known: Option<Settings>) -> Vec<RecordedStrike> {
         let mut settled = Vec::new();
         while let Some((&strike, &(told, _))) = self.strikes.first_key_value() {
@@ -254,8 +254,8 @@ impl Boot {
         Some(recorded)
     }
 
-    /// The settings told last before a frame. If those frames are all lost, the first told after it: they rarely change.
-    /// Settings before these are forgotten.
+    /// The last settings before a frame. If those frames are all lost, the first settings after it, as
+    /// settings rarely change. Settings before these are forgotten.
     fn settings_before(&mut self, sequence: u32) -> Option<Settings> {
         let before = self.settings.range(..sequence).next_back();
         if let Some((&told, &settings)) = before {

@@ -30,6 +30,7 @@ pub(crate) fn check(root: &Path) -> Result<usize, Stop> {
             }
         }
     }
+    broken.extend(unlisted(&root.join("docs"), &pages));
     broken.sort();
     if broken.is_empty() {
         Ok(followed)
@@ -55,6 +56,19 @@ fn collect(dir: &Path, pages: &mut HashMap<PathBuf, String>) -> std::io::Result<
         }
     }
     Ok(())
+}
+
+/// The pages of the book that its summary does not list, and so nobody finds.
+fn unlisted(docs: &Path, pages: &HashMap<PathBuf, String>) -> Vec<String> {
+    let Some(summary) = pages.get(&docs.join("SUMMARY.md")) else {
+        return Vec::new();
+    };
+    let listed: Vec<PathBuf> = links(summary).map(|(_, link)| docs.join(link)).collect();
+    pages
+        .keys()
+        .filter(|page| page.starts_with(docs) && !page.ends_with("SUMMARY.md") && !listed.contains(page))
+        .map(|page| format!("{}: not in docs/SUMMARY.md", page.display()))
+        .collect()
 }
 
 fn follow(page: &Path, link: &str, pages: &HashMap<PathBuf, String>) -> Result<(), String> {
@@ -155,6 +169,21 @@ mod tests {
         assert_eq!(
             check(&root).unwrap_err().message,
             "links that lead nowhere:\na.md:3: #gone: no such heading\na.md:3: gone.md: no such file"
+        );
+    }
+
+    #[test]
+    fn a_page_that_the_summary_does_not_list_is_named() {
+        let (_dir, root) = site(&[
+            ("docs/SUMMARY.md", "- [A](a.md)\n"),
+            ("docs/a.md", ""),
+            ("docs/b.md", ""),
+            ("README.md", ""),
+        ]);
+        let told = check(&root).unwrap_err().message;
+        assert!(
+            told.ends_with("docs/b.md: not in docs/SUMMARY.md") && !told.contains("a.md:"),
+            "{told}"
         );
     }
 

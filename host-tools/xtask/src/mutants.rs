@@ -8,16 +8,16 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::Place;
 use crate::step::{Steps, Stop};
 
 /// Where all the physics is.
 const MODEL: &str = "host-tools/chain/src/model.rs";
-const TEST: &str = "every_check_of_every_figure_passes";
+/// The test of all checks of all figures.
+pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
 
 struct Mutant {
     mistake: &'static str,
-    /// What stands in the model, and what is put in its place.
+    /// What stands in the model, and what is put in its steps.
     changes: &'static [(&'static str, &'static str)],
 }
 
@@ -102,13 +102,13 @@ const MUTANTS: &[Mutant] = &[
 ///
 /// # Errors
 /// A mutant that no check notices, or that does not fit the source or does not compile.
-pub(crate) fn check(steps: &Steps, place: &Place) -> Result<(), Stop> {
-    let copy = place.target.join("mutants");
-    copy_tree(&place.root, &copy)?;
+pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
+    let copy = steps.target.join("mutants");
+    copy_tree(&steps.root, &copy)?;
     let path = copy.join(MODEL);
     let sound = read(&path)?;
     steps.announce("without a mistake every check must pass");
-    if let Some(broken) = broken_checks(place, &copy)? {
+    if let Some(broken) = broken_checks(steps, &copy)? {
         return Err(Stop::failed(format!(
             "checks fail without a mutant: {}",
             broken.join("; ")
@@ -127,7 +127,7 @@ pub(crate) fn check(steps: &Steps, place: &Place) -> Result<(), Stop> {
             text = text.replace(from, to);
         }
         write(&path, &text)?;
-        match broken_checks(place, &copy)? {
+        match broken_checks(steps, &copy)? {
             Some(broken) => {
                 let checks = if broken.len() == 1 { "check" } else { "checks" };
                 eprintln!("          noticed by {} {checks}, such as", broken.len());
@@ -150,7 +150,7 @@ pub(crate) fn check(steps: &Steps, place: &Place) -> Result<(), Stop> {
 }
 
 /// The checks that fail in a copy of the workspace; none if all pass.
-fn broken_checks(place: &Place, copy: &Path) -> Result<Option<Vec<String>>, Stop> {
+fn broken_checks(steps: &Steps, copy: &Path) -> Result<Option<Vec<String>>, Stop> {
     // The library's own test, so that no program with a mistake in it is left where programs are built.
     let output = Command::new("cargo")
         .args([
@@ -163,7 +163,7 @@ fn broken_checks(place: &Place, copy: &Path) -> Result<Option<Vec<String>>, Stop
             TEST,
         ])
         .current_dir(copy)
-        .env("CARGO_TARGET_DIR", &place.target)
+        .env("CARGO_TARGET_DIR", &steps.target)
         .output()
         .map_err(|error| Stop::missing(format!("cannot start cargo: {error}")))?;
     let told = String::from_utf8_lossy(&output.stdout);

@@ -6,8 +6,9 @@
 
 use std::ffi::OsStr;
 use std::fmt;
-use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 /// Why the run ends early, and with which exit status.
@@ -108,19 +109,30 @@ fn quoted(word: &str) -> String {
 /// The steps of one run of xtask, on one clock.
 #[derive(Debug)]
 pub(crate) struct Steps {
-    root: PathBuf,
-    target_dir: PathBuf,
+    /// The root of the workspace, in which they run.
+    pub(crate) root: PathBuf,
+    /// The directory that they build into.
+    pub(crate) target: PathBuf,
     start: Instant,
 }
 
 impl Steps {
-    /// Steps that run in `root` and build into `target_dir`.
-    pub(crate) fn new(root: PathBuf, target_dir: PathBuf) -> Self {
-        Steps {
-            root,
-            target_dir,
-            start: Instant::now(),
-        }
+    /// The steps of the workspace that this program belongs to.
+    pub(crate) fn start() -> Result<Self, Stop> {
+        let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let root = manifest.ancestors().nth(2).unwrap_or(manifest).to_owned();
+        // Cargo has put this program into <target>/release: that honours CARGO_TARGET_DIR and cargo's configuration.
+        let program =
+            std::env::current_exe().map_err(|error| Stop::failed(format!("where is xtask? {error}")))?;
+        let target = program.ancestors().nth(2).unwrap_or(&root).to_owned();
+        let start = Instant::now();
+        Ok(Steps { root, target, start })
+    }
+
+    /// A path below the target directory, written relative to the root where it can be.
+    pub(crate) fn built(&self, path: &str) -> PathBuf {
+        let full = self.target.join(path);
+        full.strip_prefix(&self.root).map(Path::to_owned).unwrap_or(full)
     }
 
     /// Says what comes next.
@@ -146,25 +158,58 @@ impl Steps {
     }
 
     fn run_into(&self, title: &str, line: &Line, result: Stdio) -> Result<(), Stop> {
+        let mut command = self.command(title, line);
+        let status = command.stdout(result).status();
+        self.ended(title, line, status)
+    }
+
+    /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What the second
+    /// one says is kept, and told only if it fails.
+    ///
+    /// # Errors
+    /// As [`Steps::run`], of the first one that fails.
+    pub(crate) fn run_both(&self, first: (&str, &Line), second: (&str, &Line)) -> Result<(), Stop> {
+        let mut beside = self.command(second.0, second.1);
+        std::thread::scope(|scope| {
+            let beside = scope.spawn(move || beside.output());
+            let run = self.run(first.0, first.1);
+            let output = beside
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            run?;
+            let status = output.map(|output| {
+                if !output.status.success() {
+                    eprint!("{}", String::from_utf8_lossy(&output.stderr));
+                }
+                output.status
+            });
+            self.ended(second.0, second.1, status)
+        })
+    }
+
+    /// A command in the root of the workspace, which it announces.
+    fn command(&self, title: &str, line: &Line) -> Command {
         self.announce(title);
         eprintln!("          $ {line}");
-        let repeat = || {
-            format!(
-                "To repeat this step alone, in {}:\n    {line}",
-                self.root.display()
-            )
-        };
         let mut command = line.command();
-        command.current_dir(&self.root).stdout(result);
+        command.current_dir(&self.root);
         if std::env::var_os("CARGO_TARGET_DIR").is_some() {
             // It may be relative to where `cargo xtask` was called.
-            command.env("CARGO_TARGET_DIR", &self.target_dir);
+            command.env("CARGO_TARGET_DIR", &self.target);
         }
-        let status = command.status().map_err(|error| {
+        command
+    }
+
+    /// Whether a command has ended well.
+    fn ended(&self, title: &str, line: &Line, status: io::Result<ExitStatus>) -> Result<(), Stop> {
+        let repeat = format!(
+            "To repeat this step alone, in {}:\n    {line}",
+            self.root.display()
+        );
+        let status = status.map_err(|error| {
             Stop::missing(format!(
-                "\"{title}\" could not start `{}`: {error}.\n{}",
-                line.words[0],
-                repeat()
+                "\"{title}\" could not start `{}`: {error}.\n{repeat}",
+                line.words[0]
             ))
         })?;
         if status.success() {
@@ -175,7 +220,7 @@ impl Steps {
             _ => 1,
         };
         Err(Stop {
-            message: format!("\"{title}\" failed ({status}). {}", repeat()),
+            message: format!("\"{title}\" failed ({status}). {repeat}"),
             status: code,
         })
     }
@@ -219,8 +264,7 @@ mod tests {
 
     #[test]
     fn the_status_of_a_failed_command_is_passed_on_but_cargos_is_one() {
-        let here = std::env::current_dir().unwrap();
-        let steps = Steps::new(here.clone(), here);
+        let steps = Steps::start().unwrap();
         let stop = steps
             .run("says no", &Line::new("sh -c").arg("exit 2"))
             .unwrap_err();
@@ -234,6 +278,17 @@ mod tests {
             .run("no such program", &Line::new("no-such-program-here"))
             .unwrap_err();
         assert_eq!(stop.status, MISSING);
+    }
+
+    #[test]
+    fn of_two_commands_at_a_time_the_one_that_fails_is_named() {
+        let steps = Steps::start().unwrap();
+        let [good, bad] = ["sh -c true", "sh -c false"].map(Line::new);
+        assert!(steps.run_both(("good", &good), ("good too", &good)).is_ok());
+        for (first, second) in [(&good, &bad), (&bad, &good)] {
+            let stop = steps.run_both(("one", first), ("other", second)).unwrap_err();
+            assert!(stop.message.contains("sh -c false"), "{}", stop.message);
+        }
     }
 
     #[test]

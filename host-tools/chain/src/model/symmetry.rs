@@ -1,5 +1,5 @@
-//! What the equations of motion leave as it is, on states that no scenario starts from; and that leaving a static load out
-//! on both sides changes nothing.
+//! Symmetries of the equations of motion, on states that no scenario starts from; and a static load left out
+//! on both sides.
 
 use super::{Contact, Model};
 use crate::dop853::{Stepper, System};
@@ -35,7 +35,7 @@ fn evolve(model: &Model, state: Vec<f64>, duration: f64) -> Vec<f64> {
     stepper.state
 }
 
-/// The greatest distance of two states, as parts of the scale of each component, all losses left out.
+/// The greatest distance of two states, in parts of the scale of each component, without the losses.
 fn distance(model: &Model, one: &[f64], other: &[f64]) -> f64 {
     let scales = model.scales();
     (0..model.layout().contact_loss())
@@ -116,8 +116,9 @@ fn a_chain_seen_in_a_mirror_moves_as_its_image() {
     assert!(error < 2e-10, "{error:e}");
 }
 
-/// A rigid flat wall is a mirror: behind it the same chain may be thought, struck at the same time from the other side. Two
-/// equal spheres that press each other by δ both press the plane between by δ/2, and κ (δ/2)^(3/2) is 2^(3/2) times theirs.
+/// A rigid flat wall is a mirror: it acts like the same chain behind it, struck at the same time from the
+/// other side. Two equal spheres that press each other by δ both press the plane between by δ/2, and κ
+/// (δ/2)^(3/2) is 2^(3/2) times theirs.
 #[test]
 fn a_rigid_wall_is_a_mirror() {
     for (relaxation, load) in [(0.0, 0.0), (4.2e-6, 0.0), (4.2e-6, 5.0)] {
@@ -211,7 +212,8 @@ fn a_chain_on_a_moving_table_moves_as_on_one_at_rest() {
     assert!(error < 5e-11, "{error:e}");
 }
 
-/// ω = 2 √(K/M) sin(qa/2) with K = (3/2) κ^(2/3) F₀^(1/3): a standing wave of N beads under a load, with q a = p π / N.
+/// ω = 2 √(K/M) sin(qa/2) with K = (3/2) κ^(2/3) F₀^(1/3): a standing wave of N beads under a load, with q a
+/// = p π / N.
 #[test]
 fn small_waves_on_a_loaded_chain_have_the_frequencies_of_a_lattice() {
     let beads = 12;
@@ -285,7 +287,7 @@ fn leaving_the_static_load_out_on_both_sides_changes_nothing() {
             for bead in 1..=5 {
                 let load = if bead == 1 { 2.0 } else { 0.0 };
                 let expected = load + force(bead) - force(bead + 1);
-                let ours = model.shell(bead) * rate[layout.velocity(bead)];
+                let ours = model.shells[bead] * rate[layout.velocity(bead)];
                 assert!((ours - expected).abs() < 1e-13 * 2.0, "{bead}: {ours} {expected}");
                 total += expected.abs();
             }

@@ -32,9 +32,9 @@ impl Scenario {
     /// # Errors
     /// [`InputError`] without file and line.
     pub fn check(&self) -> Result<(), InputError> {
-        At::root().positive("duration", self.duration, "s", "0.004")?;
+        Table::root().positive("duration", self.duration, "s", "0.004")?;
 
-        let (at, chain) = (At::table("chain"), &self.chain);
+        let (at, chain) = (Table::named("chain"), &self.chain);
         if chain.beads < 1 || chain.beads > MOST_BEADS {
             let what = format!("a chain of {} beads cannot be simulated", chain.beads);
             return Err(at.error("beads", what, format!("give a number from 1 to {MOST_BEADS}")));
@@ -50,7 +50,7 @@ impl Scenario {
             "give a force in N, such as 10.0, or leave it out for a chain that just touches",
         )?;
 
-        let (at, striker) = (At::table("striker"), &self.striker);
+        let (at, striker) = (Table::named("striker"), &self.striker);
         at.positive("radius", striker.radius, "m", "0.0045")?;
         at.positive("density", striker.density, "kg/m³", "7980.0")?;
         at.positive("young", striker.young, "Pa", "203e9")?;
@@ -60,7 +60,7 @@ impl Scenario {
         at.not_negative("relaxation", striker.relaxation, RELAXATION)?;
 
         if let Some(wall) = &self.wall {
-            let at = At::table("wall");
+            let at = Table::named("wall");
             at.positive("young", wall.young, "Pa", "203e9")?;
             at.poisson(wall.poisson)?;
             at.positive("radius", wall.radius, "m", "0.1; a flat wall has none")?;
@@ -74,13 +74,14 @@ impl Scenario {
     fn check_sections(&self) -> Result<(), InputError> {
         let mut taken = vec![None; self.chain.beads];
         for (index, section) in self.sections.iter().enumerate() {
-            let at = At::entry("section", index);
-            at.beads(&section.beads, index, &mut taken, |bead, other| {
-                (
-                    format!("bead {bead} is already in section[{other}]"),
-                    "put each bead in one section only",
-                )
-            })?;
+            let at = Table::entry("section", index);
+            at.beads(
+                &section.beads,
+                index,
+                &mut taken,
+                "is already in section",
+                "put each bead in one section only",
+            )?;
             at.positive("radius", section.radius, "m", RADIUS)?;
             at.positive("density", section.density, "kg/m³", DENSITY)?;
             at.positive("young", section.young, "Pa", YOUNG)?;
@@ -94,13 +95,14 @@ impl Scenario {
         let mut taken = vec![None; self.chain.beads];
         let spheres = self.spheres();
         for (index, intruder) in self.intruders.iter().enumerate() {
-            let at = At::entry("intruder", index);
-            at.beads(&intruder.beads, index, &mut taken, |bead, other| {
-                (
-                    format!("bead {bead} already holds intruder[{other}]"),
-                    "give each bead one intruder at most",
-                )
-            })?;
+            let at = Table::entry("intruder", index);
+            at.beads(
+                &intruder.beads,
+                index,
+                &mut taken,
+                "already holds intruder",
+                "give each bead one intruder at most",
+            )?;
             at.positive("mass", intruder.mass, "kg", "3.7e-3")?;
             at.positive("stiffness", intruder.stiffness, "N/m", "3.95e5")?;
             at.not_negative(
@@ -130,14 +132,14 @@ const DENSITY: &str = "1775.0";
 const YOUNG: &str = "4.5e9";
 
 /// The table whose values are being checked, as a prefix of its keys. Values that are left out are in order.
-struct At(String);
+struct Table(String);
 
-impl At {
+impl Table {
     fn root() -> Self {
         Self(String::new())
     }
 
-    fn table(name: &str) -> Self {
+    fn named(name: &str) -> Self {
         Self(format!("{name}."))
     }
 
@@ -149,6 +151,21 @@ impl At {
         InputError::at(format!("{}{key}", self.0), what, advice)
     }
 
+    /// Refuses a value that does not fit; `wrong` says what it is instead.
+    fn ensure(
+        &self,
+        key: &str,
+        value: impl Into<Option<f64>>,
+        fits: fn(f64) -> bool,
+        wrong: &str,
+        advice: &str,
+    ) -> Result<(), InputError> {
+        match value.into().filter(|value| !fits(*value)) {
+            Some(value) => Err(self.error(key, format!("{value} is {wrong}"), advice)),
+            None => Ok(()),
+        }
+    }
+
     fn positive(
         &self,
         key: &str,
@@ -156,42 +173,31 @@ impl At {
         unit: &str,
         example: &str,
     ) -> Result<(), InputError> {
-        match value.into() {
-            Some(value) if !(value.is_finite() && value > 0.0) => {
-                let advice = format!("give a number above zero in {unit}, such as {example}");
-                Err(self.error(key, format!("{value} is not a positive number"), advice))
-            }
-            _ => Ok(()),
-        }
+        let advice = format!("give a number above zero in {unit}, such as {example}");
+        let fits = |value: f64| value.is_finite() && value > 0.0;
+        self.ensure(key, value, fits, "not a positive number", &advice)
     }
 
     fn not_negative(&self, key: &str, value: impl Into<Option<f64>>, advice: &str) -> Result<(), InputError> {
-        match value.into() {
-            Some(value) if !(value.is_finite() && value >= 0.0) => {
-                Err(self.error(key, format!("{value} is not zero or a positive number"), advice))
-            }
-            _ => Ok(()),
-        }
+        let fits = |value: f64| value.is_finite() && value >= 0.0;
+        self.ensure(key, value, fits, "not zero or a positive number", advice)
     }
 
     fn poisson(&self, value: impl Into<Option<f64>>) -> Result<(), InputError> {
-        match value.into() {
-            Some(value) if !(value > -1.0 && value <= 0.5) => {
-                let advice = "give a number above -1 and at most 0.5, such as 0.44";
-                Err(self.error("poisson", format!("{value} is no Poisson's ratio"), advice))
-            }
-            _ => Ok(()),
-        }
+        let fits = |value: f64| value > -1.0 && value <= 0.5;
+        let advice = "give a number above -1 and at most 0.5, such as 0.44";
+        self.ensure("poisson", value, fits, "no Poisson's ratio", advice)
     }
 
     /// Notes in `taken`, which has an entry for each bead of the chain, that `beads` belong to table `index` of their
-    /// kind. `belongs` says what is wrong with a bead that belongs to an earlier table, and what would do.
+    /// kind. `belongs` and `advice` answer a bead that belongs to an earlier one.
     fn beads(
         &self,
         beads: &[usize],
         index: usize,
         taken: &mut [Option<usize>],
-        belongs: impl Fn(usize, usize) -> (String, &'static str),
+        belongs: &str,
+        advice: &str,
     ) -> Result<(), InputError> {
         let count = taken.len();
         if beads.is_empty() {
@@ -204,12 +210,13 @@ impl At {
                 return Err(self.error("beads", format!("bead {bead} is not in the chain"), advice));
             }
             if let Some(other) = taken[bead - 1].replace(index) {
-                let (what, advice) = if other == index {
-                    (format!("bead {bead} is named twice"), "name each bead once")
+                return Err(if other == index {
+                    let what = format!("bead {bead} is named twice");
+                    self.error("beads", what, "name each bead once")
                 } else {
-                    belongs(bead, other + 1)
-                };
-                return Err(self.error("beads", what, advice));
+                    let what = format!("bead {bead} {belongs}[{}]", other + 1);
+                    self.error("beads", what, advice)
+                });
             }
         }
         Ok(())

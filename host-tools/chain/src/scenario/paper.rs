@@ -1,22 +1,14 @@
-//! The strike of *Localized energy absorbers in Hertzian chains* (Phys. Rev. Applied 18, 014078), Fig. 2: the one place
-//! of the paper's numbers.
+//! The strike of *Localized energy absorbers in Hertzian chains* (Phys. Rev. Applied 18, 014078), Fig. 2: the
+//! one place of the paper's numbers.
 
 use super::tables::{Chain, Intruder, Material, Scenario, Striker};
 use crate::oscillator::Oscillator;
 
 impl Material {
     /// The paper's beads, with Young's modulus as it was fitted; the nominal value is 3.9 GPa.
-    pub const BAKELITE: Self = Self {
-        density: 1775.0,
-        young: 4.5e9,
-        poisson: 0.44,
-    };
+    pub const BAKELITE: Self = Self::new(1775.0, 4.5e9, 0.44);
     /// The paper's striker.
-    pub const STEEL: Self = Self {
-        density: 7980.0,
-        young: 203e9,
-        poisson: 0.27,
-    };
+    pub const STEEL: Self = Self::new(7980.0, 203e9, 0.27);
 }
 
 impl Oscillator {
@@ -44,8 +36,8 @@ impl Striker {
 impl Scenario {
     /// The paper's strike: [`Striker::PAPER`] on [`Chain::PAPER`], with [`Oscillator::PAPER`] in bead 8.
     ///
-    /// It lasts 6 ms, in which the intruder rings down; the 4 ms that the figure shows leave 0.09 % of the absorbed
-    /// energy out.
+    /// It lasts 6 ms, in which the intruder rings down; the 4 ms that the figure shows leave 0.09 % of the
+    /// absorbed energy out.
     pub fn paper() -> Self {
         Self {
             title: "One absorber at bead 8".to_owned(),

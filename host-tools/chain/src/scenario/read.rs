@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! Values are checked on plain data, so data built in code get the same answers as data from a file. A check knows
-//! only the key (`intruder[1].mass`). [`TomlFile::place`] adds the file and the line of that key.
+//! Values are checked on plain data, so data built in code get the same answers as data from a file. A check
+//! knows only the key (`intruder[1].mass`). [`TomlFile::place`] adds the file and the line of that key.
 
 use std::fmt;
 use std::ops::Range;
@@ -19,8 +19,8 @@ pub struct InputError {
     pub file: Option<String>,
     /// Line in the file, from 1.
     pub line: Option<usize>,
-    /// The key, such as `chain.radius` or `intruder[2].mass` (tables of an array are counted from 1). Empty for the
-    /// whole file.
+    /// The key, such as `chain.radius` or `intruder[2].mass` (tables of an array are counted from 1). Empty
+    /// for the whole file.
     pub key: String,
     /// What is wrong.
     pub what: String,
@@ -59,7 +59,8 @@ impl fmt::Display for InputError {
 
 impl std::error::Error for InputError {}
 
-/// The text of a file; `wanted` names it in the advice if it cannot be read, such as `a scenario file in TOML`.
+/// The text of a file; `wanted` names it in the advice if it cannot be read, such as `a scenario file in
+/// TOML`.
 ///
 /// # Errors
 /// [`InputError`] if the file cannot be read.
@@ -140,8 +141,8 @@ impl<'a> TomlFile<'a> {
         }
     }
 
-    /// Reads the whole file. The type should refuse unknown fields (`#[serde(deny_unknown_fields)]`): an unknown key
-    /// is then answered with the known one that is spelt most like it.
+    /// Reads the whole file. The type should refuse unknown fields (`#[serde(deny_unknown_fields)]`): an
+    /// unknown key is then answered with the known one that is spelt most like it.
     ///
     /// # Errors
     /// [`InputError`]: a key is missing or unknown, or its value is of the wrong kind.

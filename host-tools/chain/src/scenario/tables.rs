@@ -1,25 +1,26 @@
-//! What is to be simulated: chain, striker, intruders, in SI units.
+//! The tables of a scenario: chain, striker, wall, intruders and sections, in SI units.
 
 use serde::{Deserialize, Serialize};
 
 use crate::oscillator::Oscillator;
 
-/// One strike on one chain. All in SI units; beads are counted from 1, the striker is body 0.
+/// One strike on one chain, in SI units. Beads are counted from 1; the striker is body 0.
 ///
-/// Read from TOML with [`Scenario::from_toml`] or [`Scenario::load`], or built in code and checked with [`Scenario::check`].
+/// Read it from TOML with [`Scenario::from_toml`] or [`Scenario::load`], or build it in code and check it
+/// with [`Scenario::check`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// What the scenario is about, for people.
+    /// A title, for people.
     #[serde(default)]
     pub title: String,
     /// Time simulated after the striker touches the first bead, s.
     pub duration: f64,
     /// The beads.
     pub chain: Chain,
-    /// What hits bead 1.
+    /// The sphere that hits bead 1.
     pub striker: Striker,
-    /// What the last bead leans on; without it the far end is free.
+    /// The wall behind the last bead; without it the far end is free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wall: Option<Wall>,
     /// Masses on springs inside beads.
@@ -34,7 +35,7 @@ pub struct Scenario {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Chain {
-    /// How many.
+    /// Number of beads.
     pub beads: usize,
     /// Radius, m.
     pub radius: f64,
@@ -46,11 +47,11 @@ pub struct Chain {
     pub poisson: f64,
     /// Viscoelastic relaxation time τ of the contacts, s; 0 is elastic.
     pub relaxation: f64,
-    /// What becomes of a total contact force below zero.
+    /// How a total contact force below zero is treated.
     #[serde(default)]
     pub contact_force: ContactForce,
-    /// Static load F₀ that presses the chain together from before the strike, N: it pushes bead 1 forwards, and the last bead
-    /// back unless there is a wall to do so, at all times. The striker touches bead 1 without force.
+    /// Static load F₀ that presses the chain together from before the strike, N. It pushes bead 1 forwards at
+    /// all times, and the last bead back unless a wall does so. The striker touches bead 1 without force.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub precompression: f64,
 }
@@ -59,14 +60,14 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// What becomes of a total contact force below zero, which the viscous term can make while beads part.
+/// How a total contact force below zero is treated. The viscous term can make one while beads part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ContactForce {
-    /// Kept, as the paper prints its equation: parting beads may pull a little.
+    /// It is kept, as in the paper's equation: parting beads may pull a little.
     #[default]
     Printed,
-    /// Never below zero (LAMMPS calls this `limit_damping`).
+    /// It is cut off at zero (LAMMPS calls this `limit_damping`).
     Clipped,
 }
 
@@ -84,15 +85,15 @@ pub struct Striker {
     pub poisson: f64,
     /// Speed at t = 0, m/s.
     pub velocity: f64,
-    /// Mass, kg; without it the mass of a full sphere.
+    /// Mass, kg; without it, that of a full sphere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,
-    /// Relaxation time of its contact, s; without it that of bead 1.
+    /// Relaxation time of its contact, s; without it, that of bead 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<f64>,
 }
 
-/// A body behind the last bead that does not move.
+/// A body behind the last bead. It does not move.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
@@ -103,7 +104,7 @@ pub struct Wall {
     /// Radius, m; without it the wall is flat.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f64>,
-    /// Relaxation time of its contact, s; without it that of the last bead.
+    /// Relaxation time of its contact, s; without it, that of the last bead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<f64>,
 }
@@ -122,7 +123,7 @@ pub struct Intruder {
     pub damping: f64,
 }
 
-/// Beads unlike the rest: what is given here replaces what [`Chain`] says.
+/// Beads unlike the rest. Each value given here replaces that of [`Chain`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Section {
@@ -145,7 +146,7 @@ pub struct Section {
     pub relaxation: Option<f64>,
 }
 
-/// What a body is made of.
+/// The material of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// Density, kg/m³.
@@ -154,6 +155,17 @@ pub struct Material {
     pub young: f64,
     /// Poisson's ratio.
     pub poisson: f64,
+}
+
+impl Material {
+    /// A material of a density in kg/m³, a Young's modulus in Pa and a Poisson's ratio.
+    pub const fn new(density: f64, young: f64, poisson: f64) -> Self {
+        Self {
+            density,
+            young,
+            poisson,
+        }
+    }
 }
 
 impl Chain {
@@ -171,13 +183,9 @@ impl Chain {
         }
     }
 
-    /// What the beads are made of, but for what [`Section`]s say.
+    /// The material of the beads; sections may give another.
     pub fn material(&self) -> Material {
-        Material {
-            density: self.density,
-            young: self.young,
-            poisson: self.poisson,
-        }
+        Material::new(self.density, self.young, self.poisson)
     }
 }
 
@@ -195,13 +203,9 @@ impl Striker {
         }
     }
 
-    /// What the striker is made of.
+    /// The material of the striker.
     pub fn material(&self) -> Material {
-        Material {
-            density: self.density,
-            young: self.young,
-            poisson: self.poisson,
-        }
+        Material::new(self.density, self.young, self.poisson)
     }
 }
 
@@ -253,7 +257,7 @@ impl Sphere {
 }
 
 impl Scenario {
-    /// The scenario as TOML, for [`Scenario::from_toml`] to read: equal to the last digit.
+    /// The scenario as TOML. [`Scenario::from_toml`] reads an equal one from it.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("tables, numbers and strings are TOML")
     }
@@ -270,11 +274,11 @@ impl Scenario {
         for section in &self.sections {
             let unlike = Sphere {
                 radius: section.radius.unwrap_or(plain.radius),
-                material: Material {
-                    density: section.density.unwrap_or(plain.material.density),
-                    young: section.young.unwrap_or(plain.material.young),
-                    poisson: section.poisson.unwrap_or(plain.material.poisson),
-                },
+                material: Material::new(
+                    section.density.unwrap_or(chain.density),
+                    section.young.unwrap_or(chain.young),
+                    section.poisson.unwrap_or(chain.poisson),
+                ),
                 relaxation: section.relaxation.unwrap_or(plain.relaxation),
             };
             for bead in &section.beads {

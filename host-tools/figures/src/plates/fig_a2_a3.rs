@@ -173,7 +173,7 @@ fn shift(lab: &Lab, mass: f64, beads: [usize; 2]) -> Result<Figure, Error> {
     let expected = first.impulse / (solution.model().mass(beads[0]) * rate);
     let between = 0.5 * (second.to + next(&run, beads[0], second.to));
     let before = first.time - 0.7e-3;
-    let seen = solution.displacement(beads[0], between) - solution.displacement(beads[0], before);
+    let seen = solution.at(between).displacement(beads[0]) - solution.at(before).displacement(beads[0]);
     let span: Range<f64> = before..13e-3;
     let curves = beads.iter().enumerate().map(|(place, &bead)| {
         line(
@@ -186,9 +186,9 @@ fn shift(lab: &Lab, mass: f64, beads: [usize; 2]) -> Result<Figure, Error> {
     let before_host = beads[0] < HOST;
     let backwards = (0..200)
         .map(|n| between + (span.end - between) * f64::from(n) / 200.0)
-        .map(|time| solution.velocity(beads[0], time))
+        .map(|time| solution.at(time).velocity(beads[0]))
         .fold(f64::INFINITY, f64::min);
-    let later = solution.displacement(beads[0], span.end) - solution.displacement(beads[0], between);
+    let later = solution.at(span.end).displacement(beads[0]) - solution.at(between).displacement(beads[0]);
     let (bead, [seen, expected, later]) = (beads[0], [seen, expected, later].map(|metres| 1e6 * metres));
     // Before the host, the wave still carries a little of what the strike left behind it.
     let part = if before_host { 1e-2 } else { 1e-3 };

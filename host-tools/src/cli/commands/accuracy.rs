@@ -272,11 +272,7 @@ const HEADINGS: [&str; 8] = [
 ];
 
 fn table(cells: &[Cell]) -> String {
-    let mut table = output::table(HEADINGS);
-    for cell in cells {
-        table.add_row(row(cell));
-    }
-    output::table_text(&table)
+    output::table(&HEADINGS.join(" | "), cells.iter().map(row))
 }
 
 fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {

@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::recording::clock::{Place, Report, compare};
+use crate::recording::clock::{ClockComparison, Place, compare};
 
 const AFTER_HELP: &str = "\
 Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive times of the
@@ -62,23 +62,14 @@ fn named(place: &Place) -> String {
     }
 }
 
-fn table(report: &Report) -> String {
+const CLOCKS: &str = "against this host | index 0 was at | for s | frames | drift ppm | ± | residual µs | delay µs \
+                      | edges | missed";
+
+fn table(report: &ClockComparison) -> String {
     let micro = |seconds: f64| format!("{:.1}", seconds * 1e6);
-    let mut clocks = output::table([
-        "against this host",
-        "index 0 was at",
-        "for s",
-        "frames",
-        "drift ppm",
-        "±",
-        "residual µs",
-        "delay µs",
-        "edges",
-        "missed",
-    ]);
-    for clock in &report.clocks {
+    let clocks = report.clocks.iter().map(|clock| {
         let [ppm, within] = drift(clock.drift_ppm.unwrap_or(0.0), clock.drift_uncertainty_ppm);
-        clocks.add_row([
+        [
             named(&clock.place),
             rfc3339(clock.started_unix_ns),
             format!("{:.1}", clock.span_s),
@@ -89,28 +80,19 @@ fn table(report: &Report) -> String {
             micro(clock.delay_s),
             clock.edges.to_string(),
             clock.edges_missed.to_string(),
-        ]);
-    }
-    let mut parts = vec![output::table_text(&clocks)];
+        ]
+    });
+    let mut parts = vec![output::table(CLOCKS, clocks)];
     let Some(reference) = &report.reference else {
         return parts.concat();
     };
     let nano = |seconds: f64| format!("{:.1}", seconds * 1e9);
-    let mut alignments = output::table([
-        format!("against {}", named(reference)),
-        "edges in common".to_owned(),
-        "index 0 was at s".to_owned(),
-        "drift ppm".to_owned(),
-        "±".to_owned(),
-        "residual ns".to_owned(),
-        "largest ns".to_owned(),
-    ]);
-    for alignment in &report.alignments {
+    let alignments = report.alignments.iter().map(|alignment| {
         let [ppm, within] = match alignment.drift_uncertainty_ppm {
             None => [format!("{:.4}", alignment.drift_ppm), "-".to_owned()],
             uncertainty => drift(alignment.drift_ppm, uncertainty),
         };
-        alignments.add_row([
+        [
             named(&alignment.place),
             alignment.edges_in_common.to_string(),
             format!("{:.9}", alignment.offset_s),
@@ -118,19 +100,19 @@ fn table(report: &Report) -> String {
             within,
             nano(alignment.residual_rms_s),
             nano(alignment.residual_max_s),
-        ]);
-    }
-    parts.push(output::table_text(&alignments));
+        ]
+    });
+    let header = format!(
+        "against {} | edges in common | index 0 was at s | drift ppm | ± | residual ns | largest ns",
+        named(reference)
+    );
+    parts.push(output::table(&header, alignments));
     if !report.strikes.is_empty() {
-        let mut strikes = output::table(["strike at", "number", "arrived at s"]);
-        for strike in &report.strikes {
-            strikes.add_row([
-                named(&strike.place),
-                strike.strike.to_string(),
-                format!("{:.9}", strike.arrival_s),
-            ]);
-        }
-        parts.push(output::table_text(&strikes));
+        let strikes = report.strikes.iter().map(|strike| {
+            let arrival = format!("{:.9}", strike.arrival_s);
+            [named(&strike.place), strike.strike.to_string(), arrival]
+        });
+        parts.push(output::table("strike at | number | arrived at s", strikes));
     }
     parts.join("\n\n")
 }

@@ -4,7 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use comfy_table::Table;
 use serde::Serialize;
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
@@ -154,61 +153,44 @@ fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), F
 }
 
 fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
-    let mut table = output::table([
-        "",
-        "device",
-        "replay",
-        "f64, same samples",
-        "f64 chain",
-        "device off by",
-        "goal",
-        "",
-    ]);
+    let mut rows = Vec::new();
     for strike in strikes {
-        table.add_row([format!(
+        rows.push(vec![format!(
             "strike {}, sample {}",
             strike.strike, strike.sample_index
         )]);
-        for row in strike.rows() {
-            add_row(&mut table, row);
-        }
-        let replay = if strike.replay_identical {
-            "identical"
-        } else {
-            "differ"
-        };
-        table.add_row(["  bits of device and replay", replay]);
-        for row in strike.shape_rows() {
-            add_row(&mut table, row);
-        }
+        rows.extend(strike.rows().map(cells));
+        let replay = output::either(strike.replay_identical, "identical", "differ");
+        rows.push(vec!["  bits of device and replay".to_owned(), replay]);
+        rows.extend(strike.shape_rows().into_iter().map(cells));
         if !strike.flags.is_empty() {
-            table.add_row(["  flags".to_owned(), strike.flags.join(", ")]);
+            rows.push(vec!["  flags".to_owned(), strike.flags.join(", ")]);
         }
     }
     for (name, value, goal, met) in soundness.rows() {
-        let verdict = if met { "met" } else { "missed" };
-        table.add_row([name, &value, "", "", "", "", &goal, verdict]);
+        let [name, blank] = [name, ""].map(str::to_owned);
+        let blanks = vec![blank; 4];
+        rows.push(
+            [
+                vec![name, value],
+                blanks,
+                vec![goal, output::either(met, "met", "missed")],
+            ]
+            .concat(),
+        );
     }
-    output::table_text(&table)
+    output::table(
+        "| device | replay | f64, same samples | f64 chain | device off by | goal |",
+        rows,
+    )
 }
 
-fn add_row(table: &mut Table, row: Row) {
-    let verdict = row.met().map_or("", |met| if met { "met" } else { "missed" });
-    let goal = row
-        .goal
-        .map_or_else(String::new, |goal| format!("{:.1} %", goal * 100.0));
-    let [device, replay, f64_samples, f64_chain] =
-        row.cells.map(|cell| cell.unwrap_or_else(|| "-".to_owned()));
-    let off = format!("{:+.3} %", row.off * 100.0);
+fn cells(row: Row) -> Vec<String> {
+    let met = row.met().map(|met| output::either(met, "met", "missed"));
+    let goal = row.goal.map(|goal| format!("{:.1} %", goal * 100.0));
     let name = format!("  {}", row.name);
-    table.add_row([
-        name,
-        device,
-        replay,
-        f64_samples,
-        f64_chain,
-        off,
-        goal,
-        verdict.to_owned(),
-    ]);
+    let sides = row.cells.map(|cell| cell.unwrap_or_else(|| "-".to_owned()));
+    let off = format!("{:+.3} %", row.off * 100.0);
+    let judged = vec![off, goal.unwrap_or_default(), met.unwrap_or_default()];
+    [vec![name], sides.to_vec(), judged].concat()
 }

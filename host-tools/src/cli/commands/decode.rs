@@ -1,4 +1,4 @@
-//! `bead decode`: frames as JSON, one object a line.
+//! `bead decode`: frames as JSON, one object in each line.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
@@ -84,7 +84,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     print(path, recording.frames()?, &fits)
 }
 
-/// Prints frames to standard output, a line each; `fits` say how bead time becomes host time, of each boot.
+/// Prints frames to standard output, one in each line. `fits` turn bead time into host time, one for each
+/// boot.
 fn print(
     path: &Path,
     mut frames: Frames<impl Iterator<Item = Piece>>,
@@ -106,9 +107,9 @@ fn print(
                 Ok(())
             }
         };
-        // What comes live must not wait for a buffer to fill.
+        // Live frames must not wait for a buffer to fill.
         match written.and_then(|()| if frames.is_empty() { out.flush() } else { Ok(()) }) {
-            // Nobody reads it any more.
+            // No program reads the output any more.
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
             other => other.or_input(|| "cannot write to standard output")?,
         }
@@ -141,7 +142,7 @@ fn print(
     Ok(())
 }
 
-/// The frame as JSON, with the host's times of it where they are known.
+/// The frame as JSON, with the host's times where they are known.
 fn timed(frame: &Frame, fit: Option<&Fit>) -> Value {
     let mut line = frame.json();
     if let Some(received_ns) = frame.received_ns {

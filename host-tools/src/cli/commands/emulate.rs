@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 
 use bead_wire::Message;
 use clap::Args;
-use comfy_table::Table;
 use hertz_chain::Scenario;
 use indicatif::ProgressBar;
 
@@ -21,7 +20,7 @@ use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::front_end_options::FrontEndOptions;
 use crate::cli::output::{self, Format};
-use crate::comparison::run::{FrameCounts, RunReport};
+use crate::comparison::run::{FrameCounts, MeasuredStrike, RunReport};
 use crate::line::port::Address;
 use crate::recording::file::{About, Part, Writer};
 
@@ -231,17 +230,14 @@ fn record(
 }
 
 fn table(report: &RunReport) -> String {
-    let mut parts = vec![
-        output::table_text(&strikes(report)),
-        output::table_text(&counts(report)),
-    ];
+    let mut parts = vec![strikes(report), counts(report)];
     if !report.provoked.is_empty() {
-        parts.push(output::table_text(&provoked(report)));
+        parts.push(provoked(report));
     }
     if !report.faults.is_empty() {
-        parts.push(output::table_text(&reported(report)));
+        parts.push(reported(report));
     }
-    parts.push(output::table_text(&instructions(report)));
+    parts.push(instructions(report));
     if !report.unknown_registers.is_empty() {
         let registers = report.unknown_registers.join(", ");
         parts.push(format!("registers without a model: {registers}"));
@@ -252,123 +248,90 @@ fn table(report: &RunReport) -> String {
     parts.join("\n\n")
 }
 
-fn strikes(report: &RunReport) -> Table {
-    let mut table = output::table([
-        "strike at sample",
-        "peak force (N)",
-        "truth",
-        "A measured (nJ)",
-        "B predicted (nJ)",
-        "truth",
-        "A off",
-        "B off",
-        "replay",
-        "flags",
-    ]);
-    for strike in report.measured() {
-        let true_one = |of: fn(&Truth) -> String| strike.truth.as_ref().map_or("echo".to_owned(), of);
+const STRIKES: &str = "strike at sample | peak force (N) | truth | A measured (nJ) | B predicted (nJ) | truth \
+                       | A off | B off | replay | flags";
+
+fn strikes(report: &RunReport) -> String {
+    let row = |strike: &MeasuredStrike| {
+        let truth = |of: fn(&Truth) -> String| strike.truth.as_ref().map_or("echo".to_owned(), of);
         let off = |joule: f64| match strike.truth {
             Some(truth) => format!("{:+.3} %", (joule / truth.absorbed - 1.0) * 100.0),
             None => "-".to_owned(),
         };
-        table.add_row([
+        let flags = strike.flags.join(", ");
+        [
             strike.sample_index.to_string(),
             format!("{:.4}", strike.peak_force),
-            true_one(|truth| format!("{:.4}", truth.peak_force)),
+            truth(|truth| format!("{:.4}", truth.peak_force)),
             format!("{:.2}", strike.absorbed_measured * 1e9),
             format!("{:.2}", strike.absorbed_predicted * 1e9),
-            true_one(|truth| format!("{:.2}", truth.absorbed * 1e9)),
+            truth(|truth| format!("{:.2}", truth.absorbed * 1e9)),
             off(strike.absorbed_measured),
             off(strike.absorbed_predicted),
-            (if strike.replay_identical {
-                "identical"
-            } else {
-                "differs"
-            })
-            .to_owned(),
-            if strike.flags.is_empty() {
-                "-".to_owned()
-            } else {
-                strike.flags.join(", ")
-            },
-        ]);
-    }
-    table
+            output::either(strike.replay_identical, "identical", "differs"),
+            output::either(flags.is_empty(), "-", &flags),
+        ]
+    };
+    output::table(STRIKES, report.measured().map(row))
 }
 
-fn counts(report: &RunReport) -> Table {
-    let mut table = output::table(["frames", ""]);
+fn counts(report: &RunReport) -> String {
     let FrameCounts {
         received,
         lost,
         corrupt,
         dropped_by_cause,
     } = &report.frames;
-    let dropped = dropped_by_cause.iter().map(|(cause, count)| {
-        (
-            format!("dropped by the bead, {}", cause.replace('_', " ")),
-            *count,
-        )
-    });
-    let rows = [("received", *received), ("lost", *lost), ("corrupt", *corrupt)];
-    let rows = rows
-        .into_iter()
-        .map(|(name, count)| (name.to_owned(), count))
-        .chain(dropped)
-        .chain([
-            ("overruns".to_owned(), report.overruns),
-            ("resets".to_owned(), report.resets as u64),
-        ]);
-    for (name, count) in rows {
-        table.add_row([name, count.to_string()]);
+    let row = |name: &str, count: u64| [name.to_owned(), count.to_string()];
+    let mut rows = vec![
+        row("received", *received),
+        row("lost", *lost),
+        row("corrupt", *corrupt),
+    ];
+    for (cause, count) in dropped_by_cause {
+        let cause = cause.replace('_', " ");
+        rows.push(row(&format!("dropped by the bead, {cause}"), *count));
     }
-    table
+    rows.extend([
+        row("overruns", report.overruns),
+        row("resets", report.resets as u64),
+    ]);
+    output::table("frames |", rows)
 }
 
-fn provoked(report: &RunReport) -> Table {
-    let mut table = output::table(["provoked", "at (s)", "to be reported as", "reported"]);
-    for provoked in &report.provoked {
-        let reported = match (provoked.cause, provoked.reported) {
-            (None, _) => "-",
-            (_, true) => "yes",
-            (_, false) => "no",
-        };
-        table.add_row([
+fn provoked(report: &RunReport) -> String {
+    let rows = report.provoked.iter().map(|provoked| {
+        let reported = output::either(provoked.reported, "yes", "no");
+        [
             provoked.fault.kind.name().to_owned(),
             provoked.fault.at.to_string(),
-            provoked
-                .cause
-                .map_or_else(|| "-".to_owned(), |cause| cause.to_string()),
-            reported.to_owned(),
-        ]);
-    }
-    table
+            provoked.cause.map_or("-".to_owned(), |cause| cause.to_string()),
+            provoked.cause.map_or("-".to_owned(), |_| reported),
+        ]
+    });
+    output::table("provoked | at (s) | to be reported as | reported", rows)
 }
 
-fn reported(report: &RunReport) -> Table {
-    let mut table = output::table(["the bead reported", "at sample", "of boot", "detail"]);
-    for fault in &report.faults {
-        table.add_row([
+fn reported(report: &RunReport) -> String {
+    let rows = report.faults.iter().map(|fault| {
+        [
             fault.cause.to_string(),
             fault.sample_index.to_string(),
             fault.boot.to_string(),
             fault.detail.clone(),
-        ]);
-    }
-    table
+        ]
+    });
+    output::table("the bead reported | at sample | of boot | detail", rows)
 }
 
-fn instructions(report: &RunReport) -> Table {
-    let mut table = output::table(["instructions a sample", "", "of those that fit"]);
-    for (name, count) in report.instructions_per_sample.rows() {
+fn instructions(report: &RunReport) -> String {
+    let rows = report.instructions_per_sample.rows().map(|(name, count)| {
+        let part = |count: f64| format!("{:.1} %", count / report.instructions_available * 100.0);
         let [count, part] = match count {
-            Some(count) => {
-                let part = count / report.instructions_available * 100.0;
-                [format!("{count:.1}"), format!("{part:.1} %")]
-            }
+            Some(count) => [format!("{count:.1}"), part(count)],
             None => ["-", "-"].map(str::to_owned),
         };
-        table.add_row([name.to_owned(), count, part]);
-    }
-    table
+        [name.to_owned(), count, part]
+    });
+    output::table("instructions a sample | | of those that fit", rows)
 }

@@ -5,7 +5,8 @@ use std::str::FromStr;
 
 use clap::Args;
 use hertz_chain::{
-    Accuracy, Aim, Intruder, OptimiseError, Optimum, Remaining, Scenario, Search, optimise, remaining,
+    Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Scenario, Search,
+    optimise, remaining,
 };
 use serde::Serialize;
 
@@ -118,7 +119,7 @@ const PAPER: [(&str, f64); 2] = [
 
 /// The result, as printed in JSON.
 #[derive(Serialize)]
-struct Report {
+struct SearchReport {
     hosts: Vec<usize>,
     total_mass: f64,
     mass: [f64; 2],
@@ -157,7 +158,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
         output::write_bytes(out, text)?;
     }
-    let report = Report {
+    let report = SearchReport {
         hosts: search.hosts,
         total_mass: search.total_mass,
         mass: search.mass,
@@ -193,9 +194,9 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
 /// Names the option in place of the search's field.
 fn refusal(error: OptimiseError) -> Failure {
     match error {
-        OptimiseError::Search { key, what, advice } => {
-            Failure::input(format!("--{}: {what}; {advice}", key.replace('_', "-")))
-        }
+        OptimiseError::Search(InputError {
+            key, what, advice, ..
+        }) => Failure::input(format!("--{}: {what}; {advice}", key.replace('_', "-"))),
         other => Failure::input(other),
     }
 }
@@ -207,10 +208,8 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
     }
     for (name, stiffness) in PAPER {
         let paper = Intruder {
-            beads: search.hosts.clone(),
-            mass: 3.7e-3,
             stiffness,
-            damping: 12.0,
+            ..Intruder::new(search.hosts.iter().copied(), Oscillator::PAPER)
         };
         others.push((name, vec![paper]));
     }
@@ -252,7 +251,7 @@ fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)
 }
 
-fn table(scenario: &Scenario, report: &Report) -> String {
+fn table(scenario: &Scenario, report: &SearchReport) -> String {
     let mut parts = Vec::new();
     if !scenario.title.is_empty() {
         parts.push(scenario.title.clone());
@@ -265,20 +264,11 @@ fn table(scenario: &Scenario, report: &Report) -> String {
         range(report.stiffness, 1e3),
         range(report.damping, 1.0),
     ));
-    parts.push(output::table_text(&intruders(report)));
+    parts.push(intruders(report));
 
     let optimum = &report.optimum;
-    let mut strikes = output::table([
-        "strike (m/s)",
-        "injected (µJ)",
-        "remains (%)",
-        "before hosts",
-        "within",
-        "after",
-        "lost in contacts",
-    ]);
-    for strike in &optimum.strikes {
-        strikes.add_row([
+    let strikes = optimum.strikes.iter().map(|strike| {
+        [
             strike.speed.to_string(),
             format!("{:.4}", strike.injected * 1e6),
             percent(strike.share),
@@ -286,67 +276,53 @@ fn table(scenario: &Scenario, report: &Report) -> String {
             percent(strike.within),
             percent(strike.after),
             percent(strike.contacts),
-        ]);
-    }
-    parts.push(output::table_text(&strikes));
+        ]
+    });
+    let header =
+        "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts";
+    parts.push(output::table(header, strikes));
 
     let remains = match (report.aim, optimum.strikes.len()) {
         (_, 1) => "remains (%)",
         (Aim::Worst, _) => "remains, worst (%)",
         _ => "remains, mean (%)",
     };
-    let mut compared = output::table(["intruders", "together (g)", remains]);
-    for other in &report.compared {
-        compared.add_row([
-            other.name.to_owned(),
-            format!("{:.3}", other.mass * 1e3),
-            percent(other.share),
-        ]);
-    }
-    compared.add_row([
-        "best that are all alike".to_owned(),
-        String::new(),
-        percent(optimum.share_alike),
-    ]);
-    compared.add_row([
-        "best".to_owned(),
-        format!("{:.3}", total_mass(&optimum.intruders) * 1e3),
-        percent(optimum.share),
-    ]);
-    parts.push(output::table_text(&compared));
+    let grams = |mass: f64| format!("{:.3}", mass * 1e3);
+    let row = |name: &str, together: String, share: f64| [name.to_owned(), together, percent(share)];
+    let compared = &report.compared;
+    let mut rows: Vec<_> = compared
+        .iter()
+        .map(|other| row(other.name, grams(other.mass), other.share))
+        .collect();
+    rows.push(row("best that are all alike", String::new(), optimum.share_alike));
+    rows.push(row("best", grams(total_mass(&optimum.intruders)), optimum.share));
+    parts.push(output::table(
+        &format!("intruders | together (g) | {remains}"),
+        rows,
+    ));
     parts.push(remarks(optimum).join("\n"));
     parts.join("\n\n")
 }
 
-fn intruders(report: &Report) -> comfy_table::Table {
+fn intruders(report: &SearchReport) -> String {
     let optimum = &report.optimum;
-    let mut table = output::table([
-        "bead",
-        "m (g)",
-        "k (kN/m)",
-        "c (N·s/m)",
-        "f0 (Hz)",
-        "ζ",
-        "absorbed (%)",
-    ]);
     let figure = |value: f64, unit: f64, [low, high]: [f64; 2]| {
         let bound = value < low * 1.001 || value > high * 0.999;
         format!("{:.3}{}", value / unit, if bound { "*" } else { "" })
     };
-    for (index, intruder) in optimum.intruders.iter().enumerate() {
+    let rows = optimum.intruders.iter().enumerate().map(|(index, intruder)| {
         let &Intruder {
             mass,
             stiffness,
             damping,
             ..
         } = intruder;
-        let absorbed = optimum
+        let of_injected = optimum
             .strikes
             .iter()
-            .map(|strike| strike.intruders[index].of_injected)
-            .sum::<f64>()
-            / optimum.strikes.len() as f64;
-        table.add_row([
+            .map(|strike| strike.intruders[index].of_injected);
+        let absorbed = of_injected.sum::<f64>() / optimum.strikes.len() as f64;
+        [
             report.hosts[index].to_string(),
             figure(mass, 1e-3, report.mass),
             figure(stiffness, 1e3, report.stiffness),
@@ -354,9 +330,12 @@ fn intruders(report: &Report) -> comfy_table::Table {
             format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
             format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
             percent(absorbed),
-        ]);
-    }
-    table
+        ]
+    });
+    output::table(
+        "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)",
+        rows,
+    )
 }
 
 fn remarks(optimum: &Optimum) -> Vec<String> {

@@ -1,4 +1,4 @@
-//! `bead settings`: what a bead is told of itself, read, written and shown.
+//! `bead settings`: a bead's settings, read, written and shown.
 
 use std::fs;
 use std::io::Write;
@@ -47,7 +47,7 @@ enum Action {
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },
-    /// Give a bead other settings: in force from the next strike on, and kept in its flash.
+    /// Write settings to a bead: they are in force from the next strike on, and kept in its flash.
     Write {
         /// The settings.
         #[arg(value_name = "F.settings")]
@@ -64,7 +64,8 @@ enum Action {
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },
-    /// Make a bead forget what it was given over the link: back to the settings of the debug probe, or the built-in ones.
+    /// Erase the settings that a bead was given over the link. It goes back to the settings of the debug
+    /// probe, or to the built-in ones.
     Reset {
         #[command(flatten)]
         line: LineOptions,
@@ -80,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             print(&block, *format, || format!("{}: ", file.display()))
         }
         Action::Reset { line } => {
-            let answer = line.open()?.command(&Request::EraseSettings)?;
+            let answer = line.open()?.request_done(&Request::EraseSettings)?;
             eprintln!("bead: settings {}", answer.reply.detail);
             Ok(())
         }
@@ -88,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn read(line: &LineOptions, out: Option<&Path>, format: Format) -> Result<(), Failure> {
-    let answer = line.open()?.command(&Request::ReadSettings)?;
+    let answer = line.open()?.request_done(&Request::ReadSettings)?;
     let block = answer.last("settings frame", |frame| match &frame.message {
         Message::Settings(settings) => Some(settings.block.clone()),
         _ => None,
@@ -105,7 +106,7 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
     let request = Request::WriteSettings {
         block: Block::try_from(&block[..]).or_input(|| "this is not a settings block")?,
     };
-    let mut reply = bead.ask(&request)?.reply;
+    let mut reply = bead.request(&request)?.reply;
     if reply.outcome == Outcome::StoreFull {
         reply = after_reboot(&mut bead, &request)?;
     }
@@ -122,13 +123,13 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
     }
 }
 
-/// A full store is made room in when the bead starts.
+/// A bead makes room in a full store when it starts.
 fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Reply, Failure> {
     eprintln!(
         "bead: its flash has no room for another block; resetting it, which makes some and takes a few seconds"
     );
     bead.reboot()?;
-    Ok(bead.ask(request)?.reply)
+    Ok(bead.request(request)?.reply)
 }
 
 fn load(file: &Path) -> Result<Vec<u8>, Failure> {
@@ -150,17 +151,11 @@ fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result
             whose()
         ))
     })?;
-    match format {
-        Format::Json => output::print_json(&json!({
-            "version": VERSION,
-            "bytes": block.len(),
-            "settings": settings,
-        })),
-        Format::Table => output::print_line(&table(&settings)),
-    }
+    let json = json!({ "version": VERSION, "bytes": block.len(), "settings": settings });
+    output::print(format, &json, || table(&settings))
 }
 
-/// Every setting with its unit; coefficients as the numbers that they stand for.
+/// Every setting with its unit. Coefficients are shown as the numbers that they stand for.
 fn table(settings: &Settings) -> String {
     let Settings {
         name,
@@ -285,11 +280,7 @@ fn table(settings: &Settings) -> String {
         ),
         ("and so from", part(ringing.decay_tolerance.to_num())),
     ];
-    let mut table = output::table(["setting", ""]);
-    for (name, value) in rows {
-        table.add_row([name.to_owned(), value]);
-    }
-    output::table_text(&table)
+    output::table("setting |", rows.map(|(name, value)| [name.to_owned(), value]))
 }
 
 #[cfg(test)]

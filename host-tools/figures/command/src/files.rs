@@ -5,6 +5,9 @@
 
 use std::sync::Arc;
 
+use hertz_figures::chart::Chart;
+use hertz_figures::error::Error;
+use hertz_figures::plan::{Figure, Plan};
 use parquet::basic::Compression;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int32Type};
 use parquet::errors::ParquetError;
@@ -13,10 +16,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
-use crate::chart::Chart;
-use crate::error::Error;
-use crate::pixels::gif;
-use crate::plan::{Figure, Plan};
+use crate::pixels::{gif, png};
 
 struct Row<'a> {
     panel: i32,
@@ -45,24 +45,24 @@ fn rows(chart: &Chart) -> impl Iterator<Item = Row<'_>> {
 
 /// A file of a figure.
 #[derive(Debug, Clone)]
-pub struct File {
+pub(crate) struct File {
     /// Its name: `figure-NAME.svg`, `.png`, `.csv`, `.parquet` or, of an animation, `.gif`.
-    pub name: String,
+    pub(crate) name: String,
     /// Its content.
-    pub bytes: Vec<u8>,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// The files of a figure.
 ///
 /// # Errors
 /// The chart cannot be drawn, such as one with an axis without extent.
-pub fn files(plan: &Plan, figure: &Figure) -> Result<Vec<File>, Error> {
+pub(crate) fn files(plan: &Plan, figure: &Figure) -> Result<Vec<File>, Error> {
     let chart = &figure.chart;
     let table =
         parquet(plan, chart).map_err(|error| Error::drawing(&chart.description, " as Parquet", error))?;
     let mut files = vec![
         ("svg", chart.standalone_svg()?.into_bytes()),
-        ("png", chart.png()?),
+        ("png", png(chart)?),
         ("csv", csv(chart).into_bytes()),
         ("parquet", table),
     ];

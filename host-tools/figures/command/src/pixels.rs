@@ -2,49 +2,42 @@
 
 use std::fmt::Display;
 
+use hertz_figures::chart::{Chart, FINE};
+use hertz_figures::error::Error;
 use rayon::prelude::*;
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
-
-use crate::chart::{Chart, FINE};
-use crate::error::Error;
 
 /// Pixels of a PNG for each pixel of the chart: 560 dots an inch for a chart of a column's width.
 const PRINT: f32 = 4.0;
 /// Pixels of an animation for each pixel of the chart.
 const SCREEN: f32 = 1.5;
 
-impl Chart {
-    /// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the
-    /// text set in a font of this program, so that it looks the same everywhere.
-    ///
-    /// # Errors
-    /// As [`Chart::inline_svg`].
-    pub fn png(&self) -> Result<Vec<u8>, Error> {
-        let pixels = self.pixels(PRINT)?;
-        pixels
-            .encode_png()
-            .map_err(|reason| Error::drawing(&self.description, " as PNG", reason))
-    }
+/// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the text
+/// set in a font of this program, so that it looks the same everywhere.
+///
+/// # Errors
+/// As [`Chart::inline_svg`].
+pub(crate) fn png(chart: &Chart) -> Result<Vec<u8>, Error> {
+    pixels(chart, PRINT)?
+        .encode_png()
+        .map_err(|reason| Error::drawing(&chart.description, " as PNG", reason))
+}
 
-    /// The pixels of [`Chart::png`] at any scale.
-    ///
-    /// # Errors
-    /// As [`Chart::inline_svg`].
-    fn pixels(&self, scale: f32) -> Result<Pixmap, Error> {
-        let refused = |reason: &dyn Display| Error::drawing(&self.description, " as pixels", reason);
-        let mut options = usvg::Options::default();
-        let fonts = options.fontdb_mut();
-        fonts.load_font_data(dejavu::sans::regular().to_vec());
-        fonts.set_sans_serif_family("DejaVu Sans");
-        let tree = usvg::Tree::from_str(&self.inline_svg()?, &options).map_err(|error| refused(&error))?;
-        let scale = scale / FINE as f32;
-        let [width, height] =
-            [tree.size().width(), tree.size().height()].map(|size| (size * scale).ceil() as u32);
-        let mut pixels = Pixmap::new(width, height).ok_or_else(|| refused(&"it has no extent"))?;
-        resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
-        Ok(pixels)
-    }
+/// The pixels of [`png`] at any scale.
+fn pixels(chart: &Chart, scale: f32) -> Result<Pixmap, Error> {
+    let refused = |reason: &dyn Display| Error::drawing(&chart.description, " as pixels", reason);
+    let mut options = usvg::Options::default();
+    let fonts = options.fontdb_mut();
+    fonts.load_font_data(dejavu::sans::regular().to_vec());
+    fonts.set_sans_serif_family("DejaVu Sans");
+    let tree = usvg::Tree::from_str(&chart.inline_svg()?, &options).map_err(|error| refused(&error))?;
+    let scale = scale / FINE as f32;
+    let [width, height] =
+        [tree.size().width(), tree.size().height()].map(|size| (size * scale).ceil() as u32);
+    let mut pixels = Pixmap::new(width, height).ok_or_else(|| refused(&"it has no extent"))?;
+    resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
+    Ok(pixels)
 }
 
 /// How long a frame stays, in hundredths of a second.
@@ -60,7 +53,7 @@ pub(crate) fn gif(charts: &[Chart]) -> Result<Vec<u8>, Error> {
     let images = charts
         .par_iter()
         .map(|chart| {
-            let pixels = chart.pixels(SCREEN)?;
+            let pixels = pixels(chart, SCREEN)?;
             let size = |pixels: u32| u16::try_from(pixels).map_err(|error| refused(&error));
             let (width, height) = (size(pixels.width())?, size(pixels.height())?);
             let mut image = gif::Frame::from_rgba_speed(width, height, &mut pixels.take(), 10);

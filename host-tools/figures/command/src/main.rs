@@ -1,0 +1,140 @@
+//! `bead figures`: the paper's figures, each with its data and its checks.
+
+mod files;
+mod pixels;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use bead::cli::failure::{Blame, Failure};
+use bead::cli::output::{self, Format};
+use clap::Parser;
+use hertz_figures::lab::Lab;
+use hertz_figures::plan::{Outcome, Plan};
+use hertz_figures::{catalogue, chapter};
+use serde_json::json;
+
+const AFTER_HELP: &str = "\
+Each figure is written as figure-NAME.svg, .png, .csv and .parquet, an animation as .gif too; index.html shows them all
+with their checks.
+
+Examples:
+  bead figures --list
+  bead figures 5b
+  bead figures 6 A4
+  bead figures --check --out figures
+  bead figures --check --format json | jq '.[] | select(.pass | not)'";
+
+/// Draw the paper's figures, with their data and their checks.
+#[derive(Debug, Parser)]
+#[command(name = "bead figures", bin_name = "bead figures", version, after_help = AFTER_HELP)]
+struct Arguments {
+    /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; every figure without a name.
+    names: Vec<String>,
+    /// Where the files go; made if it is not there.
+    #[arg(long, value_name = "DIR", default_value = "figures")]
+    out: PathBuf,
+    /// End with status 1 if a check says no.
+    #[arg(long)]
+    check: bool,
+    /// Write the checks to this file too, as a Markdown table.
+    #[arg(long, value_name = "F.md")]
+    table: Option<PathBuf>,
+    /// Print the names and what the figures show, and draw nothing.
+    #[arg(long)]
+    list: bool,
+    /// How to print the checks.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("bead: {failure}");
+            ExitCode::from(&failure)
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let plans = catalogue::chosen(&arguments.names)?;
+    if arguments.list {
+        return list(&plans, arguments.format);
+    }
+    std::fs::create_dir_all(&arguments.out).or_input(|| {
+        format!(
+            "cannot make the directory {}; name another with --out",
+            arguments.out.display()
+        )
+    })?;
+    let progress = output::progress(plans.len() as u64);
+    let lab = Lab::default();
+    let mut outcomes = Vec::new();
+    let mut plate = "";
+    for plan in &plans {
+        progress.set_message(format!("figure {}: {}", plan.name, plan.title));
+        if plan.plate() != plate {
+            lab.clear();
+            plate = plan.plate();
+        }
+        let figure = plan.draw(&lab)?;
+        let mut files = Vec::new();
+        for file in files::files(plan, &figure)? {
+            let path = arguments.out.join(&file.name);
+            output::write_bytes(&path, &file.bytes)?;
+            files.push(path.display().to_string());
+        }
+        outcomes.push(plan.outcome(&figure, files));
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    output::write_bytes(&arguments.out.join("index.html"), chapter::html(&outcomes))?;
+    if let Some(path) = &arguments.table {
+        output::write_bytes(path, chapter::markdown(&outcomes))?;
+    }
+    output::print(arguments.format, &outcomes, || table(&outcomes))?;
+    verdict(&outcomes, arguments.check)
+}
+
+fn list(plans: &[Plan], format: Format) -> Result<(), Failure> {
+    let entry = |plan: &Plan| json!({"name": plan.name, "title": plan.title, "setting": plan.setting});
+    let line = |plan: &Plan| format!("{:<5} {}\n      {}", plan.name, plan.title, plan.setting);
+    let entries: Vec<_> = plans.iter().map(entry).collect();
+    output::print(format, &entries, || {
+        plans.iter().map(line).collect::<Vec<_>>().join("\n")
+    })
+}
+
+fn verdict(outcomes: &[Outcome], check: bool) -> Result<(), Failure> {
+    let failed: Vec<&str> = outcomes
+        .iter()
+        .filter(|outcome| !outcome.pass)
+        .map(|outcome| outcome.name)
+        .collect();
+    if !check || failed.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Verdict(format!(
+        "{} of {} figures out of tolerance: {}; the table says which check",
+        failed.len(),
+        outcomes.len(),
+        failed.join(", ")
+    )))
+}
+
+fn table(outcomes: &[Outcome]) -> String {
+    let rows = outcomes.iter().flat_map(|outcome| {
+        outcome.checks.iter().map(|check| {
+            [
+                format!("{:<5} {}", outcome.name, check.what),
+                chapter::number(check.value),
+                chapter::expectation(check),
+                check.unit.to_owned(),
+                output::either(check.pass, "ok", "FAILED"),
+            ]
+        })
+    });
+    output::table("figure and check | value | expected | unit |", rows)
+}

@@ -1,0 +1,81 @@
+//! The book: docs/ as web pages, by mdBook.
+
+use std::path::Path;
+
+use crate::step::{Line, Steps, Stop};
+
+const MDBOOK: &str = "mdbook --version 0.5.4 --locked --no-default-features --features search";
+/// Where a link leads that leaves docs/: the source is not part of the book.
+const SOURCE: &str = concat!(env!("CARGO_PKG_REPOSITORY"), "/blob/main/");
+
+/// Renders the book into target/book; installs mdBook first if it is missing.
+///
+/// # Errors
+/// mdBook cannot be installed or does not accept a page.
+pub(crate) fn render(steps: &Steps) -> Result<(), Stop> {
+    let tools = steps.built("tools");
+    let mdbook = tools.join("bin/mdbook");
+    if !steps.root.join(&mdbook).exists() {
+        steps.announce("mdBook is missing: cargo compiles it into target/tools, which takes some minutes");
+        let install = Line::new("cargo install")
+            .words(MDBOOK)
+            .words("--root")
+            .arg(&tools);
+        steps.run("mdBook", &install)?;
+    }
+    let [pages, book] = ["book-pages", "book"].map(|name| steps.target.join(name));
+    gather(&steps.root.join("docs"), &pages)
+        .map_err(|error| Stop::failed(format!("cannot copy the pages to {}: {error}", pages.display())))?;
+    let build = Line::program(mdbook)
+        .words("build")
+        .arg(&pages)
+        .words("--dest-dir")
+        .arg(&book);
+    steps.run("the book", &build)?;
+    steps.announce(&format!(
+        "done. The book: {}",
+        steps.built("book/index.html").display()
+    ));
+    Ok(())
+}
+
+/// Copies the folder of pages. Links that leave it lead to the repository on the web.
+fn gather(from: &Path, to: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(to)?;
+    for entry in std::fs::read_dir(from)? {
+        let path = entry?.path();
+        let goal = to.join(path.file_name().unwrap_or_default());
+        if path.is_dir() {
+            gather(&path, &goal)?;
+        } else if path.extension().is_some_and(|extension| extension == "md") {
+            let text = std::fs::read_to_string(&path)?;
+            std::fs::write(goal, text.replace("](../", &format!("]({SOURCE}")))?;
+        } else {
+            std::fs::copy(&path, &goal)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn links_stay_in_the_book_or_lead_to_the_repository() {
+        let (from, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        std::fs::create_dir(from.path().join("images")).unwrap();
+        std::fs::write(from.path().join("images/a.svg"), "<svg/>").unwrap();
+        std::fs::write(
+            from.path().join("a.md"),
+            "[here](b.md#c) [there](../firmware/src/main.rs)",
+        )
+        .unwrap();
+        gather(from.path(), to.path()).unwrap();
+        assert_eq!(
+            std::fs::read_to_string(to.path().join("a.md")).unwrap(),
+            format!("[here](b.md#c) [there]({SOURCE}firmware/src/main.rs)")
+        );
+        assert!(SOURCE.starts_with("https://") && to.path().join("images/a.svg").exists());
+    }
+}
