@@ -22,9 +22,9 @@ const DRAIN: Duration = Duration::from_millis(500);
 /// What the commands act on.
 pub(crate) struct Commands {
     pub(crate) boot: &'static Boot,
-    pub(crate) store: storage::Settings,
+    pub(crate) store: storage::SettingsStore,
     /// Room for the window of a self-test.
-    pub(crate) window: &'static mut bead_model::Record,
+    pub(crate) window: &'static mut bead_model::WindowRecord,
 }
 
 /// The outcome of a request, and a line about it.

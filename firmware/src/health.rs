@@ -19,6 +19,7 @@ use crate::{counters, report, supply};
 
 /// Channels of a sensor.
 const GAINS: usize = 2;
+const SENSORS: usize = CHANNELS / GAINS;
 /// One of this many scans is checked.
 const STEP: usize = 8;
 /// Blocks from one verdict to the next: 100 ms. This is more than the longest window of a strike (1024
@@ -54,10 +55,6 @@ impl Codes {
     fn add(&mut self, other: Self) {
         self.any |= other.any;
         self.all &= other.all;
-    }
-
-    const fn one(code: u16) -> Self {
-        Self { any: code, all: code }
     }
 
     fn verdict(self) -> Verdict {
@@ -157,7 +154,7 @@ impl Condition {
 /// Checks the blocks that the meter has taken.
 pub(crate) struct Watch {
     blocks: u32,
-    sensors: [Sensor; CHANNELS / GAINS],
+    sensors: [Sensor; SENSORS],
     supply: Condition,
     /// Blocks for which the supply still counts as low.
     supply_low_blocks: u32,
@@ -208,14 +205,23 @@ impl Watch {
 
     /// Checks a block, and the supply.
     pub(crate) fn look(&mut self, block: &Block) {
-        let mut codes = [Codes::NONE; CHANNELS];
-        for scan in block.scans().step_by(STEP) {
-            for (codes, code) in codes.iter_mut().zip(scan.codes()) {
-                codes.add(Codes::one(code));
+        // A word holds both channels of a sensor.
+        let mut any = [0u32; SENSORS];
+        let mut all = [u32::MAX; SENSORS];
+        for scan in block.codes.as_chunks::<CHANNELS>().0.iter().step_by(STEP) {
+            let pairs = scan.as_chunks::<GAINS>().0;
+            for ((any, all), &[high, low]) in any.iter_mut().zip(&mut all).zip(pairs) {
+                let word = u32::from(high) | u32::from(low) << 16;
+                *any |= word;
+                *all &= word;
             }
         }
-        for (sensor, &codes) in self.sensors.iter_mut().zip(codes.as_chunks().0) {
-            sensor.block(codes);
+        for ((sensor, any), all) in self.sensors.iter_mut().zip(any).zip(all) {
+            let codes = |shift: u32| Codes {
+                any: (any >> shift) as u16,
+                all: (all >> shift) as u16,
+            };
+            sensor.block([codes(0), codes(16)]);
         }
         self.blocks += 1;
         if self.blocks == WINDOW {

@@ -1,7 +1,7 @@
-//! A light that says that the bead runs.
+//! A light that shows that the bead runs.
 //!
-//! One short flash a second: all is well. Two: the reset before this boot was a fault's. Three: a sensor or
-//! the supply cannot be believed. None: it hangs, as this is the last task to get the core.
+//! One short flash a second: all is well. Two: the boot before ended in a fault. Three: a sensor or the
+//! supply cannot be believed. None: the bead hangs, since this task is among the last to get the core.
 
 use bead_wire::Standing;
 use embassy_stm32::gpio::{Level, Output, Speed};
@@ -13,8 +13,8 @@ use crate::counters;
 const FLASH: Duration = Duration::from_millis(20);
 const PAUSE: Duration = Duration::from_millis(180);
 
-/// Flashes for ever. The LED is between VDD and PC13, which may sink 3 mA but not be a source (DocID022152,
-/// table 7, note on PC13).
+/// Flashes for ever. The LED is between VDD and PC13. The pin may sink 3 mA but must not be a source
+/// (DocID022152, table 7, note on PC13).
 #[embassy_executor::task]
 pub(crate) async fn heartbeat(pin: Peri<'static, peripherals::PC13>, after_fault: bool) -> ! {
     let mut led = Output::new(pin, Level::High, Speed::Low);

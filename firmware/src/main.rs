@@ -56,7 +56,8 @@ fn main() -> ! {
     static BLOCKS: ConstStaticCell<[Block; estimate::BLOCKS]> = ConstStaticCell::new([Block::EMPTY; _]);
     static CHANNEL: StaticCell<Channel<'static, CriticalSectionRawMutex, Block>> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
-    static WINDOW: ConstStaticCell<bead_model::Record> = ConstStaticCell::new(bead_model::Record::new());
+    static WINDOW: ConstStaticCell<bead_model::WindowRecord> =
+        ConstStaticCell::new(bead_model::WindowRecord::new());
     static RECEIVED: ConstStaticCell<port::Ring> = ConstStaticCell::new([0; _]);
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 
@@ -96,14 +97,8 @@ fn main() -> ! {
     };
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
-    let parts = port::Parts {
-        usart: p.USART1,
-        tx: p.PA9,
-        rx: p.PA10,
-        tx_dma: p.DMA2_CH7,
-        rx_dma: p.DMA2_CH2,
-    };
-    let (transmitter, receiver) = port::open(parts, RECEIVED.take());
+    let (transmitter, receiver) =
+        port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2, RECEIVED.take());
     let commands = Commands {
         boot,
         store,

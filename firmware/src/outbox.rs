@@ -34,7 +34,12 @@ static QUEUE: Channel<CriticalSectionRawMutex, Queued, DEPTH> = Channel::new();
 
 /// Puts a message in, or drops and counts it.
 pub(crate) fn push(message: impl Into<Message>) {
-    let message = message.into();
+    queue(message.into());
+}
+
+// Once in the image: a message is long to build, and it is built where the core should do something else quickly.
+#[inline(never)]
+fn queue(message: Message) {
     counters::update(|c| {
         let queued = Queued {
             sequence: c.frames,

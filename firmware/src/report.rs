@@ -66,6 +66,7 @@ pub(crate) fn tell_link() {
 }
 
 /// Logs and sends a fault that the bead survived.
+#[inline(never)]
 pub(crate) fn fault(cause: FaultCause, detail: &'static str) {
     defmt::warn!("{=str}", detail);
     outbox::push(Fault {

@@ -20,7 +20,10 @@ const BLOCKS: u32 = 8;
 
 /// Runs every check, sends its result, and returns how many checks failed and how many there are. `window` is
 /// room to work in.
-pub(crate) async fn run(store: &mut storage::Settings, window: &mut bead_model::Record) -> (usize, usize) {
+pub(crate) async fn run(
+    store: &mut storage::SettingsStore,
+    window: &mut bead_model::WindowRecord,
+) -> (usize, usize) {
     let before = counters::snapshot();
     Timer::after(SAMPLES).await;
     let now = counters::snapshot();

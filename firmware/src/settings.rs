@@ -101,7 +101,7 @@ impl Loaded {
 
 /// Finds the settings at start-up. A block in flash that fails its check is refused as a whole: the next
 /// settings in order are used, and a fault frame says so.
-pub(crate) fn load(store: &mut storage::Settings, opened: Opened) -> Loaded {
+pub(crate) fn load(store: &mut storage::SettingsStore, opened: Opened) -> Loaded {
     let mut refused = opened
         .lost
         .then_some(Refused::damaged("what was stored is not whole, and was erased"));

@@ -10,10 +10,10 @@ use core::fmt;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use bead_crc::checksum_of;
 use bead_wire::{Detail, FaultCause, MAX_DETAIL};
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embassy_stm32::pac::RCC;
 
 use crate::stack;
@@ -201,13 +201,9 @@ impl Kept {
     }
 
     fn checksum(&self) -> u32 {
-        const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
-        let mut digest = CRC.digest();
-        for word in [self.magic, self.boot, self.cause, self.pc, self.detail_length] {
-            digest.update(&word.to_le_bytes());
-        }
-        digest.update(&self.detail);
-        digest.finalize()
+        let words = [self.magic, self.boot, self.cause, self.pc, self.detail_length];
+        let words = words.map(u32::to_le_bytes);
+        checksum_of([words.as_flattened(), &self.detail])
     }
 
     fn left(&self) -> Option<Left> {

@@ -28,7 +28,7 @@ pub enum Cause {
     #[error("CRC differs")]
     Crc,
     /// A version that this one cannot read.
-    #[error("version {0} is not ours")]
+    #[error("version {0} of the protocol is not known here")]
     Version(u8),
     /// A kind that this version does not know.
     #[error("kind {0} is unknown")]

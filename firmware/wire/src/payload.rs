@@ -1,7 +1,7 @@
 //! What frames and requests have in common: a payload ends with its CRC, and travels as COBS between two
 //! delimiters.
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use bead_crc::checksum;
 use serde::Deserialize;
 
 use crate::cause::Cause;
@@ -12,10 +12,6 @@ pub(crate) const DELIMITER: u8 = 0;
 /// Version that this crate sends: the first byte of every frame and request. `docs/protocol.md` says what a
 /// version stands for.
 pub const VERSION: u8 = 3;
-
-/// Takes sixteen bytes at a time, with 16 KiB of tables. A checksum byte by byte was half the cost of a
-/// frame.
-static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
 /// The buffer of this number of bytes is too small. [`MAX_FRAME`](crate::MAX_FRAME) bytes are enough for
 /// every frame, [`MAX_REQUEST`](crate::MAX_REQUEST) bytes for every request.
@@ -31,7 +27,7 @@ pub(crate) fn seal<'b>(
     buffer: &'b mut [u8],
 ) -> Result<&'b [u8], BufferTooSmall> {
     let too_small = BufferTooSmall(buffer.len());
-    let crc = CRC.checksum(&payload[..end]);
+    let crc = checksum(&payload[..end]);
     payload[end..end + CRC_LENGTH].copy_from_slice(&crc.to_le_bytes());
     let (first, rest) = buffer.split_first_mut().ok_or(too_small)?;
     *first = DELIMITER;
@@ -48,7 +44,7 @@ pub(crate) fn seal<'b>(
 pub(crate) fn open<const HEADER: usize>(payload: &[u8]) -> Result<(&[u8; HEADER], &[u8]), Cause> {
     let (covered, crc) = payload.split_last_chunk().ok_or(Cause::TooShort)?;
     let parts = covered.split_first_chunk().ok_or(Cause::TooShort)?;
-    match CRC.checksum(covered) == u32::from_le_bytes(*crc) {
+    match checksum(covered) == u32::from_le_bytes(*crc) {
         true => Ok(parts),
         false => Err(Cause::Crc),
     }

@@ -1,7 +1,7 @@
 //! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
 
 use bead_model::layout::BASELINE;
-use bead_model::{Meter, Record, Settings, Sink, StrikeReport, Window};
+use bead_model::{Meter, Settings, Sink, StrikeReport, Window, WindowRecord};
 use bead_wire::{Energy, Fields, Shape, Strike, StrikeFlags, Value};
 
 use crate::recording::strikes::{Chunk, RecordedStrike};
@@ -51,7 +51,7 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
     }
 
     let mut window = Window::open(number, strike.said.first_index);
-    let mut record = Record::new();
+    let mut record = WindowRecord::new();
     record.clear();
     let mut energies = Vec::with_capacity(strike.scans.len());
     for codes in &strike.scans {

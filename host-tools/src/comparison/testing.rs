@@ -1,7 +1,7 @@
 //! What the unit tests of several files share.
 
 use bead_model::design::{Capture, derive};
-use bead_model::{Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
+use bead_model::{Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
 use bead_wire::StrikeFlags;
 use hertz_chain::Scenario;
 
@@ -29,7 +29,7 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
         timing.scans(solution.end()),
         Some(1),
     );
-    let nothing = Window::open(0, 0).report(&settings, &Record::new());
+    let nothing = Window::open(0, 0).report(&settings, &WindowRecord::new());
     let mut strike = RecordedStrike::new(0, bead_telemetry::strike(&nothing, StrikeFlags::NONE));
     strike.settings = Some(settings);
     feed(&settings, &codes.scans, &mut strike);

@@ -159,6 +159,14 @@ pub enum RecordingError {
         /// Frames in it.
         frames: u64,
     },
+    /// A recording without a strike that this program can read.
+    #[error("{path}: {who}")]
+    FromTheFuture {
+        /// The file.
+        path: PathBuf,
+        /// Who sent it, and what to do.
+        who: String,
+    },
     /// Clocks of these recordings cannot be compared.
     #[error("{0}")]
     Clock(String),

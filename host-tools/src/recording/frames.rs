@@ -6,7 +6,7 @@
 
 use std::collections::{HashMap, VecDeque};
 
-use bead_wire::{Arrival, Counters, Decoder, Header, Message, Reject};
+use bead_wire::{Arrival, Counters, Decoder, Header, Message, Reject, VERSION};
 
 /// A frame that passed every check.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,6 +32,19 @@ impl Frame {
         self.sample_rate_hz
             .filter(|rate| *rate > 0)
             .map(|rate| index / f64::from(rate))
+    }
+
+    /// One line about a bead of a version that this program does not know: who it is and what to do. `None`
+    /// unless this is the identity of such a bead.
+    pub fn from_the_future(&self) -> Option<String> {
+        match &self.message {
+            Message::Identity(bead) if self.version > VERSION => Some(format!(
+                "bead {} with firmware {} ({}) speaks version {} of the protocol, and this program knows \
+                 version {VERSION}; use the `bead` that belongs to that firmware",
+                self.header.address, bead.firmware, bead.git, self.version
+            )),
+            _ => None,
+        }
     }
 }
 

@@ -44,11 +44,18 @@ impl Received {
         Ok(Strikes::new(LastSaid::new(self.recording.frames()?), given))
     }
 
-    /// The error that there was no strike, so that a check has nothing to check.
-    pub fn no_strike(&self, counters: &Counters) -> RecordingError {
-        RecordingError::NoStrike {
-            path: self.path.clone(),
-            frames: counters.frames,
+    /// Why there was no strike in what was heard: the check that was asked for has nothing to check.
+    pub fn no_strike<I: Iterator<Item = Piece>>(&self, heard: &LastSaid<I>) -> RecordingError {
+        let path = self.path.clone();
+        match &heard.from_the_future {
+            Some(who) => RecordingError::FromTheFuture {
+                path,
+                who: who.clone(),
+            },
+            None => RecordingError::NoStrike {
+                path,
+                frames: heard.counters().frames,
+            },
         }
     }
 
@@ -74,6 +81,8 @@ pub struct LastSaid<I> {
     frames: Frames<I>,
     identity: Option<Identity>,
     status: Option<Status>,
+    /// See [`Frame::from_the_future`].
+    from_the_future: Option<String>,
 }
 
 impl<I: Iterator<Item = Piece>> LastSaid<I> {
@@ -83,6 +92,7 @@ impl<I: Iterator<Item = Piece>> LastSaid<I> {
             frames,
             identity: None,
             status: None,
+            from_the_future: None,
         }
     }
 
@@ -107,6 +117,7 @@ impl<I: Iterator<Item = Piece>> Iterator for LastSaid<I> {
 
     fn next(&mut self) -> Option<Frame> {
         let frame = self.frames.by_ref().find_map(Item::frame)?;
+        self.from_the_future = frame.from_the_future().or(self.from_the_future.take());
         match &frame.message {
             Message::Identity(identity) => self.identity = Some(identity.clone()),
             Message::Status(status) => self.status = Some(*status),

@@ -94,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     progress.finish_and_clear();
     let heard = recorded.frames();
     if strikes.is_empty() {
-        return Err(received.no_strike(heard.counters()).into());
+        return Err(received.no_strike(heard).into());
     }
 
     let soundness = Soundness::of(heard.counters(), heard.status(), emulator.as_ref());

@@ -93,9 +93,11 @@ fn print(
 ) -> Result<(), Failure> {
     let mut out = BufWriter::new(io::stdout().lock());
     let mut boots = 0usize;
+    let mut from_the_future = None;
     while let Some(item) = frames.next() {
         let written = match item {
             Item::Frame(frame) => {
+                from_the_future = frame.from_the_future().or(from_the_future);
                 boots += usize::from(begins_segment(frame.arrival));
                 let fit = boots.checked_sub(1).and_then(|boot| fits.get(boot)?.as_ref());
                 writeln!(out, "{}", timed(&frame, fit))
@@ -134,6 +136,9 @@ fn print(
             bytes => format!("; {bytes} bytes of a frame cut short at the end"),
         }
     );
+    if let Some(who) = from_the_future {
+        eprintln!("bead: {who}");
+    }
     Ok(())
 }
 

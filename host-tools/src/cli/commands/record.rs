@@ -90,6 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         writer,
         strikes,
         tracker,
+        from_the_future,
         printed,
         ..
     } = recorder;
@@ -111,6 +112,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(result),
         clock_line(&tracker),
         advice(&counters).map(str::to_owned),
+        from_the_future,
     ];
     for line in lines.into_iter().flatten() {
         eprintln!("bead: {line}");
@@ -166,6 +168,8 @@ struct Recorder {
     /// The same in ns since 1970.
     opened_ns: u64,
     strikes: u64,
+    /// See [`Frame::from_the_future`].
+    from_the_future: Option<String>,
     format: Format,
     /// What printing gave. If standard output fails, the recording goes on.
     printed: Result<(), Failure>,
@@ -196,6 +200,7 @@ impl Recorder {
             opened,
             opened_ns,
             strikes: 0,
+            from_the_future: None,
             format: arguments.format,
             printed: Ok(()),
             progress: output::spinner(format!("listening to {}", arguments.port)),
@@ -222,6 +227,7 @@ impl Recorder {
             writer,
             tracker,
             strikes,
+            from_the_future,
             format,
             printed,
             progress,
@@ -230,6 +236,7 @@ impl Recorder {
         writer.write(bytes, Some(received_ns), |item| {
             let Item::Frame(frame) = item else { return };
             tracker.push(&frame);
+            *from_the_future = frame.from_the_future().or(from_the_future.take());
             if frame.arrival == Arrival::Duplicate {
                 return;
             }

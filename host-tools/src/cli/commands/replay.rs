@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         })
         .collect();
     if strikes.is_empty() {
-        return Err(received.no_strike(recorded.frames().counters()).into());
+        return Err(received.no_strike(recorded.frames()).into());
     }
     let report = ReplayReport {
         identical: strikes.iter().all(|strike| strike.identical),
