@@ -9,22 +9,27 @@
 //!
 //! What the machine needs of the outside is the trait [`Board`]: memory, interrupt lines, and somewhere to put bytes.
 
+mod board;
+mod crash;
+mod levels;
 mod map;
+mod names;
 mod stimulus;
+mod wiring;
 
 use std::collections::{BTreeMap, VecDeque};
 
+pub use board::{Board, INTERRUPTS};
 pub use stimulus::Stimulus;
 
-use crate::exchange::{
-    FaultKind, FlashOperation, Pin, PinInput, Reset, ResetCause, UartInput, UnknownRegister,
-};
+use crate::given::{FaultKind, PinInput, UartInput};
+pub use crate::memory::{FLASH, SRAM, WRITABLE};
+use crate::outcome::{FlashOperation, Pin, Reset, ResetCause, UnknownRegister};
 use crate::peripherals::adc::{Adc, TriggerSource};
 use crate::peripherals::dbgmcu::Dbgmcu;
 use crate::peripherals::dma::{Direction, Dma, STREAMS};
 use crate::peripherals::dwt::Dwt;
 use crate::peripherals::exti::Exti;
-pub use crate::peripherals::flash::WRITABLE;
 use crate::peripherals::flash::{self, Flash};
 use crate::peripherals::gpio::Gpio;
 use crate::peripherals::iwdg::Iwdg;
@@ -35,10 +40,11 @@ use crate::peripherals::syscfg::Syscfg;
 use crate::peripherals::tim::Tim;
 use crate::peripherals::usart::Usart;
 use crate::peripherals::{NoRegister, Notes};
-use map::{GATED, Unit, gate, locate, timer_input};
+use crash::crash;
+use levels::{Level, levels};
+use map::{GATED, Unit, gate, locate};
+use wiring::{ADC1_REQUEST, DMA2, REFERENCE, USART1_RX_REQUEST, USART1_TX_REQUEST, timer_input};
 
-/// Interrupt lines of the STM32F405 (RM0090 table 61).
-pub const INTERRUPTS: usize = 82;
 const FLASH_LINE: usize = 4;
 const TIM_LINES: [usize; 4] = [28, 29, 30, 50];
 const ADC_LINE: usize = 18;
@@ -54,63 +60,6 @@ const EXTI_LINES: [(u32, usize); 7] = [
     (0x03e0, 23),
     (0xfc00, 40),
 ];
-
-/// DMA2's request mapping (table 43) for what is modelled: stream, channel.
-const ADC1_REQUEST: [(usize, u32); 2] = [(0, 0), (4, 0)];
-const USART1_TX_REQUEST: [(usize, u32); 1] = [(7, 4)];
-const USART1_RX_REQUEST: [(usize, u32); 2] = [(2, 4), (5, 4)];
-const DMA2: usize = 1;
-
-/// ADC1's channel of the internal reference voltage (section 13.10).
-const REFERENCE: u32 = 17;
-
-/// SRAM1 and SRAM2 (section 2.3). The DMA reaches them, and reads flash; CCM is on the processor's bus only.
-pub const SRAM: std::ops::Range<u32> = 0x2000_0000..0x2002_0000;
-/// The flash on the AHB (section 2.3).
-pub const FLASH: std::ops::Range<u32> = 0x0800_0000..0x0810_0000;
-
-/// What a machine needs of the outside.
-pub trait Board {
-    /// Reads SRAM or flash.
-    fn read_memory(&mut self, address: u32, bytes: &mut [u8]);
-    /// Writes SRAM.
-    fn write_memory(&mut self, address: u32, bytes: &[u8]);
-    /// Writes flash behind the processor's back, until the next reset.
-    fn overwrite_flash(&mut self, address: u32, bytes: &[u8]);
-    /// The firmware changed what stands in [`WRITABLE`].
-    fn flash_changed(&mut self, address: u32, bytes: &[u8]);
-    /// The processor stands still, since flash cannot be read while it is written, or goes on.
-    fn stall(&mut self, stalled: bool);
-    /// The power was gone: RAM holds nothing of before.
-    fn lose_memory(&mut self);
-    /// An interrupt line of the NVIC changed its level.
-    fn set_interrupt(&mut self, number: usize, level: bool);
-    /// A byte had left the USART1 transmitter at a time.
-    fn sent(&mut self, byte: u8, at: u64);
-    /// The ADC's DMA stream filled a half of its buffer; so many scans were started since the last. None if the interrupt
-    /// of the half before has not been served.
-    fn acquired(&mut self, scans: u64);
-    /// The watchdog ran out or the power went: reset the processor, and call [`Machine::reset`] when that happens.
-    fn reset_wanted(&mut self);
-}
-
-/// Makes the next interrupt on `line` the processor's last before a reset.
-fn crash(kind: FaultKind, line: usize, board: &mut impl Board) {
-    /// Thumb: `b .`
-    const FOR_EVER: [u8; 2] = [0xfe, 0xe7];
-    /// Thumb: `push {r0-r3}`, `b .-2`.
-    const PUSH_FOR_EVER: [u8; 4] = [0x0f, 0xb4, 0xfd, 0xe7];
-    let vector = |line: usize| FLASH.start + 4 * (16 + line as u32);
-    let unused = FLASH.end - 16;
-    let mut handler = (unused | 1).to_le_bytes();
-    match kind {
-        FaultKind::Hang => board.overwrite_flash(unused, &FOR_EVER),
-        FaultKind::RunawayStack => board.overwrite_flash(unused, &PUSH_FOR_EVER),
-        FaultKind::UnhandledInterrupt => board.read_memory(vector(0), &mut handler),
-        _ => handler = 0xefff_fff1_u32.to_le_bytes(),
-    }
-    board.overwrite_flash(vector(line), &handler);
-}
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Access {
@@ -130,37 +79,6 @@ enum Event {
     Received,
     WatchdogOut,
     Flash(flash::Event),
-}
-
-/// A change of the level on a pin, `at_ns` after the first scan.
-#[derive(Debug, Clone, Copy)]
-struct Level {
-    at_ns: u64,
-    port: usize,
-    pin: usize,
-    high: bool,
-}
-
-/// All changes of level in order of time.
-///
-/// # Panics
-/// There is no such pin.
-fn levels(inputs: &[PinInput]) -> VecDeque<Level> {
-    let mut levels = Vec::new();
-    for input in inputs {
-        let (port, pin) = input
-            .place()
-            .unwrap_or_else(|| panic!("there is no pin {:?}", input.pin));
-        let changes = input.changes_ns.iter().enumerate();
-        levels.extend(changes.map(|(n, at_ns)| Level {
-            at_ns: *at_ns,
-            port,
-            pin,
-            high: n % 2 == 0,
-        }));
-    }
-    levels.sort_by_key(|level| level.at_ns);
-    levels.into()
 }
 
 /// The ports, with every pin low that something is wired to.
@@ -452,7 +370,7 @@ impl Machine {
     /// Registers touched that no model knows, or whose clock was off, by address.
     pub fn unknown_registers(&self) -> Vec<UnknownRegister> {
         let named = |((address, clock_off), access): (&(u32, bool), &Access)| UnknownRegister {
-            name: map::name(*address) + if *clock_off { " (clock off)" } else { "" },
+            name: names::name(*address) + if *clock_off { " (clock off)" } else { "" },
             address: *address,
             reads: access.reads,
             writes: access.writes,

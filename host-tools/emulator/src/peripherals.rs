@@ -19,43 +19,13 @@ pub mod exti;
 pub mod flash;
 pub mod gpio;
 pub mod iwdg;
+mod peripheral;
 pub mod pwr;
 pub mod rcc;
+mod register;
 pub mod signature;
 pub mod syscfg;
 pub mod tim;
 pub mod usart;
 
-use std::collections::BTreeSet;
-
-/// There is no such register in the model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NoRegister;
-
-/// What the firmware asked of a peripheral that its model does not do.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Notes(BTreeSet<&'static str>);
-
-impl Notes {
-    /// Takes a note once.
-    pub(crate) fn note_if(&mut self, asked: bool, what: &'static str) {
-        if asked {
-            self.0.insert(what);
-        }
-    }
-
-    /// In alphabetical order.
-    pub fn iter(&self) -> impl Iterator<Item = &'static str> + '_ {
-        self.0.iter().copied()
-    }
-}
-
-/// Bits `low..low + width` of a register.
-pub(crate) const fn field(register: u32, low: u32, width: u32) -> u32 {
-    (register >> low) & ((1 << width) - 1)
-}
-
-/// One bit of a register.
-pub(crate) const fn bit(register: u32, n: u32) -> bool {
-    (register >> n) & 1 == 1
-}
+pub use peripheral::{NoRegister, Notes};

@@ -7,25 +7,26 @@
 //! runs, so runs may go in parallel.
 
 mod error;
+mod folder;
 mod image;
 mod log;
 mod overlay;
+mod process;
 mod qemu;
 
-use std::fs::File;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
+use std::time::Duration;
 
 pub use error::RunError;
-pub use log::LogLine;
 
-use crate::exchange::{
-    self, Block, Description, FORMAT, Fault, FlashOperation, LINE_PREFIX, Pin, PinInput, Poke, Report, Reset,
-    SELF_TEST_STATUS, Sampling, UartInput, UnknownRegister,
-};
-use crate::machine::{FLASH, WRITABLE};
+use crate::exchange::{self, Description, FORMAT};
+use crate::given::{Fault, PinInput, Poke, UartInput};
+use crate::memory::{FLASH, WRITABLE};
+use crate::outcome::{FunctionCount, Instructions, Outcome};
+use error::io;
+use folder::Folder;
 use image::Image;
+use process::start;
 use qemu::Qemu;
 
 /// One run of an image: what it is given, and when it ends.
@@ -176,10 +177,26 @@ impl Run {
         let blocks = self.flash_files(&folder)?;
 
         let mut version = qemu.plugin_version();
-        let mut ended = self.start(&qemu, &folder, &overlay, version, &blocks)?;
+        let mut ended = start(
+            &self.elf,
+            self.timeout,
+            &qemu,
+            &folder,
+            &overlay,
+            version,
+            &blocks,
+        )?;
         if let Some(other) = qemu::wanted_version(&ended.stderr).filter(|other| *other != version) {
             version = other;
-            ended = self.start(&qemu, &folder, &overlay, version, &blocks)?;
+            ended = start(
+                &self.elf,
+                self.timeout,
+                &qemu,
+                &folder,
+                &overlay,
+                version,
+                &blocks,
+            )?;
         }
         let report = ended.report(&folder)?;
 
@@ -278,199 +295,9 @@ impl Run {
         }
         Ok(arguments)
     }
-
-    fn start(
-        &self,
-        qemu: &Qemu,
-        folder: &Folder,
-        overlay: &Path,
-        version: i32,
-        blocks: &[String],
-    ) -> Result<Ended, RunError> {
-        let plugin = folder.write("overlay.so", &overlay::with_version(overlay, version)?)?;
-        let stderr_path = folder.path.join("stderr");
-        let stderr = File::create(&stderr_path).map_err(io("cannot write the run's temporary files"))?;
-        let mut command = Command::new(&qemu.program);
-        command
-            .args(["-M", "netduinoplus2", "-icount", "shift=3,sleep=off"])
-            .args(["-nographic", "-monitor", "none", "-serial", "none", "-kernel"])
-            .arg(&self.elf)
-            .arg("-plugin")
-            .arg(format!("{},run={}", plugin.display(), folder.path.display()))
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(stderr);
-        for block in blocks {
-            command.args(["-device", block]);
-        }
-        let child = command.spawn().map_err(|_| RunError::QemuMissing {
-            program: qemu.program.to_string_lossy().into_owned(),
-        })?;
-        let Some(status) = wait(child, self.timeout)? else {
-            let uart_bytes = folder.path.join(exchange::UART).metadata().map_or(0, |m| m.len());
-            return Err(RunError::Timeout {
-                timeout: self.timeout,
-                uart_bytes,
-            });
-        };
-        let stderr = std::fs::read(&stderr_path).map_err(io("cannot read what QEMU said"))?;
-        Ok(Ended {
-            status,
-            stderr: String::from_utf8_lossy(&stderr).into_owned(),
-        })
-    }
-}
-
-/// What a run gave.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Outcome {
-    /// Bytes that left the USART1 transmitter.
-    pub uart: Vec<u8>,
-    /// When each of them had left, in ns of virtual time since power-up.
-    pub uart_ns: Vec<u64>,
-    /// The defmt log, decoded.
-    pub log: Vec<LogLine>,
-    /// The same log as it came over RTT.
-    pub rtt: Vec<u8>,
-    /// What was executed; `None` if not counted.
-    pub instructions: Option<Instructions>,
-    /// The externally triggered scans; `None` if the image never came to sample.
-    pub sampling: Option<Sampling>,
-    /// How often the ADC lost a conversion (ADC_SR.OVR was set).
-    pub overruns: u64,
-    /// Triggers that came while a scan was running or while OVR stood, and so started nothing.
-    pub triggers_ignored: u64,
-    /// Resets after power-up.
-    pub resets: Vec<Reset>,
-    /// Registers that the firmware touched and that read as zero here for want of a model.
-    pub unknown_registers: Vec<UnknownRegister>,
-    /// Features of modelled peripherals that the firmware asked for and that are not modelled.
-    pub unmodelled: Vec<String>,
-    /// Output pins that moved.
-    pub pins: Vec<Pin>,
-    /// What flash sectors 10 and 11, which firmware can write, hold at the end: address and bytes, as for [`Run::flash`].
-    pub flash: (u32, Vec<u8>),
-    /// Words that the firmware programmed and sectors that it erased, in order.
-    pub flash_operations: Vec<FlashOperation>,
-    /// Virtual time at the end, in ns since power-up.
-    pub virtual_ns: u64,
-}
-
-/// Instructions executed, at 8 ns of virtual time each; a processor in WFI executes none.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Instructions {
-    /// By the whole image.
-    pub total: u64,
-    /// One entry a label, in the order given.
-    pub functions: Vec<FunctionCount>,
-    /// The busiest stretch between two interrupts of the ADC's DMA stream.
-    pub worst_block: Option<Block>,
-    /// All stretches together in which a function of [`Run::work`] ran; `None` if none ever did.
-    pub working: Option<Block>,
-    /// All other stretches together; `None` if there were none.
-    pub idle: Option<Block>,
-}
-
-/// Instructions inside the functions of one label, without those of functions that they call.
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct FunctionCount {
-    /// The label.
-    pub label: String,
-    /// Instructions executed.
-    pub instructions: u64,
-    /// How often one of the functions was entered.
-    pub calls: u64,
-    /// How many functions of the image the label stands for: 0 means that the compiler inlined them all, or a typing
-    /// mistake.
-    pub symbols: usize,
 }
 
 fn words(bytes: &[u8]) -> Vec<u64> {
     let (words, _) = bytes.as_chunks();
     words.iter().map(|word| u64::from_le_bytes(*word)).collect()
-}
-
-struct Folder {
-    path: PathBuf,
-    _kept: tempfile::TempDir,
-}
-
-impl Folder {
-    fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, RunError> {
-        let path = self.path.join(name);
-        std::fs::write(&path, bytes).map_err(io("cannot write the run's temporary files"))?;
-        Ok(path)
-    }
-
-    fn read(&self, name: &str) -> Result<Vec<u8>, RunError> {
-        std::fs::read(self.path.join(name)).map_err(io("cannot read back what the run wrote"))
-    }
-}
-
-/// A QEMU that ended by itself.
-struct Ended {
-    status: ExitStatus,
-    stderr: String,
-}
-
-impl Ended {
-    /// The overlay's report, or why there is none.
-    fn report(&self, folder: &Folder) -> Result<Report, RunError> {
-        if let Ok(report) = std::fs::read(folder.path.join(exchange::REPORT)) {
-            return serde_json::from_slice(&report).map_err(|e| RunError::Qemu {
-                status: self.status.to_string(),
-                line: format!("its report cannot be read ({e})"),
-            });
-        }
-        let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
-        let ours = first(LINE_PREFIX).map(|l| l.replace(LINE_PREFIX, ""));
-        let any = || {
-            self.stderr
-                .lines()
-                .next()
-                .unwrap_or("it said nothing")
-                .to_string()
-        };
-        Err(if self.status.code() == Some(SELF_TEST_STATUS) {
-            RunError::SelfTest {
-                line: ours.unwrap_or_else(any),
-            }
-        } else if let Some(line) = first("Lockup") {
-            RunError::GuestLockup { line }
-        } else if let Some(line) = ours.or_else(|| first("plugin")) {
-            RunError::OverlayRefused { line }
-        } else {
-            RunError::Qemu {
-                status: self.status.to_string(),
-                line: any(),
-            }
-        })
-    }
-}
-
-/// Its exit status, or `None` if it had to be killed.
-fn wait(mut child: Child, limit: Duration) -> Result<Option<ExitStatus>, RunError> {
-    let deadline = Instant::now() + limit;
-    loop {
-        if let Some(status) = child.try_wait().map_err(io("cannot wait for QEMU"))? {
-            return Ok(Some(status));
-        }
-        if Instant::now() >= deadline {
-            child.kill().map_err(io("cannot stop QEMU"))?;
-            child.wait().map_err(io("cannot wait for QEMU"))?;
-            return Ok(None);
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-fn io(what: &str) -> impl Fn(std::io::Error) -> RunError + use<> {
-    let what = what.to_string();
-    move |source| RunError::Io {
-        what: what.clone(),
-        source,
-    }
 }

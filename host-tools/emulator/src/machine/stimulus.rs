@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::exchange::Sampling;
+use crate::outcome::Sampling;
 
 /// Codes at the pins of channels 0 to 3, a row every period, from the first externally triggered scan on.
 #[derive(Debug, Clone)]

@@ -10,7 +10,9 @@
 //! that nobody fetched is kept and the new conversion is lost; with DMA on, an overrun also ends the scan, withdraws the
 //! request and blocks triggers until OVR is cleared (section 13.8.1).
 
-use super::{NoRegister, Notes, bit, clock, field};
+use super::clock;
+use super::peripheral::{NoRegister, Notes};
+use super::register::{bit, field};
 
 const AWD: u32 = 1 << 0;
 const EOC: u32 = 1 << 1;

@@ -1,6 +1,6 @@
 //! Debug support (RM0090 section 38.16): the device's identity, and bits that no debugger looks at.
 
-use super::NoRegister;
+use super::peripheral::NoRegister;
 
 /// DEV_ID 0x413 (STM32F405/407/415/417), revision Z (section 38.6.1).
 const IDCODE: u32 = 0x1001_6413;

@@ -7,7 +7,8 @@
 //! the bytes in memory end up the same, only in fewer accesses. Priorities, bursts and the FIFO's delay are not modelled:
 //! a request is served when it is made.
 
-use super::{NoRegister, Notes, bit, field};
+use super::peripheral::{NoRegister, Notes};
+use super::register::{bit, field};
 
 const EN: u32 = 1 << 0;
 const INTERRUPT_ENABLES: u32 = 0b1_1110;

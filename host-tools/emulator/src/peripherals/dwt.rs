@@ -3,7 +3,9 @@
 //! Under `-icount shift=3` an instruction takes 8 ns, which is 1.34 cycles at 168 MHz: the counter measures virtual time,
 //! not what the pipeline of a real Cortex-M4 would take.
 
-use super::{NoRegister, Notes, bit, clock};
+use super::clock;
+use super::peripheral::{NoRegister, Notes};
+use super::register::bit;
 
 /// NUMCOMP: the Cortex-M4 has four comparators; NOCYCCNT is clear.
 const NUMCOMP: u32 = 4 << 28;

@@ -1,6 +1,6 @@
 //! External interrupts (RM0090 section 12.3): nothing moves the lines but the software trigger.
 
-use super::NoRegister;
+use super::peripheral::NoRegister;
 
 /// Lines 0..=22.
 const LINES: u32 = 0x007f_ffff;

@@ -13,11 +13,11 @@
 
 use std::ops::Range;
 
-use super::{NoRegister, Notes, bit, field};
-use crate::exchange::FlashOperation;
+use super::peripheral::{NoRegister, Notes};
+use super::register::{bit, field};
+use crate::memory::WRITABLE;
+use crate::outcome::FlashOperation;
 
-/// What the firmware can write: sectors 10 and 11.
-pub const WRITABLE: Range<u32> = 0x080c_0000..0x0810_0000;
 const START: u32 = 0x0800_0000;
 
 const PG: u32 = 1 << 0;

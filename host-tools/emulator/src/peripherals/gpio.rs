@@ -1,7 +1,8 @@
 //! General-purpose pins (RM0090 section 8). An output reads back what it drives; an input reads the level that is put
 //! on it, or where nothing is wired its pull-up, else low. Analog values come in elsewhere.
 
-use super::{NoRegister, field};
+use super::peripheral::NoRegister;
+use super::register::field;
 
 /// One port of 16 pins.
 #[derive(Debug, Clone)]

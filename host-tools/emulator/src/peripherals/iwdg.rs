@@ -1,6 +1,8 @@
 //! The independent watchdog (RM0090 section 21): once started it resets the machine unless it is fed.
 
-use super::{NoRegister, clock, rcc::LSI_HZ};
+use super::clock;
+use super::peripheral::NoRegister;
+use super::rcc::LSI_HZ;
 
 const FEED: u32 = 0xaaaa;
 const START: u32 = 0xcccc;

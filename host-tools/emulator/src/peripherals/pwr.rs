@@ -1,7 +1,8 @@
 //! Power control (RM0090 section 5.4). The regulator is ready at once; the supply is as high as the outside
 //! says, and the programmable voltage detector compares it.
 
-use super::{NoRegister, Notes, bit, field};
+use super::peripheral::{NoRegister, Notes};
+use super::register::{bit, field};
 
 const VOS: u32 = 1 << 14;
 const DBP: u32 = 1 << 8;

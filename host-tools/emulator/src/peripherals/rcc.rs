@@ -3,7 +3,8 @@
 //! Oscillators and PLLs are ready as soon as they are on. The clock tree is worked out from what the firmware
 //! programs, so that a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
 
-use super::{NoRegister, Notes, bit, field};
+use super::peripheral::{NoRegister, Notes};
+use super::register::{bit, field};
 
 /// Frequency of the internal oscillator (section 7.2.2), in Hz.
 pub const HSI_HZ: u32 = 16_000_000;

@@ -1,6 +1,6 @@
 //! The device electronic signature (RM0090 section 39): who this chip is, and how much flash it has.
 
-use super::NoRegister;
+use super::peripheral::NoRegister;
 
 /// Where it starts in the system memory.
 pub const START: u32 = 0x1fff_7a10;

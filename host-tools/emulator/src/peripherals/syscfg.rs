@@ -1,6 +1,6 @@
 //! System configuration (RM0090 section 9.2): plain storage, since nothing is wired to the pins.
 
-use super::NoRegister;
+use super::peripheral::NoRegister;
 
 /// SYSCFG's registers.
 #[derive(Debug, Clone, Default)]

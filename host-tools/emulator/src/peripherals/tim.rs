@@ -12,7 +12,9 @@
 //! An edge at an input latches the counter at its very time. Silicon takes a clock or two to synchronise it, and the
 //! trigger of another timer too (sections 18.3.5, 18.3.15): the same every time, and not modelled.
 
-use super::{NoRegister, Notes, bit, clock, field};
+use super::clock;
+use super::peripheral::{NoRegister, Notes};
+use super::register::{bit, field};
 
 const CEN: u32 = 1 << 0;
 const UDIS: u32 = 1 << 1;

@@ -8,7 +8,9 @@
 
 use std::collections::VecDeque;
 
-use super::{NoRegister, Notes, bit, clock, field};
+use super::clock;
+use super::peripheral::{NoRegister, Notes};
+use super::register::{bit, field};
 
 const ORE: u32 = 1 << 3;
 const IDLE: u32 = 1 << 4;

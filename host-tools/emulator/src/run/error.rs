@@ -139,3 +139,11 @@ fn seen(uart_bytes: u64) -> String {
         n => format!(" with {n} bytes on the UART"),
     }
 }
+
+pub(super) fn io(what: &str) -> impl Fn(std::io::Error) -> RunError + use<> {
+    let what = what.to_string();
+    move |source| RunError::Io {
+        what: what.clone(),
+        source,
+    }
+}

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSymbol};
 
-use super::RunError;
+use super::error::RunError;
 use crate::exchange::FunctionRange;
 
 /// An image read whole, with its functions by demangled name.

@@ -1,45 +1,12 @@
 //! The image's log: the bytes drained from RTT, decoded with the defmt strings in the image's own ELF. An image without
 //! defmt is taken to write lines of text.
 
-use std::fmt;
 use std::path::Path;
 
 use defmt_decoder::{DecodeError, Table};
 
-use super::RunError;
-
-/// One line of the image's log.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LogLine {
-    /// `trace`, `debug`, `info`, `warn` or `error`; `None` for `println`.
-    pub level: Option<String>,
-    /// As the image's `defmt::timestamp!` formats it; `None` if it has none.
-    pub timestamp: Option<String>,
-    /// The message.
-    pub text: String,
-}
-
-impl LogLine {
-    fn plain(text: &str) -> Self {
-        Self {
-            level: None,
-            timestamp: None,
-            text: text.into(),
-        }
-    }
-}
-
-impl fmt::Display for LogLine {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(timestamp) = &self.timestamp {
-            write!(f, "{timestamp} ")?;
-        }
-        if let Some(level) = &self.level {
-            write!(f, "{:5} ", level.to_uppercase())?;
-        }
-        f.write_str(&self.text)
-    }
-}
+use super::error::RunError;
+use crate::outcome::LogLine;
 
 /// # Errors
 /// [`RunError::Log`] if the image's records are of a version that the decoder does not know. Bytes that make no frame

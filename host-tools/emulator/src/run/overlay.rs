@@ -5,7 +5,7 @@ use std::time::SystemTime;
 
 use object::{Object, ObjectSection, ObjectSymbol};
 
-use super::RunError;
+use super::error::RunError;
 
 const VERSION_SYMBOL: &str = "qemu_plugin_version";
 

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::RunError;
+use super::error::RunError;
 
 /// A QEMU that answered.
 #[derive(Debug, Clone)]

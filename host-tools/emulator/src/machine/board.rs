@@ -1,0 +1,29 @@
+//! What a machine needs of the outside.
+
+/// Interrupt lines of the STM32F405 (RM0090 table 61).
+pub const INTERRUPTS: usize = 82;
+
+/// What a machine needs of the outside.
+pub trait Board {
+    /// Reads SRAM or flash.
+    fn read_memory(&mut self, address: u32, bytes: &mut [u8]);
+    /// Writes SRAM.
+    fn write_memory(&mut self, address: u32, bytes: &[u8]);
+    /// Writes flash behind the processor's back, until the next reset.
+    fn overwrite_flash(&mut self, address: u32, bytes: &[u8]);
+    /// The firmware changed what stands in [`WRITABLE`](crate::machine::WRITABLE).
+    fn flash_changed(&mut self, address: u32, bytes: &[u8]);
+    /// The processor stands still, since flash cannot be read while it is written, or goes on.
+    fn stall(&mut self, stalled: bool);
+    /// The power was gone: RAM holds nothing of before.
+    fn lose_memory(&mut self);
+    /// An interrupt line of the NVIC changed its level.
+    fn set_interrupt(&mut self, number: usize, level: bool);
+    /// A byte had left the USART1 transmitter at a time.
+    fn sent(&mut self, byte: u8, at: u64);
+    /// The ADC's DMA stream filled a half of its buffer; so many scans were started since the last. None if the interrupt
+    /// of the half before has not been served.
+    fn acquired(&mut self, scans: u64);
+    /// The watchdog ran out or the power went: reset the processor, and call [`Machine::reset`](crate::machine::Machine::reset) when that happens.
+    fn reset_wanted(&mut self);
+}
