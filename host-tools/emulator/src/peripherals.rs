@@ -28,4 +28,4 @@ pub mod syscfg;
 pub mod tim;
 pub mod usart;
 
-pub use peripheral::{NoRegister, Notes};
+pub use peripheral::{NoRegister, Notes, Peripheral};

@@ -10,8 +10,8 @@
 //! that nobody fetched is kept and the new conversion is lost; with DMA on, an overrun also ends the scan, withdraws the
 //! request and blocks triggers until OVR is cleared (section 13.8.1).
 
-use super::clock;
-use super::peripheral::{NoRegister, Notes};
+use super::clock::{self, Clocks};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 
 const AWD: u32 = 1 << 0;
@@ -78,8 +78,7 @@ pub struct Adc {
     pub overruns: u64,
     /// Triggers that started nothing.
     pub triggers_ignored: u64,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Adc {
@@ -106,23 +105,6 @@ impl Adc {
             triggers_ignored: 0,
             notes: Notes::default(),
         }
-    }
-
-    /// A reset by RCC; the counts go on.
-    pub fn reset(&mut self) {
-        let notes = std::mem::take(&mut self.notes);
-        let (overruns, triggers_ignored) = (self.overruns, self.triggers_ignored);
-        *self = Self {
-            notes,
-            overruns,
-            triggers_ignored,
-            ..Self::new(self.pclk2)
-        };
-    }
-
-    /// The APB2 clock changed.
-    pub fn set_clock(&mut self, pclk2: u32) {
-        self.pclk2 = pclk2;
     }
 
     /// What starts a scan from outside, if anything does.
@@ -316,20 +298,37 @@ impl Adc {
         self.requests_ended = self.cr2 & DDS == 0;
     }
 
-    /// Level of the interrupt line.
-    pub fn interrupt(&self) -> bool {
-        (self.sr & EOC != 0 && self.cr1 & EOCIE != 0) || (self.sr & OVR != 0 && self.cr1 & OVRIE != 0)
-    }
-
     /// Whether the end of a conversion that no DMA fetches would raise the line: at once by EOC, or at the conversion
     /// after it by OVR.
     pub fn interrupts_on_conversion(&self) -> bool {
-        self.cr1 & (EOCIE | OVRIE) != 0 && !self.interrupt()
+        self.cr1 & (EOCIE | OVRIE) != 0 && !self.interrupt(0)
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&mut self, offset: u32) -> Result<u32, NoRegister> {
+    fn write_cr2(&mut self, value: u32, now: u64) {
+        if value & DMA == 0 || self.cr2 & DMA == 0 {
+            self.request = false;
+            self.requests_ended = false;
+        }
+        self.cr2 = value & 0x3f7f_0f03;
+        self.notes.note_if(
+            value & 0x0070_0000 != 0,
+            "CR2: injected conversions are not modelled",
+        );
+        let external = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
+        self.notes.note_if(
+            external && self.trigger_source().is_none(),
+            "CR2.EXTSEL: only TIM2 and TIM3 TRGO are modelled",
+        );
+        if self.cr2 & ADON == 0 {
+            self.scan = None;
+        } else if value & SWSTART != 0 && self.scan.is_none() && !self.blocked() {
+            self.start(now);
+        }
+    }
+}
+
+impl Peripheral for Adc {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => self.sr,
             0x04 => self.cr1,
@@ -347,9 +346,7 @@ impl Adc {
         })
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         match offset {
             // rc_w0.
             0x00 => self.sr &= value | !(AWD | EOC | STRT | OVR | 0b1100),
@@ -385,26 +382,32 @@ impl Adc {
         Ok(())
     }
 
-    fn write_cr2(&mut self, value: u32, now: u64) {
-        if value & DMA == 0 || self.cr2 & DMA == 0 {
-            self.request = false;
-            self.requests_ended = false;
-        }
-        self.cr2 = value & 0x3f7f_0f03;
-        self.notes.note_if(
-            value & 0x0070_0000 != 0,
-            "CR2: injected conversions are not modelled",
-        );
-        let external = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
-        self.notes.note_if(
-            external && self.trigger_source().is_none(),
-            "CR2.EXTSEL: only TIM2 and TIM3 TRGO are modelled",
-        );
-        if self.cr2 & ADON == 0 {
-            self.scan = None;
-        } else if value & SWSTART != 0 && self.scan.is_none() && !self.blocked() {
-            self.start(now);
-        }
+    /// A reset by RCC; the counts go on.
+    fn reset(&mut self, _now: u64) {
+        let notes = std::mem::take(&mut self.notes);
+        let (overruns, triggers_ignored) = (self.overruns, self.triggers_ignored);
+        *self = Self {
+            notes,
+            overruns,
+            triggers_ignored,
+            ..Self::new(self.pclk2)
+        };
+    }
+
+    fn interrupt(&self, _output: usize) -> bool {
+        (self.sr & EOC != 0 && self.cr1 & EOCIE != 0) || (self.sr & OVR != 0 && self.cr1 & OVRIE != 0)
+    }
+
+    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+        self.pclk2 = clocks.pclk2;
+    }
+
+    fn is_data(&self, offset: u32) -> bool {
+        offset == 0x4c
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
     }
 }
 
@@ -450,16 +453,16 @@ mod tests {
         let mut adc = scanning(0);
         adc.write(CR2, ADON | SWSTART, 0).unwrap();
         adc.finish(7, 1);
-        assert_eq!(adc.read(SR), Ok(STRT));
+        assert_eq!(adc.read(SR, 0), Ok(STRT));
         adc.finish(8, 2);
-        assert_eq!(adc.read(SR), Ok(STRT | EOC));
-        assert_eq!(adc.read(DR), Ok(8));
-        assert_eq!(adc.read(SR), Ok(STRT));
+        assert_eq!(adc.read(SR, 0), Ok(STRT | EOC));
+        assert_eq!(adc.read(DR, 0), Ok(8));
+        assert_eq!(adc.read(SR, 0), Ok(STRT));
 
         let mut adc = scanning(EOCS);
         adc.write(CR2, ADON | EOCS | SWSTART, 0).unwrap();
         adc.finish(7, 1);
-        assert_eq!(adc.read(SR), Ok(STRT | EOC));
+        assert_eq!(adc.read(SR, 0), Ok(STRT | EOC));
     }
 
     #[test]
@@ -490,7 +493,7 @@ mod tests {
         adc.finish(1, 3_239);
         assert!(adc.dma_request());
         adc.finish(2, 6_477);
-        assert_eq!(adc.read(SR).unwrap() & OVR, OVR);
+        assert_eq!(adc.read(SR, 0).unwrap() & OVR, OVR);
         assert_eq!(
             (adc.overruns, adc.dma_request(), adc.next_conversion()),
             (1, false, None)
@@ -569,10 +572,10 @@ mod tests {
         adc.write(CR2, ADON | SWSTART, 0).unwrap();
         assert_eq!(adc.next_conversion(), Some(clock::edge(64, 21_000_000)));
         adc.finish(0xabc, 1);
-        assert_eq!(adc.read(DR), Ok(0xab));
+        assert_eq!(adc.read(DR, 0), Ok(0xab));
         adc.write(CR2, ADON | ALIGN, 0).unwrap();
         adc.finish(0xabc, 2);
-        assert_eq!(adc.read(DR), Ok(0xab00));
+        assert_eq!(adc.read(DR, 0), Ok(0xab00));
     }
 
     #[test]
@@ -588,6 +591,6 @@ mod tests {
         adc.write(CR2, ADON | 0b01 << 28, 0).unwrap();
         adc.write(CR1, 1 << 11, 0).unwrap();
         assert_eq!(adc.notes.iter().count(), 2);
-        assert_eq!(adc.read(0x50), Err(NoRegister));
+        assert_eq!(adc.read(0x50, 0), Err(NoRegister));
     }
 }

@@ -5,6 +5,37 @@
 
 const NS_PER_S: u64 = 1_000_000_000;
 
+/// Frequency of the internal oscillator (section 7.2.2), in Hz.
+pub const HSI_HZ: u32 = 16_000_000;
+/// Frequency of the internal low-speed oscillator, typical (section 7.2.5), in Hz.
+pub const LSI_HZ: u32 = 32_000;
+
+/// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Clocks {
+    /// System clock.
+    pub sysclk: u32,
+    /// AHB and processor.
+    pub hclk: u32,
+    /// APB1.
+    pub pclk1: u32,
+    /// APB2.
+    pub pclk2: u32,
+    /// Timers on APB1: TIM2-7, 12-14.
+    pub timers1: u32,
+}
+
+impl Clocks {
+    /// After a reset: the internal oscillator, undivided.
+    pub const HSI: Self = Self {
+        sysclk: HSI_HZ,
+        hclk: HSI_HZ,
+        pclk1: HSI_HZ,
+        pclk2: HSI_HZ,
+        timers1: HSI_HZ,
+    };
+}
+
 /// Edges of a clock of `hz` in `ns`.
 pub fn ticks(ns: u64, hz: u32) -> u64 {
     match ns.checked_mul(u64::from(hz)) {

@@ -7,7 +7,7 @@
 //! the bytes in memory end up the same, only in fewer accesses. Priorities, bursts and the FIFO's delay are not modelled:
 //! a request is served when it is made.
 
-use super::peripheral::{NoRegister, Notes};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 
 const EN: u32 = 1 << 0;
@@ -78,8 +78,7 @@ struct Stream {
 #[derive(Debug, Clone)]
 pub struct Dma {
     streams: [Stream; STREAMS],
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Default for Dma {
@@ -96,14 +95,6 @@ impl Default for Dma {
 }
 
 impl Dma {
-    /// A reset; the notes stay.
-    pub fn reset(&mut self) {
-        *self = Self {
-            notes: std::mem::take(&mut self.notes),
-            ..Self::default()
-        };
-    }
-
     /// The first of these streams that is enabled and listens to its channel: who serves a request. The pairs are rows
     /// of the request mapping (tables 42 and 43).
     pub fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
@@ -169,13 +160,6 @@ impl Dma {
         s.cr &= !EN;
     }
 
-    /// Level of a stream's interrupt line.
-    pub fn interrupt(&self, stream: usize) -> bool {
-        let s = &self.streams[stream];
-        // DMEIE, TEIE, HTIE, TCIE stand in the order of their flags, one bit lower; FEIE is in FCR.
-        s.flags & ((s.cr & INTERRUPT_ENABLES) << 1) != 0 || (bit(s.fcr, 7) && bit(s.flags, 0))
-    }
-
     /// After how many more beats the stream's line will rise, if its interrupts are on and the line is down.
     pub fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {
         let s = &self.streams[stream];
@@ -190,48 +174,8 @@ impl Dma {
         half.into_iter().chain(full).min()
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
-        Ok(match offset {
-            0x00 => self.status(0),
-            0x04 => self.status(4),
-            // The clear registers read as 0.
-            0x08 | 0x0c => 0,
-            0x10..=0xcc if offset.is_multiple_of(4) => {
-                let s = &self.streams[(offset as usize - 0x10) / 0x18];
-                match (offset - 0x10) % 0x18 {
-                    0x00 => s.cr,
-                    0x04 => s.ndtr,
-                    0x08 => s.par,
-                    0x0c => s.memory[0],
-                    0x10 => s.memory[1],
-                    // FS: the FIFO is empty.
-                    _ => (s.fcr & !0x38) | 0x20,
-                }
-            }
-            _ => return Err(NoRegister),
-        })
-    }
-
     fn status(&self, first: usize) -> u32 {
         (0..4).fold(0, |word, i| word | self.streams[first + i].flags << FLAGS_AT[i])
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
-        match offset {
-            0x00 | 0x04 => {}
-            0x08 => self.clear(0, value),
-            0x0c => self.clear(4, value),
-            0x10..=0xcc if offset.is_multiple_of(4) => {
-                let stream = (offset as usize - 0x10) / 0x18;
-                self.write_stream(stream, (offset - 0x10) % 0x18, value);
-            }
-            _ => return Err(NoRegister),
-        }
-        Ok(())
     }
 
     fn clear(&mut self, first: usize, value: u32) {
@@ -295,6 +239,62 @@ impl Stream {
     }
 }
 
+impl Peripheral for Dma {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.status(0),
+            0x04 => self.status(4),
+            // The clear registers read as 0.
+            0x08 | 0x0c => 0,
+            0x10..=0xcc if offset.is_multiple_of(4) => {
+                let s = &self.streams[(offset as usize - 0x10) / 0x18];
+                match (offset - 0x10) % 0x18 {
+                    0x00 => s.cr,
+                    0x04 => s.ndtr,
+                    0x08 => s.par,
+                    0x0c => s.memory[0],
+                    0x10 => s.memory[1],
+                    // FS: the FIFO is empty.
+                    _ => (s.fcr & !0x38) | 0x20,
+                }
+            }
+            _ => return Err(NoRegister),
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
+        match offset {
+            0x00 | 0x04 => {}
+            0x08 => self.clear(0, value),
+            0x0c => self.clear(4, value),
+            0x10..=0xcc if offset.is_multiple_of(4) => {
+                let stream = (offset as usize - 0x10) / 0x18;
+                self.write_stream(stream, (offset - 0x10) % 0x18, value);
+            }
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    /// A reset; the notes stay.
+    fn reset(&mut self, _now: u64) {
+        *self = Self {
+            notes: std::mem::take(&mut self.notes),
+            ..Self::default()
+        };
+    }
+
+    fn interrupt(&self, stream: usize) -> bool {
+        let s = &self.streams[stream];
+        // DMEIE, TEIE, HTIE, TCIE stand in the order of their flags, one bit lower; FEIE is in FCR.
+        s.flags & ((s.cr & INTERRUPT_ENABLES) << 1) != 0 || (bit(s.fcr, 7) && bit(s.flags, 0))
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -309,11 +309,11 @@ mod tests {
     /// Stream `n`, `items` from the ADC's DR to 0x2000_0000.
     fn started(n: u32, items: u32, cr: u32) -> Dma {
         let mut dma = Dma::default();
-        dma.write(stream(n, 0x04), items).unwrap();
-        dma.write(stream(n, 0x08), 0x4001_204c).unwrap();
-        dma.write(stream(n, 0x0c), 0x2000_0000).unwrap();
-        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr).unwrap();
-        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr | EN).unwrap();
+        dma.write(stream(n, 0x04), items, 0).unwrap();
+        dma.write(stream(n, 0x08), 0x4001_204c, 0).unwrap();
+        dma.write(stream(n, 0x0c), 0x2000_0000, 0).unwrap();
+        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr, 0).unwrap();
+        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr | EN, 0).unwrap();
         dma
     }
 
@@ -331,7 +331,7 @@ mod tests {
                 direction: Direction::ToMemory
             })
         );
-        assert_eq!(dma.read(stream(0, 0x04)), Ok(2));
+        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(2));
     }
 
     #[test]
@@ -342,8 +342,8 @@ mod tests {
             progress,
             [(false, false), (true, false), (false, false), (true, true)]
         );
-        assert_eq!(dma.read(0x00), Ok(HTIF | TCIF));
-        assert_eq!(dma.read(stream(0, 0x00)).unwrap() & EN, 0);
+        assert_eq!(dma.read(0x00, 0), Ok(HTIF | TCIF));
+        assert_eq!(dma.read(stream(0, 0x00), 0).unwrap() & EN, 0);
         assert_eq!(dma.beat(0), None);
     }
 
@@ -354,16 +354,16 @@ mod tests {
             dma.moved(0);
         }
         assert_eq!(dma.beat(0).unwrap().memory, 0x2000_0000);
-        assert_eq!(dma.read(stream(0, 0x04)), Ok(4));
+        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(4));
     }
 
     #[test]
     fn double_buffer_mode_swaps_targets_at_the_end_of_each() {
         let mut dma = Dma::default();
-        dma.write(stream(0, 0x04), 1).unwrap();
-        dma.write(stream(0, 0x0c), 0x2000_0000).unwrap();
-        dma.write(stream(0, 0x10), 0x2000_1000).unwrap();
-        dma.write(stream(0, 0x00), DBM | CIRC | EN).unwrap();
+        dma.write(stream(0, 0x04), 1, 0).unwrap();
+        dma.write(stream(0, 0x0c), 0x2000_0000, 0).unwrap();
+        dma.write(stream(0, 0x10), 0x2000_1000, 0).unwrap();
+        dma.write(stream(0, 0x00), DBM | CIRC | EN, 0).unwrap();
         let targets: Vec<_> = (0..3)
             .map(|_| {
                 let memory = dma.beat(0).unwrap().memory;
@@ -386,9 +386,9 @@ mod tests {
         ] {
             let mut dma = started(n, 1, 0);
             dma.moved(n as usize);
-            assert_eq!(dma.read(register), Ok((HTIF | TCIF) << at), "stream {n}");
-            dma.write(0x08 + register, HTIF << at).unwrap();
-            assert_eq!(dma.read(register), Ok(TCIF << at), "stream {n}");
+            assert_eq!(dma.read(register, 0), Ok((HTIF | TCIF) << at), "stream {n}");
+            dma.write(0x08 + register, HTIF << at, 0).unwrap();
+            assert_eq!(dma.read(register, 0), Ok(TCIF << at), "stream {n}");
         }
     }
 
@@ -402,7 +402,7 @@ mod tests {
         }
         assert!(dma.interrupt(0));
         assert_eq!(dma.beats_to_interrupt(0), None, "the line is up already");
-        dma.write(0x08, HTIF).unwrap();
+        dma.write(0x08, HTIF, 0).unwrap();
         assert_eq!(dma.beats_to_interrupt(0), Some(4));
         let dma = started(0, 8, CIRC | TCIE);
         assert_eq!(dma.beats_to_interrupt(0), Some(8));
@@ -415,7 +415,7 @@ mod tests {
         for _ in 0..6 {
             dma.moved(0);
         }
-        dma.write(0x08, HTIF).unwrap();
+        dma.write(0x08, HTIF, 0).unwrap();
         assert_eq!(dma.beats_to_interrupt(0), Some(6));
     }
 
@@ -424,7 +424,7 @@ mod tests {
         let mut dma = started(2, 8, TEIE);
         dma.failed(2);
         assert!(dma.interrupt(2));
-        assert_eq!(dma.read(0x00), Ok(TEIF << 16));
+        assert_eq!(dma.read(0x00, 0), Ok(TEIF << 16));
         assert_eq!(dma.beat(2), None);
     }
 
@@ -432,19 +432,22 @@ mod tests {
     fn stopping_by_software_sets_the_completion_flag_and_keeps_what_is_left() {
         let mut dma = started(0, 8, CIRC);
         dma.moved(0);
-        dma.write(stream(0, 0x00), HALFWORDS | MINC | CIRC).unwrap();
-        assert_eq!((dma.read(0x00), dma.read(stream(0, 0x04))), (Ok(TCIF), Ok(7)));
+        dma.write(stream(0, 0x00), HALFWORDS | MINC | CIRC, 0).unwrap();
+        assert_eq!(
+            (dma.read(0x00, 0), dma.read(stream(0, 0x04), 0)),
+            (Ok(TCIF), Ok(7))
+        );
     }
 
     #[test]
     fn a_running_stream_takes_no_new_setting_but_its_interrupt_enables() {
         let mut dma = started(0, 8, 0);
-        dma.write(stream(0, 0x04), 99).unwrap();
-        dma.write(stream(0, 0x0c), 0x2000_4000).unwrap();
-        dma.write(stream(0, 0x00), EN | TCIE).unwrap();
-        assert_eq!(dma.read(stream(0, 0x04)), Ok(8));
-        assert_eq!(dma.read(stream(0, 0x0c)), Ok(0x2000_0000));
-        assert_eq!(dma.read(stream(0, 0x00)), Ok(HALFWORDS | MINC | TCIE | EN));
+        dma.write(stream(0, 0x04), 99, 0).unwrap();
+        dma.write(stream(0, 0x0c), 0x2000_4000, 0).unwrap();
+        dma.write(stream(0, 0x00), EN | TCIE, 0).unwrap();
+        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(8));
+        assert_eq!(dma.read(stream(0, 0x0c), 0), Ok(0x2000_0000));
+        assert_eq!(dma.read(stream(0, 0x00), 0), Ok(HALFWORDS | MINC | TCIE | EN));
         assert_eq!(dma.notes.iter().count(), 1);
     }
 

@@ -3,8 +3,8 @@
 //! Under `-icount shift=3` an instruction takes 8 ns, which is 1.34 cycles at 168 MHz: the counter measures virtual time,
 //! not what the pipeline of a real Cortex-M4 would take.
 
-use super::clock;
-use super::peripheral::{NoRegister, Notes};
+use super::clock::{self, Clocks};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::bit;
 
 /// NUMCOMP: the Cortex-M4 has four comparators; NOCYCCNT is clear.
@@ -18,8 +18,7 @@ pub struct Dwt {
     /// The counter's value at `since_ns`.
     count: u32,
     since_ns: u64,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Dwt {
@@ -32,12 +31,6 @@ impl Dwt {
             since_ns: 0,
             notes: Notes::default(),
         }
-    }
-
-    /// The processor's clock changed.
-    pub fn set_clock(&mut self, hclk: u32, now: u64) {
-        self.settle(now);
-        self.hclk = hclk;
     }
 
     fn settle(&mut self, now: u64) {
@@ -53,10 +46,10 @@ impl Dwt {
             false => self.count,
         }
     }
+}
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32, now: u64) -> Result<u32, NoRegister> {
+impl Peripheral for Dwt {
+    fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
         match offset {
             0x00 => Ok(self.ctrl),
             0x04 => Ok(self.cycles(now)),
@@ -64,9 +57,7 @@ impl Dwt {
         }
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.settle(now);
         match offset {
             0x00 => {
@@ -83,6 +74,22 @@ impl Dwt {
         }
         Ok(())
     }
+
+    fn reset(&mut self, _now: u64) {
+        *self = Self {
+            notes: std::mem::take(&mut self.notes),
+            ..Self::new(self.hclk)
+        };
+    }
+
+    fn set_clocks(&mut self, clocks: &Clocks, now: u64) {
+        self.settle(now);
+        self.hclk = clocks.hclk;
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
 }
 
 #[cfg(test)]
@@ -95,7 +102,7 @@ mod tests {
         assert_eq!(dwt.read(0x04, 1_000_000), Ok(0));
         dwt.write(0x00, 1, 1_000_000).unwrap();
         assert_eq!(dwt.read(0x04, 2_000_000), Ok(168_000));
-        dwt.set_clock(16_000_000, 2_000_000);
+        dwt.set_clocks(&Clocks::HSI, 2_000_000);
         assert_eq!(dwt.read(0x04, 3_000_000), Ok(184_000));
         dwt.write(0x00, 0, 3_000_000).unwrap();
         assert_eq!(dwt.read(0x04, 9_000_000), Ok(184_000));

@@ -13,7 +13,8 @@
 
 use std::ops::Range;
 
-use super::peripheral::{NoRegister, Notes};
+use super::clock::{Clocks, HSI_HZ};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 use crate::memory::WRITABLE;
 use crate::outcome::FlashOperation;
@@ -114,6 +115,7 @@ pub enum Event {
 /// FLASH's registers, and the bytes of [`WRITABLE`].
 #[derive(Debug, Clone)]
 pub struct Flash {
+    hclk: u32,
     acr: u32,
     cr: u32,
     sr: u32,
@@ -126,13 +128,13 @@ pub struct Flash {
     running: Option<Running>,
     cuts: Vec<Cut>,
     operations: Vec<FlashOperation>,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Default for Flash {
     fn default() -> Self {
         Self {
+            hclk: HSI_HZ,
             acr: 0,
             cr: LOCK,
             sr: 0,
@@ -150,22 +152,6 @@ impl Default for Flash {
 }
 
 impl Flash {
-    /// A reset. An operation is left half done (section 3.6: what it wrote is not guaranteed); contents and notes stay.
-    pub fn reset(&mut self, now: u64) {
-        if let Some(running) = self.running.take() {
-            let (passed, whole) = (now - running.began_ns, running.ends_ns - running.began_ns);
-            let share = (256 * passed.min(whole) / whole) as u32;
-            self.change(running.work, |bit| hash(bit) & 0xff < share);
-        }
-        *self = Self {
-            contents: std::mem::take(&mut self.contents),
-            cuts: std::mem::take(&mut self.cuts),
-            operations: std::mem::take(&mut self.operations),
-            notes: std::mem::take(&mut self.notes),
-            ..Self::default()
-        };
-    }
-
     /// The bytes of [`WRITABLE`].
     pub fn contents(&self) -> &[u8] {
         &self.contents
@@ -193,11 +179,6 @@ impl Flash {
     /// An operation runs: flash cannot be read.
     pub fn busy(&self) -> bool {
         self.running.is_some()
-    }
-
-    /// Level of the interrupt line (section 3.9.5, table 14).
-    pub fn interrupt(&self) -> bool {
-        (self.sr & EOP != 0 && self.cr & EOPIE != 0) || (self.sr & OPERR != 0 && self.cr & ERRIE != 0)
     }
 
     /// What comes next, and when.
@@ -279,6 +260,14 @@ impl Flash {
         }
     }
 
+    /// A DMA stream reads flash.
+    pub fn fetched_by_dma(&mut self) {
+        self.notes.note_if(
+            self.busy(),
+            "a DMA stream read flash while BSY: silicon holds it up, here it does not wait",
+        );
+    }
+
     /// The processor stores to flash (section 3.6.4).
     pub fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) {
         let psize = field(self.cr, 8, 2);
@@ -349,17 +338,41 @@ impl Flash {
 
     /// Too few wait states for this processor clock read wrong words on silicon: table 10, for 2.7 V to 3.6 V, asks for
     /// one more every 30 MHz.
-    pub fn check_latency(&mut self, hclk: u32) {
-        let needed = hclk.saturating_sub(1) / 30_000_000;
+    fn check_latency(&mut self) {
+        let needed = self.hclk.saturating_sub(1) / 30_000_000;
         self.notes.note_if(
             self.acr & 7 < needed,
             "ACR.LATENCY is below table 10 for this HCLK",
         );
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+    /// KEYR: both keys in order open CR, anything else shuts it until the next reset (section 3.6.1).
+    fn unlock(&mut self, key: u32) {
+        let wanted = KEYS[usize::from(self.first_key_seen)];
+        if self.cr & LOCK == 0 || self.shut || key != wanted {
+            self.shut = true;
+            self.cr |= LOCK;
+            self.notes.note_if(
+                true,
+                "KEYR: a wrong key, or one too many, locks CR until the next reset",
+            );
+        } else if self.first_key_seen {
+            self.cr &= !LOCK;
+        }
+        self.first_key_seen = !self.first_key_seen;
+    }
+}
+
+/// Spreads numbers evenly (the finaliser of SplitMix, 32 bits).
+fn hash(number: u32) -> u32 {
+    let mut x = number.wrapping_mul(0x9e37_79b9);
+    x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
+    x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
+    x ^ (x >> 16)
+}
+
+impl Peripheral for Flash {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => self.acr,
             // Keys cannot be read back.
@@ -371,9 +384,7 @@ impl Flash {
         })
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 => self.acr = value & 0x1f07,
             0x04 => self.unlock(value),
@@ -403,32 +414,43 @@ impl Flash {
             }
             _ => return Err(NoRegister),
         }
+        self.check_latency();
         Ok(())
     }
 
-    /// KEYR: both keys in order open CR, anything else shuts it until the next reset (section 3.6.1).
-    fn unlock(&mut self, key: u32) {
-        let wanted = KEYS[usize::from(self.first_key_seen)];
-        if self.cr & LOCK == 0 || self.shut || key != wanted {
-            self.shut = true;
-            self.cr |= LOCK;
-            self.notes.note_if(
-                true,
-                "KEYR: a wrong key, or one too many, locks CR until the next reset",
-            );
-        } else if self.first_key_seen {
-            self.cr &= !LOCK;
+    /// A reset. An operation is left half done (section 3.6: what it wrote is not guaranteed); contents and notes stay.
+    fn reset(&mut self, now: u64) {
+        if let Some(running) = self.running.take() {
+            let (passed, whole) = (now - running.began_ns, running.ends_ns - running.began_ns);
+            let share = (256 * passed.min(whole) / whole) as u32;
+            self.change(running.work, |bit| hash(bit) & 0xff < share);
         }
-        self.first_key_seen = !self.first_key_seen;
+        *self = Self {
+            hclk: self.hclk,
+            contents: std::mem::take(&mut self.contents),
+            cuts: std::mem::take(&mut self.cuts),
+            operations: std::mem::take(&mut self.operations),
+            notes: std::mem::take(&mut self.notes),
+            ..Self::default()
+        };
     }
-}
 
-/// Spreads numbers evenly (the finaliser of SplitMix, 32 bits).
-fn hash(number: u32) -> u32 {
-    let mut x = number.wrapping_mul(0x9e37_79b9);
-    x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
-    x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
-    x ^ (x >> 16)
+    fn interrupt(&self, _output: usize) -> bool {
+        (self.sr & EOP != 0 && self.cr & EOPIE != 0) || (self.sr & OPERR != 0 && self.cr & ERRIE != 0)
+    }
+
+    fn next_interrupt(&self) -> Option<u64> {
+        self.next_event().map(|(at, _)| at)
+    }
+
+    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+        self.hclk = clocks.hclk;
+        self.check_latency();
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
 }
 
 #[cfg(test)]
@@ -461,35 +483,38 @@ mod tests {
         if flash.busy() {
             flash.finish();
         }
-        flash.read(SR).unwrap()
+        flash.read(SR, 0).unwrap()
     }
 
     #[test]
     fn wait_states_read_back_and_too_few_are_noted() {
         let mut flash = Flash::default();
+        let fast = Clocks {
+            hclk: 168_000_000,
+            ..Clocks::HSI
+        };
         flash.write(0x00, 5, 0).unwrap();
-        flash.check_latency(168_000_000);
-        assert_eq!((flash.read(0x00), flash.notes.iter().count()), (Ok(5), 0));
+        flash.set_clocks(&fast, 0);
+        assert_eq!((flash.read(0x00, 0), flash.notes.iter().count()), (Ok(5), 0));
         flash.write(0x00, 4, 0).unwrap();
-        flash.check_latency(168_000_000);
         assert_eq!(flash.notes.iter().count(), 1);
     }
 
     #[test]
     fn the_control_register_opens_with_both_keys_in_order_and_shuts_for_good_with_others() {
         let mut flash = unlocked();
-        assert_eq!(flash.read(CR), Ok(0));
+        assert_eq!(flash.read(CR, 0), Ok(0));
         flash.write(CR, LOCK, 0).unwrap();
-        assert_eq!(flash.read(CR), Ok(LOCK));
+        assert_eq!(flash.read(CR, 0), Ok(LOCK));
         for key in [KEYS[1], KEYS[0], KEYS[0], KEYS[1]] {
             flash.write(KEYR, key, 0).unwrap();
         }
-        assert_eq!(flash.read(CR), Ok(LOCK), "the first was wrong");
+        assert_eq!(flash.read(CR, 0), Ok(LOCK), "the first was wrong");
         flash.reset(0);
         for key in KEYS {
             flash.write(KEYR, key, 0).unwrap();
         }
-        assert_eq!(flash.read(CR), Ok(0), "a reset forgives");
+        assert_eq!(flash.read(CR, 0), Ok(0), "a reset forgives");
     }
 
     #[test]
@@ -497,11 +522,11 @@ mod tests {
         let mut flash = unlocked();
         flash.write(CR, PG | BY_WORDS, 0).unwrap();
         flash.store(A + 8, 4, 0x1234_5678, 1_000);
-        assert_eq!(flash.read(SR), Ok(BSY));
+        assert_eq!(flash.read(SR, 0), Ok(BSY));
         assert_eq!(flash.next_event(), Some((17_000, Event::Finished)));
         assert_eq!(word(&flash, A + 8), u32::MAX, "not before its end");
         assert_eq!(flash.finish(), A + 8..A + 12);
-        assert_eq!((flash.read(SR), word(&flash, A + 8)), (Ok(0), 0x1234_5678));
+        assert_eq!((flash.read(SR, 0), word(&flash, A + 8)), (Ok(0), 0x1234_5678));
         program(&mut flash, A + 8, 0xffff_0000, 20_000);
         assert_eq!(word(&flash, A + 8), 0x1234_0000);
         assert_eq!(word(&flash, A + 12), u32::MAX);
@@ -516,9 +541,9 @@ mod tests {
         for (psize, ns) in [(0, 2_000_000_000), (1, 1_300_000_000), (2, 1_000_000_000)] {
             flash.write(CR, SER | 11 << 3 | psize << 8 | STRT, 5).unwrap();
             assert_eq!(flash.next_event(), Some((5 + ns, Event::Finished)));
-            assert_eq!(flash.read(CR).unwrap() & STRT, STRT);
+            assert_eq!(flash.read(CR, 0).unwrap() & STRT, STRT);
             assert_eq!(flash.finish(), 0x080e_0000..0x0810_0000);
-            assert_eq!(flash.read(CR).unwrap() & STRT, 0);
+            assert_eq!(flash.read(CR, 0).unwrap() & STRT, 0);
         }
         let words = [0x080d_fffc, 0x080e_0000, 0x080f_fffc].map(|a| word(&flash, a));
         assert_eq!(words, [0, u32::MAX, u32::MAX], "sector 10 stays");
@@ -539,9 +564,9 @@ mod tests {
         let mut store = |cr: u32, address: u32, bytes: u32| {
             flash.write(CR, cr, 0).unwrap();
             flash.store(address, bytes, 0, 0);
-            let flags = flash.read(SR).unwrap();
+            let flags = flash.read(SR, 0).unwrap();
             flash.write(SR, flags, 0).unwrap();
-            assert_eq!(flash.read(SR), Ok(0), "rc_w1");
+            assert_eq!(flash.read(SR, 0), Ok(0), "rc_w1");
             flags
         };
         assert_eq!(store(BY_WORDS, A, 4), PGSERR, "PG is not set");
@@ -561,7 +586,7 @@ mod tests {
             let mut flash = unlocked();
             flash.write(CR, cr | STRT, 0).unwrap();
             assert!(!flash.busy());
-            assert_eq!((flash.read(CR), flash.notes.iter().count()), (Ok(cr), 1));
+            assert_eq!((flash.read(CR, 0), flash.notes.iter().count()), (Ok(cr), 1));
         }
     }
 
@@ -571,11 +596,11 @@ mod tests {
         assert_eq!(program(&mut flash, A, 0, 0), 0);
         flash.write(CR, PG | BY_WORDS | EOPIE, 0).unwrap();
         flash.store(A + 4, 4, 0, 0);
-        assert!(!flash.interrupt());
+        assert!(!flash.interrupt(0));
         flash.finish();
-        assert!(flash.interrupt());
+        assert!(flash.interrupt(0));
         flash.write(SR, EOP, 0).unwrap();
-        assert!(!flash.interrupt());
+        assert!(!flash.interrupt(0));
     }
 
     #[test]
@@ -628,6 +653,6 @@ mod tests {
         let mut flash = unlocked();
         program(&mut flash, A, 0x600d_f1a5, 0);
         flash.reset(1_000_000);
-        assert_eq!((word(&flash, A), flash.read(CR)), (0x600d_f1a5, Ok(LOCK)));
+        assert_eq!((word(&flash, A), flash.read(CR, 0)), (0x600d_f1a5, Ok(LOCK)));
     }
 }

@@ -2,6 +2,56 @@
 
 use std::collections::BTreeSet;
 
+use super::clock::Clocks;
+
+/// A peripheral: registers, interrupt lines, and a clock.
+///
+/// Offsets are those of words, from the first address of the peripheral. Times are virtual, in ns since power-up, and
+/// never go back.
+pub trait Peripheral {
+    /// Reads a register, as the processor or the DMA does.
+    ///
+    /// # Errors
+    /// The model has no such register.
+    fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister>;
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// The model has no such register.
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister>;
+
+    /// Resets the registers. What lies outside of the peripheral goes on: levels on pins, bytes on a line, the supply.
+    /// Counts and notes stay too.
+    fn reset(&mut self, now: u64);
+
+    /// The clock tree has changed.
+    fn set_clocks(&mut self, _clocks: &Clocks, _now: u64) {}
+
+    /// The level of an interrupt line. `output` is its number in this peripheral, in the order of the table of
+    /// peripherals.
+    fn interrupt(&self, _output: usize) -> bool {
+        false
+    }
+
+    /// When a line will rise by itself, or the machine will be reset: not later than that. What other peripherals do
+    /// does not count.
+    fn next_interrupt(&self) -> Option<u64> {
+        None
+    }
+
+    /// Whether a register takes data: a write of a part of it does not keep the rest, which only a read would tell.
+    fn is_data(&self, _offset: u32) -> bool {
+        false
+    }
+
+    /// What the firmware asked for that the model does not do.
+    fn notes(&self) -> &Notes {
+        static NONE: Notes = Notes(BTreeSet::new());
+        &NONE
+    }
+}
+
 /// There is no such register in the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NoRegister;

@@ -3,13 +3,10 @@
 //! Oscillators and PLLs are ready as soon as they are on. The clock tree is worked out from what the firmware
 //! programs, so that a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
 
-use super::peripheral::{NoRegister, Notes};
+use super::clock::{Clocks, HSI_HZ};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
-
-/// Frequency of the internal oscillator (section 7.2.2), in Hz.
-pub const HSI_HZ: u32 = 16_000_000;
-/// Frequency of the internal low-speed oscillator, typical (section 7.2.5), in Hz.
-pub const LSI_HZ: u32 = 32_000;
+use crate::outcome::ResetCause;
 
 /// Reset flags in CSR (section 7.3.21).
 const RMVF: u32 = 1 << 24;
@@ -29,32 +26,6 @@ const PLLON: u32 = 1 << 24;
 const PLLI2SON: u32 = 1 << 26;
 /// Each ready flag of CR stands one bit above its enable.
 const ON_BITS: u32 = HSION | HSEON | PLLON | PLLI2SON;
-
-/// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Clocks {
-    /// System clock.
-    pub sysclk: u32,
-    /// AHB and processor.
-    pub hclk: u32,
-    /// APB1.
-    pub pclk1: u32,
-    /// APB2.
-    pub pclk2: u32,
-    /// Timers on APB1: TIM2-7, 12-14.
-    pub timers1: u32,
-}
-
-/// What caused the reset that the firmware comes out of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cause {
-    /// The supply came up.
-    PowerOn,
-    /// SYSRESETREQ.
-    Software,
-    /// The independent watchdog.
-    Watchdog,
-}
 
 /// A group of enable and reset registers: which bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,8 +56,7 @@ pub struct Rcc {
     plli2scfgr: u32,
     /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
     pub backup_domain_open: bool,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Rcc {
@@ -110,27 +80,15 @@ impl Rcc {
         }
     }
 
-    /// A system reset: all but the backup domain and the reset flags starts anew (section 7.1.1). The device pulls its
-    /// own reset pin low, so the pin's flag is set as well.
-    pub fn reset(&mut self, cause: Cause) {
-        let flag = match cause {
-            // Everything, the backup domain too: VBAT is taken to hang on the same supply.
-            Cause::PowerOn => {
-                *self = Self {
-                    notes: std::mem::take(&mut self.notes),
-                    ..Self::new(self.hse_hz)
-                };
-                return;
-            }
-            Cause::Software => SFTRSTF | PINRSTF,
-            Cause::Watchdog => IWDGRSTF | PINRSTF,
-        };
-        *self = Self {
-            bdcr: self.bdcr,
-            csr: (self.csr & RESET_FLAGS) | flag,
-            notes: std::mem::take(&mut self.notes),
-            ..Self::new(self.hse_hz)
-        };
+    /// Sets the flags by which firmware finds out why it was reset. The device pulls its own reset pin low, so the flag
+    /// of the pin is set as well.
+    pub fn set_reset_cause(&mut self, cause: ResetCause) {
+        match cause {
+            // The backup domain starts anew too: VBAT is taken to hang on the same supply.
+            ResetCause::PowerCut => (self.bdcr, self.csr) = (0, POWER_ON_FLAGS),
+            ResetCause::Software => self.csr |= SFTRSTF | PINRSTF,
+            ResetCause::Watchdog => self.csr |= IWDGRSTF | PINRSTF,
+        }
     }
 
     /// The clock tree as programmed.
@@ -180,71 +138,6 @@ impl Rcc {
     /// Whether the firmware holds a peripheral in reset.
     pub fn held_in_reset(&self, bus: Bus, n: u32) -> bool {
         bit(self.reset[group(bus)], n)
-    }
-
-    /// # Errors
-    /// [`NoRegister`], for the interrupt register among others.
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
-        Ok(match offset {
-            0x00 => self.cr | ((self.cr & ON_BITS) << 1),
-            0x04 => self.pllcfgr,
-            0x08 => (self.cfgr & !0xc) | (self.system_source << 2),
-            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)],
-            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)],
-            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)],
-            0x70 => self.bdcr | ((self.bdcr & 1) << 1),
-            0x74 => self.csr | ((self.csr & 1) << 1),
-            0x80 => self.sscgr,
-            0x84 => self.plli2scfgr,
-            // DCKCFGR of the F42x, reserved here; embassy-stm32 writes it on every F4.
-            0x8c => 0,
-            _ => return Err(NoRegister),
-        })
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
-        match offset {
-            0x00 => self.write_cr(value),
-            // Writable with the PLL off only.
-            0x04 if self.cr & PLLON == 0 => self.pllcfgr = value,
-            0x04 => self
-                .notes
-                .note_if(true, "PLLCFGR written while the PLL is on: ignored"),
-            0x08 => {
-                self.cfgr = value & !0xc;
-                self.switch();
-            }
-            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)] = value,
-            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)] = value,
-            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)] = value,
-            0x70 if !self.backup_domain_open => {
-                self.notes
-                    .note_if(true, "BDCR written with PWR_CR.DBP clear: ignored");
-            }
-            // BDRST resets all of the backup domain but itself.
-            0x70 => {
-                self.bdcr = if bit(value, 16) {
-                    1 << 16
-                } else {
-                    value & 0x0000_8305
-                }
-            }
-            0x74 => {
-                let flags = if value & RMVF != 0 {
-                    0
-                } else {
-                    self.csr & RESET_FLAGS
-                };
-                self.csr = flags | (value & 1);
-            }
-            0x80 => self.sscgr = value,
-            0x84 => self.plli2scfgr = value,
-            0x8c => {}
-            _ => return Err(NoRegister),
-        }
-        Ok(())
     }
 
     fn write_cr(&mut self, value: u32) {
@@ -304,6 +197,83 @@ fn group(bus: Bus) -> usize {
     }
 }
 
+impl Peripheral for Rcc {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.cr | ((self.cr & ON_BITS) << 1),
+            0x04 => self.pllcfgr,
+            0x08 => (self.cfgr & !0xc) | (self.system_source << 2),
+            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)],
+            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)],
+            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)],
+            0x70 => self.bdcr | ((self.bdcr & 1) << 1),
+            0x74 => self.csr | ((self.csr & 1) << 1),
+            0x80 => self.sscgr,
+            0x84 => self.plli2scfgr,
+            // DCKCFGR of the F42x, reserved here; embassy-stm32 writes it on every F4.
+            0x8c => 0,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
+        match offset {
+            0x00 => self.write_cr(value),
+            // Writable with the PLL off only.
+            0x04 if self.cr & PLLON == 0 => self.pllcfgr = value,
+            0x04 => self
+                .notes
+                .note_if(true, "PLLCFGR written while the PLL is on: ignored"),
+            0x08 => {
+                self.cfgr = value & !0xc;
+                self.switch();
+            }
+            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)] = value,
+            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)] = value,
+            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)] = value,
+            0x70 if !self.backup_domain_open => {
+                self.notes
+                    .note_if(true, "BDCR written with PWR_CR.DBP clear: ignored");
+            }
+            // BDRST resets all of the backup domain but itself.
+            0x70 => {
+                self.bdcr = if bit(value, 16) {
+                    1 << 16
+                } else {
+                    value & 0x0000_8305
+                }
+            }
+            0x74 => {
+                let flags = if value & RMVF != 0 {
+                    0
+                } else {
+                    self.csr & RESET_FLAGS
+                };
+                self.csr = flags | (value & 1);
+            }
+            0x80 => self.sscgr = value,
+            0x84 => self.plli2scfgr = value,
+            0x8c => {}
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    /// A system reset: all but the backup domain and the reset flags starts anew (section 7.1.1).
+    fn reset(&mut self, _now: u64) {
+        *self = Self {
+            bdcr: self.bdcr,
+            csr: self.csr & RESET_FLAGS,
+            notes: std::mem::take(&mut self.notes),
+            ..Self::new(self.hse_hz)
+        };
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -311,11 +281,16 @@ mod tests {
     /// HSE 8 MHz, PLL /4 *168 /2, APB1 /4, APB2 /2: what the data sheet's maxima ask for.
     fn at_168_mhz() -> Rcc {
         let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x00, 0x83 | HSEON).unwrap();
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
-        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13).unwrap();
+        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24, 0).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
+        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13, 0).unwrap();
         rcc
+    }
+
+    fn reset(rcc: &mut Rcc, cause: ResetCause) {
+        rcc.reset(0);
+        rcc.set_reset_cause(cause);
     }
 
     #[test]
@@ -353,7 +328,7 @@ mod tests {
     fn the_ahb_prescaler_skips_32() {
         let mut rcc = Rcc::new(8_000_000);
         let divided = |rcc: &mut Rcc, hpre: u32| {
-            rcc.write(0x08, hpre << 4).unwrap();
+            rcc.write(0x08, hpre << 4, 0).unwrap();
             HSI_HZ / rcc.clocks().hclk
         };
         assert_eq!(
@@ -366,56 +341,60 @@ mod tests {
     #[test]
     fn every_oscillator_is_ready_when_on_and_not_when_off() {
         let mut rcc = Rcc::new(8_000_000);
-        assert_eq!(rcc.read(0x00).unwrap() & (ON_BITS << 1), HSION << 1);
-        rcc.write(0x00, 0x83 | HSEON | PLLON | PLLI2SON).unwrap();
-        assert_eq!(rcc.read(0x00).unwrap() & (ON_BITS << 1), ON_BITS << 1);
+        assert_eq!(rcc.read(0x00, 0).unwrap() & (ON_BITS << 1), HSION << 1);
+        rcc.write(0x00, 0x83 | HSEON | PLLON | PLLI2SON, 0).unwrap();
+        assert_eq!(rcc.read(0x00, 0).unwrap() & (ON_BITS << 1), ON_BITS << 1);
     }
 
     #[test]
     fn the_system_clock_does_not_switch_to_a_source_that_is_off() {
         let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x08, 1).unwrap();
-        assert_eq!(rcc.read(0x08).unwrap() & 0xf, 1, "SW asks for HSE, SWS says HSI");
-        rcc.write(0x00, 0x83 | HSEON).unwrap();
-        assert_eq!(rcc.read(0x08).unwrap() & 0xf, 0b0101);
+        rcc.write(0x08, 1, 0).unwrap();
+        assert_eq!(
+            rcc.read(0x08, 0).unwrap() & 0xf,
+            1,
+            "SW asks for HSE, SWS says HSI"
+        );
+        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
+        assert_eq!(rcc.read(0x08, 0).unwrap() & 0xf, 0b0101);
     }
 
     #[test]
     fn the_clock_in_use_cannot_be_stopped() {
         let mut rcc = at_168_mhz();
-        rcc.write(0x00, 0).unwrap();
-        assert_eq!(rcc.read(0x00).unwrap() & ON_BITS, HSEON | PLLON);
+        rcc.write(0x00, 0, 0).unwrap();
+        assert_eq!(rcc.read(0x00, 0).unwrap() & ON_BITS, HSEON | PLLON);
     }
 
     #[test]
     fn reset_flags_add_up_until_rmvf_clears_them() {
         let mut rcc = Rcc::new(8_000_000);
-        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS);
-        rcc.reset(Cause::Software);
-        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS | SFTRSTF);
-        rcc.write(0x74, RMVF).unwrap();
-        assert_eq!(rcc.read(0x74).unwrap(), 0);
-        rcc.reset(Cause::Watchdog);
-        assert_eq!(rcc.read(0x74).unwrap(), IWDGRSTF | PINRSTF);
-        rcc.reset(Cause::PowerOn);
-        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS, "and none of before");
+        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS);
+        reset(&mut rcc, ResetCause::Software);
+        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS | SFTRSTF);
+        rcc.write(0x74, RMVF, 0).unwrap();
+        assert_eq!(rcc.read(0x74, 0).unwrap(), 0);
+        reset(&mut rcc, ResetCause::Watchdog);
+        assert_eq!(rcc.read(0x74, 0).unwrap(), IWDGRSTF | PINRSTF);
+        reset(&mut rcc, ResetCause::PowerCut);
+        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS, "and none of before");
     }
 
     #[test]
     fn a_pll_input_outside_1_to_2_mhz_is_noted() {
         let mut rcc = Rcc::new(25_000_000);
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22, 0).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
         assert_eq!(rcc.notes.iter().count(), 1);
     }
 
     #[test]
     fn a_crystal_that_is_off_by_some_ppm_is_within_every_limit_and_seen_in_every_clock() {
         let mut rcc = Rcc::new(8_000_400);
-        rcc.write(0x00, 0x83 | HSEON).unwrap();
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
-        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13).unwrap();
+        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24, 0).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
+        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13, 0).unwrap();
         assert_eq!(rcc.clocks().timers1, 84_004_200, "50 ppm");
         assert_eq!(rcc.notes.iter().count(), 0);
     }
@@ -423,11 +402,11 @@ mod tests {
     #[test]
     fn the_backup_domain_keeps_its_setting_over_a_reset_and_needs_dbp() {
         let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x70, 1).unwrap();
-        assert_eq!(rcc.read(0x70), Ok(0));
+        rcc.write(0x70, 1, 0).unwrap();
+        assert_eq!(rcc.read(0x70, 0), Ok(0));
         rcc.backup_domain_open = true;
-        rcc.write(0x70, 1).unwrap();
-        rcc.reset(Cause::Software);
-        assert_eq!(rcc.read(0x70), Ok(0b11), "LSEON and LSERDY");
+        rcc.write(0x70, 1, 0).unwrap();
+        reset(&mut rcc, ResetCause::Software);
+        assert_eq!(rcc.read(0x70, 0), Ok(0b11), "LSEON and LSERDY");
     }
 }

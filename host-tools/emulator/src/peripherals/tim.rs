@@ -12,8 +12,8 @@
 //! An edge at an input latches the counter at its very time. Silicon takes a clock or two to synchronise it, and the
 //! trigger of another timer too (sections 18.3.5, 18.3.15): the same every time, and not modelled.
 
-use super::clock;
-use super::peripheral::{NoRegister, Notes};
+use super::clock::{self, Clocks};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 
 const CEN: u32 = 1 << 0;
@@ -52,8 +52,7 @@ pub struct Tim {
     seen: u64,
     /// An update by UG or an enable that the trigger output passes on at once.
     trigger_now: bool,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 /// A register with a buffer behind it: `written` is loaded into `active` at an update event.
@@ -98,25 +97,6 @@ impl Tim {
             seen: 0,
             trigger_now: false,
             notes: Notes::default(),
-        }
-    }
-
-    /// A reset by RCC; the clock stays.
-    pub fn reset(&mut self) {
-        let notes = std::mem::take(&mut self.notes);
-        *self = Self {
-            notes,
-            ..Self::new(32 - self.max.leading_zeros(), self.hz)
-        };
-    }
-
-    /// The timer's clock changed. The part of a tick that had passed is lost.
-    pub fn set_clock(&mut self, hz: u32, now: u64) {
-        if hz != self.hz {
-            self.advance(now);
-            let count = self.count(now);
-            self.hz = hz;
-            self.start_afresh(now, count);
         }
     }
 
@@ -184,13 +164,13 @@ impl Tim {
     pub fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
         let raises = |channel: &usize| bit(self.dier, 1 + *channel as u32);
         let mut captured = (0..CHANNELS).filter(|channel| self.captures(*channel, input, rising));
-        !self.interrupt() && captured.any(|channel| raises(&channel))
+        !self.interrupt(0) && captured.any(|channel| raises(&channel))
     }
 
     /// Whether some edge would.
     pub fn captures_interrupt(&self) -> bool {
         let waits = |channel: usize| self.is_input(channel) && bit(self.dier, 1 + channel as u32);
-        !self.interrupt() && (0..CHANNELS).any(waits)
+        !self.interrupt(0) && (0..CHANNELS).any(waits)
     }
 
     fn captures(&self, channel: usize, input: usize, rising: bool) -> bool {
@@ -219,31 +199,6 @@ impl Tim {
         self.selection(channel) != 0
     }
 
-    /// Level of the interrupt line.
-    pub fn interrupt(&self) -> bool {
-        self.sr & self.dier & FLAGS != 0
-    }
-
-    /// When the interrupt line will rise by itself.
-    pub fn next_interrupt(&self) -> Option<u64> {
-        let wanted = self.dier & FLAGS & !self.sr;
-        if !self.counting() || self.interrupt() || wanted == 0 {
-            return None;
-        }
-        let update = (wanted & UPDATE != 0 && self.cr1 & UDIS == 0).then(|| self.update_after(self.seen));
-        let compares = (0..CHANNELS)
-            .filter(|c| bit(wanted, 1 + *c as u32) && !self.is_input(*c))
-            .map(|c| self.compare_after(self.ccr[c].active, self.seen));
-        // A load at the next update may move everything behind it: look again there.
-        let reload = self.has_pending_load().then(|| self.update_after(self.seen));
-        update
-            .into_iter()
-            .chain(compares)
-            .chain(reload)
-            .min()
-            .map(|tick| self.time_of(tick))
-    }
-
     /// When the trigger output TRGO will pulse by itself for the `n`-th time from here (0 is the next), as CR2.MMS
     /// selects (section 18.4.2). Where an update in between loads a new period, only the first is known.
     pub fn trigger(&self, n: u64) -> Option<u64> {
@@ -264,104 +219,6 @@ impl Tim {
     /// Whether a register write just now made TRGO pulse; asking takes it.
     pub fn take_trigger_now(&mut self) -> bool {
         std::mem::take(&mut self.trigger_now)
-    }
-
-    /// # Errors
-    /// [`NoRegister`], for the DMA burst registers among others.
-    pub fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
-        self.advance(now);
-        Ok(match offset {
-            0x00 => self.cr1,
-            0x04 => self.cr2,
-            0x08 => self.smcr,
-            0x0c => self.dier,
-            0x10 => self.sr,
-            0x14 => 0,
-            0x18 | 0x1c => self.ccmr[(offset as usize - 0x18) / 4],
-            0x20 => self.ccer,
-            0x24 => self.count(now),
-            0x28 => self.psc.written,
-            0x2c => self.arr.written,
-            0x34..=0x40 if offset.is_multiple_of(4) => {
-                let channel = (offset as usize - 0x34) / 4;
-                // Reading what was captured clears its flag (section 18.4.5).
-                if self.is_input(channel) {
-                    self.sr &= !(2 << channel);
-                }
-                self.ccr[channel].written
-            }
-            _ => return Err(NoRegister),
-        })
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
-        self.advance(now);
-        match offset {
-            0x00 => self.write_cr1(value, now),
-            0x04 => {
-                self.cr2 = value & 0xf8;
-                self.notes
-                    .note_if(bit(value, 6), "CR2.MMS: OCxREF as trigger output is not modelled");
-            }
-            0x08 => {
-                self.smcr = value & 0xfff7;
-                let started = matches!((field(value, 0, 3), field(value, 4, 3)), (0b110, 0b000..=0b011));
-                self.notes.note_if(
-                    value & 0x4000 != 0 || (value & 7 != 0 && !started),
-                    "SMCR: of the slave modes only the start by another timer is modelled, of the external clocks none",
-                );
-            }
-            0x0c => {
-                self.dier = value & 0x5f5f;
-                self.notes
-                    .note_if(value & 0x5f00 != 0, "DIER: timer DMA requests are not modelled");
-            }
-            // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
-            0x10 => self.sr &= value,
-            0x14 => self.generate(value, now),
-            0x18 | 0x1c => {
-                self.ccmr[(offset as usize - 0x18) / 4] = value & 0xffff;
-                for half in [value, value >> 8] {
-                    self.notes.note_if(
-                        half & 3 != 0 && half & 0xfc != 0,
-                        "CCMR: input filters and prescalers are not modelled",
-                    );
-                    self.notes.note_if(
-                        half & 3 == 3,
-                        "CCMR: capture on the trigger input is not modelled",
-                    );
-                }
-                self.load_unbuffered();
-            }
-            0x20 => {
-                self.ccer = value & 0xbbbb;
-                let outputs = (0..CHANNELS).filter(|channel| !self.is_input(*channel));
-                let on = outputs.fold(0, |on, channel| on | value & (1 << (4 * channel)));
-                self.notes.note_if(on != 0, "CCER: compare outputs move no pin");
-            }
-            0x24 => self.start_afresh(now, value & self.max),
-            0x28 => self.psc.written = value & 0xffff,
-            0x2c => {
-                let count = self.count(now);
-                self.arr.written = value & self.max;
-                if self.cr1 & ARPE == 0 {
-                    self.arr.load();
-                    self.start_afresh_within_tick(now, count);
-                }
-            }
-            0x34..=0x40 if offset.is_multiple_of(4) => {
-                let channel = (offset as usize - 0x34) / 4;
-                // What was captured cannot be written (section 18.4.13).
-                if !self.is_input(channel) {
-                    self.ccr[channel].written = value & self.max;
-                    self.load_unbuffered();
-                }
-            }
-            _ => return Err(NoRegister),
-        }
-        Ok(())
     }
 
     fn write_cr1(&mut self, value: u32, now: u64) {
@@ -522,6 +379,148 @@ impl Tim {
     }
 }
 
+impl Peripheral for Tim {
+    fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
+        self.advance(now);
+        Ok(match offset {
+            0x00 => self.cr1,
+            0x04 => self.cr2,
+            0x08 => self.smcr,
+            0x0c => self.dier,
+            0x10 => self.sr,
+            0x14 => 0,
+            0x18 | 0x1c => self.ccmr[(offset as usize - 0x18) / 4],
+            0x20 => self.ccer,
+            0x24 => self.count(now),
+            0x28 => self.psc.written,
+            0x2c => self.arr.written,
+            0x34..=0x40 if offset.is_multiple_of(4) => {
+                let channel = (offset as usize - 0x34) / 4;
+                // Reading what was captured clears its flag (section 18.4.5).
+                if self.is_input(channel) {
+                    self.sr &= !(2 << channel);
+                }
+                self.ccr[channel].written
+            }
+            _ => return Err(NoRegister),
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        self.advance(now);
+        match offset {
+            0x00 => self.write_cr1(value, now),
+            0x04 => {
+                self.cr2 = value & 0xf8;
+                self.notes
+                    .note_if(bit(value, 6), "CR2.MMS: OCxREF as trigger output is not modelled");
+            }
+            0x08 => {
+                self.smcr = value & 0xfff7;
+                let started = matches!((field(value, 0, 3), field(value, 4, 3)), (0b110, 0b000..=0b011));
+                self.notes.note_if(
+                    value & 0x4000 != 0 || (value & 7 != 0 && !started),
+                    "SMCR: of the slave modes only the start by another timer is modelled, of the external clocks none",
+                );
+            }
+            0x0c => {
+                self.dier = value & 0x5f5f;
+                self.notes
+                    .note_if(value & 0x5f00 != 0, "DIER: timer DMA requests are not modelled");
+            }
+            // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
+            0x10 => self.sr &= value,
+            0x14 => self.generate(value, now),
+            0x18 | 0x1c => {
+                self.ccmr[(offset as usize - 0x18) / 4] = value & 0xffff;
+                for half in [value, value >> 8] {
+                    self.notes.note_if(
+                        half & 3 != 0 && half & 0xfc != 0,
+                        "CCMR: input filters and prescalers are not modelled",
+                    );
+                    self.notes.note_if(
+                        half & 3 == 3,
+                        "CCMR: capture on the trigger input is not modelled",
+                    );
+                }
+                self.load_unbuffered();
+            }
+            0x20 => {
+                self.ccer = value & 0xbbbb;
+                let outputs = (0..CHANNELS).filter(|channel| !self.is_input(*channel));
+                let on = outputs.fold(0, |on, channel| on | value & (1 << (4 * channel)));
+                self.notes.note_if(on != 0, "CCER: compare outputs move no pin");
+            }
+            0x24 => self.start_afresh(now, value & self.max),
+            0x28 => self.psc.written = value & 0xffff,
+            0x2c => {
+                let count = self.count(now);
+                self.arr.written = value & self.max;
+                if self.cr1 & ARPE == 0 {
+                    self.arr.load();
+                    self.start_afresh_within_tick(now, count);
+                }
+            }
+            0x34..=0x40 if offset.is_multiple_of(4) => {
+                let channel = (offset as usize - 0x34) / 4;
+                // What was captured cannot be written (section 18.4.13).
+                if !self.is_input(channel) {
+                    self.ccr[channel].written = value & self.max;
+                    self.load_unbuffered();
+                }
+            }
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    /// A reset by RCC; the clock stays.
+    fn reset(&mut self, _now: u64) {
+        let notes = std::mem::take(&mut self.notes);
+        *self = Self {
+            notes,
+            ..Self::new(32 - self.max.leading_zeros(), self.hz)
+        };
+    }
+
+    fn interrupt(&self, _output: usize) -> bool {
+        self.sr & self.dier & FLAGS != 0
+    }
+
+    fn next_interrupt(&self) -> Option<u64> {
+        let wanted = self.dier & FLAGS & !self.sr;
+        if !self.counting() || self.interrupt(0) || wanted == 0 {
+            return None;
+        }
+        let update = (wanted & UPDATE != 0 && self.cr1 & UDIS == 0).then(|| self.update_after(self.seen));
+        let compares = (0..CHANNELS)
+            .filter(|c| bit(wanted, 1 + *c as u32) && !self.is_input(*c))
+            .map(|c| self.compare_after(self.ccr[c].active, self.seen));
+        // A load at the next update may move everything behind it: look again there.
+        let reload = self.has_pending_load().then(|| self.update_after(self.seen));
+        update
+            .into_iter()
+            .chain(compares)
+            .chain(reload)
+            .min()
+            .map(|tick| self.time_of(tick))
+    }
+
+    /// The part of a tick that had passed is lost.
+    fn set_clocks(&mut self, clocks: &Clocks, now: u64) {
+        if clocks.timers1 != self.hz {
+            self.advance(now);
+            let count = self.count(now);
+            self.hz = clocks.timers1;
+            self.start_afresh(now, count);
+        }
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -575,7 +574,7 @@ mod tests {
         tim.write(DIER, 1, 3_000).unwrap();
         assert_eq!(tim.next_interrupt(), Some(10_000));
         tim.advance(10_000);
-        assert!(tim.interrupt());
+        assert!(tim.interrupt(0));
         assert_eq!(tim.next_interrupt(), None, "the line is up already");
     }
 
@@ -696,7 +695,11 @@ mod tests {
     fn a_slower_clock_keeps_the_count_and_stretches_what_is_left() {
         let mut tim = at_100_khz();
         tim.write(DIER, 1, 0).unwrap();
-        tim.set_clock(42_000_000, 5_000);
+        let slower = Clocks {
+            timers1: 42_000_000,
+            ..Clocks::HSI
+        };
+        tim.set_clocks(&slower, 5_000);
         assert_eq!(tim.read(CNT, 5_000), Ok(420));
         assert_eq!(tim.next_interrupt(), Some(15_000));
     }
@@ -799,7 +802,7 @@ mod tests {
             (true, false)
         );
         tim.edge(0, true, 1_000);
-        assert!(tim.interrupt());
+        assert!(tim.interrupt(0));
         assert!(!tim.edge_interrupts(0, true), "the line is up already");
     }
 

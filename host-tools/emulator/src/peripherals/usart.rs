@@ -8,8 +8,8 @@
 
 use std::collections::VecDeque;
 
-use super::clock;
-use super::peripheral::{NoRegister, Notes};
+use super::clock::{self, Clocks};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 
 const ORE: u32 = 1 << 3;
@@ -67,8 +67,7 @@ pub struct Usart {
     idle_at: Option<u64>,
     /// SR was read while one of these stood: reading or writing DR clears them.
     armed: u32,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Usart {
@@ -90,23 +89,6 @@ impl Usart {
             armed: 0,
             notes: Notes::default(),
         }
-    }
-
-    /// A reset by RCC: the frame being sent is cut; what the other side still sends goes on.
-    pub fn reset(&mut self) {
-        let (notes, input) = (std::mem::take(&mut self.notes), std::mem::take(&mut self.input));
-        *self = Self {
-            notes,
-            input,
-            input_seen_ns: self.input_seen_ns,
-            stalled_until_ns: self.stalled_until_ns,
-            ..Self::new(self.pclk)
-        };
-    }
-
-    /// The bus clock changed.
-    pub fn set_clock(&mut self, pclk: u32) {
-        self.pclk = pclk;
     }
 
     /// The other side sends these bytes from `at_ns` on, after what it was given before.
@@ -254,36 +236,10 @@ impl Usart {
         self.waiting = Some(value & 0x1ff);
         self.load_shift_register(now);
     }
+}
 
-    /// Level of the interrupt line (section 30.4).
-    pub fn interrupt(&self) -> bool {
-        let [cr1, _, cr3] = self.cr;
-        let enabled = (cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE))
-            | if cr1 & RXNEIE != 0 || (cr3 & EIE != 0 && cr3 & DMAR != 0) {
-                ORE
-            } else {
-                0
-            };
-        // The enables of TXE, TC, RXNE and IDLE stand at the places of their flags.
-        self.sr & enabled != 0
-    }
-
-    /// When the line will rise by itself, not later.
-    pub fn next_interrupt(&self) -> Option<u64> {
-        if self.interrupt() {
-            return None;
-        }
-        let sending = self.next_sent().filter(|_| self.cr[0] & (TXEIE | TCIE) != 0);
-        let receiving = self
-            .next_byte()
-            .filter(|_| self.cr[0] & RXNEIE != 0 || self.cr[2] & DMAR != 0);
-        let idle = self.next_received().filter(|_| self.cr[0] & IDLEIE != 0);
-        [sending, receiving, idle].into_iter().flatten().min()
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&mut self, offset: u32) -> Result<u32, NoRegister> {
+impl Peripheral for Usart {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => {
                 self.armed = self.sr & (TC | ORE | IDLE);
@@ -297,9 +253,7 @@ impl Usart {
         })
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         match offset {
             // TC and RXNE are rc_w0; the rest is read-only here.
             0x00 => self.sr &= value | !(TC | RXNE),
@@ -335,6 +289,54 @@ impl Usart {
         }
         Ok(())
     }
+
+    /// A reset by RCC: the frame being sent is cut; what the other side still sends goes on.
+    fn reset(&mut self, _now: u64) {
+        let (notes, input) = (std::mem::take(&mut self.notes), std::mem::take(&mut self.input));
+        *self = Self {
+            notes,
+            input,
+            input_seen_ns: self.input_seen_ns,
+            stalled_until_ns: self.stalled_until_ns,
+            ..Self::new(self.pclk)
+        };
+    }
+
+    fn interrupt(&self, _output: usize) -> bool {
+        let [cr1, _, cr3] = self.cr;
+        let enabled = (cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE))
+            | if cr1 & RXNEIE != 0 || (cr3 & EIE != 0 && cr3 & DMAR != 0) {
+                ORE
+            } else {
+                0
+            };
+        // The enables of TXE, TC, RXNE and IDLE stand at the places of their flags.
+        self.sr & enabled != 0
+    }
+
+    fn next_interrupt(&self) -> Option<u64> {
+        if self.interrupt(0) {
+            return None;
+        }
+        let sending = self.next_sent().filter(|_| self.cr[0] & (TXEIE | TCIE) != 0);
+        let receiving = self
+            .next_byte()
+            .filter(|_| self.cr[0] & RXNEIE != 0 || self.cr[2] & DMAR != 0);
+        let idle = self.next_received().filter(|_| self.cr[0] & IDLEIE != 0);
+        [sending, receiving, idle].into_iter().flatten().min()
+    }
+
+    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+        self.pclk = clocks.pclk2;
+    }
+
+    fn is_data(&self, offset: u32) -> bool {
+        offset == 0x04
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
 }
 
 #[cfg(test)]
@@ -362,15 +364,15 @@ mod tests {
     fn the_first_byte_goes_to_the_shift_register_at_once_and_the_second_waits() {
         let mut usart = running(TE);
         usart.write(DR, 0x55, 0).unwrap();
-        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.read(SR, 0), Ok(TXE));
         usart.write(DR, 0xaa, 0).unwrap();
-        assert_eq!(usart.read(SR), Ok(0));
+        assert_eq!(usart.read(SR, 0), Ok(0));
         assert_eq!(usart.next_sent(), Some(FRAME_NS));
         assert_eq!(usart.sent(), Some(0x55));
-        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.read(SR, 0), Ok(TXE));
         assert_eq!(usart.next_sent(), Some(2 * FRAME_NS));
         assert_eq!(usart.sent(), Some(0xaa));
-        assert_eq!(usart.read(SR), Ok(TXE | TC));
+        assert_eq!(usart.read(SR, 0), Ok(TXE | TC));
     }
 
     #[test]
@@ -393,11 +395,11 @@ mod tests {
     fn tc_is_cleared_by_reading_sr_and_writing_dr_or_by_a_zero() {
         let mut usart = running(TE);
         usart.write(SR, !TC, 0).unwrap();
-        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.read(SR, 0), Ok(TXE));
         let mut usart = running(TE);
-        usart.read(SR).unwrap();
+        usart.read(SR, 0).unwrap();
         usart.write(DR, 1, 0).unwrap();
-        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.read(SR, 0), Ok(TXE));
     }
 
     #[test]
@@ -442,8 +444,8 @@ mod tests {
         let mut seen = Vec::new();
         while let Some(at) = usart.next_received() {
             usart.receive(at);
-            let sr = usart.read(SR).unwrap();
-            seen.push((at, sr & (RXNE | IDLE), usart.read(DR).unwrap() as u8));
+            let sr = usart.read(SR, 0).unwrap();
+            seen.push((at, sr & (RXNE | IDLE), usart.read(DR, 0).unwrap() as u8));
         }
         assert_eq!(
             seen,
@@ -460,11 +462,11 @@ mod tests {
             let at = usart.next_received().unwrap();
             usart.receive(at);
         }
-        assert!(usart.interrupt());
-        assert_eq!(usart.read(SR).unwrap() & (RXNE | ORE), RXNE | ORE);
-        assert_eq!(usart.read(DR), Ok(u32::from(b'a')));
+        assert!(usart.interrupt(0));
+        assert_eq!(usart.read(SR, 0).unwrap() & (RXNE | ORE), RXNE | ORE);
+        assert_eq!(usart.read(DR, 0), Ok(u32::from(b'a')));
         assert_eq!(
-            usart.read(SR).unwrap() & (RXNE | ORE),
+            usart.read(SR, 0).unwrap() & (RXNE | ORE),
             0,
             "reading SR, then DR, clears both"
         );
@@ -473,12 +475,12 @@ mod tests {
     #[test]
     fn the_line_follows_enabled_flags_and_its_rise_is_foretold() {
         let mut usart = running(TE);
-        assert!(!usart.interrupt());
+        assert!(!usart.interrupt(0));
         usart.write(DR, 1, 0).unwrap();
         usart.write(CR1, UE | TE | TCIE, 0).unwrap();
         assert_eq!(usart.next_interrupt(), Some(FRAME_NS));
         usart.sent();
-        assert!(usart.interrupt());
+        assert!(usart.interrupt(0));
     }
 
     #[test]
@@ -488,7 +490,7 @@ mod tests {
         assert_eq!(usart.next_sent(), None);
         usart.feed(0, b"a");
         usart.receive(FRAME_NS);
-        assert_eq!(usart.read(SR).unwrap() & RXNE, 0);
+        assert_eq!(usart.read(SR, 0).unwrap() & RXNE, 0);
     }
 
     #[test]

@@ -1,4 +1,43 @@
-//! What the registers of the device are called, modelled or not.
+//! Registers that the firmware touches and no model knows.
+
+use std::collections::BTreeMap;
+
+use crate::outcome::UnknownRegister;
+
+/// How each of them was touched, by address and by whether only the clock of its peripheral was off.
+#[derive(Debug, Clone, Default)]
+pub(super) struct UnknownRegisters(BTreeMap<(u32, bool), Accesses>);
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Accesses {
+    reads: u64,
+    writes: u64,
+    last_write: Option<u32>,
+}
+
+impl UnknownRegisters {
+    pub(super) fn read(&mut self, address: u32, clock_off: bool) {
+        self.0.entry((address, clock_off)).or_default().reads += 1;
+    }
+
+    pub(super) fn written(&mut self, address: u32, clock_off: bool, value: u32) {
+        let accesses = self.0.entry((address, clock_off)).or_default();
+        accesses.writes += 1;
+        accesses.last_write = Some(value);
+    }
+
+    /// In the order of their addresses.
+    pub(super) fn list(&self) -> Vec<UnknownRegister> {
+        let named = |((address, clock_off), accesses): (&(u32, bool), &Accesses)| UnknownRegister {
+            name: name(*address) + if *clock_off { " (clock off)" } else { "" },
+            address: *address,
+            reads: accesses.reads,
+            writes: accesses.writes,
+            last_write: accesses.last_write,
+        };
+        self.0.iter().map(named).collect()
+    }
+}
 
 /// Start and name of every peripheral of the STM32F405 (table 1), modelled or not, in order.
 const NAMES: [(u32, &str); 63] = [
