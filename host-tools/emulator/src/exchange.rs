@@ -4,7 +4,7 @@
 //!
 //! QEMU's plugin arguments are a comma-separated list without quoting, so the plugin is given one thing only: a
 //! directory. The host writes [`DESCRIPTION`] and [`STIMULUS`] before it starts QEMU; the plugin writes [`UART`] and
-//! [`RTT`] while the image runs and [`REPORT`] when it ends. A run that ends without a report has failed.
+//! [`RTT`] while the image runs and [`OUTCOME`] when it ends. A run that ends without an outcome has failed.
 //!
 //! Both sides are one crate built twice, and [`FORMAT`] in the description says so: a shared object left over from
 //! an older build is told apart instead of misread.
@@ -12,21 +12,21 @@
 use serde::{Deserialize, Serialize};
 
 use crate::given::{Fault, PinInput, Poke, UartInput};
-use crate::outcome::{Block, FlashOperation, Pin, Reset, Sampling, UnknownRegister};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 5;
+pub(crate) const FORMAT: u32 = 6;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
 pub(crate) const STIMULUS: &str = "stimulus.bin";
 /// Bytes that left the USART1 transmitter, in order.
 pub(crate) const UART: &str = "uart.bin";
-/// Bytes of RTT up-channel 0, in order.
 /// When each of them had left: virtual times in ns, little-endian u64.
 pub(crate) const UART_TIMES: &str = "uart-times.bin";
+/// Bytes of RTT up-channel 0, in order.
 pub(crate) const RTT: &str = "rtt.bin";
-pub(crate) const REPORT: &str = "report.json";
+/// The run's outcome, but for what the files above and below hold.
+pub(crate) const OUTCOME: &str = "outcome.json";
 /// What flash sectors 10 and 11 hold at the end.
 pub(crate) const FLASH: &str = "flash.bin";
 
@@ -49,7 +49,7 @@ pub(crate) struct Description {
     pub(crate) rtt: Option<u32>,
     pub(crate) count_instructions: bool,
     pub(crate) functions: Vec<FunctionRange>,
-    pub(crate) labels: usize,
+    pub(crate) labels: Vec<String>,
     /// The labels whose functions make a block a working one.
     pub(crate) work: Vec<usize>,
     pub(crate) uart_input: Vec<UartInput>,
@@ -64,30 +64,4 @@ pub(crate) struct FunctionRange {
     pub(crate) label: usize,
     pub(crate) start: u32,
     pub(crate) end: u32,
-}
-
-/// What was seen, plugin to host.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub(crate) struct Report {
-    pub(crate) sampling: Option<Sampling>,
-    pub(crate) virtual_ns: u64,
-    pub(crate) overruns: u64,
-    pub(crate) triggers_ignored: u64,
-    pub(crate) resets: Vec<Reset>,
-    pub(crate) unknown: Vec<UnknownRegister>,
-    pub(crate) unmodelled: Vec<String>,
-    pub(crate) pins: Vec<Pin>,
-    pub(crate) flash_operations: Vec<FlashOperation>,
-    pub(crate) instructions: u64,
-    pub(crate) labels: Vec<Count>,
-    pub(crate) worst_block: Option<Block>,
-    pub(crate) working: Option<Block>,
-    pub(crate) idle: Option<Block>,
-}
-
-/// Instructions executed inside the functions of one label.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Count {
-    pub(crate) instructions: u64,
-    pub(crate) calls: u64,
 }

@@ -30,7 +30,7 @@ pub use stimulus::Stimulus;
 
 use crate::given::{FaultKind, PinInput, UartInput};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
-use crate::outcome::{FlashOperation, Pin, Reset, ResetCause, UnknownRegister};
+use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::{Peripheral, flash};
 use chip::Chip;
 use crash::crash;
@@ -190,38 +190,24 @@ impl Machine {
         self.chip.units.flash.set_contents(contents);
     }
 
-    /// Words programmed and sectors erased so far.
-    pub fn flash_operations(&self) -> &[FlashOperation] {
-        self.chip.units.flash.operations()
+    /// What there was to see up to `now`. Bytes and instructions are the board's to record.
+    pub fn outcome(&self, now: u64) -> Outcome {
+        let units = &self.chip.units;
+        Outcome {
+            sampling: self.chip.stimulus.sampling(),
+            overruns: units.adc.overruns,
+            triggers_ignored: units.adc.triggers_ignored,
+            resets: self.resets.clone(),
+            unknown_registers: self.unknown.list(),
+            unmodelled: self.chip.unmodelled(),
+            pins: self.pins(),
+            flash_operations: units.flash.operations().to_vec(),
+            virtual_ns: now,
+            ..Outcome::default()
+        }
     }
 
-    /// How often the ADC lost a conversion.
-    pub fn overruns(&self) -> u64 {
-        self.chip.units.adc.overruns
-    }
-
-    /// Triggers of the ADC that started nothing.
-    pub fn triggers_ignored(&self) -> u64 {
-        self.chip.units.adc.triggers_ignored
-    }
-
-    /// Resets after power-up.
-    pub fn resets(&self) -> &[Reset] {
-        &self.resets
-    }
-
-    /// Registers touched that no model knows, or whose clock was off, by address.
-    pub fn unknown_registers(&self) -> Vec<UnknownRegister> {
-        self.unknown.list()
-    }
-
-    /// What was asked of modelled peripherals that the models do not do.
-    pub fn unmodelled(&self) -> Vec<String> {
-        self.chip.unmodelled()
-    }
-
-    /// Output pins that moved.
-    pub fn pins(&self) -> Vec<Pin> {
+    fn pins(&self) -> Vec<Pin> {
         let ports = self.chip.units.gpio.iter().zip('A'..='I');
         let pins = ports.flat_map(|(port, letter)| {
             let pins = port.edges.iter().enumerate();

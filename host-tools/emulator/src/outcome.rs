@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 /// What a run gave.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Outcome {
     /// Bytes that left the USART1 transmitter.
@@ -41,7 +41,7 @@ pub struct Outcome {
 }
 
 /// Instructions executed, at 8 ns of virtual time each; a processor in WFI executes none.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Instructions {
     /// By the whole image.
@@ -57,7 +57,7 @@ pub struct Instructions {
 }
 
 /// Instructions inside the functions of one label, without those of functions that they call.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct FunctionCount {
     /// The label.
@@ -72,7 +72,7 @@ pub struct FunctionCount {
 }
 
 /// One line of the image's log.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogLine {
     /// `trace`, `debug`, `info`, `warn` or `error`; `None` for `println`.
     pub level: Option<String>,
@@ -80,16 +80,6 @@ pub struct LogLine {
     pub timestamp: Option<String>,
     /// The message.
     pub text: String,
-}
-
-impl LogLine {
-    pub(crate) fn plain(text: &str) -> Self {
-        Self {
-            level: None,
-            timestamp: None,
-            text: text.into(),
-        }
-    }
 }
 
 impl fmt::Display for LogLine {

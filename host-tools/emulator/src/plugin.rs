@@ -7,6 +7,7 @@
 //!
 //! QEMU's big lock is held in every callback that reaches the overlay, so one call ends before the next begins.
 
+mod blocks;
 mod callbacks;
 mod count;
 mod overlay;

@@ -14,6 +14,7 @@ mod overlay;
 mod process;
 mod qemu;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -22,12 +23,10 @@ pub use error::RunError;
 use crate::exchange::{self, Description, FORMAT};
 use crate::given::{Fault, PinInput, Poke, UartInput};
 use crate::memory::{FLASH, WRITABLE};
-use crate::outcome::{FunctionCount, Instructions, Outcome};
-use error::io;
+use crate::outcome::Outcome;
 use folder::Folder;
 use image::Image;
-use process::start;
-use qemu::Qemu;
+use qemu::FoundQemu;
 
 /// One run of an image: what it is given, and when it ends.
 ///
@@ -56,7 +55,7 @@ pub struct Run {
     /// Which functions to count: a label and a part of a demangled path, for example
     /// `("observer", "bead_model::observer::")`. A label may stand more than once.
     pub functions: Vec<(String, String)>,
-    /// The labels whose functions make a block a working one ([`Instructions::working`]).
+    /// The labels whose functions make a block a working one ([`Instructions::working`](crate::Instructions::working)).
     pub work: Vec<String>,
     /// Count instructions at all: it costs QEMU about half its speed. Turn it off for long runs.
     pub count_instructions: bool,
@@ -120,7 +119,33 @@ impl Run {
     pub fn execute(&self) -> Result<Outcome, RunError> {
         self.check()?;
         let image = Image::read(&self.elf)?;
-        let (labels, ranges) = image.find(&self.functions)?;
+        let description = self.describe(&image)?;
+        let qemu = FoundQemu::find(self.qemu.as_deref())?;
+        let overlay = overlay::find(self.overlay.as_deref())?;
+        let folder = Folder::new()?;
+        let command = self.command(&folder, &description)?;
+        let outcome = process::run(&qemu, &overlay, &folder, &command, self.timeout)?;
+        let rtt = folder.read(exchange::RTT)?;
+        let times = folder.read(exchange::UART_TIMES)?;
+        Ok(Outcome {
+            uart: folder.read(exchange::UART)?,
+            uart_ns: times
+                .as_chunks()
+                .0
+                .iter()
+                .copied()
+                .map(u64::from_le_bytes)
+                .collect(),
+            log: log::decode(&self.elf, &image.bytes, &rtt)?,
+            rtt,
+            flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
+            ..outcome
+        })
+    }
+
+    /// What the plugin is told.
+    fn describe(&self, image: &Image) -> Result<Description, RunError> {
+        let (labels, functions) = image.find(&self.functions)?;
         let position = |work: &String| {
             labels.iter().position(|label| label == work).ok_or_else(|| {
                 RunError::Input(format!(
@@ -128,26 +153,7 @@ impl Run {
                 ))
             })
         };
-        let work = self.work.iter().map(position).collect::<Result<_, _>>()?;
-        let qemu = Qemu::find(self.qemu.as_deref())?;
-        let overlay = overlay::find(self.overlay.as_deref())?;
-
-        let folder = tempfile::Builder::new()
-            .prefix("stm32f405-qemu-")
-            .tempdir()
-            .map_err(io("cannot make a temporary directory"))?;
-        let folder = Folder {
-            path: folder.path().to_path_buf(),
-            _kept: folder,
-        };
-        if folder.path.to_string_lossy().contains(',') {
-            return Err(RunError::Input(format!(
-                "the temporary directory {} has a comma in its name, which QEMU takes for a separator; set TMPDIR to another",
-                folder.path.display()
-            )));
-        }
-
-        let description = Description {
+        Ok(Description {
             format: FORMAT,
             sample_period_ns: self.sample_period_ns,
             tail_ns: self.tail_ns,
@@ -157,84 +163,36 @@ impl Run {
             uid: self.uid,
             rtt: image.rtt,
             count_instructions: self.count_instructions,
-            labels: labels.len(),
-            work,
-            functions: ranges.clone(),
+            work: self.work.iter().map(position).collect::<Result<_, _>>()?,
+            labels,
+            functions,
             uart_input: self.uart_input.clone(),
             pin_inputs: self.pin_inputs.clone(),
             pokes: self.pokes.clone(),
             faults: self.faults.clone(),
-        };
-        let json = serde_json::to_vec(&description).expect("a plain struct has a JSON form");
-        folder.write(exchange::DESCRIPTION, &json)?;
-        let rows: Vec<u8> = self
-            .stimulus
-            .iter()
-            .flatten()
-            .flat_map(|code| code.to_le_bytes())
-            .collect();
-        folder.write(exchange::STIMULUS, &rows)?;
-        let blocks = self.flash_files(&folder)?;
-
-        let mut version = qemu.plugin_version();
-        let mut ended = start(
-            &self.elf,
-            self.timeout,
-            &qemu,
-            &folder,
-            &overlay,
-            version,
-            &blocks,
-        )?;
-        if let Some(other) = qemu::wanted_version(&ended.stderr).filter(|other| *other != version) {
-            version = other;
-            ended = start(
-                &self.elf,
-                self.timeout,
-                &qemu,
-                &folder,
-                &overlay,
-                version,
-                &blocks,
-            )?;
-        }
-        let report = ended.report(&folder)?;
-
-        let instructions = self.count_instructions.then(|| Instructions {
-            total: report.instructions,
-            worst_block: report.worst_block,
-            working: report.working,
-            idle: report.idle,
-            functions: labels
-                .into_iter()
-                .zip(&report.labels)
-                .enumerate()
-                .map(|(index, (label, count))| FunctionCount {
-                    label,
-                    instructions: count.instructions,
-                    calls: count.calls,
-                    symbols: ranges.iter().filter(|r| r.label == index).count(),
-                })
-                .collect(),
-        });
-        let rtt = folder.read(exchange::RTT)?;
-        Ok(Outcome {
-            uart: folder.read(exchange::UART)?,
-            uart_ns: words(&folder.read(exchange::UART_TIMES)?),
-            log: log::decode(&self.elf, &image.bytes, &rtt)?,
-            rtt,
-            instructions,
-            sampling: report.sampling,
-            overruns: report.overruns,
-            triggers_ignored: report.triggers_ignored,
-            resets: report.resets,
-            unknown_registers: report.unknown,
-            unmodelled: report.unmodelled,
-            pins: report.pins,
-            flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
-            flash_operations: report.flash_operations,
-            virtual_ns: report.virtual_ns,
         })
+    }
+
+    /// Writes the run's files. Returns the arguments that give QEMU the image and the blocks in flash.
+    fn command(&self, folder: &Folder, description: &Description) -> Result<Vec<OsString>, RunError> {
+        let json = serde_json::to_vec(description).expect("a plain struct has a JSON form");
+        folder.write(exchange::DESCRIPTION, &json)?;
+        let codes = self.stimulus.iter().flatten();
+        let rows: Vec<u8> = codes.flat_map(|code| code.to_le_bytes()).collect();
+        folder.write(exchange::STIMULUS, &rows)?;
+        let mut arguments = vec!["-kernel".into(), self.elf.clone().into()];
+        for (i, (address, bytes)) in self.flash.iter().enumerate() {
+            // QEMU's loader refuses an empty file.
+            if !bytes.is_empty() {
+                let path = folder.write(&format!("flash{i}.bin"), bytes)?;
+                let file = path.display();
+                arguments.extend([
+                    "-device".into(),
+                    format!("loader,file={file},addr={address:#x},force-raw=on").into(),
+                ]);
+            }
+        }
+        Ok(arguments)
     }
 
     /// What would make QEMU or the plugin fail in a less helpful place.
@@ -282,22 +240,4 @@ impl Run {
         }
         Ok(())
     }
-
-    fn flash_files(&self, folder: &Folder) -> Result<Vec<String>, RunError> {
-        let mut arguments = Vec::new();
-        // An empty block is none: QEMU's loader refuses it.
-        for (i, (address, bytes)) in self.flash.iter().enumerate().filter(|(_, (_, b))| !b.is_empty()) {
-            let path = folder.write(&format!("flash{i}.bin"), bytes)?;
-            arguments.push(format!(
-                "loader,file={},addr={address:#x},force-raw=on",
-                path.display()
-            ));
-        }
-        Ok(arguments)
-    }
-}
-
-fn words(bytes: &[u8]) -> Vec<u64> {
-    let (words, _) = bytes.as_chunks();
-    words.iter().map(|word| u64::from_le_bytes(*word)).collect()
 }

@@ -93,7 +93,7 @@ peripherals! {
     adc: Adc = Adc::new(HSI_HZ) => { "ADC1", 0x4001_2000..0x4001_2400, apb2(8), &[18]; }
     // The whole page belongs to the unit.
     dwt: Dwt = Dwt::new(HSI_HZ) => { "DWT", 0xe000_1000..0xe000_2000, None, &[]; }
-    flash: Flash = Flash::default() => { "FLASH", 0x4002_3c00..0x4002_4000, None, &[4]; }
+    flash: Flash = Flash::new() => { "FLASH", 0x4002_3c00..0x4002_4000, None, &[4]; }
     pwr: Pwr = Pwr::default() => { "PWR", 0x4000_7000..0x4000_7400, apb1(28), &[]; }
     rcc: Rcc = Rcc::new(hse_hz) => { "RCC", 0x4002_3800..0x4002_3c00, None, &[]; }
     usart1: Usart = Usart::new(HSI_HZ) => { "USART1", 0x4001_1000..0x4001_1400, apb2(4), &[37]; }

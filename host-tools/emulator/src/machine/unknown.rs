@@ -39,76 +39,49 @@ impl UnknownRegisters {
     }
 }
 
-/// Start and name of every peripheral of the STM32F405 (table 1), modelled or not, in order.
-const NAMES: [(u32, &str); 63] = [
-    (0x1fff_7a10, "SIGNATURE"),
-    (0x4000_0000, "TIM2"),
-    (0x4000_0400, "TIM3"),
-    (0x4000_0800, "TIM4"),
-    (0x4000_0c00, "TIM5"),
-    (0x4000_1000, "TIM6"),
-    (0x4000_1400, "TIM7"),
-    (0x4000_1800, "TIM12"),
-    (0x4000_1c00, "TIM13"),
-    (0x4000_2000, "TIM14"),
-    (0x4000_2800, "RTC"),
-    (0x4000_2c00, "WWDG"),
-    (0x4000_3000, "IWDG"),
-    (0x4000_3400, "I2S2ext"),
-    (0x4000_3800, "SPI2"),
-    (0x4000_3c00, "SPI3"),
-    (0x4000_4000, "I2S3ext"),
-    (0x4000_4400, "USART2"),
-    (0x4000_4800, "USART3"),
-    (0x4000_4c00, "UART4"),
-    (0x4000_5000, "UART5"),
-    (0x4000_5400, "I2C1"),
-    (0x4000_5800, "I2C2"),
-    (0x4000_5c00, "I2C3"),
-    (0x4000_6400, "CAN1"),
-    (0x4000_6800, "CAN2"),
-    (0x4000_7000, "PWR"),
-    (0x4000_7400, "DAC"),
-    (0x4001_0000, "TIM1"),
-    (0x4001_0400, "TIM8"),
-    (0x4001_1000, "USART1"),
-    (0x4001_1400, "USART6"),
-    (0x4001_2000, "ADC"),
-    (0x4001_2c00, "SDIO"),
-    (0x4001_3000, "SPI1"),
-    (0x4001_3800, "SYSCFG"),
-    (0x4001_3c00, "EXTI"),
-    (0x4001_4000, "TIM9"),
-    (0x4001_4400, "TIM10"),
-    (0x4001_4800, "TIM11"),
-    (0x4002_0000, "GPIOA"),
-    (0x4002_0400, "GPIOB"),
-    (0x4002_0800, "GPIOC"),
-    (0x4002_0c00, "GPIOD"),
-    (0x4002_1000, "GPIOE"),
-    (0x4002_1400, "GPIOF"),
-    (0x4002_1800, "GPIOG"),
-    (0x4002_1c00, "GPIOH"),
-    (0x4002_2000, "GPIOI"),
-    (0x4002_3000, "CRC"),
-    (0x4002_3800, "RCC"),
-    (0x4002_3c00, "FLASH"),
-    (0x4002_4000, "BKPSRAM"),
-    (0x4002_6000, "DMA1"),
-    (0x4002_6400, "DMA2"),
-    (0x4002_8000, "ETH"),
-    (0x4002_9400, "reserved"),
-    (0x4004_0000, "OTG_HS"),
-    (0x5000_0000, "OTG_FS"),
-    (0x5005_0000, "DCMI"),
-    (0x5006_0800, "RNG"),
-    (0xe000_1000, "DWT"),
-    (0xe004_2000, "DBGMCU"),
+/// Every peripheral of the STM32F405 (table 1), modelled or not: from each address on, one every 0x400 bytes. Where the
+/// name is empty, the peripheral before goes on, or nothing is there.
+const NAMES: [(u32, &[&str]); 12] = [
+    (0x1fff_7a10, &["SIGNATURE"]),
+    (
+        0x4000_0000,
+        &[
+            "TIM2", "TIM3", "TIM4", "TIM5", "TIM6", "TIM7", "TIM12", "TIM13", "TIM14", "", "RTC", "WWDG",
+            "IWDG", "I2S2ext", "SPI2", "SPI3", "I2S3ext", "USART2", "USART3", "UART4", "UART5", "I2C1",
+            "I2C2", "I2C3", "", "CAN1", "CAN2", "", "PWR", "DAC",
+        ],
+    ),
+    (
+        0x4001_0000,
+        &[
+            "TIM1", "TIM8", "", "", "USART1", "USART6", "", "", "ADC", "", "", "SDIO", "SPI1", "", "SYSCFG",
+            "EXTI", "TIM9", "TIM10", "TIM11",
+        ],
+    ),
+    (
+        0x4002_0000,
+        &[
+            "GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH", "GPIOI", "", "", "",
+            "CRC", "", "RCC", "FLASH", "BKPSRAM",
+        ],
+    ),
+    (0x4002_6000, &["DMA1", "DMA2"]),
+    (0x4002_8000, &["ETH", "", "", "", "", "reserved"]),
+    (0x4004_0000, &["OTG_HS"]),
+    (0x5000_0000, &["OTG_FS"]),
+    (0x5005_0000, &["DCMI"]),
+    (0x5006_0800, &["RNG"]),
+    (0xe000_1000, &["DWT"]),
+    (0xe004_2000, &["DBGMCU"]),
 ];
 
 /// `SPI1+0x08` for 0x4001_3008.
 pub(super) fn name(address: u32) -> String {
-    match NAMES.iter().rev().find(|(start, _)| *start <= address) {
+    let peripherals = NAMES.iter().flat_map(|(start, names)| {
+        let starts = (*start..).step_by(0x400);
+        starts.zip(*names).filter(|(_, name)| !name.is_empty())
+    });
+    match peripherals.take_while(|(start, _)| *start <= address).last() {
         Some((start, name)) => format!("{name}+{:#04x}", address - start),
         None => format!("{address:#010x}"),
     }
@@ -120,13 +93,17 @@ mod tests {
 
     #[test]
     fn names_are_in_the_order_of_their_addresses() {
-        assert!(NAMES.is_sorted_by_key(|(start, _)| start));
+        let ends = NAMES.map(|(start, names)| [start, start + 0x400 * names.len() as u32]);
+        assert!(ends.as_flattened().is_sorted());
     }
 
     #[test]
     fn a_register_is_named_by_its_peripheral_and_offset() {
         assert_eq!(name(0x4001_3008), "SPI1+0x08");
         assert_eq!(name(0x4002_6488), "DMA2+0x88");
+        assert_eq!(name(0x4000_7404), "DAC+0x04");
+        assert_eq!(name(0x4002_9400), "reserved+0x00");
+        assert_eq!(name(0x5006_0804), "RNG+0x04");
         assert_eq!(name(0x1000_0000), "0x10000000");
     }
 }

@@ -12,7 +12,7 @@
 
 use super::clock::{self, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
-use super::register::{bit, field};
+use super::register::field;
 
 const AWD: u32 = 1 << 0;
 const EOC: u32 = 1 << 1;
@@ -35,6 +35,15 @@ const TSVREFE: u32 = 1 << 23;
 /// Sampling time in ADC clock cycles, by SMPx (section 13.13.5).
 const SAMPLING: [u32; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
 
+/// Bits of registers that ask for what is not modelled.
+const UNMODELLED: [(u32, u32, &str); 5] = [
+    (0x04, 0x00c0_0040, "CR1: the analog watchdog is not modelled"),
+    (0x04, 0x0800, "CR1.DISCEN: discontinuous mode is not modelled"),
+    (0x04, 0x1480, "CR1: injected conversions are not modelled"),
+    (0x08, 0x0070_0000, "CR2: injected conversions are not modelled"),
+    (0x304, 0x1f, "CCR.MULTI: dual and triple modes are not modelled"),
+];
+
 /// Which timer output starts a regular scan (CR2.EXTSEL, section 13.13.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TriggerSource {
@@ -54,7 +63,7 @@ struct Scan {
 }
 
 /// ADC1's registers and the common ones.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Adc {
     pclk2: u32,
     sr: u32,
@@ -86,24 +95,8 @@ impl Adc {
     pub fn new(pclk2: u32) -> Self {
         Self {
             pclk2,
-            sr: 0,
-            cr1: 0,
-            cr2: 0,
-            smpr: [0; 2],
-            jofr: [0; 4],
             thresholds: [0xfff, 0],
-            sqr: [0; 3],
-            jsqr: 0,
-            dr: 0,
-            ccr: 0,
-            scan: None,
-            scan_started: false,
-            unread: false,
-            request: false,
-            requests_ended: false,
-            overruns: 0,
-            triggers_ignored: 0,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 
@@ -310,10 +303,6 @@ impl Adc {
             self.requests_ended = false;
         }
         self.cr2 = value & 0x3f7f_0f03;
-        self.notes.note_if(
-            value & 0x0070_0000 != 0,
-            "CR2: injected conversions are not modelled",
-        );
         let external = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
         self.notes.note_if(
             external && self.trigger_source().is_none(),
@@ -347,19 +336,12 @@ impl Peripheral for Adc {
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        self.notes.note_bits(&UNMODELLED, offset, value);
         match offset {
             // rc_w0.
             0x00 => self.sr &= value | !(AWD | EOC | STRT | OVR | 0b1100),
             0x04 => {
                 self.cr1 = value & 0x07c0_ffff;
-                self.notes.note_if(
-                    value & 0x00c0_0040 != 0,
-                    "CR1: the analog watchdog is not modelled",
-                );
-                self.notes
-                    .note_if(bit(value, 11), "CR1.DISCEN: discontinuous mode is not modelled");
-                self.notes
-                    .note_if(value & 0x1480 != 0, "CR1: injected conversions are not modelled");
             }
             0x08 => self.write_cr2(value, now),
             0x0c | 0x10 => self.smpr[(offset as usize - 0x0c) / 4] = value & 0x3fff_ffff,
@@ -372,10 +354,6 @@ impl Peripheral for Adc {
             0x4c | 0x300 => {}
             0x304 => {
                 self.ccr = value & 0x00c3_ef1f;
-                self.notes.note_if(
-                    value & 0x1f != 0,
-                    "CCR.MULTI: dual and triple modes are not modelled",
-                );
             }
             _ => return Err(NoRegister),
         }

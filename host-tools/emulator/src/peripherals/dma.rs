@@ -205,7 +205,7 @@ impl Dma {
             0x14 => s.fcr = (s.fcr & 0x7) | (value & 0x80),
             _ => self
                 .notes
-                .note_if(true, "a stream's setting was written while it runs: ignored"),
+                .note("a stream's setting was written while it runs: ignored"),
         }
     }
 }

@@ -11,7 +11,7 @@ use super::register::bit;
 const NUMCOMP: u32 = 4 << 28;
 
 /// DWT's registers, as far as the counter goes.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Dwt {
     hclk: u32,
     ctrl: u32,
@@ -27,9 +27,7 @@ impl Dwt {
         Self {
             hclk,
             ctrl: NUMCOMP,
-            count: 0,
-            since_ns: 0,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 

@@ -73,24 +73,12 @@ fn erase_ns(bytes: u32, psize: u32) -> u64 {
     times[psize as usize] * 1_000_000
 }
 
-#[derive(Debug, Clone, Copy)]
-enum Work {
-    /// Clears the bits that are clear in the value.
-    Program {
-        address: u32,
-        bytes: u32,
-        value: u32,
-    },
-    Erase {
-        address: u32,
-        bytes: u32,
-    },
-}
-
+/// An operation that runs.
 #[derive(Debug, Clone, Copy)]
 struct Running {
-    work: Work,
-    began_ns: u64,
+    operation: FlashOperation,
+    /// What is programmed: it clears the bits that are clear in it. An erase sets every bit.
+    value: u32,
     ends_ns: u64,
     power_goes_ns: Option<u64>,
 }
@@ -113,7 +101,7 @@ pub enum Event {
 }
 
 /// FLASH's registers, and the bytes of [`WRITABLE`].
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Flash {
     hclk: u32,
     acr: u32,
@@ -131,27 +119,18 @@ pub struct Flash {
     notes: Notes,
 }
 
-impl Default for Flash {
-    fn default() -> Self {
+impl Flash {
+    /// After power-up, erased.
+    pub fn new() -> Self {
         Self {
             hclk: HSI_HZ,
-            acr: 0,
             cr: LOCK,
-            sr: 0,
             optcr: 0x0fff_aaed,
-            first_key_seen: false,
-            shut: false,
-            first_option_key_seen: false,
             contents: vec![0xff; WRITABLE.len()],
-            running: None,
-            cuts: Vec::new(),
-            operations: Vec::new(),
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
-}
 
-impl Flash {
     /// The bytes of [`WRITABLE`].
     pub fn contents(&self) -> &[u8] {
         &self.contents
@@ -200,19 +179,22 @@ impl Flash {
         if self.cr & EOPIE != 0 {
             self.sr |= EOP;
         }
-        self.change(running.work, |_| true)
+        self.change(running, |_| true)
     }
 
-    /// Does the part of the work that falls on bits with these numbers, and says where.
-    fn change(&mut self, work: Work, mut done: impl FnMut(u32) -> bool) -> Range<u32> {
-        let (address, bytes) = match work {
-            Work::Program { address, bytes, .. } | Work::Erase { address, bytes } => (address, bytes),
-        };
+    /// Does the part of an operation that falls on bits with these numbers, and says where.
+    fn change(&mut self, running: Running, mut done: impl FnMut(u32) -> bool) -> Range<u32> {
+        let FlashOperation {
+            address,
+            bytes,
+            erase,
+            ..
+        } = running.operation;
         let first = (address - WRITABLE.start) as usize;
         for (n, byte) in self.contents[first..][..bytes as usize].iter_mut().enumerate() {
-            let wanted = match work {
-                Work::Program { value, .. } => *byte & value.to_le_bytes()[n],
-                Work::Erase { .. } => 0xff,
+            let wanted = match erase {
+                true => 0xff,
+                false => *byte & running.value.to_le_bytes()[n],
             };
             for bit in 0..8 {
                 if (wanted ^ *byte) >> bit & 1 == 1 && done((address + n as u32) * 8 + bit) {
@@ -223,17 +205,9 @@ impl Flash {
         address..address + bytes
     }
 
-    fn begin(&mut self, work: Work, ns: u64, now: u64) {
-        let (address, bytes, erase) = match work {
-            Work::Program { address, bytes, .. } => (address, bytes, false),
-            Work::Erase { address, bytes } => (address, bytes, true),
-        };
-        self.operations.push(FlashOperation {
-            at_ns: now,
-            address,
-            bytes,
-            erase,
-        });
+    fn begin(&mut self, operation: FlashOperation, value: u32, ns: u64) {
+        let now = operation.at_ns;
+        self.operations.push(operation);
         let mut power_goes_ns = None;
         self.cuts.retain_mut(|cut| match cut.after.checked_sub(1) {
             Some(after) => {
@@ -246,8 +220,8 @@ impl Flash {
             }
         });
         self.running = Some(Running {
-            work,
-            began_ns: now,
+            operation,
+            value,
             ends_ns: now + ns,
             power_goes_ns,
         });
@@ -272,13 +246,11 @@ impl Flash {
     pub fn store(&mut self, address: u32, bytes: u32, value: u32, now: u64) {
         let psize = field(self.cr, 8, 2);
         if self.busy() {
-            self.notes.note_if(
-                true,
-                "a store to flash while BSY: silicon holds it up, here it is lost",
-            );
+            self.notes
+                .note("a store to flash while BSY: silicon holds it up, here it is lost");
         } else if self.cr & PG == 0 || self.cr & LOCK != 0 {
             self.notes
-                .note_if(true, "a store to flash without CR.PG: nothing was programmed");
+                .note("a store to flash without CR.PG: nothing was programmed");
             self.refuse(PGSERR);
         } else if address / ROW_BYTES != (address + bytes - 1) / ROW_BYTES {
             self.refuse(PGAERR);
@@ -286,18 +258,18 @@ impl Flash {
             // The processor cuts an unaligned store into smaller ones.
             self.refuse(PGPERR);
         } else if !WRITABLE.contains(&address) {
-            self.notes.note_if(
-                true,
+            self.notes.note(
                 "a sector before 10 was programmed: only 10 and 11 can be, the others read as protected",
             );
             self.refuse(WRPERR);
         } else {
-            let work = Work::Program {
+            let operation = FlashOperation {
+                at_ns: now,
                 address,
                 bytes,
-                value,
+                erase: false,
             };
-            self.begin(work, PROGRAM_NS, now);
+            self.begin(operation, value, PROGRAM_NS);
         }
     }
 
@@ -306,32 +278,31 @@ impl Flash {
         let sector = sector(field(self.cr, 3, 4));
         match (self.cr & (SER | MER), sector) {
             (SER, Some((address, bytes))) if WRITABLE.contains(&address) => {
-                let ns = erase_ns(bytes, field(self.cr, 8, 2));
-                self.begin(Work::Erase { address, bytes }, ns, now);
+                let operation = FlashOperation {
+                    at_ns: now,
+                    address,
+                    bytes,
+                    erase: true,
+                };
+                self.begin(operation, u32::MAX, erase_ns(bytes, field(self.cr, 8, 2)));
                 return;
             }
             (SER, Some(_)) => {
-                self.notes.note_if(
-                    true,
+                self.notes.note(
                     "a sector before 10 was erased: only 10 and 11 can be, the others read as protected",
                 );
                 self.refuse(WRPERR);
             }
-            (SER, None) => self
-                .notes
-                .note_if(true, "CR.SNB names no sector: nothing was erased"),
+            (SER, None) => self.notes.note("CR.SNB names no sector: nothing was erased"),
             (MER, _) => {
-                self.notes.note_if(
-                    true,
-                    "CR.MER: only sectors 10 and 11 can be erased, the others read as protected",
-                );
+                self.notes
+                    .note("CR.MER: only sectors 10 and 11 can be erased, the others read as protected");
                 self.refuse(WRPERR);
             }
             // Section 3.6.3: with both set, neither erase can be performed.
-            _ => self.notes.note_if(
-                true,
-                "CR.STRT without either SER or MER alone: nothing was erased",
-            ),
+            _ => self
+                .notes
+                .note("CR.STRT without either SER or MER alone: nothing was erased"),
         }
         self.cr &= !STRT;
     }
@@ -352,10 +323,8 @@ impl Flash {
         if self.cr & LOCK == 0 || self.shut || key != wanted {
             self.shut = true;
             self.cr |= LOCK;
-            self.notes.note_if(
-                true,
-                "KEYR: a wrong key, or one too many, locks CR until the next reset",
-            );
+            self.notes
+                .note("KEYR: a wrong key, or one too many, locks CR until the next reset");
         } else if self.first_key_seen {
             self.cr &= !LOCK;
         }
@@ -396,10 +365,9 @@ impl Peripheral for Flash {
             }
             // rc_w1 (section 3.9.5).
             0x0c => self.sr &= !value,
-            0x10 if self.busy() => self.notes.note_if(
-                true,
-                "CR written while BSY: silicon holds the write up, here it is lost",
-            ),
+            0x10 if self.busy() => self
+                .notes
+                .note("CR written while BSY: silicon holds the write up, here it is lost"),
             0x10 if self.cr & LOCK == 0 => {
                 self.cr = value & CR_BITS;
                 if self.cr & STRT != 0 {
@@ -421,9 +389,10 @@ impl Peripheral for Flash {
     /// A reset. An operation is left half done (section 3.6: what it wrote is not guaranteed); contents and notes stay.
     fn reset(&mut self, now: u64) {
         if let Some(running) = self.running.take() {
-            let (passed, whole) = (now - running.began_ns, running.ends_ns - running.began_ns);
+            let began_ns = running.operation.at_ns;
+            let (passed, whole) = (now - began_ns, running.ends_ns - began_ns);
             let share = (256 * passed.min(whole) / whole) as u32;
-            self.change(running.work, |bit| hash(bit) & 0xff < share);
+            self.change(running, |bit| hash(bit) & 0xff < share);
         }
         *self = Self {
             hclk: self.hclk,
@@ -431,7 +400,7 @@ impl Peripheral for Flash {
             cuts: std::mem::take(&mut self.cuts),
             operations: std::mem::take(&mut self.operations),
             notes: std::mem::take(&mut self.notes),
-            ..Self::default()
+            ..Self::new()
         };
     }
 
@@ -464,7 +433,7 @@ mod tests {
     const A: u32 = WRITABLE.start;
 
     fn unlocked() -> Flash {
-        let mut flash = Flash::default();
+        let mut flash = Flash::new();
         for key in KEYS {
             flash.write(KEYR, key, 0).unwrap();
         }
@@ -488,7 +457,7 @@ mod tests {
 
     #[test]
     fn wait_states_read_back_and_too_few_are_noted() {
-        let mut flash = Flash::default();
+        let mut flash = Flash::new();
         let fast = Clocks {
             hclk: 168_000_000,
             ..Clocks::HSI

@@ -5,7 +5,7 @@ use super::peripheral::{NoRegister, Peripheral};
 use super::register::field;
 
 /// One port of 16 pins.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Gpio {
     port: usize,
     moder: u32,
@@ -32,14 +32,9 @@ impl Gpio {
         Self {
             port,
             moder,
-            otyper: 0,
             ospeedr,
             pupdr,
-            odr: 0,
-            lckr: 0,
-            afr: [0; 2],
-            wired: [None; 16],
-            edges: [0; 16],
+            ..Self::default()
         }
     }
 

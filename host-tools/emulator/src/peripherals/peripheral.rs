@@ -62,9 +62,20 @@ pub struct Notes(BTreeSet<&'static str>);
 
 impl Notes {
     /// Takes a note once.
+    pub(crate) fn note(&mut self, what: &'static str) {
+        self.0.insert(what);
+    }
+
     pub(crate) fn note_if(&mut self, asked: bool, what: &'static str) {
         if asked {
-            self.0.insert(what);
+            self.note(what);
+        }
+    }
+
+    /// Takes the notes of a table of register, bits and note for which one of these bits is written.
+    pub(crate) fn note_bits(&mut self, table: &[(u32, u32, &'static str)], offset: u32, value: u32) {
+        for (register, bits, what) in table {
+            self.note_if(*register == offset && value & bits != 0, what);
         }
     }
 

@@ -39,7 +39,7 @@ pub enum Bus {
 }
 
 /// RCC's registers.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Rcc {
     hse_hz: u32,
     cr: u32,
@@ -66,17 +66,11 @@ impl Rcc {
             hse_hz,
             cr: 0x83,
             pllcfgr: 0x2400_3010,
-            cfgr: 0,
-            system_source: 0,
-            reset: [0; 6],
             enable: [0x0010_0000, 0, 0, 0, 0, 0],
             enable_in_sleep: [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33],
-            bdcr: 0,
             csr: POWER_ON_FLAGS,
-            sscgr: 0,
             plli2scfgr: 0x2000_3000,
-            backup_domain_open: false,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 
@@ -118,13 +112,16 @@ impl Rcc {
         }
     }
 
+    fn pll_input_hz(&self) -> u32 {
+        match bit(self.pllcfgr, 22) {
+            true => self.hse_hz,
+            false => HSI_HZ,
+        }
+    }
+
     /// PLLCFGR (section 7.3.2): VCO = input / M * N, output = VCO / P.
     fn pll_hz(&self) -> u32 {
-        let input = if bit(self.pllcfgr, 22) {
-            self.hse_hz
-        } else {
-            HSI_HZ
-        };
+        let input = self.pll_input_hz();
         let (m, n) = (field(self.pllcfgr, 0, 6).max(1), field(self.pllcfgr, 6, 9));
         let p = 2 * (field(self.pllcfgr, 16, 2) + 1);
         (u64::from(input) * u64::from(n) / u64::from(m * p)) as u32
@@ -150,12 +147,7 @@ impl Rcc {
         let turned_on = value & !self.cr;
         self.cr = (value & !(ON_BITS << 1)) | held;
         if turned_on & PLLON != 0 {
-            let input = if bit(self.pllcfgr, 22) {
-                self.hse_hz
-            } else {
-                HSI_HZ
-            };
-            let vco_input = input / field(self.pllcfgr, 0, 6).max(1);
+            let vco_input = self.pll_input_hz() / field(self.pllcfgr, 0, 6).max(1);
             let vco = u64::from(vco_input) * u64::from(field(self.pllcfgr, 6, 9));
             let within = |hz: u64, low: u64, high: u64| {
                 let off = u64::from(TOLERANCE);
@@ -221,9 +213,7 @@ impl Peripheral for Rcc {
             0x00 => self.write_cr(value),
             // Writable with the PLL off only.
             0x04 if self.cr & PLLON == 0 => self.pllcfgr = value,
-            0x04 => self
-                .notes
-                .note_if(true, "PLLCFGR written while the PLL is on: ignored"),
+            0x04 => self.notes.note("PLLCFGR written while the PLL is on: ignored"),
             0x08 => {
                 self.cfgr = value & !0xc;
                 self.switch();
@@ -232,24 +222,16 @@ impl Peripheral for Rcc {
             0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)] = value,
             0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)] = value,
             0x70 if !self.backup_domain_open => {
-                self.notes
-                    .note_if(true, "BDCR written with PWR_CR.DBP clear: ignored");
+                self.notes.note("BDCR written with PWR_CR.DBP clear: ignored");
             }
             // BDRST resets all of the backup domain but itself.
             0x70 => {
-                self.bdcr = if bit(value, 16) {
-                    1 << 16
-                } else {
-                    value & 0x0000_8305
-                }
+                let reset = bit(value, 16);
+                self.bdcr = if reset { 1 << 16 } else { value & 0x0000_8305 };
             }
             0x74 => {
-                let flags = if value & RMVF != 0 {
-                    0
-                } else {
-                    self.csr & RESET_FLAGS
-                };
-                self.csr = flags | (value & 1);
+                let kept = if value & RMVF != 0 { 0 } else { RESET_FLAGS };
+                self.csr = (self.csr & kept) | (value & 1);
             }
             0x80 => self.sscgr = value,
             0x84 => self.plli2scfgr = value,

@@ -29,8 +29,15 @@ const TRIGGER: u32 = 1 << 6;
 const FLAGS: u32 = 0x5f;
 const CHANNELS: usize = 4;
 
+/// Bits of registers that ask for what is not modelled.
+const UNMODELLED: [(u32, u32, &str); 3] = [
+    (0x00, 0x70, "CR1: only up-counting is modelled"),
+    (0x04, 0x40, "CR2.MMS: OCxREF as trigger output is not modelled"),
+    (0x0c, 0x5f00, "DIER: timer DMA requests are not modelled"),
+];
+
 /// One timer.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Tim {
     /// Highest counter value: TIM2 and TIM5 have 32 bits, TIM3 and TIM4 16.
     max: u32,
@@ -56,7 +63,7 @@ pub struct Tim {
 }
 
 /// A register with a buffer behind it: `written` is loaded into `active` at an update event.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Loaded {
     written: u32,
     active: u32,
@@ -82,21 +89,8 @@ impl Tim {
         Self {
             max,
             hz,
-            cr1: 0,
-            cr2: 0,
-            smcr: 0,
-            dier: 0,
-            sr: 0,
-            ccmr: [0; 2],
-            ccer: 0,
-            psc: Loaded::new(0),
             arr: Loaded::new(max),
-            ccr: [Loaded::new(0); CHANNELS],
-            origin_ns: 0,
-            origin_count: 0,
-            seen: 0,
-            trigger_now: false,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 
@@ -225,8 +219,6 @@ impl Tim {
         let count = self.count(now);
         let was_enabled = self.cr1 & CEN != 0;
         self.cr1 = value & 0x3ff;
-        self.notes
-            .note_if(value & 0x70 != 0, "CR1: only up-counting is modelled");
         let enabled = self.cr1 & CEN != 0;
         if was_enabled != enabled {
             self.start_afresh(now, count);
@@ -407,13 +399,12 @@ impl Peripheral for Tim {
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        self.notes.note_bits(&UNMODELLED, offset, value);
         self.advance(now);
         match offset {
             0x00 => self.write_cr1(value, now),
             0x04 => {
                 self.cr2 = value & 0xf8;
-                self.notes
-                    .note_if(bit(value, 6), "CR2.MMS: OCxREF as trigger output is not modelled");
             }
             0x08 => {
                 self.smcr = value & 0xfff7;
@@ -425,8 +416,6 @@ impl Peripheral for Tim {
             }
             0x0c => {
                 self.dier = value & 0x5f5f;
-                self.notes
-                    .note_if(value & 0x5f00 != 0, "DIER: timer DMA requests are not modelled");
             }
             // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
             0x10 => self.sr &= value,

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 
 use super::clock::{self, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
-use super::register::{bit, field};
+use super::register::field;
 
 const ORE: u32 = 1 << 3;
 const IDLE: u32 = 1 << 4;
@@ -33,6 +33,17 @@ const EIE: u32 = 1 << 0;
 const DMAR: u32 = 1 << 6;
 const DMAT: u32 = 1 << 7;
 
+/// Bits of registers that ask for what is not modelled.
+const UNMODELLED: [(u32, u32, &str); 3] = [
+    (0x0c, 0b11, "CR1: break and mute mode are not modelled"),
+    (0x10, 0x4800, "CR2: LIN and synchronous mode are not modelled"),
+    (
+        0x14,
+        0x33e,
+        "CR3: flow control, smartcard, IrDA and half duplex are not modelled",
+    ),
+];
+
 /// A frame in the transmitter's shift register.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
@@ -48,7 +59,7 @@ struct Incoming {
 }
 
 /// USART1's registers and its two lines.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Usart {
     pclk: u32,
     sr: u32,
@@ -76,18 +87,7 @@ impl Usart {
         Self {
             pclk,
             sr: TXE | TC,
-            received: 0,
-            brr: 0,
-            cr: [0; 3],
-            gtpr: 0,
-            waiting: None,
-            shifting: None,
-            stalled_until_ns: 0,
-            input: VecDeque::new(),
-            input_seen_ns: 0,
-            idle_at: None,
-            armed: 0,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 
@@ -254,6 +254,7 @@ impl Peripheral for Usart {
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        self.notes.note_bits(&UNMODELLED, offset, value);
         match offset {
             // TC and RXNE are rc_w0; the rest is read-only here.
             0x00 => self.sr &= value | !(TC | RXNE),
@@ -264,25 +265,13 @@ impl Peripheral for Usart {
             }
             0x0c => {
                 self.cr[0] = value & 0xffff;
-                self.notes.note_if(
-                    bit(value, 0) || bit(value, 1),
-                    "CR1: break and mute mode are not modelled",
-                );
                 self.load_shift_register(now);
             }
             0x10 => {
                 self.cr[1] = value & 0x7f6f;
-                self.notes.note_if(
-                    value & 0x4800 != 0,
-                    "CR2: LIN and synchronous mode are not modelled",
-                );
             }
             0x14 => {
                 self.cr[2] = value & 0xfff;
-                self.notes.note_if(
-                    value & 0x33e != 0,
-                    "CR3: flow control, smartcard, IrDA and half duplex are not modelled",
-                );
             }
             0x18 => self.gtpr = value & 0xffff,
             _ => return Err(NoRegister),

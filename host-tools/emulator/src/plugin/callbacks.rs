@@ -28,41 +28,32 @@ fn running() -> Option<(MutexGuard<'static, Overlay>, &'static Qemu)> {
     Some((overlay, QEMU.get()?))
 }
 
-static OPS: Ops = Ops {
-    read: on_read,
-    write: on_write,
-    read_with_attrs: 0,
-    write_with_attrs: 0,
-    endianness: DEVICE_LITTLE_ENDIAN,
-    valid: ValidAccess {
-        sizes: UP_TO_WORDS,
-        accepts: 0,
-    },
-    implemented: UP_TO_WORDS,
-};
+static OPS: Ops = ops(on_write, false);
 /// Flash is read as memory; what is stored comes here.
-static FLASH_OPS: Ops = Ops {
-    read: on_read,
-    write: on_store,
-    read_with_attrs: 0,
-    write_with_attrs: 0,
-    endianness: DEVICE_LITTLE_ENDIAN,
-    valid: ValidAccess {
-        sizes: ANY_UP_TO_WORDS,
-        accepts: 0,
-    },
-    implemented: ANY_UP_TO_WORDS,
-};
-const ANY_UP_TO_WORDS: AccessSizes = AccessSizes {
-    min: 1,
-    max: 4,
-    unaligned: true,
-};
-const UP_TO_WORDS: AccessSizes = AccessSizes {
-    min: 1,
-    max: 4,
-    unaligned: false,
-};
+static FLASH_OPS: Ops = ops(on_store, true);
+
+/// A region of registers: accesses of 1 to 4 bytes, which may be unaligned where that is said.
+const fn ops(write: extern "C" fn(Pointer, u64, u64, u32), unaligned: bool) -> Ops {
+    const fn sizes(unaligned: bool) -> AccessSizes {
+        AccessSizes {
+            min: 1,
+            max: 4,
+            unaligned,
+        }
+    }
+    Ops {
+        read: on_read,
+        write,
+        read_with_attrs: 0,
+        write_with_attrs: 0,
+        endianness: DEVICE_LITTLE_ENDIAN,
+        valid: ValidAccess {
+            sizes: sizes(unaligned),
+            accepts: 0,
+        },
+        implemented: sizes(unaligned),
+    }
+}
 
 // What QEMU calls.
 
@@ -107,7 +98,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
         )
     })?;
     let overlay = Overlay::new(Path::new(folder))?;
-    let counters = overlay.recorder.counters;
+    let counters = overlay.counters();
     let functions = FUNCTIONS.get_or_init(|| functions);
     OVERLAY.get_or_init(|| Mutex::new(overlay));
     let notifier = Box::leak(Box::new(Notifier {

@@ -1,18 +1,18 @@
 //! One run, seen from inside QEMU.
 
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use super::blocks::Blocks;
 use super::count::Counters;
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, Recorder, written};
 use super::{rtt, self_test};
-use crate::exchange::{self, Description, FORMAT, Report, SELF_TEST_STATUS};
+use crate::exchange::{self, Description, FORMAT, SELF_TEST_STATUS};
 use crate::given::{Fault, Poke};
 use crate::machine::{Board, Machine, Stimulus};
 use crate::memory::{FLASH, WRITABLE, is_ram};
+use crate::outcome::Outcome;
 
 /// The log is looked at with an access of the processor after this time at the earliest.
 const RTT_PERIOD_NS: u64 = 100_000;
@@ -22,7 +22,7 @@ pub(super) struct Overlay {
     machine: Machine,
     description: Description,
     folder: PathBuf,
-    pub(super) recorder: Recorder,
+    recorder: Recorder,
     /// In order of time.
     pokes: VecDeque<Poke>,
     faults: VecDeque<Fault>,
@@ -35,40 +35,18 @@ pub(super) struct Overlay {
 }
 
 impl Overlay {
-    /// Reads the run's description.
+    /// Reads what to run.
     ///
     /// # Errors
-    /// One line, what is wrong with the directory.
+    /// One line: what is wrong with the directory.
     pub(super) fn new(folder: &Path) -> Result<Self, String> {
-        let odd = |what: &str, why: String| format!("run directory {}: {what}: {why}", folder.display());
-        let read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| odd(name, e.to_string()));
-        let create = |name: &str| File::create(folder.join(name)).map_err(|e| odd(name, e.to_string()));
-
-        let json: serde_json::Value = serde_json::from_slice(&read(exchange::DESCRIPTION)?)
-            .map_err(|e| odd(exchange::DESCRIPTION, e.to_string()))?;
-        if json.get("format").and_then(serde_json::Value::as_u64) != Some(u64::from(FORMAT)) {
-            return Err(
-                "this overlay is of another build than the program that runs it; build both again".into(),
-            );
-        }
-        let description: Description =
-            serde_json::from_value(json).map_err(|e| odd(exchange::DESCRIPTION, e.to_string()))?;
-
-        let bytes = read(exchange::STIMULUS)?;
-        let codes: Vec<u16> = bytes
-            .as_chunks()
-            .0
-            .iter()
-            .copied()
-            .map(u16::from_le_bytes)
-            .collect();
-        let rows = codes.as_chunks().0.to_vec();
+        let description = describe(folder)?;
         let hse_hz = off_by(description.hse_hz, description.hse_ppm);
-        let stimulus = Stimulus::new(rows, description.sample_period_ns).on_clock(hse_hz, description.hse_hz);
+        let stimulus = Stimulus::new(rows(folder)?, description.sample_period_ns);
         let machine = Machine::new(
             hse_hz,
             description.uid,
-            stimulus,
+            stimulus.on_clock(hse_hz, description.hse_hz),
             &description.uart_input,
             &description.pin_inputs,
         );
@@ -76,29 +54,15 @@ impl Overlay {
         pokes.sort_by_key(|poke| poke.at_ns);
         let mut faults = description.faults.clone();
         faults.sort_by_key(|fault| fault.at_ns);
-        let counters = description.count_instructions.then(|| {
+        let blocks = description.count_instructions.then(|| {
+            let counters = Counters::new(&description.labels, description.functions.clone());
             // Kept for the life of QEMU: its callbacks point there.
-            &*Box::leak(Box::new(Counters::new(
-                description.labels,
-                description.functions.clone(),
-            )))
+            Blocks::new(Box::leak(Box::new(counters)), description.work.clone())
         });
         Ok(Self {
             machine,
             folder: folder.into(),
-            recorder: Recorder {
-                uart: BufWriter::new(create(exchange::UART)?),
-                uart_times: BufWriter::new(create(exchange::UART_TIMES)?),
-                rtt: create(exchange::RTT)?,
-                counters,
-                block_began: None,
-                work: description.work.clone(),
-                worked: 0,
-                worst_block: None,
-                working: None,
-                flash_before: Vec::new(),
-                idle: None,
-            },
+            recorder: Recorder::new(folder, blocks)?,
             pokes: pokes.into(),
             faults: faults.into(),
             rtt_looked_at_ns: 0,
@@ -110,30 +74,37 @@ impl Overlay {
         })
     }
 
+    /// The counters of instructions, if any are counted.
+    pub(super) fn counters(&self) -> Option<&'static Counters> {
+        Some(self.recorder.blocks.as_ref()?.counters)
+    }
+
     /// The processor reads.
     pub(super) fn read(&mut self, address: u32, bytes: u32, qemu: &Qemu) -> u32 {
-        let now = qemu.now();
-        let value = self
-            .machine
-            .read(address, bytes, now, &mut Outside(qemu, &mut self.recorder));
-        self.after(now, false, qemu);
-        value
+        self.access(qemu, |machine, now, outside| {
+            machine.read(address, bytes, now, outside)
+        })
     }
 
     /// The processor writes.
     pub(super) fn write(&mut self, address: u32, bytes: u32, value: u32, qemu: &Qemu) {
-        let now = qemu.now();
-        self.machine
-            .write(address, bytes, value, now, &mut Outside(qemu, &mut self.recorder));
-        self.after(now, false, qemu);
+        self.access(qemu, |machine, now, outside| {
+            machine.write(address, bytes, value, now, outside)
+        });
     }
 
     /// The processor stores to flash.
     pub(super) fn store(&mut self, address: u32, bytes: u32, value: u32, qemu: &Qemu) {
+        self.access(qemu, |machine, now, outside| {
+            machine.store(address, bytes, value, now, outside)
+        });
+    }
+
+    fn access<T>(&mut self, qemu: &Qemu, access: impl FnOnce(&mut Machine, u64, &mut Outside<'_>) -> T) -> T {
         let now = qemu.now();
-        self.machine
-            .store(address, bytes, value, now, &mut Outside(qemu, &mut self.recorder));
+        let result = access(&mut self.machine, now, &mut Outside(qemu, &mut self.recorder));
         self.after(now, false, qemu);
+        result
     }
 
     /// The time that was asked for has come.
@@ -191,10 +162,10 @@ impl Overlay {
         }
         let now = qemu.now();
         self.machine.reset(now, &mut Outside(qemu, &mut self.recorder));
-        self.recorder.block_began = None;
-        while let Some((address, bytes)) = self.recorder.flash_before.pop() {
-            qemu.poke(address, &bytes);
+        if let Some(blocks) = &mut self.recorder.blocks {
+            blocks.restart();
         }
+        self.recorder.restore_flash(qemu);
         // QEMU's own loading comes after this, and the processor's first instruction after that.
         self.reloaded = true;
         self.after(now, true, qemu);
@@ -233,43 +204,60 @@ impl Overlay {
     }
 
     fn drain_log(&mut self, qemu: &Qemu) {
-        if let Some(block) = self.description.rtt {
-            let bytes = rtt::drain(block, &mut Guest(qemu));
-            written(self.recorder.rtt.write_all(&bytes));
-        }
-        written(self.recorder.uart.flush());
-        written(self.recorder.uart_times.flush());
+        let block = self.description.rtt;
+        let log = block.map(|block| rtt::drain(block, &mut Guest(qemu)));
+        self.recorder.flush(&log.unwrap_or_default());
     }
 
-    /// Writes the report and asks QEMU to stop. What it still executes until then is not recorded.
+    /// Writes the outcome and asks QEMU to stop. What it still executes until then is not recorded.
     fn end(&mut self, now: u64, qemu: &Qemu) {
         if std::mem::replace(&mut self.ended, true) {
             return;
         }
-        let report = Report {
-            sampling: self.machine.stimulus().sampling(),
-            virtual_ns: now,
-            overruns: self.machine.overruns(),
-            triggers_ignored: self.machine.triggers_ignored(),
-            resets: self.machine.resets().to_vec(),
-            unknown: self.machine.unknown_registers(),
-            unmodelled: self.machine.unmodelled(),
-            pins: self.machine.pins(),
-            flash_operations: self.machine.flash_operations().to_vec(),
-            instructions: self.recorder.counters.map_or(0, Counters::total),
-            labels: self.recorder.counters.map_or_else(Vec::new, Counters::labels),
-            worst_block: self.recorder.worst_block,
-            working: self.recorder.working,
-            idle: self.recorder.idle,
+        let outcome = Outcome {
+            instructions: self.recorder.blocks.as_ref().map(Blocks::instructions),
+            ..self.machine.outcome(now)
         };
-        let json = serde_json::to_vec(&report).expect("a plain struct has a JSON form");
-        written(std::fs::write(
-            self.folder.join(exchange::FLASH),
-            self.machine.flash(),
-        ));
-        written(std::fs::write(self.folder.join(exchange::REPORT), json));
+        let json = serde_json::to_vec(&outcome).expect("a plain struct has a JSON form");
+        let file = |name: &str| self.folder.join(name);
+        written(std::fs::write(file(exchange::FLASH), self.machine.flash()));
+        written(std::fs::write(file(exchange::OUTCOME), json));
         qemu.request_shutdown();
     }
+}
+
+fn read(folder: &Path, name: &str) -> Result<Vec<u8>, String> {
+    std::fs::read(folder.join(name)).map_err(|e| odd(folder, name, e.to_string()))
+}
+
+fn odd(folder: &Path, name: &str, why: String) -> String {
+    format!("run directory {}: {name}: {why}", folder.display())
+}
+
+/// The run's description.
+fn describe(folder: &Path) -> Result<Description, String> {
+    let odd = |e: serde_json::Error| odd(folder, exchange::DESCRIPTION, e.to_string());
+    let json: serde_json::Value =
+        serde_json::from_slice(&read(folder, exchange::DESCRIPTION)?).map_err(odd)?;
+    if json.get("format").and_then(serde_json::Value::as_u64) != Some(u64::from(FORMAT)) {
+        return Err(
+            "this overlay is of another build than the program that runs it; build both again".into(),
+        );
+    }
+    serde_json::from_value(json).map_err(odd)
+}
+
+/// The rows of the stimulus.
+fn rows(folder: &Path) -> Result<Vec<[u16; 4]>, String> {
+    let bytes = read(folder, exchange::STIMULUS)?;
+    let codes: Vec<u16> = bytes
+        .as_chunks()
+        .0
+        .iter()
+        .copied()
+        .map(u16::from_le_bytes)
+        .collect();
+    Ok(codes.as_chunks().0.to_vec())
 }
 
 /// The frequency of a crystal that is off by so much: whole Hz, at 8 MHz an eighth of a ppm.

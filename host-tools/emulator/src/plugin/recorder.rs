@@ -2,32 +2,57 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::path::Path;
 
-use super::count::Counters;
+use super::blocks::Blocks;
 use super::qemu::{self, Qemu};
+use crate::exchange;
 use crate::machine::Board;
 use crate::memory::{CCM, SRAM};
-use crate::outcome::Block;
 
 /// What comes out of the machine while it runs.
 pub(super) struct Recorder {
-    pub(super) uart: BufWriter<File>,
-    pub(super) uart_times: BufWriter<File>,
-    pub(super) rtt: File,
-    pub(super) counters: Option<&'static Counters>,
-    /// Instructions at the end of the last block.
-    pub(super) block_began: Option<u64>,
-    /// The labels whose functions make a block a working one.
-    pub(super) work: Vec<usize>,
-    /// Instructions in those functions at that time.
-    pub(super) worked: u64,
-    pub(super) worst_block: Option<Block>,
-    /// All working blocks together.
-    pub(super) working: Option<Block>,
+    uart: BufWriter<File>,
+    uart_times: BufWriter<File>,
+    rtt: File,
+    /// Only where instructions are counted.
+    pub(super) blocks: Option<Blocks>,
     /// What stood in flash before it was overwritten.
-    pub(super) flash_before: Vec<(u32, Vec<u8>)>,
-    /// All others together.
-    pub(super) idle: Option<Block>,
+    flash_before: Vec<(u32, Vec<u8>)>,
+}
+
+impl Recorder {
+    /// Begins the files of the run.
+    ///
+    /// # Errors
+    /// One line: which file cannot be made.
+    pub(super) fn new(folder: &Path, blocks: Option<Blocks>) -> Result<Self, String> {
+        let create = |name: &str| {
+            let odd = |e: std::io::Error| format!("run directory {}: {name}: {e}", folder.display());
+            File::create(folder.join(name)).map_err(odd)
+        };
+        Ok(Self {
+            uart: BufWriter::new(create(exchange::UART)?),
+            uart_times: BufWriter::new(create(exchange::UART_TIMES)?),
+            rtt: create(exchange::RTT)?,
+            blocks,
+            flash_before: Vec::new(),
+        })
+    }
+
+    /// Puts what was said so far into the files.
+    pub(super) fn flush(&mut self, log: &[u8]) {
+        written(self.rtt.write_all(log));
+        written(self.uart.flush());
+        written(self.uart_times.flush());
+    }
+
+    /// Brings back what was overwritten in flash.
+    pub(super) fn restore_flash(&mut self, qemu: &Qemu) {
+        while let Some((address, bytes)) = self.flash_before.pop() {
+            qemu.poke(address, &bytes);
+        }
+    }
 }
 
 /// The machine's outside: QEMU, and the recorder.
@@ -76,28 +101,8 @@ impl Board for Outside<'_> {
     }
 
     fn acquired(&mut self, scans: u64) {
-        let Some(counters) = self.1.counters else {
-            return;
-        };
-        let now = counters.total();
-        let worked = counters.labelled(&self.1.work);
-        let working = std::mem::replace(&mut self.1.worked, worked) < worked;
-        // The first block after a reset has the start-up in it.
-        if let Some(began) = self.1.block_began.replace(now).filter(|_| scans > 0) {
-            let block = Block {
-                instructions: now - began,
-                scans,
-            };
-            let worst = self.1.worst_block.get_or_insert(block);
-            if block.instructions_per_scan() > worst.instructions_per_scan() {
-                *worst = block;
-            }
-            let all = match working {
-                true => self.1.working.get_or_insert_default(),
-                false => self.1.idle.get_or_insert_default(),
-            };
-            all.instructions += block.instructions;
-            all.scans += block.scans;
+        if let Some(blocks) = &mut self.1.blocks {
+            blocks.end(scans);
         }
     }
 

@@ -20,10 +20,12 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
         reason,
     };
     let Some(table) = Table::parse(elf).map_err(|e| refused(e.to_string()))? else {
-        return Ok(String::from_utf8_lossy(bytes)
-            .lines()
-            .map(LogLine::plain)
-            .collect());
+        let plain = |text: &str| LogLine {
+            level: None,
+            timestamp: None,
+            text: text.into(),
+        };
+        return Ok(String::from_utf8_lossy(bytes).lines().map(plain).collect());
     };
     let mut decoder = table.new_stream_decoder();
     decoder.received(bytes);

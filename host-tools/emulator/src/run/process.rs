@@ -1,5 +1,6 @@
-//! QEMU as a process.
+//! QEMU as a process: started with the overlay, and asked what became of it.
 
+use std::ffi::OsString;
 use std::fs::File;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -8,43 +9,62 @@ use std::time::{Duration, Instant};
 use super::error::{RunError, io};
 use super::folder::Folder;
 use super::overlay;
-use super::qemu::Qemu;
-use crate::exchange::{self, LINE_PREFIX, Report, SELF_TEST_STATUS};
+use super::qemu::{FoundQemu, wanted_version};
+use crate::exchange::{self, LINE_PREFIX, SELF_TEST_STATUS};
+use crate::outcome::Outcome;
 
-/// Runs QEMU to its end.
-pub(super) fn start(
-    elf: &Path,
-    timeout: Duration,
-    qemu: &Qemu,
-    folder: &Folder,
+/// Runs QEMU to its end, with these arguments besides those of every run. A QEMU that wants another version of the
+/// overlay than expected gets it.
+///
+/// # Errors
+/// Those of QEMU and the overlay, and [`RunError::Timeout`].
+pub(super) fn run(
+    qemu: &FoundQemu,
     overlay: &Path,
-    version: i32,
-    blocks: &[String],
+    folder: &Folder,
+    arguments: &[OsString],
+    timeout: Duration,
+) -> Result<Outcome, RunError> {
+    let version = qemu.plugin_version();
+    let start = |version: i32| {
+        let plugin = folder.write("overlay.so", &overlay::with_version(overlay, version)?)?;
+        start(qemu, &plugin, folder, arguments, timeout)
+    };
+    let mut ended = start(version)?;
+    if let Some(other) = wanted_version(&ended.stderr).filter(|other| *other != version) {
+        ended = start(other)?;
+    }
+    ended.outcome(folder)
+}
+
+fn start(
+    qemu: &FoundQemu,
+    plugin: &Path,
+    folder: &Folder,
+    arguments: &[OsString],
+    timeout: Duration,
 ) -> Result<Ended, RunError> {
-    let plugin = folder.write("overlay.so", &overlay::with_version(overlay, version)?)?;
-    let stderr_path = folder.path.join("stderr");
-    let stderr = File::create(&stderr_path).map_err(io("cannot write the run's temporary files"))?;
-    let mut command = Command::new(&qemu.program);
-    command
+    let stderr = File::create(folder.path("stderr")).map_err(io("cannot write the run's temporary files"))?;
+    let run = folder.path("");
+    let child = Command::new(&qemu.program)
         .args(["-M", "netduinoplus2", "-icount", "shift=3,sleep=off"])
-        .args(["-nographic", "-monitor", "none", "-serial", "none", "-kernel"])
-        .arg(elf)
-        .arg("-plugin")
-        .arg(format!("{},run={}", plugin.display(), folder.path.display()))
+        .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
+        .arg(format!("{},run={}", plugin.display(), run.display()))
+        .args(arguments)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(stderr);
-    for block in blocks {
-        command.args(["-device", block]);
-    }
-    let child = command.spawn().map_err(|_| RunError::QemuMissing {
-        program: qemu.program.to_string_lossy().into_owned(),
-    })?;
+        .stderr(stderr)
+        .spawn()
+        .map_err(|_| RunError::QemuMissing {
+            program: qemu.program.to_string_lossy().into_owned(),
+        })?;
     let Some(status) = wait(child, timeout)? else {
-        let uart_bytes = folder.path.join(exchange::UART).metadata().map_or(0, |m| m.len());
-        return Err(RunError::Timeout { timeout, uart_bytes });
+        return Err(RunError::Timeout {
+            timeout,
+            uart_bytes: folder.path(exchange::UART).metadata().map_or(0, |m| m.len()),
+        });
     };
-    let stderr = std::fs::read(&stderr_path).map_err(io("cannot read what QEMU said"))?;
+    let stderr = std::fs::read(folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;
     Ok(Ended {
         status,
         stderr: String::from_utf8_lossy(&stderr).into_owned(),
@@ -52,16 +72,16 @@ pub(super) fn start(
 }
 
 /// A QEMU that ended by itself.
-pub(super) struct Ended {
+struct Ended {
     status: ExitStatus,
-    pub(super) stderr: String,
+    stderr: String,
 }
 
 impl Ended {
-    /// The overlay's report, or why there is none.
-    pub(super) fn report(&self, folder: &Folder) -> Result<Report, RunError> {
-        if let Ok(report) = std::fs::read(folder.path.join(exchange::REPORT)) {
-            return serde_json::from_slice(&report).map_err(|e| RunError::Qemu {
+    /// What the overlay reports, or why there is no report.
+    fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
+        if let Ok(json) = std::fs::read(folder.path(exchange::OUTCOME)) {
+            return serde_json::from_slice(&json).map_err(|e| RunError::Qemu {
                 status: self.status.to_string(),
                 line: format!("its report cannot be read ({e})"),
             });

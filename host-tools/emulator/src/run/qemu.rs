@@ -8,13 +8,13 @@ use super::error::RunError;
 
 /// A QEMU that answered.
 #[derive(Debug, Clone)]
-pub(super) struct Qemu {
+pub(super) struct FoundQemu {
     pub(super) program: OsString,
     major: u32,
     minor: u32,
 }
 
-impl Qemu {
+impl FoundQemu {
     /// The program named; else what `STM32F405_QEMU` names; else `qemu-system-arm` from `PATH`.
     ///
     /// # Errors
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn the_plugin_version_follows_the_qemu_found() {
         let of = |major, minor| {
-            Qemu {
+            FoundQemu {
                 program: OsString::new(),
                 major,
                 minor,
