@@ -1,13 +1,14 @@
-//! What the host process and the plugin inside QEMU tell each other: files in one directory per run.
+//! What the host process and the plugin inside QEMU tell each other: files in one directory for each run.
 //!
 //! # Design
 //!
-//! QEMU's plugin arguments are a comma-separated list without quoting, so the plugin is given one thing only: a
-//! directory. The host writes [`DESCRIPTION`] and [`STIMULUS`] before it starts QEMU; the plugin writes [`UART`] and
-//! [`RTT`] while the image runs and [`OUTCOME`] when it ends. A run that ends without an outcome has failed.
+//! QEMU's plugin arguments are a comma-separated list without quoting. So the plugin is given one thing only:
+//! a directory. The host writes [`DESCRIPTION`] and [`STIMULUS`] before it starts QEMU; the plugin writes
+//! [`UART`] and [`RTT`] while the image runs and [`OUTCOME`] when it ends. A run that ends without an outcome
+//! has failed.
 //!
-//! Both sides are one crate built twice, and [`FORMAT`] in the description says so: a shared object left over from
-//! an older build is told apart instead of misread.
+//! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin sees whether both are
+//! of the same build: an older shared object is refused, not misread.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,14 +26,14 @@ pub(crate) const UART: &str = "uart.bin";
 pub(crate) const UART_TIMES: &str = "uart-times.bin";
 /// Bytes of RTT up-channel 0, in order.
 pub(crate) const RTT: &str = "rtt.bin";
-/// The run's outcome, but for what the files above and below hold.
+/// The run's outcome, without what the other files hold.
 pub(crate) const OUTCOME: &str = "outcome.json";
 /// What flash sectors 10 and 11 hold at the end.
 pub(crate) const FLASH: &str = "flash.bin";
 
 /// Exit status of QEMU when the overlay's self-test fails. QEMU itself uses 0, 1 and signals.
 pub(crate) const SELF_TEST_STATUS: i32 = 86;
-/// What every line that the overlay prints on standard error starts with.
+/// Every line that the overlay prints on standard error starts with this.
 pub(crate) const LINE_PREFIX: &str = "stm32f405-qemu: ";
 
 /// What to run, host to plugin.
@@ -58,7 +59,7 @@ pub(crate) struct Description {
     pub(crate) faults: Vec<Fault>,
 }
 
-/// One function of the image that belongs to a label: `[start, end)`.
+/// A function of the image that belongs to a label: addresses `[start, end)`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct FunctionRange {
     pub(crate) label: usize,

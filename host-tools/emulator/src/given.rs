@@ -11,18 +11,18 @@ pub struct UartInput {
     pub bytes: Vec<u8>,
 }
 
-/// A level put on a pin from outside, low at first.
+/// A level on a pin from outside. It is low at first.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PinInput {
     /// For example `PA15`.
     pub pin: String,
-    /// When the level changes, up, down, up and so on: virtual times in ns after the first externally triggered scan, the
-    /// time of the stimulus, in order.
+    /// When the level changes: up, down, up and so on. Virtual times in ns after the first externally
+    /// triggered scan, as those of the stimulus, in order.
     pub changes_ns: Vec<u64>,
 }
 
 impl PinInput {
-    /// Port (`A` is 0) and number, if there is such a pin.
+    /// Port (A is 0) and number. `None` if there is no such pin.
     pub(crate) fn place(&self) -> Option<(usize, usize)> {
         let mut letters = self.pin.strip_prefix('P')?.chars();
         let port = "ABCDEFGHI".find(letters.next()?)?;
@@ -31,10 +31,11 @@ impl PinInput {
     }
 }
 
-/// A fault on demand: bytes written over guest memory, flash included, behind the processor's back.
+/// A fault on demand: bytes are written over guest memory, also over flash, without the processor's doing.
 ///
-/// A reset brings flash back as it was, so that the image that faulted can start again; what is written over RAM stays.
-/// What the firmware itself has written to flash stays too: the bytes poked are not part of it.
+/// A reset brings flash back as it was, so that the image can start again after its fault. What was written
+/// over RAM stays. What the firmware itself wrote to flash stays too; the bytes of a poke are not part of
+/// that.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Poke {
     /// Virtual time of the write, in ns since power-up.
@@ -48,7 +49,7 @@ pub struct Poke {
 /// A fault on demand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
-    /// Virtual time, in ns after the first externally triggered scan: the time of the stimulus.
+    /// Virtual time, in ns after the first externally triggered scan, as the times of the stimulus.
     pub at_ns: u64,
     /// What fails.
     pub kind: FaultKind,
@@ -56,46 +57,48 @@ pub struct Fault {
 
 /// What fails.
 ///
-/// [`WildJump`](Self::WildJump) to [`RunawayStack`](Self::RunawayStack) make the processor run wild: the vector of the DMA stream that serves ADC1 is overwritten in flash, and
-/// that stream's next interrupt does the rest. The reset brings flash back. Nothing happens if no stream serves ADC1.
+/// [`WildJump`](Self::WildJump) to [`RunawayStack`](Self::RunawayStack) make the processor crash. The vector
+/// of the DMA stream that serves ADC1 is overwritten in flash, and the next interrupt of that stream does the
+/// rest. The reset brings flash back. Nothing happens if no stream serves ADC1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FaultKind {
-    /// ADC1 loses a conversion, as when the DMA does not fetch in time: SR.OVR is set, DMA requests and triggers stop
-    /// until it is cleared (RM0090 section 13.8.1).
+    /// ADC1 loses a conversion, as it does when the DMA does not fetch in time. SR.OVR is set. DMA requests
+    /// and triggers stop until it is cleared (RM0090 section 13.8.1).
     AdcOverrun,
-    /// The DMA stream that serves ADC1 meets a bus error: TEIF is set and the stream stops (section 10.3.18). Nothing
-    /// happens if no stream serves it.
+    /// The DMA stream that serves ADC1 meets a bus error. TEIF is set and the stream stops (section 10.3.18).
+    /// Nothing happens if no stream serves ADC1.
     AdcDmaError,
-    /// USART1 ends no frame for so many ns: what is in its registers stays there, and the DMA waits. A USART without flow
-    /// control never does this by itself; it is what a transmitter held by CTS, or a DMA stream that got stuck, looks like.
+    /// USART1 ends no frame for some time. What is in its registers stays there, and the DMA waits. A USART
+    /// without flow control never does this by itself. A transmitter that CTS holds, or a DMA stream that is
+    /// stuck, looks like this.
     TransmitterStalled {
         /// How long, in ns.
         for_ns: u64,
     },
-    /// The supply is so high from now on, in mV; 3300 before. Only the programmable voltage detector sees it: below 1.8 V
-    /// silicon would not run.
+    /// The supply has this voltage from now on; before, it has 3300 mV. Only the programmable voltage
+    /// detector and the internal reference see it. Below 1.8 V silicon would not run.
     Supply {
         /// In mV.
         millivolts: u32,
     },
     /// The vector leads out of memory: a hard fault.
     WildJump,
-    /// The vector becomes that of WWDG (position 0): where an image does not use the window watchdog, its handler for
-    /// interrupts that have none.
+    /// The vector becomes that of WWDG (position 0). In an image that does not use the window watchdog, this
+    /// is the handler for interrupts that have no handler of their own.
     UnhandledInterrupt,
     /// The vector leads to `b .` in the last bytes of flash: the processor never leaves the handler.
     Hang,
-    /// The vector leads to a loop in the last bytes of flash that pushes on the stack for ever.
+    /// The vector leads to an endless loop in the last bytes of flash, which pushes on the stack.
     RunawayStack,
-    /// The power goes and comes back at once: a power-on reset. RAM then holds nothing of before, the reset flags are those
-    /// of power-up, and a flash operation that ran is left half done. The stimulus goes on.
+    /// The power goes and comes back at once: a power-on reset. RAM loses what it held, the reset flags are
+    /// those of power-up, and a flash operation under way is left half done. The stimulus goes on.
     PowerCut,
-    /// [`PowerCut`](Self::PowerCut) in the midst of a flash operation: a word programmed, a sector erased. Several are
-    /// counted each by itself, and the count goes on over resets.
+    /// A [`PowerCut`](Self::PowerCut) in the middle of a flash operation, which programs a word or erases a
+    /// sector. Each fault of this kind counts operations for itself. Resets do not end the count.
     PowerCutInFlash {
-        /// How many operations begin before that one, from the time of the fault on.
+        /// How many operations begin before that one, counted from the time of the fault.
         after: u32,
-        /// How much of it is over when the power goes: 0 to 100.
+        /// How much of the operation is over when the power goes: 0 to 100.
         percent: u8,
     },
 }

@@ -1,16 +1,18 @@
-//! The peripherals put together: time, requests, interrupt lines, and what the firmware gets to see.
+//! The peripherals put together, driven by the processor and by time.
 //!
 //! # Design
 //!
-//! [`Machine`] is driven from outside by two things: accesses of the processor ([`Machine::read`], [`Machine::write`],
-//! [`Machine::store`]), each at a time, and [`Machine::advance`] at the time that [`Machine::next_interrupt`] gave.
-//! Before either, everything that happened since is played in order: triggers, conversions, transfers, bytes. So the
-//! outside is woken for interrupts only, a DMA block at its half and its end, and never for a sample.
+//! Two things drive a [`Machine`] from outside: accesses of the processor ([`Machine::read`],
+//! [`Machine::write`], [`Machine::store`]), each with its time, and [`Machine::advance`] at the time that
+//! [`Machine::next_interrupt`] gave. Before either, everything that has happened since is played in order:
+//! triggers, conversions, transfers, bytes. So the outside is woken for interrupts only. For a DMA buffer
+//! this is at its half and its end, and never for a sample.
 //!
-//! What the machine needs of the outside is the trait [`Board`]: memory, interrupt lines, and a place for bytes.
+//! The trait [`Board`] is what the machine needs of the outside: memory, interrupt lines, and a place for
+//! bytes.
 //!
-//! [`table`] lists the peripherals. [`chip`] is the device that they make together, [`wiring`] how they are connected.
-//! [`events`] says what happens next, and [`forecast`] when that will interrupt the processor.
+//! `table` lists the peripherals. `chip` is the device that they form, and `wiring` says how they are
+//! connected. `events` says what happens next, and `forecast` says when the processor will be interrupted.
 
 mod board;
 mod chip;
@@ -50,13 +52,13 @@ pub struct Machine {
     transfers: Transfers,
     lines: Lines,
     unknown: UnknownRegisters,
-    /// Why a reset was asked for that has not come yet.
+    /// The cause of a reset that was asked for and has not come yet.
     reset_wanted: Option<ResetCause>,
     resets: Vec<Reset>,
 }
 
 impl Machine {
-    /// After power-up, with a crystal of `hse_hz`, its factory identifier, and what comes in.
+    /// After power-up. Has a crystal of `hse_hz`, a factory identifier, and inputs.
     ///
     /// # Panics
     /// One of the pins does not exist.
@@ -84,7 +86,7 @@ impl Machine {
 
     // What drives the machine.
 
-    /// The processor was reset after power-up: every peripheral starts anew, while the world outside goes on.
+    /// The processor was reset after power-up. Resets every peripheral. What comes from outside goes on.
     pub fn reset(&mut self, now: u64, board: &mut impl Board) {
         self.play(now, board);
         let cause = self.reset_wanted.take().unwrap_or(ResetCause::Software);
@@ -96,7 +98,7 @@ impl Machine {
         self.settle(board);
     }
 
-    /// The processor reads 1, 2 or 4 bytes. What no model knows reads as zero and is recorded.
+    /// The processor reads 1, 2 or 4 bytes. A register that no model knows reads as zero and is recorded.
     pub fn read(&mut self, address: u32, bytes: u32, now: u64, board: &mut impl Board) -> u32 {
         self.play(now, board);
         let word = address & !3;
@@ -135,7 +137,7 @@ impl Machine {
         self.lines.settle(&self.chip, board);
     }
 
-    /// Something fails on demand.
+    /// Makes something fail.
     pub fn fail(&mut self, kind: FaultKind, now: u64, board: &mut impl Board) {
         self.play(now, board);
         let units = &mut self.chip.units;
@@ -164,15 +166,15 @@ impl Machine {
         self.lines.settle(&self.chip, board);
     }
 
-    /// When an interrupt line will rise by itself, or the first scan may come: call [`Self::advance`] then, not later.
-    /// Earlier does no harm.
+    /// When an interrupt line will rise, or the first scan may come, if no register is accessed. Call
+    /// [`Self::advance`] at this time or earlier, not later.
     pub fn next_interrupt(&self) -> Option<u64> {
         forecast::next_interrupt(&self.chip, &self.levels)
     }
 
     // What there is to see.
 
-    /// What the analog inputs carry, and how far it is read.
+    /// The analog inputs, and how far they were read.
     pub fn stimulus(&self) -> &Stimulus {
         &self.chip.stimulus
     }
@@ -190,7 +192,8 @@ impl Machine {
         self.chip.units.flash.set_contents(contents);
     }
 
-    /// What there was to see up to `now`. Bytes and instructions are the board's to record.
+    /// What the machine has seen up to `now`. Bytes and instructions are recorded by the board, and are not
+    /// in it.
     pub fn outcome(&self, now: u64) -> Outcome {
         let units = &self.chip.units;
         Outcome {
@@ -274,7 +277,8 @@ impl Machine {
 
     /// Brings memory, the processor and its interrupt lines up to the state of the models.
     fn settle(&mut self, board: &mut impl Board) {
-        // The next instruction is in flash, and so is the one after an interrupt that woke the processor nevertheless.
+        // The next instruction is in flash. So is the one after an interrupt that wakes the processor in
+        // spite of the stall.
         if self.chip.units.flash.busy() {
             board.stall(true);
         }

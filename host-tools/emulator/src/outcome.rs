@@ -16,23 +16,24 @@ pub struct Outcome {
     pub log: Vec<LogLine>,
     /// The same log as it came over RTT.
     pub rtt: Vec<u8>,
-    /// What was executed; `None` if not counted.
+    /// Executed instructions. `None` if they were not counted.
     pub instructions: Option<Instructions>,
-    /// The externally triggered scans; `None` if the image never came to sample.
+    /// The externally triggered scans. `None` if the image never sampled.
     pub sampling: Option<Sampling>,
     /// How often the ADC lost a conversion (ADC_SR.OVR was set).
     pub overruns: u64,
-    /// Triggers that came while a scan was running or while OVR stood, and so started nothing.
+    /// Triggers that started nothing, since a scan was running or OVR was set.
     pub triggers_ignored: u64,
     /// Resets after power-up.
     pub resets: Vec<Reset>,
-    /// Registers that the firmware touched and that read as zero here for want of a model.
+    /// Registers that the firmware accessed and that no model knows.
     pub unknown_registers: Vec<UnknownRegister>,
     /// Features of modelled peripherals that the firmware asked for and that are not modelled.
     pub unmodelled: Vec<String>,
     /// Output pins that moved.
     pub pins: Vec<Pin>,
-    /// What flash sectors 10 and 11, which firmware can write, hold at the end: address and bytes, as for [`Run::flash`].
+    /// What flash sectors 10 and 11 hold at the end, which firmware can write: address and bytes, as for
+    /// [`Run::flash`](crate::Run::flash).
     pub flash: (u32, Vec<u8>),
     /// Words that the firmware programmed and sectors that it erased, in order.
     pub flash_operations: Vec<FlashOperation>,
@@ -40,23 +41,24 @@ pub struct Outcome {
     pub virtual_ns: u64,
 }
 
-/// Instructions executed, at 8 ns of virtual time each; a processor in WFI executes none.
+/// Executed instructions. Each takes 8 ns of virtual time. A processor in WFI executes none.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Instructions {
     /// By the whole image.
     pub total: u64,
-    /// One entry a label, in the order given.
+    /// One entry for each label, in the order given.
     pub functions: Vec<FunctionCount>,
     /// The busiest stretch between two interrupts of the ADC's DMA stream.
     pub worst_block: Option<Block>,
-    /// All stretches together in which a function of [`Run::work`] ran; `None` if none ever did.
+    /// All stretches in which a function of [`Run::work`](crate::Run::work) ran, taken together. `None` if
+    /// there were none.
     pub working: Option<Block>,
-    /// All other stretches together; `None` if there were none.
+    /// All other stretches, taken together. `None` if there were none.
     pub idle: Option<Block>,
 }
 
-/// Instructions inside the functions of one label, without those of functions that they call.
+/// Instructions inside the functions of one label. Functions that they call are not included.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct FunctionCount {
@@ -66,17 +68,17 @@ pub struct FunctionCount {
     pub instructions: u64,
     /// How often one of the functions was entered.
     pub calls: u64,
-    /// How many functions of the image the label stands for: 0 means that the compiler inlined them all, or a typing
-    /// mistake.
+    /// How many functions of the image have the label. 0 means that the compiler inlined them all, or that
+    /// the pattern has a mistake.
     pub symbols: usize,
 }
 
 /// One line of the image's log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogLine {
-    /// `trace`, `debug`, `info`, `warn` or `error`; `None` for `println`.
+    /// `trace`, `debug`, `info`, `warn` or `error`. `None` for `println`.
     pub level: Option<String>,
-    /// As the image's `defmt::timestamp!` formats it; `None` if it has none.
+    /// As the image's `defmt::timestamp!` formats it. `None` if the image has no timestamp.
     pub timestamp: Option<String>,
     /// The message.
     pub text: String,
@@ -124,7 +126,7 @@ pub enum ResetCause {
     PowerCut,
 }
 
-/// A word programmed or a sector erased by the firmware, or at least begun.
+/// A word that the firmware programmed, or a sector that it erased. The operation may have been cut short.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FlashOperation {
     /// Virtual time at which it began, in ns.
@@ -137,9 +139,9 @@ pub struct FlashOperation {
     pub erase: bool,
 }
 
-/// A register that the firmware touched and no model knows, or whose peripheral's clock was off.
+/// A register that the firmware accessed and no model knows, or whose peripheral's clock was off.
 ///
-/// It read as zero and its writes went nowhere: on silicon the firmware may behave otherwise.
+/// It read as zero, and writes to it had no effect. On silicon the firmware may behave differently.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnknownRegister {
     /// For example `SPI1+0x08`, or `USART1+0x00 (clock off)`.
@@ -163,12 +165,12 @@ pub struct Pin {
     pub edges: u64,
 }
 
-/// A stretch from interrupt to interrupt of the ADC's DMA stream, or several of them together.
+/// The time from one interrupt of the ADC's DMA stream to the next, or several such stretches taken together.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Block {
-    /// Instructions of the whole image, interrupts and all.
+    /// Instructions of the whole image, with its interrupts.
     pub instructions: u64,
-    /// Scans of the ADC in the same stretch.
+    /// Scans of the ADC in the same time.
     pub scans: u64,
 }
 

@@ -1,14 +1,15 @@
-//! The peripherals, a file each, after RM0090.
+//! The peripherals, after RM0090: one file for each.
 //!
 //! # Design
 //!
-//! A model is a plain struct. It knows its registers and the time in ns at which they are touched; it knows no bus, no
-//! interrupt controller and no QEMU. Nothing ticks: state is brought up to the time of an access when the access
-//! comes, and what will happen by itself is a question that a model answers ([`tim::Tim::next_interrupt`],
-//! [`adc::Adc::next_conversion`], …) and [`crate::machine`] puts together.
+//! A model is a plain struct that implements [`Peripheral`]. It knows its registers, and the time in ns at
+//! which they are accessed. It knows no bus, no interrupt controller and no QEMU. Nothing ticks: an access
+//! first brings the state up to its own time. A model also says when something will next happen by itself
+//! ([`Peripheral::next_interrupt`], [`adc::Adc::next_conversion`], …). The module `machine` puts these times
+//! together.
 //!
-//! A register that a model lacks is [`NoRegister`], never zero in silence. A feature of a modelled register that the
-//! firmware asks for and that is not modelled goes to the model's [`Notes`].
+//! A register that a model lacks gives [`NoRegister`]. It never reads as zero without a report. Firmware may
+//! ask a modelled register for a feature that is not modelled: this goes to the model's [`Notes`].
 
 pub mod adc;
 pub mod clock;

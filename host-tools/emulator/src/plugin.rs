@@ -2,10 +2,12 @@
 //!
 //! # Design
 //!
-//! [`qemu`] is the only file with `unsafe` in it: it finds QEMU's functions, lays the regions over the machine and turns
-//! QEMU's callbacks into calls of [`Overlay`]. The overlay drives a [`Machine`], records what comes out, and ends the run.
+//! `callbacks` is what QEMU calls, and `qemu` is what the plugin calls in QEMU. Only these two have `unsafe`
+//! in them. The callbacks drive an `Overlay`. The overlay drives a machine, records what comes out of it, and
+//! ends the run.
 //!
-//! QEMU's big lock is held in every callback that reaches the overlay, so one call ends before the next begins.
+//! QEMU's big lock is held in every callback that reaches the overlay, so one call ends before the next
+//! begins.
 
 mod blocks;
 mod callbacks;

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! QEMU is a child process, the overlay is this very crate built as a shared object, and a temporary directory
-//! carries everything between the two ([`crate::exchange`]). Nothing is left behind and nothing is shared between
-//! runs, so runs may go in parallel.
+//! QEMU is a child process. The overlay is this crate, built as a shared object. A temporary directory
+//! carries everything between the two (see `exchange`). Nothing is left behind, and runs share nothing, so
+//! they may go in parallel.
 
 mod error;
 mod folder;
@@ -44,20 +44,23 @@ use qemu::FoundQemu;
 pub struct Run {
     /// The image, unchanged: what would be flashed.
     pub elf: PathBuf,
-    /// Codes that ADC1 converts, 0..=4095: channels 0 to 3. Row 0 is read by the first externally triggered
-    /// scan, row `i` by scans from `i` periods later; the last row stays. Scans started by software before read row 0.
+    /// Codes that ADC1 converts, 0..=4095: channels 0 to 3. The first externally triggered scan reads row 0.
+    /// Scans from `i` periods later on read row `i`. The last row stays. Scans that software starts before
+    /// that read row 0.
     pub stimulus: Vec<[u16; 4]>,
     /// Time from row to row, in ns.
     pub sample_period_ns: u64,
-    /// Blocks put in flash beside the image (settings), each with its address. Elsewhere, and where the image has
-    /// nothing, flash is erased. [`Outcome::flash`] is such a block: with it a run goes on where another ended.
+    /// Blocks in flash beside the image (settings, for example), each with its address. Where neither a block
+    /// nor the image has anything, flash is erased. [`Outcome::flash`] is such a block: with it a run goes on
+    /// where another ended.
     pub flash: Vec<(u32, Vec<u8>)>,
-    /// Which functions to count: a label and a part of a demangled path, for example
-    /// `("observer", "bead_model::observer::")`. A label may stand more than once.
+    /// Which functions to count: a label and a part of a demangled path, for example `("observer",
+    /// "bead_model::observer::")`. A label may be given more than once.
     pub functions: Vec<(String, String)>,
-    /// The labels whose functions make a block a working one ([`Instructions::working`](crate::Instructions::working)).
+    /// The labels whose functions make a block a working one
+    /// ([`Instructions::working`](crate::Instructions::working)).
     pub work: Vec<String>,
-    /// Count instructions at all: it costs QEMU about half its speed. Turn it off for long runs.
+    /// Whether to count instructions. This costs QEMU about half of its speed. Turn it off for long runs.
     pub count_instructions: bool,
     /// How long the run goes on after the last row, in ns of virtual time.
     pub tail_ns: u64,
@@ -65,14 +68,14 @@ pub struct Run {
     pub sampling_deadline_ns: u64,
     /// When to give up in real time.
     pub timeout: Duration,
-    /// The QEMU to run; `None` for what `STM32F405_QEMU` names, else `qemu-system-arm` from `PATH`.
+    /// The QEMU to run. `None` for the one that `STM32F405_QEMU` names, else `qemu-system-arm` from `PATH`.
     pub qemu: Option<PathBuf>,
-    /// The overlay to load; `None` to look for it where the README says.
+    /// The overlay to load. `None` to look for it where the README says.
     pub overlay: Option<PathBuf>,
     /// Crystal on the HSE pins, in Hz.
     pub hse_hz: u32,
-    /// How far it is off, in ppm: below 1000 either way, in steps of 1 Hz. The rows of the stimulus keep to it, all other
-    /// times here are true.
+    /// How far the crystal is off, in ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
+    /// stimulus follow it. All other times here are true ones.
     pub hse_ppm: f64,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],
@@ -87,7 +90,8 @@ pub struct Run {
 }
 
 impl Run {
-    /// A run of an image with all inputs at mid-scale, 10 µs a sample, 10 ms long, instructions counted.
+    /// A run of an image with all inputs at mid-scale, 10 µs for each sample, 10 ms long. Instructions are
+    /// counted.
     pub fn new(elf: impl Into<PathBuf>) -> Self {
         Self {
             elf: elf.into(),
@@ -115,7 +119,7 @@ impl Run {
     /// Runs the image to its end. The same run gives the same bytes.
     ///
     /// # Errors
-    /// See [`RunError`]. An image that never samples is no error: [`Outcome::sampling`] is then `None`.
+    /// See [`RunError`]. An image that never samples is not an error: then [`Outcome::sampling`] is `None`.
     pub fn execute(&self) -> Result<Outcome, RunError> {
         self.check()?;
         let image = Image::read(&self.elf)?;
@@ -195,7 +199,7 @@ impl Run {
         Ok(arguments)
     }
 
-    /// What would make QEMU or the plugin fail in a less helpful place.
+    /// Refuses what would make QEMU or the plugin fail in a less helpful place.
     fn check(&self) -> Result<(), RunError> {
         let refused = |text: String| Err(RunError::Input(text));
         if self.sample_period_ns == 0 {

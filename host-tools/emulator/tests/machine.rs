@@ -229,7 +229,8 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     for i in 7..64 {
         assert_eq!(scan(i), [128 + i, 1128 + i]);
     }
-    // 32 scans a half: scan n starts at (n + 1) * 10 µs and its second conversion ends 136 cycles of 21 MHz later.
+    // 32 scans a half: scan n starts at (n + 1) * 10 µs and its second conversion ends 136 cycles of 21 MHz
+    // later.
     let expected: Vec<u64> = (1..=6).map(|half| half * 320_000 + 6_477).collect();
     assert_eq!(bench.board.rises[&DMA2_STREAM0], expected);
     assert_eq!(bench.board.blocks, [32; 6]);
@@ -294,7 +295,8 @@ fn an_overrun_that_nobody_clears_wakes_nobody() {
     bench.write(STREAM0, cr & !1);
     bench.wakes = 0;
     bench.run(2_000_000, |_| {});
-    // The interrupt of the overrun, perhaps a conversion before it, and nothing at the 190 triggers that follow.
+    // The interrupt of the overrun, perhaps a conversion before it, and nothing at the 190 triggers that
+    // follow.
     assert!(bench.wakes <= 2, "{} wakes", bench.wakes);
     assert!(bench.board.lines[18]);
 }
@@ -647,7 +649,8 @@ fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
 const GPIOA: u32 = 0x4002_0000;
 const TIM2: u32 = 0x4000_0000;
 
-/// TIM2 started by TIM3's first update, its channel 1 capturing rising edges of PA15 with an interrupt; samples at 100 kHz.
+/// TIM2 started by TIM3's first update, its channel 1 capturing rising edges of PA15 with an interrupt;
+/// samples at 100 kHz.
 fn capturing(changes_ns: &[u64]) -> Bench {
     let input = PinInput {
         pin: "PA15".into(),

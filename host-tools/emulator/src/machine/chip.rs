@@ -1,4 +1,4 @@
-//! The peripherals as one device: registers behind clock gates, and what happens between one peripheral and another.
+//! The peripherals as one device: registers behind clock gates, and what one peripheral does to another.
 
 use crate::outcome::ResetCause;
 use crate::peripherals::adc::TriggerSource;
@@ -45,7 +45,7 @@ impl Chip {
         }
     }
 
-    /// Every peripheral starts anew, while the world outside goes on.
+    /// Resets every peripheral. What comes from outside goes on.
     pub(super) fn reset(&mut self, cause: ResetCause, now: u64) {
         for row in TABLE {
             (row.model_mut)(&mut self.units).reset(now);
@@ -68,7 +68,8 @@ impl Chip {
         Ok(())
     }
 
-    /// A word for a write of a part of it. A data register takes the part as it is; elsewhere the rest stays.
+    /// The word that a narrow write stands for. A data register takes the part as it is. Elsewhere the rest
+    /// of the word stays.
     pub(super) fn widen(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> u32 {
         if bytes == 4 {
             return value;
@@ -128,7 +129,7 @@ impl Chip {
         self.held = held;
     }
 
-    /// The timers that wait for this one's trigger get it.
+    /// Starts the timers that wait for the trigger of this one.
     fn start_slaves(&mut self, master: usize, now: u64) {
         for slave in 0..self.units.tim.len() {
             if self.units.tim[slave].waits_for(slave) == Some(master) {
@@ -163,7 +164,7 @@ impl Chip {
         }
     }
 
-    /// The inputs carry what belongs to the scan that just started, if one did.
+    /// If a scan has just started, the inputs carry what belongs to it.
     fn note_scan(&mut self, at: u64, external: bool) {
         if self.units.adc.take_scan_started() {
             self.scans += 1;
@@ -171,7 +172,7 @@ impl Chip {
         }
     }
 
-    /// The code of the internal reference voltage: the converter's own reference is the supply.
+    /// The code of the internal reference voltage. The converter compares it with the supply.
     fn reference(&self) -> u16 {
         (signature::REFERENCE_CODE * 3300 / self.units.pwr.supply().max(1)).min(4095) as u16
     }

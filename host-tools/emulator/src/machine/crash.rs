@@ -1,10 +1,10 @@
-//! How a processor is made to run wild.
+//! How the processor is made to crash.
 
 use super::board::Board;
 use crate::given::FaultKind;
 use crate::memory::FLASH;
 
-/// Makes the next interrupt on `line` the processor's last before a reset.
+/// Overwrites the vector of `line`, so that its next interrupt makes the processor crash.
 pub(super) fn crash(kind: FaultKind, line: usize, board: &mut impl Board) {
     /// Thumb: `b .`
     const FOR_EVER: [u8; 2] = [0xfe, 0xe7];

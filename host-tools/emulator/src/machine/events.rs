@@ -9,7 +9,7 @@ use crate::peripherals::{Peripheral, flash};
 pub(super) enum Event {
     /// A conversion ends.
     Converted,
-    /// A timer that waits for another's trigger gets it.
+    /// The trigger that a timer waits for comes.
     Started(usize),
     /// The level on a pin changes.
     Level,
@@ -25,8 +25,8 @@ pub(super) enum Event {
     Flash(flash::Event),
 }
 
-/// What happens next, and when. Of things at one time, a timer is started by a trigger before that trigger is over, and
-/// a conversion ends before a trigger comes.
+/// What happens next, and when. If several things happen at one time, a timer is started first, then a level
+/// changes, a conversion ends, and a trigger comes.
 pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
     let units = &chip.units;
     let tim = &units.tim;

@@ -6,7 +6,8 @@ use super::table::TABLE;
 use super::wiring::{ADC1_REQUEST, DMA2, USART1_TX_REQUEST};
 use crate::peripherals::Peripheral;
 
-/// When an interrupt line will rise by itself, the machine will be reset, or the first scan may come: not later.
+/// When an interrupt line will rise, the machine will be reset, or the first scan may come, if no register is
+/// accessed. This time may be too early, but never too late.
 pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     let units = &chip.units;
     // While the processor stands still, interrupts wait.
@@ -24,7 +25,7 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     alone.chain(together.into_iter().flatten()).min()
 }
 
-/// The trigger of what may become the first scan, from which the outside counts its time.
+/// The trigger that may start the first scan. The outside counts its time from that scan.
 fn first_scan(chip: &Chip) -> Option<u64> {
     match chip.stimulus.sampling() {
         Some(_) => None,
@@ -32,7 +33,7 @@ fn first_scan(chip: &Chip) -> Option<u64> {
     }
 }
 
-/// When the ADC will next raise a line: its own, or that of the DMA stream which serves it.
+/// When the ADC will next raise a line: its own, or the line of the DMA stream that serves it.
 fn acquisition(chip: &Chip) -> Option<u64> {
     let (adc, dma) = (&chip.units.adc, &chip.units.dma[DMA2]);
     let trigger = |n: u64| chip.trigger_timer().and_then(|t| chip.units.tim[t].trigger(n));
@@ -44,7 +45,7 @@ fn acquisition(chip: &Chip) -> Option<u64> {
         None if adc.interrupts_on_conversion() => 1,
         None => return None,
     };
-    // Where the trigger's period is about to change, only its next pulse is known: look again there.
+    // If the trigger's period is about to change, only its next pulse is known: look again at that time.
     adc.conversion(beats, trigger).or_else(|| trigger(0))
 }
 

@@ -1,4 +1,4 @@
-//! Levels that are put on pins from outside.
+//! Levels on pins that come from outside.
 
 use std::collections::VecDeque;
 
@@ -51,7 +51,7 @@ impl Levels {
         Self(levels.into())
     }
 
-    /// When the next one changes: not known before the first scan.
+    /// When the next one changes. Not known before the first scan.
     pub(super) fn next(&self, chip: &Chip) -> Option<u64> {
         let began = chip.stimulus.sampling()?.first_ns;
         Some(began.saturating_add(self.0.front()?.at_ns))
@@ -66,11 +66,11 @@ impl Levels {
         }
     }
 
-    /// When a timer will next capture one and interrupt.
+    /// When a timer will next capture a change and raise its interrupt line.
     pub(super) fn next_capture(&self, chip: &Chip) -> Option<u64> {
         let began = chip.stimulus.sampling()?.first_ns;
         let tim = &chip.units.tim;
-        // Without this, every wake would search a storm of edges that no timer listens to.
+        // Without this, every wake would search through all edges, even if no timer listens to them.
         if !tim.iter().any(|tim| tim.captures_interrupt()) {
             return None;
         }

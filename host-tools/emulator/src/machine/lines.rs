@@ -4,7 +4,7 @@ use super::board::{Board, INTERRUPTS};
 use super::chip::Chip;
 use super::table::TABLE;
 
-/// The levels that the board was told.
+/// The levels that the board knows.
 #[derive(Debug, Clone)]
 pub(super) struct Lines([bool; INTERRUPTS]);
 
@@ -17,7 +17,7 @@ impl Default for Lines {
 impl Lines {
     /// Tells the board which levels have changed.
     pub(super) fn settle(&mut self, chip: &Chip, board: &mut impl Board) {
-        // The vectors are in flash: what rises now is served when it can be read again.
+        // The vectors are in flash: a line that rises now is served when flash can be read again.
         if chip.units.flash.busy() {
             return;
         }

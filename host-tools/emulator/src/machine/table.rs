@@ -2,12 +2,13 @@
 //!
 //! # Design
 //!
-//! The table is the memory map (RM0090 section 2.3, table 1), the clock gates (section 7.3) and the interrupt lines
-//! (table 61) of what is modelled. Everything that treats all peripherals alike goes through it: registers, resets,
-//! clocks, interrupts and notes. A new peripheral is a row here and a file that implements [`Peripheral`].
+//! The table is the memory map (RM0090 section 2.3, table 1), the clock gates (section 7.3) and the interrupt
+//! lines (table 61) of what is modelled. Everything that treats all peripherals alike goes through it:
+//! registers, resets, clocks, interrupts and notes. A new peripheral is a row here and a file that implements
+//! [`Peripheral`].
 //!
-//! A row names a place in [`Units`], the struct that holds the models. What connects one peripheral to another needs
-//! their own types, and finds them there by name.
+//! A row names a place in [`Units`], the struct that holds the models. What connects one peripheral to
+//! another needs their own types, and finds them there by name.
 
 use std::ops::Range;
 
@@ -44,8 +45,8 @@ pub(super) struct Row {
     pub(super) model_mut: fn(&mut Units) -> &mut dyn Peripheral,
 }
 
-/// Declares [`Units`] and [`TABLE`]: for each field its type and its value after power-up, then a row for each
-/// peripheral in it: name, addresses, clock gate, interrupt lines.
+/// Declares [`Units`] and [`TABLE`]: for each field its type and its value after power-up, then a row for
+/// each peripheral in it: name, addresses, clock gate, interrupt lines.
 macro_rules! peripherals {
     (
         new($($argument:ident: $given:ty),*);

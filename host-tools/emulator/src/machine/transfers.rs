@@ -1,4 +1,4 @@
-//! What the DMA moves: requests of peripherals, and copies between memories.
+//! What the DMA moves: for requests of peripherals, and between memories.
 
 use super::board::Board;
 use super::chip::Chip;
@@ -10,7 +10,7 @@ use crate::peripherals::dma::{Beat, Direction, Progress, STREAMS};
 /// Transfers under way.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Transfers {
-    /// Bytes that the DMA wrote and that the board has not got yet: neighbours go in one piece.
+    /// Bytes that the DMA wrote and that the board has not got yet. Neighbours are passed on in one piece.
     written: Vec<u8>,
     written_at: u32,
     scans_at_last_block: u64,
@@ -24,7 +24,7 @@ impl Transfers {
         {
             self.fetch_conversion(chip, stream, now, board);
         }
-        // The first byte passes on to the shift register at once, so two may be taken.
+        // The first byte moves on to the shift register at once, so two may be taken.
         for _ in 0..2 {
             if chip.units.usart1.dma_transmit_request()
                 && let Some(stream) = chip.units.dma[DMA2].serving(&USART1_TX_REQUEST)
@@ -42,14 +42,14 @@ impl Transfers {
     fn fetch_conversion(&mut self, chip: &mut Chip, stream: usize, now: u64, board: &mut impl Board) {
         let unserved = chip.units.dma[DMA2].interrupt(stream);
         let progress = self.transfer(chip, stream, now, board);
-        // Also where the stream reads another register than DR: the request is answered once.
+        // Even if the stream reads another register than DR, the request is answered.
         chip.units.adc.take_data();
         if progress.ended {
             chip.units.adc.dma_ended();
         }
         if progress.block {
             self.flush(board);
-            // A processor that hangs is not woken for a block, and what it executed belongs to no block.
+            // A processor that hangs is not woken for a block. What it executed belongs to no block.
             board.acquired(match unserved {
                 true => 0,
                 false => chip.scans - self.scans_at_last_block,
@@ -58,7 +58,7 @@ impl Transfers {
         }
     }
 
-    /// Streams between memories need no request: they run when they are enabled, here at once.
+    /// Streams between memories need no request. They run when they are enabled, and here they end at once.
     pub(super) fn copy_memory(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
         for stream in 0..STREAMS {
             let copies = |beat: Beat| beat.direction == Direction::MemoryToMemory;
@@ -135,7 +135,7 @@ impl Transfers {
         Some(())
     }
 
-    /// Brings memory up to what was moved.
+    /// Passes on what was written.
     pub(super) fn flush(&mut self, board: &mut impl Board) {
         if !self.written.is_empty() {
             board.write_memory(self.written_at, &self.written);

@@ -1,10 +1,10 @@
-//! Registers that the firmware touches and no model knows.
+//! Registers that the firmware accesses and no model knows.
 
 use std::collections::BTreeMap;
 
 use crate::outcome::UnknownRegister;
 
-/// How each of them was touched, by address and by whether only the clock of its peripheral was off.
+/// The accesses to each of them, by its address and by whether the clock of its peripheral was off.
 #[derive(Debug, Clone, Default)]
 pub(super) struct UnknownRegisters(BTreeMap<(u32, bool), Accesses>);
 
@@ -39,8 +39,8 @@ impl UnknownRegisters {
     }
 }
 
-/// Every peripheral of the STM32F405 (table 1), modelled or not: from each address on, one every 0x400 bytes. Where the
-/// name is empty, the peripheral before goes on, or nothing is there.
+/// Every peripheral of the STM32F405 (table 1), modelled or not: from each address on, one every 0x400 bytes.
+/// Where the name is empty, the peripheral before goes on, or nothing is there.
 const NAMES: [(u32, &[&str]); 12] = [
     (0x1fff_7a10, &["SIGNATURE"]),
     (

@@ -1,6 +1,6 @@
 //! How the peripherals are wired to each other and to the pins.
 
-/// DMA2's request mapping (table 43) for what is modelled: stream, channel.
+/// DMA2's request mapping (table 43) for what is modelled: pairs of stream and channel.
 pub(super) const ADC1_REQUEST: [(usize, u32); 2] = [(0, 0), (4, 0)];
 pub(super) const USART1_TX_REQUEST: [(usize, u32); 1] = [(7, 4)];
 pub(super) const USART1_RX_REQUEST: [(usize, u32); 2] = [(2, 4), (5, 4)];
@@ -9,8 +9,8 @@ pub(super) const DMA2: usize = 1;
 /// ADC1's channel of the internal reference voltage (section 13.10).
 pub(super) const REFERENCE: u32 = 17;
 
-/// The timer (TIM2 is 0) and the channel (0 is the first) that a pin belongs to as an alternate function: port, number
-/// and function as in DocID022152 table 9, for the packages that have ports A to D.
+/// The timer (TIM2 is 0) and its channel (0 is the first) that a pin is connected to by an alternate
+/// function. From DocID022152 table 9, for the packages that have ports A to D.
 pub(super) fn timer_input(port: usize, pin: usize, function: u32) -> Option<(usize, usize)> {
     const A: usize = 0;
     const B: usize = 1;

@@ -2,13 +2,13 @@
 //!
 //! # Design
 //!
-//! A scan is a start time and a number of ADC clock cycles; each conversion takes its channel's sampling time plus 12
-//! cycles (fewer at lower resolution; section 13.6). The model says when the next conversion ends; whoever owns it
-//! fetches the code then and hands it in, and serves the DMA request that stands.
+//! A scan is a start time and a number of ADC clock cycles. Each conversion takes its channel's sampling time
+//! plus 12 cycles (fewer at lower resolution; section 13.6). The model says when the next conversion ends.
+//! The owner of the model hands in the code at that time, and serves the DMA request.
 //!
-//! Our reading where the manual leaves room: a trigger that finds a scan running starts nothing and is counted; data
-//! that nobody fetched is kept and the new conversion is lost; with DMA on, an overrun also ends the scan, withdraws the
-//! request and blocks triggers until OVR is cleared (section 13.8.1).
+//! Where the manual leaves room, this is our reading. A trigger during a scan starts nothing and is counted.
+//! Data that was not fetched is kept, and the new conversion is lost. With DMA on, an overrun also ends the
+//! scan, withdraws the request and blocks triggers until OVR is cleared (section 13.8.1).
 
 use super::clock::{self, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
@@ -78,10 +78,10 @@ pub struct Adc {
     ccr: u32,
     scan: Option<Scan>,
     scan_started: bool,
-    /// DR holds what nobody has read.
+    /// DR holds data that was not read yet.
     unread: bool,
     request: bool,
-    /// The DMA has made its last transfer and DDS is clear: no more requests until DMA is set anew.
+    /// The DMA has made its last transfer while DDS was clear: no more requests until DMA is set anew.
     requests_ended: bool,
     /// How often OVR was set.
     pub overruns: u64,
@@ -100,7 +100,7 @@ impl Adc {
         }
     }
 
-    /// What starts a scan from outside, if anything does.
+    /// What starts a scan from outside. `None` if nothing does.
     pub fn trigger_source(&self) -> Option<TriggerSource> {
         if self.cr2 & ADON == 0 || field(self.cr2, 28, 2) == 0 {
             return None;
@@ -165,7 +165,7 @@ impl Adc {
         SAMPLING[sampling as usize] + self.bits()
     }
 
-    /// RES: 12, 10, 8 or 6 bits, and as many cycles.
+    /// RES: 12, 10, 8 or 6 bits. A conversion takes one cycle for each.
     fn bits(&self) -> u32 {
         12 - 2 * field(self.cr1, 24, 2)
     }
@@ -182,7 +182,7 @@ impl Adc {
             .map(|s| s.started_ns + self.cycles_ns(u64::from(s.cycles)))
     }
 
-    /// Whether channel 17 is the internal reference voltage (CCR.TSVREFE); it floats otherwise.
+    /// Whether channel 17 is the internal reference voltage (CCR.TSVREFE). Otherwise it floats.
     pub fn reference_on(&self) -> bool {
         self.ccr & TSVREFE != 0
     }
@@ -192,8 +192,8 @@ impl Adc {
         self.scan.map(|s| self.channel_at(s.rank))
     }
 
-    /// When the `n`-th conversion from here (1 is the next) ends, not later; `trigger` tells when the `i`-th trigger
-    /// from here (0 is the next) comes.
+    /// When the `n`-th conversion from now (1 is the next) ends: maybe too early, never too late. `trigger`
+    /// gives the time of the `i`-th trigger from now (0 is the next).
     pub fn conversion(&self, n: u64, trigger: impl Fn(u64) -> Option<u64>) -> Option<u64> {
         debug_assert!(n > 0);
         let length = self.scan_length();
@@ -222,7 +222,7 @@ impl Adc {
         Some(start + self.cycles_ns(cycles(0..(n % u64::from(length)) as u32 + 1)))
     }
 
-    /// Ends the conversion under way with the code that it found, 12 bits.
+    /// Ends the conversion under way. `code` is what it found, in 12 bits.
     pub fn finish(&mut self, code: u16, now: u64) {
         let Some(scan) = self.scan else { return };
         let lost = self.unread && self.cr2 & (DMA | EOCS) != 0;
@@ -286,13 +286,13 @@ impl Adc {
         self.dr
     }
 
-    /// The DMA stream made its last transfer: without DDS no request follows (section 13.8.1).
+    /// The DMA stream made its last transfer. Without DDS no request follows (section 13.8.1).
     pub fn dma_ended(&mut self) {
         self.requests_ended = self.cr2 & DDS == 0;
     }
 
-    /// Whether the end of a conversion that no DMA fetches would raise the line: at once by EOC, or at the conversion
-    /// after it by OVR.
+    /// Whether a conversion that no DMA fetches would raise the line: at its end by EOC, or at the end of the
+    /// next one by OVR.
     pub fn interrupts_on_conversion(&self) -> bool {
         self.cr1 & (EOCIE | OVRIE) != 0 && !self.interrupt(0)
     }
@@ -360,7 +360,7 @@ impl Peripheral for Adc {
         Ok(())
     }
 
-    /// A reset by RCC; the counts go on.
+    /// The counts go on.
     fn reset(&mut self, _now: u64) {
         let notes = std::mem::take(&mut self.notes);
         let (overruns, triggers_ignored) = (self.overruns, self.triggers_ignored);

@@ -1,7 +1,7 @@
-//! Ticks of a clock against ns of virtual time, without drift.
+//! The clock tree's frequencies, and ticks of a clock against ns of virtual time, without drift.
 //!
-//! An edge is placed by its number from an origin and never by adding up rounded periods. Edge `n` is at the first whole
-//! nanosecond at or after its true time, so that [`ticks`] and [`edge`] are exact inverses.
+//! An edge is placed by its number, counted from an origin. Rounded periods are never added up. Edge `n` is
+//! at the first whole nanosecond at or after its true time, so [`ticks`] and [`edge`] are exact inverses.
 
 const NS_PER_S: u64 = 1_000_000_000;
 
@@ -36,7 +36,7 @@ impl Clocks {
     };
 }
 
-/// Edges of a clock of `hz` in `ns`.
+/// How many edges a clock of `hz` has in `ns`.
 pub fn ticks(ns: u64, hz: u32) -> u64 {
     match ns.checked_mul(u64::from(hz)) {
         Some(product) => product / NS_PER_S,
@@ -44,7 +44,7 @@ pub fn ticks(ns: u64, hz: u32) -> u64 {
     }
 }
 
-/// The ns after which edge `n` of a clock of `hz` has come; `u64::MAX` for a clock that stands still.
+/// How many ns it takes until edge `n` of a clock of `hz` has come. `u64::MAX` for a clock that stands still.
 pub fn edge(n: u64, hz: u32) -> u64 {
     if hz == 0 {
         return u64::MAX;

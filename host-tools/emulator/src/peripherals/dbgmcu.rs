@@ -1,4 +1,5 @@
-//! Debug support (RM0090 section 38.16): the device's identity, and bits that no debugger looks at.
+//! Debug support (RM0090 section 38.16): the device's identity, and bits for a debugger that have no effect
+//! here.
 
 use super::peripheral::{NoRegister, Peripheral};
 

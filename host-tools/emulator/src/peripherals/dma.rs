@@ -1,11 +1,11 @@
-//! DMA1 and DMA2 (RM0090 section 10): eight streams each, one item a request.
+//! DMA1 and DMA2 (RM0090 section 10): eight streams each, one item for each request.
 //!
 //! # Design
 //!
-//! The model holds counters, flags and rules; it moves no data. Whoever owns it asks for the next [`Beat`] of a stream,
-//! moves those bytes, and reports back. A beat is one peripheral-sized item: with the FIFO's packing of unequal sizes
-//! the bytes in memory end up the same, only in fewer accesses. Priorities, bursts and the FIFO's delay are not modelled:
-//! a request is served when it is made.
+//! The model holds counters, flags and rules. It moves no data. Its owner asks for the next [`Beat`] of a
+//! stream, moves those bytes, and reports back. A beat is one item of the peripheral's size. Where the FIFO
+//! packs unequal sizes, the same bytes end up in memory, in fewer accesses. Priorities, bursts and the FIFO's
+//! delay are not modelled: a request is served when it is made.
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
@@ -69,7 +69,7 @@ struct Stream {
     par: u32,
     memory: [u32; 2],
     fcr: u32,
-    /// Items of a whole pass: NDTR when the stream was enabled.
+    /// The items of a whole pass: what NDTR was when the stream was enabled.
     total: u32,
     flags: u32,
 }
@@ -95,8 +95,8 @@ impl Default for Dma {
 }
 
 impl Dma {
-    /// The first of these streams that is enabled and listens to its channel: who serves a request. The pairs are rows
-    /// of the request mapping (tables 42 and 43).
+    /// The stream that serves a request: the first of these that is enabled and listens to its channel. The
+    /// pairs of stream and channel are from the request mapping (tables 42 and 43).
     pub fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
         mapping
             .iter()
@@ -109,7 +109,7 @@ impl Dma {
         s.cr & EN != 0 && s.ndtr > 0 && field(s.cr, 25, 3) == channel
     }
 
-    /// What the stream moves at its next request.
+    /// What the stream moves at its next request. `None` if it is stopped.
     pub fn beat(&self, stream: usize) -> Option<Beat> {
         let s = &self.streams[stream];
         if s.cr & EN == 0 || s.ndtr == 0 {
@@ -160,7 +160,8 @@ impl Dma {
         s.cr &= !EN;
     }
 
-    /// After how many more beats the stream's line will rise, if its interrupts are on and the line is down.
+    /// After how many more beats the stream's line will rise. `None` if its interrupts are off or the line is
+    /// up.
     pub fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {
         let s = &self.streams[stream];
         if s.cr & EN == 0 || s.ndtr == 0 || self.interrupt(stream) {
@@ -195,7 +196,7 @@ impl Dma {
                 );
                 s.write_cr(value & 0x0fef_ffff);
             }
-            // The setting is protected while the stream runs (sections 10.5.5 to 10.5.10).
+            // The settings are protected while the stream runs (sections 10.5.5 to 10.5.10).
             0x04 if !enabled => s.ndtr = value & 0xffff,
             0x08 if !enabled => s.par = value,
             0x0c if !enabled || (s.cr & DBM != 0 && s.target() == 1) => s.memory[0] = value,
@@ -233,7 +234,7 @@ impl Stream {
         }
         self.cr = (self.cr & !(INTERRUPT_ENABLES | EN)) | (value & (INTERRUPT_ENABLES | EN));
         if value & EN == 0 {
-            // A stream stopped by software tells so by its completion flag (section 10.3.17).
+            // A stream that software stops sets its completion flag (section 10.3.17).
             self.flags |= TCIF;
         }
     }
@@ -286,7 +287,7 @@ impl Peripheral for Dma {
 
     fn interrupt(&self, stream: usize) -> bool {
         let s = &self.streams[stream];
-        // DMEIE, TEIE, HTIE, TCIE stand in the order of their flags, one bit lower; FEIE is in FCR.
+        // DMEIE, TEIE, HTIE and TCIE have the order of their flags, one bit lower. FEIE is in FCR.
         s.flags & ((s.cr & INTERRUPT_ENABLES) << 1) != 0 || (bit(s.fcr, 7) && bit(s.flags, 0))
     }
 

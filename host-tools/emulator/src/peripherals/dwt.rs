@@ -1,13 +1,14 @@
-//! The processor's cycle counter (ARMv7-M ARM, C1.8.8), which QEMU lacks: it follows HCLK, asleep or awake.
+//! The processor's cycle counter (ARMv7-M ARM, C1.8.8), which QEMU lacks. It follows HCLK, whether the
+//! processor sleeps or not.
 //!
-//! Under `-icount shift=3` an instruction takes 8 ns, which is 1.34 cycles at 168 MHz: the counter measures virtual time,
-//! not what the pipeline of a real Cortex-M4 would take.
+//! Under `-icount shift=3` an instruction takes 8 ns, which is 1.34 cycles at 168 MHz. The counter measures
+//! this virtual time. It does not measure what the pipeline of a real Cortex-M4 would take.
 
 use super::clock::{self, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::bit;
 
-/// NUMCOMP: the Cortex-M4 has four comparators; NOCYCCNT is clear.
+/// NUMCOMP: the Cortex-M4 has four comparators. NOCYCCNT is clear: there is a cycle counter.
 const NUMCOMP: u32 = 4 << 28;
 
 /// DWT's registers, as far as the counter goes.
@@ -66,7 +67,7 @@ impl Peripheral for Dwt {
                 );
             }
             0x04 => self.count = value,
-            // The lock access register: the lock is not fitted for software accesses here.
+            // The lock access register. There is no lock for accesses by software.
             0xfb0 => {}
             _ => return Err(NoRegister),
         }

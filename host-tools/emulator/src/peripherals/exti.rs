@@ -1,4 +1,5 @@
-//! External interrupts (RM0090 section 12.3): nothing moves the lines but the software trigger.
+//! External interrupts (RM0090 section 12.3). Only the software trigger moves the lines; levels on pins do
+//! not.
 
 use super::peripheral::{NoRegister, Peripheral};
 
@@ -40,7 +41,8 @@ impl Peripheral for Exti {
             0x08 => self.rtsr = value,
             0x0c => self.ftsr = value,
             0x10 => {
-                // A bit that goes from 0 to 1 sets the pending bit, if the interrupt is enabled (section 12.3.5).
+                // A bit that goes from 0 to 1 sets the pending bit, if the interrupt is enabled (section
+                // 12.3.5).
                 self.pr |= value & !self.swier & self.imr;
                 self.swier |= value;
             }

@@ -1,15 +1,15 @@
-//! The flash interface and what it writes (RM0090 section 3): wait states, locks, programming and erasing.
+//! The flash interface (RM0090 section 3): wait states, locks, programming and erasing.
 //!
 //! # Design
 //!
-//! Sectors 10 and 11 can be written ([`WRITABLE`]); the others hold the image, which QEMU loads anew at every reset, so
-//! writes there are refused as if they were protected, and noted. The model holds the bytes of the two sectors, and
-//! [`crate::machine`] copies what changes to where the processor reads it.
+//! Sectors 10 and 11 can be written ([`WRITABLE`]). The others hold the image, which QEMU loads anew at every
+//! reset. Writes there are refused as if these sectors were protected, and noted. The model holds the bytes
+//! of the two sectors. The machine copies what changes to where the processor reads it.
 //!
-//! An operation takes the data sheet's typical time and does its work at the end of it. Power that goes before, or any
-//! reset, leaves it half done: of the bits that it was to change, as many have changed as time has passed. Which ones, a
-//! fixed hash of their addresses says, so that a run can be repeated. On silicon such bits may also read differently from
-//! one time to the next; here they do not.
+//! An operation takes the data sheet's typical time and does its work at the end of it. A power cut or a
+//! reset before that leaves it half done. The share of bits that have changed is then the share of time that
+//! has passed. A fixed hash of the addresses says which bits have changed, so that a run can be repeated. On
+//! silicon such bits may also read differently from one time to the next. Here they do not.
 
 use std::ops::Range;
 
@@ -45,7 +45,8 @@ const OPTION_KEYS: [u32; 2] = [0x0819_2a3b, 0x4c5d_6e7f];
 
 /// Typical times of DocID022152, flash memory programming: the same for each parallelism.
 const PROGRAM_NS: u64 = 16_000;
-/// For a sector of 16, 64 and 128 KiB: by 8, 16 and 32 bits; by 64 bits no time is given that is not of 32.
+/// For a sector of 16, 64 and 128 KiB: erased by 8, 16, 32 and 64 bits. No time is given for 64 bits; that
+/// for 32 stands in.
 const ERASE_MS: [[u64; 4]; 3] = [
     [400, 300, 250, 250],
     [1200, 700, 550, 550],
@@ -73,20 +74,20 @@ fn erase_ns(bytes: u32, psize: u32) -> u64 {
     times[psize as usize] * 1_000_000
 }
 
-/// An operation that runs.
+/// An operation under way.
 #[derive(Debug, Clone, Copy)]
 struct Running {
     operation: FlashOperation,
-    /// What is programmed: it clears the bits that are clear in it. An erase sets every bit.
+    /// What is programmed: bits that are 0 here become 0. Not used by an erase.
     value: u32,
     ends_ns: u64,
     power_goes_ns: Option<u64>,
 }
 
-/// Power that is to go during an operation.
+/// A power cut that waits for its operation.
 #[derive(Debug, Clone, Copy)]
 struct Cut {
-    /// Operations that still begin before it.
+    /// How many operations still begin before that one.
     after: u32,
     percent: u8,
 }
@@ -94,9 +95,9 @@ struct Cut {
 /// What happens by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// The operation is over: see [`Flash::finish`].
+    /// The operation ends: see [`Flash::finish`].
     Finished,
-    /// Power goes in the midst of it.
+    /// The power goes in the middle of it.
     PowerGone,
 }
 
@@ -136,10 +137,10 @@ impl Flash {
         &self.contents
     }
 
-    /// As a programmer puts it there.
+    /// Puts these bytes there, as a programmer does.
     ///
     /// # Panics
-    /// With another number of bytes than [`WRITABLE`] has.
+    /// The number of bytes is not that of [`WRITABLE`].
     pub fn set_contents(&mut self, contents: Vec<u8>) {
         assert_eq!(contents.len(), WRITABLE.len(), "bytes of sectors 10 and 11");
         self.contents = contents;
@@ -150,12 +151,13 @@ impl Flash {
         &self.operations
     }
 
-    /// Power goes when so much of an operation is over: of the one that begins after `after` others from now on.
+    /// Cuts the power in a later operation: `after` others begin before it, counted from now on. `percent` of
+    /// it is over when the power goes, 0 to 100.
     pub fn cut_power_in(&mut self, after: u32, percent: u8) {
         self.cuts.push(Cut { after, percent });
     }
 
-    /// An operation runs: flash cannot be read.
+    /// Whether an operation is under way: flash cannot be read meanwhile.
     pub fn busy(&self) -> bool {
         self.running.is_some()
     }
@@ -169,7 +171,7 @@ impl Flash {
         })
     }
 
-    /// The operation that runs is over: its work is done, here (addresses, of [`WRITABLE`]).
+    /// The operation under way ends. Returns the addresses in [`WRITABLE`] that it has written.
     pub fn finish(&mut self) -> Range<u32> {
         let Some(running) = self.running.take() else {
             return WRITABLE.start..WRITABLE.start;
@@ -182,7 +184,7 @@ impl Flash {
         self.change(running, |_| true)
     }
 
-    /// Does the part of an operation that falls on bits with these numbers, and says where.
+    /// Changes the bits for whose number `done` is true. Returns the addresses of the operation.
     fn change(&mut self, running: Running, mut done: impl FnMut(u32) -> bool) -> Range<u32> {
         let FlashOperation {
             address,
@@ -307,8 +309,8 @@ impl Flash {
         self.cr &= !STRT;
     }
 
-    /// Too few wait states for this processor clock read wrong words on silicon: table 10, for 2.7 V to 3.6 V, asks for
-    /// one more every 30 MHz.
+    /// With too few wait states for the processor's clock, silicon reads wrong words. Table 10 (for 2.7 V to
+    /// 3.6 V) asks for one more for every 30 MHz.
     fn check_latency(&mut self) {
         let needed = self.hclk.saturating_sub(1) / 30_000_000;
         self.notes.note_if(
@@ -317,7 +319,7 @@ impl Flash {
         );
     }
 
-    /// KEYR: both keys in order open CR, anything else shuts it until the next reset (section 3.6.1).
+    /// KEYR: both keys in order open CR. Anything else shuts it until the next reset (section 3.6.1).
     fn unlock(&mut self, key: u32) {
         let wanted = KEYS[usize::from(self.first_key_seen)];
         if self.cr & LOCK == 0 || self.shut || key != wanted {
@@ -386,7 +388,8 @@ impl Peripheral for Flash {
         Ok(())
     }
 
-    /// A reset. An operation is left half done (section 3.6: what it wrote is not guaranteed); contents and notes stay.
+    /// An operation under way is left half done (section 3.6: what it wrote is not guaranteed). The contents
+    /// stay.
     fn reset(&mut self, now: u64) {
         if let Some(running) = self.running.take() {
             let began_ns = running.operation.at_ns;

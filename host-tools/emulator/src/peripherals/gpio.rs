@@ -1,5 +1,6 @@
-//! General-purpose pins (RM0090 section 8). An output reads back what it drives; an input reads the level that is put
-//! on it, or where nothing is wired its pull-up, else low. Analog values come in elsewhere.
+//! General-purpose pins (RM0090 section 8). An output reads back what it drives. An input reads the level
+//! that is put on it from outside. Where nothing is wired to it, it reads high if its pull-up is on, else
+//! low. Analog values are not seen here: they are the converter's stimulus.
 
 use super::peripheral::{NoRegister, Peripheral};
 use super::register::field;
@@ -15,14 +16,14 @@ pub struct Gpio {
     odr: u32,
     lckr: u32,
     afr: [u32; 2],
-    /// Levels from outside; none where nothing is wired.
+    /// Levels from outside. `None` where nothing is wired.
     wired: [Option<bool>; 16],
     /// How often each pin changed its level as an output.
     pub edges: [u64; 16],
 }
 
 impl Gpio {
-    /// Port `A` = 0 … `I` = 8 after reset: the debug pins of A and B are in use (section 8.4.1).
+    /// A port after reset: 0 is A, 8 is I. The debug pins of A and B are in use (section 8.4.1).
     pub fn new(port: usize) -> Self {
         let (moder, ospeedr, pupdr) = match port {
             0 => (0xa800_0000, 0, 0x6400_0000),
@@ -43,7 +44,7 @@ impl Gpio {
         self.wired[pin] = Some(level);
     }
 
-    /// The alternate function that a pin is set to (section 8.3.2), if it is set to one.
+    /// The alternate function that a pin is set to (section 8.3.2). `None` if it has another mode.
     pub fn alternate(&self, pin: usize) -> Option<u32> {
         let function = field(self.afr[pin / 8], 4 * (pin as u32 % 8), 4);
         (field(self.moder, 2 * pin as u32, 2) == 0b10).then_some(function)
@@ -110,7 +111,7 @@ impl Peripheral for Gpio {
         Ok(())
     }
 
-    /// A reset of the port; the count of edges goes on, and so do the levels from outside.
+    /// The count of edges goes on, and so do the levels from outside.
     fn reset(&mut self, _now: u64) {
         *self = Self {
             edges: self.edges,

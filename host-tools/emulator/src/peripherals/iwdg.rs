@@ -1,4 +1,4 @@
-//! The independent watchdog (RM0090 section 21): once started it resets the machine unless it is fed.
+//! The independent watchdog (RM0090 section 21). Once it is started, it resets the machine unless it is fed.
 
 use super::clock::{self, LSI_HZ};
 use super::peripheral::{NoRegister, Peripheral};

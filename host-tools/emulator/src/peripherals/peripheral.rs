@@ -1,4 +1,4 @@
-//! What every model answers with.
+//! What all models have in common.
 
 use std::collections::BTreeSet;
 
@@ -6,8 +6,8 @@ use super::clock::Clocks;
 
 /// A peripheral: registers, interrupt lines, and a clock.
 ///
-/// Offsets are those of words, from the first address of the peripheral. Times are virtual, in ns since power-up, and
-/// never go back.
+/// An offset is that of a word, from the first address of the peripheral. Times are virtual, in ns since
+/// power-up, and never go back.
 pub trait Peripheral {
     /// Reads a register, as the processor or the DMA does.
     ///
@@ -21,26 +21,26 @@ pub trait Peripheral {
     /// The model has no such register.
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister>;
 
-    /// Resets the registers. What lies outside of the peripheral goes on: levels on pins, bytes on a line, the supply.
+    /// Resets the registers. What comes from outside goes on: levels on pins, bytes on a line, the supply.
     /// Counts and notes stay too.
     fn reset(&mut self, now: u64);
 
     /// The clock tree has changed.
     fn set_clocks(&mut self, _clocks: &Clocks, _now: u64) {}
 
-    /// The level of an interrupt line. `output` is its number in this peripheral, in the order of the table of
-    /// peripherals.
+    /// The level of an interrupt line. `output` is the number of the line within this peripheral, from 0 on.
     fn interrupt(&self, _output: usize) -> bool {
         false
     }
 
-    /// When a line will rise by itself, or the machine will be reset: not later than that. What other peripherals do
-    /// does not count.
+    /// When a line will rise, or the machine will be reset, if no register is accessed. This time may be too
+    /// early, but never too late. What other peripherals do is left out.
     fn next_interrupt(&self) -> Option<u64> {
         None
     }
 
-    /// Whether a register takes data: a write of a part of it does not keep the rest, which only a read would tell.
+    /// Whether a register takes data. A narrow write to it stands for itself; elsewhere it keeps the rest of
+    /// the word, which has to be read for that.
     fn is_data(&self, _offset: u32) -> bool {
         false
     }
@@ -61,7 +61,7 @@ pub struct NoRegister;
 pub struct Notes(BTreeSet<&'static str>);
 
 impl Notes {
-    /// Takes a note once.
+    /// Takes a note. The same note is kept once.
     pub(crate) fn note(&mut self, what: &'static str) {
         self.0.insert(what);
     }
@@ -72,7 +72,7 @@ impl Notes {
         }
     }
 
-    /// Takes the notes of a table of register, bits and note for which one of these bits is written.
+    /// Takes notes from a table of registers, bits and notes: those for which one of the bits is written.
     pub(crate) fn note_bits(&mut self, table: &[(u32, u32, &'static str)], offset: u32, value: u32) {
         for (register, bits, what) in table {
             self.note_if(*register == offset && value & bits != 0, what);

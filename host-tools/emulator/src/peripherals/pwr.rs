@@ -1,5 +1,5 @@
-//! Power control (RM0090 section 5.4). The regulator is ready at once; the supply is as high as the outside
-//! says, and the programmable voltage detector compares it.
+//! Power control (RM0090 section 5.4). The regulator is ready at once. The supply has the voltage that is set
+//! from outside, and the programmable voltage detector compares it with its threshold.
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
@@ -8,8 +8,8 @@ const VOS: u32 = 1 << 14;
 const DBP: u32 = 1 << 8;
 const PVDE: u32 = 1 << 4;
 
-/// Millivolts at which the detector finds a falling and a rising supply, by CR.PLS: typical values of DocID022152, table of
-/// the reset and power control block.
+/// The detector's thresholds in mV for a falling and for a rising supply, by CR.PLS. Typical values of
+/// DocID022152, table of the reset and power control block.
 const DETECTOR: [[u32; 2]; 8] = [
     [2040, 2140],
     [2190, 2300],
@@ -47,7 +47,7 @@ impl Default for Pwr {
 }
 
 impl Pwr {
-    /// The supply is so high from now on, in mV.
+    /// The supply has this voltage from now on, in mV.
     pub fn set_supply(&mut self, millivolts: u32) {
         self.supply_mv = millivolts;
         self.compare();
@@ -93,7 +93,7 @@ impl Peripheral for Pwr {
         Ok(())
     }
 
-    /// A reset; the notes and the supply stay.
+    /// The supply stays.
     fn reset(&mut self, _now: u64) {
         *self = Self {
             notes: std::mem::take(&mut self.notes),

@@ -1,7 +1,7 @@
 //! Reset and clock control (RM0090 section 7).
 //!
-//! Oscillators and PLLs are ready as soon as they are on. The clock tree is worked out from what the firmware
-//! programs, so that a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
+//! Oscillators and PLLs are ready as soon as they are on. The clock tree follows what the firmware programs.
+//! So a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
 
 use super::clock::{Clocks, HSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
@@ -17,7 +17,8 @@ const RESET_FLAGS: u32 = 0xfe00_0000;
 /// Brown-out, pin and power-on reset: the flags after power-up.
 const POWER_ON_FLAGS: u32 = 0x0e00_0000;
 
-/// A crystal is off by less than 0.1 %: limits are those of what it should be.
+/// A crystal may be off by less than 1/1000. Limits apply to what it should be, so they are wider by that
+/// much.
 const TOLERANCE: u32 = 1000;
 
 const HSION: u32 = 1 << 0;
@@ -27,7 +28,7 @@ const PLLI2SON: u32 = 1 << 26;
 /// Each ready flag of CR stands one bit above its enable.
 const ON_BITS: u32 = HSION | HSEON | PLLON | PLLI2SON;
 
-/// A group of enable and reset registers: which bus.
+/// A bus with its own enable and reset registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bus {
     /// AHB1.
@@ -74,11 +75,11 @@ impl Rcc {
         }
     }
 
-    /// Sets the flags by which firmware finds out why it was reset. The device pulls its own reset pin low, so the flag
-    /// of the pin is set as well.
+    /// Sets the flags by which firmware finds out why it was reset. The device pulls its own reset pin low,
+    /// so the flag of the pin is set too.
     pub fn set_reset_cause(&mut self, cause: ResetCause) {
         match cause {
-            // The backup domain starts anew too: VBAT is taken to hang on the same supply.
+            // The backup domain is reset too: VBAT is taken to come from the same supply.
             ResetCause::PowerCut => (self.bdcr, self.csr) = (0, POWER_ON_FLAGS),
             ResetCause::Software => self.csr |= SFTRSTF | PINRSTF,
             ResetCause::Watchdog => self.csr |= IWDGRSTF | PINRSTF,
@@ -163,7 +164,7 @@ impl Rcc {
         self.switch();
     }
 
-    /// The system clock follows SW once the source is ready; the hardware refuses one that is off.
+    /// The system clock follows SW once the source is ready. The hardware refuses a source that is off.
     fn switch(&mut self) {
         let wanted = self.cfgr & 3;
         let on = [HSION, HSEON, PLLON, 0][wanted as usize];
@@ -241,7 +242,7 @@ impl Peripheral for Rcc {
         Ok(())
     }
 
-    /// A system reset: all but the backup domain and the reset flags starts anew (section 7.1.1).
+    /// A system reset. The backup domain and the reset flags stay (section 7.1.1).
     fn reset(&mut self, _now: u64) {
         *self = Self {
             bdcr: self.bdcr,

@@ -1,4 +1,4 @@
-//! Parts of a register.
+//! Fields and bits of a register.
 
 /// Bits `low..low + width` of a register.
 pub(crate) const fn field(register: u32, low: u32, width: u32) -> u32 {

@@ -1,10 +1,11 @@
-//! The device electronic signature (RM0090 section 39): who this chip is, and how much flash it has.
+//! The device electronic signature (RM0090 section 39): the chip's identifier, its flash size, a calibration
+//! value.
 
 use super::peripheral::{NoRegister, Peripheral};
 
 const FLASH_KIB: u32 = 1024;
-/// VREFIN_CAL: the code of the internal reference voltage, 1.21 V, at a supply of 3.3 V (DocID022152, internal reference
-/// voltage calibration values).
+/// VREFIN_CAL: the code of the internal reference voltage (1.21 V) at a supply of 3.3 V (DocID022152,
+/// internal reference voltage calibration values).
 pub const REFERENCE_CODE: u32 = 1502;
 
 /// The factory's words.

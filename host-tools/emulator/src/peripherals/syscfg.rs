@@ -1,4 +1,5 @@
-//! System configuration (RM0090 section 9.2): plain storage, since nothing is wired to the pins.
+//! System configuration (RM0090 section 9.2). The registers keep what is written and have no effect, since no
+//! pin moves an EXTI line here.
 
 use super::peripheral::{NoRegister, Peripheral};
 

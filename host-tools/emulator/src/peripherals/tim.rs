@@ -1,16 +1,17 @@
-//! General-purpose timers TIM2 to TIM5 (RM0090 section 18): up-counting with update and compare events, input capture,
-//! and a start by another timer.
+//! General-purpose timers TIM2 to TIM5 (RM0090 section 18): up-counting with update and compare events, input
+//! capture, and a start by another timer.
 //!
 //! # Design
 //!
-//! The counter is a function of time: ticks since an *origin* (the last time at which counting started afresh), so a
-//! timer costs nothing while it runs. Ticks are numbered from the origin, events are found by arithmetic on those
-//! numbers, and flags of the past are filled in when somebody looks. A new origin is made only where the reference
-//! manual makes counting start afresh: a write to the counter, UG, a clock change, or an update that loads a new
-//! prescaler or period.
+//! The counter is a function of time: the ticks since an *origin*, the last time at which counting started
+//! afresh. So a timer costs nothing while it runs. Ticks are numbered from the origin, and events are found
+//! by arithmetic on these numbers. Flags of the past are filled in at the next access. A new origin is made
+//! only where counting starts afresh by the reference manual: a write to the counter, UG, a clock change, or
+//! an update that loads a new prescaler or period.
 //!
-//! An edge at an input latches the counter at its very time. Silicon takes a clock or two to synchronise it, and the
-//! trigger of another timer too (sections 18.3.5, 18.3.15): the same every time, and not modelled.
+//! An edge at an input latches the counter at the time of the edge. Silicon takes a clock or two to
+//! synchronise an edge, and also the trigger of another timer (sections 18.3.5, 18.3.15). This delay is the
+//! same every time, and is not modelled.
 
 use super::clock::{self, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
@@ -55,9 +56,9 @@ pub struct Tim {
     origin_ns: u64,
     /// The counter at the origin.
     origin_count: u32,
-    /// Ticks from the origin up to which flags have been filled in.
+    /// Flags have been filled in up to this tick from the origin.
     seen: u64,
-    /// An update by UG or an enable that the trigger output passes on at once.
+    /// UG or an enable was written, and the trigger output passes it on at once.
     trigger_now: bool,
     notes: Notes,
 }
@@ -118,7 +119,8 @@ impl Tim {
         }
     }
 
-    /// The timer (TIM2 is 0) whose trigger output starts this one: slave mode *trigger* (section 18.4.3), not running yet.
+    /// The timer (TIM2 is 0) whose trigger output starts this one: in slave mode *trigger* (section 18.4.3),
+    /// while this one does not run yet. `this` is the number of this timer.
     pub fn waits_for(&self, this: usize) -> Option<usize> {
         /// ITR0 to ITR3 (table 93), as far as they are timers modelled here.
         const MASTERS: [[Option<usize>; 4]; 4] = [
@@ -131,7 +133,7 @@ impl Tim {
         master.filter(|_| field(self.smcr, 0, 3) == 0b110 && self.cr1 & CEN == 0)
     }
 
-    /// The trigger that it waited for came.
+    /// The trigger that it waited for comes.
     pub fn start(&mut self, at: u64) {
         self.advance(at);
         let count = self.count(at);
@@ -140,28 +142,28 @@ impl Tim {
         self.start_afresh(at, count);
     }
 
-    /// An edge at the pin of a channel (0 is the first), as it is wired: TI1 to TI4.
+    /// An edge comes at an input: TI1 to TI4 are 0 to 3.
     pub fn edge(&mut self, input: usize, rising: bool, at: u64) {
         self.advance(at);
         for channel in 0..CHANNELS {
             if self.captures(channel, input, rising) {
                 let count = self.count(at);
                 self.ccr[channel] = Loaded::new(count);
-                // CCxOF: the flag before it has not been cleared (section 18.4.5).
+                // CCxOF is set if the flag of an earlier capture still stands (section 18.4.5).
                 self.sr |= ((self.sr >> (1 + channel)) & 1) << (9 + channel);
                 self.sr |= 2 << channel;
             }
         }
     }
 
-    /// Whether an edge there would raise the interrupt line.
+    /// Whether an edge at this input would raise the interrupt line.
     pub fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
         let raises = |channel: &usize| bit(self.dier, 1 + *channel as u32);
         let mut captured = (0..CHANNELS).filter(|channel| self.captures(*channel, input, rising));
         !self.interrupt(0) && captured.any(|channel| raises(&channel))
     }
 
-    /// Whether some edge would.
+    /// Whether an edge at any input could raise the interrupt line.
     pub fn captures_interrupt(&self) -> bool {
         let waits = |channel: usize| self.is_input(channel) && bit(self.dier, 1 + channel as u32);
         !self.interrupt(0) && (0..CHANNELS).any(waits)
@@ -193,8 +195,8 @@ impl Tim {
         self.selection(channel) != 0
     }
 
-    /// When the trigger output TRGO will pulse by itself for the `n`-th time from here (0 is the next), as CR2.MMS
-    /// selects (section 18.4.2). Where an update in between loads a new period, only the first is known.
+    /// When the trigger output TRGO will pulse by itself for the `n`-th time from now (0 is the next), as
+    /// CR2.MMS selects (section 18.4.2). If an update in between loads a new period, only the first is known.
     pub fn trigger(&self, n: u64) -> Option<u64> {
         if !self.counting() {
             return None;
@@ -210,7 +212,7 @@ impl Tim {
         Some(self.time_of(first + n * self.period()))
     }
 
-    /// Whether a register write just now made TRGO pulse; asking takes it.
+    /// Whether the last write to a register made TRGO pulse. This is told once.
     pub fn take_trigger_now(&mut self) -> bool {
         std::mem::take(&mut self.trigger_now)
     }
@@ -253,7 +255,7 @@ impl Tim {
         self.ccr.iter_mut().for_each(Loaded::load);
     }
 
-    /// Compare values without preload (CCMRx.OCxPE clear) take effect at once.
+    /// Compare values without preload (CCMRx.OCxPE is 0) take effect at once.
     fn load_unbuffered(&mut self) {
         for channel in 0..CHANNELS {
             if self.is_input(channel) || !self.preloads(channel) {
@@ -282,7 +284,8 @@ impl Tim {
         self.seen = 0;
     }
 
-    /// As [`Self::start_afresh`], but keeps the part of the tick that has passed: only the period changes.
+    /// As [`Self::start_afresh`], but the part of the tick that has passed is kept, since only the period
+    /// changes.
     fn start_afresh_within_tick(&mut self, now: u64, count: u32) {
         let tick = self.time_of(self.ticks(now));
         self.start_afresh(if self.counting() { tick } else { now }, count);
@@ -337,8 +340,8 @@ impl Tim {
         }
     }
 
-    /// The first tick after `n` at which the counter equals `compare`. A compare value beyond the period matches at
-    /// the update (section 18.4.5, CC1IF).
+    /// The first tick after `n` at which the counter equals `compare`. A compare value beyond the period
+    /// matches at the update (section 18.4.5, CC1IF).
     fn compare_after(&self, compare: u32, n: u64) -> u64 {
         if compare > self.arr.active {
             return self.update_after(n);
@@ -463,7 +466,7 @@ impl Peripheral for Tim {
         Ok(())
     }
 
-    /// A reset by RCC; the clock stays.
+    /// The clock stays.
     fn reset(&mut self, _now: u64) {
         let notes = std::mem::take(&mut self.notes);
         *self = Self {
@@ -485,7 +488,7 @@ impl Peripheral for Tim {
         let compares = (0..CHANNELS)
             .filter(|c| bit(wanted, 1 + *c as u32) && !self.is_input(*c))
             .map(|c| self.compare_after(self.ccr[c].active, self.seen));
-        // A load at the next update may move everything behind it: look again there.
+        // A load at the next update may move everything after it: look again at that time.
         let reload = self.has_pending_load().then(|| self.update_after(self.seen));
         update
             .into_iter()

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! The transmitter is a shift register with the time at which its frame ends, and one data register before it. The
-//! receiver takes bytes from a queue, one frame time each. The idle frame that the transmitter sends when TE is set is
-//! left out; noise, framing and parity errors do not happen.
+//! The transmitter is a shift register with the time at which its frame ends, and one data register before
+//! it. The receiver takes bytes from a queue, each in the time of a frame. The transmitter's idle frame after
+//! TE is set is left out. Noise, framing and parity errors do not happen.
 
 use std::collections::VecDeque;
 
@@ -76,7 +76,7 @@ pub struct Usart {
     input_seen_ns: u64,
     /// When the receiver will call the line idle.
     idle_at: Option<u64>,
-    /// SR was read while one of these stood: reading or writing DR clears them.
+    /// The flags that stood when SR was read: an access to DR then clears them.
     armed: u32,
     notes: Notes,
 }
@@ -91,7 +91,7 @@ impl Usart {
         }
     }
 
-    /// The other side sends these bytes from `at_ns` on, after what it was given before.
+    /// The other side sends these bytes, from `at_ns` on, and after all that it was given before.
     pub fn feed(&mut self, at_ns: u64, bytes: &[u8]) {
         self.input.extend(bytes.iter().map(|byte| Incoming {
             byte: *byte,
@@ -134,7 +134,7 @@ impl Usart {
         }
     }
 
-    /// Ends no frame before `until_ns`: what is being sent waits, and what comes after it.
+    /// Ends no frame before `until_ns`. What is being sent waits, and so does what comes after it.
     pub fn stall(&mut self, until_ns: u64) {
         self.stalled_until_ns = self.stalled_until_ns.max(until_ns);
         if let Some(frame) = &mut self.shifting {
@@ -147,7 +147,7 @@ impl Usart {
         self.shifting.map(|f| f.ends_ns)
     }
 
-    /// The frame being sent ends: its data bits.
+    /// Ends the frame that is being sent. Returns its data bits.
     pub fn sent(&mut self) -> Option<u8> {
         let frame = self.shifting.take()?;
         self.load_shift_register(frame.ends_ns);
@@ -164,7 +164,7 @@ impl Usart {
         self.cr[2] & DMAT != 0 && self.sr & TXE != 0 && self.on(TE)
     }
 
-    /// When the `n`-th request from here (1 is the next) will be made, if each is served at once.
+    /// When the `n`-th request from now (1 is the next) will be made, if each is served at once.
     pub fn transmit_request(&self, n: u64) -> Option<u64> {
         (self.cr[2] & DMAT != 0).then_some(())?;
         self.shifting.map(|f| f.ends_ns + (n - 1) * self.frame_ns())
@@ -172,7 +172,7 @@ impl Usart {
 
     // The receiver.
 
-    /// When the next byte is there, or the line is found idle.
+    /// When the next byte has come, or the receiver finds the line idle.
     pub fn next_received(&self) -> Option<u64> {
         self.next_byte().into_iter().chain(self.idle_at).min()
     }
@@ -182,7 +182,7 @@ impl Usart {
         Some(starts.saturating_add(self.frame_ns_or_none()))
     }
 
-    /// Bytes for a receiver without a baud rate pass at once, and are lost.
+    /// A receiver without a baud rate loses bytes at once.
     fn frame_ns_or_none(&self) -> u64 {
         if self.brr == 0 { 0 } else { self.frame_ns() }
     }
@@ -279,7 +279,7 @@ impl Peripheral for Usart {
         Ok(())
     }
 
-    /// A reset by RCC: the frame being sent is cut; what the other side still sends goes on.
+    /// The frame under way is cut. What the other side still sends goes on.
     fn reset(&mut self, _now: u64) {
         let (notes, input) = (std::mem::take(&mut self.notes), std::mem::take(&mut self.input));
         *self = Self {
@@ -299,7 +299,7 @@ impl Peripheral for Usart {
             } else {
                 0
             };
-        // The enables of TXE, TC, RXNE and IDLE stand at the places of their flags.
+        // The enables of TXE, TC, RXNE and IDLE have the bit numbers of their flags.
         self.sr & enabled != 0
     }
 

@@ -8,7 +8,8 @@ pub(super) struct Blocks {
     pub(super) counters: &'static Counters,
     /// The labels whose functions make a block a working one.
     work: Vec<usize>,
-    /// Instructions of the whole image, and of those functions, when the block began. Nothing before the first one.
+    /// Instructions of the whole image, and of those functions, when the block began. Nothing before the
+    /// first one.
     began: Option<[u64; 2]>,
     worst: Option<Block>,
     working: Option<Block>,

@@ -1,4 +1,10 @@
-//! What QEMU calls.
+//! What QEMU calls: the plugin's entry, and the callbacks for memory, time, resets and instructions.
+//!
+//! # Safety
+//!
+//! QEMU holds its big lock in the callbacks for memory, timers and reset, and at the end of machine creation.
+//! The callbacks for translation and instructions run without it. They touch only counters, which are
+//! atomics, and [`Sites`], which has its own lock, and never the overlay.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -22,17 +28,18 @@ static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
 static COUNTERS: OnceLock<(&'static Counters, Mutex<Sites>)> = OnceLock::new();
 static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
 
-/// Both are set before QEMU can call back; `None` only in between, when QEMU sets up its memory.
+/// The overlay and QEMU. Both are set before QEMU calls back, but for the moment in which it sets up its
+/// memory: `None`.
 fn running() -> Option<(MutexGuard<'static, Overlay>, &'static Qemu)> {
     let overlay = OVERLAY.get()?.lock().unwrap_or_else(PoisonError::into_inner);
     Some((overlay, QEMU.get()?))
 }
 
 static OPS: Ops = ops(on_write, false);
-/// Flash is read as memory; what is stored comes here.
+/// QEMU reads flash as memory. Only stores come here.
 static FLASH_OPS: Ops = ops(on_store, true);
 
-/// A region of registers: accesses of 1 to 4 bytes, which may be unaligned where that is said.
+/// What QEMU calls for accesses of 1 to 4 bytes.
 const fn ops(write: extern "C" fn(Pointer, u64, u64, u32), unaligned: bool) -> Ops {
     const fn sizes(unaligned: bool) -> AccessSizes {
         AccessSizes {
@@ -55,9 +62,8 @@ const fn ops(write: extern "C" fn(Pointer, u64, u64, u32), unaligned: bool) -> O
     }
 }
 
-// What QEMU calls.
-
-/// QEMU loads a plugin only if this is its own interface version; the host sets it to that in a copy of this file.
+/// QEMU loads a plugin only if this is QEMU's own interface version. The host makes a copy of this file in
+/// which it is.
 #[unsafe(no_mangle)]
 #[allow(non_upper_case_globals)]
 pub(super) static qemu_plugin_version: c_int = 1;
@@ -126,11 +132,12 @@ extern "C" fn on_machine_ready(_: *mut Notifier, _: Pointer) {
     }
 }
 
-/// Lays our regions over the machine, and finds what the overlay needs.
+/// Lays our regions over the machine, and finds what the overlay needs of QEMU.
 fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
     let none = null_mut();
-    // SAFETY: QEMU's functions as it uses them itself when it makes a machine; names are terminated and static, the
-    // regions and the timer are never freed, and callbacks get the address of the region's start as their argument.
+    // SAFETY: QEMU's functions as it uses them itself when it makes a machine; names are terminated and
+    // static, the regions and the timer are never freed, and callbacks get the address of the region's start
+    // as their argument.
     unsafe {
         let system = (f.get_system_memory)();
         let container = (f.object_resolve_path)(c"armv7m-container[0]".as_ptr(), null_mut());
@@ -160,7 +167,8 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             (f.memory_region_init_ram)(region, none, c"stm32f405.ccm".as_ptr(), CCM.len() as u64, none);
             (f.memory_region_add_subregion_overlap)(system, CCM.start.into(), region, PRIORITY);
         }
-        // QEMU's own flash cannot be written; it is seen at 0 too, where the processor looks for its vectors.
+        // QEMU's own flash cannot be written. Flash is also seen at 0, where the processor looks for its
+        // vectors.
         let (flash, bytes) = (room(), FLASH.len() as u64);
         let start = FLASH.start as Pointer;
         let name = c"stm32f405.flash".as_ptr();
@@ -227,8 +235,9 @@ extern "C" fn on_reset(_: Pointer) {
     }
 }
 
-/// Up to plugin interface 6 the arguments are the plugin's number and the block, from 7 on the block and what was given
-/// at registration, which is null here; an argument too many at registration does no harm in this calling convention.
+/// Up to plugin interface 6 the arguments are the plugin's number and the block. From 7 on they are the block
+/// and what was given at registration, which is null here. In this calling convention an additional argument
+/// at registration does no harm.
 extern "C" fn on_translate(first: Pointer, second: Pointer) {
     let block = if second.is_null() { first } else { second };
     let (Some((counters, sites)), Some(f)) = (COUNTERS.get(), FUNCTIONS.get()) else {

@@ -1,9 +1,9 @@
-//! Instructions executed: in all, and inside functions with a label.
+//! Counts executed instructions: all of them, and those in functions with a label.
 //!
 //! # Design
 //!
-//! QEMU calls back before every instruction; which function it belongs to is looked up once, when its block is
-//! translated. There is one processor thread, so a counter is a plain load and store of an atomic.
+//! QEMU calls back before every instruction. The function of an instruction is looked up once, when QEMU
+//! translates its block. There is one processor thread, so a counter is a plain load and store of an atomic.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -15,7 +15,7 @@ use crate::outcome::FunctionCount;
 #[derive(Debug, Default)]
 pub(super) struct Site {
     labels: Vec<usize>,
-    /// Labels of which it is the first instruction of a function.
+    /// The labels for which it is the first instruction of a function.
     entered: Vec<usize>,
 }
 
@@ -49,7 +49,7 @@ impl Counters {
         }
     }
 
-    /// What the instruction at an address counts for; `None` for the total only.
+    /// What the instruction at an address counts for. `None` if only for the total.
     pub(super) fn site(&self, address: u32) -> Option<Site> {
         let mut site = Site::default();
         for f in self
@@ -82,7 +82,7 @@ impl Counters {
         self.total.load(Relaxed)
     }
 
-    /// Instructions in functions with one of these labels: grows if and only if one of them runs.
+    /// Instructions in functions with one of these labels. This grows if and only if one of them runs.
     pub(super) fn labelled(&self, labels: &[usize]) -> u64 {
         labels
             .iter()
@@ -106,7 +106,7 @@ fn add_one(counter: &AtomicU64) {
     counter.store(counter.load(Relaxed) + 1, Relaxed);
 }
 
-/// Sites by address, kept for the life of QEMU: a block may be translated many times.
+/// Sites by address. They are kept for the life of QEMU, since a block may be translated many times.
 #[derive(Debug, Default)]
 pub(super) struct Sites(HashMap<u32, Option<&'static Site>>);
 

@@ -14,7 +14,7 @@ use crate::machine::{Board, Machine, Stimulus};
 use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::Outcome;
 
-/// The log is looked at with an access of the processor after this time at the earliest.
+/// An access of the processor makes the overlay look at the log, if this time has passed since the last look.
 const RTT_PERIOD_NS: u64 = 100_000;
 
 /// One run, seen from inside QEMU.
@@ -29,7 +29,7 @@ pub(super) struct Overlay {
     rtt_looked_at_ns: u64,
     powered_up: bool,
     interrupts_tested: bool,
-    /// QEMU has loaded the image anew, over what the firmware had written to flash.
+    /// QEMU has loaded the image anew, over what the firmware wrote to flash.
     reloaded: bool,
     ended: bool,
 }
@@ -107,13 +107,13 @@ impl Overlay {
         result
     }
 
-    /// The time that was asked for has come.
+    /// The time that the overlay asked for has come.
     pub(super) fn wake(&mut self, qemu: &Qemu) {
         if !std::mem::replace(&mut self.interrupts_tested, true) {
             if let Err(line) = self_test::interrupt_test(qemu) {
                 qemu::exit(SELF_TEST_STATUS, &line);
             }
-            // What QEMU has loaded there.
+            // Takes over what QEMU has loaded there.
             let mut contents = vec![0; WRITABLE.len()];
             qemu.read_memory(WRITABLE.start, &mut contents);
             self.machine.set_flash(contents);
@@ -147,16 +147,16 @@ impl Overlay {
         }
     }
 
-    /// When the next fault is due: not known before sampling has begun.
+    /// When the next fault is due. Not known before sampling has begun.
     fn next_fault(&self) -> Option<u64> {
         let sampling = self.machine.stimulus().sampling()?;
         Some(sampling.first_ns.saturating_add(self.faults.front()?.at_ns))
     }
 
-    /// The machine is reset. The first time is power-up, which the machine was made for.
+    /// QEMU has reset the machine. The first time is power-up.
     pub(super) fn reset(&mut self, qemu: &Qemu) {
         if !std::mem::replace(&mut self.powered_up, true) {
-            // The interrupt controller is ready once everything is reset: test it first of all.
+            // The interrupt controller is ready once everything is reset. Its test comes first of all.
             qemu.wake_at(qemu.now() + 1);
             return;
         }
@@ -166,13 +166,14 @@ impl Overlay {
             blocks.restart();
         }
         self.recorder.restore_flash(qemu);
-        // QEMU's own loading comes after this, and the processor's first instruction after that.
+        // After this QEMU loads the image, and after that comes the processor's first instruction.
         self.reloaded = true;
         self.after(now, true, qemu);
         qemu.wake_at(now);
     }
 
-    /// When the run is over, as far as known: some time after the stimulus, or when sampling has not begun by then.
+    /// When the run is over, as far as known: some time after the stimulus, or at a deadline if sampling has
+    /// not begun.
     fn ends_at(&self) -> Option<u64> {
         match self.machine.stimulus().ends_at() {
             Some(end) => Some(end.saturating_add(self.description.tail_ns)),
@@ -260,12 +261,13 @@ fn rows(folder: &Path) -> Result<Vec<[u16; 4]>, String> {
     Ok(codes.as_chunks().0.to_vec())
 }
 
-/// The frequency of a crystal that is off by so much: whole Hz, at 8 MHz an eighth of a ppm.
+/// The frequency of a crystal that is off by `ppm`, in whole Hz. At 8 MHz that is an eighth of a ppm.
 fn off_by(hz: u32, ppm: f64) -> u32 {
     (f64::from(hz) * (1.0 + ppm * 1e-6)).round() as u32
 }
 
-/// Guest memory for the log.
+/// Guest memory for the log. What is not RAM reads as zero: an address that the image has not set yet may be
+/// a register of ours.
 struct Guest<'a>(&'a Qemu);
 
 impl rtt::Memory for Guest<'_> {

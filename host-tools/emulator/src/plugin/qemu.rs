@@ -1,19 +1,17 @@
-//! QEMU's inside: the only file with `unsafe`.
+//! What the plugin calls in QEMU.
 //!
 //! # Design
 //!
-//! QEMU's own functions are looked up by name when the plugin is loaded, not linked, so that this crate links into host
-//! programs and a QEMU that does not export them gets a clear line. They are QEMU's internal interface: Debian's and
-//! Ubuntu's builds export them, and as used here they are the same in 7.2.22, 10.0.2 and 11.1.3, which were tried.
-//! [`self_test`] and [`interrupt_test`] try each effect that the overlay rests on, so that a QEMU that differs says so.
+//! QEMU's own functions are looked up by name when the plugin is loaded. They are not linked, so this crate
+//! links into host programs, and a QEMU that does not export them gets a clear line. They are QEMU's internal
+//! interface. Debian's and Ubuntu's builds export them. As used here they are the same in 7.2.22, 10.0.2 and
+//! 11.1.3, which were tried. The self-test tries each effect that the overlay rests on.
 //!
 //! # Safety
 //!
-//! QEMU's structures are never looked into. They are given room ([`room`]) larger than in any known version and filled
-//! in by QEMU itself, but for two small ones that a caller fills in, [`Ops`] and [`Notifier`]. Every call in is made with
-//! QEMU's big lock held, in its callbacks for memory, timers, reset and the end of machine creation. The callbacks for
-//! translation and instructions run without it: they touch counters, which are atomics, and [`Sites`], which has its
-//! own lock, and never the overlay.
+//! The overlay never looks into QEMU's structures. It gives them room ([`room`]) that is larger than in any
+//! known version, and QEMU fills it in. The two exceptions are small structures that a caller fills in,
+//! [`Ops`] and [`Notifier`]. Every call is made with QEMU's big lock held.
 #![allow(unsafe_code)]
 
 use std::ffi::{c_char, c_int, c_void};
@@ -115,9 +113,9 @@ pub(super) const QEMU_CLOCK_VIRTUAL: c_int = 1;
 pub(super) const SCALE_NS: c_int = 1;
 const SHUTDOWN_CAUSE_GUEST_SHUTDOWN: c_int = 6;
 const SHUTDOWN_CAUSE_GUEST_RESET: c_int = 7;
-/// `CPU_INTERRUPT_HALT`: the processor stands still until it has work.
+/// `CPU_INTERRUPT_HALT`: the processor stands still until there is work.
 const HALT: c_int = 0x20;
-/// `CPU_INTERRUPT_EXITTB`: work that is none.
+/// `CPU_INTERRUPT_EXITTB`: wakes the processor, and has no other effect.
 const GO_ON: c_int = 0x04;
 /// `MEMTXATTRS_UNSPECIFIED`.
 const UNSPECIFIED: u64 = 1;
@@ -146,7 +144,7 @@ impl Qemu {
         ns.max(0) as u64
     }
 
-    /// Calls [`Overlay::wake`] at a time, in place of the one asked for before.
+    /// Calls `Overlay::wake` at this time, and not at the time asked for before.
     pub(super) fn wake_at(&self, ns: u64) {
         if self.reset_requested.load(Relaxed) {
             return;
@@ -178,7 +176,7 @@ impl Qemu {
         };
     }
 
-    /// Writes memory of any kind, flash too.
+    /// Writes memory of any kind, also flash.
     pub(super) fn poke(&self, address: u32, bytes: &[u8]) {
         let (f, length) = (&self.functions, bytes.len() as u64);
         // SAFETY: the buffer has this length and is only read.
@@ -198,8 +196,8 @@ impl Qemu {
         unsafe { (self.functions.qemu_set_irq)(self.interrupts[number], c_int::from(level)) }
     }
 
-    /// The processor executes nothing more until [`Self::go_on`], an interrupt that it takes, or a reset; while nothing
-    /// runs, virtual time goes straight to the next timer.
+    /// Stops the processor until [`Self::go_on`], an interrupt that it takes, or a reset. While nothing runs,
+    /// virtual time goes straight to the next timer.
     pub(super) fn halt(&self) {
         self.interrupt_processor(HALT);
     }
@@ -219,8 +217,8 @@ impl Qemu {
         unsafe { (self.functions.qemu_system_shutdown_request)(SHUTDOWN_CAUSE_GUEST_SHUTDOWN) }
     }
 
-    /// The reset comes a little later, from another thread. Until then no timer may stand: with the processor stopped,
-    /// QEMU would let virtual time jump to it, or not, as the threads happen to run.
+    /// The reset comes a little later, from another thread. Until then no timer may be set. The processor is
+    /// stopped, so virtual time could jump to the timer or not, depending on which thread runs first.
     pub(super) fn request_reset(&self) {
         self.reset_requested.store(true, Relaxed);
         // SAFETY: the timer was initialised by `lay_over`; the other takes a cause.
@@ -230,7 +228,7 @@ impl Qemu {
         }
     }
 
-    /// Reads a word as the processor sees it, its private peripherals too.
+    /// Reads a word as the processor sees it, also of its private peripherals.
     pub(super) fn processor_word(&self, address: u32) -> u32 {
         let (f, mut word) = (&self.functions, 0u32);
         // SAFETY: processor 0 exists once the machine is made; the buffer is a word.
@@ -242,14 +240,14 @@ impl Qemu {
     }
 }
 
-/// Ends QEMU without its clean-up, which would wait for threads that hold our lock.
+/// Ends QEMU at once. Its clean-up would wait for threads that hold our lock.
 pub(super) fn exit(status: c_int, line: &str) -> ! {
     say(line);
     // SAFETY: ends the process.
     unsafe { libc::_exit(status) }
 }
 
-/// An exported symbol of the process, or its name back. The name ends with a zero.
+/// An exported symbol of the process. The error is its name. The name given ends with a zero.
 pub(super) fn symbol(name: &'static str) -> Result<Pointer, &'static str> {
     // SAFETY: the name is terminated.
     let found = unsafe { libc::dlsym(libc::RTLD_DEFAULT, name.as_ptr().cast()) };
@@ -269,5 +267,6 @@ pub(super) fn say(line: &str) {
     eprintln!("{LINE_PREFIX}{line}");
 }
 
-/// QEMU's controller has 96 lines, the device 82: no firmware can enable this one.
+/// An interrupt line for the self-test. QEMU's controller has 96 lines and the device 82: firmware cannot
+/// enable this one.
 pub(super) const SPARE_LINE: usize = 95;

@@ -55,7 +55,7 @@ impl Recorder {
     }
 }
 
-/// The machine's outside: QEMU, and the recorder.
+/// The machine's outside: QEMU and the recorder.
 pub(super) struct Outside<'a>(pub(super) &'a Qemu, pub(super) &'a mut Recorder);
 
 impl Board for Outside<'_> {
@@ -112,7 +112,7 @@ impl Board for Outside<'_> {
     }
 }
 
-/// What RAM holds after power-up: on silicon nobody knows, here the same in every run.
+/// What RAM holds after power-up. On silicon this is unknown. Here it is the same in every run.
 fn noise(bytes: usize) -> Vec<u8> {
     // Xorshift (Marsaglia 2003), its first triple.
     let mut state = 0x2545_f491_u32;
@@ -125,7 +125,7 @@ fn noise(bytes: usize) -> Vec<u8> {
     (0..bytes).map(|_| (next() >> 16) as u8).collect()
 }
 
-/// A disk that is full ends the run: half a record would look like a whole one.
+/// A full disk ends the run: half a record would look like a whole one.
 pub(super) fn written(result: std::io::Result<()>) {
     if let Err(e) = result {
         qemu::exit(1, &format!("cannot write the run's files: {e}"));

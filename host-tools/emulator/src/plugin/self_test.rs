@@ -1,10 +1,11 @@
-//! Tries what the overlay rests on.
+//! Tests that QEMU does what the overlay rests on, so that a QEMU that differs gives a clear line and not a
+//! wrong result.
 
 use super::qemu::{Qemu, SPARE_LINE};
 use crate::memory::{CCM, FLASH};
 
-/// Tries what the overlay rests on before the first instruction: our registers from QEMU's memory and from the
-/// processor, and the added RAM. What it leaves behind goes with the reset that follows.
+/// Tests, before the first instruction, our registers as QEMU's memory and the processor see them, and the
+/// added RAM. The reset that follows removes what this leaves behind.
 pub(super) fn self_test(qemu: &Qemu) -> Result<(), String> {
     const FLASH_ACR: u32 = 0x4002_3c00;
     const DWT_CTRL: u32 = 0xe000_1000;
@@ -44,7 +45,8 @@ pub(super) fn self_test(qemu: &Qemu) -> Result<(), String> {
     Ok(())
 }
 
-/// The other half, for which the interrupt controller must have been reset: a line raised is a line pending.
+/// Tests that an interrupt line that is raised is pending. The interrupt controller must have been reset
+/// before.
 pub(super) fn interrupt_test(qemu: &Qemu) -> Result<(), String> {
     /// Set-pending bits of interrupts 64 to 95.
     const NVIC_ISPR2: u32 = 0xe000_e208;

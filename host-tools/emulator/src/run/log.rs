@@ -1,5 +1,5 @@
-//! The image's log: the bytes drained from RTT, decoded with the defmt strings in the image's own ELF. An image without
-//! defmt is taken to write lines of text.
+//! The image's log. The bytes from RTT are decoded with the defmt strings in the image's own ELF. If an image
+//! has no defmt, its log is taken as lines of text.
 
 use std::path::Path;
 
@@ -9,8 +9,8 @@ use super::error::RunError;
 use crate::outcome::LogLine;
 
 /// # Errors
-/// [`RunError::Log`] if the image's records are of a version that the decoder does not know. Bytes that make no frame
-/// (a log cut by a reset) are passed over where the encoding can find its way back.
+/// [`RunError::Log`] if the image's records are of a version that the decoder does not know. Bytes that are
+/// not a frame (of a log that a reset has cut) are skipped if the encoding allows to find the next frame.
 pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLine>, RunError> {
     if bytes.is_empty() {
         return Ok(Vec::new());

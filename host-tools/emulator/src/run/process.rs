@@ -1,4 +1,4 @@
-//! QEMU as a process: started with the overlay, and asked what became of it.
+//! QEMU as a process: how it is started with the overlay, and how it has ended.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -13,8 +13,8 @@ use super::qemu::{FoundQemu, wanted_version};
 use crate::exchange::{self, LINE_PREFIX, SELF_TEST_STATUS};
 use crate::outcome::Outcome;
 
-/// Runs QEMU to its end, with these arguments besides those of every run. A QEMU that wants another version of the
-/// overlay than expected gets it.
+/// Runs QEMU to its end. The arguments come after those of every run. If QEMU wants another version of the
+/// overlay than expected, it is started once more with that version.
 ///
 /// # Errors
 /// Those of QEMU and the overlay, and [`RunError::Timeout`].

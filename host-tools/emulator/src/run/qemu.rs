@@ -1,4 +1,4 @@
-//! Finding QEMU, and the plugin interface version that it asks for.
+//! Finds QEMU, and the plugin interface version that it asks for.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -45,10 +45,10 @@ impl FoundQemu {
         })
     }
 
-    /// The plugin interface version of this QEMU, as far as known.
+    /// The plugin interface version of this QEMU, as far as it is known.
     ///
-    /// 7.2, 10.0 and 11.1 were tried; the rest follows QEMU's release notes. QEMU takes a range of versions, and where
-    /// it refuses this one it names the nearest that it takes: [`wanted_version`].
+    /// 7.2, 10.0 and 11.1 were tried. The rest follows QEMU's release notes. QEMU takes a range of versions.
+    /// If it refuses this one, it names the nearest that it takes: [`wanted_version`].
     pub(super) fn plugin_version(&self) -> i32 {
         match (self.major, self.minor) {
             (..=8, _) => 1,
@@ -72,7 +72,8 @@ fn version(line: &str) -> Option<(u32, u32)> {
     Some((parts.next()?.parse().ok()?, parts.next()?.parse().ok()?))
 }
 
-/// The version at the end of QEMU's refusal, `… requires API version 7, but this QEMU supports only up to version 4`.
+/// The version at the end of QEMU's refusal, `… requires API version 7, but this QEMU supports only up to
+/// version 4`.
 pub(super) fn wanted_version(stderr: &str) -> Option<i32> {
     let (_, tail) = stderr.split_once("this QEMU supports only")?;
     tail.lines().next()?.rsplit(' ').next()?.parse().ok()
