@@ -17,7 +17,7 @@ pub struct PinInput {
     /// For example `PA15`.
     pub pin: String,
     /// When the level changes: up, down, up and so on. Virtual times in ns after the first externally
-    /// triggered scan, as those of the stimulus, in order.
+    /// triggered scan, in order.
     pub changes_ns: Vec<u64>,
 }
 
@@ -49,7 +49,7 @@ pub struct Poke {
 /// A fault on demand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
-    /// Virtual time, in ns after the first externally triggered scan, as the times of the stimulus.
+    /// Virtual time, in ns after the first externally triggered scan.
     pub at_ns: u64,
     /// What fails.
     pub kind: FaultKind,
@@ -83,15 +83,15 @@ pub enum FaultKind {
     },
     /// The vector leads out of memory: a hard fault.
     WildJump,
-    /// The vector becomes that of WWDG (position 0). In an image that does not use the window watchdog, this
-    /// is the handler for interrupts that have no handler of their own.
+    /// The vector becomes the one of WWDG (position 0). In an image that does not use the window watchdog,
+    /// this is the handler for interrupts that have no handler of their own.
     UnhandledInterrupt,
     /// The vector leads to `b .` in the last bytes of flash: the processor never leaves the handler.
     Hang,
     /// The vector leads to an endless loop in the last bytes of flash, which pushes on the stack.
     RunawayStack,
     /// The power goes and comes back at once: a power-on reset. RAM loses what it held, the reset flags are
-    /// those of power-up, and a flash operation under way is left half done. The stimulus goes on.
+    /// as after power-up, and a flash operation under way is left half done. The stimulus goes on.
     PowerCut,
     /// A [`PowerCut`](Self::PowerCut) in the middle of a flash operation, which programs a word or erases a
     /// sector. Each fault of this kind counts operations for itself. Resets do not end the count.

@@ -222,7 +222,7 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     // 199 whole scans, and the first conversions of one that began at 2 ms are still running.
     let ring = bench.halfwords(SRAM + 0x100, 128);
     let scan = |i: u16| [ring[2 * usize::from(i)], ring[2 * usize::from(i) + 1]];
-    // Scans 192..199 lie over those of the third pass.
+    // Scans 192..199 have overwritten those of the third pass.
     for i in 0..7 {
         assert_eq!(scan(i), [192 + i, 1192 + i]);
     }

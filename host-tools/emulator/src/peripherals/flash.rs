@@ -140,7 +140,7 @@ impl Flash {
     /// Puts these bytes there, as a programmer does.
     ///
     /// # Panics
-    /// The number of bytes is not that of [`WRITABLE`].
+    /// There are more or fewer bytes than [`WRITABLE`] has.
     pub fn set_contents(&mut self, contents: Vec<u8>) {
         assert_eq!(contents.len(), WRITABLE.len(), "bytes of sectors 10 and 11");
         self.contents = contents;
@@ -448,7 +448,7 @@ mod tests {
         u32::from_le_bytes(flash.contents()[at..at + 4].try_into().unwrap())
     }
 
-    /// Programs one word from `now` on; the errors are those of SR.
+    /// Programs one word from `now` on. Returns SR, with its errors.
     fn program(flash: &mut Flash, address: u32, value: u32, now: u64) -> u32 {
         flash.write(CR, PG | BY_WORDS, now).unwrap();
         flash.store(address, 4, value, now);

@@ -6,8 +6,8 @@ use super::clock::Clocks;
 
 /// A peripheral: registers, interrupt lines, and a clock.
 ///
-/// An offset is that of a word, from the first address of the peripheral. Times are virtual, in ns since
-/// power-up, and never go back.
+/// An offset is the distance of a word from the first address of the peripheral. Times are virtual, in ns
+/// since power-up, and never go back.
 pub trait Peripheral {
     /// Reads a register, as the processor or the DMA does.
     ///

@@ -13,11 +13,11 @@ use super::qemu::{FoundQemu, wanted_version};
 use crate::exchange::{self, LINE_PREFIX, SELF_TEST_STATUS};
 use crate::outcome::Outcome;
 
-/// Runs QEMU to its end. The arguments come after those of every run. If QEMU wants another version of the
+/// Runs QEMU to its end. The arguments come after the usual ones. If QEMU wants another version of the
 /// overlay than expected, it is started once more with that version.
 ///
 /// # Errors
-/// Those of QEMU and the overlay, and [`RunError::Timeout`].
+/// QEMU or the overlay fails, or the run takes longer than `timeout`.
 pub(super) fn run(
     qemu: &FoundQemu,
     overlay: &Path,
