@@ -28,25 +28,18 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Sender;
 use embassy_time::{Duration, with_timeout};
 
-use bead_model::Scan;
 use bead_wire::FaultCause;
 
+use crate::block::{BLOCK_US, Block, CHANNELS, CODES, SCANS_PER_BLOCK};
 use crate::clocks::ADC_HZ;
 use crate::counters;
-use crate::health;
 use crate::report;
 use crate::sample_clock::{SAMPLE_RATE_HZ, SampleClock};
+use crate::supply;
 
 bind_interrupts!(struct Irqs {
     DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
 });
-
-/// Codes in a scan: force at its high and its low gain, then acceleration.
-pub(crate) const CHANNELS: usize = 4;
-/// Scans that the estimators take at once: half the ring, 2 ms.
-pub(crate) const SCANS_PER_BLOCK: usize = 200;
-/// Codes in a block.
-pub(crate) const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
 
 /// How long a channel is connected to the sampling capacitor.
 const SAMPLE_TIME: SampleTime = SampleTime::CYCLES15;
@@ -58,34 +51,10 @@ const _: () = assert!(
 );
 
 /// Five blocks: far more than any delay of a running acquisition, and little to lose to a dead one.
-const DEADLINE: Duration =
-    Duration::from_micros(5 * SCANS_PER_BLOCK as u64 * 1_000_000 / SAMPLE_RATE_HZ as u64);
+const DEADLINE: Duration = Duration::from_micros(5 * BLOCK_US as u64);
 
 /// The memory that the DMA fills round and round: two blocks.
 pub(crate) type Ring = [u16; 2 * CODES];
-
-/// Consecutive scans.
-pub(crate) struct Block {
-    /// Changes where samples are missing before this block.
-    pub(crate) epoch: u32,
-    /// Index of the first scan.
-    pub(crate) first_index: u64,
-    /// As the converter gave them, scan after scan.
-    codes: [u16; CODES],
-}
-
-impl Block {
-    pub(crate) const EMPTY: Self = Self {
-        epoch: 0,
-        first_index: 0,
-        codes: [0; CODES],
-    };
-
-    /// The scans, first to last.
-    pub(crate) fn scans(&self) -> impl ExactSizeIterator<Item = Scan> + '_ {
-        self.codes.as_chunks().0.iter().map(|&codes| Scan::new(codes))
-    }
-}
 
 /// The converter, its pins and its DMA stream.
 pub(crate) struct Inputs {
@@ -133,7 +102,7 @@ async fn epoch(
     outlet: &mut Outlet,
 ) -> &'static str {
     let mut adc = Adc::new(inputs.adc.reborrow());
-    health::measure_supply(&mut adc);
+    supply::measure(&mut adc);
     let mut adc = adc.into_ring_buffered(
         inputs.dma.reborrow(),
         ring,

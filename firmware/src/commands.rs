@@ -1,9 +1,10 @@
-//! What a host may ask, and what is done about it.
+//! The requests of a host, and what the bead does for each.
 //!
 //! # Design
-//! One request at a time, at the lowest priority. What it asks for is queued first and the reply behind it, and that only
-//! while the outbox is calm: a host that asks without end waits, and strikes find their room. Any reply but *done* has
-//! changed nothing. Every request may be repeated.
+//! One request is done at a time, at the lowest priority. The frames that it asks for are queued first, then
+//! the reply. A request waits until the outbox has room, so a host that sends requests without end cannot
+//! take the room that strikes need. A reply other than *done* means that nothing has changed. Every request
+//! may be repeated.
 
 use bead_store::StoreError;
 use bead_wire::{Cause, Link, Numbered, Outcome, RejectedRequest, Request};
@@ -15,9 +16,9 @@ use crate::settings::{self, Refusal};
 use crate::storage;
 use crate::text::Text;
 use crate::trace::Boot;
-use crate::{counters, estimate, raw, receive, report, self_test};
+use crate::{counters, estimate, raw, report, self_test};
 
-/// What is queued when a reboot is asked for leaves within this time, or never.
+/// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: Duration = Duration::from_millis(500);
 
 /// What the commands act on.
@@ -28,7 +29,7 @@ pub(crate) struct Commands {
     pub(crate) window: &'static mut bead_model::Record,
 }
 
-/// What became of a request, and a line about it.
+/// The outcome of a request, and a line about it.
 struct Answer(Outcome, Text);
 
 impl Answer {
@@ -42,7 +43,7 @@ impl Answer {
 }
 
 impl Commands {
-    /// Does what is asked, and replies to whoever waits for it.
+    /// Does what a request asks for, and replies. Bytes that gave no request number get no reply.
     pub(crate) async fn answer(&mut self, heard: Result<Numbered<'_>, RejectedRequest>) {
         let (number, answer) = match heard {
             Ok(Numbered { number, request }) => {
@@ -92,7 +93,7 @@ impl Commands {
             }
             Request::ResetCounters => {
                 counters::reset();
-                receive::count(|link| *link = Link::default());
+                counters::update_link(|link| *link = Link::default());
             }
             Request::Reboot => {
                 reply(number, Answer::done());
@@ -102,7 +103,7 @@ impl Commands {
         Answer::done()
     }
 
-    /// New settings: checked, stored, read back, in force.
+    /// Checks new settings, stores them, reads them back and puts them in force.
     async fn write(&mut self, block: &[u8]) -> Answer {
         let loaded = match settings::judge(block) {
             Ok(loaded) => loaded,
@@ -117,7 +118,7 @@ impl Commands {
         Answer::done()
     }
 
-    /// Back to the settings beneath the stored ones.
+    /// Erases the stored settings and puts the next ones in force.
     async fn erase(&mut self) -> Answer {
         if let Err(error) = self.store.clear() {
             return not_stored(error);
@@ -159,13 +160,13 @@ fn not_stored(error: StoreError) -> Answer {
     }
 }
 
-/// Resets when all that waits has left.
+/// Resets the bead when all frames that wait have left, or after [`DRAIN`].
 async fn reboot() -> ! {
     let deadline = Instant::now() + DRAIN;
     while counters::snapshot().frames_waiting > 0 && Instant::now() < deadline {
         Timer::after(Duration::from_millis(1)).await;
     }
-    // The last two bytes are on their way when the DMA is done: 10 µs.
+    // When the DMA is done, the last two bytes are still being sent: 10 µs.
     Timer::after(Duration::from_millis(1)).await;
     defmt::info!("reboot, as asked");
     SCB::sys_reset()

@@ -1,18 +1,18 @@
-//! What has happened since the reset, counted where it happens and told by the status frame.
+//! Counts since the reset: made where things happen, sent with the frames of status, health and link.
 
 use core::cell::Cell;
 
-use bead_wire::Health;
+use bead_wire::{Health, Link};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
-/// Counts since the reset. Each has one writer; the fields mean what those of [`bead_wire::Status`]
-/// and [`Health`] do.
+/// Counts since the reset. Each has one writer. A field without a text here has the meaning of the field of
+/// the same name in [`bead_wire::Status`].
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Counters {
     /// Index of the newest scan.
     pub(crate) newest_index: u64,
-    /// Breaks in what the estimators see: runs of samples that a window may not span.
+    /// Number of the run of samples without a gap. No window spans two of them.
     pub(crate) epoch: u32,
     pub(crate) samples: u64,
     pub(crate) strikes: u32,
@@ -20,15 +20,15 @@ pub(crate) struct Counters {
     pub(crate) blocks_dropped: u32,
     /// Blocks that acquisition handed to estimation.
     pub(crate) blocks_handed_on: u32,
-    /// Blocks that estimation is done with.
+    /// Blocks that estimation has finished.
     pub(crate) blocks_estimated: u32,
-    /// Frames made, sent or not: the next one's sequence number; wraps.
+    /// Frames made, sent or not: the sequence number of the next one; wraps.
     pub(crate) frames: u32,
     pub(crate) frames_dropped_queue_full: u32,
     pub(crate) frames_dropped_too_long: u32,
-    /// Frames that the transmitter is done with.
+    /// Frames that the transmitter has sent; wraps.
     pub(crate) frames_sent: u32,
-    /// Frames that wait, or are being sent; kept over a reset.
+    /// Frames that wait or are being sent; the next boot reads it after a reset.
     pub(crate) frames_waiting: u32,
     pub(crate) armed: bool,
     pub(crate) health: Health,
@@ -71,8 +71,8 @@ pub(crate) fn update(change: impl FnOnce(&mut Counters)) {
     });
 }
 
-/// Sets to 0 what says how often something went wrong. Sequence numbers, numbers of strikes and what the watchdog goes by
-/// stay.
+/// Sets the counts of what went wrong to 0. Sequence numbers, strike numbers and the counts that the watchdog
+/// checks stay.
 pub(crate) fn reset() {
     update(|c| {
         c.overruns = 0;
@@ -87,7 +87,24 @@ pub(crate) fn reset() {
     });
 }
 
-/// The counts as they stand, all of one moment.
+/// All counts at one moment.
 pub(crate) fn snapshot() -> Counters {
     COUNTERS.lock(Cell::get)
+}
+
+/// Counts of what came in over the link. They are not part of [`Counters`], which change with every block.
+static LINK: Mutex<CriticalSectionRawMutex, Cell<Option<Link>>> = Mutex::new(Cell::new(None));
+
+/// The counts of the link at one moment.
+pub(crate) fn link() -> Link {
+    LINK.lock(Cell::get).unwrap_or_default()
+}
+
+/// Changes some of the counts of the link.
+pub(crate) fn update_link(change: impl FnOnce(&mut Link)) {
+    LINK.lock(|cell| {
+        let mut link = cell.get().unwrap_or_default();
+        change(&mut link);
+        cell.set(Some(link));
+    });
 }

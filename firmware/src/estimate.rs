@@ -1,9 +1,9 @@
 //! The strike meter over blocks of scans; its results become frames.
 //!
 //! # Design
-//! The work of `bead-model`, at the middle priority: acquisition interrupts it, telemetry waits for it. A
-//! block has 2 ms; the channel holds [`BLOCKS`], so a burst of work may take that many times as long before
-//! a block is lost.
+//! `bead-model` does the work, at the middle priority: acquisition interrupts it, telemetry waits for it.
+//! There are 2 ms for a block. The channel holds [`BLOCKS`], so a burst of work may take [`BLOCKS`] times as
+//! long before a block is lost.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -13,7 +13,7 @@ use bead_wire::{FaultCause, Message, Strike};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
 
-use crate::acquire::Block;
+use crate::block::Block;
 use crate::counters;
 use crate::health::Watch;
 use crate::outbox::{self, Record};
@@ -22,15 +22,16 @@ use crate::{raw, report, settings};
 /// Blocks between acquisition and estimation: 8 ms.
 pub(crate) const BLOCKS: usize = 4;
 
-/// Whether strikes are to be looked for.
+/// Whether the meter is to look for strikes.
 static ARMED: AtomicBool = AtomicBool::new(true);
 
-/// Looks for strikes from the next block on, or for none from the end of one that is being measured.
+/// Switches the search for strikes on or off, from the next block on. A strike that is being measured is
+/// finished first.
 pub(crate) fn arm(armed: bool) {
     ARMED.store(armed, Ordering::Relaxed);
 }
 
-/// Measures strikes for ever, with these settings until there are others.
+/// Measures strikes for ever. `settings` hold until others are offered.
 #[embassy_executor::task]
 pub(crate) async fn estimate(
     mut settings: Settings,
@@ -75,9 +76,9 @@ pub(crate) async fn estimate(
     }
 }
 
-/// Runs the meter over a block. Deadline: 2 ms, or 1680 core clocks a sample, in the long run.
+/// Runs the meter over a block. The deadline is 2 ms a block on average, which is 1680 core clocks a sample.
 ///
-/// A function of its own so that its instructions can be counted.
+/// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
 fn process_block(settings: &Settings, meter: &mut Meter, block: &Block) {
     meter.process(settings, block.first_index, block.scans(), &mut Telemetry);

@@ -1,82 +1,36 @@
 //! Whether sensors and supply can be believed.
 //!
 //! # Design
-//! Looked at is every [`STEP`]th scan of every block, which costs four instructions a sample. All codes of a
-//! channel are put together by OR and by AND: if both give the same, the code never moved; if all are next to
-//! one rail, their high bits agree. A condition begins when a whole [`WINDOW`] of blocks was so, and is over with
-//! the first block that is not: each is told when it begins and when it is over, ten times a second at most.
+//! Every [`STEP`]th scan of a block is checked, which costs four instructions a sample. The codes of a
+//! channel are combined by OR and by AND. If both results are the same, the code never moved. If all codes
+//! are next to one rail, their high bits agree. A fault begins when it holds for [`WINDOW`] blocks, and ends
+//! with the first block in which it does not hold. Its begin and its end are reported, at most ten times a
+//! second.
 //!
-//! A sensor with its noise moves the code: of the 1250 codes looked at, some ten differ from the rest if the
-//! noise is a fifth of a code and lies as badly as it can, in the middle between two steps. A sensor that is
-//! quieter looks stuck, and is reported as such. A sensor is stuck or railed if one of its two channels is.
-//!
-//! The supply is the reference of the ADC. The internal reference voltage tells it, on ADC1 alone, and has to be
-//! sampled for 10 µs at least (DocID022152, embedded reference voltage), more than the 7.4 µs between two scans:
-//! while scans are made it cannot be measured without losing some. So it is measured whenever acquisition is
-//! started, and while it runs the programmable voltage detector watches, which needs no ADC (RM0090 section
-//! 5.2.3) and is looked at once a block.
+//! The noise of a sensor moves its code. In the worst case the signal lies in the middle between two steps of
+//! the code: noise of a fifth of a code then changes about ten of the 1250 codes that are checked. A sensor
+//! with less noise looks stuck, and is reported as stuck. A sensor is stuck or railed if one of its two
+//! channels is.
 
 use bead_wire::{FaultCause, Health};
-use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
-use embassy_stm32::pac::PWR;
-use embassy_stm32::peripherals;
-use embassy_time::{Duration, block_for};
 
-use crate::acquire::{Block, CHANNELS};
-use crate::counters;
-use crate::report;
+use crate::block::{Block, CHANNELS};
+use crate::{counters, report, supply};
 
 /// Channels of a sensor.
 const GAINS: usize = 2;
-/// Of so many scans one is looked at.
+/// One of this many scans is checked.
 const STEP: usize = 8;
-/// Blocks from verdict to verdict: 100 ms, more than the longest window of a strike (1024 samples), so that no
-/// strike looks like a railed sensor.
+/// Blocks from one verdict to the next: 100 ms. This is more than the longest window of a strike (1024
+/// samples), so that no strike looks like a railed sensor.
 const WINDOW: u32 = 50;
 /// Bits in which all codes next to a rail agree: 0 to 15, or 4080 to 4095.
 const HIGH: u16 = 0xFF0;
-/// The detector's threshold, number 6 of PWR_CR.PLS: the supply is low below 2.93 V, and good again above 3.03 V
-/// (DocID022152, table of the reset and power control block, typical values).
-const THRESHOLD: u8 = 6;
-
-/// Blocks without a low supply after which it is good again: 20 ms, so that one that flickers is told 50 times a
-/// second at most.
+/// The supply is good again after this many blocks in which it was not low: 20 ms. A supply that flickers is
+/// reported at most 50 times a second.
 const SUPPLY_HOLD: u32 = 10;
 
-/// Switches the supply's detector on.
-pub(crate) fn watch_supply() {
-    PWR.cr1().modify(|w| {
-        w.set_pls(THRESHOLD);
-        w.set_pvde(true);
-    });
-}
-
-/// Measures the supply by an ADC that is not scanning. Takes some 60 µs.
-pub(crate) fn measure_supply(adc: &mut Adc<'_, peripherals::ADC1>) {
-    let mut reference = adc.enable_vrefint();
-    block_for(Duration::from_micros(VrefInt::start_time_us().into()));
-    // 22.9 µs at 21 MHz.
-    let code = adc.blocking_read(&mut reference, SampleTime::CYCLES480);
-    let supply_mv = match code {
-        0 => 0,
-        code => 3300 * u32::from(factory_reference()) / u32::from(code),
-    };
-    counters::update(|c| c.health.supply_mv = supply_mv.try_into().unwrap_or(u16::MAX));
-}
-
-/// The code of the internal reference voltage at a supply of 3.3 V and 30 °C, as the factory measured it
-/// (DocID022152, internal reference voltage calibration values).
-#[allow(
-    unsafe_code,
-    reason = "the factory's words are memory that no Rust object stands for"
-)]
-fn factory_reference() -> u16 {
-    const VREFIN_CAL: *const u16 = core::ptr::without_provenance(0x1FFF_7A2A);
-    // SAFETY: the address is that of a halfword of system memory, which is always readable and never changes.
-    unsafe { VREFIN_CAL.read_volatile() }
-}
-
-/// What a window found of one sensor.
+/// What [`WINDOW`] blocks say about a sensor.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Verdict {
     Good,
@@ -84,7 +38,7 @@ enum Verdict {
     Railed,
 }
 
-/// Codes put together.
+/// The codes of a channel, combined by OR (`any`) and by AND (`all`).
 #[derive(Clone, Copy)]
 struct Codes {
     any: u16,
@@ -117,7 +71,7 @@ impl Codes {
     }
 }
 
-/// What two channels say together.
+/// The worse verdict of the two channels of a sensor.
 fn verdict(channels: [Codes; GAINS]) -> Verdict {
     let verdicts = channels.map(Codes::verdict);
     let worst = [Verdict::Railed, Verdict::Stuck]
@@ -177,7 +131,7 @@ impl Sensor {
     }
 }
 
-/// One thing that can be wrong: how it is told and counted.
+/// One thing that can be wrong: how it is reported and counted.
 struct Condition {
     cause: FaultCause,
     detail: &'static str,
@@ -200,7 +154,7 @@ impl Condition {
     }
 }
 
-/// Watches the blocks on their way to the meter.
+/// Checks the blocks that the meter has taken.
 pub(crate) struct Watch {
     blocks: u32,
     sensors: [Sensor; CHANNELS / GAINS],
@@ -252,7 +206,7 @@ impl Watch {
         }
     }
 
-    /// Looks at a block, and at the supply.
+    /// Checks a block, and the supply.
     pub(crate) fn look(&mut self, block: &Block) {
         let mut codes = [Codes::NONE; CHANNELS];
         for scan in block.scans().step_by(STEP) {
@@ -273,7 +227,7 @@ impl Watch {
 
     fn look_at_supply(&mut self) {
         let was_low = self.supply_low_blocks > 0;
-        if PWR.csr1().read().pvdo() {
+        if supply::is_low() {
             self.supply_low_blocks = SUPPLY_HOLD;
             if !was_low {
                 self.supply.begins();

@@ -13,7 +13,7 @@ pub(crate) const RESULTS: usize = 8;
 pub(crate) fn results(settings: &Settings, record: &mut Record) -> [i64; RESULTS] {
     let mut window = Window::open(0, 0);
     record.clear();
-    let mut scans = [Scan::ZERO; bead_model::window::PIECE];
+    let mut scans = [Scan::ZERO; bead_model::layout::PIECE];
     let mut intruder = Intruder { now: 0, before: 0 };
     let mut first = 0;
     while first < settings.window.length {

@@ -1,15 +1,16 @@
 //! The image of the sensing absorber bead: the wiring. See `docs/firmware.md`.
 //!
 //! ```text
-//! TIM3 ─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─records─> outbox ─> transmit ─> USART1
-//!   └──> TIM2 ─> sync ─edges─────────────────────────────────────┤
-//!                                                  report, faults ───┤
-//!                                   USART1 ─> receive ─> commands ───┘
+//! TIM3 ─┬─> ADC1 ─> DMA2 ─> acquire ─blocks─> estimate ─strikes─┬─> outbox ─> transmit ─> USART1
+//!       └─> TIM2 ─> sync ───────────────────────────────edges───┤
+//!                   report, health ────────────status, faults───┤
+//!         USART1 ─> receive ─> commands ──────────────replies───┘
 //! ```
 #![no_std]
 #![no_main]
 
 mod acquire;
+mod block;
 mod clocks;
 mod commands;
 mod counters;
@@ -28,15 +29,17 @@ mod self_test;
 mod settings;
 mod stack;
 mod storage;
+mod supply;
 mod sync;
 mod text;
 mod trace;
 mod transmit;
 mod watchdog;
 
-use acquire::{Block, Inputs, Ring};
+use acquire::{Inputs, Ring};
 use bead_model::Meter;
 use bead_wire::MAX_FRAME;
+use block::{Block, CODES};
 use commands::Commands;
 use defmt_rtt as _;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -50,7 +53,7 @@ use trace::Boot;
 fn main() -> ! {
     static BOOT: StaticCell<Boot> = StaticCell::new();
     static RING: ConstStaticCell<Ring> = ConstStaticCell::new([0; _]);
-    static SPILL: ConstStaticCell<[u16; acquire::CODES]> = ConstStaticCell::new([0; _]);
+    static SPILL: ConstStaticCell<[u16; CODES]> = ConstStaticCell::new([0; _]);
     static BLOCKS: ConstStaticCell<[Block; estimate::BLOCKS]> = ConstStaticCell::new([Block::EMPTY; _]);
     static CHANNEL: StaticCell<Channel<'static, CriticalSectionRawMutex, Block>> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
@@ -62,7 +65,7 @@ fn main() -> ! {
     let mut core = cortex_m::Peripherals::take().expect("main runs once");
     stack::close_fence(&mut core.MPU);
     let p = embassy_stm32::init(clocks::config());
-    health::watch_supply();
+    supply::watch();
     defmt::info!(
         "bead {=str} ({=str}), boot {=u32}, reset cause {=u8:#04x}",
         env!("CARGO_PKG_VERSION"),

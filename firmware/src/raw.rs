@@ -1,33 +1,32 @@
-//! Every scan, for a while, as far as the link carries them.
+//! A stream of all scans for a limited time, as far as the link can carry them.
 //!
 //! # Design
-//! 100 000 scans a second are more than 2 Mbaud carry: about half of them leave. Scans are queued in pieces behind whatever
-//! else waits, and only while half of the outbox is free, so that a strike finds its room. What is not queued takes no
-//! sequence number; it is counted, and shows in the sample indices.
+//! The link cannot carry 100 000 scans a second: about half of them leave. Scans are queued in pieces behind
+//! all that already waits, and only while half of the outbox is free, so that a strike finds room. A piece
+//! that is not queued takes no sequence number. It is counted, and the sample indices show the gap.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use bead_model::meter::CHUNK;
 
-use crate::acquire::{Block, SCANS_PER_BLOCK};
+use crate::block::{BLOCK_US, Block};
+use crate::counters;
 use crate::outbox::{self, Record};
-use crate::sample_clock::SAMPLE_RATE_HZ;
-use crate::{receive, report};
+use crate::report;
 
 /// Longest stream, in ms.
 pub(crate) const MAX_MS: u32 = 10_000;
-const BLOCK_MS: u32 = SCANS_PER_BLOCK as u32 * 1000 / SAMPLE_RATE_HZ;
 
 static BLOCKS_LEFT: AtomicU32 = AtomicU32::new(0);
 
-/// Begins a stream of so many ms, or ends the one there is.
+/// Begins a stream of `duration_ms`; 0 ends the stream.
 pub(crate) fn start(duration_ms: u32) {
-    BLOCKS_LEFT.store(duration_ms.div_ceil(BLOCK_MS), Ordering::Relaxed);
+    BLOCKS_LEFT.store(duration_ms.div_ceil(BLOCK_US / 1000), Ordering::Relaxed);
 }
 
-/// Queues a block if there is a stream. Tells what was dropped when the stream ends.
+/// Queues a block if there is a stream. At the end of the stream, sends how many scans were dropped.
 pub(crate) fn offer(block: &Block) {
-    // Nobody else changes it meanwhile: `start` is of a lower priority.
+    // Nothing changes it between load and store: `start` runs at a lower priority.
     let left = BLOCKS_LEFT.load(Ordering::Relaxed);
     if left == 0 {
         return;
@@ -39,8 +38,8 @@ pub(crate) fn offer(block: &Block) {
         let scans: heapless::Vec<_, CHUNK> = rest.by_ref().take(CHUNK).collect();
         let count = scans.len() as u64;
         match outbox::push_if_calm(Record::Raw { first_index, scans }) {
-            true => receive::count(|link| link.raw_sent += count),
-            false => receive::count(|link| link.raw_dropped += count),
+            true => counters::update_link(|link| link.raw_sent += count),
+            false => counters::update_link(|link| link.raw_dropped += count),
         }
         first_index += count;
     }

@@ -1,41 +1,21 @@
-//! What comes in over the link: bytes to requests, each answered before the next.
+//! From the bytes that come in over the link to requests; each is answered before the next is read.
 //!
 //! # Design
-//! At the lowest priority, and no more than a piece at a time before the other tasks there: garbage at full line
-//! rate costs idle time. Who sends more than the ring takes while a request is being done is not heard again until the line
-//! has been quiet for 2 ms; it is counted. No reply is made to what is no request, so nobody can fill the outbox with
-//! noise.
-
-use core::cell::Cell;
+//! This task has the lowest priority. It takes one piece of bytes and then lets the other tasks of its
+//! priority run: garbage at full line rate costs idle time only. If a host sends more than the ring can hold
+//! while a request is being done, bytes are let go until the line has been quiet for 2 ms; this is counted.
+//! Bytes that are no request get no reply, so noise cannot fill the outbox.
 
 use bead_wire::{Link, RequestCounters, RequestDecoder};
 use embassy_futures::yield_now;
 use embassy_stm32::usart::{Error, RingBufferedUartRx};
-use embassy_sync::blocking_mutex::Mutex;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::{Duration, Timer, with_timeout};
 
 use crate::commands::Commands;
-use crate::port;
+use crate::{counters, port};
 
-/// A line on which nothing has come for so long is quiet: 400 bytes' time.
+/// A line is quiet when nothing has come for this time, in which 400 bytes could have come.
 const QUIET: Duration = Duration::from_millis(2);
-
-static LINK: Mutex<CriticalSectionRawMutex, Cell<Option<Link>>> = Mutex::new(Cell::new(None));
-
-/// What came in, as it stands.
-pub(crate) fn link() -> Link {
-    LINK.lock(Cell::get).unwrap_or_default()
-}
-
-/// Changes some of its counts. They are apart from the others, which change with every block.
-pub(crate) fn count(change: impl FnOnce(&mut Link)) {
-    LINK.lock(|cell| {
-        let mut link = cell.get().unwrap_or_default();
-        change(&mut link);
-        cell.set(Some(link));
-    });
-}
 
 /// Receives for ever.
 #[embassy_executor::task]
@@ -51,25 +31,27 @@ pub(crate) async fn receive(mut port: RingBufferedUartRx<'static>, mut commands:
                     }
                 }
                 let counted = decoder.take_counters();
-                count(|link| add(link, &counted));
+                counters::update_link(|link| add(link, &counted));
             }
             Err(error) => {
-                count(|link| match error {
+                counters::update_link(|link| match error {
                     Error::Overrun | Error::BufferTooLong => link.overruns += 1,
                     _ => link.line_errors += 1,
                 });
                 quiet(&mut port, &mut bytes).await;
             }
         }
-        // There may be bytes at once, for as long as somebody sends; the others here want the core as well.
+        // While a host sends, the next bytes are there at once. The other tasks of this priority need the
+        // core too.
         yield_now().await;
     }
 }
 
-/// After an error: lets go what comes until the line has been quiet for a while.
+/// After an error: drops all bytes until the line has been quiet for [`QUIET`].
 ///
-/// An error stops the driver, and started again it hands out what the end of the ring held before. Old bytes must not be
-/// taken for requests, so everything is let go until nothing is left and nothing comes.
+/// An error stops the driver. When it is started again, it first gives what the end of the ring held before.
+/// Old bytes must not be taken for requests, so everything is dropped until nothing is left and nothing
+/// comes.
 async fn quiet(port: &mut RingBufferedUartRx<'static>, bytes: &mut [u8]) {
     loop {
         port::rewind();

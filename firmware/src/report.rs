@@ -1,19 +1,19 @@
-//! Who the bead is and how it fares: identity, settings, status, health and link, at boot and every second.
+//! Identity, settings, status, health and link of the bead, told at boot and every second.
 
 use bead_wire::{Fault, FaultCause, Identity, Message, Status};
 use embassy_time::{Duration, Instant, Ticker};
 
-use crate::acquire::CHANNELS;
+use crate::block::CHANNELS;
 use crate::counters;
 use crate::outbox::{self, Record};
 use crate::sample_clock::SAMPLE_RATE_HZ;
 use crate::trace::{self, Boot};
-use crate::{receive, settings, stack};
+use crate::{settings, stack};
 
-/// A host that starts to listen knows within this time what it listens to.
+/// A host that starts to listen gets all of them within this time.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Reports for ever. `refused` says why settings in flash were, if they were.
+/// Reports for ever. `refused` says why settings in flash were refused, if they were.
 #[embassy_executor::task]
 pub(crate) async fn report(boot: &'static Boot, refused: Option<&'static str>) -> ! {
     let mut period = Ticker::every(PERIOD);
@@ -42,7 +42,7 @@ fn tell_all(boot: &'static Boot) {
     tell_status();
 }
 
-/// Tells who the bead is.
+/// Sends the identity.
 pub(crate) fn tell_identity(boot: &'static Boot) {
     tell(Message::Identity(Identity {
         firmware: env!("CARGO_PKG_VERSION"),
@@ -55,19 +55,19 @@ pub(crate) fn tell_identity(boot: &'static Boot) {
     }));
 }
 
-/// Tells how it fares.
+/// Sends status, health and link.
 pub(crate) fn tell_status() {
     tell(Message::Status(status()));
     tell(Message::Health(counters::snapshot().health));
     tell_link();
 }
 
-/// Tells what came in over the link.
+/// Sends the counts of the link.
 pub(crate) fn tell_link() {
-    tell(Message::Link(receive::link()));
+    tell(Message::Link(counters::link()));
 }
 
-/// Tells of a fault that the bead survived.
+/// Logs and sends a fault that the bead survived.
 pub(crate) fn fault(cause: FaultCause, detail: &'static str) {
     defmt::warn!("{=str}", detail);
     tell(Message::Fault(Fault {

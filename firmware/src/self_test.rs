@@ -1,4 +1,4 @@
-//! What the bead can find out about itself.
+//! The checks that the bead can make of itself.
 
 use bead_model::settings::Settings;
 use bead_wire::{Check, Health, Message, SelfTest};
@@ -9,16 +9,18 @@ use crate::{counters, known_answer, settings, stack, storage};
 
 include!(concat!(env!("OUT_DIR"), "/known_answer.rs"));
 
-/// What the supply has to be, in mV: the voltage detector's threshold, and the most that the part is made for.
+/// Range of a good supply, in mV: from the threshold of the voltage detector to the most that the part
+/// allows.
 const SUPPLY: core::ops::RangeInclusive<u32> = 2930..=3600;
-/// Stack that must never have been used, in bytes.
+/// Least stack that must never have been used, in bytes.
 const STACK: u32 = 8192;
-/// Samples are waited for so long: ten blocks.
+/// Time for which samples are counted: ten blocks.
 const SAMPLES: Duration = Duration::from_millis(20);
-/// Of those, two may be late.
+/// Least number of blocks in that time: two may be late.
 const BLOCKS: u32 = 8;
 
-/// Runs every check, tells of each, and returns how many failed of how many. `window` is room to work in.
+/// Runs every check, sends its result, and returns how many checks failed and how many there are. `window` is
+/// room to work in.
 pub(crate) async fn run(store: &mut storage::Settings, window: &mut bead_model::Record) -> (usize, usize) {
     let before = counters::snapshot();
     Timer::after(SAMPLES).await;
@@ -71,7 +73,7 @@ pub(crate) async fn run(store: &mut storage::Settings, window: &mut bead_model::
     (failed, checks.len())
 }
 
-/// The settings for which the answer is known: not those in force, which change.
+/// The settings for which the answer is known. The settings in force may be others.
 fn built_in() -> Settings {
     Settings::decode(settings::BUILT_IN).expect("build.rs wrote the block with the same code")
 }

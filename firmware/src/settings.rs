@@ -1,10 +1,11 @@
-//! The settings: those that came over the link, else those of a probe, else the built-in ones; and how they change.
+//! Which settings are in force, and how they change. Settings that came over the link come first, then those
+//! of a debug probe, then the built-in ones.
 //!
 //! # Design
-//! New settings are offered to the estimators, which take them between two strikes. A frame tells the block at that
-//! moment, so that in the order of the frames each strike has the settings told last before it. Frames that wait
-//! refer to one of two blocks, the one in force and the one before it, and new settings wait until nobody refers to the
-//! latter any more.
+//! New settings are offered to the estimators, which take them between two strikes. At that moment a frame
+//! with their block is queued: each strike was measured with the settings of the last settings frame before
+//! it. There are two blocks, the one in force and the one before it. Frames that wait refer to either. New
+//! settings wait until no frame refers to the old block.
 
 use core::cell::RefCell;
 use core::slice;
@@ -27,16 +28,16 @@ use crate::text::Text;
 /// The block that `build.rs` derives from the default bead.
 pub(crate) static BUILT_IN: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/settings.bin"));
 
-/// A flash sector's worth of settings is never needed; the header says how long the block is.
+/// Bytes of the probe's sector. A block is much shorter; its header says how long it is.
 const SECTOR: usize = 128 * 1024;
 
-/// Settings, and how they came.
+/// Settings, and where they came from.
 pub(crate) struct Loaded {
     pub(crate) settings: Settings,
     /// The block that they were decoded from.
     pub(crate) block: Vec<u8, BLOCK_MAX>,
     pub(crate) source: SettingsSource,
-    /// Why what flash holds was refused, if it was.
+    /// Why settings in flash were refused, if they were.
     pub(crate) refused: Option<&'static str>,
 }
 
@@ -52,8 +53,8 @@ impl Loaded {
     }
 }
 
-/// Finds the settings at start-up. A block in flash that fails its check is refused whole: better the one beneath it, and
-/// a fault frame that says so, than a half-true one.
+/// Finds the settings at start-up. A block in flash that fails its check is refused as a whole: the next
+/// settings in order are used, and a fault frame says so.
 pub(crate) fn load(store: &mut storage::Settings, opened: Opened) -> Loaded {
     let mut refused = opened
         .lost
@@ -76,7 +77,8 @@ pub(crate) fn load(store: &mut storage::Settings, opened: Opened) -> Loaded {
     beneath(refused)
 }
 
-/// The settings beneath those that came over the link; `refused` says why the latter do not hold, if there are some.
+/// The settings that come after those of the link: the probe's or the built-in ones. `refused` says why
+/// settings that came over the link were refused, if they were.
 pub(crate) fn beneath(refused: Option<&'static str>) -> Loaded {
     let sector = sector();
     let refused = match check(sector) {
@@ -116,13 +118,13 @@ fn check(block: &[u8]) -> Result<Settings, SettingsError> {
     }
 }
 
-/// Why a block that was sent is not taken.
+/// Why a block that a host sent is refused.
 pub(crate) enum Refusal {
     Invalid(Text),
     SampleRate(Text),
 }
 
-/// Checks a block that was sent.
+/// Checks a block that a host sent.
 pub(crate) fn judge(block: &[u8]) -> Result<Loaded, Refusal> {
     let settings =
         Settings::decode(block).map_err(|error| Refusal::Invalid(Text::new(format_args!("{error}"))))?;
@@ -145,7 +147,7 @@ pub(crate) fn judge(block: &[u8]) -> Result<Loaded, Refusal> {
     })
 }
 
-/// A text without values, for a frame that borrows it for ever.
+/// The error as a text without values, which a frame can borrow for ever.
 fn why(error: &SettingsError) -> &'static str {
     match error {
         SettingsError::Erased => "erased",
@@ -174,16 +176,15 @@ fn sector() -> &'static [u8] {
     unsafe { slice::from_raw_parts(&raw const _settings, SECTOR) }
 }
 
-/// A block to which frames that wait may refer.
+/// A block, and how many frames that wait refer to it.
 struct Slot {
     block: Vec<u8, BLOCK_MAX>,
-    /// How many do.
     waiting: u32,
 }
 
 struct InForce {
     slots: [Slot; 2],
-    /// Which of them is in force.
+    /// Index of the slot in force.
     current: usize,
     source: SettingsSource,
 }
@@ -201,14 +202,14 @@ static IN_FORCE: Mutex<CriticalSectionRawMutex, RefCell<InForce>> = Mutex::new(R
 
 /// Settings for the estimators to take.
 static OFFERED: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
-/// They have taken them.
+/// The estimators have taken the settings that were offered.
 static TAKEN: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 fn with<T>(act: impl FnOnce(&mut InForce) -> T) -> T {
     IN_FORCE.lock(|cell| act(&mut cell.borrow_mut()))
 }
 
-/// Puts settings in force before there are tasks.
+/// Puts settings in force before the tasks start.
 pub(crate) fn begin(loaded: &Loaded) {
     with(|now| {
         now.slots[now.current].block = loaded.block.clone();
@@ -216,7 +217,7 @@ pub(crate) fn begin(loaded: &Loaded) {
     });
 }
 
-/// Puts settings in force, and waits until they are: to the end of a strike that is being measured.
+/// Offers settings, and waits until they are in force. A strike that is being measured is finished first.
 pub(crate) async fn change(loaded: &Loaded) {
     while with(|now| now.slots[1 - now.current].waiting > 0) {
         Timer::after(Duration::from_millis(1)).await;
@@ -228,7 +229,7 @@ pub(crate) async fn change(loaded: &Loaded) {
     with(|now| now.source = loaded.source);
 }
 
-/// Settings that are offered, if any: the caller uses them from now on. Called between two strikes.
+/// The settings that are offered, if any. The caller uses them from now on. Called between two strikes.
 pub(crate) fn take() -> Option<Settings> {
     if !OFFERED.signaled() {
         return None;
@@ -251,7 +252,7 @@ pub(crate) fn tell() {
     }
 }
 
-/// A frame that referred to this block has left, or found no room.
+/// A frame that referred to this slot has left, or found no room.
 pub(crate) fn told(slot: usize) {
     with(|now| now.slots[slot].waiting -= 1);
 }

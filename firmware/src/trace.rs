@@ -1,10 +1,10 @@
-//! What is left behind by a boot that ended badly, and how many boots there were.
+//! What a boot that ended in a fault leaves for the next boot, and the number of the boot.
 //!
 //! # Design
-//! A panic or a hard fault writes where and why into the RAM that a reset leaves alone (region KEPT of
-//! `memory.x`) and resets the bead; the next boot finds it and tells the host. The number of the boot stands
-//! there too. A checksum tells a record from what RAM holds after power-up; a power-up is recognised by its
-//! reset flag as well, since RAM may survive a short cut of the power.
+//! A panic or a hard fault writes its place and its cause into RAM that a reset does not change (region KEPT
+//! of `memory.x`), and resets the bead. The next boot finds the record and sends it to the host. The number
+//! of the boot is kept there too. A checksum tells a record from the random contents of RAM after power-up.
+//! The reset flag of a power-up is looked at as well, since RAM may survive a short loss of power.
 
 use core::fmt;
 use core::panic::PanicInfo;
@@ -27,7 +27,7 @@ pub(crate) struct Boot {
     pub(crate) reset_cause: u8,
     /// The fault that ended the boot before, if one did.
     pub(crate) left: Option<Left>,
-    /// Frames that the boot before had made and not sent to the end.
+    /// Frames that the boot before had made and not completely sent.
     pub(crate) frames_lost: u32,
 }
 
@@ -46,7 +46,7 @@ pub(crate) fn boot() -> u32 {
     BOOT.load(Ordering::Relaxed)
 }
 
-/// Counts the boot and takes what the one before left. Once, first thing after the reset.
+/// Counts the boot and takes what the one before left. Called once, first after the reset.
 pub(crate) fn begin() -> Boot {
     let flags = RCC.csr().read();
     RCC.csr().modify(|w| w.set_rmvf(true));
@@ -82,12 +82,12 @@ pub(crate) fn keep_waiting(frames: u32) {
     region::write_waiting(Waiting::new(frames));
 }
 
-/// How many frames wait, beside the record and apart from it: it changes with every frame.
+/// How many frames wait. It is not part of the record, since it changes with every frame.
 #[derive(Clone, Copy)]
 #[repr(C)]
 struct Waiting {
     frames: u32,
-    /// The same inverted: RAM after power-up is not like that.
+    /// `frames` inverted: after power-up RAM does not hold such a pair.
     inverted: u32,
 }
 
@@ -104,14 +104,15 @@ impl Waiting {
     }
 }
 
-/// What is in the region KEPT.
+/// The contents of the region KEPT.
 #[repr(C)]
 struct Region {
     kept: Kept,
     waiting: Waiting,
 }
 
-/// The record in the region KEPT. Plain words and bytes only: any memory contents are a value of it.
+/// The record in the region KEPT. It has plain words and bytes only, so that any memory contents are a valid
+/// value.
 #[derive(Clone, Copy)]
 #[repr(C)]
 struct Kept {
@@ -122,7 +123,7 @@ struct Kept {
     pc: u32,
     detail_length: u32,
     detail: [u8; MAX_DETAIL],
-    /// CRC-32 of all before.
+    /// CRC-32 of all fields before it.
     crc: u32,
 }
 
@@ -245,7 +246,7 @@ fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     // The DMA driver panics when a stream reports a transfer error. That is a fault of the bus, not of the
-    // code, and the host should not have to read the text to know.
+    // code, so it has a cause of its own.
     let message = info.message();
     let text = Text::new(format_args!("{message}"));
     let cause = match text.as_str().starts_with("DMA: error") {
@@ -254,7 +255,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     };
     match info.location() {
         Some(at) => {
-            // The name alone: its folder is that of the machine that built the image.
+            // The file's name alone: its folder is one of the machine that built the image.
             let file = at.file().rsplit('/').next().unwrap_or_default();
             end(cause, 0, format_args!("{message} ({file}:{})", at.line()))
         }
@@ -272,7 +273,8 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     let scb = unsafe { &*SCB::PTR };
     let (cfsr, hfsr) = (scb.cfsr.read(), scb.hfsr.read());
     let (mmfar, bfar) = (scb.mmfar.read(), scb.bfar.read());
-    // The frame lies where the stack ended. If that is in the fence, it could not be written: no PC, no LR.
+    // The frame lies where the stack ended. If that is in the fence, the core could not write it: PC and LR
+    // are lost.
     let at = (frame as *const ExceptionFrame).addr();
     if stack::overflown(at) || cfsr & MMARVALID != 0 && stack::overflown(mmfar as usize) {
         end(

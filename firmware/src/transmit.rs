@@ -1,8 +1,8 @@
 //! Frames out of the port, by DMA.
 //!
 //! # Design
-//! A window of a strike, some 30 frames and 4 kB, leaves in 20 ms. There is no flow control: who cannot keep up sees
-//! gaps in the sequence numbers, and the bead never waits.
+//! The frames of a strike leave in about 15 ms. There is no flow control, and the bead never waits: a host
+//! that cannot keep up sees gaps in the sequence numbers.
 
 use bead_model::Chunk;
 use bead_model::meter::CHUNK;
@@ -13,7 +13,7 @@ use embassy_stm32::usart::UartTx;
 use crate::outbox::{self, Queued, Record};
 use crate::{counters, settings, trace};
 
-/// Sends what is in the outbox, for ever.
+/// Sends the records of the outbox, for ever.
 #[embassy_executor::task]
 pub(crate) async fn transmit(mut port: UartTx<'static, Async>, buffer: &'static mut [u8; MAX_FRAME]) -> ! {
     loop {
@@ -78,7 +78,7 @@ fn frame<'b>(queued: &Queued, buffer: &'b mut [u8; MAX_FRAME]) -> Result<&'b [u8
     }
 }
 
-/// Bytes of a chunk's codes at both gains, with the two scans before.
+/// Bytes of the packed codes of a chunk at both gains, with the two wide scans before it.
 const PACKED: usize = 3 * (CHUNK + 2 + CHUNK);
 
 fn waveform<'p>(chunk: &Chunk, packed: &'p mut [u8; PACKED]) -> Waveform<'p> {

@@ -1,32 +1,18 @@
 //! Host tools of the sensing absorber bead.
 //!
-//! The command line `bead` is a thin shell over this library: [`cli`] is the command tree, and each command is a
-//! file of `commands`.
+//! # Design
+//! The library has five rooms. A file imports from its own room and from the rooms below it, never from a higher one.
+//!
+//! | room | holds |
+//! |---|---|
+//! | [`cli`] | the command line: commands, options, output, exit statuses |
+//! | [`comparison`] | replay, estimates in f64, a strike held against the simulation, the report page |
+//! | [`bench`] | what a bead senses, its front end, the image in QEMU, faults |
+//! | [`line`] | ports, and conversations with a bead |
+//! | [`recording`] | files of received bytes, their frames, strikes and clocks |
 
-pub mod bridge;
+pub mod bench;
 pub mod cli;
-pub mod clock;
-mod commands;
 pub mod comparison;
-pub mod conversation;
-pub mod emulation;
-pub mod f64_estimators;
-pub mod failure;
-pub mod faults;
-pub mod figure;
-pub mod figures;
-pub mod frames;
-pub mod front_end;
-mod front_end_options;
-mod line_options;
-pub mod output;
-pub mod port;
-pub mod received;
+pub mod line;
 pub mod recording;
-pub mod replay;
-pub mod report;
-pub mod sensed;
-pub mod strikes;
-#[cfg(test)]
-mod testing;
-pub mod time_series;

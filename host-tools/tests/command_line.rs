@@ -6,10 +6,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use bead::front_end::FrontEnd;
-use bead::recording::{About, Part, Writer};
-use bead::replay::{wire_shape, wire_strike};
-use bead::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
+use bead::bench::front_end::FrontEnd;
+use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
+use bead::comparison::replay::{wire_shape, wire_strike};
+use bead::recording::file::{About, Part, Writer};
 use bead_model::design::{Capture, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};
@@ -515,7 +515,7 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
     // The same bytes, a millisecond apart each frame.
     let timed = directory.path().join("timed.mcap");
     let mut writer = Writer::create(&timed, &About::default()).unwrap();
-    let stream = bead::recording::Recording::open(Path::new(untimed))
+    let stream = bead::recording::file::Recording::open(Path::new(untimed))
         .unwrap()
         .stream();
     for (n, run) in (0..).zip(stream.split_inclusive(|byte| *byte == 0)) {

@@ -10,8 +10,8 @@ use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use bead::frames::{self, Message};
-use bead::recording::{Recording, State};
+use bead::recording::file::{Recording, State};
+use bead::recording::frames::{self, Message};
 use bead_wire::{Codes, Header, Identity, MAX_FRAME, Strike, Waveform, encode};
 use rustix::{pty, termios};
 use tempfile::TempDir;

@@ -4,10 +4,10 @@
 
 use std::path::{Path, PathBuf};
 
-use bead::emulation::{Emulation, find_image};
-use bead::frames::{self, Frame, Message};
-use bead::front_end::FrontEnd;
-use bead::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead::bench::emulation::{Emulation, find_image};
+use bead::bench::front_end::FrontEnd;
+use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead::recording::frames::{self, Frame, Message};
 use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd as FrontEndDesign, derive};
 use bead_wire::{Counters, MAX_REQUEST, Request, encode_request};

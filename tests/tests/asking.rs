@@ -6,9 +6,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use bead::bridge::{Bridge, serve};
+use bead::bench::bridge::{Bridge, serve};
+use bead::bench::emulation::Emulation;
 use bead::cli::Cli;
-use bead::emulation::Emulation;
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
 use bead_tests::{paper, settings_at};
@@ -164,8 +164,9 @@ fn a_bead_is_asked_from_the_command_line() {
 #[test]
 fn a_self_test_that_fails_ends_with_status_1_and_says_what_failed() {
     let mut run = paper(1, 0.1, Some(1));
-    run.faults = bead::faults::parse("[[fault]]\nat = 0.01\nkind = \"supply\"\nvolts = 2.7\n", "faults")
-        .unwrap_or_else(|failure| panic!("{failure}"));
+    run.faults =
+        bead::bench::faults::parse("[[fault]]\nat = 0.01\nkind = \"supply\"\nvolts = 2.7\n", "faults")
+            .unwrap_or_else(|failure| panic!("{failure}"));
     behind_a_socket(&run, |port, _| {
         let (status, why) = bead(&["command", "self-test", "--port", port, "--timeout", "20"]);
         assert_eq!(status, 1);

@@ -1,11 +1,11 @@
 //! What goes wrong is survived, reported and counted, and a strike that comes 50 ms later is measured.
 
-use bead::emulation::Emulation;
-use bead::faults::{self, Planned};
-use bead::frames::{Frame, Message, joules};
-use bead::replay::replay;
-use bead::sensed::Timing;
-use bead::strikes::{RecordedStrike, assemble};
+use bead::bench::emulation::Emulation;
+use bead::bench::faults::{self, Planned};
+use bead::bench::sensed::Timing;
+use bead::comparison::replay::replay;
+use bead::recording::frames::{Frame, Message, joules};
+use bead::recording::strikes::{RecordedStrike, assemble};
 use bead_model::Flags;
 use bead_tests::{Heard, paper_at};
 use bead_wire::{FaultCause, Health, SettingsSource, Strike};

@@ -2,8 +2,8 @@
 
 use std::sync::LazyLock;
 
-use bead::frames::Message;
-use bead::strikes::{RecordedStrike, assemble};
+use bead::recording::frames::Message;
+use bead::recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Asked, Asking, paper};
 use bead_wire::{Check, Link, MAX_REQUEST, Outcome, Request, encode_request};
 use proptest::prelude::Rng;
@@ -211,7 +211,7 @@ fn each_request_is_answered_with_what_it_asks_for() {
 fn a_self_test_names_what_fails() {
     // A force that never moves, and a supply that is too low.
     let mut run = paper(0, 0.1, Some(1));
-    run.faults = bead::faults::parse(
+    run.faults = bead::bench::faults::parse(
         "[[fault]]\nat = 0.05\nkind = \"force_stuck\"\n[[fault]]\nat = 0.05\nkind = \"supply\"\nvolts = 2.7\n",
         "faults",
     )
@@ -370,7 +370,7 @@ fn a_raw_stream_ends_when_asked_and_is_refused_if_it_is_too_long() {
 #[test]
 fn counters_are_reset_and_what_identifies_a_strike_is_not() {
     let mut run = paper(2, 0.1, Some(1));
-    run.faults = bead::faults::parse("[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n", "faults")
+    run.faults = bead::bench::faults::parse("[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n", "faults")
         .unwrap_or_else(|failure| panic!("{failure}"));
     let mut asking = Asking::new(&run);
     asking.send(0.05, &[9, 1, 0]);

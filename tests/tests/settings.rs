@@ -4,10 +4,10 @@ mod ram;
 
 use std::sync::LazyLock;
 
-use bead::emulation::Emulation;
-use bead::frames::{Frame, Message};
-use bead::replay::replay;
-use bead::strikes::assemble;
+use bead::bench::emulation::Emulation;
+use bead::comparison::replay::replay;
+use bead::recording::frames::{Frame, Message};
+use bead::recording::strikes::assemble;
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
 use bead_store::Store;

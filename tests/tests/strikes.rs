@@ -1,8 +1,8 @@
 //! Strikes through the image: how many, how accurate, and the same on the host in every bit.
 
-use bead::frames::joules;
-use bead::replay::replay;
-use bead::strikes::assemble;
+use bead::comparison::replay::replay;
+use bead::recording::frames::joules;
+use bead::recording::strikes::assemble;
 use bead_tests::{Heard, LEAD_IN, paper};
 
 const RATE: f64 = 100e3;

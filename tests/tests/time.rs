@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use bead::clock::compare;
-use bead::emulation::Emulation;
-use bead::frames::Message;
-use bead::front_end::FrontEnd;
-use bead::recording::{About, Writer};
-use bead::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead::strikes::assemble;
+use bead::bench::emulation::Emulation;
+use bead::bench::front_end::FrontEnd;
+use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead::recording::clock::compare;
+use bead::recording::file::{About, Writer};
+use bead::recording::frames::Message;
+use bead::recording::strikes::assemble;
 use bead_tests::{Heard, image, paper_at};
 use bead_wire::Sync;
 use hertz_chain::{Scenario, Solution};

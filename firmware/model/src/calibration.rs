@@ -12,13 +12,11 @@
 //! The same derivative undoes that a channel is converted a time δ after the first one of its sensor: with
 //! `1/ω_p - δ` in the place of `1/ω_p` the value is that of the time at which the first was converted.
 
+use crate::layout::BASELINE;
 use crate::quantity::{AdcCode, high_rounded};
 use fixed::FixedI32;
 use fixed::types::extra::LeEqU32;
 use serde::{Deserialize, Serialize};
-
-/// Samples at the start of a window whose mean is the zero of the channel: a power of two.
-pub const BASELINE: u16 = 64;
 
 /// Fraction bits of a code in the sums: the difference of two of them has a sign and twelve bits before these.
 const CODE_FRACTION: u32 = 18;

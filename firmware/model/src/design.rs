@@ -9,11 +9,12 @@
 
 use crate::calibration::Channel;
 use crate::coefficients::{Coefficients, coefficients};
+use crate::layout::WindowSettings;
 use crate::observer::Observer;
 use crate::quantity::Force;
 use crate::reduced_chain::ReducedChain;
 use crate::sensor::Sensor;
-use crate::settings::{Name, Settings, SettingsError, WindowSettings};
+use crate::settings::{Name, Settings, SettingsError};
 use crate::shape::Ringing;
 use fixed::traits::Fixed;
 use fixed::types::extra::LeEqU32;

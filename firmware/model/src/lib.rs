@@ -32,6 +32,7 @@ pub mod calibration;
 pub mod coefficients;
 #[cfg(feature = "design")]
 pub mod design;
+pub mod layout;
 pub mod meter;
 pub mod observer;
 pub mod quantity;

@@ -2,10 +2,11 @@
 
 use core::ops::Range;
 
+use crate::layout::{HISTORY_MAX, PIECE};
 use crate::quantity::{Energy, Scan};
-use crate::settings::{HISTORY_MAX, Settings};
+use crate::settings::Settings;
 use crate::shape::Record;
-use crate::window::{PIECE, StrikeReport, Window};
+use crate::window::{StrikeReport, Window};
 
 /// Scans in a full chunk of a window's waveform.
 pub const CHUNK: usize = PIECE;

@@ -98,7 +98,7 @@ impl Observer {
             .all(|weight| weight >= I0F32::ZERO)
     }
 
-    /// Takes the accelerations, at most [`PIECE`](crate::window::PIECE), of the next samples. Never inlined into
+    /// Takes the accelerations, at most [`PIECE`](crate::layout::PIECE), of the next samples. Never inlined into
     /// its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(&self, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {

@@ -169,7 +169,7 @@ impl ReducedChain {
         coefficients.into_iter().all(|value| value >= I0F32::ZERO) && self.relaxation >= I2F30::ZERO
     }
 
-    /// Takes the forces, at most [`PIECE`](crate::window::PIECE), at the host's incoming contact at the next
+    /// Takes the forces, at most [`PIECE`](crate::layout::PIECE), at the host's incoming contact at the next
     /// samples. Never inlined into its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(&self, state: &mut ReducedChainState, forces: &[Force]) {

@@ -16,9 +16,9 @@
 //! Quiet pieces, in which the sensitive channel stays near its zero, do not look at the wide one at all. So the cost of a
 //! second gain is paid while a strike is loud, and only then does the host need the wide codes.
 
-use crate::calibration::{BASELINE, Channel, ChannelState};
+use crate::calibration::{Channel, ChannelState};
+use crate::layout::{BASELINE, PIECE};
 use crate::quantity::{AdcCode, Pair};
-use crate::window::PIECE;
 use core::ops::RangeInclusive;
 use fixed::FixedI32;
 use fixed::types::I16F16;

@@ -4,13 +4,12 @@
 //! "BEAD"  version u16 LE  length u16 LE  postcard body  CRC-32/ISO-HDLC u32 LE over all before
 //! ```
 
-use crate::calibration::BASELINE;
 use crate::coefficients::{Bead, coefficients};
+use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
 use crate::reduced_chain::ReducedChain;
 use crate::sensor::Sensor;
-use crate::shape::{RECORD_MAX, Ringing};
-use crate::window::{LEAD, PIECE};
+use crate::shape::Ringing;
 use core::fmt;
 use fixed::types::I16F16;
 use fixed::types::extra::{U26, U30};
@@ -20,10 +19,6 @@ use serde::{Deserialize, Serialize};
 pub const VERSION: u16 = 3;
 /// Upper bound of an encoded block, bytes.
 pub const BLOCK_MAX: usize = 256;
-/// Longest history before the trigger, samples.
-pub const HISTORY_MAX: usize = 256;
-/// Longest window, samples.
-pub const WINDOW_MAX: u16 = RECORD_MAX as u16;
 
 /// Bound of the forces, N: the range of their format.
 const FORCE_MOST: u32 = 1 << 15;
@@ -31,19 +26,6 @@ const FORCE_MOST: u32 = 1 << 15;
 const MAGIC: [u8; 4] = *b"BEAD";
 const HEADER: usize = MAGIC.len() + 4;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
-
-/// When a strike is taken and for how long.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct WindowSettings {
-    /// Samples of the window up to and with the one that triggers.
-    pub history: u16,
-    /// Samples of the window in all.
-    pub length: u16,
-    /// Rise of the force code that triggers.
-    pub threshold: u16,
-    /// Samples over which the force must rise so much.
-    pub lookback: u16,
-}
 
 /// What its owner calls a bead: UTF-8, filled up with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -18,10 +18,9 @@
 //! at which neighbours differ by more than noise. It starts when the wave has left the bead behind the host, and ends with the
 //! last piece of the window in which there is more than noise.
 
-use crate::calibration::BASELINE;
+use crate::layout::{BASELINE, WINDOW_MAX};
 use crate::quantity::{Force, SensedAcceleration};
 use crate::sensor::GainMatch;
-use crate::settings::Settings;
 use core::ops::RangeInclusive;
 use fixed::types::{I16F16, I48F16, U16F16};
 use serde::{Deserialize, Serialize};
@@ -31,8 +30,8 @@ pub type Fine = U16F16;
 /// A momentum, N·samples.
 pub type Impulse = I48F16;
 
-/// Longest window, samples.
-pub const RECORD_MAX: usize = 1024;
+/// Samples that a record has room for: the longest window.
+const RECORD_MAX: usize = WINDOW_MAX as usize;
 
 /// Rate of the means that the ringing is fitted to, Hz: for oscillations of some 0.2 to 5 kHz.
 const RING_RATE_HZ: u32 = 12_500;
@@ -70,7 +69,7 @@ impl Shape {
     ///
     /// Never inlined into its caller, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub(crate) fn of(settings: &Settings, record: &Record, peak: usize, ring_end: usize, noise: f32) -> Self {
+    pub(crate) fn of(sample_rate_hz: u32, record: &Record, peak: usize, ring_end: usize, noise: f32) -> Self {
         let mut shape = Self::default();
         let forces = &record.forces[..record.length];
         shape.impulse = Impulse::from_bits(forces.iter().map(|force| i64::from(force.to_bits())).sum());
@@ -84,7 +83,7 @@ impl Shape {
         let free = (arrival + FREE_AFTER * width) as usize;
         let ring = record.accelerations[..record.length.min(ring_end)]
             .get(free..)
-            .and_then(|free| ringing(free, settings.sample_rate_hz, noise));
+            .and_then(|free| ringing(free, sample_rate_hz, noise));
         if let Some((frequency, decay)) = ring {
             shape.ring_frequency = Fine::saturating_from_num(frequency);
             shape.ring_decay = Fine::saturating_from_num(decay);
@@ -349,18 +348,12 @@ mod tests {
 
     #[test]
     fn a_window_of_nothing_has_no_shape() {
-        let settings = crate::design::derive(
-            &crate::design::Bead::paper(),
-            &crate::design::FrontEnd::reference(),
-            &crate::design::Capture::default(),
-        )
-        .unwrap();
         let mut record = Record::new();
-        assert_eq!(Shape::of(&settings, &record, 0, 0, 0.0), Shape::default());
+        assert_eq!(Shape::of(100_000, &record, 0, 0, 0.0), Shape::default());
         record.clear();
         for _ in 0..50 {
             record.extend(&[Force::ZERO; 32], &[SensedAcceleration::ZERO; 32]);
-            assert_eq!(Shape::of(&settings, &record, 0, 5000, 0.0), Shape::default());
+            assert_eq!(Shape::of(100_000, &record, 0, 5000, 0.0), Shape::default());
         }
         assert_eq!(record.samples().count(), RECORD_MAX);
     }

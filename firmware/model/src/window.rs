@@ -1,15 +1,8 @@
-//! The window of one strike: a pure function of the settings and of the codes in it.
+//! The window of one strike: a pure function of the settings and of the codes in it. Its parts: [`layout`](crate::layout).
 //!
-//! ```text
-//! |  baseline  |  noise  | lead |            strike, ring-down             |
-//! 0           64               history                                  length
-//! ```
-//!
-//! Its first [`BASELINE`] samples are quiet and give the channels' zeros. The pieces between them and [`LEAD`] samples before
-//! the trigger give the noise; from there on both estimates run. Replay feeds the recorded codes through the same [`Window`]
-//! and gets the same bits.
+//! Replay feeds the recorded codes through the same [`Window`] and gets the same bits.
 
-use crate::calibration::BASELINE;
+use crate::layout::{BASELINE, PIECE};
 use crate::observer::ObserverState;
 use crate::quantity::{Acceleration, Energy, Force, Scan, SensedAcceleration};
 use crate::reduced_chain::ReducedChainState;
@@ -111,12 +104,6 @@ pub struct StrikeReport {
     pub flags: Flags,
 }
 
-/// Samples that the estimators take at a time, at most: what the sums of squares count on.
-pub const PIECE: usize = 32;
-
-/// Samples before the trigger that do not count as noise: the foot of the wave is in them.
-pub const LEAD: u16 = 32;
-
 /// By which part the two gains of a sensor may be apart.
 pub const GAIN_TOLERANCE: I16F16 = I16F16::lit("0.02");
 
@@ -202,7 +189,7 @@ impl Window {
         self.note(acceleration, Flags::ACCELERATION_RAILED);
         record.extend(forces, accelerations);
         settings.observer.process(&mut self.observer, accelerations);
-        if self.samples < noise_end(settings) {
+        if self.samples < settings.window.noise_end() {
             for force in &*forces {
                 let force = u64::from(force.to_bits().unsigned_abs());
                 self.force_squares = self.force_squares.saturating_add(force * force);
@@ -220,7 +207,7 @@ impl Window {
 
     /// A whole piece is in.
     fn close_piece(&mut self, settings: &Settings) {
-        let noise_end = noise_end(settings);
+        let noise_end = settings.window.noise_end();
         if self.samples <= BASELINE {
             return;
         }
@@ -272,7 +259,7 @@ impl Window {
             force_gains: self.force.gain_match(),
             acceleration_gains: self.acceleration.gain_match(),
             ..Shape::of(
-                settings,
+                settings.sample_rate_hz,
                 record,
                 peak_sample,
                 usize::from(self.ring_end),
@@ -308,11 +295,6 @@ impl Window {
             flags,
         }
     }
-}
-
-/// Samples up to which there is noise only: whole pieces, [`LEAD`] samples before the trigger.
-pub fn noise_end(settings: &Settings) -> u16 {
-    (settings.window.history - LEAD) / PIECE as u16 * PIECE as u16
 }
 
 /// One energy over another.

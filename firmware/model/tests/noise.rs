@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::layout::PIECE;
 use bead_model::observer::ObserverState;
 use bead_model::quantity::SensedAcceleration;
-use bead_model::window::PIECE;
 use bead_model::{Chunk, Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
 use hertz_chain::{Options, Scenario, Solution, simulate};
 use rand::SeedableRng;

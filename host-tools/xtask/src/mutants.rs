@@ -153,7 +153,15 @@ pub(crate) fn check(steps: &Steps, place: &Place) -> Result<(), Stop> {
 fn broken_checks(place: &Place, copy: &Path) -> Result<Option<Vec<String>>, Stop> {
     // The library's own test, so that no program with a mistake in it is left where programs are built.
     let output = Command::new("cargo")
-        .args(["test", "--release", "--quiet", "-p", "bead", "--lib", TEST])
+        .args([
+            "test",
+            "--release",
+            "--quiet",
+            "-p",
+            "hertz-figures",
+            "--lib",
+            TEST,
+        ])
         .current_dir(copy)
         .env("CARGO_TARGET_DIR", &place.target)
         .output()

@@ -1,0 +1,106 @@
+//! Curves and axes as all figures have them.
+
+use std::ops::Range;
+
+use hertz_chain::{Snapshot, Solution};
+
+use crate::chart::{Axis, COLUMN, Chart, Ink, Mark, Panel, Scale, Series};
+
+/// Points of a curve over time.
+const POINTS: usize = 900;
+
+/// A curve of a family.
+pub(crate) fn line(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
+    Series {
+        name: name.into(),
+        ink: Ink::Curve(place),
+        mark: Mark::Line,
+        points,
+    }
+}
+
+/// A dashed curve of a family.
+pub(crate) fn dashed(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
+    Series {
+        mark: Mark::Dashed,
+        ..line(name, place, points)
+    }
+}
+
+/// Points of a family, one a run.
+pub(crate) fn discs(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
+    Series {
+        mark: Mark::Discs,
+        ..line(name, place, points)
+    }
+}
+
+/// A level or a place to compare with.
+pub(crate) fn guide(name: impl Into<String>, points: Vec<(f64, f64)>) -> Series {
+    Series {
+        ink: Ink::Guide,
+        ..dashed(name, 0, points)
+    }
+}
+
+/// `value` of a run over `span` (s), against time in ms.
+pub(crate) fn over_time(
+    solution: &Solution,
+    span: Range<f64>,
+    value: impl Fn(&Snapshot<'_>) -> f64,
+) -> Vec<(f64, f64)> {
+    let mut sampler = solution.sampler();
+    let end = span.end.min(solution.end());
+    (0..=POINTS)
+        .map(|point| span.start + (end - span.start) * point as f64 / POINTS as f64)
+        .map(|time| (time * 1e3, value(&sampler.at(time.min(solution.end())))))
+        .collect()
+}
+
+/// Time in ms from a span in s.
+pub(crate) fn time_axis(span: Range<f64>) -> Axis {
+    axis("time since the strike (ms)", span.start * 1e3..span.end * 1e3)
+}
+
+/// A linear axis.
+pub(crate) fn axis(label: impl Into<String>, range: Range<f64>) -> Axis {
+    Axis {
+        label: label.into(),
+        range: (range.start, range.end),
+        scale: Scale::Linear,
+    }
+}
+
+/// A logarithmic axis.
+pub(crate) fn log_axis(label: impl Into<String>, range: Range<f64>) -> Axis {
+    Axis {
+        scale: Scale::Log,
+        ..axis(label, range)
+    }
+}
+
+/// A panel of the usual height.
+pub(crate) fn panel(y_label: impl Into<String>, series: Vec<Series>) -> Panel {
+    Panel {
+        y_label: y_label.into(),
+        series,
+        height: 240,
+        ..Panel::default()
+    }
+}
+
+/// A chart for a column of print; the figure's plan gives its description.
+pub(crate) fn chart(x: Axis, panels: Vec<Panel>) -> Chart {
+    Chart {
+        description: String::new(),
+        x,
+        panels,
+        width: COLUMN,
+    }
+}
+
+/// `count` values from `low` to `high` that grow by one factor.
+pub(crate) fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
+    let step = (high / low).ln() / (count - 1) as f64;
+    (0..count).map(|n| low * (step * n as f64).exp()).collect()
+}

@@ -1,0 +1,129 @@
+//! Where figures get their runs: each scenario is run once for all figures of a plate that need it.
+
+use std::any::Any;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use hertz_chain::{Options, Scenario, Solution, Summary, simulate};
+
+use crate::error::Error;
+
+/// A run with what it came to.
+#[derive(Debug)]
+pub(crate) struct Run {
+    /// The motion.
+    pub(crate) solution: Solution,
+    /// Peaks and energies.
+    pub(crate) summary: Summary,
+}
+
+/// How well the conservation laws held in the runs of a figure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Worst {
+    /// How many runs.
+    pub(crate) runs: usize,
+    /// Greatest error of the energy balance, as a part of the striker's energy.
+    pub(crate) balance: f64,
+    /// Greatest error of the momentum, as a part of the striker's.
+    pub(crate) momentum: f64,
+}
+
+#[derive(Clone)]
+struct Kept {
+    value: Arc<dyn Any + Send + Sync>,
+    balance: f64,
+    momentum: f64,
+}
+
+/// Runs scenarios and keeps what came of them.
+#[derive(Default)]
+pub struct Lab {
+    kept: Mutex<HashMap<String, Kept>>,
+    /// Errors of balance and momentum of the runs that the figure under way has used.
+    used: Mutex<HashMap<String, (f64, f64)>>,
+}
+
+impl std::fmt::Debug for Lab {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Lab").finish_non_exhaustive()
+    }
+}
+
+impl Lab {
+    /// Forgets what was kept: the figures that follow need none of it.
+    pub fn clear(&self) {
+        lock(&self.kept).clear();
+    }
+
+    /// A new figure is under way.
+    pub(crate) fn begin(&self) {
+        lock(&self.used).clear();
+    }
+
+    /// The conservation laws over the runs that the figure under way has used; none if it used none.
+    pub(crate) fn worst(&self) -> Option<Worst> {
+        let used = lock(&self.used);
+        let worst = |of: fn(&(f64, f64)) -> f64| used.values().map(of).fold(0.0, f64::max);
+        (!used.is_empty()).then(|| Worst {
+            runs: used.len(),
+            balance: worst(|errors| errors.0),
+            momentum: worst(|errors| errors.1),
+        })
+    }
+
+    /// The whole motion of a scenario.
+    pub(crate) fn run(&self, scenario: &Scenario) -> Result<Arc<Run>, Error> {
+        self.keep("run", scenario, |run| run)
+    }
+
+    /// What `reduce` makes of a scenario's run, which is not kept itself: for sweeps, whose runs would fill the memory.
+    /// `tag` names what `reduce` does.
+    pub(crate) fn keep<T: Any + Send + Sync>(
+        &self,
+        tag: &str,
+        scenario: &Scenario,
+        reduce: impl FnOnce(Run) -> T,
+    ) -> Result<Arc<T>, Error> {
+        let scenario_text =
+            serde_json::to_string(scenario).expect("a scenario has no map with keys that are no text");
+        let key = format!("{tag} {scenario_text}");
+        // Not held while the scenario runs, so that others run meanwhile.
+        let found = lock(&self.kept).get(&key).cloned();
+        let kept = match found {
+            Some(kept) => kept,
+            None => {
+                let solution = simulate(scenario, &Options::default())?;
+                let run = Run {
+                    summary: solution.summary(),
+                    solution,
+                };
+                let kept = Kept {
+                    balance: run.summary.energy.balance_error,
+                    momentum: momentum_error(&run.solution),
+                    value: Arc::new(reduce(run)),
+                };
+                lock(&self.kept).insert(key.clone(), kept.clone());
+                kept
+            }
+        };
+        lock(&self.used).insert(key, (kept.balance, kept.momentum));
+        Ok(kept.value.downcast().expect("a tag names one kind of result"))
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // Whoever panicked left whole entries: each is inserted at once.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// How often the momentum is looked at in a run.
+const LOOKS: usize = 64;
+
+fn momentum_error(solution: &Solution) -> f64 {
+    let mut sampler = solution.sampler();
+    let start = sampler.at(0.0).momentum();
+    (1..=LOOKS)
+        .map(|look| sampler.at(solution.end() * look as f64 / LOOKS as f64).momentum())
+        .map(|momentum| (momentum / start - 1.0).abs())
+        .fold(0.0, f64::max)
+}

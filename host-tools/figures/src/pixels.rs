@@ -1,0 +1,79 @@
+//! A chart as pixels: PNG, and GIF for charts that follow one another. The drawing is the one of the SVG.
+
+use std::fmt::Display;
+
+use rayon::prelude::*;
+use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::usvg;
+
+use crate::chart::{Chart, FINE};
+use crate::error::Error;
+
+/// Pixels of a PNG a pixel of the chart: 560 dots an inch for a chart of a column's width.
+const PRINT: f32 = 4.0;
+/// Pixels of an animation a pixel of the chart.
+const SCREEN: f32 = 1.5;
+
+impl Chart {
+    /// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the text set
+    /// in a font of this program, so that it looks the same everywhere.
+    ///
+    /// # Errors
+    /// As [`Chart::inline_svg`].
+    pub fn png(&self) -> Result<Vec<u8>, Error> {
+        let pixels = self.pixels(PRINT)?;
+        pixels
+            .encode_png()
+            .map_err(|reason| Error::drawing(&self.description, " as PNG", reason))
+    }
+
+    /// The pixels of [`Chart::png`] at any scale.
+    ///
+    /// # Errors
+    /// As [`Chart::inline_svg`].
+    fn pixels(&self, scale: f32) -> Result<Pixmap, Error> {
+        let refused = |reason: &dyn Display| Error::drawing(&self.description, " as pixels", reason);
+        let mut options = usvg::Options::default();
+        let fonts = options.fontdb_mut();
+        fonts.load_font_data(dejavu::sans::regular().to_vec());
+        fonts.set_sans_serif_family("DejaVu Sans");
+        let tree = usvg::Tree::from_str(&self.inline_svg()?, &options).map_err(|error| refused(&error))?;
+        let scale = scale / FINE as f32;
+        let [width, height] =
+            [tree.size().width(), tree.size().height()].map(|size| (size * scale).ceil() as u32);
+        let mut pixels = Pixmap::new(width, height).ok_or_else(|| refused(&"it has no extent"))?;
+        resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
+        Ok(pixels)
+    }
+}
+
+/// Hundredths of a second that a frame stays.
+const FRAME: u16 = 12;
+
+/// The charts as an animation that repeats for ever.
+///
+/// # Errors
+/// As [`Chart::inline_svg`], or no chart at all.
+pub(crate) fn gif(charts: &[Chart]) -> Result<Vec<u8>, Error> {
+    let what = charts.first().map_or("", |chart| chart.description.as_str());
+    let refused = |reason: &dyn Display| Error::drawing(what, " as an animation", reason);
+    let images = charts
+        .par_iter()
+        .map(|chart| {
+            let pixels = chart.pixels(SCREEN)?;
+            let size = |pixels: u32| u16::try_from(pixels).map_err(|error| refused(&error));
+            let (width, height) = (size(pixels.width())?, size(pixels.height())?);
+            let mut image = gif::Frame::from_rgba_speed(width, height, &mut pixels.take(), 10);
+            image.delay = FRAME;
+            Ok(image)
+        })
+        .collect::<Result<Vec<_>, Error>>()?;
+    let first = images.first().ok_or_else(|| refused(&"it has no frame"))?;
+    let mut encoder =
+        gif::Encoder::new(Vec::new(), first.width, first.height, &[]).map_err(|error| refused(&error))?;
+    let written = encoder
+        .set_repeat(gif::Repeat::Infinite)
+        .and_then(|()| images.iter().try_for_each(|image| encoder.write_frame(image)))
+        .and_then(|()| Ok(encoder.into_inner()?));
+    written.map_err(|error| refused(&error))
+}

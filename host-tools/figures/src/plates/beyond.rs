@@ -1,0 +1,392 @@
+//! What the paper does not show and a user wants to know: rebound, the solitary wave's invariants, exact scaling, and how
+//! the error falls with the effort.
+
+use std::sync::Arc;
+
+use hertz_chain::solitary::{KINETIC_SHARE, SPEED_FROM_FORCE, SPEED_FROM_VELOCITY};
+use hertz_chain::{Accuracy, Collision, ContactForce, Options, PulseSearch, Scenario, Solution, simulate};
+use rayon::prelude::*;
+
+use crate::chart::{Panel, Scale};
+use crate::check::Check;
+use crate::curve::{axis, chart, dashed, discs, geometric, guide, line, log_axis, over_time, panel};
+use crate::error::Error;
+use crate::lab::{Lab, Run};
+use crate::observe::{peak, ratio};
+use crate::plan::{Figure, Plan};
+use crate::setting::{DAMPING, ELASTIC, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
+
+pub(crate) const PLANS: &[Plan] = &[
+    Plan {
+        name: "restitution",
+        title: "rebound of two viscoelastic spheres against Kuwabara and Kono's theory",
+        setting: "steel striker R 4.5 mm at 0.45 m/s on one free bead, τ for α = τ (κ/μ)^(2/5) V^(1/5) from 0.001 to 0.3",
+        draw: restitution,
+    },
+    Plan {
+        name: "solitary",
+        title: "speed of the solitary wave against its force",
+        setting: "50 beads, τ = 0, striker at 0.05 to 5 m/s, between contacts 30 and 36",
+        draw: solitary,
+    },
+    Plan {
+        name: "scaling",
+        title: "one curve for all speeds: F / V^(6/5) against t V^(1/5)",
+        setting: "30 beads, τ = 0, striker at 0.1 to 10 m/s, intruder in bead 8 with k ~ V^(2/5), c ~ V^(1/5)",
+        draw: scaling,
+    },
+    Plan {
+        name: "convergence",
+        title: "error against effort",
+        setting: "Fig. 2b (16 viscous beads, one intruder) and Fig. 3d (38 elastic beads, none), against a run at 2e-14",
+        draw: convergence,
+    },
+];
+
+/// Coefficient of restitution as simulated, for the relaxation time that makes a collision so viscous.
+fn rebound(lab: &Lab, alpha: f64, force: ContactForce) -> Result<(Collision, f64), Error> {
+    let mut scenario = strike(1, ELASTIC, 0.6e-3);
+    scenario.chain.contact_force = force;
+    let collision = Collision::of_striker(lab.run(&scenario)?.solution.model());
+    scenario.chain.relaxation = alpha / collision.viscosity(1.0);
+    let run = lab.run(&scenario)?;
+    let end = &run.summary.final_state.velocity;
+    Ok((collision, (end[1] - end[0]) / collision.speed))
+}
+
+fn restitution(lab: &Lab) -> Result<Figure, Error> {
+    let alphas = geometric(1e-3, 0.3, 21);
+    let simulated = |force| {
+        alphas
+            .iter()
+            .map(|&alpha| Ok((alpha, rebound(lab, alpha, force)?.1)))
+            .collect::<Result<Vec<(f64, f64)>, Error>>()
+    };
+    let (printed, clipped) = (
+        simulated(ContactForce::Printed)?,
+        simulated(ContactForce::Clipped)?,
+    );
+    let (collision, _) = rebound(lab, 1e-3, ContactForce::Printed)?;
+    let series = |alpha: f64| collision.restitution(alpha / collision.viscosity(1.0));
+    let curve = geometric(1e-3, 0.3, 100)
+        .into_iter()
+        .map(|alpha| (alpha, series(alpha)));
+    let farthest = printed
+        .iter()
+        .filter(|(alpha, _)| *alpha < 0.05)
+        .map(|(alpha, e)| (e - series(*alpha)).abs() / (1e-9 + 1.8 * alpha.powi(5)))
+        .fold(0.0, f64::max);
+    // With the second and third terms known, the first follows from one weakly viscous collision.
+    let (alpha, e) = printed[0];
+    let first = (1.0 - e) / alpha + 1.79610 * alpha - 1.76473 * alpha * alpha;
+    Ok(Figure {
+        chart: chart(
+            log_axis("α = τ (κ/μ)^(2/5) V^(1/5)", 1e-3..0.3),
+            vec![panel(
+                "coefficient of restitution",
+                vec![
+                    line("series to α⁴", 0, curve.collect()),
+                    discs("simulated", 1, printed),
+                    dashed("never pulling", 2, clipped),
+                ],
+            )],
+        ),
+        checks: vec![
+            Check::near(
+                "first coefficient of e = 1 - C₁ α + C₂ α² - …",
+                "",
+                first,
+                1.730_173,
+                1e-6,
+            ),
+            Check::at_most(
+                "simulated from the series, over its own error 1e-9 + 1.8 α⁵",
+                "",
+                farthest,
+                1.0,
+            ),
+        ],
+        frames: Vec::new(),
+    })
+}
+
+fn solitary(lab: &Lab) -> Result<Figure, Error> {
+    let mut points = Vec::new();
+    let mut invariants = Vec::new();
+    let mut unit = f64::NAN;
+    for speed in geometric(0.05, 5.0, 7) {
+        // Weak waves are slow: time goes as V^(-1/5).
+        let mut scenario = strike(50, ELASTIC, 0.011 * (0.45 / speed).powf(0.2));
+        scenario.striker.velocity = speed;
+        let run = lab.run(&scenario)?;
+        let first = |contact| {
+            run.solution
+                .pulses(contact, &PulseSearch::default())
+                .into_iter()
+                .next()
+        };
+        let (Some(early), Some(late)) = (first(30), first(36)) else {
+            return Err(Error::Missing("no pulse passes contacts 30 and 36".to_owned()));
+        };
+        let found = run.solution.solitary_invariants(&early, &late);
+        let wave = run.solution.speed(&early, &late);
+        points.push((late.force, wave));
+        unit = wave / late.force.powf(1.0 / 6.0) / found.speed_from_force;
+        invariants.push(found);
+    }
+    let through = |factor: f64| -> Vec<(f64, f64)> {
+        let forces = geometric(0.3, 300.0, 30).into_iter();
+        forces
+            .map(|force| (force, factor * unit * force.powf(1.0 / 6.0)))
+            .collect()
+    };
+    let farthest = |of: fn(&hertz_chain::solitary::Invariants) -> f64, expected: f64| {
+        let off = invariants.iter().map(|found| of(found) - expected);
+        off.fold(0.0_f64, |far, off| if off.abs() > far.abs() { off } else { far }) + expected
+    };
+    let (from_force, from_velocity, kinetic) = (
+        farthest(|found| found.speed_from_force, SPEED_FROM_FORCE),
+        farthest(|found| found.speed_from_velocity, SPEED_FROM_VELOCITY),
+        farthest(|found| found.kinetic_share, KINETIC_SHARE),
+    );
+    Ok(Figure {
+        chart: chart(
+            log_axis("highest force (N)", 0.3..300.0),
+            vec![Panel {
+                y_scale: Scale::Log,
+                ..panel(
+                    "speed of the wave (m/s)",
+                    vec![
+                        line("0.90552 F^(1/6)", 0, through(SPEED_FROM_FORCE)),
+                        dashed("long waves: √0.8 F^(1/6)", 2, through(0.8_f64.sqrt())),
+                        discs("simulated", 1, points.clone()),
+                    ],
+                )
+            }],
+        ),
+        checks: vec![
+            Check::near(
+                "c / F^(1/6), farthest, κ = M = 1",
+                "",
+                from_force,
+                SPEED_FROM_FORCE,
+                1e-5,
+            ),
+            Check::near(
+                "c / v^(1/5), farthest, κ = M = 1",
+                "",
+                from_velocity,
+                SPEED_FROM_VELOCITY,
+                1e-5,
+            ),
+            Check::near(
+                "kinetic share of the energy, farthest",
+                "",
+                kinetic,
+                KINETIC_SHARE,
+                1e-6,
+            ),
+        ],
+        frames: Vec::new(),
+    })
+}
+
+fn scaling(lab: &Lab) -> Result<Figure, Error> {
+    const CONTACT: usize = 20;
+    const END: f64 = 7e-3;
+    let speeds: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
+    let runs = speeds
+        .par_iter()
+        .map(|&speed| {
+            let mut scenario = strike(30, ELASTIC, END * speed.powf(-0.2));
+            scenario.striker.velocity = speed;
+            let (stiffness, damping) = (STIFFNESS * speed.powf(0.4), DAMPING * speed.powf(0.2));
+            lab.run(&with(scenario, intruder([8], MASS, stiffness, damping)))
+        })
+        .collect::<Result<Vec<Arc<Run>>, Error>>()?;
+    let scaled = |run: &Run, speed: f64| -> Vec<(f64, f64)> {
+        over_time(&run.solution, 0.0..run.solution.end(), |at| at.force(CONTACT))
+            .into_iter()
+            .map(|(time, force)| (time * speed.powf(0.2), force / speed.powf(1.2)))
+            .collect()
+    };
+    let curves: Vec<Vec<(f64, f64)>> = runs
+        .iter()
+        .zip(speeds)
+        .map(|(run, speed)| scaled(run, speed))
+        .collect();
+    let whole = peak(&runs[2], CONTACT);
+    let farthest = curves
+        .iter()
+        .flat_map(|curve| {
+            curve
+                .iter()
+                .zip(&curves[2])
+                .map(|(one, other)| (one.1 - other.1).abs())
+        })
+        .fold(0.0, f64::max)
+        / whole;
+    let per_speed = |of: fn(&Run) -> f64, power: f64| {
+        ratio(
+            runs.iter()
+                .zip(speeds)
+                .map(|(run, speed)| of(run) / speed.powf(power)),
+        ) - 1.0
+    };
+    let series = curves
+        .iter()
+        .zip(speeds)
+        .enumerate()
+        .map(|(place, (curve, speed))| {
+            let name = format!("{speed} m/s");
+            // Every fifth of the points, a fifth apart from curve to curve, so that all are seen.
+            let some = curve.iter().skip(8 * place).step_by(40).copied().collect();
+            discs(name, place, some)
+        });
+    let mut all = vec![guide("", curves[2].clone())];
+    all.extend(series);
+    Ok(Figure {
+        chart: chart(
+            axis("t V^(1/5) (ms (m/s)^(1/5))", 3.0..6.0),
+            vec![panel("F / V^(6/5) (N (s/m)^(6/5))", all)],
+        ),
+        checks: vec![
+            Check::at_most("curves apart, of the highest", "", farthest, 2e-11),
+            Check::at_most(
+                "F ~ V^(6/5): highest force at contact 20, greatest over least, less 1",
+                "",
+                per_speed(|run| peak(run, CONTACT), 1.2),
+                1e-11,
+            ),
+            Check::at_most(
+                "t ~ V^(-1/5): its time, greatest over least, less 1",
+                "",
+                per_speed(|run| run.summary.peak_force[CONTACT - 1].time, -0.2),
+                1e-9,
+            ),
+            Check::at_most(
+                "E ~ V²: energy absorbed, greatest over least, less 1",
+                "",
+                per_speed(|run| run.summary.energy.dissipated_intruders, 2.0),
+                1e-11,
+            ),
+        ],
+        frames: Vec::new(),
+    })
+}
+
+/// One effort: evaluations, farthest peak force, energy lost in contacts and intruders, energy balance.
+struct Effort {
+    evaluations: f64,
+    force: f64,
+    energy: f64,
+    balance: f64,
+}
+
+fn at(scenario: &Scenario, tolerance: f64, longest_step: f64) -> Result<Solution, Error> {
+    let accuracy = Accuracy {
+        tolerance,
+        longest_step,
+    };
+    let options = Options {
+        accuracy,
+        ..Options::default()
+    };
+    Ok(simulate(scenario, &options)?)
+}
+
+fn efforts(scenario: &Scenario) -> Result<Vec<Effort>, Error> {
+    let truth = at(scenario, 2e-14, 1.0 / 60.0)?.summary();
+    let whole = truth.peak_force.iter().map(|peak| peak.force).fold(0.0, f64::max);
+    geometric(1e-13, 1e-4, 10)
+        .into_par_iter()
+        .map(|tolerance| {
+            // From the draft's longest step down to the reference's, as the tolerance falls.
+            let part = (tolerance / 1e-13).log10() / 5.0;
+            let longest = 1.0 / (24.0 - 16.0 * part.min(1.0));
+            let summary = at(scenario, tolerance, longest)?.summary();
+            // The last contacts are not through with their wave when the run ends.
+            let force = summary
+                .peak_force
+                .iter()
+                .zip(&truth.peak_force)
+                .map(|(one, other)| (one.force - other.force).abs() / whole)
+                .fold(0.0, f64::max);
+            let lost = |summary: &hertz_chain::Summary| {
+                summary.energy.dissipated_contacts
+                    + summary.energy.dissipated_intruders
+                    + summary.energy.chain_final
+            };
+            Ok(Effort {
+                evaluations: summary.solver.evaluations as f64,
+                force,
+                energy: (lost(&summary) / lost(&truth) - 1.0).abs(),
+                balance: summary.energy.balance_error,
+            })
+        })
+        .collect()
+}
+
+fn convergence(_: &Lab) -> Result<Figure, Error> {
+    let viscous = with(
+        strike(16, VISCOUS, 0.004),
+        intruder([8], MASS, STIFFNESS, DAMPING),
+    );
+    let elastic = strike(38, ELASTIC, 0.006);
+    let mut panels = Vec::new();
+    let mut checks = Vec::new();
+    for (name, scenario) in [
+        ("16 viscous beads, one intruder", viscous),
+        ("38 elastic beads", elastic),
+    ] {
+        let efforts = efforts(&scenario)?;
+        let of = |value: fn(&Effort) -> f64| -> Vec<(f64, f64)> {
+            // What is exactly right would have no place on a logarithmic axis.
+            efforts
+                .iter()
+                .map(|effort| (effort.evaluations, value(effort).max(1e-16)))
+                .collect()
+        };
+        let best = &efforts[0];
+        checks.push(Check::at_most(
+            format!("{name}: peak forces at 1e-13"),
+            "",
+            best.force,
+            1e-12,
+        ));
+        checks.push(Check::at_most(
+            format!("{name}: energies at 1e-13"),
+            "",
+            best.energy,
+            2e-12,
+        ));
+        checks.push(Check::at_most(
+            format!("{name}: balance at 1e-13"),
+            "",
+            best.balance,
+            1e-12,
+        ));
+        panels.push(Panel {
+            y_scale: Scale::Log,
+            y_range: Some((1e-16, 1e-3)),
+            x: Some(log_axis(format!("evaluations ({name})"), 3e3..2e4)),
+            height: 200,
+            ..panel(
+                "relative error",
+                vec![
+                    line("peak forces", 0, of(|effort| effort.force)),
+                    discs("", 0, of(|effort| effort.force)),
+                    line("energies", 1, of(|effort| effort.energy)),
+                    discs("", 1, of(|effort| effort.energy)),
+                    line("balance", 2, of(|effort| effort.balance)),
+                    discs("", 2, of(|effort| effort.balance)),
+                ],
+            )
+        });
+    }
+    Ok(Figure {
+        chart: chart(log_axis("evaluations", 3e3..2e4), panels),
+        checks,
+        frames: Vec::new(),
+    })
+}

@@ -1,0 +1,234 @@
+//! Equations (9) and (10), two bodies that meet, and what a striker hands over by its mass.
+
+use hertz_chain::Collision;
+use rayon::prelude::*;
+
+use crate::chart::{Panel, Scale};
+use crate::check::Check;
+use crate::curve::{chart, dashed, discs, geometric, guide, line, log_axis, panel};
+use crate::error::Error;
+use crate::lab::Lab;
+use crate::observe::{contact_time, peak};
+use crate::plan::{Figure, Plan};
+use crate::setting::{ELASTIC, strike};
+
+const TWO: &str = "steel striker R 4.5 mm at 0.05 to 5 m/s on one free bead, τ = 0";
+
+pub(crate) const PLANS: &[Plan] = &[
+    Plan {
+        name: "eq9",
+        title: "time of contact of two bodies against speed",
+        setting: TWO,
+        draw: duration,
+    },
+    Plan {
+        name: "eq10",
+        title: "highest force between two bodies against speed",
+        setting: TWO,
+        draw: force,
+    },
+    Plan {
+        name: "transfer",
+        title: "energy that a striker hands over, against its mass",
+        setting: "striker R 4.5 mm of 0.02 to 20 bead masses at 0.45 m/s, τ = 0: on one bead, and on 40 beads for 20 ms",
+        draw: transfer,
+    },
+];
+
+/// One speed, with the closed forms and what the simulation gives: time of contact, s, and highest force, N.
+struct Met {
+    collision: Collision,
+    time: f64,
+    force: f64,
+}
+
+fn collisions(lab: &Lab) -> Result<Vec<Met>, Error> {
+    geometric(0.05, 5.0, 9)
+        .into_par_iter()
+        .map(|speed| {
+            let mut scenario = strike(1, ELASTIC, 0.6e-3);
+            scenario.striker.velocity = speed;
+            let run = lab.run(&scenario)?;
+            Ok(Met {
+                collision: Collision::of_striker(run.solution.model()),
+                time: contact_time(&run),
+                force: peak(&run, 1),
+            })
+        })
+        .collect()
+}
+
+fn farthest(met: &[Met], ratio: impl Fn(&Met) -> f64) -> f64 {
+    met.iter().map(|met| (ratio(met) - 1.0).abs()).fold(0.0, f64::max)
+}
+
+fn duration(lab: &Lab) -> Result<Figure, Error> {
+    let met = collisions(lab)?;
+    let of = |value: fn(&Met) -> f64| -> Vec<(f64, f64)> {
+        met.iter()
+            .map(|met| (met.collision.speed, 1e3 * value(met)))
+            .collect()
+    };
+    let checks = vec![
+        Check::at_most(
+            "simulated from eq. (9), farthest part",
+            "",
+            farthest(&met, |met| met.time / met.collision.duration()),
+            3e-10,
+        ),
+        Check::close(
+            "time of contact at 0.5 m/s",
+            "µs",
+            1e6 * met[4].time,
+            124.385,
+            1e-5,
+        ),
+    ];
+    Ok(Figure {
+        chart: chart(
+            log_axis("speed (m/s)", 0.05..5.0),
+            vec![Panel {
+                y_scale: Scale::Log,
+                ..panel(
+                    "time of contact (ms)",
+                    vec![
+                        line("eq. (9)", 0, of(|met| met.collision.duration())),
+                        discs("simulated", 1, of(|met| met.time)),
+                    ],
+                )
+            }],
+        ),
+        checks,
+        frames: Vec::new(),
+    })
+}
+
+fn force(lab: &Lab) -> Result<Figure, Error> {
+    let met = collisions(lab)?;
+    // The paper prints (5/4)^(7/5) for (5/4)^(3/5).
+    let printed = 1.25_f64.powf(0.8);
+    let of = |value: &dyn Fn(&Met) -> f64| -> Vec<(f64, f64)> {
+        met.iter().map(|met| (met.collision.speed, value(met))).collect()
+    };
+    let checks = vec![
+        Check::at_most(
+            "simulated from eq. (10) with (5/4)^(3/5), farthest part",
+            "",
+            farthest(&met, |met| met.force / met.collision.greatest_force()),
+            1e-12,
+        ),
+        Check::close(
+            "eq. (10) as printed over simulated",
+            "",
+            printed * met[4].collision.greatest_force() / met[4].force,
+            1.195,
+            1e-3,
+        )
+        .but_paper("1: the printed factor is (5/4)^(7/5)"),
+    ];
+    Ok(Figure {
+        chart: chart(
+            log_axis("speed (m/s)", 0.05..5.0),
+            vec![Panel {
+                y_scale: Scale::Log,
+                ..panel(
+                    "highest force (N)",
+                    vec![
+                        line(
+                            "eq. (10), corrected",
+                            0,
+                            of(&|met| met.collision.greatest_force()),
+                        ),
+                        dashed(
+                            "as printed",
+                            2,
+                            of(&|met| printed * met.collision.greatest_force()),
+                        ),
+                        discs("simulated", 1, of(&|met| met.force)),
+                    ],
+                )
+            }],
+        ),
+        checks,
+        frames: Vec::new(),
+    })
+}
+
+/// Shares in %, one for each ratio of masses.
+fn shares(lab: &Lab, beads: usize, duration: f64, ratios: &[f64]) -> Result<Vec<(f64, f64)>, Error> {
+    ratios
+        .par_iter()
+        .map(|&ratio| {
+            let mut scenario = strike(beads, ELASTIC, duration);
+            let bead =
+                4.0 / 3.0 * std::f64::consts::PI * scenario.chain.radius.powi(3) * scenario.chain.density;
+            scenario.striker.mass = Some(ratio * bead);
+            let share = lab.keep("injection", &scenario, |run| run.solution.injection().share)?;
+            Ok((ratio, 100.0 * *share))
+        })
+        .collect()
+}
+
+fn transfer(lab: &Lab) -> Result<Figure, Error> {
+    let ratios = geometric(0.02, 20.0, 25);
+    let binary = |ratio: f64| 400.0 * ratio / (1.0 + ratio).powi(2);
+    let one = shares(lab, 1, 2.5e-3, &ratios)?;
+    let chain = shares(lab, 40, 20e-3, &ratios)?;
+    let farthest = |points: &[(f64, f64)], below: f64| {
+        points
+            .iter()
+            .filter(|(ratio, _)| *ratio <= below)
+            .map(|(ratio, share)| (share / binary(*ratio) - 1.0).abs())
+            .fold(0.0, f64::max)
+    };
+    let at = |points: &[(f64, f64)], ratio: f64| {
+        let nearest = |point: &&(f64, f64)| (point.0 / ratio).ln().abs();
+        points
+            .iter()
+            .min_by(|a, b| nearest(a).total_cmp(&nearest(b)))
+            .map_or(f64::NAN, |point| point.1)
+    };
+    let equal = shares(lab, 1, 2.5e-3, &[1.0])?[0].1;
+    let checks = vec![
+        Check::at_most(
+            "two bodies, from 4r/(1+r)², farthest part",
+            "",
+            farthest(&one, 20.0),
+            2e-10,
+        ),
+        Check::close("two bodies of equal mass", "%", equal, 100.0, 1e-12),
+        Check::at_most(
+            "chain, from 4r/(1+r)² up to r = 0.3, farthest part",
+            "",
+            farthest(&chain, 0.3),
+            0.02,
+        ),
+        Check::at_least(
+            "chain, from 4r/(1+r)² up to r = 2, farthest part",
+            "",
+            farthest(&chain, 2.0),
+            0.12,
+        )
+        .but_paper("energy transfer as in a collision of two"),
+        Check::at_least("chain, r = 2", "%", at(&chain, 2.0), 99.99),
+    ];
+    let curve = geometric(0.02, 20.0, 200)
+        .into_iter()
+        .map(|ratio| (ratio, binary(ratio)));
+    Ok(Figure {
+        chart: chart(
+            log_axis("striker's mass over a bead's", 0.02..20.0),
+            vec![panel(
+                "energy handed over (%)",
+                vec![
+                    guide("4r/(1+r)²", curve.collect()),
+                    discs("one bead", 0, one),
+                    discs("40 beads", 1, chain.clone()),
+                    line("", 1, chain),
+                ],
+            )],
+        ),
+        checks,
+        frames: Vec::new(),
+    })
+}

@@ -1,0 +1,237 @@
+//! Figure 3: how the intruder's stiffness decides what it takes. 38 elastic beads, intruder in bead 8.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use crate::chart::{Panel, Scale};
+use crate::check::Check;
+use crate::curve::{axis, chart, guide, line, over_time, panel, time_axis};
+use crate::error::Error;
+use crate::lab::{Lab, Run};
+use crate::observe::{half_power, magnitudes, spectrum};
+use crate::plan::{Figure, Plan};
+use crate::setting::{DAMPING, ELASTIC, MASS, intruder, strike, with};
+
+const HOST: usize = 8;
+const DURATION: f64 = 0.006;
+const STIFFNESSES: [f64; 3] = [1e3, 1e5, 1e7];
+
+const SETTING: &str = "38 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 8";
+
+pub(crate) const PLANS: &[Plan] = &[
+    Plan {
+        name: "3a",
+        title: "motion of host and intruder, k = 10³ N/m",
+        setting: SETTING,
+        draw: |lab| motion(lab, 0),
+    },
+    Plan {
+        name: "3b",
+        title: "motion of host and intruder, k = 10⁵ N/m",
+        setting: SETTING,
+        draw: |lab| motion(lab, 1),
+    },
+    Plan {
+        name: "3c",
+        title: "motion of host and intruder, k = 10⁷ N/m",
+        setting: SETTING,
+        draw: |lab| motion(lab, 2),
+    },
+    Plan {
+        name: "3d",
+        title: "energy of the chain for three stiffnesses, and what of the striker's energy enters it",
+        setting: "38 beads, τ = 0, no intruder and k = 10³, 10⁵, 10⁷ N/m in bead 8",
+        draw: energy,
+    },
+    Plan {
+        name: "3e",
+        title: "spectrum of the incident pulse over the intruder's responses",
+        setting: "38 beads, τ = 0, force at contact 8 without intruder; responses by eq. A1",
+        draw: responses,
+    },
+];
+
+fn plain(lab: &Lab) -> Result<Arc<Run>, Error> {
+    lab.run(&strike(38, ELASTIC, DURATION))
+}
+
+fn run(lab: &Lab, stiffness: f64) -> Result<Arc<Run>, Error> {
+    let intruder = intruder([HOST], MASS, stiffness, DAMPING);
+    lab.run(&with(strike(38, ELASTIC, DURATION), intruder))
+}
+
+/// How far the intruder runs ahead of its host, m.
+fn overshoot(run: &Run) -> f64 {
+    over_time(&run.solution, 0.0..DURATION, |at| {
+        at.intruder_displacement(HOST).unwrap_or(f64::NAN)
+    })
+    .iter()
+    .map(|(_, ahead)| *ahead)
+    .fold(f64::NEG_INFINITY, f64::max)
+}
+
+fn motion(lab: &Lab, which: usize) -> Result<Figure, Error> {
+    let runs = STIFFNESSES
+        .map(|stiffness| run(lab, stiffness))
+        .into_iter()
+        .collect::<Result<Vec<_>, _>>()?;
+    let [soft, medium, stiff] = [0, 1, 2].map(|n| 1e6 * overshoot(&runs[n]));
+    let this = &runs[which];
+    let span = 1.2e-3..3.6e-3;
+    let of = |intruder: bool| {
+        over_time(&this.solution, span.clone(), |at| {
+            let ahead = at.intruder_displacement(HOST).unwrap_or(f64::NAN);
+            1e6 * (at.displacement(HOST) + if intruder { ahead } else { 0.0 })
+        })
+    };
+    let checks = match which {
+        0 => {
+            let lag = 1e6 * this.summary.intruders[0].relative_displacement_max;
+            vec![
+                Check::at_least("intruder falls behind its soft-sprung host by", "µm", lag, 6.4),
+                Check::at_most("overshoot, of that at k = 10⁵", "", soft / medium, 0.09),
+            ]
+        }
+        1 => vec![
+            Check::at_least("overshoot, of that at k = 10³", "", medium / soft, 12.0),
+            Check::at_least("overshoot, of that at k = 10⁷", "", medium / stiff, 80.0),
+        ],
+        _ => {
+            // A stiff spring carries the intruder along: x = -m a / k, as in statics.
+            let summary = &this.summary.intruders[0];
+            let expected = summary.acceleration_max.max(-summary.acceleration_min) * MASS / STIFFNESSES[2];
+            let seen = summary.relative_displacement_max;
+            vec![
+                Check::close(
+                    "relative displacement, against m a / k",
+                    "nm",
+                    1e9 * seen,
+                    1e9 * expected,
+                    2e-4,
+                ),
+                Check::at_most("overshoot, of that at k = 10⁵", "", stiff / medium, 0.0125),
+            ]
+        }
+    };
+    Ok(Figure {
+        chart: chart(
+            time_axis(span.clone()),
+            vec![panel(
+                "displacement (µm)",
+                vec![line("host", 0, of(false)), line("intruder", 1, of(true))],
+            )],
+        ),
+        checks,
+        frames: Vec::new(),
+    })
+}
+
+fn energy(lab: &Lab) -> Result<Figure, Error> {
+    let plain = plain(lab)?;
+    let span = 1.2e-3..4.5e-3;
+    let micro = |run: &Run| {
+        over_time(&run.solution, span.clone(), |at| {
+            1e6 * at.energies().chain_as_printed
+        })
+    };
+    let mut curves = vec![guide("no intruder", micro(&plain))];
+    let mut losses = Vec::new();
+    for (place, stiffness) in STIFFNESSES.into_iter().enumerate() {
+        let run = run(lab, stiffness)?;
+        let name = format!("k = 10{} N/m", ["³", "⁵", "⁷"][place]);
+        curves.push(line(name, place, micro(&run)));
+        let before = plain.summary.energy.chain_final;
+        losses.push(100.0 * run.summary.energy.dissipated_intruders / before);
+    }
+    let start = plain.summary.energy.striker_initial;
+    let share = |of: fn(hertz_chain::Energies) -> f64| {
+        over_time(&plain.solution, 0.0..0.4e-3, |at| {
+            100.0 * of(at.energies()) / start
+        })
+    };
+    let injection = Panel {
+        x: Some(time_axis(0.0..0.4e-3)),
+        height: 180,
+        ..panel(
+            "of the striker's (%)",
+            vec![
+                line("chain", 4, share(|e| e.chain)),
+                line("striker", 5, share(|e| e.striker)),
+            ],
+        )
+    };
+    let injected = 100.0 * plain.summary.energy.chain_final / start;
+    Ok(Figure {
+        chart: chart(
+            time_axis(span),
+            vec![
+                Panel {
+                    x: Some(time_axis(1.2e-3..4.5e-3)),
+                    ..panel("energy of the chain (µJ)", curves)
+                },
+                injection,
+            ],
+        ),
+        checks: vec![
+            Check::close("absorbed for good at k = 10⁵", "%", losses[1], 4.79, 2e-3),
+            Check::at_most("absorbed for good at k = 10⁷", "%", losses[2], 1e-3),
+            Check::at_most(
+                "absorbed for good at k = 10³, of that at 10⁵",
+                "",
+                losses[0] / losses[1],
+                0.6,
+            ),
+            Check::close(
+                "of the striker's energy into the chain",
+                "%",
+                injected,
+                21.2,
+                1e-3,
+            ),
+        ],
+        frames: Vec::new(),
+    })
+}
+
+fn responses(lab: &Lab) -> Result<Figure, Error> {
+    let plain = plain(lab)?;
+    let pulse = spectrum(&plain.solution, HOST, 0.0..4e-3);
+    let half = half_power(&pulse);
+    let impulse = pulse.values()[0].norm();
+    let frequencies: Vec<f64> = (0..=300).map(|n| f64::from(n) * 10.0).collect();
+    let mut curves = vec![guide("pulse", magnitudes(&pulse, 3000.0, 1.0 / impulse))];
+    for (place, stiffness) in STIFFNESSES.into_iter().enumerate() {
+        let points = frequencies.iter().map(|frequency| {
+            let omega = TAU * frequency;
+            let (spring, damper) = (stiffness, omega * DAMPING);
+            let carried = f64::hypot(spring, damper);
+            (
+                *frequency,
+                carried / f64::hypot(spring - MASS * omega * omega, damper),
+            )
+        });
+        let name = format!("k = 10{} N/m", ["³", "⁵", "⁷"][place]);
+        curves.push(line(name, place, points.collect()));
+    }
+    let resonance = (STIFFNESSES[1] / MASS).sqrt() / TAU;
+    Ok(Figure {
+        chart: chart(
+            axis("frequency (Hz)", 0.0..3000.0),
+            vec![Panel {
+                y_scale: Scale::Log,
+                y_range: Some((1e-2, 10.0)),
+                ..panel("response, pulse (relative)", curves)
+            }],
+        ),
+        checks: vec![
+            Check::near("pulse down by 3 dB at", "Hz", half, 900.0, 60.0),
+            Check::at_most(
+                "resonance at k = 10⁵, of that frequency",
+                "",
+                resonance / half,
+                1.0,
+            ),
+        ],
+        frames: Vec::new(),
+    })
+}

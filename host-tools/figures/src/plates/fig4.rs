@@ -1,0 +1,244 @@
+//! Figure 4: what an intruder in bead 15 of 46 elastic beads reflects, lets pass and sends on later, by its stiffness.
+
+use std::sync::Arc;
+
+use hertz_chain::{Intruder, PulseSearch, Split};
+use rayon::prelude::*;
+
+use crate::chart::{Chart, Panel};
+use crate::check::Check;
+use crate::curve::{chart, discs, geometric, line, log_axis, over_time, panel, time_axis};
+use crate::error::Error;
+use crate::lab::{Lab, Run};
+use crate::observe::{peak, summit};
+use crate::plan::{Figure, Plan};
+use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
+
+/// The host of Figs. 4, A2 and A3.
+pub(crate) const HOST: usize = 15;
+const NEAR: usize = 10;
+const FAR: usize = 25;
+pub(crate) const DURATION: f64 = 0.014;
+/// Long enough for the slow secondary waves to pass both contacts. The main wave is at the end by 11 ms, and a free end sends
+/// nothing back.
+const SPLIT_DURATION: f64 = 0.04;
+const SWEEP: &str = "46 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 15, k from 10³ to 10⁷ N/m; energies through contacts 10 and 25";
+
+pub(crate) const PLANS: &[Plan] = &[
+    Plan {
+        name: "4a",
+        title: "force at contacts 10 and 25 for three stiffnesses",
+        setting: "46 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 15, k = 10³, 10⁵, 10⁷ N/m",
+        draw: forces,
+    },
+    Plan {
+        name: "4b",
+        title: "energy of the reflected waves against stiffness",
+        setting: SWEEP,
+        draw: reflected,
+    },
+    Plan {
+        name: "4c",
+        title: "energy of the transmitted secondary waves and of the main wave against stiffness",
+        setting: SWEEP,
+        draw: transmitted,
+    },
+];
+
+/// Whatever stands in the host.
+pub(crate) fn run(lab: &Lab, intruder: Intruder) -> Result<Arc<Run>, Error> {
+    lab.run(&with(strike(46, ELASTIC, DURATION), intruder))
+}
+
+/// Forces at contacts 10 and 25, and the small waves that follow the main ones, for runs with names.
+pub(crate) fn force_panels(runs: &[(String, Arc<Run>)]) -> Chart {
+    let of = |contact: usize, y_range: Option<(f64, f64)>, span: std::ops::Range<f64>| {
+        let curves = runs.iter().enumerate().map(|(place, (name, run))| {
+            let force = over_time(&run.solution, span.clone(), |at| at.force(contact));
+            line(
+                if contact == NEAR && y_range.is_none() {
+                    name
+                } else {
+                    ""
+                },
+                place,
+                force,
+            )
+        });
+        Panel {
+            y_range,
+            height: 170,
+            x: Some(time_axis(span.clone())),
+            ..panel(format!("force at {contact} (N)"), curves.collect())
+        }
+    };
+    chart(
+        time_axis(0.0..DURATION),
+        vec![
+            of(NEAR, None, 1.5e-3..8e-3),
+            of(NEAR, Some((0.0, 0.5)), 2.5e-3..10e-3),
+            of(FAR, None, 5e-3..11e-3),
+            of(FAR, Some((0.0, 0.5)), 6e-3..13e-3),
+        ],
+    )
+}
+
+fn forces(lab: &Lab) -> Result<Figure, Error> {
+    let plain = lab.run(&strike(46, ELASTIC, DURATION))?;
+    let mut runs = Vec::new();
+    for (name, stiffness) in [("k = 10³ N/m", 1e3), ("10⁵", OPTIMUM), ("10⁷", 1e7)] {
+        runs.push((
+            name.to_owned(),
+            run(lab, intruder([HOST], MASS, stiffness, DAMPING))?,
+        ));
+    }
+    let best = peak(&runs[1].1, FAR);
+    let checks = vec![
+        Check::close(
+            "main wave at contact 25 without intruder",
+            "N",
+            peak(&plain, FAR),
+            7.936,
+            1e-3,
+        ),
+        Check::close("main wave at contact 25, k = 10⁵", "N", best, 7.691, 1e-3),
+        Check::at_least(
+            "main wave at contact 25, k = 10⁷, of that without",
+            "",
+            peak(&runs[2].1, FAR) / peak(&plain, FAR),
+            0.999,
+        ),
+    ];
+    Ok(Figure {
+        chart: force_panels(&runs),
+        checks,
+        frames: Vec::new(),
+    })
+}
+
+/// How the incident wave is shared out for each of these intruders in the host.
+pub(crate) fn splits(lab: &Lab, intruders: &[Intruder]) -> Result<Vec<Arc<Split>>, Error> {
+    intruders
+        .par_iter()
+        .map(|intruder| {
+            let scenario = with(strike(46, ELASTIC, SPLIT_DURATION), intruder.clone());
+            let split = lab.keep("split", &scenario, |run| {
+                run.solution.split(NEAR, FAR, &PulseSearch::default())
+            })?;
+            match split.as_ref() {
+                Some(split) => Ok(Arc::new(split.clone())),
+                None => Err(Error::Missing("no pulse passes contacts 10 and 25".to_owned())),
+            }
+        })
+        .collect()
+}
+
+/// A part of the incident energy in %, for each value of what was swept.
+pub(crate) fn share(values: &[f64], splits: &[Arc<Split>], of: impl Fn(&Split) -> f64) -> Vec<(f64, f64)> {
+    let percent = |split: &Arc<Split>| 100.0 * of(split) / split.incident.energy;
+    values.iter().copied().zip(splits.iter().map(percent)).collect()
+}
+
+fn sweep(lab: &Lab) -> Result<(Vec<f64>, Vec<Arc<Split>>), Error> {
+    let stiffnesses = geometric(1e3, 1e7, 41);
+    let intruders: Vec<Intruder> = stiffnesses
+        .iter()
+        .map(|&stiffness| intruder([HOST], MASS, stiffness, DAMPING))
+        .collect();
+    let splits = splits(lab, &intruders)?;
+    Ok((stiffnesses, splits))
+}
+
+/// Within a factor 1.3 of 10⁵ N/m.
+fn near_optimum(what: &str, stiffness: f64) -> Check {
+    Check::near(
+        what,
+        "decades",
+        (stiffness / OPTIMUM).log10(),
+        0.0,
+        1.3_f64.log10(),
+    )
+}
+
+fn closure(splits: &[Arc<Split>]) -> Check {
+    let rest = splits
+        .iter()
+        .map(|split| split.rest.abs() / split.incident.energy)
+        .fold(0.0, f64::max);
+    Check::at_most(
+        "energy still between the contacts, of the incident",
+        "",
+        rest,
+        2e-5,
+    )
+}
+
+fn reflected(lab: &Lab) -> Result<Figure, Error> {
+    let (stiffnesses, splits) = sweep(lab)?;
+    let points = share(&stiffnesses, &splits, |split| split.reflected);
+    let checks = vec![
+        near_optimum("most is reflected at k, decades from 10⁵ N/m", summit(&points)),
+        Check::at_most(
+            "reflected at 10³, of the most",
+            "",
+            points[0].1 / greatest(&points),
+            0.42,
+        )
+        .but_paper("a large reflection at low k"),
+        closure(&splits),
+    ];
+    Ok(Figure {
+        chart: chart(
+            log_axis("stiffness k (N/m)", 1e3..1e7),
+            vec![panel(
+                "reflected (% of incident)",
+                vec![line("", 0, points.clone()), discs("", 0, points)],
+            )],
+        ),
+        checks,
+        frames: Vec::new(),
+    })
+}
+
+/// The greatest ordinate.
+pub(crate) fn greatest(points: &[(f64, f64)]) -> f64 {
+    points
+        .iter()
+        .map(|(_, value)| *value)
+        .fold(f64::NEG_INFINITY, f64::max)
+}
+
+fn transmitted(lab: &Lab) -> Result<Figure, Error> {
+    let (stiffnesses, splits) = sweep(lab)?;
+    let secondary = share(&stiffnesses, &splits, |split| split.secondary);
+    let main = share(&stiffnesses, &splits, |split| split.main.energy);
+    let lost: Vec<(f64, f64)> = main.iter().map(|(k, main)| (*k, -main)).collect();
+    let checks = vec![
+        near_optimum(
+            "most goes into secondary waves at k, decades from 10⁵ N/m",
+            summit(&secondary),
+        ),
+        near_optimum(
+            "least stays in the main wave at k, decades from 10⁵ N/m",
+            summit(&lost),
+        ),
+        closure(&splits),
+    ];
+    Ok(Figure {
+        chart: chart(
+            log_axis("stiffness k (N/m)", 1e3..1e7),
+            vec![
+                panel(
+                    "secondary (% of incident)",
+                    vec![line("", 0, secondary.clone()), discs("", 0, secondary)],
+                ),
+                panel(
+                    "main wave (% of incident)",
+                    vec![line("", 1, main.clone()), discs("", 1, main)],
+                ),
+            ],
+        ),
+        checks,
+        frames: Vec::new(),
+    })
+}

@@ -1,0 +1,221 @@
+//! Figure 5: many intruders in a row, from bead 7 on.
+
+use hertz_chain::TransmissionFit;
+use rayon::prelude::*;
+
+use crate::chart::{Panel, Scale};
+use crate::check::Check;
+use crate::curve::{axis, chart, discs, guide, line, over_time, panel, time_axis};
+use crate::error::Error;
+use crate::lab::Lab;
+use crate::plan::{Figure, Plan};
+use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
+
+/// The caption counts the striker as sphere 1: seven spheres without intruders are six beads.
+const FIRST: usize = 7;
+const BEADS: usize = 60;
+/// At 0.45 m/s.
+const DURATION: f64 = 0.011;
+const SPEED: f64 = 0.45;
+const MOST: usize = 20;
+const MASSES: [f64; 5] = [2.7e-3, 4.7e-3, 7.7e-3, 12e-3, 20e-3];
+const SPEEDS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
+
+pub(crate) const PLANS: &[Plan] = &[
+    Plan {
+        name: "5a",
+        title: "energy of the chain over time for 0 to 20 intruders",
+        setting: "60 beads, τ = 0, intruders m 3.7 g, k 10⁵ N/m, c 12 N·s/m in beads 7 on",
+        draw: over_the_run,
+    },
+    Plan {
+        name: "5b",
+        title: "energy left against the number of intruders, five masses",
+        setting: "as 5a, m = 2.7, 4.7, 7.7, 12, 20 g; energy 11 ms after the strike",
+        draw: by_mass,
+    },
+    Plan {
+        name: "5c",
+        title: "energy left against the number of intruders, striker at 0.1 to 10 m/s",
+        setting: "as 5a, m = 4.7 g; energy 11 ms (0.45 m/s / V)^(1/5) after the strike",
+        draw: by_speed,
+    },
+];
+
+fn scenario(intruders: usize, mass: f64, speed: f64) -> hertz_chain::Scenario {
+    // At τ = 0 a chain without intruders is the same at any speed but for its clock: t ~ V^(-1/5).
+    let mut scenario = strike(BEADS, ELASTIC, DURATION * (SPEED / speed).powf(0.2));
+    scenario.striker.velocity = speed;
+    with(
+        scenario,
+        intruder(FIRST..FIRST + intruders, mass, OPTIMUM, DAMPING),
+    )
+}
+
+/// (n, energy of the chain as printed over that without intruders) at the end of the run.
+fn left(lab: &Lab, counts: &[usize], mass: f64, speed: f64) -> Result<Vec<(usize, f64)>, Error> {
+    let energy = |intruders: usize| {
+        lab.keep("left", &scenario(intruders, mass, speed), |run| {
+            run.solution.energy(run.solution.end()).chain_as_printed
+        })
+    };
+    let whole = energy(0)?;
+    counts
+        .par_iter()
+        .map(|&intruders| Ok((intruders, *energy(intruders)? / *whole)))
+        .collect()
+}
+
+fn percent(points: &[(usize, f64)]) -> Vec<(f64, f64)> {
+    points.iter().map(|(n, part)| (*n as f64, 100.0 * part)).collect()
+}
+
+fn over_the_run(lab: &Lab) -> Result<Figure, Error> {
+    let counts = [0, 1, 2, 5, 10, 15, 20];
+    let curves = counts
+        .par_iter()
+        .map(|&intruders| {
+            let kept = lab.keep("over time", &scenario(intruders, MASS, SPEED), |run| {
+                over_time(&run.solution, 1e-3..DURATION, |at| {
+                    1e6 * at.energies().chain_as_printed
+                })
+            })?;
+            Ok((*kept).clone())
+        })
+        .collect::<Result<Vec<_>, Error>>()?;
+    let last = |n: usize| curves[n].last().map_or(f64::NAN, |point| point.1);
+    let lasts: Vec<f64> = (0..counts.len()).map(|n| last(n) / last(0)).collect();
+    let falls: Vec<f64> = lasts.iter().map(|part| 1.0 / part).collect();
+    let checks = vec![
+        Check::close(
+            "energy of the chain without intruders",
+            "µJ",
+            last(0),
+            65.38903,
+            1e-4,
+        ),
+        Check::at_least(
+            "each more intruders leave less: least factor",
+            "",
+            crate::observe::least_growth(&falls),
+            1.04,
+        ),
+        Check::near("left by ten intruders", "%", 100.0 * lasts[4], 62.46, 0.01)
+            .but_paper("ten intruders are enough to absorb the energy"),
+    ];
+    let series = curves
+        .into_iter()
+        .zip(counts)
+        .enumerate()
+        .map(|(place, (points, n))| line(format!("n = {n}"), place, points))
+        .collect();
+    Ok(Figure {
+        chart: chart(
+            time_axis(1e-3..DURATION),
+            vec![panel("energy of the chain (µJ)", series)],
+        ),
+        checks,
+        frames: Vec::new(),
+    })
+}
+
+fn by_mass(lab: &Lab) -> Result<Figure, Error> {
+    let counts: Vec<usize> = (0..=MOST).collect();
+    let mut series = Vec::new();
+    let mut fits = Vec::new();
+    let mut first = f64::NAN;
+    for (place, mass) in MASSES.into_iter().enumerate() {
+        let points = left(lab, &counts, mass, SPEED)?;
+        fits.push(fit(&points)?);
+        if place == 0 {
+            first = 100.0 * points[1].1;
+        }
+        series.push(discs(format!("{} g", mass * 1e3), place, percent(&points)));
+    }
+    let light = fits[0];
+    series.push(guide(
+        format!("Tⁿ, T = {:.4}", light.transmission),
+        [0, MOST]
+            .map(|n| {
+                (
+                    n as f64,
+                    100.0 * light.initial * light.transmission.powi(n as i32),
+                )
+            })
+            .to_vec(),
+    ));
+    let heaviest = fits[MASSES.len() - 1];
+    Ok(Figure {
+        chart: chart(
+            axis("intruders n", 0.0..MOST as f64),
+            vec![Panel {
+                y_scale: Scale::Log,
+                ..panel("energy left (%)", series)
+            }],
+        ),
+        checks: vec![
+            Check::close(
+                "left by the first intruder of 2.7 g",
+                "%",
+                first,
+                96.752_912,
+                1e-6,
+            ),
+            Check::close(
+                "transmission of one intruder of 2.7 g",
+                "",
+                light.transmission,
+                0.9693,
+                1e-3,
+            ),
+            Check::at_most("scatter of ln E about Tⁿ, 2.7 g", "", light.residual, 0.003),
+            Check::at_least(
+                "scatter at 20 g over that at 2.7 g",
+                "",
+                heaviest.residual / light.residual,
+                10.0,
+            ),
+        ],
+        frames: Vec::new(),
+    })
+}
+
+fn fit(points: &[(usize, f64)]) -> Result<TransmissionFit, Error> {
+    TransmissionFit::of(points)
+        .ok_or_else(|| Error::Missing("too few energies to fit a transmission to".to_owned()))
+}
+
+fn by_speed(lab: &Lab) -> Result<Figure, Error> {
+    let counts: Vec<usize> = (0..=MOST).step_by(2).collect();
+    let mut series = Vec::new();
+    let mut at_ten = Vec::new();
+    for (place, speed) in SPEEDS.into_iter().enumerate() {
+        let points = left(lab, &counts, 4.7e-3, speed)?;
+        at_ten.push(100.0 * points[5].1);
+        let curve = percent(&points);
+        series.push(line(format!("{speed} m/s"), place, curve.clone()));
+        series.push(discs("", place, curve));
+    }
+    let (low, high) = at_ten
+        .iter()
+        .fold((f64::INFINITY, 0.0_f64), |(low, high), &value| {
+            (low.min(value), high.max(value))
+        });
+    Ok(Figure {
+        chart: chart(
+            axis("intruders n", 0.0..MOST as f64),
+            vec![panel("energy left (%)", series)],
+        ),
+        checks: vec![
+            Check::at_most(
+                "spread of what ten intruders leave, over two decades of speed",
+                "points",
+                high - low,
+                10.0,
+            ),
+            Check::at_least("least that ten intruders leave", "%", low, 55.8)
+                .but_paper("ten intruders are enough to absorb the energy"),
+        ],
+        frames: Vec::new(),
+    })
+}

@@ -1,0 +1,145 @@
+//! Figure A1: the intruder on a shaker, and its stiffness and damping found back.
+
+use hertz_chain::{Oscillator, OscillatorFit, PulseSearch, Sweep, fit_response, fit_ring_down};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+
+use crate::chart::Panel;
+use crate::check::Check;
+use crate::curve::{axis, chart, discs, line, over_time, panel, time_axis};
+use crate::error::Error;
+use crate::lab::Lab;
+use crate::plan::{Figure, Plan};
+use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
+
+pub(crate) const PLANS: &[Plan] = &[Plan {
+    name: "A1",
+    title: "transmissibility of the intruder, and its ring-down after a strike",
+    setting: "m 3.7 g, k 3.95e5 N/m, c 12 N·s/m; host shaken from 80 to 2800 Hz in 0.5 s, points with 2 % noise; below: one free \
+              host bead, struck",
+    draw: response,
+}];
+
+const INTRUDER: Oscillator = Oscillator {
+    mass: MASS,
+    stiffness: STIFFNESS,
+    damping: DAMPING,
+};
+const SWEEP: Sweep = Sweep {
+    from: 80.0,
+    to: 2800.0,
+    duration: 0.5,
+    amplitude: 1e-6,
+};
+/// Scatter of the points that stand for a measurement, of |h|.
+const NOISE: f64 = 0.02;
+const SEED: u64 = 1;
+/// Standard errors that a fitted value may be off by: one in 16 000 is further.
+const SIGMAS: f64 = 4.0;
+
+fn response(lab: &Lab) -> Result<Figure, Error> {
+    let frequencies: Vec<f64> = (0..=96).map(|n| 100.0 + 25.0 * f64::from(n)).collect();
+    let swept = INTRUDER.shake(&SWEEP).response(&frequencies);
+    let farthest = swept
+        .iter()
+        .map(|(frequency, h)| (h - INTRUDER.transmissibility(*frequency)).norm())
+        .fold(0.0, f64::max);
+    let noise = Normal::new(0.0, NOISE).expect("the noise is finite and not negative");
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    let measured: Vec<(f64, f64)> = swept
+        .iter()
+        .map(|(frequency, h)| (*frequency, h.norm() + noise.sample(&mut random)))
+        .collect();
+    let fit = fit_response(&measured, MASS)?;
+    let fitted = Oscillator {
+        stiffness: fit.stiffness,
+        damping: fit.damping,
+        ..INTRUDER
+    };
+    let curve = (0..=480)
+        .map(|n| 100.0 + 5.0 * f64::from(n))
+        .map(|frequency| (frequency, fitted.transmissibility(frequency).norm()))
+        .collect();
+    let (frequency, height) = INTRUDER.transmissibility_peak();
+
+    let (ring, rung) = ring_down(lab)?;
+    let mut checks = vec![
+        Check::close("highest |h|", "", height, 3.374, 1e-3),
+        Check::close("frequency of the highest |h|", "Hz", frequency, 1607.0, 1e-3)
+            .but_paper("f_res = √(k/m)/2π, which is 1644 Hz, not the frequency of the peak"),
+        Check::at_most("swept simulation from eq. (A1), farthest", "", farthest, 2e-10),
+    ];
+    checks.extend(found("swept, 2 % noise", &fit, SIGMAS));
+    // Without noise the errors are those of the integration.
+    checks.push(Check::close(
+        "k from the ring-down",
+        "N/m",
+        rung.stiffness,
+        STIFFNESS,
+        1e-9,
+    ));
+    checks.push(Check::close(
+        "c from the ring-down",
+        "N·s/m",
+        rung.damping,
+        DAMPING,
+        1e-9,
+    ));
+    Ok(Figure {
+        chart: chart(
+            axis("frequency (Hz)", 100.0..2500.0),
+            vec![
+                Panel {
+                    x: Some(axis("frequency (Hz)", 100.0..2500.0)),
+                    ..panel(
+                        "|h| = |û/Û|",
+                        vec![discs("swept, 2 % noise", 0, measured), line("fit", 1, curve)],
+                    )
+                },
+                ring,
+            ],
+        ),
+        checks,
+        frames: Vec::new(),
+    })
+}
+
+fn found(from: &str, fit: &OscillatorFit, sigmas: f64) -> [Check; 2] {
+    let near = |what: &str, unit, value, expected, error: f64| {
+        let what = format!("{what} fitted to {from}, ± {sigmas} standard errors");
+        Check::near(what, unit, value, expected, sigmas * error)
+    };
+    [
+        near("k", "N/m", fit.stiffness, STIFFNESS, fit.stiffness_error),
+        near("c", "N·s/m", fit.damping, DAMPING, fit.damping_error),
+    ]
+}
+
+/// One bead alone, struck: it flies free and its intruder rings in it.
+fn ring_down(lab: &Lab) -> Result<(Panel, OscillatorFit), Error> {
+    let run = lab.run(&with(
+        strike(1, VISCOUS, 0.02),
+        intruder([1], MASS, STIFFNESS, DAMPING),
+    ))?;
+    let solution = &run.solution;
+    let pulses = solution.pulses(1, &PulseSearch::default());
+    let free = pulses.last().map_or(0.0, |pulse| pulse.to) + 1e-4;
+    let acceleration = |at: &hertz_chain::Snapshot<'_>| at.intruder_acceleration(1).unwrap_or(f64::NAN);
+    let signal = solution.signal(free, free + 0.01, 1e-5, acceleration);
+    let host = solution.model().mass(1);
+    let fit = fit_ring_down(&signal, MASS * (host - MASS) / host)?;
+    let span = 0.0..5e-3;
+    let panel = Panel {
+        x: Some(time_axis(span.clone())),
+        ..panel(
+            "intruder (m/s²)",
+            vec![line(
+                "acceleration after a strike",
+                2,
+                over_time(solution, span, acceleration),
+            )],
+        )
+    };
+    Ok((panel, fit))
+}

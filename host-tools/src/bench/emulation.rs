@@ -1,0 +1,440 @@
+//! The flash image in QEMU, on what a bead of a simulated chain would sense.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use bead_model::design::{Capture, derive};
+use bead_model::layout::BASELINE;
+use bead_model::settings::{BLOCK_MAX, Settings};
+use hertz_chain::{Scenario, Solution};
+use serde::{Deserialize, Serialize};
+use stm32f405_qemu::{Outcome, PinInput, Run, RunError};
+
+use crate::bench::faults::Planned;
+use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
+use crate::bench::sensed::{Sensed, Timing, Truth, bead_of};
+use crate::cli::failure::{Blame, Failure};
+use crate::recording::file::{RecordingError, Writer};
+use crate::recording::frames::{self, Message};
+
+/// Where the image looks for settings that a probe has put there (`memory.x`).
+pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
+/// The image as `cargo xtask build` leaves it in the target directory.
+const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
+/// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, since a sensor
+/// without any is one that fails.
+const TAIL: f64 = 1.2;
+/// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
+pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
+
+/// The pin of the sync input (`firmware/src/sync.rs`).
+const SYNC_PIN: &str = "PA15";
+/// How long a sync pulse is, s. The bead looks at its rising edge.
+const SYNC_PULSE: f64 = 1e-3;
+/// The crystal, Hz.
+const CRYSTAL_HZ: f64 = 8e6;
+
+/// Finds the image: as given, or as built, beside this program or upwards from here.
+///
+/// # Errors
+/// There is none; the message says how to build it.
+pub fn find_image(given: Option<&Path>) -> Result<PathBuf, Failure> {
+    if let Some(path) = given {
+        return match path.is_file() {
+            true => Ok(path.to_owned()),
+            false => Err(Failure::input(format!(
+                "--firmware {}: there is no such file; build the image with `cargo xtask build`",
+                path.display()
+            ))),
+        };
+    }
+    // This program lies in the target directory itself, unless it was installed.
+    let program = env::current_exe().ok();
+    let built_with = program
+        .iter()
+        .flat_map(|path| path.ancestors())
+        .map(Path::to_owned);
+    let here = env::current_dir().ok();
+    let above = here
+        .iter()
+        .flat_map(|path| path.ancestors())
+        .map(|folder| folder.join("target"));
+    built_with
+        .chain(above)
+        .map(|folder| folder.join(IMAGE))
+        .find(|path| path.is_file())
+        .ok_or_else(|| {
+            Failure::input(format!(
+                "the image {IMAGE} was not found in a target directory here or above; build it with `cargo xtask build`, or name one with --firmware"
+            ))
+        })
+}
+
+/// The truth of a run, as attached to its recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunTruth {
+    /// The bead that senses.
+    pub bead: usize,
+    /// What it should say of each strike.
+    pub truth: Truth,
+    /// When each strike began, in samples: sample index of the scan that holds the force at that time.
+    pub starts: Vec<f64>,
+    /// The front end that it sensed through.
+    pub front_end: FrontEnd,
+    /// Seed of its noise; none for no noise.
+    pub seed: Option<u64>,
+    /// How fast the bead's clock was, ppm: below 0 for slow.
+    #[serde(default)]
+    pub clock_ppm: f64,
+    /// When edges came at its sync input: true time in s since the first triggered scan, which has the index 1.
+    #[serde(default)]
+    pub sync_edges: Vec<f64>,
+}
+
+/// What one run gave.
+pub struct Ran {
+    /// The bytes that the bead sent.
+    pub stream: Vec<u8>,
+    /// When each had left, in ns of true time since power-up.
+    pub sent_ns: Vec<u64>,
+    /// True time of the first triggered scan, in ns since power-up.
+    pub first_scan_ns: u64,
+    /// What was measured.
+    pub report: EmulatorReport,
+}
+
+impl Ran {
+    /// Records what was sent, each run of bytes when the last of it had left: true time since the first triggered scan, to
+    /// which `zero_ns` is added. What was sent before that scan counts as sent at it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, writer: &mut Writer, zero_ns: u64) -> Result<(), RecordingError> {
+        let mut sent = self.sent_ns.iter();
+        for run in self.stream.split_inclusive(|byte| *byte == 0) {
+            let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
+            writer.write_at(run, zero_ns + at.saturating_sub(self.first_scan_ns))?;
+        }
+        Ok(())
+    }
+}
+
+/// What is sensed by a clock that is fast: its seconds are shorter.
+struct OnClock<S> {
+    sensed: S,
+    /// Seconds of the clock in a true one.
+    rate: f64,
+}
+
+impl<S: Stimulus> Stimulus for OnClock<S> {
+    fn force(&mut self, time: f64) -> f64 {
+        self.sensed.force(time / self.rate)
+    }
+
+    fn acceleration(&mut self, time: f64) -> f64 {
+        self.sensed.acceleration(time / self.rate)
+    }
+}
+
+/// What the emulator measured, as attached to the recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EmulatorReport {
+    /// The image that was run.
+    pub image: String,
+    /// The first line of what QEMU says of its version, if it says it.
+    pub qemu: Option<String>,
+    /// Instructions of each function, and of all.
+    pub instructions_per_sample: InstructionsPerSample,
+    /// Instructions that fit between two samples here.
+    pub instructions_available: f64,
+    /// ADC overruns that the emulated converter saw.
+    pub overruns: u64,
+    /// Resets after power-up.
+    pub resets: usize,
+    /// Scans that the timer triggered.
+    pub scans: u64,
+    /// Scans beyond a rail: force, acceleration.
+    pub saturated: [usize; 2],
+    /// Registers that the image touched and no model knows.
+    pub unknown_registers: Vec<String>,
+    /// Features asked for and not modelled.
+    pub unmodelled: Vec<String>,
+    /// Virtual time of the run, s.
+    pub virtual_seconds: f64,
+    /// Time that it took here, s.
+    pub real_seconds: f64,
+    /// The image's own log.
+    pub log: Vec<String>,
+}
+
+/// Instructions executed for each sample.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct InstructionsPerSample {
+    /// In estimate A, for each sample that it took; none if it took none.
+    pub observer: Option<f64>,
+    /// In estimate B and its square root, for each sample that it took; none if it took none.
+    pub reduced_chain: Option<f64>,
+    /// In calibration, peaks and the cut into chunks, for each sample of a window; none if there was none.
+    pub window: Option<f64>,
+    /// In the encoding of all frames, for each sample of a window; none if there was none.
+    pub framing: Option<f64>,
+    /// In the search for a strike, for each sample of the run; none if the image has no such function.
+    pub trigger: Option<f64>,
+    /// In the whole image, for each sample of the blocks in which a strike was measured; none if none was.
+    pub total: Option<f64>,
+    /// In the whole image, for each sample of the busiest block; none if no block was taken.
+    pub worst_block: Option<f64>,
+    /// In the whole image, for each sample of the blocks in which no strike was measured; none if there was none.
+    pub idle: Option<f64>,
+    /// In the whole image, for each sample of the whole run, quiet and strikes.
+    pub run: f64,
+}
+
+/// A run that is ready to start.
+pub struct Emulation {
+    /// The bead's settings.
+    pub settings: Settings,
+    /// The same as their block in flash.
+    pub block: Vec<u8>,
+    /// What is true.
+    pub truth: RunTruth,
+    /// What is to fail.
+    pub faults: Vec<Planned>,
+    codes: Digitised,
+    timing: Timing,
+    image: PathBuf,
+}
+
+impl Emulation {
+    /// Derives the settings and digitises what the bead senses.
+    ///
+    /// # Errors
+    /// The bead has no intruder, or no settings fit it.
+    pub fn prepare(
+        scenario: &Scenario,
+        solution: &Solution,
+        bead: usize,
+        front_end: &FrontEnd,
+        seed: Option<u64>,
+        timing: Timing,
+        image: &Path,
+    ) -> Result<Self, Failure> {
+        let physics = bead_of(solution, bead)?;
+        let front = front_end.calibration();
+        let settings = derive(&physics, &front, &Capture::above_noise_of(&front))
+            .or_input(|| format!("no settings fit bead {bead} and this front end"))?;
+        let mut block = [0; BLOCK_MAX];
+        let length = settings
+            .encode(&mut block)
+            .or_input(|| "cannot encode the settings")?;
+        if timing.strikes > 1 && timing.interval < solution.end() {
+            return Err(Failure::input(format!(
+                "--interval {} s: a strike and its ring-down take {} s; give at least that",
+                timing.interval,
+                solution.end()
+            )));
+        }
+        let codes = front_end.digitise(
+            &mut Sensed::new(solution, bead, timing),
+            timing.scans(solution.end() + TAIL),
+            seed,
+        );
+        let truth = RunTruth {
+            bead,
+            truth: Truth::of(scenario, solution, bead)?,
+            // Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
+            starts: (0..timing.strikes)
+                .map(|number| 1.0 + timing.start(number) * f64::from(SAMPLE_RATE_HZ))
+                .collect(),
+            front_end: *front_end,
+            seed,
+            clock_ppm: 0.0,
+            sync_edges: Vec::new(),
+        };
+        Ok(Self {
+            settings,
+            block: block[..length].to_vec(),
+            truth,
+            faults: Vec::new(),
+            codes,
+            timing,
+            image: image.to_owned(),
+        })
+    }
+
+    /// The same with a clock that is fast by so many ppm, rounded to whole hertz of the crystal: an eighth of a ppm. What
+    /// the bead senses of `solution`, which it was prepared with, is digitised anew.
+    #[must_use]
+    pub fn with_clock(mut self, solution: &Solution, ppm: f64) -> Self {
+        let ppm = (ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
+        let rate = 1.0 + ppm * 1e-6;
+        let RunTruth {
+            bead,
+            front_end,
+            seed,
+            ..
+        } = self.truth;
+        let mut sensed = OnClock {
+            sensed: Sensed::new(solution, bead, self.timing),
+            rate,
+        };
+        let scans = self.timing.scans(solution.end() + TAIL);
+        self.codes = front_end.digitise(&mut sensed, scans, seed);
+        self.truth.clock_ppm = ppm;
+        self.truth.starts = (0..self.timing.strikes)
+            .map(|number| 1.0 + self.timing.start(number) * rate * f64::from(SAMPLE_RATE_HZ))
+            .collect();
+        self
+    }
+
+    /// Gives edges at the sync input, at these times in s since the first triggered scan.
+    pub fn sync(&mut self, edges: Vec<f64>) {
+        self.truth.sync_edges = edges;
+    }
+
+    /// Virtual time from the first scan to the end, s.
+    pub fn seconds(&self) -> f64 {
+        self.codes.scans.len() as f64 / f64::from(SAMPLE_RATE_HZ)
+    }
+
+    /// The machine with the image, its settings and its stimulus: what [`run`](Self::run) executes.
+    pub fn machine(&self) -> Run {
+        let mut run = Run::new(&self.image);
+        run.stimulus = self.codes.scans.clone();
+        run.sample_period_ns = u64::from(1_000_000_000 / SAMPLE_RATE_HZ);
+        run.flash = vec![(SETTINGS_ADDRESS, self.block.clone())];
+        run.functions = [
+            ("observer", "bead_model::observer::"),
+            ("reduced_chain", "bead_model::reduced_chain::"),
+            ("window", "bead_model::window::"),
+            ("window", "bead_model::meter::Measurement::"),
+            ("trigger", "bead_model::meter::before_rise"),
+            ("framing", "bead_wire::"),
+        ]
+        .map(|(label, pattern)| (label.to_owned(), pattern.to_owned()))
+        .to_vec();
+        run.work = ["observer", "reduced_chain"].map(str::to_owned).to_vec();
+        run.tail_ns = 0;
+        run.hse_ppm = self.truth.clock_ppm;
+        let ns = |seconds: f64| (seconds * 1e9).round() as u64;
+        let pulse = |edge: &f64| [ns(*edge), ns(edge + SYNC_PULSE)];
+        run.pin_inputs = vec![PinInput {
+            pin: SYNC_PIN.to_owned(),
+            changes_ns: self.truth.sync_edges.iter().flat_map(pulse).collect(),
+        }];
+        for fault in &self.faults {
+            fault.provoke(&mut run);
+        }
+        // An image that keeps the core busy runs some thirty times slower here than on silicon.
+        run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * self.seconds());
+        run
+    }
+
+    /// Runs the image. Returns the bytes that it sent and what was measured.
+    ///
+    /// # Errors
+    /// As [`timed`](Self::timed).
+    pub fn run(&self) -> Result<(Vec<u8>, EmulatorReport), Failure> {
+        let Ran { stream, report, .. } = self.timed()?;
+        Ok((stream, report))
+    }
+
+    /// Runs the image.
+    ///
+    /// # Errors
+    /// The image is none, QEMU fails, or the image never samples.
+    pub fn timed(&self) -> Result<Ran, Failure> {
+        let clock = Instant::now();
+        let outcome = self.machine().execute().map_err(blame)?;
+        let report = self.report(&outcome, clock.elapsed().as_secs_f64())?;
+        Ok(Ran {
+            first_scan_ns: outcome.sampling.map_or(0, |sampling| sampling.first_ns),
+            stream: outcome.uart,
+            sent_ns: outcome.uart_ns,
+            report,
+        })
+    }
+
+    fn report(&self, outcome: &Outcome, real_seconds: f64) -> Result<EmulatorReport, Failure> {
+        let Some(sampling) = &outcome.sampling else {
+            let last = outcome
+                .log
+                .last()
+                .map_or_else(|| "nothing".to_owned(), ToString::to_string);
+            return Err(Failure::device(format!(
+                "{} never started to sample in {:.1} s; the last that it logged: {last}",
+                self.image.display(),
+                outcome.virtual_ns as f64 * 1e-9
+            )));
+        };
+        let counted = outcome.instructions.as_ref().ok_or_else(|| {
+            Failure::device("the emulator counted no instructions although it was asked to")
+        })?;
+        let function = |label: &str| counted.functions.iter().find(|function| function.label == label);
+        // None also where the compiler has left no function of the label.
+        let per_sample = |label: &str, samples: u64| {
+            let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
+            Some(function.instructions as f64 / samples as f64)
+        };
+        let windows: Vec<u64> = frames::decode(&outcome.uart)
+            .0
+            .iter()
+            .filter_map(|frame| match &frame.message {
+                Message::Strike(strike) => Some(strike.samples.into()),
+                _ => None,
+            })
+            .collect();
+        let in_windows = windows.iter().sum();
+        let estimated = windows.iter().map(|samples| samples - u64::from(BASELINE)).sum();
+        Ok(EmulatorReport {
+            image: self.image.display().to_string(),
+            qemu: qemu_version(),
+            instructions_per_sample: InstructionsPerSample {
+                observer: per_sample("observer", estimated),
+                reduced_chain: per_sample("reduced_chain", estimated),
+                window: per_sample("window", in_windows),
+                framing: per_sample("framing", in_windows),
+                trigger: per_sample("trigger", sampling.scans),
+                total: counted.working.map(|blocks| blocks.instructions_per_scan()),
+                worst_block: counted.worst_block.map(|block| block.instructions_per_scan()),
+                idle: counted.idle.map(|blocks| blocks.instructions_per_scan()),
+                run: counted.total as f64 / sampling.scans.max(1) as f64,
+            },
+            instructions_available: INSTRUCTIONS_A_SAMPLE,
+            overruns: outcome.overruns,
+            resets: outcome.resets.len(),
+            scans: sampling.scans,
+            saturated: self.codes.saturated,
+            unknown_registers: outcome
+                .unknown_registers
+                .iter()
+                .map(|register| register.name.clone())
+                .collect(),
+            unmodelled: outcome.unmodelled.clone(),
+            virtual_seconds: outcome.virtual_ns as f64 * 1e-9,
+            real_seconds,
+            log: outcome.log.iter().map(ToString::to_string).collect(),
+        })
+    }
+}
+
+/// What QEMU, where the emulator finds it, says of its version.
+fn qemu_version() -> Option<String> {
+    let program = env::var_os("STM32F405_QEMU").unwrap_or_else(|| "qemu-system-arm".into());
+    let said = Command::new(program).arg("--version").output().ok()?;
+    let first = String::from_utf8_lossy(&said.stdout).lines().next()?.to_owned();
+    Some(first)
+}
+
+/// Whose fault a failed run is.
+pub(crate) fn blame(error: RunError) -> Failure {
+    match error {
+        RunError::ImageMissing { .. }
+        | RunError::NotArmElf { .. }
+        | RunError::NoSymbols { .. }
+        | RunError::Input(_) => Failure::input(error),
+        _ => Failure::device(error),
+    }
+}

@@ -1,0 +1,7 @@
+//! The bead on the bench: what it senses, its front end, its image in QEMU, and faults.
+
+pub mod bridge;
+pub mod emulation;
+pub mod faults;
+pub mod front_end;
+pub mod sensed;

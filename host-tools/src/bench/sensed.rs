@@ -1,0 +1,291 @@
+//! What a bead of a simulated chain senses, strike after strike, and what it should say of it.
+
+use std::path::Path;
+
+use bead_model::design::Bead;
+use bead_model::reduced_chain::FOLLOWERS;
+use hertz_chain::{Options, Sampler, Scenario, Solution, simulate};
+use serde::{Deserialize, Serialize};
+
+use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
+use crate::cli::failure::Failure;
+
+/// Seconds simulated beyond the scenario's end, so that the intruder's ring-down is complete in every window.
+pub const RING_DOWN: f64 = 6e-3;
+
+/// The bead and its surroundings as its settings are derived from.
+///
+/// # Errors
+/// The bead has no intruder, and so senses nothing; the message names those that have one.
+pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
+    let model = solution.model();
+    let Some(intruder) = model.resonators().iter().find(|resonator| resonator.bead == bead) else {
+        let with: Vec<String> = model.resonators().iter().map(|r| r.bead.to_string()).collect();
+        return Err(Failure::input(if with.is_empty() {
+            format!("--bead {bead}: no bead of this scenario has an intruder; add an [[intruder]] to it")
+        } else {
+            format!(
+                "--bead {bead}: this bead has no intruder; give one of: {}",
+                with.join(", ")
+            )
+        }));
+    };
+    if bead + 1 == model.bodies() {
+        return Err(Failure::input(format!(
+            "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
+        )));
+    }
+    // The reduced chain is uniform: the beads behind the host count as it, joined as it is to the next.
+    let behind = model.contact(bead + 1);
+    Ok(Bead {
+        mass: model.mass(bead),
+        intruder_mass: intruder.mass,
+        front_mass: 0.0,
+        stiffness: intruder.stiffness,
+        damping: intruder.damping,
+        contact_stiffness: behind.stiffness,
+        relaxation: behind.relaxation,
+    })
+}
+
+/// What to know about estimate B where the reduced chain is not like the real one, if anything.
+///
+/// The reduced chain follows the host with four beads that touch without force, and a free end: three of the real ones are
+/// as good (0.15 %), with fewer the end's reflection comes back while the intruder still moves.
+pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<String> {
+    let model = solution.model();
+    let behind = (model.bodies() - 1).saturating_sub(bead);
+    if behind < 3 {
+        return Some(format!(
+            "bead {bead} is followed by {behind} only: estimate B reckons with {FOLLOWERS} and is off here; A is not concerned"
+        ));
+    }
+    let load = model.contact(model.bodies() - 1).load;
+    (load > 0.0).then(|| {
+        format!(
+            "the chain is pressed together by {load} N: estimate B reckons with beads that touch without force and is off \
+             here; A is not concerned, and the bead's forces are what comes on top of the load"
+        )
+    })
+}
+
+/// The only bead with an intruder, for commands that were not told which.
+///
+/// # Errors
+/// There is none, or more than one.
+pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
+    let hosts: Vec<usize> = scenario
+        .intruders
+        .iter()
+        .flat_map(|intruder| intruder.beads.clone())
+        .collect();
+    match hosts[..] {
+        [host] => Ok(host),
+        [] => Err(Failure::input(
+            "no bead of this scenario has an intruder; add an [[intruder]] to it",
+        )),
+        _ => Err(Failure::input(format!(
+            "several beads have intruders ({hosts:?}); say which with --bead"
+        ))),
+    }
+}
+
+/// Reads a scenario together with its text.
+///
+/// # Errors
+/// The file is missing or is no scenario; the message names file, line and key.
+pub fn load_scenario(path: &Path) -> Result<(Scenario, String), Failure> {
+    let scenario = Scenario::load(path).map_err(Failure::input)?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))?;
+    Ok((scenario, text))
+}
+
+/// Simulates a scenario and [`RING_DOWN`] beyond its end.
+///
+/// # Errors
+/// The scenario cannot be integrated.
+pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, Failure> {
+    let options = Options {
+        duration: Some(scenario.duration + RING_DOWN),
+        ..Options::default()
+    };
+    simulate(scenario, &options).map_err(Failure::input)
+}
+
+/// What the full chain says of one strike at one bead.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// Highest force at the bead's incoming contact over the scenario's duration, N.
+    pub peak_force: f64,
+    /// ∫ c ẋ² dt of its intruder over the scenario's duration, J.
+    pub absorbed: f64,
+}
+
+impl Truth {
+    /// Of the bead `bead` of a solution of `scenario`.
+    ///
+    /// # Errors
+    /// The bead has no intruder, or no force ever reaches it.
+    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, Failure> {
+        bead_of(solution, bead)?;
+        let summary = solution.summary();
+        let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
+        let absorbed = solution.intruder_dissipated(bead, scenario.duration);
+        match (peak, absorbed) {
+            (Some(peak), Some(absorbed)) => Ok(Self {
+                peak_force: peak.force,
+                absorbed,
+            }),
+            _ => Err(Failure::input(format!(
+                "no force reaches bead {bead} within {} s; make the scenario's duration longer",
+                scenario.duration
+            ))),
+        }
+    }
+}
+
+/// When strikes come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timing {
+    /// Quiet before the first strike, s.
+    pub lead_in: f64,
+    /// How many strikes.
+    pub strikes: u32,
+    /// From strike to strike, s.
+    pub interval: f64,
+}
+
+impl Timing {
+    /// When the striker of strike `number`, from 0, touches the chain, s.
+    ///
+    /// Strikes do not wait for the sample clock: each but the first comes at another phase of it, spread evenly by
+    /// the golden ratio.
+    pub fn start(&self, number: u32) -> f64 {
+        let phase = (f64::from(number) * 0.618_033_988_749_894_9).fract();
+        self.lead_in + f64::from(number) * self.interval + phase / f64::from(SAMPLE_RATE_HZ)
+    }
+
+    /// Scans from power-up to when the last strike, `long` seconds each, is over.
+    pub fn scans(&self, long: f64) -> usize {
+        let last = self.strikes.saturating_sub(1);
+        ((self.start(last) + long) * f64::from(SAMPLE_RATE_HZ)).ceil() as usize + 1
+    }
+}
+
+/// What the sensors of one bead feel: the same strike again and again, quiet between.
+pub struct Sensed<'a> {
+    bead: usize,
+    timing: Timing,
+    solution: &'a Solution,
+    force: Sampler<'a>,
+    acceleration: Sampler<'a>,
+}
+
+impl<'a> Sensed<'a> {
+    /// Of the bead `bead`, which has an intruder, of `solution`.
+    pub fn new(solution: &'a Solution, bead: usize, timing: Timing) -> Self {
+        Self {
+            bead,
+            timing,
+            solution,
+            force: solution.sampler(),
+            acceleration: solution.sampler(),
+        }
+    }
+
+    /// Time since the last strike began, if its simulation goes so far.
+    fn in_strike(&self, time: f64) -> Option<f64> {
+        let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
+        if guess < 0.0 {
+            return None;
+        }
+        let number = (guess as u32).min(self.timing.strikes.checked_sub(1)?);
+        // A strike starts up to a sample after its place in the row: just after it, the one before still counts.
+        let start = self.timing.start(number);
+        let start = if time < start && number > 0 {
+            self.timing.start(number - 1)
+        } else {
+            start
+        };
+        Some(time - start).filter(|since| (0.0..=self.solution.end()).contains(since))
+    }
+}
+
+impl Stimulus for Sensed<'_> {
+    fn force(&mut self, time: f64) -> f64 {
+        self.in_strike(time)
+            .map_or(0.0, |since| self.force.at(since).force(self.bead))
+    }
+
+    fn acceleration(&mut self, time: f64) -> f64 {
+        self.in_strike(time)
+            .and_then(|since| self.acceleration.at(since).intruder_acceleration(self.bead))
+            .unwrap_or(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::comparison::testing::paper_scenario;
+
+    #[test]
+    fn a_bead_without_an_intruder_is_refused_and_the_others_named() {
+        let mut scenario = crate::comparison::testing::short_scenario();
+        scenario.intruders[0].beads = vec![4, 9];
+        let solution = simulate(&scenario, &Options::default()).unwrap();
+        let error = bead_of(&solution, 5).unwrap_err();
+        assert_eq!(error.exit_status(), 2);
+        assert!(error.to_string().contains("one of: 4, 9"), "{error}");
+        scenario.intruders.clear();
+        let solution = simulate(&scenario, &Options::default()).unwrap();
+        assert!(
+            bead_of(&solution, 5)
+                .unwrap_err()
+                .to_string()
+                .contains("[[intruder]]")
+        );
+    }
+
+    #[test]
+    fn the_paper_bead_is_found_in_the_paper_scenario() {
+        let solution = simulate(&crate::comparison::testing::short_scenario(), &Options::default()).unwrap();
+        let (found, stated) = (bead_of(&solution, 8).unwrap(), Bead::paper());
+        for (found, stated) in [
+            (found.mass, stated.mass),
+            (found.intruder_mass, stated.intruder_mass),
+            (found.stiffness, stated.stiffness),
+            (found.damping, stated.damping),
+            (found.contact_stiffness, stated.contact_stiffness),
+            (found.relaxation, stated.relaxation),
+        ] {
+            assert!((found / stated - 1.0).abs() < 1e-12, "{found} {stated}");
+        }
+    }
+
+    #[test]
+    fn every_strike_is_the_same_signal_at_its_own_phase_of_the_clock() {
+        let scenario = paper_scenario();
+        let solution = simulate_with_ring_down(&scenario).unwrap();
+        let timing = Timing {
+            lead_in: 0.02,
+            strikes: 3,
+            interval: 0.05,
+        };
+        let mut sensed = Sensed::new(&solution, 8, timing);
+        let phase = |n: u32| (timing.start(n) * f64::from(SAMPLE_RATE_HZ)).fract();
+        assert!((phase(1) - phase(2)).abs() > 0.1);
+        for number in 0..3 {
+            for since in [0.5e-3, 1.6e-3, 3e-3, 11.9e-3] {
+                let time = timing.start(number) + since;
+                assert!((sensed.force(time) - solution.force(8, since)).abs() < 1e-6);
+                let expected = solution.intruder_acceleration(8, since).unwrap();
+                assert!((sensed.acceleration(time) - expected).abs() < 1e-4);
+            }
+        }
+        for quiet in [0.0, 0.0199, 0.02 + 0.045, 0.15 + 0.02, 1.0] {
+            assert_eq!((sensed.force(quiet), sensed.acceleration(quiet)), (0.0, 0.0));
+        }
+    }
+}

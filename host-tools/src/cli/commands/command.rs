@@ -1,0 +1,303 @@
+//! `bead command`: what a bead can be asked but its settings.
+
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bead_wire::{Check, Link, Request};
+use clap::{Args, Subcommand};
+use serde_json::{Value, json};
+
+use crate::cli::failure::Failure;
+use crate::cli::line_options::LineOptions;
+use crate::cli::output::{self, Format};
+use crate::line::conversation::{Answer, Conversation};
+use crate::recording::frames::{Frame, Message, Raw, standing_names};
+
+const AFTER_HELP: &str = "\
+A bead goes on measuring while it is asked; a reboot excepted.
+
+Exit status 1 if the bead refuses or a check of its self-test fails, 3 if it does not answer.
+
+Examples:
+  bead command status --port /dev/ttyUSB0
+  bead command self-test --port /dev/ttyUSB0 --format json
+  bead command raw --port /dev/ttyUSB0 --duration 0.5 --out scans.csv
+  bead command reboot --port tcp:192.168.1.7:4000";
+
+/// Arguments of `bead command`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Who is there: firmware, device, boot.
+    Identity(Common),
+    /// How it fares: counts of samples, strikes, losses and faults, and what came in over its line.
+    Status(Common),
+    /// Let the bead check itself: supply, sensors, settings, stack, estimators, flash.
+    SelfTest(Common),
+    /// Look for strikes, as a bead does after a reset.
+    Arm(Common),
+    /// Look for no strikes until it is armed or reset.
+    Disarm(Common),
+    /// Have every scan sent for a while, whether there is a strike or not; about half of them fit the line.
+    Raw {
+        #[command(flatten)]
+        common: Common,
+        /// For how long, s; 10 at most.
+        #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
+        duration: Duration,
+        /// The codes as CSV, one scan a row; - for standard output, with the summary on standard error.
+        #[arg(long, value_name = "F.csv")]
+        out: PathBuf,
+    },
+    /// Set the counts of losses, faults and rejected input to 0.
+    ResetCounters(Common),
+    /// Reset the bead, and wait until it is there again.
+    Reboot(Common),
+}
+
+#[derive(Debug, Args)]
+struct Common {
+    #[command(flatten)]
+    line: LineOptions,
+    /// How to print the answer.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match &arguments.action {
+        Action::Identity(common) => identity(common),
+        Action::Status(common) => status(common),
+        Action::SelfTest(common) => self_test(common),
+        Action::Arm(common) => simple(common, &Request::Arm, "armed"),
+        Action::Disarm(common) => simple(common, &Request::Disarm, "disarmed"),
+        Action::Raw {
+            common,
+            duration,
+            out,
+        } => raw(common, *duration, out),
+        Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
+        Action::Reboot(common) => {
+            let boot = common.line.open()?.reboot()?;
+            said(
+                common.format,
+                &json!({ "boot": boot }),
+                &format!("in boot {boot}"),
+            )
+        }
+    }
+}
+
+/// A request whose answer is that it was done.
+fn simple(common: &Common, request: &Request<'_>, done: &str) -> Result<(), Failure> {
+    common.line.open()?.command(request)?;
+    said(common.format, &json!({ "outcome": "done" }), done)
+}
+
+fn said(format: Format, json: &Value, text: &str) -> Result<(), Failure> {
+    match format {
+        Format::Json => output::print_json(json),
+        Format::Table => output::print_line(text),
+    }
+}
+
+fn identity(common: &Common) -> Result<(), Failure> {
+    let answer = common.line.open()?.command(&Request::Identity)?;
+    let body = answer.last("identity frame", |frame| {
+        matches!(frame.message, Message::Identity(_)).then(|| frame.body())
+    })?;
+    match common.format {
+        Format::Json => output::print_json(&body),
+        Format::Table => output::print_line(&rows([&body])),
+    }
+}
+
+fn status(common: &Common) -> Result<(), Failure> {
+    let answer = common.line.open()?.command(&Request::Status)?;
+    let body = |what: &str, wanted: fn(&Message) -> bool| {
+        answer.last(what, |frame| wanted(&frame.message).then(|| frame.body()))
+    };
+    let status = body("status frame", |message| matches!(message, Message::Status(_)))?;
+    let health = body("health frame", |message| matches!(message, Message::Health(_)))?;
+    let link = body("link frame", |message| matches!(message, Message::Link(_)))?;
+    match common.format {
+        Format::Json => output::print_json(&json!({ "status": status, "health": health, "link": link })),
+        Format::Table => output::print_line(&rows([&status, &health, &link])),
+    }
+}
+
+/// The members of some objects, one a row, as they are named in JSON.
+fn rows<const N: usize>(objects: [&Value; N]) -> String {
+    let mut table = output::table(["", ""]);
+    for (key, value) in objects.iter().filter_map(|object| object.as_object()).flatten() {
+        let value = match value {
+            Value::String(text) => text.clone(),
+            Value::Array(items) if items.is_empty() => "none".to_owned(),
+            Value::Array(items) => {
+                let names: Vec<_> = items.iter().filter_map(Value::as_str).collect();
+                names.join(", ")
+            }
+            other => other.to_string(),
+        };
+        table.add_row([key.replace('_', " "), value]);
+    }
+    // Without its empty header.
+    output::table_text(&table).trim_start().to_owned()
+}
+
+fn self_test(common: &Common) -> Result<(), Failure> {
+    let answer = common.line.open()?.command(&Request::SelfTest)?;
+    let checks: Vec<_> = answer
+        .frames
+        .iter()
+        .filter_map(|frame| match &frame.message {
+            Message::SelfTest(test) => Some(*test),
+            _ => None,
+        })
+        .collect();
+    if checks.is_empty() {
+        return Err(Failure::device(
+            "the bead tested itself, but what it found was lost on the way; ask again",
+        ));
+    }
+    match common.format {
+        Format::Json => output::print_json(&checks)?,
+        Format::Table => {
+            let mut table = output::table(["check", "", "found"]);
+            for test in &checks {
+                table.add_row([
+                    test.check.name().to_owned(),
+                    (if test.passed { "passed" } else { "FAILED" }).to_owned(),
+                    found(test.check, test.value),
+                ]);
+            }
+            output::print_line(&output::table_text(&table))?;
+        }
+    }
+    let failed: Vec<_> = checks
+        .iter()
+        .filter(|test| !test.passed)
+        .map(|test| test.check.name())
+        .collect();
+    match failed.is_empty() {
+        true => Ok(()),
+        false => Err(Failure::Verdict(format!(
+            "the self-test failed: {}; docs/protocol.md says what each check looks at",
+            failed.join(", ")
+        ))),
+    }
+}
+
+/// What a check found, in words.
+fn found(check: Check, value: u32) -> String {
+    match check {
+        Check::Supply => format!("{value} mV"),
+        Check::Force | Check::Acceleration => match standing_names(value as u8)[..] {
+            [] => "moves, off the rails".to_owned(),
+            ref standing => standing.join(", "),
+        },
+        Check::Acquisition => format!("{value} blocks of samples in 20 ms"),
+        Check::Settings => format!("{value} bytes"),
+        Check::Stack => format!("{value} bytes never used"),
+        Check::Estimators => format!("{value} results differ"),
+        Check::Store => match value {
+            0 => "nothing stored".to_owned(),
+            _ => format!("{value} bytes stored"),
+        },
+    }
+}
+
+fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(), Failure> {
+    let duration_ms = u32::try_from(duration.as_millis().max(1)).unwrap_or(u32::MAX);
+    let mut bead = common.line.open()?;
+    let link = |frame: &Frame| match frame.message {
+        Message::Link(link) => Some(link),
+        _ => None,
+    };
+    // What tells the sample rate, and the counts, which are since the reset.
+    bead.command(&Request::Identity)?;
+    let before = bead.command(&Request::Status)?.last("link frame", link)?;
+    let answer = bead.command(&Request::Raw { duration_ms })?;
+    let (pieces, after) = stream(&mut bead, answer, duration, before, u64::from(duration_ms))?;
+
+    let write = |to: &mut dyn Write| -> std::io::Result<()> {
+        let mut to = BufWriter::new(to);
+        writeln!(to, "sample_index,force_code,acceleration_code")?;
+        for piece in &pieces {
+            for (index, codes) in (piece.first_index..).zip(&piece.codes) {
+                let codes = codes.map(|code| code.to_string());
+                writeln!(to, "{index},{}", codes.join(","))?;
+            }
+        }
+        to.flush()
+    };
+    let received: usize = pieces.iter().map(|piece| piece.codes.len()).sum();
+    let sent = after.raw_sent - before.raw_sent;
+    let dropped = after.raw_dropped - before.raw_dropped;
+    let summary = json!({
+        "scans": sent + dropped,
+        "received": received,
+        "dropped_by_bead": dropped,
+        "lost": sent.saturating_sub(received as u64),
+    });
+    let text = format!(
+        "{received} of {} scans received; {dropped} did not fit the line, {} were lost on it",
+        sent + dropped,
+        sent.saturating_sub(received as u64)
+    );
+    if out == std::path::Path::new("-") {
+        match write(&mut std::io::stdout().lock()) {
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+                return Err(Failure::input(format!(
+                    "cannot write to standard output: {error}"
+                )));
+            }
+            _ => {}
+        }
+        eprintln!("bead: {text}");
+        return Ok(());
+    }
+    output::write_whole(out, |file| Ok(write(file)?))?;
+    said(common.format, &summary, &text)
+}
+
+/// The pieces of a raw stream, and the counts at its end.
+fn stream(
+    bead: &mut Conversation,
+    answer: Answer,
+    duration: Duration,
+    before: Link,
+    duration_ms: u64,
+) -> Result<(Vec<Raw>, Link), Failure> {
+    let mut pieces = Vec::new();
+    let mut take = |frame: Frame| match frame.message {
+        Message::Raw(raw) => {
+            pieces.push(raw);
+            None
+        }
+        // One each second, and one at the end of the stream, which is when all its scans are counted.
+        Message::Link(link) => {
+            let counted = link.raw_sent + link.raw_dropped - before.raw_sent - before.raw_dropped;
+            let scans = duration_ms * u64::from(frame.sample_rate_hz.unwrap_or(0)) / 1000;
+            (counted > 0 && counted >= scans).then_some(link)
+        }
+        _ => None,
+    };
+    let mut after = answer.frames.into_iter().find_map(&mut take);
+    if after.is_none() {
+        after = bead.listen(duration + Duration::from_secs(3), take)?;
+    }
+    match after {
+        Some(after) => Ok((pieces, after)),
+        None => Err(Failure::device(
+            "the bead began its raw stream and did not say that it ended; ask again",
+        )),
+    }
+}

@@ -1,0 +1,393 @@
+//! `bead optimise`: the intruders that leave least energy in the chain.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::Args;
+use hertz_chain::{
+    Accuracy, Aim, Intruder, OptimiseError, Optimum, Remaining, Scenario, Search, optimise, remaining,
+};
+use serde::Serialize;
+
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Format};
+
+const AFTER_HELP: &str = "\
+What remains is the share of the injected energy that the intruders have not dissipated by the end of the run: what
+they still hold, what was reflected and transmitted, what contacts lost. The scenario's duration says when that is, at
+its own speed; a strike of speed v runs (V/v)^(1/5) times as long, in which a wave comes as far. Let the last of the wave
+pass the hosts, and the chain be long enough that nothing comes back: both are told.
+
+Examples:
+  bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 --total-mass 0.037
+  bead optimise docs/scenarios/ten-intruders.toml --hosts 7,9,11 --total-mass 0.03 --mass 0.001:0.02 --out best.toml
+  bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 --total-mass 0.12 --speeds 0.1,1,10 --worst
+  bead simulate best.toml";
+
+/// Arguments of `bead optimise`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// The scenario, a TOML file in SI units. Its intruders are for comparison.
+    scenario: PathBuf,
+    /// The beads that hold an intruder each, such as 7-16 or 7,9,12-14.
+    #[arg(long, value_name = "BEADS")]
+    hosts: Beads,
+    /// What the intruders may weigh together, kg.
+    #[arg(long, value_name = "KG")]
+    total_mass: f64,
+    /// Least and greatest mass of each, kg [default: up to half the lightest host].
+    #[arg(long, value_name = "LOW:HIGH")]
+    mass: Option<Bounds>,
+    /// Least and greatest stiffness, N/m [default: five decades about what answers to the strike].
+    #[arg(long, value_name = "LOW:HIGH")]
+    stiffness: Option<Bounds>,
+    /// Least and greatest damping, N·s/m [default: three decades about what answers to the strike].
+    #[arg(long, value_name = "LOW:HIGH")]
+    damping: Option<Bounds>,
+    /// Speeds of the striker, m/s [default: the scenario's].
+    #[arg(long, value_name = "M/S,…", value_delimiter = ',')]
+    speeds: Vec<f64>,
+    /// Look at the worst of these strikes, not at their mean.
+    #[arg(long, requires = "speeds")]
+    worst: bool,
+    /// Make all intruders alike.
+    #[arg(long)]
+    alike: bool,
+    /// Designs to try at most, each at every speed.
+    #[arg(long, value_name = "N", default_value_t = 6000)]
+    evaluations: usize,
+    /// Write the scenario with the intruders found to this file, for `bead simulate`.
+    #[arg(long, value_name = "F.toml")]
+    out: Option<PathBuf>,
+    /// How to print the result.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+/// Beads by number and range.
+#[derive(Debug, Clone)]
+struct Beads(Vec<usize>);
+
+impl FromStr for Beads {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        const MOST: usize = 10_000;
+        let number = |part: &str| {
+            let number = part.trim().parse::<usize>();
+            number.map_err(|_| format!("`{part}` is no bead; write beads as 7-16 or 7,9,12-14"))
+        };
+        let mut beads = Vec::new();
+        for part in text.split(',') {
+            let (from, to) = part.split_once('-').unwrap_or((part, part));
+            let (from, to) = (number(from)?, number(to)?);
+            if from > to {
+                return Err(format!("{part} counts down; write {to}-{from}"));
+            }
+            if to - from >= MOST {
+                return Err(format!("{part} is more than {MOST} beads; name fewer"));
+            }
+            beads.extend(from..=to);
+        }
+        Ok(Self(beads))
+    }
+}
+
+/// LOW:HIGH.
+#[derive(Debug, Clone)]
+struct Bounds([f64; 2]);
+
+impl FromStr for Bounds {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |part: &str| part.trim().parse::<f64>().ok();
+        text.split_once(':')
+            .and_then(|(low, high)| Some(Self([number(low)?, number(high)?])))
+            .ok_or_else(|| "write the bounds as LOW:HIGH, such as 1e4:1e6".to_owned())
+    }
+}
+
+/// Intruders of the paper, to compare with: what it measured, and the stiffness that it finds best (its Fig. 5).
+const PAPER: [(&str, f64); 2] = [
+    ("paper, as measured: 3.7 g, 395 kN/m, 12 N·s/m", 3.95e5),
+    ("paper, its best k: 3.7 g, 100 kN/m, 12 N·s/m", 1e5),
+];
+
+/// The result, as printed in JSON.
+#[derive(Serialize)]
+struct Report {
+    hosts: Vec<usize>,
+    total_mass: f64,
+    mass: [f64; 2],
+    stiffness: [f64; 2],
+    damping: [f64; 2],
+    aim: Aim,
+    optimum: Optimum,
+    compared: Vec<Compared>,
+}
+
+/// Other intruders under the same strikes.
+#[derive(Serialize)]
+struct Compared {
+    name: &'static str,
+    /// Together, kg.
+    mass: f64,
+    share: f64,
+    strikes: Vec<Remaining>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+    let search = search(arguments, &scenario)?;
+    let bar = output::progress(search.evaluations as u64);
+    bar.set_message(format!("designs for {} hosts", search.hosts.len()));
+    let progress = |part: f64| bar.set_position((part * search.evaluations as f64) as u64);
+    let optimum = optimise(&scenario, &search, Some(&progress)).map_err(refusal)?;
+    bar.set_message("comparing");
+    let compared = compare(&scenario, &search, &optimum)?;
+    bar.finish_and_clear();
+    if let Some(out) = &arguments.out {
+        let text = format!(
+            "# Found by bead optimise: {:.2} % of the injected energy remains.\n{}",
+            100.0 * optimum.share,
+            optimum.scenario(&scenario).to_toml()
+        );
+        output::write_whole(out, |file| Ok(file.write_all(text.as_bytes())?))?;
+    }
+    let report = Report {
+        hosts: search.hosts,
+        total_mass: search.total_mass,
+        mass: search.mass,
+        stiffness: search.stiffness,
+        damping: search.damping,
+        aim: search.aim,
+        optimum,
+        compared,
+    };
+    match arguments.format {
+        Format::Json => output::print_json(&report),
+        Format::Table => output::print_line(&table(&scenario, &report)),
+    }
+}
+
+fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure> {
+    let hosts = arguments.hosts.0.clone();
+    let mut search = Search::new(scenario, hosts, arguments.total_mass).map_err(refusal)?;
+    for (given, bounds) in [
+        (&arguments.mass, &mut search.mass),
+        (&arguments.stiffness, &mut search.stiffness),
+        (&arguments.damping, &mut search.damping),
+    ] {
+        if let Some(Bounds(given)) = given {
+            *bounds = *given;
+        }
+    }
+    search.hosts.sort_unstable();
+    search.speeds.clone_from(&arguments.speeds);
+    search.aim = if arguments.worst { Aim::Worst } else { Aim::Mean };
+    search.alike = arguments.alike;
+    search.evaluations = arguments.evaluations;
+    Ok(search)
+}
+
+/// Fields of a search are options here.
+fn refusal(error: OptimiseError) -> Failure {
+    match error {
+        OptimiseError::Search { key, what, advice } => {
+            Failure::input(format!("--{}: {what}; {advice}", key.replace('_', "-")))
+        }
+        other => Failure::input(other),
+    }
+}
+
+fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Vec<Compared>, Failure> {
+    let mut others = Vec::new();
+    if !scenario.intruders.is_empty() {
+        others.push(("the scenario's own", scenario.intruders.clone()));
+    }
+    for (name, stiffness) in PAPER {
+        let paper = Intruder {
+            beads: search.hosts.clone(),
+            mass: 3.7e-3,
+            stiffness,
+            damping: 12.0,
+        };
+        others.push((name, vec![paper]));
+    }
+    let mut compared = Vec::new();
+    for (name, intruders) in others {
+        let other = Scenario {
+            intruders,
+            ..scenario.clone()
+        };
+        // The paper's may be too heavy for these beads.
+        if other.check().is_err() {
+            continue;
+        }
+        let strikes = optimum
+            .strikes
+            .iter()
+            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE).map_err(Failure::input))
+            .collect::<Result<Vec<_>, _>>()?;
+        compared.push(Compared {
+            name,
+            mass: total_mass(&other.intruders),
+            share: search.aim.of(&shares(&strikes)),
+            strikes,
+        });
+    }
+    Ok(compared)
+}
+
+fn shares(strikes: &[Remaining]) -> Vec<f64> {
+    strikes.iter().map(|strike| strike.share).collect()
+}
+
+fn total_mass(intruders: &[Intruder]) -> f64 {
+    let mass = |intruder: &Intruder| intruder.mass * intruder.beads.len() as f64;
+    intruders.iter().map(mass).sum()
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.2}", 100.0 * share)
+}
+
+fn table(scenario: &Scenario, report: &Report) -> String {
+    let mut parts = Vec::new();
+    if !scenario.title.is_empty() {
+        parts.push(scenario.title.clone());
+    }
+    let range = |[low, high]: [f64; 2], unit: f64| format!("{:.3} to {:.3}", low / unit, high / unit);
+    parts.push(format!(
+        "Searched: m {} g, {} g together; k {} kN/m; c {} N·s/m. * is at such a bound.",
+        range(report.mass, 1e-3),
+        report.total_mass * 1e3,
+        range(report.stiffness, 1e3),
+        range(report.damping, 1.0),
+    ));
+    parts.push(output::table_text(&intruders(report)));
+
+    let optimum = &report.optimum;
+    let mut strikes = output::table([
+        "strike (m/s)",
+        "injected (µJ)",
+        "remains (%)",
+        "before hosts",
+        "within",
+        "after",
+        "lost in contacts",
+    ]);
+    for strike in &optimum.strikes {
+        strikes.add_row([
+            strike.speed.to_string(),
+            format!("{:.4}", strike.injected * 1e6),
+            percent(strike.share),
+            percent(strike.before),
+            percent(strike.within),
+            percent(strike.after),
+            percent(strike.contacts),
+        ]);
+    }
+    parts.push(output::table_text(&strikes));
+
+    let remains = match (report.aim, optimum.strikes.len()) {
+        (_, 1) => "remains (%)",
+        (Aim::Worst, _) => "remains, worst (%)",
+        _ => "remains, mean (%)",
+    };
+    let mut compared = output::table(["intruders", "together (g)", remains]);
+    for other in &report.compared {
+        compared.add_row([
+            other.name.to_owned(),
+            format!("{:.3}", other.mass * 1e3),
+            percent(other.share),
+        ]);
+    }
+    compared.add_row([
+        "best that are all alike".to_owned(),
+        String::new(),
+        percent(optimum.share_alike),
+    ]);
+    compared.add_row([
+        "best".to_owned(),
+        format!("{:.3}", total_mass(&optimum.intruders) * 1e3),
+        percent(optimum.share),
+    ]);
+    parts.push(output::table_text(&compared));
+    parts.push(remarks(optimum).join("\n"));
+    parts.join("\n\n")
+}
+
+fn intruders(report: &Report) -> comfy_table::Table {
+    let optimum = &report.optimum;
+    let mut table = output::table([
+        "bead",
+        "m (g)",
+        "k (kN/m)",
+        "c (N·s/m)",
+        "f0 (Hz)",
+        "ζ",
+        "absorbed (%)",
+    ]);
+    let figure = |value: f64, unit: f64, [low, high]: [f64; 2]| {
+        let bound = value < low * 1.001 || value > high * 0.999;
+        format!("{:.3}{}", value / unit, if bound { "*" } else { "" })
+    };
+    for (index, intruder) in optimum.intruders.iter().enumerate() {
+        let &Intruder {
+            mass,
+            stiffness,
+            damping,
+            ..
+        } = intruder;
+        let absorbed = optimum
+            .strikes
+            .iter()
+            .map(|strike| strike.intruders[index].of_injected)
+            .sum::<f64>()
+            / optimum.strikes.len() as f64;
+        table.add_row([
+            report.hosts[index].to_string(),
+            figure(mass, 1e-3, report.mass),
+            figure(stiffness, 1e3, report.stiffness),
+            figure(damping, 1.0, report.damping),
+            format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
+            format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
+            percent(absorbed),
+        ]);
+    }
+    table
+}
+
+fn remarks(optimum: &Optimum) -> Vec<String> {
+    let mut remarks = vec![format!(
+        "{} designs tried; the search saw {:.5} %, the reference accuracy {:.5} %. A chain twice as long changes that by {:.5} %.",
+        optimum.evaluations,
+        100.0 * optimum.share_searched,
+        100.0 * optimum.share,
+        100.0 * optimum.far_end,
+    )];
+    if !optimum.settled {
+        remarks.push(
+            "The designs were spent before the search had settled: more --evaluations may find better."
+                .to_owned(),
+        );
+    }
+    if optimum.far_end > 1e-3 {
+        remarks.push(
+            "The far end has a part in this: give the chain more beads, or the run less time.".to_owned(),
+        );
+    }
+    let within = optimum
+        .strikes
+        .iter()
+        .map(|strike| strike.within)
+        .fold(0.0, f64::max);
+    if within > 0.01 {
+        remarks.push("Energy is still between the hosts: in a longer run more of it is absorbed.".to_owned());
+    }
+    remarks
+}

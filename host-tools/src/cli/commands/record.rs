@@ -1,0 +1,377 @@
+//! `bead record`: what a bead sends, to a recording.
+//!
+//! # Design
+//! A thread of its own reads the port and does nothing else, so that a slow disk or a reader of standard output
+//! that has paused costs memory, never bytes. It ends at `--duration`, at a signal, or when the port goes away;
+//! what it has read is recorded to the last byte in each case.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::{panic, thread};
+
+use bead_wire::{ACCELERATION_UNIT_MPS2, Arrival, Counters, FORCE_UNIT_N, Strike};
+use chrono::{DateTime, Utc};
+use clap::Args;
+use indicatif::ProgressBar;
+
+use super::clock::drift;
+use crate::cli::failure::{Blame, Failure};
+use crate::cli::output::{self, Format};
+use crate::line::port::{Address, Port};
+use crate::recording::clock::Tracker;
+use crate::recording::file::{About, RecordingError, Writer};
+use crate::recording::frames::{Fault, Frame, Item, Message, Reader, flag_names, joules};
+
+const AFTER_HELP: &str = "\
+Ends at Ctrl-C, or after --duration, with exit status 0; when the port goes away, with 3. The recording is complete
+in each case. Every byte is kept as received, corrupt frames included, and when it was received. Each strike is printed as
+it comes. At the end: how fast the bead's clock is against this host's, as far as the time tells it; see `bead clock`.
+
+Examples:
+  bead record --port /dev/ttyUSB0
+  bead record --port /dev/ttyUSB0 --out strikes.mcap --duration 60
+  bead record --port tcp:192.168.1.7:4000 --format json | jq .absorbed_measured_j";
+
+/// Arguments of `bead record`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// A serial port or pty, tcp:HOST:PORT or unix:PATH.
+    #[arg(long, value_name = "P")]
+    port: Address,
+    /// The recording [default: bead-DATE-TIME.mcap, in UTC].
+    #[arg(long, value_name = "F.mcap")]
+    out: Option<PathBuf>,
+    /// Replace the recording if there is one.
+    #[arg(long)]
+    force: bool,
+    /// Bits a second of a serial port.
+    #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
+    baud: u32,
+    /// Stop after so long, s.
+    #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
+    duration: Option<Duration>,
+    /// How to print the strikes; as JSON, one object a line, as `bead decode` does.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+/// Received bytes go to the system at least this often.
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let started = DateTime::<Utc>::from(SystemTime::now());
+    let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
+    let out = arguments.out.clone().unwrap_or_else(named);
+    if out.is_dir() {
+        return Err(Failure::input(format!(
+            "{} is a directory; give --out a file's name",
+            out.display()
+        )));
+    }
+    if out.exists() && !arguments.force {
+        return Err(Failure::input(format!(
+            "{} is there already; give another --out, or --force to replace it",
+            out.display()
+        )));
+    }
+
+    let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
+    let opened = Instant::now();
+    // The monotonic clock from here on: steps of the host's own time are no drift of the bead's.
+    let opened_ns = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_nanos() as u64);
+    let deadline = arguments
+        .duration
+        .and_then(|duration| opened.checked_add(duration));
+    let mut notes = BTreeMap::from([("started".into(), started.to_rfc3339())]);
+    if let Address::Serial(_) = arguments.port {
+        notes.insert("baud".into(), arguments.baud.to_string());
+    }
+    let about = About {
+        source: arguments.port.to_string(),
+        notes,
+        ..About::default()
+    };
+    let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
+    let mut recorder = Recorder {
+        writer: Writer::create(&out, &about).map_err(Failure::input)?,
+        reader: Reader::new(),
+        tracker: Tracker::default(),
+        opened,
+        opened_ns,
+        strikes: 0,
+        format: arguments.format,
+        printed: Ok(()),
+        progress: output::spinner(format!("listening to {}", arguments.port)),
+    };
+
+    let (heard, kept) = thread::scope(|scope| {
+        let (sender, receiver) = mpsc::channel();
+        let listener = scope.spawn(|| listen(&mut port, &stop, deadline, sender));
+        let kept = recorder.keep(&receiver);
+        drop(receiver);
+        stop.store(true, Ordering::Relaxed);
+        (
+            listener
+                .join()
+                .unwrap_or_else(|cause| panic::resume_unwind(cause)),
+            kept,
+        )
+    });
+    recorder.progress.finish_and_clear();
+    let seconds = opened.elapsed().as_secs_f64();
+    let Recorder {
+        writer,
+        strikes,
+        tracker,
+        printed,
+        ..
+    } = recorder;
+    let partial = writer.partial_path().to_owned();
+    let counters = kept.and_then(|()| writer.finish()).map_err(|error| {
+        Failure::input(format!(
+            "{error}; what came before is kept in {}",
+            partial.display()
+        ))
+    })?;
+
+    let result = format!("{}: {}", out.display(), summary(&counters, strikes, seconds));
+    if let Err(reason) = heard {
+        return Err(Failure::device(format!(
+            "{} went away ({reason}): all that came before is in {result}; plug it in or start it again, and record \
+             to another file",
+            arguments.port
+        )));
+    }
+    eprintln!("bead: {result}");
+    if let Some(line) = clock_line(&tracker) {
+        eprintln!("bead: {line}");
+    }
+    if let Some(advice) = advice(&counters) {
+        eprintln!("bead: {advice}");
+    }
+    printed
+}
+
+/// Reads the port until told to stop, at least once. An error is the port going away.
+fn listen(
+    port: &mut Port,
+    stop: &AtomicBool,
+    deadline: Option<Instant>,
+    sender: Sender<(Instant, Vec<u8>)>,
+) -> io::Result<()> {
+    let mut buffer = vec![0; 64 * 1024];
+    loop {
+        let length = port.read(&mut buffer)?;
+        // Here and not where it is written: the disk must not delay it.
+        let now = Instant::now();
+        let wanted = length == 0 || sender.send((now, buffer[..length].to_vec())).is_ok();
+        let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        if late || !wanted || stop.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+    }
+}
+
+struct Recorder {
+    writer: Writer,
+    reader: Reader,
+    tracker: Tracker,
+    opened: Instant,
+    /// The same in ns since 1970.
+    opened_ns: u64,
+    strikes: u64,
+    format: Format,
+    /// Standard output may fail; the recording goes on.
+    printed: Result<(), Failure>,
+    progress: ProgressBar,
+}
+
+impl Recorder {
+    /// Records what comes until the sender is gone.
+    fn keep(&mut self, receiver: &Receiver<(Instant, Vec<u8>)>) -> Result<(), RecordingError> {
+        loop {
+            match receiver.recv_timeout(FLUSH_EVERY) {
+                Ok((received, bytes)) => {
+                    let since = received.duration_since(self.opened);
+                    let received_ns = self.opened_ns + since.as_nanos() as u64;
+                    self.writer.write_at(&bytes, received_ns)?;
+                    self.show(&bytes, received_ns);
+                }
+                Err(RecvTimeoutError::Timeout) => self.writer.flush()?,
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            }
+        }
+    }
+
+    fn show(&mut self, bytes: &[u8], received_ns: u64) {
+        let Self {
+            reader,
+            tracker,
+            strikes,
+            format,
+            printed,
+            progress,
+            ..
+        } = self;
+        reader.feed(bytes, |item| {
+            let Item::Frame(frame) = item else { return };
+            tracker.push(&frame, Some(received_ns));
+            if frame.arrival == Arrival::Duplicate {
+                return;
+            }
+            let line = match &frame.message {
+                Message::Strike(strike) => {
+                    *strikes += 1;
+                    strike_line(&frame, strike)
+                }
+                Message::Fault(fault) => fault_line(fault),
+                _ => return,
+            };
+            if printed.is_ok() {
+                let line = match format {
+                    Format::Json => frame.json().to_string(),
+                    Format::Table => line,
+                };
+                *printed = progress.suspend(|| output::print_line(&line));
+            }
+        });
+        let counters = reader.counters();
+        progress.set_message(format!(
+            "{} frames, {} lost, {} corrupt, {strikes} strikes",
+            counters.frames,
+            counters.lost,
+            counters.rejected.total()
+        ));
+    }
+}
+
+fn strike_line(frame: &Frame, strike: &Strike) -> String {
+    let at = match frame.sample_rate_hz {
+        Some(rate) => format!("at {:.5} s", strike.trigger_index as f64 / f64::from(rate)),
+        None => format!("at sample {}", strike.trigger_index),
+    };
+    let mut line = format!(
+        "strike {} {at}: {:.3} N, {:+.1} to {:+.1} m/s², absorbed {:.2} nJ measured, {:.2} nJ predicted",
+        strike.strike,
+        f64::from(strike.peak_force) * FORCE_UNIT_N,
+        f64::from(strike.acceleration_min) * ACCELERATION_UNIT_MPS2,
+        f64::from(strike.acceleration_max) * ACCELERATION_UNIT_MPS2,
+        joules(strike.absorbed_measured) * 1e9,
+        joules(strike.absorbed_predicted) * 1e9,
+    );
+    for name in flag_names(strike.flags) {
+        line.push_str(", ");
+        line.push_str(name);
+    }
+    line
+}
+
+fn fault_line(fault: &Fault) -> String {
+    let mut line = format!("fault in boot {}: {}", fault.boot, fault.cause.name());
+    if !fault.detail.is_empty() {
+        line.push_str(", ");
+        line.push_str(&fault.detail);
+    }
+    line
+}
+
+fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
+    format!(
+        "{strikes} strikes, {} frames in {} bytes and {seconds:.1} s; {} lost, {} corrupt, {} restarts",
+        counters.frames,
+        counters.bytes,
+        counters.lost,
+        counters.rejected.total(),
+        counters.restarts
+    )
+}
+
+/// How the bead's clock runs since its last restart, if that can be told by now.
+fn clock_line(tracker: &Tracker) -> Option<String> {
+    let fit = tracker.segments().last()?.fit()?;
+    let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
+    let seconds = fit.span;
+    Some(format!(
+        "the bead's clock is {ppm} ± {within} ppm fast against this host's, by {seconds:.0} s"
+    ))
+}
+
+/// What to look at when no frame came at all.
+fn advice(counters: &Counters) -> Option<&'static str> {
+    match counters {
+        Counters { frames: 1.., .. } => None,
+        Counters { bytes: 0, .. } => {
+            Some("nothing came: is the bead powered, and its PA9 wired to the adapter's receive pin?")
+        }
+        _ => Some("bytes came, but no frame among them: does --baud match, and is it a bead that sends?"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_is_a_line_with_its_cause_and_what_the_bead_said_of_it() {
+        let fault = |cause, detail: &str| Fault {
+            cause,
+            boot: 3,
+            pc: 0,
+            detail: detail.to_owned(),
+        };
+        assert_eq!(
+            fault_line(&fault(bead_wire::FaultCause::Recovered, "force_stuck")),
+            "fault in boot 3: recovered, force_stuck"
+        );
+        assert_eq!(
+            fault_line(&fault(bead_wire::FaultCause::Watchdog, "")),
+            "fault in boot 3: watchdog"
+        );
+    }
+
+    #[test]
+    fn the_clock_is_told_as_soon_as_it_can_be() {
+        let mut tracker = Tracker::default();
+        let mut sent = |second: u64| {
+            let identity = bead_wire::Identity {
+                firmware: "",
+                git: "",
+                uid: [0; 12],
+                boot: 0,
+                reset_cause: 0,
+                sample_rate_hz: 100_000,
+                channels: 2,
+            };
+            let frame = Frame {
+                header: bead_wire::Header {
+                    boot: 0,
+                    sequence: second as u32,
+                    sample_index: 100_000 * second,
+                },
+                arrival: Arrival::Next { lost: 0 },
+                sample_rate_hz: Some(100_000),
+                message: bead_wire::Message::Identity(identity).into(),
+            };
+            // A bead that is fast by 50 ppm, and frames up to 30 us late.
+            tracker.push(&frame, Some(second * 999_950_002 + second * 7919 % 30_011));
+            clock_line(&tracker)
+        };
+        assert_eq!(sent(0), None);
+        let lines: Vec<_> = (1..=60).map(&mut sent).collect();
+        assert!(lines[..2].iter().all(Option::is_none), "{lines:?}");
+        let last = lines[59].as_deref().unwrap();
+        let numbers: Vec<f64> = last.split(' ').filter_map(|word| word.parse().ok()).collect();
+        let [ppm, within, 59.0] = numbers[..] else {
+            panic!("drift, uncertainty and time: {last}")
+        };
+        assert!((ppm - 50.0).abs() < within && within < 1.0, "{last}");
+        assert!(last.ends_with(" ppm fast against this host's, by 59 s"), "{last}");
+    }
+}

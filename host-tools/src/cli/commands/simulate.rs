@@ -1,0 +1,118 @@
+//! `bead simulate`: the full f64 chain.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use hertz_chain::{Options, Scenario, Summary, simulate};
+
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Format};
+use crate::recording::time_series;
+
+const AFTER_HELP: &str = "\
+Examples:
+  bead simulate docs/scenarios/paper-strike.toml
+  bead simulate docs/scenarios/paper-strike.toml --format json | jq .energy
+  bead simulate docs/scenarios/paper-strike.toml --out strike.parquet --rate 1e6";
+
+/// Arguments of `bead simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// The scenario, a TOML file in SI units.
+    scenario: PathBuf,
+    /// Write the time series to this Parquet file, units in the column names.
+    #[arg(long, value_name = "F.parquet")]
+    out: Option<PathBuf>,
+    /// Rows a second in that file, Hz.
+    #[arg(long, value_name = "HZ", default_value_t = 1e6, requires = "out")]
+    rate: f64,
+    /// How to print the summary.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+    let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
+    let solution = simulate(&scenario, &Options::default()).map_err(Failure::input)?;
+    if let Some(out) = &arguments.out {
+        progress.set_message(format!("writing {}", out.display()));
+        time_series::write(&scenario, &solution, arguments.rate, out)?;
+    }
+    progress.finish_and_clear();
+    let summary = solution.summary();
+    match arguments.format {
+        Format::Json => output::print_json(&summary),
+        Format::Table => output::print_line(&table(&scenario, &summary)),
+    }
+}
+
+fn table(scenario: &Scenario, summary: &Summary) -> String {
+    let mut parts = Vec::new();
+    if !scenario.title.is_empty() {
+        parts.push(scenario.title.clone());
+    }
+
+    let mut contacts = output::table(["contact", "peak force (N)", "at (ms)", "width at half (ms)"]);
+    for peak in &summary.peak_force {
+        contacts.add_row([
+            peak.contact.to_string(),
+            format!("{:.4}", peak.force),
+            format!("{:.4}", peak.time * 1e3),
+            peak.fwhm
+                .map_or_else(|| "-".to_owned(), |width| format!("{:.4}", width * 1e3)),
+        ]);
+    }
+    parts.push(output::table_text(&contacts));
+
+    if !summary.intruders.is_empty() {
+        let mut intruders = output::table([
+            "intruder in bead",
+            "acceleration max (m/s²)",
+            "min (m/s²)",
+            "displacement (µm)",
+            "dissipated (nJ)",
+        ]);
+        for intruder in &summary.intruders {
+            intruders.add_row([
+                intruder.bead.to_string(),
+                format!("{:.2}", intruder.acceleration_max),
+                format!("{:.2}", intruder.acceleration_min),
+                format!("{:.3}", intruder.relative_displacement_max * 1e6),
+                format!("{:.2}", intruder.dissipated * 1e9),
+            ]);
+        }
+        parts.push(output::table_text(&intruders));
+    }
+
+    let energy = &summary.energy;
+    let mut energies = output::table(["energy", "µJ", "of the striker's"]);
+    for (name, joule) in [
+        ("striker, initial", energy.striker_initial),
+        ("striker, final", energy.striker_final),
+        ("chain, final", energy.chain_final),
+        ("intruders, final", energy.intruders_final),
+        ("dissipated in contacts", energy.dissipated_contacts),
+        ("dissipated in intruders", energy.dissipated_intruders),
+        ("chain, highest", energy.chain_max),
+    ] {
+        energies.add_row([
+            name.to_owned(),
+            format!("{:.4}", joule * 1e6),
+            format!("{:.3} %", joule / energy.striker_initial * 100.0),
+        ]);
+    }
+    parts.push(output::table_text(&energies));
+
+    let solver = &summary.solver;
+    parts.push(format!(
+        "{:.3} ms simulated in {:.2} s: {} steps, {} evaluations, energy balance closes to {:.1e}",
+        summary.final_state.time * 1e3,
+        solver.seconds,
+        solver.steps,
+        solver.evaluations,
+        energy.balance_error,
+    ));
+    parts.join("\n\n")
+}

@@ -1,0 +1,80 @@
+//! What a command failed of, and the exit status that says so.
+//!
+//! | status | meaning |
+//! |---|---|
+//! | 0 | done |
+//! | 1 | a check said no: a replay that differs, a figure out of tolerance |
+//! | 2 | the command line or its input is wrong |
+//! | 3 | the device or the emulator failed |
+
+use std::fmt::Display;
+use std::process::ExitCode;
+
+/// Why a command did not end with exit status 0. The message is one line: what, why, what next.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// The command ran to its end and a check said no: exit status 1.
+    #[error("{0}")]
+    Verdict(String),
+    /// The command line, a file it names, or the place to write to is wrong: exit status 2.
+    #[error("{0:#}")]
+    Input(anyhow::Error),
+    /// The device or the emulator failed: exit status 3.
+    #[error("{0:#}")]
+    Device(anyhow::Error),
+}
+
+impl Failure {
+    /// An input error with nothing beneath it.
+    pub fn input(message: impl Display) -> Self {
+        Self::Input(anyhow::anyhow!("{message}"))
+    }
+
+    /// A device failure with nothing beneath it.
+    pub fn device(message: impl Display) -> Self {
+        Self::Device(anyhow::anyhow!("{message}"))
+    }
+
+    /// The process's exit status.
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Verdict(_) => 1,
+            Self::Input(_) => 2,
+            Self::Device(_) => 3,
+        }
+    }
+}
+
+impl From<hertz_figures::error::Error> for Failure {
+    fn from(error: hertz_figures::error::Error) -> Self {
+        Self::input(error)
+    }
+}
+
+impl From<&Failure> for ExitCode {
+    fn from(failure: &Failure) -> Self {
+        Self::from(failure.exit_status())
+    }
+}
+
+/// Says whose fault an error is, at the place that knows.
+pub trait Blame<T> {
+    /// The input is at fault.
+    fn or_input<C: Display + Send + Sync + 'static>(self, context: impl FnOnce() -> C) -> Result<T, Failure>;
+    /// The device or the emulator is at fault.
+    fn or_device<C: Display + Send + Sync + 'static>(self, context: impl FnOnce() -> C)
+    -> Result<T, Failure>;
+}
+
+impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
+    fn or_input<C: Display + Send + Sync + 'static>(self, context: impl FnOnce() -> C) -> Result<T, Failure> {
+        self.map_err(|error| Failure::Input(error.into().context(context())))
+    }
+
+    fn or_device<C: Display + Send + Sync + 'static>(
+        self,
+        context: impl FnOnce() -> C,
+    ) -> Result<T, Failure> {
+        self.map_err(|error| Failure::Device(error.into().context(context())))
+    }
+}

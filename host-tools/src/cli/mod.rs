@@ -1,0 +1,87 @@
+//! The command line: the command tree, and beneath it the commands, their options and their output.
+
+mod commands;
+pub mod failure;
+mod front_end_options;
+mod line_options;
+pub mod output;
+
+use clap::{Parser, Subcommand};
+
+use commands::{
+    accuracy, clock, command, compare, decode, emulate, figures, optimise, record, replay, settings, simulate,
+};
+use failure::Failure;
+
+const AFTER_HELP: &str = "\
+Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure.
+Results go to standard output, everything else to standard error.
+
+Examples:
+  bead simulate docs/scenarios/paper-strike.toml
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
+  bead replay run/bead-8.mcap
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
+  bead record --port /dev/ttyUSB0
+  bead command self-test --port /dev/ttyUSB0
+  bead settings write --port /dev/ttyUSB0 run/bead-8.settings";
+
+/// Host tools of the sensing absorber bead.
+#[derive(Debug, Parser)]
+#[command(name = "bead", version, after_help = AFTER_HELP)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run the full f64 chain of a scenario.
+    Simulate(simulate::Arguments),
+    /// Run the flash image in QEMU on what a bead would sense.
+    Emulate(emulate::Arguments),
+    /// Record what a bead sends, and print its strikes.
+    Record(record::Arguments),
+    /// Ask a bead: status, identity, self-test, arm, raw samples, reboot.
+    #[command(name = "command")]
+    Ask(command::Arguments),
+    /// Read, write and show a bead's settings.
+    Settings(settings::Arguments),
+    /// Print the frames of a recording or of raw bytes, one JSON object a line.
+    Decode(decode::Arguments),
+    /// Run the recorded samples through the bead's code: every result bit for bit.
+    Replay(replay::Arguments),
+    /// Hold a recording against the simulation: device, replay, f64 from the same samples, full chain.
+    Compare(compare::Arguments),
+    /// How recorded beads' clocks run: against this host, and against one another.
+    Clock(clock::Arguments),
+    /// Find the intruders that leave least energy in the chain.
+    Optimise(optimise::Arguments),
+    /// Tabulate the error of the image's estimates over strikers and speeds.
+    Accuracy(accuracy::Arguments),
+    /// Draw the paper's figures, with their data and their checks.
+    Figures(figures::Arguments),
+}
+
+impl Cli {
+    /// Runs the command that was given.
+    ///
+    /// # Errors
+    /// [`Failure`], which carries the exit status.
+    pub fn run(self) -> Result<(), Failure> {
+        match self.command {
+            Command::Simulate(arguments) => simulate::run(&arguments),
+            Command::Emulate(arguments) => emulate::run(&arguments),
+            Command::Record(arguments) => record::run(&arguments),
+            Command::Ask(arguments) => command::run(&arguments),
+            Command::Settings(arguments) => settings::run(&arguments),
+            Command::Decode(arguments) => decode::run(&arguments),
+            Command::Replay(arguments) => replay::run(&arguments),
+            Command::Compare(arguments) => compare::run(&arguments),
+            Command::Clock(arguments) => clock::run(&arguments),
+            Command::Optimise(arguments) => optimise::run(&arguments),
+            Command::Accuracy(arguments) => accuracy::run(&arguments),
+            Command::Figures(arguments) => figures::run(&arguments),
+        }
+    }
+}

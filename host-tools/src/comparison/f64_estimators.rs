@@ -1,0 +1,253 @@
+//! Estimates A and B in f64, from the same samples that the bead had: what its fixed point and its step a sample
+//! cost.
+//!
+//! # Design
+//! Nothing here is shared with the fixed-point code but the physics, so that an error in one shows against the
+//! other. A integrates the intruder's first-order law exactly for an acceleration that is straight between samples;
+//! B runs the reduced chain by Runge-Kutta with [`SUBSTEPS`] steps a sample, on a force interpolated by cubics. Both
+//! return the running energy, sample by sample.
+
+use bead_model::design::Bead;
+use bead_model::reduced_chain::FOLLOWERS;
+
+use crate::bench::front_end::first_order_hold;
+
+/// Runge-Kutta steps in one sample period: 2 MHz at 100 kHz.
+pub const SUBSTEPS: usize = 20;
+
+/// Takes a one-pole low-pass with this time constant, in samples, out of its samples: `s = y + ẏ/ω`, with the derivative
+/// by the five-point central difference (fourth order). The two samples at either end take what derivative they can. A sample that is not known is NaN.
+pub fn lead(samples: &[f64], in_samples: f64) -> Vec<f64> {
+    let at = |i: isize| samples[i.clamp(0, samples.len() as isize - 1) as usize];
+    (0..samples.len() as isize)
+        .map(|i| {
+            let near = (at(i + 1) - at(i - 1)) / 2.0;
+            let far = (at(i + 2) - at(i - 2)) / 4.0;
+            // Of a channel that is only known in part the nearest two have to do.
+            let slope = if far.is_nan() {
+                near
+            } else {
+                (4.0 * near - far) / 3.0
+            };
+            at(i) + in_samples * slope
+        })
+        .collect()
+}
+
+/// Estimate A: energy in J absorbed since the first sample, at each sample, from the intruder's absolute
+/// acceleration in m/s². The intruder is at rest on its springs at the first sample.
+pub fn measured(bead: &Bead, acceleration: &[f64], rate_hz: f64) -> Vec<f64> {
+    let period = 1.0 / rate_hz;
+    let [decay, old, new] = first_order_hold(bead.stiffness / bead.damping * period);
+    let quasi_static = -bead.intruder_mass / bead.stiffness;
+    let mut displacement = quasi_static * acceleration.first().copied().unwrap_or(0.0);
+    let mut energy = 0.0;
+    let mut previous: Option<(f64, f64)> = None;
+    acceleration
+        .iter()
+        .map(|&a| {
+            if let Some((a_old, _)) = previous {
+                displacement = decay * displacement + quasi_static * (old * a_old + new * a);
+            }
+            let velocity = -(bead.intruder_mass * a + bead.stiffness * displacement) / bead.damping;
+            let power = bead.damping * velocity * velocity;
+            if let Some((_, power_old)) = previous {
+                energy += 0.5 * period * (power_old + power);
+            }
+            previous = Some((a, power));
+            energy
+        })
+        .collect()
+}
+
+/// Estimate B: energy in J absorbed since the first sample, at each sample, from the total force at the host's
+/// incoming contact in N. Everything is at rest, just touching, at the first sample.
+pub fn predicted(bead: &Bead, force: &[f64], rate_hz: f64) -> Vec<f64> {
+    let step = 1.0 / rate_hz / SUBSTEPS as f64;
+    let at = |i: isize| force[i.clamp(0, force.len() as isize - 1) as usize];
+    let mut state = State::default();
+    let mut energies = Vec::with_capacity(force.len());
+    for i in 0..force.len() as isize {
+        energies.push(state.0[ENERGY]);
+        let points = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+        for substep in 0..SUBSTEPS {
+            let phase = substep as f64 / SUBSTEPS as f64;
+            let half = 0.5 / SUBSTEPS as f64;
+            state = runge_kutta(
+                bead,
+                &state,
+                step,
+                [
+                    cubic(points, phase),
+                    cubic(points, phase + half),
+                    cubic(points, phase + 2.0 * half),
+                ],
+            );
+        }
+    }
+    energies
+}
+
+/// The cubic through four equidistant points, between the middle two.
+fn cubic([before, start, end, after]: [f64; 4], phase: f64) -> f64 {
+    let (p, q) = (phase, 1.0 - phase);
+    // Lagrange's form at the nodes -1, 0, 1, 2.
+    -before * p * q * (1.0 + q) / 6.0
+        + start * q * (1.0 + p) * (1.0 + q) / 2.0
+        + end * p * (1.0 + p) * (1.0 + q) / 2.0
+        - after * p * q * (1.0 + p) / 6.0
+}
+
+/// Bodies: the host, then its followers. Layout: displacements, velocities, intruder relative displacement and
+/// velocity, energy absorbed.
+const BODIES: usize = FOLLOWERS + 1;
+const INTRUDER: usize = 2 * BODIES;
+const ENERGY: usize = INTRUDER + 2;
+
+#[derive(Clone, Copy, Default)]
+struct State([f64; ENERGY + 1]);
+
+impl State {
+    fn plus(&self, scale: f64, rate: &Self) -> Self {
+        let mut sum = *self;
+        for (value, rate) in sum.0.iter_mut().zip(rate.0) {
+            *value += scale * rate;
+        }
+        sum
+    }
+}
+
+fn rate(bead: &Bead, state: &State, incoming: f64) -> State {
+    let y = &state.0;
+    let mut rate = State::default();
+    let mut push = incoming;
+    let suspension = bead.stiffness * y[INTRUDER] + bead.damping * y[INTRUDER + 1];
+    for body in 0..BODIES {
+        let outgoing = if body + 1 < BODIES {
+            contact_force(
+                bead,
+                y[body] - y[body + 1],
+                y[BODIES + body] - y[BODIES + body + 1],
+            )
+        } else {
+            0.0
+        };
+        let (mass, spring) = if body == 0 {
+            (bead.mass - bead.intruder_mass, suspension)
+        } else {
+            (bead.mass, 0.0)
+        };
+        rate.0[body] = y[BODIES + body];
+        rate.0[BODIES + body] = (push - outgoing + spring) / mass;
+        push = outgoing;
+    }
+    rate.0[INTRUDER] = y[INTRUDER + 1];
+    rate.0[INTRUDER + 1] = -suspension / bead.intruder_mass - rate.0[BODIES];
+    rate.0[ENERGY] = bead.damping * y[INTRUDER + 1] * y[INTRUDER + 1];
+    rate
+}
+
+/// The paper's Eq. (1): Hertz and Kuwabara-Kono, nothing where the beads have parted.
+fn contact_force(bead: &Bead, overlap: f64, approach: f64) -> f64 {
+    if overlap <= 0.0 {
+        return 0.0;
+    }
+    bead.contact_stiffness * overlap.sqrt() * (overlap + 1.5 * bead.relaxation * approach)
+}
+
+fn runge_kutta(bead: &Bead, state: &State, step: f64, [start, middle, end]: [f64; 3]) -> State {
+    let k1 = rate(bead, state, start);
+    let k2 = rate(bead, &state.plus(0.5 * step, &k1), middle);
+    let k3 = rate(bead, &state.plus(0.5 * step, &k2), middle);
+    let k4 = rate(bead, &state.plus(step, &k3), end);
+    state
+        .plus(step / 6.0, &k1)
+        .plus(step / 3.0, &k2)
+        .plus(step / 3.0, &k3)
+        .plus(step / 6.0, &k4)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::sensed::bead_of;
+    use crate::comparison::testing::paper_scenario;
+
+    const RATE: f64 = 100e3;
+
+    /// Samples of the paper's strike without noise and without rounding, behind `pole`, with the energy that the
+    /// intruder of the full chain dissipates until the last of them.
+    fn samples(pole_hz: Option<f64>) -> (Bead, Vec<f64>, Vec<f64>, f64) {
+        let scenario = paper_scenario();
+        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        let bead = bead_of(&solution, 8).unwrap();
+        let fine = 20;
+        let end = (scenario.duration * RATE) as usize;
+        let sample = |mut signal: Box<dyn FnMut(f64) -> f64 + '_>| -> Vec<f64> {
+            let mut filter =
+                crate::bench::front_end::LowPass::new(pole_hz, 1.0 / RATE / f64::from(fine), 0.0);
+            let at = |i: i32| (f64::from(i) / RATE / f64::from(fine)).min(scenario.duration);
+            (0..=end as i32 * fine)
+                .map(|i| filter.advance(signal(at(i))))
+                .step_by(fine as usize)
+                .collect()
+        };
+        let force = sample(Box::new(|t| solution.force(8, t)));
+        let acceleration = sample(Box::new(|t| solution.intruder_acceleration(8, t).unwrap()));
+        let truth = solution.intruder_dissipated(8, end as f64 / RATE).unwrap();
+        (bead, force, acceleration, truth)
+    }
+
+    fn error(energies: &[f64], truth: f64) -> f64 {
+        energies.last().unwrap() / truth - 1.0
+    }
+
+    #[test]
+    fn a_is_within_one_part_in_fifty_thousand_of_the_full_chain() {
+        let (bead, _, acceleration, truth) = samples(None);
+        let error = error(&measured(&bead, &acceleration, RATE), truth);
+        println!("A, no pole: {error:.2e}");
+        assert!(error.abs() < 2e-5, "{error:e}");
+    }
+
+    #[test]
+    fn b_is_within_one_part_in_fifty_thousand_of_the_full_chain() {
+        let (bead, force, _, truth) = samples(None);
+        let error = error(&predicted(&bead, &force, RATE), truth);
+        println!("B, no pole: {error:.2e}");
+        assert!(error.abs() < 2e-5, "{error:e}");
+    }
+
+    #[test]
+    fn compensation_takes_the_anti_alias_pole_out_of_both() {
+        let (bead, force, acceleration, truth) = samples(Some(40e3));
+        let a = |samples: &[f64]| error(&measured(&bead, samples, RATE), truth);
+        let b = |samples: &[f64]| error(&predicted(&bead, samples, RATE), truth);
+        let (raw_a, raw_b) = (a(&acceleration), b(&force));
+        let (a, b) = (
+            a(&lead(&acceleration, RATE / (std::f64::consts::TAU * 40e3))),
+            b(&lead(&force, RATE / (std::f64::consts::TAU * 40e3))),
+        );
+        println!("pole at 40 kHz: A {raw_a:.2e} -> {a:.2e}, B {raw_b:.2e} -> {b:.2e}");
+        assert!(raw_a.abs() > 1e-3, "the pole costs A something: {raw_a:e}");
+        assert!(a.abs() < 2e-5, "{a:e}");
+        assert!(b.abs() < 2e-5, "{b:e}");
+    }
+
+    #[test]
+    fn a_constant_acceleration_offset_absorbs_nothing() {
+        let (bead, ..) = samples(None);
+        let energies = measured(&bead, &[3.0; 1000], RATE);
+        assert!(energies.last().unwrap().abs() < 1e-25, "{energies:?}");
+    }
+
+    #[test]
+    fn the_cubic_reproduces_a_cubic() {
+        let f = |x: f64| 2.0 - x + 3.0 * x * x - 0.5 * x * x * x;
+        let points = [f(-1.0), f(0.0), f(1.0), f(2.0)];
+        for i in 0..=10 {
+            let phase = f64::from(i) / 10.0;
+            assert!((cubic(points, phase) - f(phase)).abs() < 1e-14);
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! A recorded strike held against replay, f64 estimates and the full chain; and the page that shows it.
+
+pub mod f64_estimators;
+pub mod page;
+pub mod replay;
+pub mod strike;
+#[cfg(test)]
+pub(crate) mod testing;

@@ -1,0 +1,4 @@
+//! The line to a bead: ports, and conversations over them.
+
+pub mod conversation;
+pub mod port;

@@ -1,0 +1,8 @@
+//! What is kept: files of received bytes, and the frames, strikes and clocks in them.
+
+pub mod clock;
+pub mod file;
+pub mod frames;
+pub mod received;
+pub mod strikes;
+pub mod time_series;

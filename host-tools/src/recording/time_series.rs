@@ -1,0 +1,182 @@
+//! A simulation as a Parquet file: one row a time, one column a quantity, the unit in the column's name.
+//!
+//! The file's key-value metadata holds the scenario's title, the scenario itself (JSON) and the row rate.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use hertz_chain::{Scenario, Snapshot, Solution};
+use parquet::basic::Compression;
+use parquet::data_type::DoubleType;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+
+use crate::cli::failure::Failure;
+use crate::cli::output;
+
+/// Rows held in memory at a time.
+const ROW_GROUP: usize = 8192;
+
+struct Column {
+    name: String,
+    value: Box<dyn Fn(&Snapshot<'_>) -> f64>,
+}
+
+impl Column {
+    fn new(name: impl Into<String>, value: impl Fn(&Snapshot<'_>) -> f64 + 'static) -> Self {
+        Self {
+            name: name.into(),
+            value: Box::new(value),
+        }
+    }
+}
+
+fn columns(solution: &Solution) -> Vec<Column> {
+    let model = solution.model();
+    let mut columns = vec![Column::new("time_s", |s| s.time())];
+    for contact in 1..=model.contacts() {
+        columns.push(Column::new(format!("contact_{contact}_force_N"), move |s| {
+            s.force(contact)
+        }));
+    }
+    for body in 0..model.bodies() {
+        columns.push(Column::new(format!("body_{body}_displacement_m"), move |s| {
+            s.displacement(body)
+        }));
+        columns.push(Column::new(format!("body_{body}_velocity_m_per_s"), move |s| {
+            s.velocity(body)
+        }));
+    }
+    for bead in model.resonators().iter().map(|resonator| resonator.bead) {
+        let of = move |value: Option<f64>| value.unwrap_or(f64::NAN);
+        columns.push(Column::new(
+            format!("bead_{bead}_intruder_displacement_m"),
+            move |s| of(s.intruder_displacement(bead)),
+        ));
+        columns.push(Column::new(
+            format!("bead_{bead}_intruder_acceleration_m_per_s2"),
+            move |s| of(s.intruder_acceleration(bead)),
+        ));
+        columns.push(Column::new(
+            format!("bead_{bead}_intruder_dissipated_J"),
+            move |s| of(s.intruder_dissipated(bead)),
+        ));
+    }
+    columns.push(Column::new("striker_energy_J", |s| s.energies().striker));
+    columns.push(Column::new("chain_energy_J", |s| s.energies().chain));
+    columns.push(Column::new("intruders_energy_J", |s| s.energies().intruders));
+    columns
+}
+
+/// Writes `solution` on a regular grid of `rate_hz` rows a second, the first at 0.
+///
+/// # Errors
+/// A rate that is no positive number or gives no second row, or a file that cannot be written.
+pub fn write(scenario: &Scenario, solution: &Solution, rate_hz: f64, path: &Path) -> Result<(), Failure> {
+    let rows = solution.end() * rate_hz;
+    if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
+        return Err(Failure::input(format!(
+            "--rate {rate_hz}: gives {rows:.0} rows over {} s; give a rate in Hz, such as 1e6",
+            solution.end()
+        )));
+    }
+    // The last row may fall on the end to within rounding.
+    let rows = (rows * (1.0 + 1e-12)).floor() as usize + 1;
+    let columns = columns(solution);
+    output::write_whole(path, |file| {
+        let fields: String = columns
+            .iter()
+            .map(|c| format!("REQUIRED DOUBLE {}; ", c.name))
+            .collect();
+        let schema = Arc::new(parse_message_type(&format!(
+            "message time_series {{ {fields} }}"
+        ))?);
+        let metadata = vec![
+            KeyValue::new("title".to_owned(), scenario.title.clone()),
+            KeyValue::new("scenario".to_owned(), serde_json::to_string(scenario)?),
+            KeyValue::new("rate_hz".to_owned(), rate_hz.to_string()),
+        ];
+        let properties = WriterProperties::builder()
+            .set_compression(Compression::SNAPPY)
+            .set_key_value_metadata(Some(metadata))
+            .build();
+        let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties))?;
+        let mut sampler = solution.sampler();
+        for first in (0..rows).step_by(ROW_GROUP) {
+            let snapshots: Vec<Snapshot<'_>> = (first..rows.min(first + ROW_GROUP))
+                .map(|row| sampler.at((row as f64 / rate_hz).min(solution.end())))
+                .collect();
+            let mut group = writer.next_row_group()?;
+            for column in &columns {
+                let values: Vec<f64> = snapshots
+                    .iter()
+                    .map(|snapshot| (column.value)(snapshot))
+                    .collect();
+                let mut out = group
+                    .next_column()?
+                    .ok_or_else(|| anyhow::anyhow!("the schema has too few columns"))?;
+                out.typed::<DoubleType>().write_batch(&values, None, None)?;
+                out.close()?;
+            }
+            group.close()?;
+        }
+        writer.close()?;
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::Field;
+
+    #[test]
+    fn a_file_read_back_holds_the_solution_bit_for_bit() {
+        let scenario = crate::comparison::testing::short_scenario();
+        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("strike.parquet");
+        write(&scenario, &solution, 1e5, &path).unwrap();
+
+        let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+        let metadata = reader.metadata().file_metadata();
+        assert_eq!(metadata.num_rows(), 101);
+        assert!(
+            metadata
+                .key_value_metadata()
+                .unwrap()
+                .iter()
+                .any(|pair| pair.key == "rate_hz")
+        );
+        for (row, record) in reader.get_row_iter(None).unwrap().enumerate() {
+            let time = row as f64 / 1e5;
+            let at = solution.at(time.min(solution.end()));
+            for (name, field) in record.unwrap().get_column_iter() {
+                let Field::Double(value) = *field else {
+                    panic!("{name} is no double")
+                };
+                let expected = match name.as_str() {
+                    "time_s" => at.time(),
+                    "contact_1_force_N" => at.force(1),
+                    "body_0_velocity_m_per_s" => at.velocity(0),
+                    "chain_energy_J" => at.energies().chain,
+                    _ => continue,
+                };
+                assert_eq!(value.to_bits(), expected.to_bits(), "{name} in row {row}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_rate_without_rows_is_refused() {
+        let scenario = crate::comparison::testing::short_scenario();
+        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
+            let error = write(&scenario, &solution, rate, Path::new("never.parquet")).unwrap_err();
+            assert_eq!(error.exit_status(), 2);
+        }
+    }
+}
