@@ -1,13 +1,12 @@
 //! The peripherals as one device: registers behind clock gates, and what one peripheral does to another.
 
+use super::stimulus::Stimulus;
+use super::table::{Row, TABLE, Units, locate};
+use super::wiring::REFERENCE;
 use crate::outcome::ResetCause;
 use crate::peripherals::adc::TriggerSource;
 use crate::peripherals::clock::Clocks;
 use crate::peripherals::{NoRegister, signature};
-
-use super::stimulus::Stimulus;
-use super::table::{Row, TABLE, Units, locate};
-use super::wiring::REFERENCE;
 
 /// All peripherals, and the analog inputs of the converter.
 #[derive(Debug, Clone)]

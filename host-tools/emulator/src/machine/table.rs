@@ -23,7 +23,8 @@ use crate::peripherals::flash::Flash;
 use crate::peripherals::gpio::Gpio;
 use crate::peripherals::iwdg::Iwdg;
 use crate::peripherals::pwr::Pwr;
-use crate::peripherals::rcc::{Bus, Rcc};
+use crate::peripherals::rcc::Bus::{self, Ahb1, Apb1, Apb2};
+use crate::peripherals::rcc::Rcc;
 use crate::peripherals::signature::Signature;
 use crate::peripherals::syscfg::Syscfg;
 use crate::peripherals::tim::Tim;
@@ -82,50 +83,38 @@ macro_rules! peripherals {
 peripherals! {
     new(hse_hz: u32, uid: [u8; 12]);
     tim: [Tim; 4] = [32, 16, 16, 32].map(|bits| Tim::new(bits, HSI_HZ)) => {
-        [0] "TIM2", 0x4000_0000..0x4000_0400, apb1(0), &[28];
-        [1] "TIM3", 0x4000_0400..0x4000_0800, apb1(1), &[29];
-        [2] "TIM4", 0x4000_0800..0x4000_0c00, apb1(2), &[30];
-        [3] "TIM5", 0x4000_0c00..0x4000_1000, apb1(3), &[50];
+        [0] "TIM2", 0x4000_0000..0x4000_0400, Some((Apb1, 0)), &[28];
+        [1] "TIM3", 0x4000_0400..0x4000_0800, Some((Apb1, 1)), &[29];
+        [2] "TIM4", 0x4000_0800..0x4000_0c00, Some((Apb1, 2)), &[30];
+        [3] "TIM5", 0x4000_0c00..0x4000_1000, Some((Apb1, 3)), &[50];
     }
     dma: [Dma; 2] = [Dma::default(), Dma::default()] => {
-        [0] "DMA1", 0x4002_6000..0x4002_6400, ahb1(21), &[11, 12, 13, 14, 15, 16, 17, 47];
-        [1] "DMA2", 0x4002_6400..0x4002_6800, ahb1(22), &DMA2_LINES;
+        [0] "DMA1", 0x4002_6000..0x4002_6400, Some((Ahb1, 21)), &[11, 12, 13, 14, 15, 16, 17, 47];
+        [1] "DMA2", 0x4002_6400..0x4002_6800, Some((Ahb1, 22)), &DMA2_LINES;
     }
-    adc: Adc = Adc::new(HSI_HZ) => { "ADC1", 0x4001_2000..0x4001_2400, apb2(8), &[18]; }
+    adc: Adc = Adc::new(HSI_HZ) => { "ADC1", 0x4001_2000..0x4001_2400, Some((Apb2, 8)), &[18]; }
     // The whole page belongs to the unit.
     dwt: Dwt = Dwt::new(HSI_HZ) => { "DWT", 0xe000_1000..0xe000_2000, None, &[]; }
     flash: Flash = Flash::new() => { "FLASH", 0x4002_3c00..0x4002_4000, None, &[4]; }
-    pwr: Pwr = Pwr::default() => { "PWR", 0x4000_7000..0x4000_7400, apb1(28), &[]; }
+    pwr: Pwr = Pwr::default() => { "PWR", 0x4000_7000..0x4000_7400, Some((Apb1, 28)), &[]; }
     rcc: Rcc = Rcc::new(hse_hz) => { "RCC", 0x4002_3800..0x4002_3c00, None, &[]; }
-    usart1: Usart = Usart::new(HSI_HZ) => { "USART1", 0x4001_1000..0x4001_1400, apb2(4), &[37]; }
+    usart1: Usart = Usart::new(HSI_HZ) => { "USART1", 0x4001_1000..0x4001_1400, Some((Apb2, 4)), &[37]; }
     gpio: [Gpio; 9] = std::array::from_fn(Gpio::new) => {
-        [0] "GPIOA", 0x4002_0000..0x4002_0400, ahb1(0), &[];
-        [1] "GPIOB", 0x4002_0400..0x4002_0800, ahb1(1), &[];
-        [2] "GPIOC", 0x4002_0800..0x4002_0c00, ahb1(2), &[];
-        [3] "GPIOD", 0x4002_0c00..0x4002_1000, ahb1(3), &[];
-        [4] "GPIOE", 0x4002_1000..0x4002_1400, ahb1(4), &[];
-        [5] "GPIOF", 0x4002_1400..0x4002_1800, ahb1(5), &[];
-        [6] "GPIOG", 0x4002_1800..0x4002_1c00, ahb1(6), &[];
-        [7] "GPIOH", 0x4002_1c00..0x4002_2000, ahb1(7), &[];
-        [8] "GPIOI", 0x4002_2000..0x4002_2400, ahb1(8), &[];
+        [0] "GPIOA", 0x4002_0000..0x4002_0400, Some((Ahb1, 0)), &[];
+        [1] "GPIOB", 0x4002_0400..0x4002_0800, Some((Ahb1, 1)), &[];
+        [2] "GPIOC", 0x4002_0800..0x4002_0c00, Some((Ahb1, 2)), &[];
+        [3] "GPIOD", 0x4002_0c00..0x4002_1000, Some((Ahb1, 3)), &[];
+        [4] "GPIOE", 0x4002_1000..0x4002_1400, Some((Ahb1, 4)), &[];
+        [5] "GPIOF", 0x4002_1400..0x4002_1800, Some((Ahb1, 5)), &[];
+        [6] "GPIOG", 0x4002_1800..0x4002_1c00, Some((Ahb1, 6)), &[];
+        [7] "GPIOH", 0x4002_1c00..0x4002_2000, Some((Ahb1, 7)), &[];
+        [8] "GPIOI", 0x4002_2000..0x4002_2400, Some((Ahb1, 8)), &[];
     }
     exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, None, &[6, 7, 8, 9, 10, 23, 40]; }
-    syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, apb2(14), &[]; }
+    syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, Some((Apb2, 14)), &[]; }
     iwdg: Iwdg = Iwdg::default() => { "IWDG", 0x4000_3000..0x4000_3400, None, &[]; }
     dbgmcu: Dbgmcu = Dbgmcu::default() => { "DBGMCU", 0xe004_2000..0xe004_2400, None, &[]; }
     signature: Signature = Signature { uid } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, None, &[]; }
-}
-
-const fn ahb1(bit: u32) -> Option<(Bus, u32)> {
-    Some((Bus::Ahb1, bit))
-}
-
-const fn apb1(bit: u32) -> Option<(Bus, u32)> {
-    Some((Bus::Apb1, bit))
-}
-
-const fn apb2(bit: u32) -> Option<(Bus, u32)> {
-    Some((Bus::Apb2, bit))
 }
 
 /// The peripheral at an address, and the offset in it.
