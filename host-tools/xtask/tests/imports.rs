@@ -1,16 +1,16 @@
-//! Imports point down: no circle between files, no arrow from a lower room to a higher one.
+//! Imports of the workspace point down: no circle between files, no arrow from a lower room to a higher one.
 //!
 //! # Design
 //! Paths are read from the source as tokens, so that those in macros and function bodies count as well as those after
 //! `use`. A path counts as an arrow to the file that *defines* its item: re-exports are followed, modules are only
 //! passed through. What stands under `cfg(test)` is not read, and neither are tests and examples.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::path::{Path, PathBuf};
 
 use proc_macro2::{TokenStream, TokenTree};
-
-use crate::step::Stop;
 
 /// A crate of the workspace: what it may import, and its rooms from the lowest up, if it has any.
 struct Package {
@@ -61,15 +61,20 @@ const HOST: &[&str] = &[
     "bead",
 ];
 
+#[test]
+fn imports_of_the_workspace_point_down() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap();
+    match check(root, WORKSPACE) {
+        Ok(found) => println!("{found}"),
+        Err(faults) => panic!("{faults}"),
+    }
+}
+
 /// Checks the workspace in `root`; says how many files and arrows there are.
 ///
 /// # Errors
 /// The circles and the arrows up, with the lines that draw them; a crate or a room without its place in the table.
-pub(crate) fn check(root: &Path) -> Result<String, Stop> {
-    check_packages(root, WORKSPACE)
-}
-
-fn check_packages(root: &Path, packages: &[Package]) -> Result<String, Stop> {
+fn check(root: &Path, packages: &[Package]) -> Result<String, String> {
     let source = Source::read(root, packages)?;
     let arrows = source.arrows();
     let mut faults: Vec<String> = arrows
@@ -91,7 +96,7 @@ fn check_packages(root: &Path, packages: &[Package]) -> Result<String, Stop> {
             arrows.len()
         ));
     }
-    Err(Stop::failed(format!("imports: {found}\n{}", faults.join("\n"))))
+    Err(format!("imports: {found}\n{}", faults.join("\n")))
 }
 
 /// An import of something that `to` defines.
@@ -145,20 +150,18 @@ struct Source {
 }
 
 impl Source {
-    fn read(root: &Path, packages: &[Package]) -> Result<Self, Stop> {
+    fn read(root: &Path, packages: &[Package]) -> Result<Self, String> {
         let mut source = Source {
             root: root.to_owned(),
             ..Source::default()
         };
         let mut folders = Vec::new();
-        manifests(root, &mut folders)
-            .map_err(|error| Stop::failed(format!("{}: {error}", root.display())))?;
+        manifests(root, &mut folders).map_err(|error| format!("{}: {error}", root.display()))?;
         folders.sort();
         for (folder, name) in folders {
             let package = packages.iter().position(|package| package.name == name);
-            let package = package.ok_or_else(|| {
-                Stop::failed(format!("the crate {name} has no row in the table of imports.rs"))
-            })?;
+            let package =
+                package.ok_or_else(|| format!("the crate {name} has no row in the table of imports.rs"))?;
             for (file, name) in [
                 ("src/lib.rs", name.replace('-', "_")),
                 ("src/main.rs", String::new()),
@@ -183,8 +186,8 @@ impl Source {
         parent: Option<usize>,
         room: &str,
         parts: &Path,
-    ) -> Result<usize, Stop> {
-        let failed = |why: String| Stop::failed(format!("{}: {why}", path.display()));
+    ) -> Result<usize, String> {
+        let failed = |why: String| format!("{}: {why}", path.display());
         let text = std::fs::read_to_string(&path).map_err(|error| failed(error.to_string()))?;
         let tokens: TokenStream = text
             .parse()
@@ -209,7 +212,7 @@ impl Source {
     }
 
     /// Reads what a module holds; `top` outside of every bracket in it.
-    fn walk(&mut self, tokens: TokenStream, module: usize, parts: &Path, top: bool) -> Result<(), Stop> {
+    fn walk(&mut self, tokens: TokenStream, module: usize, parts: &Path, top: bool) -> Result<(), String> {
         let tokens: Vec<TokenTree> = tokens.into_iter().collect();
         let mut at = 0;
         while at < tokens.len() {
@@ -268,7 +271,7 @@ impl Source {
         body: Option<&TokenTree>,
         parent: usize,
         parts: &Path,
-    ) -> Result<(), Stop> {
+    ) -> Result<(), String> {
         let (file, room) = (self.modules[parent].file, self.modules[parent].room.clone());
         let room = if self.modules[parent].parent.is_none() {
             name
@@ -284,7 +287,7 @@ impl Source {
             let path = [parts.with_extension("rs"), parts.join("mod.rs")];
             let path = path.into_iter().find(|path| path.exists()).ok_or_else(|| {
                 let here = self.files[file].path.display();
-                Stop::failed(format!("{here}: no file for `mod {name}`"))
+                format!("{here}: no file for `mod {name}`")
             })?;
             self.file(path, self.files[file].package, Some(parent), room, &parts)?
         };
@@ -575,7 +578,7 @@ mod tests {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         }
-        check_packages(dir.path(), PACKAGES).map_err(|stop| stop.message)
+        check(dir.path(), PACKAGES)
     }
 
     #[test]
