@@ -32,7 +32,7 @@ const HIGH: u16 = 0xFF0;
 const SUPPLY_HOLD: u32 = 10;
 
 /// What [`WINDOW`] blocks say about a sensor.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Verdict {
     Good,
     Stuck,
@@ -41,12 +41,12 @@ enum Verdict {
 
 /// The codes of a channel, combined by OR (`any`) and by AND (`all`).
 #[derive(Clone, Copy)]
-struct Codes {
+struct CodeBits {
     any: u16,
     all: u16,
 }
 
-impl Codes {
+impl CodeBits {
     const NONE: Self = Self {
         any: 0,
         all: u16::MAX,
@@ -69,26 +69,22 @@ impl Codes {
 }
 
 /// The worse verdict of the two channels of a sensor.
-fn verdict(channels: [Codes; GAINS]) -> Verdict {
-    let verdicts = channels.map(Codes::verdict);
-    let worst = [Verdict::Railed, Verdict::Stuck]
-        .into_iter()
-        .find(|verdict| verdicts.contains(verdict));
-    worst.unwrap_or(Verdict::Good)
+fn verdict([sensitive, wide]: [CodeBits; GAINS]) -> Verdict {
+    sensitive.verdict().max(wide.verdict())
 }
 
-/// One sensor.
-struct Sensor {
-    window: [Codes; GAINS],
+/// The health of one sensor.
+struct SensorHealth {
+    window: [CodeBits; GAINS],
     verdict: Verdict,
     stuck: Condition,
     railed: Condition,
 }
 
-impl Sensor {
+impl SensorHealth {
     const fn new(stuck: Condition, railed: Condition) -> Self {
         Self {
-            window: [Codes::NONE; GAINS],
+            window: [CodeBits::NONE; GAINS],
             verdict: Verdict::Good,
             stuck,
             railed,
@@ -96,7 +92,7 @@ impl Sensor {
     }
 
     /// Takes the codes of a block.
-    fn block(&mut self, codes: [Codes; GAINS]) {
+    fn block(&mut self, codes: [CodeBits; GAINS]) {
         for (window, codes) in self.window.iter_mut().zip(codes) {
             window.add(codes);
         }
@@ -107,7 +103,7 @@ impl Sensor {
 
     /// Judges the window, and begins the next.
     fn judge(&mut self) {
-        let found = verdict(core::mem::replace(&mut self.window, [Codes::NONE; GAINS]));
+        let found = verdict(core::mem::replace(&mut self.window, [CodeBits::NONE; GAINS]));
         if found != Verdict::Good && found != self.verdict {
             self.becomes(found);
         }
@@ -154,7 +150,7 @@ impl Condition {
 /// Checks the blocks that the meter has taken.
 pub(crate) struct Watch {
     blocks: u32,
-    sensors: [Sensor; SENSORS],
+    sensors: [SensorHealth; SENSORS],
     supply: Condition,
     /// Blocks for which the supply still counts as low.
     supply_low_blocks: u32,
@@ -162,7 +158,7 @@ pub(crate) struct Watch {
 
 impl Watch {
     pub(crate) const fn new() -> Self {
-        let force = Sensor::new(
+        let force = SensorHealth::new(
             Condition {
                 cause: FaultCause::ForceStuck,
                 detail: "the force code has not moved for 100 ms",
@@ -176,7 +172,7 @@ impl Watch {
                 count: |health| &mut health.force_railed,
             },
         );
-        let acceleration = Sensor::new(
+        let acceleration = SensorHealth::new(
             Condition {
                 cause: FaultCause::AccelerationStuck,
                 detail: "the acceleration code has not moved for 100 ms",
@@ -217,7 +213,7 @@ impl Watch {
             }
         }
         for ((sensor, any), all) in self.sensors.iter_mut().zip(any).zip(all) {
-            let codes = |shift: u32| Codes {
+            let codes = |shift: u32| CodeBits {
                 any: (any >> shift) as u16,
                 all: (all >> shift) as u16,
             };
@@ -226,7 +222,7 @@ impl Watch {
         self.blocks += 1;
         if self.blocks == WINDOW {
             self.blocks = 0;
-            self.sensors.iter_mut().for_each(Sensor::judge);
+            self.sensors.iter_mut().for_each(SensorHealth::judge);
         }
         self.look_at_supply();
     }

@@ -43,6 +43,7 @@ use commands::Commands;
 use defmt_rtt as _;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Channel;
+use priorities::Spawners;
 use sample_clock::SampleClock;
 use static_cell::{ConstStaticCell, StaticCell};
 use sync::SyncInput;
@@ -107,27 +108,19 @@ fn main() -> ! {
     let (full, blocks) = CHANNEL.init(Channel::new(BLOCKS.take())).split();
 
     const ONCE: &str = "each task is spawned once";
-    let spawn = priorities::start();
-    spawn
-        .rest
-        .spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
-    spawn
-        .rest
-        .spawn(report::report(boot, refused.map(|refused| refused.why)).expect(ONCE));
-    spawn
-        .rest
-        .spawn(receive::receive(receiver, commands).expect(ONCE));
-    spawn
-        .rest
-        .spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
-    spawn
-        .estimate
-        .spawn(estimate::estimate(settings, METER.take(), blocks).expect(ONCE));
-    spawn
-        .acquire
-        .spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), full).expect(ONCE));
-    spawn.rest.spawn(sync::sync(edges).expect(ONCE));
-    spawn.rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
+    let Spawners {
+        acquire,
+        estimate,
+        rest,
+    } = priorities::start();
+    rest.spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
+    rest.spawn(report::report(boot, refused.map(|refused| refused.why)).expect(ONCE));
+    rest.spawn(receive::receive(receiver, commands).expect(ONCE));
+    rest.spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
+    estimate.spawn(estimate::estimate(settings, METER.take(), blocks).expect(ONCE));
+    acquire.spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), full).expect(ONCE));
+    rest.spawn(sync::sync(edges).expect(ONCE));
+    rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
     loop {
         cortex_m::asm::wfi();
     }
