@@ -1,7 +1,7 @@
 //! `cargo xtask`: the commands that build, show and check the whole workspace.
 //!
-//! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. `demo` ends with the status
-//! of the `bead` command that ended it.
+//! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. If a `bead` command of `demo`
+//! fails, `demo` ends with its status.
 
 mod book;
 mod checks;

@@ -1,7 +1,7 @@
-//! Commands, said before they are run.
+//! Commands, printed before they run.
 //!
 //! # Design
-//! What is printed is what runs: a newcomer learns the commands by watching, and can repeat the one that failed.
+//! What is printed is what runs. A newcomer learns the commands by watching, and can repeat the one that failed.
 //! Commands run in the root of the workspace, whatever directory `cargo xtask` was called from.
 
 use std::ffi::OsStr;
@@ -140,16 +140,16 @@ impl Steps {
         eprintln!("[{:>7}] {title}", clock(self.start.elapsed()));
     }
 
-    /// Announces and runs one command; its output is passed on.
+    /// Announces and runs one command, and passes on its output.
     ///
     /// # Errors
     /// The command cannot be started or ends with another status than 0. The status of a command other than cargo is
-    /// passed on, so that `cargo xtask demo` ends as the `bead` command did that ended it.
+    /// passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
     pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
         self.run_into(title, line, Stdio::inherit())
     }
 
-    /// As [`Steps::run`], without what the command prints as its result.
+    /// As [`Steps::run`], without the command's standard output.
     ///
     /// # Errors
     /// As [`Steps::run`].
