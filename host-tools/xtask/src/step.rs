@@ -163,6 +163,20 @@ impl Steps {
         self.ended(title, line, status)
     }
 
+    /// As [`Steps::run`]; gives what the command prints on standard output.
+    ///
+    /// # Errors
+    /// As [`Steps::run`].
+    pub(crate) fn read(&self, title: &str, line: &Line) -> Result<String, Stop> {
+        let output = self.command(title, line).stderr(Stdio::inherit()).output();
+        let (status, text) = match output {
+            Ok(output) => (Ok(output.status), output.stdout),
+            Err(error) => (Err(error), Vec::new()),
+        };
+        self.ended(title, line, status)?;
+        Ok(String::from_utf8_lossy(&text).into_owned())
+    }
+
     /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What the second
     /// one says is kept, and told only if it fails.
     ///
@@ -278,6 +292,13 @@ mod tests {
             .run("no such program", &Line::new("no-such-program-here"))
             .unwrap_err();
         assert_eq!(stop.status, MISSING);
+    }
+
+    #[test]
+    fn what_a_command_prints_can_be_read() {
+        let steps = Steps::start().unwrap();
+        assert_eq!(steps.read("says", &Line::new("echo a b")).unwrap(), "a b\n");
+        assert!(steps.read("fails", &Line::new("sh -c false")).is_err());
     }
 
     #[test]
