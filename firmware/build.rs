@@ -7,12 +7,11 @@ use std::{env, fs};
 #[path = "src/known_answer.rs"]
 mod known_answer;
 
-use bead_model::Record;
-use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
+use bead_model::{Settings, WindowRecord};
 
-/// What goes into the image, from the workspace's root: a change in any of these makes a build "dirty".
+/// The sources of the image, from the workspace's root: a change in any of these makes a build "dirty".
 const SOURCES: [&str; 6] = [
     "Cargo.lock",
     "Cargo.toml",
@@ -47,7 +46,7 @@ fn link(root: &Path, out: &Path) {
     }
 }
 
-/// The settings of the paper's bead behind the reference front end, for a bead whose flash has none.
+/// The settings of the paper's bead with the reference front end, for a bead without settings in flash.
 fn built_in_settings(out: &Path) {
     let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default())
         .expect("the paper's bead can be measured by the reference front end");
@@ -57,22 +56,23 @@ fn built_in_settings(out: &Path) {
         .expect("BLOCK_MAX bytes take any settings block");
     fs::write(out.join("settings.bin"), &block[..length]).expect("OUT_DIR can be written");
 
-    // What a self-test is to get of them on the bead.
+    // The results that the self-test on the bead has to get with them.
     let settings = Settings::decode(&block).expect("the block was just encoded");
     let expected = format!(
         "const EXPECTED: [i64; known_answer::RESULTS] = {:?};",
-        known_answer::results(&settings, &mut Record::new())
+        known_answer::results(&settings, &mut WindowRecord::new())
     );
     fs::write(out.join("known_answer.rs"), expected).expect("OUT_DIR can be written");
 }
 
-/// Commit that the image is built from, `-dirty` if any of its sources differs, "unknown" without git.
+/// The commit that the image is built from, with `-dirty` if any of its sources differs; "unknown" without
+/// git.
 fn git_version(root: &Path) -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git")
             .arg("-C")
             .arg(root)
-            // `status` would rewrite the index for speed, and so take part in other people's locks.
+            // Otherwise `status` would rewrite the index, and so hold a lock that others need.
             .arg("--no-optional-locks")
             .args(arguments)
             .output()
@@ -80,7 +80,8 @@ fn git_version(root: &Path) -> String {
         let text = String::from_utf8(output.stdout).ok()?;
         output.status.success().then(|| text.trim().to_owned())
     };
-    // The log of HEAD is written by every commit and checkout; a path that is absent would rebuild always.
+    // Every commit and checkout writes the log of HEAD. A path that does not exist would cause a rebuild each
+    // time.
     for path in ["HEAD", "logs/HEAD"] {
         let path = git(&["rev-parse", "--git-path", path]).map(|path| root.join(path));
         if let Some(path) = path.filter(|path| path.exists()) {

@@ -1,24 +1,23 @@
 //! From the converter to blocks of scans with an index.
 //!
 //! # Design
-//! Each trigger of the [`SampleClock`] makes ADC1 convert four channels, each sensor at its high and its low gain, and
-//! DMA2 puts the codes into a ring of two blocks. The core is interrupted once a block, never once a sample, and has as long to take a block
-//! as the next takes to fill: [`SCANS_PER_BLOCK`] sample periods, 2 ms. This task therefore outranks all
-//! others and does nothing but copy: the driver's, from the ring into a block. What the codes mean is for those who
-//! take the block.
+//! Each trigger of the [`SampleClock`] makes ADC1 convert four channels: each sensor at its high and at its
+//! low gain. DMA2 puts the codes into a ring of two blocks. The core is interrupted once a block, never once
+//! a sample. It has to take a block before the next is full: within [`SCANS_PER_BLOCK`] sample periods, 2 ms.
+//! So this task has the highest priority, and only copies a block out of the ring, by the driver.
 //!
 //! # Timing
-//! A conversion is [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 27 clocks at 21 MHz. All four
-//! take 5.14 µs of the 10 µs period, and each is sampled [`CONVERSION_NS`] after the one before: the longer the
-//! sample time, the more skew. 15 clocks settle to a quarter of a code through up to 11.8 kΩ
-//! (DocID022152, equation 1: 14.5 / (21 MHz · 4 pF · ln 2^14) - 6 kΩ), and what drives the pins is an
-//! amplifier with its RC filter, well below 1 kΩ.
+//! A conversion takes [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 27 clocks at 21 MHz. All four
+//! take 5.14 µs of the period of 10 µs, and each is sampled [`CONVERSION_NS`] after the one before. A longer
+//! sample time means more skew. 15 clocks settle to a quarter of a code through up to 11.8 kΩ (DocID022152,
+//! equation 1: 14.5 / (21 MHz · 4 pF · ln 2^14) - 6 kΩ). The amplifiers that drive the pins, with their RC
+//! filters, are well below 1 kΩ.
 //!
 //! # Errors
-//! When the ADC overruns it stops asking for DMA, and the driver's `read` never returns: a deadline tells.
-//! ADC and DMA are then set up anew (RM0090 section 13.8.1 wants both), which is the same code as at
-//! start-up. Each start, and each run of blocks lost behind it, begins another epoch; the indices of an epoch
-//! are consecutive.
+//! When the ADC overruns, it stops its DMA requests, and the driver's `read` never returns: a deadline finds
+//! this. ADC and DMA are then set up anew, as RM0090 section 13.8.1 asks, by the same code as at start-up.
+//! Each start begins a new epoch, and so does each run of blocks that estimation had no room for. The indices
+//! of an epoch are consecutive.
 
 use embassy_stm32::adc::{Adc, AdcChannel, SampleTime};
 use embassy_stm32::pac::{ADC1, adc::vals::Exten};
@@ -50,7 +49,7 @@ const _: () = assert!(
     "a scan fits in six tenths of a period, as SampleClock::open counts on"
 );
 
-/// Five blocks: far more than any delay of a running acquisition, and little to lose to a dead one.
+/// Five blocks: much more than any delay of a running acquisition, and few samples lost if it has stopped.
 const DEADLINE: Duration = Duration::from_micros(5 * BLOCK_US as u64);
 
 /// The memory that the DMA fills round and round: two blocks.
@@ -66,7 +65,7 @@ pub(crate) struct Inputs {
     pub(crate) acceleration_wide: Peri<'static, peripherals::PA3>,
 }
 
-/// Acquires for ever, one epoch after the other.
+/// Acquires for ever, epoch after epoch.
 #[embassy_executor::task]
 pub(crate) async fn acquire(
     mut inputs: Inputs,
@@ -94,7 +93,7 @@ pub(crate) async fn acquire(
     }
 }
 
-/// Acquires until samples are lost, and says how they were.
+/// Acquires until samples are lost. Returns why.
 async fn epoch(
     inputs: &mut Inputs,
     clock: &mut SampleClock,
@@ -118,9 +117,9 @@ async fn epoch(
         TIM3_TRGO,
         Exten::RISING_EDGE,
     );
-    // `start` also makes the software start a scan: the first of an epoch is not a trigger's, and the driver
-    // does not wait for the ADC to stabilise before it. It has the index of the trigger before it, is over
-    // when the next comes, and is only ever seen by a meter that is not yet armed.
+    // `start` also starts a scan by software, and does not wait for the ADC to stabilise. This first scan of
+    // an epoch gets the index of the trigger before it, and is over when the next trigger comes. Only a meter
+    // that is not armed sees it.
     adc.start();
     let mut first_index = clock.open();
     defmt::info!(
@@ -142,12 +141,12 @@ async fn epoch(
     }
 }
 
-/// The way to the estimators, which never makes the acquisition wait.
+/// The way of the blocks to the estimators. Acquisition never waits for them.
 struct Outlet {
     blocks: Sender<'static, CriticalSectionRawMutex, Block>,
-    /// Where a block goes that the estimators have no room for.
+    /// Room for a block that the estimators have no room for: its codes are lost.
     spill: &'static mut [u16; CODES],
-    /// Whether the block that is being filled goes there.
+    /// Whether the block that is being filled goes to `spill`.
     spilling: bool,
     epoch: u32,
     /// Whether the block before this one was lost.
@@ -155,7 +154,7 @@ struct Outlet {
 }
 
 impl Outlet {
-    /// Room for the codes of a block: in the next one, or beside them if the estimators have fallen behind.
+    /// Room for the codes of a block: in the next block, or in `spill` if the estimators have fallen behind.
     fn room(&mut self) -> &mut [u16; CODES] {
         self.spilling = self.blocks.try_send().is_none();
         match self.blocks.try_send() {
@@ -164,7 +163,7 @@ impl Outlet {
         }
     }
 
-    /// Hands on the block whose codes are in its [`room`](Self::room), or counts it as lost.
+    /// Hands on the block whose codes are in [`room`](Self::room), or counts it as lost.
     fn hand_on(&mut self, first_index: u64) {
         let taken = match self.blocks.try_send() {
             Some(block) if !self.spilling => {

@@ -3,9 +3,9 @@
 //! # Design
 //! | clock | MHz | for |
 //! |---|---|---|
-//! | HSE | 8 | a crystal's ppm, where the RC oscillator has percent: the sample clock is as good |
+//! | HSE | 8 | a crystal is exact to ppm, the RC oscillator to per cent; the sample clock is as exact |
 //! | PLL input | 2 | the highest allowed, for least jitter (RM0090 section 7.3.2) |
-//! | SYSCLK, AHB | 168 | the fastest that the part runs at |
+//! | SYSCLK, AHB | 168 | the fastest clock of the part |
 //! | APB1 | 42 | its limit; its timers (TIM3, TIM5) run at twice that, 84 |
 //! | APB2 | 84 | its limit; USART1, and the ADC's clock divided by 4: 21 MHz |
 
@@ -16,14 +16,14 @@ use embassy_stm32::rcc::{
 };
 use embassy_stm32::time::Hertz;
 
-/// Clock of the timers of APB1: TIM3 starts the scans, TIM5 keeps the time.
+/// Clock of the timers of APB1: TIM2, TIM3 and TIM5.
 pub(crate) const TIMER_HZ: u32 = 84_000_000;
 
-/// Clock of the ADC. The driver takes the smallest even divider of APB2 that stays within the 36 MHz that
-/// the part allows (DocID022152 table 67): 84 MHz / 4.
+/// Clock of the ADC. The driver takes the smallest even divider of APB2 that stays within the allowed 36 MHz
+/// (DocID022152 table 67): 84 MHz / 4.
 pub(crate) const ADC_HZ: u32 = 21_000_000;
 
-/// What `embassy_stm32::init` is to set up.
+/// The configuration for `embassy_stm32::init`.
 pub(crate) fn config() -> Config {
     let mut config = Config::default();
     config.rcc.hse = Some(Hse {

@@ -7,16 +7,14 @@
 //! may be repeated.
 
 use bead_store::StoreError;
-use bead_wire::{Cause, Link, Numbered, Outcome, RejectedRequest, Request};
+use bead_wire::{ANY, Cause, Detail, Heard, Link, Outcome, Reply, Request};
 use cortex_m::peripheral::SCB;
 use embassy_time::{Duration, Instant, Timer};
 
-use crate::outbox::{self, Record};
-use crate::settings::{self, Refusal};
+use crate::settings::{self, Loaded, Refusal};
 use crate::storage;
-use crate::text::Text;
 use crate::trace::Boot;
-use crate::{counters, estimate, raw, report, self_test};
+use crate::{counters, estimate, outbox, raw, report, self_test};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: Duration = Duration::from_millis(500);
@@ -24,50 +22,40 @@ const DRAIN: Duration = Duration::from_millis(500);
 /// What the commands act on.
 pub(crate) struct Commands {
     pub(crate) boot: &'static Boot,
-    pub(crate) store: storage::Settings,
+    pub(crate) store: storage::SettingsStore,
     /// Room for the window of a self-test.
-    pub(crate) window: &'static mut bead_model::Record,
+    pub(crate) window: &'static mut bead_model::WindowRecord,
 }
 
 /// The outcome of a request, and a line about it.
-struct Answer(Outcome, Text);
+struct Answer(Outcome, Detail);
 
 impl Answer {
     fn done() -> Self {
-        Self(Outcome::Done, Text::new(format_args!("")))
-    }
-
-    fn refused(outcome: Outcome, why: &str) -> Self {
-        Self(outcome, Text::new(format_args!("{why}")))
+        Self(Outcome::Done, Detail::default())
     }
 }
 
 impl Commands {
-    /// Does what a request asks for, and replies. Bytes that gave no request number get no reply.
-    pub(crate) async fn answer(&mut self, heard: Result<Numbered<'_>, RejectedRequest>) {
-        let (number, answer) = match heard {
-            Ok(Numbered { number, request }) => {
-                outbox::calm().await;
-                (number, self.execute(number, request).await)
-            }
-            Err(RejectedRequest {
-                number: Some(number),
-                cause,
-            }) => {
-                outbox::calm().await;
-                (number, not_understood(cause))
-            }
-            Err(RejectedRequest { number: None, .. }) => return,
+    /// Does what a request asks for, and replies. Requests for other beads get no reply.
+    pub(crate) async fn answer(&mut self, heard: Heard) {
+        if heard.address != ANY && heard.address != settings::address() {
+            return;
+        }
+        outbox::calm().await;
+        let answer = match heard.request {
+            Ok(request) => self.execute(heard.number, request).await,
+            Err(cause) => not_understood(cause),
         };
-        reply(number, answer);
+        reply(heard.number, answer);
     }
 
-    async fn execute(&mut self, number: u16, request: Request<'_>) -> Answer {
+    async fn execute(&mut self, number: u16, request: Request) -> Answer {
         match request {
             Request::Identity => report::tell_identity(self.boot),
             Request::Status => report::tell_status(),
             Request::ReadSettings => settings::tell(),
-            Request::WriteSettings { block } => return self.write(block).await,
+            Request::WriteSettings { block } => return self.write(block.bytes()).await,
             Request::EraseSettings => return self.erase().await,
             Request::Arm => estimate::arm(true),
             Request::Disarm => estimate::arm(false),
@@ -76,14 +64,14 @@ impl Commands {
                 let passed = checks - failed;
                 return Answer(
                     Outcome::Done,
-                    Text::new(format_args!("{passed} of {checks} checks passed")),
+                    Detail::new(format_args!("{passed} of {checks} checks passed")),
                 );
             }
             Request::Raw { duration_ms } => {
                 if duration_ms > raw::MAX_MS {
                     return Answer(
                         Outcome::OutOfRange,
-                        Text::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
+                        Detail::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
                     );
                 }
                 raw::start(duration_ms);
@@ -113,8 +101,7 @@ impl Commands {
         if let Err(error) = self.store.write(block) {
             return not_stored(error);
         }
-        settings::change(&loaded).await;
-        defmt::info!("settings: {=str}", loaded.origin());
+        put_in_force(loaded).await;
         Answer::done()
     }
 
@@ -124,14 +111,25 @@ impl Commands {
             return not_stored(error);
         }
         let loaded = settings::beneath(None);
-        settings::change(&loaded).await;
-        defmt::info!("settings: {=str}", loaded.origin());
-        Answer(Outcome::Done, Text::new(format_args!("{}", loaded.origin())))
+        let origin = put_in_force(loaded).await;
+        Answer(Outcome::Done, origin.into())
     }
 }
 
+/// Puts settings in force. A bead that its old settings kept from looking for strikes begins to, and the other way
+/// round. Returns where the settings came from.
+async fn put_in_force(loaded: Loaded) -> &'static str {
+    let (arm, origin) = (loaded.arm(), loaded.origin());
+    if arm != settings::arm() {
+        estimate::arm(arm);
+    }
+    settings::change(loaded).await;
+    defmt::info!("settings: {=str}", origin);
+    origin
+}
+
 fn reply(request: u16, Answer(outcome, detail): Answer) {
-    outbox::push(Record::Reply {
+    outbox::push(Reply {
         request,
         outcome,
         detail,
@@ -144,18 +142,18 @@ fn not_understood(cause: Cause) -> Answer {
         Cause::Kind(_) => Outcome::Kind,
         _ => Outcome::Body,
     };
-    Answer(outcome, Text::new(format_args!("{cause}")))
+    Answer(outcome, Detail::new(format_args!("{cause}")))
 }
 
 fn not_stored(error: StoreError) -> Answer {
     match error {
-        StoreError::Full => Answer::refused(
+        StoreError::Full => Answer(
             Outcome::StoreFull,
-            "no room in flash for another block; the next boot makes some",
+            "no room in flash for another block; the next boot makes some".into(),
         ),
-        StoreError::TooLong | StoreError::Flash => Answer::refused(
+        StoreError::TooLong | StoreError::Flash => Answer(
             Outcome::FlashFailed,
-            "what was written cannot be read back; the settings are what they were",
+            "what was written cannot be read back; the settings are what they were".into(),
         ),
     }
 }

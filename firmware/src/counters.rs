@@ -1,6 +1,6 @@
 //! Counts since the reset: made where things happen, sent with the frames of status, health and link.
 
-use core::cell::Cell;
+use core::cell::RefCell;
 
 use bead_wire::{Health, Link};
 use embassy_sync::blocking_mutex::Mutex;
@@ -34,41 +34,11 @@ pub(crate) struct Counters {
     pub(crate) health: Health,
 }
 
-static COUNTERS: Mutex<CriticalSectionRawMutex, Cell<Counters>> = Mutex::new(Cell::new(Counters {
-    newest_index: 0,
-    epoch: 0,
-    samples: 0,
-    strikes: 0,
-    overruns: 0,
-    blocks_dropped: 0,
-    blocks_handed_on: 0,
-    blocks_estimated: 0,
-    frames: 0,
-    frames_dropped_queue_full: 0,
-    frames_dropped_too_long: 0,
-    frames_sent: 0,
-    frames_waiting: 0,
-    armed: false,
-    health: Health {
-        frames_lost_by_reset: 0,
-        strikes_cut: 0,
-        force_stuck: 0,
-        force_railed: 0,
-        acceleration_stuck: 0,
-        acceleration_railed: 0,
-        supply_low: 0,
-        supply_mv: 0,
-        standing: 0,
-    },
-}));
+static COUNTERS: Mutex<CriticalSectionRawMutex, RefCell<Option<Counters>>> = Mutex::new(RefCell::new(None));
 
 /// Changes some of the counts.
 pub(crate) fn update(change: impl FnOnce(&mut Counters)) {
-    COUNTERS.lock(|cell| {
-        let mut counters = cell.get();
-        change(&mut counters);
-        cell.set(counters);
-    });
+    COUNTERS.lock(|cell| change(cell.borrow_mut().get_or_insert_default()));
 }
 
 /// Sets the counts of what went wrong to 0. Sequence numbers, strike numbers and the counts that the watchdog
@@ -89,22 +59,18 @@ pub(crate) fn reset() {
 
 /// All counts at one moment.
 pub(crate) fn snapshot() -> Counters {
-    COUNTERS.lock(Cell::get)
+    COUNTERS.lock(|cell| cell.borrow().unwrap_or_default())
 }
 
 /// Counts of what came in over the link. They are not part of [`Counters`], which change with every block.
-static LINK: Mutex<CriticalSectionRawMutex, Cell<Option<Link>>> = Mutex::new(Cell::new(None));
+static LINK: Mutex<CriticalSectionRawMutex, RefCell<Option<Link>>> = Mutex::new(RefCell::new(None));
 
 /// The counts of the link at one moment.
 pub(crate) fn link() -> Link {
-    LINK.lock(Cell::get).unwrap_or_default()
+    LINK.lock(|cell| cell.borrow().unwrap_or_default())
 }
 
 /// Changes some of the counts of the link.
 pub(crate) fn update_link(change: impl FnOnce(&mut Link)) {
-    LINK.lock(|cell| {
-        let mut link = cell.get().unwrap_or_default();
-        change(&mut link);
-        cell.set(Some(link));
-    });
+    LINK.lock(|cell| change(cell.borrow_mut().get_or_insert_default()));
 }

@@ -7,17 +7,15 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use bead_model::sensor::GainMatch;
 use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
-use bead_wire::{FaultCause, Message, Strike};
+use bead_wire::{FaultCause, Standing, StrikeFlags};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
 
 use crate::block::Block;
 use crate::counters;
 use crate::health::Watch;
-use crate::outbox::{self, Record};
-use crate::{raw, report, settings};
+use crate::{outbox, raw, report, settings};
 
 /// Blocks between acquisition and estimation: 8 ms.
 pub(crate) const BLOCKS: usize = 4;
@@ -89,55 +87,33 @@ struct Telemetry;
 
 impl Sink for Telemetry {
     fn chunk(&mut self, chunk: &Chunk) {
-        outbox::push(Record::Waveform(chunk.clone()));
+        outbox::push(bead_telemetry::waveform(chunk));
     }
 
     fn report(&mut self, report: &StrikeReport) {
         defmt::info!(
-            "strike {=u32} at sample {=u64}: peak {=i32} mN, absorbed {=i64} nJ measured, {=i64} nJ predicted, flags {=u16:#06x}",
+            "strike {=u32} at sample {=u64}: peak {=i32} mN, {=f32} dB above the noise, absorbed {=i64} nJ measured, \
+             {=i64} nJ predicted, flags {=u16:#06x}",
             report.strike,
             report.trigger_index,
             (report.peak_force * 1000).to_num(),
+            report.signal_to_noise().unwrap_or_default(),
             report.absorbed_measured.to_num(),
             report.absorbed_predicted.to_num(),
             report.flags.bits(),
         );
-        outbox::push(Record::Message(Message::Strike(Strike {
-            strike: report.strike,
-            first_index: report.first_index,
-            trigger_index: report.trigger_index,
-            samples: report.samples,
-            peak_force: report.peak_force.to_bits(),
-            peak_index: report.peak_index,
-            acceleration_max: report.acceleration_max.to_bits(),
-            acceleration_min: report.acceleration_min.to_bits(),
-            absorbed_measured: report.absorbed_measured.to_bits(),
-            absorbed_predicted: report.absorbed_predicted.to_bits(),
-            incident_energy: report.incident_energy.to_bits(),
-            absorbed_fraction: report.absorbed_fraction.to_bits(),
-            noise_energy: report.noise_energy.to_bits(),
-            force_noise: report.force_noise.to_bits(),
-            flags: report.flags.bits()
-                | match counters::snapshot().health.standing {
-                    0 => 0,
-                    _ => Strike::SENSOR_FAULT,
-                },
-        })));
-        let shape = &report.shape;
-        let gains = |gains: GainMatch| bead_wire::GainMatch {
-            deviation: gains.deviation.to_bits(),
-            uncertainty: gains.uncertainty.to_bits(),
-        };
-        outbox::push(Record::Message(Message::Shape(bead_wire::Shape {
-            strike: report.strike,
-            first_index: report.first_index,
-            arrival: shape.arrival.to_bits(),
-            width: shape.width.to_bits(),
-            impulse: shape.impulse.to_bits(),
-            ring_frequency: shape.ring_frequency.to_bits(),
-            ring_decay: shape.ring_decay.to_bits(),
-            force_gains: shape.force_gains.map(gains),
-            acceleration_gains: shape.acceleration_gains.map(gains),
-        })));
+        let doubts = [
+            (settings::are_not_owners(), StrikeFlags::SETTINGS_NOT_OWNERS),
+            (
+                counters::snapshot().health.standing != Standing::NONE,
+                StrikeFlags::SENSOR_FAULT,
+            ),
+        ];
+        let doubts = doubts
+            .into_iter()
+            .filter(|(doubt, _)| *doubt)
+            .fold(StrikeFlags::NONE, |flags, (_, flag)| flags.with(flag));
+        outbox::push(bead_telemetry::strike(report, doubts));
+        outbox::push(bead_telemetry::shape(report));
     }
 }

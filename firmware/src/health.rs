@@ -12,13 +12,14 @@
 //! with less noise looks stuck, and is reported as stuck. A sensor is stuck or railed if one of its two
 //! channels is.
 
-use bead_wire::{FaultCause, Health};
+use bead_wire::{FaultCause, Health, Standing};
 
 use crate::block::{Block, CHANNELS};
 use crate::{counters, report, supply};
 
 /// Channels of a sensor.
 const GAINS: usize = 2;
+const SENSORS: usize = CHANNELS / GAINS;
 /// One of this many scans is checked.
 const STEP: usize = 8;
 /// Blocks from one verdict to the next: 100 ms. This is more than the longest window of a strike (1024
@@ -31,7 +32,7 @@ const HIGH: u16 = 0xFF0;
 const SUPPLY_HOLD: u32 = 10;
 
 /// What [`WINDOW`] blocks say about a sensor.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Verdict {
     Good,
     Stuck,
@@ -40,12 +41,12 @@ enum Verdict {
 
 /// The codes of a channel, combined by OR (`any`) and by AND (`all`).
 #[derive(Clone, Copy)]
-struct Codes {
+struct CodeBits {
     any: u16,
     all: u16,
 }
 
-impl Codes {
+impl CodeBits {
     const NONE: Self = Self {
         any: 0,
         all: u16::MAX,
@@ -54,10 +55,6 @@ impl Codes {
     fn add(&mut self, other: Self) {
         self.any |= other.any;
         self.all &= other.all;
-    }
-
-    const fn one(code: u16) -> Self {
-        Self { any: code, all: code }
     }
 
     fn verdict(self) -> Verdict {
@@ -72,26 +69,22 @@ impl Codes {
 }
 
 /// The worse verdict of the two channels of a sensor.
-fn verdict(channels: [Codes; GAINS]) -> Verdict {
-    let verdicts = channels.map(Codes::verdict);
-    let worst = [Verdict::Railed, Verdict::Stuck]
-        .into_iter()
-        .find(|verdict| verdicts.contains(verdict));
-    worst.unwrap_or(Verdict::Good)
+fn verdict([sensitive, wide]: [CodeBits; GAINS]) -> Verdict {
+    sensitive.verdict().max(wide.verdict())
 }
 
-/// One sensor.
-struct Sensor {
-    window: [Codes; GAINS],
+/// The health of one sensor.
+struct SensorHealth {
+    window: [CodeBits; GAINS],
     verdict: Verdict,
     stuck: Condition,
     railed: Condition,
 }
 
-impl Sensor {
+impl SensorHealth {
     const fn new(stuck: Condition, railed: Condition) -> Self {
         Self {
-            window: [Codes::NONE; GAINS],
+            window: [CodeBits::NONE; GAINS],
             verdict: Verdict::Good,
             stuck,
             railed,
@@ -99,7 +92,7 @@ impl Sensor {
     }
 
     /// Takes the codes of a block.
-    fn block(&mut self, codes: [Codes; GAINS]) {
+    fn block(&mut self, codes: [CodeBits; GAINS]) {
         for (window, codes) in self.window.iter_mut().zip(codes) {
             window.add(codes);
         }
@@ -110,7 +103,7 @@ impl Sensor {
 
     /// Judges the window, and begins the next.
     fn judge(&mut self) {
-        let found = verdict(core::mem::replace(&mut self.window, [Codes::NONE; GAINS]));
+        let found = verdict(core::mem::replace(&mut self.window, [CodeBits::NONE; GAINS]));
         if found != Verdict::Good && found != self.verdict {
             self.becomes(found);
         }
@@ -135,7 +128,7 @@ impl Sensor {
 struct Condition {
     cause: FaultCause,
     detail: &'static str,
-    bit: u8,
+    bit: Standing,
     count: fn(&mut Health) -> &mut u32,
 }
 
@@ -143,21 +136,21 @@ impl Condition {
     fn begins(&self) {
         counters::update(|c| {
             *(self.count)(&mut c.health) += 1;
-            c.health.standing |= self.bit;
+            c.health.standing = c.health.standing.with(self.bit);
         });
         report::fault(self.cause, self.detail);
     }
 
     fn ends(&self) {
-        counters::update(|c| c.health.standing &= !self.bit);
-        report::fault(FaultCause::Recovered, self.cause.name());
+        counters::update(|c| c.health.standing = c.health.standing.without(self.bit));
+        report::fault(FaultCause::Recovered, self.cause.name().unwrap_or_default());
     }
 }
 
 /// Checks the blocks that the meter has taken.
 pub(crate) struct Watch {
     blocks: u32,
-    sensors: [Sensor; CHANNELS / GAINS],
+    sensors: [SensorHealth; SENSORS],
     supply: Condition,
     /// Blocks for which the supply still counts as low.
     supply_low_blocks: u32,
@@ -165,31 +158,31 @@ pub(crate) struct Watch {
 
 impl Watch {
     pub(crate) const fn new() -> Self {
-        let force = Sensor::new(
+        let force = SensorHealth::new(
             Condition {
                 cause: FaultCause::ForceStuck,
                 detail: "the force code has not moved for 100 ms",
-                bit: Health::FORCE_STUCK,
+                bit: Standing::FORCE_STUCK,
                 count: |health| &mut health.force_stuck,
             },
             Condition {
                 cause: FaultCause::ForceRailed,
                 detail: "the force has been at a rail for 100 ms",
-                bit: Health::FORCE_RAILED,
+                bit: Standing::FORCE_RAILED,
                 count: |health| &mut health.force_railed,
             },
         );
-        let acceleration = Sensor::new(
+        let acceleration = SensorHealth::new(
             Condition {
                 cause: FaultCause::AccelerationStuck,
                 detail: "the acceleration code has not moved for 100 ms",
-                bit: Health::ACCELERATION_STUCK,
+                bit: Standing::ACCELERATION_STUCK,
                 count: |health| &mut health.acceleration_stuck,
             },
             Condition {
                 cause: FaultCause::AccelerationRailed,
                 detail: "the acceleration has been at a rail for 100 ms",
-                bit: Health::ACCELERATION_RAILED,
+                bit: Standing::ACCELERATION_RAILED,
                 count: |health| &mut health.acceleration_railed,
             },
         );
@@ -199,7 +192,7 @@ impl Watch {
             supply: Condition {
                 cause: FaultCause::SupplyLow,
                 detail: "the supply is below 2.93 V",
-                bit: Health::SUPPLY_LOW,
+                bit: Standing::SUPPLY_LOW,
                 count: |health| &mut health.supply_low,
             },
             supply_low_blocks: 0,
@@ -208,19 +201,28 @@ impl Watch {
 
     /// Checks a block, and the supply.
     pub(crate) fn look(&mut self, block: &Block) {
-        let mut codes = [Codes::NONE; CHANNELS];
-        for scan in block.scans().step_by(STEP) {
-            for (codes, code) in codes.iter_mut().zip(scan.codes()) {
-                codes.add(Codes::one(code));
+        // A word holds both channels of a sensor.
+        let mut any = [0u32; SENSORS];
+        let mut all = [u32::MAX; SENSORS];
+        for scan in block.codes.as_chunks::<CHANNELS>().0.iter().step_by(STEP) {
+            let pairs = scan.as_chunks::<GAINS>().0;
+            for ((any, all), &[high, low]) in any.iter_mut().zip(&mut all).zip(pairs) {
+                let word = u32::from(high) | u32::from(low) << 16;
+                *any |= word;
+                *all &= word;
             }
         }
-        for (sensor, &codes) in self.sensors.iter_mut().zip(codes.as_chunks().0) {
-            sensor.block(codes);
+        for ((sensor, any), all) in self.sensors.iter_mut().zip(any).zip(all) {
+            let codes = |shift: u32| CodeBits {
+                any: (any >> shift) as u16,
+                all: (all >> shift) as u16,
+            };
+            sensor.block([codes(0), codes(16)]);
         }
         self.blocks += 1;
         if self.blocks == WINDOW {
             self.blocks = 0;
-            self.sensors.iter_mut().for_each(Sensor::judge);
+            self.sensors.iter_mut().for_each(SensorHealth::judge);
         }
         self.look_at_supply();
     }

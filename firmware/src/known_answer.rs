@@ -1,16 +1,16 @@
-//! A window that is made up, and what the estimators say of it: the same in every bit on the computer that built the
-//! image and on the bead, or one of them does not compute what it should.
+//! A made-up window, and the results of the estimators for it.
 //!
-//! `build.rs` is compiled with this file as well.
+//! The results on the bead must be the same, bit for bit, as on the computer that built the image: `build.rs`
+//! is compiled with this file too.
 
-use bead_model::{Record, Scan, Settings, Window};
+use bead_model::{Scan, Settings, Window, WindowRecord};
 
-/// Results of a window.
+/// Number of results of a window.
 pub(crate) const RESULTS: usize = 8;
 
-/// What the estimators say of the window with these settings; what is in `record` does not matter. Some 1.5 ms of work on
-/// the bead.
-pub(crate) fn results(settings: &Settings, record: &mut Record) -> [i64; RESULTS] {
+/// The results of the estimators for the window with these settings. The contents of `record` do not matter.
+/// It takes the bead about 1.5 ms.
+pub(crate) fn results(settings: &Settings, record: &mut WindowRecord) -> [i64; RESULTS] {
     let mut window = Window::open(0, 0);
     record.clear();
     let mut scans = [Scan::ZERO; bead_model::layout::PIECE];
@@ -21,7 +21,7 @@ pub(crate) fn results(settings: &Settings, record: &mut Record) -> [i64; RESULTS
         for (scan, at) in scans[..count].iter_mut().zip(first..) {
             let force = REST + noise(at) + pulse(at, settings.window.history);
             let acceleration = REST.saturating_add_signed(intruder.step(force - REST)) + noise(!at);
-            // The wide channels see a sixteenth of it.
+            // The wide channels have a sixteenth of the gain.
             let wide = |code: u16| REST + (code - REST / 2) / 16;
             *scan = Scan::new([force, wide(force), acceleration, wide(acceleration)]);
         }
@@ -44,19 +44,19 @@ pub(crate) fn results(settings: &Settings, record: &mut Record) -> [i64; RESULTS
 /// Code of a channel at rest.
 const REST: u16 = 1024;
 
-/// A parabola of 1500 codes, 40 samples wide, some samples before the window's trigger would be.
+/// A parabola of 1500 codes, 40 samples wide, right after the history.
 fn pulse(at: u16, history: u16) -> u16 {
     const HALF: i32 = 20;
     let off = i32::from(at) - i32::from(history) - HALF;
     (1500 * (HALF * HALF - off * off) / (HALF * HALF)).max(0) as u16
 }
 
-/// One code up or not, at random enough.
+/// 0 or 1, in an irregular order.
 fn noise(at: u16) -> u16 {
     at.wrapping_mul(40503) >> 15
 }
 
-/// Something that rings: y'' = f - y' / 16 - y / 128, in codes and samples.
+/// A damped oscillator: y'' = f - y' / 16 - y / 128, in codes and samples.
 struct Intruder {
     now: i32,
     before: i32,

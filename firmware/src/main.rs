@@ -31,7 +31,6 @@ mod stack;
 mod storage;
 mod supply;
 mod sync;
-mod text;
 mod trace;
 mod transmit;
 mod watchdog;
@@ -44,6 +43,7 @@ use commands::Commands;
 use defmt_rtt as _;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Channel;
+use priorities::Spawners;
 use sample_clock::SampleClock;
 use static_cell::{ConstStaticCell, StaticCell};
 use sync::SyncInput;
@@ -57,7 +57,8 @@ fn main() -> ! {
     static BLOCKS: ConstStaticCell<[Block; estimate::BLOCKS]> = ConstStaticCell::new([Block::EMPTY; _]);
     static CHANNEL: StaticCell<Channel<'static, CriticalSectionRawMutex, Block>> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
-    static WINDOW: ConstStaticCell<bead_model::Record> = ConstStaticCell::new(bead_model::Record::new());
+    static WINDOW: ConstStaticCell<bead_model::WindowRecord> =
+        ConstStaticCell::new(bead_model::WindowRecord::new());
     static RECEIVED: ConstStaticCell<port::Ring> = ConstStaticCell::new([0; _]);
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 
@@ -82,8 +83,10 @@ fn main() -> ! {
     }
     let (mut store, opened) = storage::open(p.FLASH);
     let loaded = settings::load(&mut store, opened);
-    settings::begin(&loaded);
+    let (settings, refused) = (loaded.settings, loaded.refused);
+    estimate::arm(loaded.arm());
     defmt::info!("settings: {=str}", loaded.origin());
+    settings::begin(loaded);
 
     let inputs = Inputs {
         adc: p.ADC1,
@@ -95,14 +98,8 @@ fn main() -> ! {
     };
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
-    let parts = port::Parts {
-        usart: p.USART1,
-        tx: p.PA9,
-        rx: p.PA10,
-        tx_dma: p.DMA2_CH7,
-        rx_dma: p.DMA2_CH2,
-    };
-    let (transmitter, receiver) = port::open(parts, RECEIVED.take());
+    let (transmitter, receiver) =
+        port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2, RECEIVED.take());
     let commands = Commands {
         boot,
         store,
@@ -111,27 +108,19 @@ fn main() -> ! {
     let (full, blocks) = CHANNEL.init(Channel::new(BLOCKS.take())).split();
 
     const ONCE: &str = "each task is spawned once";
-    let spawn = priorities::start();
-    spawn
-        .rest
-        .spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
-    spawn
-        .rest
-        .spawn(report::report(boot, loaded.refused).expect(ONCE));
-    spawn
-        .rest
-        .spawn(receive::receive(receiver, commands).expect(ONCE));
-    spawn
-        .rest
-        .spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
-    spawn
-        .estimate
-        .spawn(estimate::estimate(loaded.settings, METER.take(), blocks).expect(ONCE));
-    spawn
-        .acquire
-        .spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), full).expect(ONCE));
-    spawn.rest.spawn(sync::sync(edges).expect(ONCE));
-    spawn.rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
+    let Spawners {
+        acquire,
+        estimate,
+        rest,
+    } = priorities::start();
+    rest.spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
+    rest.spawn(report::report(boot, refused.map(|refused| refused.why)).expect(ONCE));
+    rest.spawn(receive::receive(receiver, commands).expect(ONCE));
+    rest.spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
+    estimate.spawn(estimate::estimate(settings, METER.take(), blocks).expect(ONCE));
+    acquire.spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), full).expect(ONCE));
+    rest.spawn(sync::sync(edges).expect(ONCE));
+    rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
     loop {
         cortex_m::asm::wfi();
     }

@@ -1,16 +1,16 @@
 //! Three executors, one above the other.
 //!
 //! # Design
-//! Every task runs in an interrupt handler, and `main` sleeps in WFI: the core wakes for interrupts and for
-//! nothing else. (The thread-mode executor sleeps in WFE, which emulators take for a busy wait.) Each
-//! executor has the interrupt of a peripheral that this board does not use. A task is interrupted by those
-//! of the levels above only:
+//! Every task runs in an interrupt handler, and `main` sleeps in WFI: the core wakes for interrupts only.
+//! (The executor of thread mode sleeps in WFE, which emulators take for a busy wait.) Each executor uses the
+//! interrupt of a peripheral that this board does not need. A task is interrupted only by tasks of a level
+//! above it:
 //!
 //! | priority | runs | because |
 //! |---|---|---|
-//! | 0 | DMA and timer handlers | they note and wake, nothing else |
+//! | 0 | DMA and timer handlers | they only note what happened and wake a task |
 //! | 2 | [`ACQUIRE`] | a block that is not taken within 2 ms is overwritten |
-//! | 4 | [`ESTIMATE`] | what is late here costs a block, counted, but no sample goes unseen by the DMA |
+//! | 4 | [`ESTIMATE`] | a delay here can cost a block, which is counted, but the DMA misses no sample |
 //! | 6 | [`REST`] | telemetry, housekeeping and light may wait |
 
 use embassy_executor::{InterruptExecutor, SendSpawner};
@@ -21,14 +21,14 @@ static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 static ESTIMATE: InterruptExecutor = InterruptExecutor::new();
 static REST: InterruptExecutor = InterruptExecutor::new();
 
-/// Where tasks are spawned.
+/// One spawner for each executor.
 pub(crate) struct Spawners {
     pub(crate) acquire: SendSpawner,
     pub(crate) estimate: SendSpawner,
     pub(crate) rest: SendSpawner,
 }
 
-/// Starts the executors. Once, or it panics.
+/// Starts the executors. A second call panics.
 pub(crate) fn start() -> Spawners {
     interrupt::CAN1_TX.set_priority(Priority::P2);
     interrupt::CAN1_RX0.set_priority(Priority::P4);
@@ -43,8 +43,8 @@ pub(crate) fn start() -> Spawners {
 #[interrupt]
 #[allow(unsafe_code, reason = "the executor asks for it")]
 fn CAN1_TX() {
-    // SAFETY: this is the handler of the interrupt that `start` gave this executor, and `start` unmasks it
-    // after the executor is there.
+    // SAFETY: this is the handler of the interrupt that `start` gave this executor. `start` unmasks the
+    // interrupt after the executor is initialised.
     unsafe { ACQUIRE.on_interrupt() }
 }
 

@@ -7,11 +7,11 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use bead_model::meter::CHUNK;
+use bead_wire::MAX_SCANS;
 
 use crate::block::{BLOCK_US, Block};
 use crate::counters;
-use crate::outbox::{self, Record};
+use crate::outbox;
 use crate::report;
 
 /// Longest stream, in ms.
@@ -35,11 +35,14 @@ pub(crate) fn offer(block: &Block) {
     let mut first_index = block.first_index;
     let mut rest = block.scans();
     while rest.len() > 0 {
-        let scans: heapless::Vec<_, CHUNK> = rest.by_ref().take(CHUNK).collect();
-        let count = scans.len() as u64;
-        match outbox::push_if_calm(Record::Raw { first_index, scans }) {
-            true => counters::update_link(|link| link.raw_sent += count),
-            false => counters::update_link(|link| link.raw_dropped += count),
+        let count = rest.len().min(MAX_SCANS) as u64;
+        let scans = rest.by_ref().take(MAX_SCANS);
+        if outbox::is_calm() {
+            outbox::push(bead_telemetry::raw(first_index, scans));
+            counters::update_link(|link| link.raw_sent += count);
+        } else {
+            scans.for_each(drop);
+            counters::update_link(|link| link.raw_dropped += count);
         }
         first_index += count;
     }

@@ -26,7 +26,7 @@ pub(crate) async fn receive(mut port: RingBufferedUartRx<'static>, mut commands:
         match port.read(&mut bytes).await {
             Ok(length) => {
                 for &byte in &bytes[..length] {
-                    if let Some(heard) = decoder.push(byte) {
+                    if let Some(Ok(heard)) = decoder.push(byte) {
                         commands.answer(heard).await;
                     }
                 }

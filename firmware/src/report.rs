@@ -1,14 +1,12 @@
 //! Identity, settings, status, health and link of the bead, told at boot and every second.
 
-use bead_wire::{Fault, FaultCause, Identity, Message, Status};
+use bead_wire::{Fault, FaultCause, Identity, ResetCauses, Status};
 use embassy_time::{Duration, Instant, Ticker};
 
 use crate::block::CHANNELS;
-use crate::counters;
-use crate::outbox::{self, Record};
 use crate::sample_clock::SAMPLE_RATE_HZ;
 use crate::trace::{self, Boot};
-use crate::{settings, stack};
+use crate::{counters, outbox, settings, stack};
 
 /// A host that starts to listen gets all of them within this time.
 const PERIOD: Duration = Duration::from_secs(1);
@@ -20,12 +18,12 @@ pub(crate) async fn report(boot: &'static Boot, refused: Option<&'static str>) -
     counters::update(|c| c.health.frames_lost_by_reset = boot.frames_lost);
     tell_all(boot);
     if let Some(left) = &boot.left {
-        tell(Message::Fault(Fault {
+        outbox::push(Fault {
             cause: left.cause,
             boot: left.boot,
             pc: left.pc,
-            detail: left.detail.as_str(),
-        }));
+            detail: left.detail.clone(),
+        });
     }
     if let Some(why) = refused {
         fault(FaultCause::SettingsRefused, why);
@@ -44,42 +42,39 @@ fn tell_all(boot: &'static Boot) {
 
 /// Sends the identity.
 pub(crate) fn tell_identity(boot: &'static Boot) {
-    tell(Message::Identity(Identity {
-        firmware: env!("CARGO_PKG_VERSION"),
-        git: env!("BEAD_GIT"),
+    outbox::push(Identity {
+        firmware: env!("CARGO_PKG_VERSION").into(),
+        git: env!("BEAD_GIT").into(),
         uid: embassy_stm32::uid::uid(),
         boot: boot.number,
-        reset_cause: boot.reset_cause,
+        reset_cause: ResetCauses::from_bits(boot.reset_cause),
         sample_rate_hz: SAMPLE_RATE_HZ,
         channels: CHANNELS as u8,
-    }));
+    });
 }
 
 /// Sends status, health and link.
 pub(crate) fn tell_status() {
-    tell(Message::Status(status()));
-    tell(Message::Health(counters::snapshot().health));
+    outbox::push(status());
+    outbox::push(counters::snapshot().health);
     tell_link();
 }
 
 /// Sends the counts of the link.
 pub(crate) fn tell_link() {
-    tell(Message::Link(counters::link()));
+    outbox::push(counters::link());
 }
 
 /// Logs and sends a fault that the bead survived.
+#[inline(never)]
 pub(crate) fn fault(cause: FaultCause, detail: &'static str) {
     defmt::warn!("{=str}", detail);
-    tell(Message::Fault(Fault {
+    outbox::push(Fault {
         cause,
         boot: trace::boot(),
         pc: 0,
-        detail,
-    }));
-}
-
-fn tell(message: Message<'static>) {
-    outbox::push(Record::Message(message));
+        detail: detail.into(),
+    });
 }
 
 fn status() -> Status {

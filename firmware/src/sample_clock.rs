@@ -1,14 +1,14 @@
 //! TIM3, whose update events start the scans and count them.
 //!
 //! # Design
-//! The timer runs at the sample rate from the first scan on and is never stopped: trigger number `i` comes
-//! `i` sample periods after its start, whatever happens to the acquisition. Between epochs only its output
-//! to the ADC is closed. The index of a scan is the number of its trigger, so the index says the time.
+//! The timer runs at the sample rate from the first scan on and is never stopped. Trigger number `i` comes
+//! `i` sample periods after the start, whatever happens to the acquisition. Between epochs only the timer's
+//! output to the ADC is closed. The index of a scan is the number of its trigger, so the index is the time.
 //!
-//! How many triggers there were while the output was closed follows from the time driver. Both timers count
-//! the same clock, and a tick of the one is a period of the other, so a count of ticks is an exact count of
-//! triggers if it is read away from either's edge. The timer is started right after a tick, hence ticks come
-//! right before its updates, and in the first half of a period neither is near.
+//! The time driver tells how many triggers there were while the output was closed. Both timers count the same
+//! clock, and a tick is a sample period. So a count of ticks is an exact count of triggers, if it is read
+//! away from the edges of both. The timer is started right after a tick. Hence ticks come right before its
+//! updates, and neither is near in the first half of a period.
 
 use embassy_stm32::Peri;
 use embassy_stm32::pac::{TIM3, timer::vals::Mms};
@@ -32,14 +32,15 @@ const _: () = assert!(
     "a tick is a sample period"
 );
 
-/// Counts at which the output may be opened between epochs: a tenth of a period after the timer's update and
-/// the driver's tick, and six tenths of a period, longer than a scan takes, before the next.
+/// Counts at which the output may be opened between epochs: at least a tenth of a period after the timer's
+/// update and the driver's tick, and at least six tenths of a period, which is longer than a scan, before the
+/// next.
 const CALM: core::ops::RangeInclusive<u32> = PERIOD / 10..=PERIOD * 4 / 10;
 
 /// Starts the scans.
 pub(crate) struct SampleClock {
     timer: Timer<'static, peripherals::TIM3>,
-    /// The tick at which the timer was started, once it was.
+    /// The tick at which the timer was started, if it was.
     started: Option<u64>,
 }
 
@@ -53,9 +54,10 @@ impl SampleClock {
         clock
     }
 
-    /// Lets the triggers through and returns how many there were before: the number of the last one.
+    /// Lets the triggers through. Returns the number of the last trigger before, which is how many there
+    /// were.
     ///
-    /// Takes at most one period and a half.
+    /// Takes at most one and a half periods.
     pub(crate) fn open(&mut self) -> u64 {
         let Some(started) = self.started else {
             critical_section::with(|_| {

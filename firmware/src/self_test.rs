@@ -1,11 +1,10 @@
 //! The checks that the bead can make of itself.
 
 use bead_model::settings::Settings;
-use bead_wire::{Check, Health, Message, SelfTest};
+use bead_wire::{Check, SelfTest, Standing};
 use embassy_time::{Duration, Timer};
 
-use crate::outbox::{self, Record};
-use crate::{counters, known_answer, settings, stack, storage};
+use crate::{counters, known_answer, outbox, settings, stack, storage};
 
 include!(concat!(env!("OUT_DIR"), "/known_answer.rs"));
 
@@ -21,15 +20,18 @@ const BLOCKS: u32 = 8;
 
 /// Runs every check, sends its result, and returns how many checks failed and how many there are. `window` is
 /// room to work in.
-pub(crate) async fn run(store: &mut storage::Settings, window: &mut bead_model::Record) -> (usize, usize) {
+pub(crate) async fn run(
+    store: &mut storage::SettingsStore,
+    window: &mut bead_model::WindowRecord,
+) -> (usize, usize) {
     let before = counters::snapshot();
     Timer::after(SAMPLES).await;
     let now = counters::snapshot();
-    let standing = |bits: u8| u32::from(now.health.standing & bits);
+    let standing = |bits: Standing| u32::from(now.health.standing.bits() & bits.bits());
 
     let supply = u32::from(now.health.supply_mv);
-    let force = standing(Health::FORCE_STUCK | Health::FORCE_RAILED);
-    let acceleration = standing(Health::ACCELERATION_STUCK | Health::ACCELERATION_RAILED);
+    let force = standing(Standing::FORCE_STUCK.with(Standing::FORCE_RAILED));
+    let acceleration = standing(Standing::ACCELERATION_STUCK.with(Standing::ACCELERATION_RAILED));
     let blocks = now.blocks_handed_on.wrapping_sub(before.blocks_handed_on);
     let block = settings::current();
     let stack = stack::never_used();
@@ -43,7 +45,7 @@ pub(crate) async fn run(store: &mut storage::Settings, window: &mut bead_model::
     let checks = [
         (
             Check::Supply,
-            SUPPLY.contains(&supply) && standing(Health::SUPPLY_LOW) == 0,
+            SUPPLY.contains(&supply) && standing(Standing::SUPPLY_LOW) == 0,
             supply,
         ),
         (Check::Force, force == 0, force),
@@ -51,8 +53,8 @@ pub(crate) async fn run(store: &mut storage::Settings, window: &mut bead_model::
         (Check::Acquisition, blocks >= BLOCKS, blocks),
         (
             Check::Settings,
-            Settings::decode(&block).is_ok(),
-            block.len() as u32,
+            Settings::decode(block.bytes()).is_ok(),
+            block.bytes().len() as u32,
         ),
         (Check::Stack, stack >= STACK, stack),
         (Check::Estimators, differing == 0, differing as u32),
@@ -63,11 +65,7 @@ pub(crate) async fn run(store: &mut storage::Settings, window: &mut bead_model::
         ),
     ];
     for (check, passed, value) in checks {
-        outbox::push(Record::Message(Message::SelfTest(SelfTest {
-            check,
-            passed,
-            value,
-        })));
+        outbox::push(SelfTest { check, passed, value });
     }
     let failed = checks.iter().filter(|(_, passed, _)| !passed).count();
     (failed, checks.len())

@@ -4,26 +4,27 @@
 //! # Design
 //! New settings are offered to the estimators, which take them between two strikes. At that moment a frame
 //! with their block is queued: each strike was measured with the settings of the last settings frame before
-//! it. There are two blocks, the one in force and the one before it. Frames that wait refer to either. New
-//! settings wait until no frame refers to the old block.
+//! it.
+//!
+//! Settings that this image cannot read are refused as a whole, and a fault frame says why. The bead then works
+//! with the next settings in order, and marks each strike that was measured with the built-in ones. A block of
+//! another version that cannot be migrated is intact: its owner's bead must not measure with other settings
+//! unasked, so it looks for strikes only when a host arms it.
 
 use core::cell::RefCell;
 use core::slice;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use bead_model::SettingsError;
-use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_model::settings::Settings;
 use bead_store::Opened;
-use bead_wire::SettingsSource;
+use bead_wire::{Block, Detail, SettingsSource};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Timer};
-use heapless::Vec;
 
-use crate::outbox::{self, Record};
 use crate::sample_clock::SAMPLE_RATE_HZ;
-use crate::storage;
-use crate::text::Text;
+use crate::{outbox, storage};
 
 /// The block that `build.rs` derives from the default bead.
 pub(crate) static BUILT_IN: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/settings.bin"));
@@ -32,13 +33,51 @@ pub(crate) static BUILT_IN: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/se
 const SECTOR: usize = 128 * 1024;
 
 /// Settings, and where they came from.
+#[derive(Clone)]
 pub(crate) struct Loaded {
     pub(crate) settings: Settings,
     /// The block that they were decoded from.
-    pub(crate) block: Vec<u8, BLOCK_MAX>,
-    pub(crate) source: SettingsSource,
+    block: Block,
+    source: SettingsSource,
     /// Why settings in flash were refused, if they were.
-    pub(crate) refused: Option<&'static str>,
+    pub(crate) refused: Option<Refused>,
+}
+
+/// Why settings in flash were refused.
+#[derive(Clone, Copy)]
+pub(crate) struct Refused {
+    pub(crate) why: &'static str,
+    /// Whether they are an intact block of another version that cannot be migrated.
+    foreign: bool,
+}
+
+impl Refused {
+    const fn damaged(why: &'static str) -> Self {
+        Self { why, foreign: false }
+    }
+}
+
+impl From<SettingsError> for Refused {
+    fn from(error: SettingsError) -> Self {
+        Self::damaged(match error {
+            SettingsError::Erased => "erased",
+            SettingsError::Magic => "not a settings block",
+            SettingsError::Version(_) => {
+                return Self {
+                    why: "a block of another version, which cannot be migrated: arm the bead by request",
+                    foreign: true,
+                };
+            }
+            SettingsError::Truncated => "shorter than the header says",
+            SettingsError::Checksum => "wrong checksum",
+            SettingsError::Body => "the body does not decode",
+            SettingsError::Invalid(what) => what,
+            SettingsError::NotTheBeads(_) => {
+                "a coefficient is not what the bead's mass, stiffness and damping give"
+            }
+            SettingsError::BufferTooSmall => "longer than a block may be",
+        })
+    }
 }
 
 impl Loaded {
@@ -48,17 +87,24 @@ impl Loaded {
             SettingsSource::Stored => "came over the link",
             SettingsSource::Flash => "put into flash by a probe",
             SettingsSource::BuiltIn => "built in, as flash has none",
-            SettingsSource::FlashRefused => "built in, as those in flash are refused",
+            SettingsSource::FlashRefused | SettingsSource::Unknown(_) => {
+                "built in, as those in flash are refused"
+            }
         }
+    }
+
+    /// Whether the bead looks for strikes with them unasked.
+    pub(crate) fn arm(&self) -> bool {
+        !self.refused.is_some_and(|refused| refused.foreign)
     }
 }
 
 /// Finds the settings at start-up. A block in flash that fails its check is refused as a whole: the next
 /// settings in order are used, and a fault frame says so.
-pub(crate) fn load(store: &mut storage::Settings, opened: Opened) -> Loaded {
+pub(crate) fn load(store: &mut storage::SettingsStore, opened: Opened) -> Loaded {
     let mut refused = opened
         .lost
-        .then_some("what was stored is not whole, and was erased");
+        .then_some(Refused::damaged("what was stored is not whole, and was erased"));
     match store.read() {
         Ok(None) => {}
         Ok(Some(block)) => match check(block) {
@@ -70,16 +116,16 @@ pub(crate) fn load(store: &mut storage::Settings, opened: Opened) -> Loaded {
                     refused,
                 };
             }
-            Err(error) => refused = Some(why(&error)),
+            Err(error) => refused = Some(error.into()),
         },
-        Err(_) => refused = Some("what was stored cannot be read"),
+        Err(_) => refused = Some(Refused::damaged("what was stored cannot be read")),
     }
     beneath(refused)
 }
 
 /// The settings that come after those of the link: the probe's or the built-in ones. `refused` says why
 /// settings that came over the link were refused, if they were.
-pub(crate) fn beneath(refused: Option<&'static str>) -> Loaded {
+pub(crate) fn beneath(refused: Option<Refused>) -> Loaded {
     let sector = sector();
     let refused = match check(sector) {
         Ok(settings) => {
@@ -92,7 +138,7 @@ pub(crate) fn beneath(refused: Option<&'static str>) -> Loaded {
             };
         }
         Err(SettingsError::Erased) => refused,
-        Err(error) => Some(why(&error)),
+        Err(error) => Some(error.into()),
     };
     Loaded {
         settings: Settings::decode(BUILT_IN).expect("build.rs wrote the block with the same code"),
@@ -105,8 +151,8 @@ pub(crate) fn beneath(refused: Option<&'static str>) -> Loaded {
     }
 }
 
-fn copy(block: &[u8]) -> Vec<u8, BLOCK_MAX> {
-    Vec::from_slice(block).expect("a block that decodes has at most BLOCK_MAX bytes")
+fn copy(block: &[u8]) -> Block {
+    Block::try_from(block).expect("a block that decodes has at most BLOCK_MAX bytes")
 }
 
 fn check(block: &[u8]) -> Result<Settings, SettingsError> {
@@ -120,21 +166,19 @@ fn check(block: &[u8]) -> Result<Settings, SettingsError> {
 
 /// Why a block that a host sent is refused.
 pub(crate) enum Refusal {
-    Invalid(Text),
-    SampleRate(Text),
+    Invalid(Detail),
+    SampleRate(Detail),
 }
 
 /// Checks a block that a host sent.
 pub(crate) fn judge(block: &[u8]) -> Result<Loaded, Refusal> {
     let settings =
-        Settings::decode(block).map_err(|error| Refusal::Invalid(Text::new(format_args!("{error}"))))?;
+        Settings::decode(block).map_err(|error| Refusal::Invalid(Detail::new(format_args!("{error}"))))?;
     if Settings::block_length(block) != Some(block.len()) {
-        return Err(Refusal::Invalid(Text::new(format_args!(
-            "bytes follow the settings block"
-        ))));
+        return Err(Refusal::Invalid("bytes follow the settings block".into()));
     }
     if settings.sample_rate_hz != SAMPLE_RATE_HZ {
-        return Err(Refusal::SampleRate(Text::new(format_args!(
+        return Err(Refusal::SampleRate(Detail::new(format_args!(
             "settings for {} Hz; this image samples at {SAMPLE_RATE_HZ} Hz",
             settings.sample_rate_hz
         ))));
@@ -145,23 +189,6 @@ pub(crate) fn judge(block: &[u8]) -> Result<Loaded, Refusal> {
         source: SettingsSource::Stored,
         refused: None,
     })
-}
-
-/// The error as a text without values, which a frame can borrow for ever.
-fn why(error: &SettingsError) -> &'static str {
-    match error {
-        SettingsError::Erased => "erased",
-        SettingsError::Magic => "not a settings block",
-        SettingsError::Version(_) => "a block of another version",
-        SettingsError::Truncated => "shorter than the header says",
-        SettingsError::Checksum => "wrong checksum",
-        SettingsError::Body => "the body does not decode",
-        SettingsError::Invalid(what) => what,
-        SettingsError::NotTheBeads(_) => {
-            "a coefficient is not what the bead's mass, stiffness and damping give"
-        }
-        SettingsError::BufferTooSmall => "longer than a block may be",
-    }
 }
 
 /// The settings sector of the probe, memory-mapped.
@@ -176,98 +203,78 @@ fn sector() -> &'static [u8] {
     unsafe { slice::from_raw_parts(&raw const _settings, SECTOR) }
 }
 
-/// A block, and how many frames that wait refer to it.
-struct Slot {
-    block: Vec<u8, BLOCK_MAX>,
-    waiting: u32,
-}
-
-struct InForce {
-    slots: [Slot; 2],
-    /// Index of the slot in force.
-    current: usize,
-    source: SettingsSource,
-}
-
-static IN_FORCE: Mutex<CriticalSectionRawMutex, RefCell<InForce>> = Mutex::new(RefCell::new(InForce {
-    slots: [const {
-        Slot {
-            block: Vec::new(),
-            waiting: 0,
-        }
-    }; 2],
-    current: 0,
-    source: SettingsSource::BuiltIn,
-}));
+static IN_FORCE: Mutex<CriticalSectionRawMutex, RefCell<Option<Loaded>>> = Mutex::new(RefCell::new(None));
 
 /// Settings for the estimators to take.
-static OFFERED: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
+static OFFERED: Mutex<CriticalSectionRawMutex, RefCell<Option<Loaded>>> = Mutex::new(RefCell::new(None));
+/// Whether there are some. To look at this costs little, which is done for every block.
+static IS_OFFERED: AtomicBool = AtomicBool::new(false);
 /// The estimators have taken the settings that were offered.
 static TAKEN: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
-fn with<T>(act: impl FnOnce(&mut InForce) -> T) -> T {
-    IN_FORCE.lock(|cell| act(&mut cell.borrow_mut()))
-}
-
 /// Puts settings in force before the tasks start.
-pub(crate) fn begin(loaded: &Loaded) {
-    with(|now| {
-        now.slots[now.current].block = loaded.block.clone();
-        now.source = loaded.source;
-    });
+pub(crate) fn begin(loaded: Loaded) {
+    IN_FORCE.lock(|cell| cell.replace(Some(loaded)));
 }
 
 /// Offers settings, and waits until they are in force. A strike that is being measured is finished first.
-pub(crate) async fn change(loaded: &Loaded) {
-    while with(|now| now.slots[1 - now.current].waiting > 0) {
-        Timer::after(Duration::from_millis(1)).await;
-    }
-    with(|now| now.slots[1 - now.current].block = loaded.block.clone());
+pub(crate) async fn change(loaded: Loaded) {
     TAKEN.reset();
-    OFFERED.signal(loaded.settings);
+    OFFERED.lock(|cell| cell.replace(Some(loaded)));
+    IS_OFFERED.store(true, Ordering::Release);
     TAKEN.wait().await;
-    with(|now| now.source = loaded.source);
 }
 
 /// The settings that are offered, if any. The caller uses them from now on. Called between two strikes.
 pub(crate) fn take() -> Option<Settings> {
-    if !OFFERED.signaled() {
+    if !IS_OFFERED.load(Ordering::Acquire) {
         return None;
     }
-    let settings = OFFERED.try_take()?;
-    with(|now| now.current = 1 - now.current);
+    IS_OFFERED.store(false, Ordering::Relaxed);
+    let loaded = OFFERED.lock(RefCell::take)?;
+    let settings = loaded.settings;
+    begin(loaded);
     tell();
     TAKEN.signal(());
     Some(settings)
 }
 
+/// What `get` takes from the settings in force.
+fn in_force<T>(get: impl FnOnce(&Loaded) -> T) -> T {
+    IN_FORCE.lock(|cell| {
+        get(cell
+            .borrow()
+            .as_ref()
+            .expect("settings are in force before tasks start"))
+    })
+}
+
 /// Queues a frame with the block in force.
 pub(crate) fn tell() {
-    let slot = with(|now| {
-        now.slots[now.current].waiting += 1;
-        now.current
-    });
-    if !outbox::push(Record::Settings(slot)) {
-        told(slot);
-    }
-}
-
-/// A frame that referred to this slot has left, or found no room.
-pub(crate) fn told(slot: usize) {
-    with(|now| now.slots[slot].waiting -= 1);
-}
-
-/// The block that a frame refers to.
-pub(crate) fn block(slot: usize) -> Vec<u8, BLOCK_MAX> {
-    with(|now| now.slots[slot].block.clone())
+    outbox::push(bead_wire::Settings { block: current() });
 }
 
 /// The block in force.
-pub(crate) fn current() -> Vec<u8, BLOCK_MAX> {
-    with(|now| now.slots[now.current].block.clone())
+pub(crate) fn current() -> Block {
+    in_force(|loaded| loaded.block.clone())
+}
+
+/// Address of the bead, by the settings in force.
+pub(crate) fn address() -> u8 {
+    in_force(|loaded| loaded.settings.address)
+}
+
+/// Whether the bead looks for strikes unasked with the settings in force.
+pub(crate) fn arm() -> bool {
+    in_force(Loaded::arm)
 }
 
 /// Where the settings in force came from.
 pub(crate) fn source() -> SettingsSource {
-    with(|now| now.source)
+    in_force(|loaded| loaded.source)
+}
+
+/// Whether the settings in force are not the owner's: built in, with or without a refused block in flash.
+pub(crate) fn are_not_owners() -> bool {
+    matches!(source(), SettingsSource::BuiltIn | SettingsSource::FlashRefused)
 }

@@ -1,21 +1,23 @@
 //! How deep the stack has been, and a fence where it ends.
 //!
 //! # Design
-//! Start-up code fills the free RAM with a pattern (`cortex-m-rt`, feature `paint-stack`); the stack grows
-//! down into it. What still has the pattern was never used. All tasks and handlers share the one stack, so
-//! this one number covers them.
+//! Start-up code fills the free RAM with a pattern (`cortex-m-rt`, feature `paint-stack`), and the stack
+//! grows down into it. Bytes that still have the pattern were never used. All tasks and handlers share the
+//! one stack, so one number covers them.
 //!
-//! The lowest [`FENCE`] bytes are closed by the memory protection unit: a stack that grows into them faults
-//! before it reaches a variable. The unit is off while the fault's handler runs, so that it has a stack.
+//! The memory protection unit closes the lowest [`FENCE`] bytes: a stack that grows into them faults before
+//! it reaches a variable. The unit is off while the handler of the fault runs, so that the handler has a
+//! stack.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 
 use cortex_m::peripheral::MPU;
 use cortex_m_rt::STACK_PAINT_VALUE;
 
-/// Bytes closed at the end of the stack. More than the frames of this image take at a time, so that none
-/// steps over it; a region of the unit is a power of two in size and lies at a multiple of it.
-const FENCE: usize = 1024;
+/// Bytes closed at the end of the stack: more than any frame of this image, so that no function steps over
+/// them. The largest is `main` with 2.3 KiB. A region of the unit has a power of two as size and lies at a
+/// multiple of it.
+const FENCE: usize = 4096;
 
 /// First address that the stack may not use, aligned for [`FENCE`].
 fn fence() -> usize {
@@ -31,8 +33,8 @@ pub(crate) fn close_fence(mpu: &mut MPU) {
     /// No execution; access permission 0, none, is the reset value.
     const XN: u32 = 1 << 28;
     let size = (FENCE.ilog2() - 1) << 1;
-    // SAFETY: region 0 covers free RAM only (it starts at or above the end of the last section), no Rust
-    // object lies there, and `never_used` starts above it. PM0214 section 4.2.
+    // SAFETY: region 0 covers free RAM only: it starts at or above the end of the last section. No Rust
+    // object lies there, and `never_used` reads above it. PM0214 section 4.2.
     unsafe {
         mpu.rnr.write(0);
         mpu.rbar.write(fence() as u32);
@@ -43,18 +45,18 @@ pub(crate) fn close_fence(mpu: &mut MPU) {
     cortex_m::asm::isb();
 }
 
-/// Whether a fault at this address, or with this stack pointer, is the stack's.
+/// Whether a fault at this address, or with this stack pointer, came from the stack.
 pub(crate) fn overflown(address: usize) -> bool {
     (fence()..fence() + FENCE).contains(&address)
 }
 
 /// Bytes of stack that were never used, down to the fence.
 ///
-/// Looks only below what was known to be used, and no further than [`FENCE`] bytes below what it finds: no frame
-/// steps over so many. To look through all that is free would make the busiest block of all.
+/// It looks only below the deepest use known, and ends when [`FENCE`] bytes in a row have the pattern: no
+/// frame is so large. To look through all of the free stack would take longer than any block of a strike.
 #[allow(unsafe_code, reason = "the free RAM is memory that no Rust object stands for")]
 pub(crate) fn never_used() -> u32 {
-    /// Lowest address known to have been used.
+    /// Lowest address that is known to have been used.
     static USED: AtomicUsize = AtomicUsize::new(usize::MAX);
     let (end, start) = bounds();
     let bottom = fence() + FENCE;
@@ -62,8 +64,8 @@ pub(crate) fn never_used() -> u32 {
     let mut word = end.with_addr(used);
     while word.addr() > bottom.max(used - FENCE) {
         word = word.wrapping_sub(1);
-        // SAFETY: the words from `bottom` up to `start` are RAM, aligned (asserted by `link.x`), and hold no Rust
-        // object below the stack pointer. Those above belong to live frames, which change while they are read;
+        // SAFETY: the words from `bottom` up to `start` are RAM and aligned (asserted by `link.x`). Below the
+        // stack pointer there is no Rust object. Above it are live frames, which change while they are read:
         // the reads are volatile and only compared with the pattern.
         if unsafe { word.read_volatile() } != STACK_PAINT_VALUE {
             used = word.addr();
@@ -73,8 +75,8 @@ pub(crate) fn never_used() -> u32 {
     (used - bottom) as u32
 }
 
-/// Lowest word that the stack may use, the end of the last section in RAM; one past its highest, the end of
-/// the region RAM.
+/// The lowest word that the stack may use, which is the end of the last section in RAM, and one past its
+/// highest, which is the end of the region RAM.
 #[allow(unsafe_code, reason = "symbols of the linker script are foreign")]
 fn bounds() -> (*const u32, *const u32) {
     unsafe extern "C" {

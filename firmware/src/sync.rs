@@ -1,20 +1,20 @@
-//! Edges on the sync input, by the sample clock.
+//! Times of the edges on the sync input, by the sample clock.
 //!
 //! # Design
-//! TIM2 counts the very clock that TIM3 makes the samples from, 84 MHz, and latches its count at a rising edge on
-//! PA15 (RM0090 section 18.3.5). It is started by TIM3's first update (slave mode *trigger*, section 18.3.15), which
-//! is the trigger of sample index 1, so that one count follows from the other for good: nothing is measured and
-//! nothing drifts. What remains is the clock or two that silicon takes to pass on a trigger and an edge, 12 to 48 ns,
+//! TIM2 counts the same clock of 84 MHz as TIM3, which makes the samples. A rising edge on PA15 latches its
+//! count (RM0090 section 18.3.5). TIM3's first update, which is the trigger of sample index 1, starts TIM2
+//! (slave mode *trigger*, section 18.3.15). So the sample index follows from the count for good: nothing is
+//! measured and nothing drifts. Silicon takes a clock or two to pass on a trigger and an edge, 12 to 48 ns,
 //! the same at every edge and in every bead.
 //!
-//! The count wraps after 51 s. Which wrap it is, the time driver says, whose ticks are sample periods.
+//! The count wraps after 51 s. The time driver, whose ticks are sample periods, tells the number of wraps.
 //!
 //! # A pin that floats
-//! An edge is latched by the timer; the core is interrupted for one and then for none during [`HOLD_OFF`]. What comes
-//! meanwhile is counted once, as the timer does not say how often it came. So a storm costs a hundred short
-//! interrupts and frames a second, at the lowest priority, and no sample.
+//! The timer latches every edge. The core is interrupted for one edge and then for none during [`HOLD_OFF`].
+//! Edges in that time are counted as one, as the timer does not tell how many came. So a storm of edges costs
+//! a hundred short interrupts and frames a second, at the lowest priority, and no sample.
 
-use bead_wire::{Message, Sync, unwrapped};
+use bead_wire::{Sync, unwrapped};
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::pac;
 use embassy_stm32::pac::timer::vals::{Sms, Ts};
@@ -26,7 +26,7 @@ use embassy_stm32::{Peri, bind_interrupts, peripherals};
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::clocks::TIMER_HZ;
-use crate::outbox::{self, Record};
+use crate::outbox;
 use crate::sample_clock::SAMPLE_RATE_HZ;
 
 bind_interrupts!(struct Irqs {
@@ -35,21 +35,21 @@ bind_interrupts!(struct Irqs {
 
 /// Timer clocks in a sample period.
 const CLOCKS_PER_SAMPLE: u16 = (TIMER_HZ / SAMPLE_RATE_HZ) as u16;
-/// Edges closer than this are not told one by one. A pulse a second is what a sync source gives.
+/// Edges closer than this are not reported one by one. A sync source gives one pulse a second.
 const HOLD_OFF: Duration = Duration::from_millis(10);
-/// Interval at which the timer is looked at until TIM3 has started it.
+/// Interval of the checks whether TIM3 has started the timer.
 const START: Duration = Duration::from_millis(1);
 
-/// The sync input, armed.
+/// The sync input, ready.
 pub(crate) struct SyncInput(InputCapture<'static, peripherals::TIM2>);
 
 impl SyncInput {
-    /// Sets up the timer to be started by TIM3: to be called before that runs.
+    /// Sets up the timer so that TIM3 starts it. Must be called before TIM3 runs.
     pub(crate) fn new(
         timer: Peri<'static, peripherals::TIM2>,
         pin: Peri<'static, peripherals::PA15>,
     ) -> Self {
-        // Pulled down: with nothing connected there are no edges.
+        // Pulled down, so that an open pin gives no edges.
         let pin = CapturePin::new(pin, Pull::Down);
         let capture = InputCapture::new(
             timer,
@@ -61,7 +61,8 @@ impl SyncInput {
             Hertz(TIMER_HZ),
             CountingMode::EdgeAlignedUp,
         );
-        // The driver starts the timer: back to zero, for TIM3 (ITR2, RM0090 table 93) to start it.
+        // The driver has started the timer. Stop it at zero, so that TIM3 (ITR2, RM0090 table 93) can start
+        // it.
         pac::TIM2.cr1().modify(|w| w.set_cen(false));
         pac::TIM2.cnt().write_value(0);
         pac::TIM2.smcr().modify(|w| {
@@ -72,7 +73,7 @@ impl SyncInput {
     }
 }
 
-/// Tells edges for ever.
+/// Reports edges for ever.
 #[embassy_executor::task]
 pub(crate) async fn sync(input: SyncInput) -> ! {
     let SyncInput(mut capture) = input;
@@ -80,7 +81,7 @@ pub(crate) async fn sync(input: SyncInput) -> ! {
         Timer::after(START).await;
     }
     let clocks_now = || Instant::now().as_ticks() * u64::from(CLOCKS_PER_SAMPLE);
-    // Within a tick, which is all that choosing the wrap needs.
+    // Right to a tick, which is enough to choose the wrap.
     let started = clocks_now() - u64::from(pac::TIM2.cnt().read());
     let (mut edge, mut missed) = (0, 0);
     loop {
@@ -90,13 +91,12 @@ pub(crate) async fn sync(input: SyncInput) -> ! {
             w.set_ccof(0, false);
         });
         capture.wait_for_rising_edge(Channel::Ch1).await;
-        // The driver gives the low 16 bits of it only.
+        // The driver gives only its low 16 bits.
         let count = pac::TIM2.ccr(0).read();
         missed += u32::from(pac::TIM2.sr().read().ccof(0));
         // The timer was started by the trigger of index 1.
         let clocks = unwrapped(count, clocks_now() - started) + u64::from(CLOCKS_PER_SAMPLE);
-        let message = Message::Sync(Sync::at(edge, clocks, CLOCKS_PER_SAMPLE, missed));
-        outbox::push(Record::Message(message));
+        outbox::push(Sync::at(edge, clocks, CLOCKS_PER_SAMPLE, missed));
         edge += 1;
         Timer::after(HOLD_OFF).await;
     }

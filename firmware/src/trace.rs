@@ -10,14 +10,13 @@ use core::fmt;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use bead_wire::{FaultCause, MAX_DETAIL};
+use bead_crc::checksum_of;
+use bead_wire::{Detail, FaultCause, MAX_DETAIL};
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embassy_stm32::pac::RCC;
 
 use crate::stack;
-use crate::text::Text;
 
 /// This boot, and what the one before left.
 pub(crate) struct Boot {
@@ -36,7 +35,7 @@ pub(crate) struct Left {
     pub(crate) cause: FaultCause,
     pub(crate) boot: u32,
     pub(crate) pc: u32,
-    pub(crate) detail: Text,
+    pub(crate) detail: Detail,
 }
 
 static BOOT: AtomicU32 = AtomicU32::new(0);
@@ -63,7 +62,7 @@ pub(crate) fn begin() -> Boot {
                 cause: FaultCause::Watchdog,
                 boot: kept.boot,
                 pc: 0,
-                detail: Text::new(format_args!("")),
+                detail: Detail::new(format_args!("")),
             })
         })
     });
@@ -202,13 +201,9 @@ impl Kept {
     }
 
     fn checksum(&self) -> u32 {
-        const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
-        let mut digest = CRC.digest();
-        for word in [self.magic, self.boot, self.cause, self.pc, self.detail_length] {
-            digest.update(&word.to_le_bytes());
-        }
-        digest.update(&self.detail);
-        digest.finalize()
+        let words = [self.magic, self.boot, self.cause, self.pc, self.detail_length];
+        let words = words.map(u32::to_le_bytes);
+        checksum_of([words.as_flattened(), &self.detail])
     }
 
     fn left(&self) -> Option<Left> {
@@ -219,7 +214,7 @@ impl Kept {
             cause,
             boot: self.boot,
             pc: self.pc,
-            detail: Text::new(format_args!("{text}")),
+            detail: Detail::new(format_args!("{text}")),
         })
     }
 }
@@ -227,7 +222,7 @@ impl Kept {
 /// Writes the record of this boot's end and resets.
 fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
     cortex_m::interrupt::disable();
-    let text = Text::new(detail);
+    let text = Detail::new(detail);
     let text = text.as_str();
     defmt::error!("boot {=u32} ends at {=u32:#010x}: {=str}", boot(), pc, text);
 
@@ -248,7 +243,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     // The DMA driver panics when a stream reports a transfer error. That is a fault of the bus, not of the
     // code, so it has a cause of its own.
     let message = info.message();
-    let text = Text::new(format_args!("{message}"));
+    let text = Detail::new(format_args!("{message}"));
     let cause = match text.as_str().starts_with("DMA: error") {
         true => FaultCause::DmaError,
         false => FaultCause::Panic,

@@ -1,14 +1,14 @@
-//! What is done about a bead that hangs.
+//! Resets a bead that hangs.
 //!
 //! # Design
-//! Four times a second, at the lowest priority, this task sees whether the others got on. The independent
-//! watchdog is fed only if fresh samples were taken and a frame has left since it was last fed. A task above
-//! that never yields starves this one, and the watchdog resets the bead; a task that waits for what never
-//! comes is found here, and the panic says which.
+//! Four times a second, at the lowest priority, this task checks whether the others make progress. It feeds
+//! the independent watchdog only if new samples have come and a frame has left since it was last fed. A task
+//! of higher priority that never yields starves this task, and the watchdog resets the bead. A task that
+//! waits for ever is found here, and the panic names it.
 //!
-//! Status frames leave once a second, the first of them at boot, so the feeding pauses for 1.25 s at most. The
-//! watchdog's oscillator is rough (17 to 47 kHz, DocID022152 table 42), so its 2 s are 1.4 to 3.8 s: what
-//! starves for [`SILENCE`] is found before it.
+//! Status frames leave once a second, the first at boot, so two feedings are at most 1.25 s apart. The
+//! watchdog's oscillator is rough (17 to 47 kHz, DocID022152 table 42): its 2 s are 1.4 to 3.8 s. So this
+//! task finds a wait of [`SILENCE`] before the watchdog resets.
 
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, peripherals};
@@ -18,13 +18,13 @@ use crate::counters::{self, Counters};
 
 const TIMEOUT_US: u32 = 2_000_000;
 const PERIOD: Duration = Duration::from_millis(250);
-/// Looks without a fresh sample or without a frame that left, at which the bead is given up: 1.25 s.
+/// Checks in a row without new samples or without a frame that left, after which this task panics: 1.25 s.
 const SILENCE: u32 = 5;
 
 /// Watches for ever.
 #[embassy_executor::task]
 pub(crate) async fn watch(watchdog: Peri<'static, peripherals::IWDG>) -> ! {
-    // A halted core is not a hung one.
+    // The watchdog stops while a debugger halts the core.
     embassy_stm32::pac::DBGMCU.apb1fzr().modify(|w| w.set_iwdg(true));
     let mut watchdog = IndependentWatchdog::new(watchdog, TIMEOUT_US);
     watchdog.unleash();
@@ -53,7 +53,7 @@ pub(crate) async fn watch(watchdog: Peri<'static, peripherals::IWDG>) -> ! {
 }
 
 fn check(before: &Counters, now: &Counters) {
-    // Without samples, overruns are counted: acquisition always gets on.
+    // While there are no samples, acquisition counts overruns: one of the two always changes.
     if (now.samples, now.overruns) == (before.samples, before.overruns) {
         panic!("acquisition hangs");
     }

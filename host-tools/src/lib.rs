@@ -1,7 +1,8 @@
 //! Host tools of the sensing absorber bead.
 //!
 //! # Design
-//! The library has five rooms. A file imports from its own room and from the rooms below it, never from a higher one.
+//! The library has five rooms. A file imports from its own room and from the rooms below it, never from a
+//! higher one.
 //!
 //! | room | holds |
 //! |---|---|

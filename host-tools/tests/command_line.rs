@@ -9,12 +9,11 @@ use std::process::{Command, Output};
 
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
-use bead::comparison::replay::{wire_shape, wire_strike};
-use bead::recording::file::{About, Part, Writer};
+use bead::recording::file::{About, Part, Recording, Writer};
 use bead_model::design::{Capture, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};
-use bead_wire::{Codes, Header, Identity, MAX_FRAME, Message, Settings, Waveform, encode};
+use bead_wire::{Block, Header, Identity, MAX_FRAME, Message, ResetCauses, Settings, StrikeFlags, encode};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -64,8 +63,9 @@ struct Bead {
 }
 
 impl Bead {
-    fn say(&mut self, sample_index: u64, message: &Message<'_>) {
+    fn say(&mut self, sample_index: u64, message: &Message) {
         let header = Header {
+            address: 0,
             boot: 0,
             sequence: self.sequence,
             sample_index,
@@ -78,23 +78,15 @@ impl Bead {
 
 impl Sink for Bead {
     fn chunk(&mut self, chunk: &Chunk) {
-        let scans = chunk.scans.iter().map(|scan| scan.sensitive());
-        let wides = chunk.before.iter().chain(&chunk.scans).map(|scan| scan.wide());
-        let (mut packed, mut wide) = ([0; 3 * bead_wire::MAX_SCANS], [0; 3 * (2 + bead_wire::MAX_SCANS)]);
-        let message = Message::Waveform(Waveform {
-            strike: chunk.strike,
-            first_index: chunk.first_index,
-            codes: Codes::pack(scans, &mut packed).unwrap(),
-            wide: Codes::pack(wides.filter(|_| chunk.loud), &mut wide).unwrap(),
-            absorbed_measured: chunk.absorbed_measured.to_bits(),
-            absorbed_predicted: chunk.absorbed_predicted.to_bits(),
-        });
-        self.say(chunk.first_index, &message);
+        self.say(chunk.first_index, &bead_telemetry::waveform(chunk).into());
     }
 
     fn report(&mut self, report: &StrikeReport) {
-        self.say(report.trigger_index, &Message::Strike(wire_strike(report)));
-        self.say(report.trigger_index, &Message::Shape(wire_shape(report)));
+        self.say(
+            report.trigger_index,
+            &bead_telemetry::strike(report, StrikeFlags::NONE).into(),
+        );
+        self.say(report.trigger_index, &bead_telemetry::shape(report).into());
     }
 }
 
@@ -129,11 +121,11 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
     bead.say(
         0,
         &Message::Identity(Identity {
-            firmware: "0.1.0",
-            git: "test",
+            firmware: "0.1.0".into(),
+            git: "test".into(),
             uid: [7; 12],
             boot: 0,
-            reset_cause: 0,
+            reset_cause: ResetCauses::from_bits(0),
             sample_rate_hz: 100_000,
             channels: 4,
         }),
@@ -141,7 +133,7 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
     bead.say(
         0,
         &Message::Settings(Settings {
-            block: &block[..length],
+            block: Block::try_from(&block[..length]).unwrap(),
         }),
     );
     let mut meter = Meter::new();
@@ -160,7 +152,7 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
     )
     .unwrap();
     writer.attach(Part::Scenario, text.as_bytes()).unwrap();
-    writer.write(&bead.stream).unwrap();
+    writer.write(&bead.stream, None, |_| {}).unwrap();
     writer.finish().unwrap();
     path
 }
@@ -515,13 +507,10 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
     // The same bytes, a millisecond apart each frame.
     let timed = directory.path().join("timed.mcap");
     let mut writer = Writer::create(&timed, &About::default()).unwrap();
-    let stream = bead::recording::file::Recording::open(Path::new(untimed))
-        .unwrap()
-        .stream();
-    for (n, run) in (0..).zip(stream.split_inclusive(|byte| *byte == 0)) {
-        writer
-            .write_at(run, 1_700_000_000_000_000_000 + 1_000_000 * n)
-            .unwrap();
+    let pieces = Recording::open(Path::new(untimed)).unwrap().pieces().unwrap();
+    for (n, run) in (0..).zip(pieces) {
+        let received_ns = 1_700_000_000_000_000_000 + 1_000_000 * n;
+        writer.write(&run.bytes, Some(received_ns), |_| {}).unwrap();
     }
     writer.finish().unwrap();
     let timed = timed.to_str().unwrap();

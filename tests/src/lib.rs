@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use bead::bench::emulation::{Emulation, find_image};
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
-use bead::recording::frames::{self, Frame, Message};
+use bead::recording::frames::{self, Frame};
 use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd as FrontEndDesign, derive};
-use bead_wire::{Counters, MAX_REQUEST, Request, encode_request};
+use bead_wire::Message;
+use bead_wire::{ANY, Counters, MAX_REQUEST, Request, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use stm32f405_qemu::{Outcome, Run, UartInput};
 
@@ -102,7 +103,7 @@ pub struct Heard {
 
 impl Heard {
     /// The fault frames, in the order in which they came.
-    pub fn faults(&self) -> impl Iterator<Item = &frames::Fault> {
+    pub fn faults(&self) -> impl Iterator<Item = &bead_wire::Fault> {
         self.frames.iter().filter_map(|frame| match &frame.message {
             Message::Fault(fault) => Some(fault),
             _ => None,
@@ -134,7 +135,7 @@ impl Heard {
     }
 
     /// The replies to a request: their places among the frames.
-    pub fn replies(&self, request: u16) -> impl Iterator<Item = (usize, &frames::Reply)> {
+    pub fn replies(&self, request: u16) -> impl Iterator<Item = (usize, &bead_wire::Reply)> {
         self.frames
             .iter()
             .enumerate()
@@ -154,7 +155,7 @@ impl Heard {
             .next()
             .unwrap_or_else(|| panic!("request {request} has no reply"));
         assert!(replies.next().is_none(), "request {request} has one reply");
-        (reply.outcome, reply.detail.clone())
+        (reply.outcome, reply.detail.as_str().to_owned())
     }
 
     /// What the bead sent within 30 ms before its reply to a request: what was asked for.
@@ -175,7 +176,7 @@ impl Heard {
     /// Boot and reset cause of each identity, one a boot.
     pub fn boots(&self) -> Vec<(u32, u8)> {
         let identities = self.frames.iter().filter_map(|frame| match &frame.message {
-            Message::Identity(identity) => Some((identity.boot, identity.reset_cause)),
+            Message::Identity(identity) => Some((identity.boot, identity.reset_cause.bits())),
             _ => None,
         });
         let mut boots: Vec<_> = identities.collect();
@@ -206,16 +207,16 @@ impl Heard {
     }
 }
 
-/// A run of the image that is asked things.
-pub struct Asking {
+/// A run of the image that gets requests.
+pub struct Requests {
     /// The machine, to be given more.
     pub machine: Run,
     block: Vec<u8>,
     next: u16,
 }
 
-impl Asking {
-    /// A run that is not yet asked anything.
+impl Requests {
+    /// A run without requests so far.
     pub fn new(run: &Emulation) -> Self {
         Self {
             machine: run.machine(),
@@ -228,16 +229,17 @@ impl Asking {
     ///
     /// # Panics
     /// It is no request that can be sent.
-    pub fn ask(&mut self, at: f64, request: &Request<'_>) -> u16 {
+    pub fn request(&mut self, at: f64, request: &Request) -> u16 {
         let number = self.next;
         self.next += 1;
         let mut buffer = [0; MAX_REQUEST];
-        let bytes = encode_request(number, request, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
+        let bytes =
+            encode_request(ANY, number, request, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
         self.send(at, bytes);
         number
     }
 
-    /// Sends any bytes, as [`ask`](Self::ask) does.
+    /// Sends any bytes, as [`request`](Self::request) does.
     pub fn send(&mut self, at: f64, bytes: &[u8]) {
         self.machine.uart_input.push(UartInput {
             at_ns: (at * 1e9) as u64,
@@ -249,9 +251,9 @@ impl Asking {
     ///
     /// # Panics
     /// QEMU fails.
-    pub fn run(self) -> Asked {
+    pub fn run(self) -> Answered {
         let outcome = self.machine.execute().unwrap_or_else(|error| panic!("{error}"));
-        Asked {
+        Answered {
             heard: Heard::new(outcome.uart.clone()),
             rows: self.machine.stimulus,
             block: self.block,
@@ -259,7 +261,7 @@ impl Asking {
         }
     }
 
-    /// When the image takes the first scan, s after power-up. Nothing that it is asked later changes that.
+    /// When the image takes the first scan, s after power-up. No request changes that.
     ///
     /// # Panics
     /// QEMU fails, or the image never samples.
@@ -271,8 +273,8 @@ impl Asking {
     }
 }
 
-/// What came of a run that was asked things.
-pub struct Asked {
+/// What came of a run that got requests.
+pub struct Answered {
     /// What the emulator saw.
     pub outcome: Outcome,
     /// What the bead said.

@@ -4,11 +4,11 @@ use bead::bench::emulation::Emulation;
 use bead::bench::faults::{self, Planned};
 use bead::bench::sensed::Timing;
 use bead::comparison::replay::replay;
-use bead::recording::frames::{Frame, Message, joules};
+use bead::recording::frames::Frame;
 use bead::recording::strikes::{RecordedStrike, assemble};
-use bead_model::Flags;
 use bead_tests::{Heard, paper_at};
-use bead_wire::{FaultCause, Health, SettingsSource, Strike};
+use bead_wire::Message;
+use bead_wire::{Energy, FaultCause, Health, SettingsSource, Standing, StrikeFlags};
 use stm32f405_qemu::{Outcome, Poke, ResetCause};
 
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A reset from
@@ -38,7 +38,7 @@ impl Survived {
         machine.pokes = pokes;
         let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
         let heard = Heard::new(outcome.uart.clone());
-        let strikes = assemble(&heard.frames, None);
+        let strikes = assemble(heard.frames.clone(), None);
         Self {
             run,
             rows: machine.stimulus,
@@ -70,9 +70,9 @@ impl Survived {
             .last()
             .expect("the strike after the fault is measured");
         assert_eq!(replay(strike).first_difference, None);
-        assert_eq!(strike.said.flags, 0);
+        assert_eq!(strike.said.flags, StrikeFlags::NONE);
         let absorbed = self.run.truth.truth.absorbed;
-        let off = |bits: i64| joules(bits) / absorbed - 1.0;
+        let off = |energy: Energy| energy.joules() / absorbed - 1.0;
         let (a, b) = (
             off(strike.said.absorbed_measured),
             off(strike.said.absorbed_predicted),
@@ -257,7 +257,7 @@ fn a_power_cut_is_told_by_the_reset_cause_alone_and_a_later_strike_is_measured()
     let opening = |frame: &&Frame| frame.header.sequence == 0;
     let boots = survived.heard.frames.iter().filter(opening);
     let boots = boots.map(|frame| match &frame.message {
-        Message::Identity(identity) => (identity.boot, identity.reset_cause),
+        Message::Identity(identity) => (identity.boot, identity.reset_cause.bits()),
         other => panic!("{other:?} opens a boot"),
     });
     assert_eq!(boots.collect::<Vec<_>>(), [(0, POWER_UP); 2]);
@@ -301,7 +301,7 @@ fn a_force_at_its_rail_is_told_and_the_strike_that_its_step_looks_like_is_flagge
     );
     assert_eq!(survived.details()[1], "force_railed");
     assert_eq!(survived.strikes.len(), 2);
-    assert_ne!(survived.strikes[0].said.flags & 1, 0, "force at a rail");
+    assert!(survived.strikes[0].said.flags.has(StrikeFlags::FORCE_RAILED));
     let expected = Health {
         force_railed: 1,
         ..sound()
@@ -334,11 +334,15 @@ fn a_sensor_that_is_stuck_to_the_end_stands_in_the_health_frame_and_flags_strike
     };
     let survived = Survived::new(timing, "[[fault]]\nat = 0.05\nkind = \"acceleration_stuck\"\n");
     assert_eq!(survived.causes(), [FaultCause::AccelerationStuck]);
-    let flags: Vec<u16> = survived.strikes.iter().map(|strike| strike.said.flags).collect();
+    let flags: Vec<StrikeFlags> = survived.strikes.iter().map(|strike| strike.said.flags).collect();
     // A stuck accelerometer feels nothing absorbed.
-    let after = Strike::SENSOR_FAULT | Flags::ESTIMATES_DIFFER.bits();
-    assert_eq!(flags, [0, after], "before it was stuck, and after");
-    assert_eq!(survived.heard.health().standing, Health::ACCELERATION_STUCK);
+    let after = StrikeFlags::SENSOR_FAULT.with(StrikeFlags::ESTIMATES_DIFFER);
+    assert_eq!(
+        flags,
+        [StrikeFlags::NONE, after],
+        "before it was stuck, and after"
+    );
+    assert_eq!(survived.heard.health().standing, Standing::ACCELERATION_STUCK);
     // Put out at first; one flash at once, three at 1 s.
     assert_eq!(survived.light(), 1 + 2 * (1 + 3));
 }
@@ -426,7 +430,10 @@ fn a_converter_that_never_recovers_is_given_up_by_the_bead_itself_which_says_so(
         .faults()
         .find(|fault| fault.cause == FaultCause::Panic);
     let detail = &reported.expect("the panic is reported").detail;
-    assert!(detail.starts_with("no samples arrive (watchdog.rs:"), "{detail}");
+    assert!(
+        detail.as_str().starts_with("no samples arrive (watchdog.rs:"),
+        "{detail}"
+    );
 }
 
 #[test]
@@ -439,7 +446,7 @@ fn settings_that_are_damaged_are_refused_and_said_to_be_and_the_built_in_ones_me
     let survived = Survived {
         rows: machine.stimulus,
         heard: Heard::new(outcome.uart.clone()),
-        strikes: assemble(&Heard::new(outcome.uart.clone()).frames, None),
+        strikes: assemble(Heard::new(outcome.uart.clone()).frames.clone(), None),
         outcome,
         run,
     };

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 /// A run with two strikes, heard without noise.
 static CLEAN: LazyLock<Heard> = LazyLock::new(|| {
     let run = paper(2, 0.05, Some(1)).run();
-    Heard::new(run.unwrap_or_else(|failure| panic!("{failure}")).0)
+    Heard::new(run.unwrap_or_else(|failure| panic!("{failure}")).stream)
 });
 
 /// A frame's identity: nothing that depends on what was lost before it.

@@ -1,11 +1,11 @@
-//! What a host asks of the image: done, or refused by name; and whatever it sends, strikes are measured as if it had not.
+//! What a host requests of the image: done, or refused by name; and whatever it sends, strikes are measured as if it had not.
 
 use std::sync::LazyLock;
 
-use bead::recording::frames::Message;
 use bead::recording::strikes::{RecordedStrike, assemble};
-use bead_tests::{Asked, Asking, paper};
-use bead_wire::{Check, Link, MAX_REQUEST, Outcome, Request, encode_request};
+use bead_tests::{Answered, Requests, paper};
+use bead_wire::Message;
+use bead_wire::{ANY, Check, Link, MAX_REQUEST, Outcome, Request, Standing, encode_request};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
@@ -16,15 +16,15 @@ const LINE: f64 = 200e3;
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, which pulls the pin as well.
 const SOFTWARE: u8 = 1 << 4 | 1 << 2;
 
-/// Two strikes with nobody asking anything.
+/// Two strikes with no request.
 static QUIET: LazyLock<Vec<RecordedStrike>> = LazyLock::new(|| {
-    let asked = Asking::new(&paper(2, 0.1, Some(1))).run();
-    assemble(&asked.heard.frames, None)
+    let answered = Requests::new(&paper(2, 0.1, Some(1))).run();
+    assemble(answered.heard.frames.clone(), None)
 });
 
 /// Two strikes while the line is busy with `bytes` from 10 ms before the first to 50 ms after it.
-fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> Asked {
-    let mut asking = Asking::new(&paper(2, 0.1, Some(1)));
+fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> Answered {
+    let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
     let mut random = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
     let (from, to) = (0.02, 0.1);
     let mut sent = 0;
@@ -32,40 +32,40 @@ fn flooded(bytes: impl Fn(&mut TestRng) -> Vec<u8>) -> Asked {
         let piece = bytes(&mut random);
         sent += piece.len();
         // Back to back: each piece is due while the one before is still being sent.
-        asking.send(from, &piece);
+        requests.send(from, &piece);
     }
-    asking.ask(0.2, &Request::Identity);
-    asking.run()
+    requests.request(0.2, &Request::Identity);
+    requests.run()
 }
 
 /// Every byte of a flood came in, and the request behind it was understood.
-fn assert_heard(asked: &Asked) {
+fn assert_heard(answered: &Answered) {
     let sent = (0.08 * LINE) as u64;
-    let request = encode_request(0, &Request::Identity, &mut [0; MAX_REQUEST])
+    let request = encode_request(ANY, 0, &Request::Identity, &mut [0; MAX_REQUEST])
         .map(<[u8]>::len)
         .unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(asked.heard.link().bytes, sent + request as u64);
-    assert_eq!(asked.heard.answer(0).0, Outcome::Done);
+    assert_eq!(answered.heard.link().bytes, sent + request as u64);
+    assert_eq!(answered.heard.answer(0).0, Outcome::Done);
 }
 
 /// Nothing that the host sent made a difference to the strikes, or to any frame of the bead's own.
-fn assert_undisturbed(asked: &Asked) {
-    let strikes = assemble(&asked.heard.frames, None);
+fn assert_undisturbed(answered: &Answered) {
+    let strikes = assemble(answered.heard.frames.clone(), None);
     assert_eq!(strikes.len(), 2);
     for (strike, quiet) in strikes.iter().zip(QUIET.iter()) {
         assert_eq!(strike.said, quiet.said, "A and B in every bit");
         assert_eq!((&strike.scans, &strike.chunks), (&quiet.scans, &quiet.chunks));
         assert_eq!(strike.shape, quiet.shape);
     }
-    let status = asked.heard.status();
+    let status = answered.heard.status();
     assert_eq!((status.overruns, status.blocks_dropped, status.epoch), (0, 0, 0));
     assert_eq!(
-        (status.frames_dropped_queue_full, asked.heard.counters.lost),
+        (status.frames_dropped_queue_full, answered.heard.counters.lost),
         (0, 0)
     );
-    assert_eq!((asked.outcome.overruns, asked.outcome.resets.len()), (0, 0));
-    assert_eq!(asked.heard.faults().count(), 0);
-    assert_eq!(asked.outcome.unknown_registers, []);
+    assert_eq!((answered.outcome.overruns, answered.outcome.resets.len()), (0, 0));
+    assert_eq!(answered.heard.faults().count(), 0);
+    assert_eq!(answered.outcome.unknown_registers, []);
 }
 
 fn rejected(link: &Link) -> u32 {
@@ -81,19 +81,19 @@ fn rejected(link: &Link) -> u32 {
 
 #[test]
 fn a_flood_of_garbage_at_full_rate_changes_no_bit_and_is_counted() {
-    let asked = flooded(|random| {
+    let answered = flooded(|random| {
         let mut bytes = vec![0; 1000];
         random.fill_bytes(&mut bytes);
         bytes
     });
-    assert_undisturbed(&asked);
-    let link = asked.heard.link();
+    assert_undisturbed(&answered);
+    let link = answered.heard.link();
     println!("{link:?}");
     // Every 256th byte ends something.
     assert!((50..80).contains(&rejected(&link)), "{link:?}");
     assert_eq!((link.requests, link.overruns, link.line_errors), (1, 0, 0));
     assert_eq!(
-        asked.heard.answer(0).0,
+        answered.heard.answer(0).0,
         Outcome::Done,
         "and then a request is understood"
     );
@@ -101,34 +101,34 @@ fn a_flood_of_garbage_at_full_rate_changes_no_bit_and_is_counted() {
 
 #[test]
 fn a_flood_of_delimiters_changes_no_bit() {
-    let asked = flooded(|_| vec![0; 1000]);
-    assert_undisturbed(&asked);
-    assert_eq!(rejected(&asked.heard.link()), 0, "nothing stood between them");
-    assert_heard(&asked);
+    let answered = flooded(|_| vec![0; 1000]);
+    assert_undisturbed(&answered);
+    assert_eq!(rejected(&answered.heard.link()), 0, "nothing stood between them");
+    assert_heard(&answered);
 }
 
 #[test]
 fn a_flood_without_a_delimiter_changes_no_bit_and_costs_one_reject() {
-    let asked = flooded(|_| vec![0xA5; 1000]);
-    assert_undisturbed(&asked);
-    let link = asked.heard.link();
+    let answered = flooded(|_| vec![0xA5; 1000]);
+    assert_undisturbed(&answered);
+    let link = answered.heard.link();
     assert_eq!((link.rejected_too_long, rejected(&link)), (1, 1));
-    assert_heard(&asked);
+    assert_heard(&answered);
 }
 
 #[test]
 fn a_flood_of_requests_that_are_refused_changes_no_bit() {
     // Whole in every way but that the kind is none: each is owed a reply.
-    let unknown = bead_tests::framed(&[bead_wire::VERSION, 99, 1, 0]);
-    let asked = flooded(|_| unknown.repeat(100));
-    assert_undisturbed(&asked);
-    let link = asked.heard.link();
+    let unknown = bead_tests::framed(&[bead_wire::VERSION, 99, 1, 0, ANY]);
+    let answered = flooded(|_| unknown.repeat(100));
+    assert_undisturbed(&answered);
+    let link = answered.heard.link();
     println!("{link:?}");
     assert!(link.rejected_kind > 100, "{link:?}");
     // What waited for its reply was more than the receiver holds.
     assert!(link.overruns > 0, "{link:?}");
     assert_eq!(
-        asked.heard.answer(0).0,
+        answered.heard.answer(0).0,
         Outcome::Done,
         "when the line is quiet again"
     );
@@ -136,32 +136,32 @@ fn a_flood_of_requests_that_are_refused_changes_no_bit() {
 
 #[test]
 fn a_line_that_falls_idle_after_every_byte_changes_no_bit() {
-    let mut asking = Asking::new(&paper(2, 0.1, Some(1)));
+    let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
     // A byte takes 5 µs, the line is idle after 5 more: an interrupt each 11 µs.
     for n in 0..7000 {
-        asking.send(0.02 + f64::from(n) * 11e-6, &[n as u8]);
+        requests.send(0.02 + f64::from(n) * 11e-6, &[n as u8]);
     }
-    let asked = asking.run();
-    assert_undisturbed(&asked);
-    assert_eq!(asked.heard.link().bytes, 7000);
+    let answered = requests.run();
+    assert_undisturbed(&answered);
+    assert_eq!(answered.heard.link().bytes, 7000);
 }
 
 #[test]
 fn each_request_is_answered_with_what_it_asks_for() {
-    let mut asking = Asking::new(&paper(0, 0.1, Some(1)));
-    let requests = [
+    let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
+    let sent = [
         Request::Identity,
         Request::Status,
         Request::ReadSettings,
         Request::SelfTest,
     ];
-    for (n, request) in (0..).zip(&requests) {
-        asking.ask(0.2 + 0.1 * f64::from(n), request);
+    for (n, request) in (0..).zip(&sent) {
+        requests.request(0.2 + 0.1 * f64::from(n), request);
     }
-    let asked = asking.run();
+    let answered = requests.run();
     // What the bead says by itself comes at boot and each second.
-    let answers: Vec<Vec<&Message>> = (0..requests.len() as u16)
-        .map(|number| asked.heard.answered(number))
+    let answers: Vec<Vec<&Message>> = (0..sent.len() as u16)
+        .map(|number| answered.heard.answered(number))
         .collect();
     let [Message::Identity(identity)] = answers[0][..] else {
         panic!("{:?}", answers[0]);
@@ -176,12 +176,12 @@ fn each_request_is_answered_with_what_it_asks_for() {
         panic!("{:?}", answers[1]);
     };
     assert!(status.armed && status.samples > RATE / 5);
-    assert_eq!((health.supply_mv, health.standing), (3300, 0));
+    assert_eq!((health.supply_mv, health.standing), (3300, Standing::NONE));
     assert_eq!(link.requests, 1, "the one before; this is being answered");
     let [Message::Settings(block)] = answers[2][..] else {
         panic!("{:?}", answers[2]);
     };
-    assert_eq!(*block, asked.block);
+    assert_eq!(block.block.bytes(), answered.block);
     let checks: Vec<_> = answers[3]
         .iter()
         .map(|message| match message {
@@ -201,10 +201,13 @@ fn each_request_is_answered_with_what_it_asks_for() {
     ];
     assert_eq!(checks, all.map(|check| (check, true)));
     assert_eq!(
-        asked.heard.answer(3),
+        answered.heard.answer(3),
         (Outcome::Done, "8 of 8 checks passed".to_owned())
     );
-    assert_eq!((asked.outcome.overruns, asked.heard.faults().count()), (0, 0));
+    assert_eq!(
+        (answered.outcome.overruns, answered.heard.faults().count()),
+        (0, 0)
+    );
 }
 
 #[test]
@@ -216,10 +219,10 @@ fn a_self_test_names_what_fails() {
         "faults",
     )
     .unwrap_or_else(|failure| panic!("{failure}"));
-    let mut asking = Asking::new(&run);
-    asking.ask(0.5, &Request::SelfTest);
-    let asked = asking.run();
-    let failed: Vec<_> = asked
+    let mut requests = Requests::new(&run);
+    requests.request(0.5, &Request::SelfTest);
+    let answered = requests.run();
+    let failed: Vec<_> = answered
         .heard
         .answered(0)
         .into_iter()
@@ -230,39 +233,39 @@ fn a_self_test_names_what_fails() {
         .collect();
     assert_eq!(failed, [Check::Supply, Check::Force]);
     assert_eq!(
-        asked.heard.answer(0),
+        answered.heard.answer(0),
         (Outcome::Done, "6 of 8 checks passed".to_owned())
     );
 }
 
 #[test]
 fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happens() {
-    let mut asking = Asking::new(&paper(0, 0.1, Some(1)));
+    let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
     let version = bead_wire::VERSION;
-    asking.send(0.20, &bead_tests::framed(&[version + 1, 64, 1, 0]));
-    asking.send(0.22, &bead_tests::framed(&[version, 99, 2, 0]));
-    asking.send(0.24, &bead_tests::framed(&[version, 69, 3, 0, 7]));
-    asking.send(0.26, &bead_tests::framed(&[version, 72, 4, 0]));
-    asking.send(0.28, &bead_tests::framed(&[version, 67, 5, 0, 9, 1, 2]));
-    let mut corrupt = encode_request(6, &Request::Disarm, &mut [0; MAX_REQUEST])
+    requests.send(0.20, &bead_tests::framed(&[version + 1, 64, 1, 0, ANY]));
+    requests.send(0.22, &bead_tests::framed(&[version, 99, 2, 0, ANY]));
+    requests.send(0.24, &bead_tests::framed(&[version, 69, 3, 0, ANY, 7]));
+    requests.send(0.26, &bead_tests::framed(&[version, 72, 4, 0, ANY]));
+    requests.send(0.28, &bead_tests::framed(&[version, 67, 5, 0, ANY, 9, 1, 2]));
+    let mut corrupt = encode_request(ANY, 6, &Request::Disarm, &mut [0; MAX_REQUEST])
         .unwrap_or_else(|error| panic!("{error}"))
         .to_vec();
     corrupt[3] ^= 1;
-    asking.send(0.30, &corrupt);
+    requests.send(0.30, &corrupt);
     // The number that its sender would have given the last one.
-    let asked = asking.run();
-    let refused = |number| asked.heard.answer(number).0;
+    let answered = requests.run();
+    let refused = |number| answered.heard.answer(number).0;
     assert_eq!(refused(1), Outcome::Version);
     assert_eq!(refused(2), Outcome::Kind);
     assert_eq!(refused(3), Outcome::Body);
     assert_eq!(refused(4), Outcome::Body);
     assert_eq!(refused(5), Outcome::Body);
     assert_eq!(
-        asked.heard.replies(6).count(),
+        answered.heard.replies(6).count(),
         0,
         "a number that cannot be believed is not replied to"
     );
-    let link = asked.heard.link();
+    let link = answered.heard.link();
     let expected = Link {
         bytes: link.bytes,
         rejected_version: 1,
@@ -273,18 +276,18 @@ fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happen
         ..Link::default()
     };
     assert_eq!(link, expected);
-    assert!(asked.heard.status().armed);
+    assert!(answered.heard.status().armed);
 }
 
 #[test]
 fn a_disarmed_bead_measures_no_strike_and_an_armed_one_does_again() {
     // Strikes at 20, 120, 220, 320 ms after the first scan, which comes some 17 ms after power-up.
-    let mut asking = Asking::new(&paper(4, 0.1, Some(1)));
-    asking.ask(0.1, &Request::Disarm);
-    asking.ask(0.29, &Request::Status);
-    asking.ask(0.3, &Request::Arm);
-    let asked = asking.run();
-    let strikes = assemble(&asked.heard.frames, None);
+    let mut requests = Requests::new(&paper(4, 0.1, Some(1)));
+    requests.request(0.1, &Request::Disarm);
+    requests.request(0.29, &Request::Status);
+    requests.request(0.3, &Request::Arm);
+    let answered = requests.run();
+    let strikes = assemble(answered.heard.frames.clone(), None);
     let at: Vec<_> = strikes
         .iter()
         .map(|strike| strike.said.trigger_index / 1000)
@@ -292,50 +295,53 @@ fn a_disarmed_bead_measures_no_strike_and_an_armed_one_does_again() {
     assert_eq!(at, [2, 32], "tens of ms");
     let numbers: Vec<_> = strikes.iter().map(|strike| strike.said.strike).collect();
     assert_eq!(numbers, [0, 1]);
-    let [Message::Status(status), ..] = asked.heard.answered(1)[..] else {
+    let [Message::Status(status), ..] = answered.heard.answered(1)[..] else {
         panic!("no status");
     };
     assert!(!status.armed);
-    assert!(asked.heard.status().armed);
+    assert!(answered.heard.status().armed);
     // Not armed is not blind: samples go on, and sensors are watched.
-    assert_eq!((asked.heard.status().epoch, asked.heard.faults().count()), (0, 0));
+    assert_eq!(
+        (answered.heard.status().epoch, answered.heard.faults().count()),
+        (0, 0)
+    );
 }
 
 #[test]
 fn a_strike_that_is_being_measured_when_the_bead_is_disarmed_is_measured_to_its_end() {
     let sampling = QUIET[0].said.trigger_index as f64 / RATE as f64;
-    let mut asking = Asking::new(&paper(2, 0.1, Some(1)));
+    let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
     // The window takes 4 ms, of which 1.3 ms lie before the trigger.
-    let first = asking.first_scan();
-    asking.ask(first + sampling + 0.001, &Request::Disarm);
-    let asked = asking.run();
-    let strikes = assemble(&asked.heard.frames, None);
+    let first = requests.first_scan();
+    requests.request(first + sampling + 0.001, &Request::Disarm);
+    let answered = requests.run();
+    let strikes = assemble(answered.heard.frames.clone(), None);
     assert_eq!(strikes.len(), 1);
     assert_eq!(strikes[0].said, QUIET[0].said);
 }
 
 #[test]
 fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_carry() {
-    let mut asking = Asking::new(&paper(2, 0.1, Some(1)));
-    asking.ask(0.02, &Request::Raw { duration_ms: 300 });
-    let asked = asking.run();
+    let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
+    requests.request(0.02, &Request::Raw { duration_ms: 300 });
+    let answered = requests.run();
     let mut raw = 0;
     let mut next = None;
     let mut gaps = 0;
-    for frame in &asked.heard.frames {
+    for frame in &answered.heard.frames {
         let Message::Raw(piece) = &frame.message else {
             continue;
         };
-        for (index, codes) in (piece.first_index as usize..).zip(&piece.codes) {
+        for (index, codes) in (piece.first_index as usize..).zip(piece.codes.iter()) {
             // Scan 0 was started by software, before the first row.
-            let [force, _, acceleration, _] = asked.rows[index.max(1) - 1];
-            assert_eq!(*codes, [force, acceleration], "scan {index}");
+            let [force, _, acceleration, _] = answered.rows[index.max(1) - 1];
+            assert_eq!(codes, [force, acceleration], "scan {index}");
         }
         gaps += u64::from(next.is_some_and(|next| next != piece.first_index));
         next = Some(piece.first_index + piece.codes.len() as u64);
         raw += piece.codes.len() as u64;
     }
-    let link = asked.heard.link();
+    let link = answered.heard.link();
     assert_eq!(
         (link.raw_sent, link.raw_sent + link.raw_dropped),
         (raw, 3 * RATE / 10)
@@ -343,18 +349,18 @@ fn a_raw_stream_carries_what_the_converter_gave_and_counts_what_it_could_not_car
     println!("{raw} of {} scans in {gaps} gaps", 3 * RATE / 10);
     // 124 bytes take 32 scans over a line of 200 bytes a millisecond.
     assert!((45..55).contains(&(100 * raw / (3 * RATE / 10))), "{raw}");
-    assert_undisturbed(&asked);
-    assert_eq!(asked.heard.answer(0).0, Outcome::Done);
+    assert_undisturbed(&answered);
+    assert_eq!(answered.heard.answer(0).0, Outcome::Done);
 }
 
 #[test]
 fn a_raw_stream_ends_when_asked_and_is_refused_if_it_is_too_long() {
-    let mut asking = Asking::new(&paper(0, 0.1, Some(1)));
-    asking.ask(0.1, &Request::Raw { duration_ms: 10_001 });
-    asking.ask(0.2, &Request::Raw { duration_ms: 10_000 });
-    asking.ask(0.4, &Request::Raw { duration_ms: 0 });
-    let asked = asking.run();
-    let refused = asked.heard.answer(0);
+    let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
+    requests.request(0.1, &Request::Raw { duration_ms: 10_001 });
+    requests.request(0.2, &Request::Raw { duration_ms: 10_000 });
+    requests.request(0.4, &Request::Raw { duration_ms: 0 });
+    let answered = requests.run();
+    let refused = answered.heard.answer(0);
     assert_eq!(
         refused,
         (
@@ -362,7 +368,7 @@ fn a_raw_stream_ends_when_asked_and_is_refused_if_it_is_too_long() {
             "a raw stream lasts 10000 ms at most".to_owned()
         )
     );
-    let link = asked.heard.link();
+    let link = answered.heard.link();
     let scans = link.raw_sent + link.raw_dropped;
     assert!((19_000..=21_000).contains(&scans), "{scans}");
 }
@@ -372,53 +378,56 @@ fn counters_are_reset_and_what_identifies_a_strike_is_not() {
     let mut run = paper(2, 0.1, Some(1));
     run.faults = bead::bench::faults::parse("[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n", "faults")
         .unwrap_or_else(|failure| panic!("{failure}"));
-    let mut asking = Asking::new(&run);
-    asking.send(0.05, &[9, 1, 0]);
-    asking.ask(0.09, &Request::Status);
-    asking.ask(0.1, &Request::ResetCounters);
-    let asked = asking.run();
-    let [.., Message::Status(status), _, Message::Link(link)] = asked.heard.answered(0)[..] else {
+    let mut requests = Requests::new(&run);
+    requests.send(0.05, &[9, 1, 0]);
+    requests.request(0.09, &Request::Status);
+    requests.request(0.1, &Request::ResetCounters);
+    let answered = requests.run();
+    let [.., Message::Status(status), _, Message::Link(link)] = answered.heard.answered(0)[..] else {
         panic!("no status");
     };
     assert_eq!((status.overruns, link.rejected_cobs), (1, 1));
-    let (status, link) = (asked.heard.status(), asked.heard.link());
+    let (status, link) = (answered.heard.status(), answered.heard.link());
     assert_eq!((status.overruns, link.rejected_cobs), (0, 0));
     assert_eq!((status.epoch, status.strikes), (1, 2));
-    assert_eq!(assemble(&asked.heard.frames, None)[1].said.strike, 1);
-    assert_eq!(asked.outcome.resets, [], "the watchdog does not mind");
+    assert_eq!(assemble(answered.heard.frames.clone(), None)[1].said.strike, 1);
+    assert_eq!(answered.outcome.resets, [], "the watchdog does not mind");
 }
 
 #[test]
 fn a_reboot_replies_loses_no_frame_and_is_no_fault() {
-    let mut asking = Asking::new(&paper(2, 0.1, Some(1)));
-    asking.ask(0.1, &Request::Reboot);
-    let asked = asking.run();
-    assert_eq!(asked.heard.answer(0).0, Outcome::Done);
-    assert_eq!(asked.outcome.resets.len(), 1);
-    let boots = asked.heard.boots();
+    let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
+    requests.request(0.1, &Request::Reboot);
+    let answered = requests.run();
+    assert_eq!(answered.heard.answer(0).0, Outcome::Done);
+    assert_eq!(answered.outcome.resets.len(), 1);
+    let boots = answered.heard.boots();
     assert_eq!((boots.len(), boots[1]), (2, (1, SOFTWARE)));
     assert_eq!(
-        (asked.heard.counters.lost, asked.heard.counters.rejected.total()),
+        (
+            answered.heard.counters.lost,
+            answered.heard.counters.rejected.total()
+        ),
         (0, 0)
     );
-    assert_eq!(asked.heard.faults().count(), 0);
-    assert_eq!(asked.heard.health().frames_lost_by_reset, 0);
-    assert_eq!(assemble(&asked.heard.frames, None).len(), 2);
+    assert_eq!(answered.heard.faults().count(), 0);
+    assert_eq!(answered.heard.health().frames_lost_by_reset, 0);
+    assert_eq!(assemble(answered.heard.frames.clone(), None).len(), 2);
 }
 
 #[test]
 fn a_flood_of_requests_is_done_as_far_as_it_is_heard_and_none_of_it_twice() {
-    let mut asking = Asking::new(&paper(2, 0.1, Some(1)));
+    let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
     for _ in 0..1500 {
         // Back to back: each is due while the one before is still being sent.
-        asking.ask(0.02, &Request::Arm);
+        requests.request(0.02, &Request::Arm);
     }
-    let last = asking.ask(0.2, &Request::Arm);
-    let asked = asking.run();
-    assert_undisturbed(&asked);
-    let replies: Vec<_> = (0..=last).map(|n| asked.heard.replies(n).count()).collect();
+    let last = requests.request(0.2, &Request::Arm);
+    let answered = requests.run();
+    assert_undisturbed(&answered);
+    let replies: Vec<_> = (0..=last).map(|n| answered.heard.replies(n).count()).collect();
     let heard: usize = replies.iter().sum();
-    let link = asked.heard.link();
+    let link = answered.heard.link();
     println!(
         "{heard} of {} requests, {} overruns",
         replies.len(),
@@ -430,7 +439,7 @@ fn a_flood_of_requests_is_done_as_far_as_it_is_heard_and_none_of_it_twice() {
     assert!(rejected(&link) <= link.overruns, "{link:?}");
     assert!(link.overruns > 0 && heard > 100);
     assert_eq!(
-        asked.heard.answer(last).0,
+        answered.heard.answer(last).0,
         Outcome::Done,
         "when the line is quiet again"
     );

@@ -6,13 +6,14 @@ use std::sync::LazyLock;
 
 use bead::bench::emulation::Emulation;
 use bead::comparison::replay::replay;
-use bead::recording::frames::{Frame, Message};
+use bead::recording::frames::Frame;
 use bead::recording::strikes::assemble;
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
 use bead_store::Store;
-use bead_tests::{Asked, Asking, paper, settings_at};
-use bead_wire::{FaultCause, Outcome, Request, SettingsSource};
+use bead_tests::{Answered, Requests, paper, settings_at};
+use bead_wire::Message;
+use bead_wire::{Block, FaultCause, Outcome, Request, SettingsSource, StrikeFlags};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use ram::{RANGE, Ram};
 use stm32f405_qemu::{Fault, FaultKind};
@@ -23,11 +24,11 @@ const STORE_ADDRESS: u32 = 0x080C_0000;
 /// No strikes, and the first 150 ms of that.
 static SHORT: LazyLock<Emulation> = LazyLock::new(|| paper(0, 0.1, Some(1)));
 
-fn short() -> Asking {
-    let mut asking = Asking::new(&SHORT);
-    asking.machine.stimulus.truncate(15_000);
-    asking.machine.count_instructions = false;
-    asking
+fn short() -> Requests {
+    let mut requests = Requests::new(&SHORT);
+    requests.machine.stimulus.truncate(15_000);
+    requests.machine.count_instructions = false;
+    requests
 }
 
 fn block(settings: &Settings) -> Vec<u8> {
@@ -45,8 +46,10 @@ fn windows_of(length: u16) -> Vec<u8> {
     block(&settings)
 }
 
-fn write(block: &[u8]) -> Request<'_> {
-    Request::WriteSettings { block }
+fn write(block: &[u8]) -> Request {
+    Request::WriteSettings {
+        block: Block::try_from(block).unwrap(),
+    }
 }
 
 /// The blocks that the bead told, each once in a row.
@@ -54,7 +57,7 @@ fn told(frames: &[Frame]) -> Vec<&[u8]> {
     let mut blocks: Vec<_> = frames
         .iter()
         .filter_map(|frame| match &frame.message {
-            Message::Settings(block) => Some(&block[..]),
+            Message::Settings(settings) => Some(settings.block.bytes()),
             _ => None,
         })
         .collect();
@@ -63,8 +66,8 @@ fn told(frames: &[Frame]) -> Vec<&[u8]> {
 }
 
 /// What the store of a run holds at its end, as the next start would find it.
-fn stored(asked: &Asked) -> Option<Vec<u8>> {
-    let (address, bytes) = &asked.outcome.flash;
+fn stored(answered: &Answered) -> Option<Vec<u8>> {
+    let (address, bytes) = &answered.outcome.flash;
     assert_eq!(*address, STORE_ADDRESS);
     let (mut store, opened) = Store::open(Ram::of(bytes), RANGE);
     assert!(!opened.lost);
@@ -74,16 +77,16 @@ fn stored(asked: &Asked) -> Option<Vec<u8>> {
 #[test]
 fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
     // Strikes at 20, 120, 220 and 320 ms after the first scan.
-    let mut asking = Asking::new(&paper(4, 0.1, Some(1)));
+    let mut requests = Requests::new(&paper(4, 0.1, Some(1)));
     let new = windows_of(300);
-    asking.ask(0.1, &write(&new));
-    asking.ask(0.2, &Request::Reboot);
-    asking.ask(0.3, &Request::EraseSettings);
-    asking.ask(0.31, &Request::Status);
-    let asked = asking.run();
-    let heard = &asked.heard;
+    requests.request(0.1, &write(&new));
+    requests.request(0.2, &Request::Reboot);
+    requests.request(0.3, &Request::EraseSettings);
+    requests.request(0.31, &Request::Status);
+    let answered = requests.run();
+    let heard = &answered.heard;
     assert_eq!(heard.answer(0), (Outcome::Done, String::new()));
-    let strikes = assemble(&heard.frames, None);
+    let strikes = assemble(heard.frames.clone(), None);
     let samples: Vec<_> = strikes.iter().map(|strike| strike.said.samples).collect();
     assert_eq!(
         samples,
@@ -92,9 +95,9 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
     );
     for strike in &strikes {
         assert_eq!(replay(strike).first_difference, None);
-        assert_eq!(strike.said.flags, 0);
+        assert_eq!(strike.said.flags, StrikeFlags::NONE);
     }
-    assert_eq!(told(&heard.frames), [&asked.block[..], &new, &asked.block]);
+    assert_eq!(told(&heard.frames), [&answered.block[..], &new, &answered.block]);
     let sources: Vec<_> = heard
         .frames
         .iter()
@@ -111,34 +114,34 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
     );
     assert_eq!(sources[2], (1, SettingsSource::Flash));
     assert_eq!(heard.faults().count(), 0);
-    assert_eq!((asked.outcome.overruns, heard.counters.lost), (0, 0));
+    assert_eq!((answered.outcome.overruns, heard.counters.lost), (0, 0));
     assert_eq!(heard.status().epoch, 0, "acquisition never paused");
-    assert_eq!((asked.outcome.unmodelled.len(), stored(&asked)), (0, None));
+    assert_eq!((answered.outcome.unmodelled.len(), stored(&answered)), (0, None));
 }
 
 #[test]
 fn a_write_while_a_strike_is_measured_changes_no_bit_of_it_and_holds_for_the_next() {
     let run = paper(2, 0.1, Some(1));
-    let quiet = assemble(&Asking::new(&run).run().heard.frames, None);
-    let mut asking = Asking::new(&run);
-    let during = asking.first_scan() + quiet[0].said.trigger_index as f64 / 100e3 + 0.0005;
+    let quiet = assemble(Requests::new(&run).run().heard.frames, None);
+    let mut requests = Requests::new(&run);
+    let during = requests.first_scan() + quiet[0].said.trigger_index as f64 / 100e3 + 0.0005;
     let new = windows_of(300);
-    asking.ask(during, &write(&new));
-    let asked = asking.run();
-    let first = asked
+    requests.request(during, &write(&new));
+    let answered = requests.run();
+    let first = answered
         .outcome
         .flash_operations
         .first()
         .expect("a word was programmed");
-    let last = asked.outcome.flash_operations.last().expect("and others");
+    let last = answered.outcome.flash_operations.last().expect("and others");
     let trigger = during * 1e9;
     println!(
         "{} words from {:.2} to {:.2} ms after the request",
-        asked.outcome.flash_operations.len(),
+        answered.outcome.flash_operations.len(),
         (first.at_ns as f64 - trigger) * 1e-6,
         (last.at_ns as f64 - trigger) * 1e-6
     );
-    let strikes = assemble(&asked.heard.frames, None);
+    let strikes = assemble(answered.heard.frames.clone(), None);
     assert_eq!(strikes[0].said, quiet[0].said);
     assert_eq!(
         (&strikes[0].scans, &strikes[0].chunks),
@@ -146,9 +149,9 @@ fn a_write_while_a_strike_is_measured_changes_no_bit_of_it_and_holds_for_the_nex
     );
     assert_eq!(strikes[1].said.samples, 300);
     assert_eq!(replay(&strikes[1]).first_difference, None);
-    let status = asked.heard.status();
+    let status = answered.heard.status();
     assert_eq!((status.overruns, status.blocks_dropped, status.epoch), (0, 0, 0));
-    assert_eq!(asked.heard.counters.lost, 0);
+    assert_eq!(answered.heard.counters.lost, 0);
 }
 
 /// A block with other bytes where its header ends, and a checksum that holds.
@@ -236,49 +239,49 @@ fn each_way_of_being_no_valid_settings_is_refused_by_name_and_leaves_flash_alone
             "settings for 200000 Hz; this image samples at 100000 Hz".to_owned(),
         ),
     ];
-    let mut asking = short();
+    let mut requests = short();
     for (n, (bytes, ..)) in cases.iter().enumerate() {
-        asking.ask(0.05 + 0.005 * n as f64, &write(bytes));
+        requests.request(0.05 + 0.005 * n as f64, &write(bytes));
     }
-    let status = asking.ask(0.12, &Request::Status);
-    asking.ask(0.125, &Request::ReadSettings);
-    let asked = asking.run();
+    let status = requests.request(0.12, &Request::Status);
+    requests.request(0.125, &Request::ReadSettings);
+    let answered = requests.run();
     for (n, (_, outcome, detail)) in (0..).zip(&cases) {
-        assert_eq!(asked.heard.answer(n), (*outcome, detail.clone()));
+        assert_eq!(answered.heard.answer(n), (*outcome, detail.clone()));
     }
-    assert_eq!(asked.outcome.flash_operations, []);
-    assert_eq!(told(&asked.heard.frames), [&asked.block[..]]);
-    assert_eq!(asked.heard.answer(status).0, Outcome::Done);
-    assert_eq!(asked.heard.status().settings_source, SettingsSource::Flash);
+    assert_eq!(answered.outcome.flash_operations, []);
+    assert_eq!(told(&answered.heard.frames), [&answered.block[..]]);
+    assert_eq!(answered.heard.answer(status).0, Outcome::Done);
+    assert_eq!(answered.heard.status().settings_source, SettingsSource::Flash);
 }
 
 #[test]
 fn without_a_block_of_a_probe_settings_are_stored_over_the_built_in_ones() {
     let new = windows_of(300);
-    let mut asking = short();
-    asking.machine.flash.clear();
-    asking.ask(0.05, &Request::Status);
-    asking.ask(0.06, &write(&new));
-    asking.ask(0.1, &Request::EraseSettings);
-    asking.ask(0.12, &Request::Status);
-    let asked = asking.run();
-    assert_eq!(asked.heard.answer(1).0, Outcome::Done);
+    let mut requests = short();
+    requests.machine.flash.clear();
+    requests.request(0.05, &Request::Status);
+    requests.request(0.06, &write(&new));
+    requests.request(0.1, &Request::EraseSettings);
+    requests.request(0.12, &Request::Status);
+    let answered = requests.run();
+    assert_eq!(answered.heard.answer(1).0, Outcome::Done);
     assert_eq!(
-        asked.heard.answer(2),
+        answered.heard.answer(2),
         (Outcome::Done, "built in, as flash has none".to_owned())
     );
-    assert_eq!(told(&asked.heard.frames).len(), 3);
-    assert_eq!(told(&asked.heard.frames)[1], new);
-    assert_eq!(asked.heard.status().settings_source, SettingsSource::BuiltIn);
+    assert_eq!(told(&answered.heard.frames).len(), 3);
+    assert_eq!(told(&answered.heard.frames)[1], new);
+    assert_eq!(answered.heard.status().settings_source, SettingsSource::BuiltIn);
 }
 
 /// A start with this in the store.
-fn start_with(store: Vec<u8>) -> Asked {
-    let mut asking = short();
-    asking.machine.flash.push((STORE_ADDRESS, store));
+fn start_with(store: Vec<u8>) -> Answered {
+    let mut requests = short();
+    requests.machine.flash.push((STORE_ADDRESS, store));
     // Two sectors may have to be erased, 2 s each.
-    asking.machine.sampling_deadline_ns = 5_000_000_000;
-    asking.run()
+    requests.machine.sampling_deadline_ns = 5_000_000_000;
+    requests.run()
 }
 
 #[test]
@@ -286,46 +289,46 @@ fn a_stored_block_that_this_image_does_not_know_is_refused_and_the_one_of_the_pr
     let other = forged(|bytes| bytes[4] += 1);
     let (mut store, _) = Store::open(Ram::blank(), RANGE);
     store.write(&other).unwrap_or_else(|error| panic!("{error}"));
-    let asked = start_with(store.into_flash().bytes);
-    let refused = asked.heard.faults().next().expect("it is told");
+    let answered = start_with(store.into_flash().bytes);
+    let refused = answered.heard.faults().next().expect("it is told");
     assert_eq!(
-        (refused.cause, &refused.detail[..]),
+        (refused.cause, refused.detail.as_str()),
         (FaultCause::SettingsRefused, "a block of another version")
     );
-    assert_eq!(told(&asked.heard.frames), [&asked.block[..]]);
-    assert_eq!(asked.heard.status().settings_source, SettingsSource::Flash);
-    assert_eq!(asked.outcome.flash_operations, [], "another image may know it");
+    assert_eq!(told(&answered.heard.frames), [&answered.block[..]]);
+    assert_eq!(answered.heard.status().settings_source, SettingsSource::Flash);
+    assert_eq!(answered.outcome.flash_operations, [], "another image may know it");
 }
 
 #[test]
 fn a_store_without_a_whole_block_is_erased_and_told_of() {
-    let asked = start_with(
+    let answered = start_with(
         (0..70_000u32)
             .map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8)
             .collect(),
     );
-    let refused = asked.heard.faults().next().expect("it is told");
+    let refused = answered.heard.faults().next().expect("it is told");
     assert_eq!(
-        (refused.cause, &refused.detail[..]),
+        (refused.cause, refused.detail.as_str()),
         (
             FaultCause::SettingsRefused,
             "what was stored is not whole, and was erased"
         )
     );
-    assert_eq!(told(&asked.heard.frames), [&asked.block[..]]);
-    let operations: Vec<_> = asked
+    assert_eq!(told(&answered.heard.frames), [&answered.block[..]]);
+    let operations: Vec<_> = answered
         .outcome
         .flash_operations
         .iter()
         .map(|operation| (operation.address, operation.erase))
         .collect();
     assert_eq!(operations, [(STORE_ADDRESS, true)], "the other sector was blank");
-    assert_eq!(stored(&asked), None);
+    assert_eq!(stored(&answered), None);
     // A start that takes seconds is no hang.
-    assert_eq!(asked.outcome.resets, []);
+    assert_eq!(answered.outcome.resets, []);
     println!(
         "first scan {:.2} s after power-up",
-        asked.outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9
+        answered.outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9
     );
 }
 
@@ -343,36 +346,36 @@ fn nearly_full(block: &[u8]) -> (Vec<u8>, usize) {
 }
 
 /// The start of the bead, three writes, a fourth, a reset, and what `then` asks 4 s later, when a sector has been erased.
-fn fill_and_reset(then: impl Fn(&mut Asking)) -> (Asking, usize) {
+fn fill_and_reset(then: impl Fn(&mut Requests)) -> (Requests, usize) {
     let (store, taken) = nearly_full(&windows_of(300));
-    let mut asking = short();
-    asking.machine.flash.push((STORE_ADDRESS, store));
+    let mut requests = short();
+    requests.machine.flash.push((STORE_ADDRESS, store));
     for n in 0..4 {
-        asking.ask(0.2 + 0.1 * f64::from(n), &write(&windows_of(301 + n as u16)));
+        requests.request(0.2 + 0.1 * f64::from(n), &write(&windows_of(301 + n as u16)));
     }
-    asking.ask(0.6, &Request::Reboot);
-    then(&mut asking);
+    requests.request(0.6, &Request::Reboot);
+    then(&mut requests);
     // The codes stand still then, and are told to be stuck.
-    asking.machine.tail_ns = 6_000_000_000;
-    (asking, taken)
+    requests.machine.tail_ns = 6_000_000_000;
+    (requests, taken)
 }
 
 #[test]
 fn a_full_store_refuses_and_takes_more_after_a_reset() {
-    let (asking, taken) = fill_and_reset(|asking| {
-        asking.ask(5.0, &write(&windows_of(305)));
+    let (requests, taken) = fill_and_reset(|requests| {
+        requests.request(5.0, &write(&windows_of(305)));
     });
-    let asked = asking.run();
+    let answered = requests.run();
     for n in 0..3 {
-        assert_eq!(asked.heard.answer(n).0, Outcome::Done);
+        assert_eq!(answered.heard.answer(n).0, Outcome::Done);
     }
-    assert_eq!(asked.heard.answer(3).0, Outcome::StoreFull);
-    assert_eq!(asked.heard.answer(4).0, Outcome::Done);
-    assert_eq!(asked.heard.answer(5).0, Outcome::Done);
+    assert_eq!(answered.heard.answer(3).0, Outcome::StoreFull);
+    assert_eq!(answered.heard.answer(4).0, Outcome::Done);
+    assert_eq!(answered.heard.answer(5).0, Outcome::Done);
     let blocks = [300, 301, 302, 303, 305].map(windows_of);
-    assert_eq!(told(&asked.heard.frames), blocks, "the fourth never");
-    assert_eq!(stored(&asked), Some(windows_of(305)));
-    let erased: Vec<_> = asked
+    assert_eq!(told(&answered.heard.frames), blocks, "the fourth never");
+    assert_eq!(stored(&answered), Some(windows_of(305)));
+    let erased: Vec<_> = answered
         .outcome
         .flash_operations
         .iter()
@@ -380,15 +383,18 @@ fn a_full_store_refuses_and_takes_more_after_a_reset() {
         .map(|operation| operation.address)
         .collect();
     assert_eq!(erased, [STORE_ADDRESS], "once, and not while samples were taken");
-    assert_eq!((asked.outcome.overruns, asked.heard.status().overruns), (0, 0));
-    assert_eq!(asked.outcome.resets.len(), 1);
+    assert_eq!(
+        (answered.outcome.overruns, answered.heard.status().overruns),
+        (0, 0)
+    );
+    assert_eq!(answered.outcome.resets.len(), 1);
     println!("{taken} blocks of {} bytes before", windows_of(300).len());
     assert!(taken > 700, "{taken}");
 }
 
 /// The settings in force when a run of the image ended.
-fn in_force(asked: &Asked) -> Vec<u8> {
-    told(&asked.heard.frames)
+fn in_force(answered: &Answered) -> Vec<u8> {
+    told(&answered.heard.frames)
         .last()
         .expect("the bead tells its settings")
         .to_vec()
@@ -400,22 +406,22 @@ fn a_power_cut_in_any_operation_of_a_write_leaves_the_old_settings_or_the_new_on
     let (mut store, _) = Store::open(Ram::blank(), RANGE);
     store.write(&old).unwrap_or_else(|error| panic!("{error}"));
     let before = store.into_flash().bytes;
-    let asking = |cut: Option<(u32, u8)>| {
-        let mut asking = short();
-        asking.machine.flash.push((STORE_ADDRESS, before.clone()));
-        asking.ask(0.05, &write(&new));
+    let requests = |cut: Option<(u32, u8)>| {
+        let mut requests = short();
+        requests.machine.flash.push((STORE_ADDRESS, before.clone()));
+        requests.request(0.05, &write(&new));
         if let Some((after, percent)) = cut {
             let kind = FaultKind::PowerCutInFlash { after, percent };
-            asking.machine.faults.push(Fault { at_ns: 0, kind });
+            requests.machine.faults.push(Fault { at_ns: 0, kind });
         }
-        asking.run()
+        requests.run()
     };
-    let whole = asking(None);
+    let whole = requests(None);
     assert_eq!(in_force(&whole), new);
     let operations = whole.outcome.flash_operations.len() as u32;
     let mut kept = [0, 0];
     for (operation, percent) in (0..operations).flat_map(|n| [(n, 20), (n, 80)]) {
-        let cut = asking(Some((operation, percent)));
+        let cut = requests(Some((operation, percent)));
         assert_eq!(cut.outcome.resets.len(), 1);
         let holds = in_force(&cut);
         assert!(
@@ -438,19 +444,19 @@ fn a_power_cut_in_any_operation_of_a_write_leaves_the_old_settings_or_the_new_on
 
 #[test]
 fn a_power_cut_in_any_operation_of_making_room_keeps_the_settings() {
-    let asking = |cut: Option<(u32, u8)>| {
-        let (mut asking, _) = fill_and_reset(|_| ());
+    let requests = |cut: Option<(u32, u8)>| {
+        let (mut requests, _) = fill_and_reset(|_| ());
         if let Some((after, percent)) = cut {
             // After the writes, before the reset.
             let kind = FaultKind::PowerCutInFlash { after, percent };
-            asking.machine.faults.push(Fault {
+            requests.machine.faults.push(Fault {
                 at_ns: 550_000_000,
                 kind,
             });
         }
-        asking.run()
+        requests.run()
     };
-    let whole = asking(None);
+    let whole = requests(None);
     let started = whole.outcome.resets[0].at_ns;
     let operations: Vec<_> = whole
         .outcome
@@ -467,7 +473,7 @@ fn a_power_cut_in_any_operation_of_making_room_keeps_the_settings() {
             (false, _) => &[],
         };
         for percent in percents {
-            let cut = asking(Some((n, *percent)));
+            let cut = requests(Some((n, *percent)));
             assert_eq!(cut.outcome.resets.len(), 2);
             assert_eq!(
                 in_force(&cut),

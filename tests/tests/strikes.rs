@@ -1,42 +1,46 @@
 //! Strikes through the image: how many, how accurate, and the same on the host in every bit.
 
+use bead::bench::emulation::Ran;
 use bead::comparison::replay::replay;
-use bead::recording::frames::joules;
 use bead::recording::strikes::assemble;
 use bead_tests::{Heard, LEAD_IN, paper};
+use bead_wire::StrikeFlags;
 
 const RATE: f64 = 100e3;
 
 #[test]
 fn the_same_run_gives_the_same_bytes_twice() {
     let run = paper(1, 0.1, Some(1));
-    let (first, report) = run.run().unwrap();
-    let (second, again) = run.run().unwrap();
-    assert!(first == second, "the streams differ");
-    assert_eq!(report.log, again.log);
-    assert_eq!(report.instructions_per_sample, again.instructions_per_sample);
+    let first = run.run().unwrap();
+    let second = run.run().unwrap();
+    assert!(first.stream == second.stream, "the streams differ");
+    assert_eq!(first.report.log, second.report.log);
+    assert_eq!(
+        first.report.instructions_per_sample,
+        second.report.instructions_per_sample
+    );
     // Another noise must give other bytes, or the comparison would prove nothing.
-    let (other, _) = paper(1, 0.1, Some(2)).run().unwrap();
-    assert!(first != other);
+    let other = paper(1, 0.1, Some(2)).run().unwrap().stream;
+    assert!(first.stream != other);
 }
 
 #[test]
 fn two_strikes_give_two_reports_each_accurate_and_replayed_bit_for_bit() {
     let run = paper(2, 0.05, Some(1));
-    let (stream, report) = run.run().unwrap();
+    let Ran { stream, report, .. } = run.run().unwrap();
     let heard = Heard::new(stream);
-    let strikes = assemble(&heard.frames, None);
+    let strikes = assemble(heard.frames.clone(), None);
     assert_eq!(strikes.len(), 2);
     for (strike, start) in strikes.iter().zip(&run.truth.starts) {
         assert_eq!(replay(strike).first_difference, None);
-        assert_eq!(strike.said.flags, 0);
+        assert_eq!(strike.said.flags, StrikeFlags::NONE);
         // The pulse takes 1.3 to 1.6 ms to bead 8, where the trigger sees its foot.
         let arrival = (strike.said.trigger_index as f64 - start) / RATE;
         assert!(
             (1.3e-3..1.6e-3).contains(&arrival),
             "{arrival} s after the strike"
         );
-        let off = |bits: i64| joules(bits) / run.truth.truth.absorbed - 1.0;
+        let off = |energy: bead_wire::Energy| energy.joules() / run.truth.truth.absorbed - 1.0;
         let (a, b) = (
             off(strike.said.absorbed_measured),
             off(strike.said.absorbed_predicted),
@@ -58,9 +62,9 @@ fn two_strikes_give_two_reports_each_accurate_and_replayed_bit_for_bit() {
 
 #[test]
 fn a_quiet_chain_gives_no_report_and_a_running_sample_count() {
-    let (stream, report) = paper(0, 0.1, Some(1)).run().unwrap();
+    let Ran { stream, report, .. } = paper(0, 0.1, Some(1)).run().unwrap();
     let heard = Heard::new(stream);
-    assert!(assemble(&heard.frames, None).is_empty());
+    assert!(assemble(heard.frames.clone(), None).is_empty());
     let status = heard.status();
     assert_eq!((status.strikes, status.armed), (0, true));
     assert!(status.samples as f64 > LEAD_IN * RATE && status.samples <= report.scans + 1);
@@ -68,7 +72,7 @@ fn a_quiet_chain_gives_no_report_and_a_running_sample_count() {
 
 #[test]
 fn a_second_without_strikes_leaves_the_core_asleep() {
-    let (_, report) = paper(0, 0.1, None).run().unwrap();
+    let report = paper(0, 0.1, None).run().unwrap().report;
     assert_eq!(report.instructions_per_sample.total, None);
     let busy = report.instructions_per_sample.run / report.instructions_available;
     println!("idle: {:.1} % of the core", busy * 100.0);
@@ -77,7 +81,7 @@ fn a_second_without_strikes_leaves_the_core_asleep() {
 
 #[test]
 fn a_strike_leaves_a_quarter_of_the_core_free() {
-    let (_, report) = paper(1, 0.1, Some(1)).run().unwrap();
+    let report = paper(1, 0.1, Some(1)).run().unwrap().report;
     let per_sample = report.instructions_per_sample;
     println!("{per_sample:?} of {}", report.instructions_available);
     let (total, worst) = (per_sample.total.unwrap(), per_sample.worst_block.unwrap());

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use bead::bench::emulation::Emulation;
+use bead::bench::emulation::{Emulation, Ran};
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::clock::compare;
 use bead::recording::file::{About, Writer};
-use bead::recording::frames::Message;
 use bead::recording::strikes::assemble;
 use bead_tests::{Heard, image, paper_at};
+use bead_wire::Message;
 use bead_wire::Sync;
 use hertz_chain::{Scenario, Solution};
 
@@ -46,7 +46,7 @@ fn quiet(seconds: f64, at: &[f64]) -> Emulation {
 }
 
 fn heard(run: &Emulation) -> Heard {
-    Heard::new(run.run().unwrap_or_else(|failure| panic!("{failure}")).0)
+    Heard::new(run.run().unwrap_or_else(|failure| panic!("{failure}")).stream)
 }
 
 #[test]
@@ -93,9 +93,17 @@ fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
         },
         Some(1),
     );
-    let (quiet, calm) = run.run().unwrap();
+    let Ran {
+        stream: quiet,
+        report: calm,
+        ..
+    } = run.run().unwrap();
     run.sync(storm.clone());
-    let (noisy, busy) = run.run().unwrap();
+    let Ran {
+        stream: noisy,
+        report: busy,
+        ..
+    } = run.run().unwrap();
     let (quiet, noisy) = (Heard::new(quiet), Heard::new(noisy));
     let edges = edges(&noisy);
     assert!((90..=101).contains(&edges.len()), "{}", edges.len());
@@ -108,7 +116,7 @@ fn a_pin_that_floats_costs_no_sample_and_a_hundred_frames_a_second() {
     }
     // The strike is measured the same in every bit, and nothing was lost.
     let strikes = |heard: &Heard| {
-        assemble(&heard.frames, None)
+        assemble(heard.frames.clone(), None)
             .iter()
             .map(|s| s.said)
             .collect::<Vec<_>>()
@@ -166,7 +174,7 @@ fn recorded(
     .with_clock(solution, ppm);
     // In step with neither clock.
     run.sync((1..16).map(|n| early + 0.250_371_9 * f64::from(n)).collect());
-    let ran = run.timed().unwrap_or_else(|failure| panic!("{failure}"));
+    let ran = run.run().unwrap_or_else(|failure| panic!("{failure}"));
     assert_eq!((ran.report.overruns, ran.report.resets), (0, 0));
     assert_eq!(ran.report.unmodelled, [""; 0]);
     let path = folder.join(format!("bead-{bead}.mcap"));

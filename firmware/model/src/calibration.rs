@@ -1,16 +1,16 @@
-//! From the codes of one channel to a quantity: baseline, scale, and the front end's anti-alias pole taken out again.
+//! From the codes of one channel to a quantity: zero, scale, and compensation of the anti-alias pole.
 //!
-//! The zero of a channel is the mean of the first [`BASELINE`] codes of a window, before the wave arrives, so
-//! that an offset that drifts costs nothing. A one-pole filter in front of the converter turns the signal s
-//! into y with `s = y + ẏ/ω_p`; the derivative is the central difference, so the compensated value of a
-//! sample is known one sample later:
+//! The zero of a channel is the mean of the first [`BASELINE`] codes of a window, before the wave arrives. So
+//! an offset that drifts costs nothing. A one-pole filter in front of the converter turns the signal s into y
+//! with `s = y + ẏ/ω_p`. The derivative is the central difference, so the compensated value of a sample is
+//! known one sample later:
 //!
 //! ```text
 //! s[n-1] = g (code[n-1] - zero) + g f_s/(2 ω_p) (code[n] - code[n-2])
 //! ```
 //!
-//! The same derivative undoes that a channel is converted a time δ after the first one of its sensor: with
-//! `1/ω_p - δ` in the place of `1/ω_p` the value is that of the time at which the first was converted.
+//! A channel that is converted a time δ after the first channel of its sensor has `1/ω_p - δ` in place of
+//! `1/ω_p`: its value is then the value at the time of the first conversion.
 
 use crate::layout::BASELINE;
 use crate::quantity::{AdcCode, high_rounded};
@@ -18,25 +18,25 @@ use fixed::FixedI32;
 use fixed::types::extra::LeEqU32;
 use serde::{Deserialize, Serialize};
 
-/// Fraction bits of a code in the sums: the difference of two of them has a sign and twelve bits before these.
+/// Fraction bits of a code in the sums. The difference of two codes has a sign and twelve bits before them.
 const CODE_FRACTION: u32 = 18;
 
-/// Calibration of one sensor channel, whose coefficients have `F` fraction bits and its values 14 less.
+/// Calibration of one sensor channel. Its coefficients have `F` fraction bits, its values have 14 fewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Channel<F: LeEqU32> {
-    /// Quantity (N or m/s²) per code: g.
+    /// g, quantity (N or m/s²) per code.
     pub per_code: FixedI32<F>,
     /// Quantity per change of the code over two samples, `g f_s (1/ω_p - δ)/2`; 0 for no pole and no delay.
     pub slope: FixedI32<F>,
 }
 
-/// What a channel remembers: its zero while it is being measured, then the last two codes.
+/// State of a channel: its zero and its last two codes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChannelState {
-    /// Sum of the baseline's codes: twelve bits by sixty-four samples.
+    /// Sum of the 64 codes of the baseline.
     baseline: u32,
-    /// Codes at the last sample and the one before, less the zero.
+    /// Codes of the last sample and of the one before, less the zero.
     last: [i32; 2],
 }
 
@@ -51,7 +51,7 @@ impl ChannelState {
         (self.baseline / u32::from(BASELINE)) as u16
     }
 
-    /// Passes over codes whose values nobody asks for.
+    /// Takes codes whose values are not needed.
     pub fn skip(&mut self, codes: impl DoubleEndedIterator<Item = AdcCode>) {
         let mut latest = codes.rev().map(|code| self.above(code));
         if let Some(last) = latest.next() {
@@ -81,7 +81,7 @@ impl<F: LeEqU32> Channel<F> {
         let [mut last, mut before] = state.last;
         for (code, value) in codes.zip(values) {
             let above = state.above(code);
-            // Two codes are at most 4095 apart, and `is_below` looks to the sum.
+            // Two codes are at most 4095 apart, and `is_below` bounds the sum.
             *value = FixedI32::from_bits(
                 high_rounded(self.per_code.to_bits(), last)
                     + high_rounded(self.slope.to_bits(), above - before),
@@ -92,12 +92,13 @@ impl<F: LeEqU32> Channel<F> {
         state.last = [last, before];
     }
 
-    /// Whether the slope is that of a pole above `f_s/4π` and of a delay below half a sample.
+    /// Whether the scale is positive, and the slope fits a pole above `f_s/4π` and a delay below half a
+    /// sample.
     pub fn is_bounded(&self) -> bool {
         self.per_code.is_positive() && self.slope.unsigned_abs() < self.per_code.unsigned_abs()
     }
 
-    /// Whether every value that codes can give is below `most`.
+    /// Whether every value that the codes can give is below `most`.
     pub fn is_below(&self, most: u32) -> bool {
         let [per_code, slope] = [self.per_code, self.slope].map(|value| i64::from(value.to_bits()).abs());
         (i64::from(AdcCode::MAX.get()) * (per_code + 2 * slope)) >> F::U32 < i64::from(most)
@@ -125,8 +126,8 @@ mod tests {
 
     #[test]
     fn a_ramp_behind_the_pole_is_restored() {
-        // A one-pole filter delays a ramp by its time constant; compensation by half of it twice over a
-        // central difference of two steps takes the delay out.
+        // A one-pole filter delays a ramp by its time constant. The slope of half of it, over the two steps
+        // of the central difference, takes the delay out.
         let channel = Channel {
             per_code: I2F30::ONE,
             slope: I2F30::from_num(0.25),

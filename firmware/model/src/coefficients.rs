@@ -1,42 +1,45 @@
-//! From the bead's physics to the coefficients of its estimators: the one place where they come from.
+//! From the physics of the bead to the coefficients of its estimators: the only place where they are derived.
 //!
 //! # Design
 //!
-//! The host derives them in f64 and brings them into their fixed-point formats (`design`). The bead, which is given both the
-//! physics and the coefficients, derives them once more in f32 by these same lines and refuses settings whose two halves do
-//! not belong together ([`Settings::validate`](crate::Settings::validate)).
+//! The host derives the coefficients in f64 and converts them to their fixed-point formats (`design`). The
+//! bead gets the physics and the coefficients. It derives the coefficients again, in f32 and by these same
+//! lines, and refuses settings whose coefficients do not belong to their physics
+//! ([`Settings::validate`](crate::Settings::validate)).
 //!
-//! Sources: estimate A, exact solution of `c ẋ + k x = -m a` for a first-order hold ([`observer`](crate::observer));
-//! estimate B, Eqs. 1 to 3 of the paper in units of µm and samples ([`reduced_chain`](crate::reduced_chain)).
+//! Sources: estimate A, exact solution of `c ẋ + k x = -m a` for a first-order hold
+//! ([`observer`](crate::observer)); estimate B, Eqs. 1 to 3 of the paper in units of µm and samples
+//! ([`reduced_chain`](crate::reduced_chain)).
 
 use num_traits::Float;
 use serde::{Deserialize, Serialize};
 
-/// Energy of the solitary wave of an elastic chain: `E = 1.0465162 κ^{-2/3} F_m^{5/3}`, whatever the beads'
-/// mass. From the pulse at contact 70 of a chain with κ = M = 1, integrated to 1e-12; it does not depend on
-/// how many beads around the pulse are counted, to 1e-15.
+/// Energy of the solitary wave of an elastic chain: `E = 1.0465162 κ^{-2/3} F_m^{5/3}`, for beads of any
+/// mass. Found from the pulse at contact 70 of a chain with κ = M = 1, integrated to 1e-12. The number of
+/// beads around the pulse that are counted changes it by less than 1e-15.
 pub const SOLITARY_WAVE_ENERGY: f64 = 1.046_516_203;
 
 /// The bead with its intruder and the chain that it stands in, SI units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bead<T = f64> {
-    /// M, of the host with its intruder, and of the beads behind it, kg.
+    /// M, mass of the host with its intruder, and of each bead behind it, kg.
     pub mass: T,
-    /// m, of the intruder, kg.
+    /// m, mass of the intruder, kg.
     pub intruder_mass: T,
-    /// Of what lies in front of the force sensor's crystal, kg: part of M that the force felt does not move.
+    /// Mass in front of the crystal of the force sensor, kg. It is a part of M that the measured force does
+    /// not move.
     pub front_mass: T,
-    /// k, of the intruder's springs, N/m.
+    /// k, stiffness of the intruder's springs, N/m.
     pub stiffness: T,
-    /// c, of the intruder's damping, N·s/m.
+    /// c, damping of the intruder, N·s/m.
     pub damping: T,
-    /// κ, of the contacts between beads, N/m^1.5.
+    /// κ, stiffness of the contacts between beads, N/m^1.5.
     pub contact_stiffness: T,
     /// τ, the relaxation time of those contacts, s.
     pub relaxation: T,
 }
 
-/// What [`coefficients`] gives, before it is brought into formats.
+/// The coefficients before they are converted to their formats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients<T> {
     /// Of estimate A: [`Observer::start`](crate::observer::Observer::start).
@@ -63,30 +66,30 @@ pub struct Coefficients<T> {
     pub predicted: T,
     /// [`Settings::incident`](crate::Settings::incident).
     pub incident: T,
-    /// [`Ringing::frequency`](crate::shape::Ringing::frequency); 0 of an intruder that does not ring.
+    /// [`Ringing::frequency`](crate::shape::Ringing::frequency); 0 if the intruder does not ring.
     pub ring_frequency: T,
     /// [`Ringing::decay`](crate::shape::Ringing::decay).
     pub ring_decay: T,
 }
 
-/// The coefficients of a bead that samples at this rate, Hz.
+/// The coefficients of a bead that samples at `sample_rate_hz`.
 pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients<T> {
     let number = |value: f64| T::from(value).expect("a float is made of any f64");
     let (um, nj) = (number(1e6), number(1e9)); // µm in a metre, nJ in a joule
     let dt = sample_rate_hz.recip();
-    // What the force that is felt moves.
+    // The mass that the measured force moves.
     let host_mass = bead.mass - bead.intruder_mass - bead.front_mass;
 
     let phase = bead.stiffness / bead.damping * dt; // λ dt
     let decay = (-phase).exp(); // φ
-    // The mean of φ's course over a sample: (1 - φ)/(λ dt).
+    // The mean of exp(-λ t) over a sample: (1 - φ)/(λ dt).
     let mean = -(-phase).exp_m1() / phase;
 
     // Accelerations are in twelfths, see `ReducedChain`.
     let twelfth = dt * dt / number(12.0);
     let scale = number(256.0);
 
-    // The host flies free behind the wave, so it is the reduced mass that rings: k = μ (ω² + β²), c = 2 μ β.
+    // Behind the wave the host flies free, so the reduced mass rings: k = μ (ω² + β²), c = 2 μ β.
     let reduced = bead.intruder_mass * (bead.mass - bead.intruder_mass) / bead.mass;
     let ring_decay = bead.damping / (number(2.0) * reduced);
     let ring = bead.stiffness / reduced - ring_decay * ring_decay;

@@ -1,4 +1,4 @@
-//! From physical quantities in f64 to the fixed-point settings.
+//! From physical quantities in f64 to the settings in fixed point.
 //!
 //! ```
 //! use bead_model::design::{Bead, Capture, FrontEnd, derive};
@@ -8,7 +8,7 @@
 //! ```
 
 use crate::calibration::Channel;
-use crate::coefficients::{Coefficients, coefficients};
+use crate::coefficients::coefficients;
 use crate::layout::WindowSettings;
 use crate::observer::Observer;
 use crate::quantity::Force;
@@ -19,12 +19,11 @@ use crate::shape::Ringing;
 use fixed::traits::Fixed;
 use fixed::types::extra::LeEqU32;
 use std::f64::consts::{PI, TAU};
-use std::fmt;
 
 pub use crate::coefficients::{Bead, SOLITARY_WAVE_ENERGY};
 
 impl Bead {
-    /// The paper's: Bakelite, R = 19 mm, Y = 4.5 GPa as fitted; m = 3.7 g on k = 3.95e5 N/m, c = 12 N·s/m.
+    /// The paper's bead: Bakelite, R = 19 mm, Y = 4.5 GPa as fitted; m = 3.7 g, k = 3.95e5 N/m, c = 12 N·s/m.
     pub fn paper() -> Self {
         let (radius, density, young, poisson) = (0.019_f64, 1775.0, 4.5e9, 0.44_f64);
         let theta = 0.75 * (1.0 - poisson * poisson) / young;
@@ -47,7 +46,7 @@ pub struct ChannelFrontEnd {
     pub per_code: f64,
     /// Code at zero quantity, 0 to 4095.
     pub zero_code: f64,
-    /// Corner of the anti-alias filter, Hz; none for an ideal channel.
+    /// Corner of the anti-alias filter, Hz; `None` for an ideal channel.
     pub pole_hz: Option<f64>,
     /// White noise before sampling, rms, in the channel's quantity.
     pub noise_rms: f64,
@@ -56,11 +55,11 @@ pub struct ChannelFrontEnd {
 /// One sensor behind its two amplifiers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorFrontEnd {
-    /// At the high gain: converted first.
+    /// The channel of the high gain, which is converted first.
     pub sensitive: ChannelFrontEnd,
-    /// At the low gain.
+    /// The channel of the low gain.
     pub wide: ChannelFrontEnd,
-    /// Time by which the wide channel is converted later, s.
+    /// Time from the conversion of the sensitive channel to that of the wide one, s.
     pub delay: f64,
 }
 
@@ -77,8 +76,8 @@ impl FrontEnd {
     /// One conversion of the ADC: 15 + 12 clocks of 21 MHz.
     pub const CONVERSION: f64 = 27.0 / 21e6;
 
-    /// The reference design of `docs/front-end.md`: 16 N and ±250 m/s² over twelve bits, and 16 times that; one-pole filters
-    /// at 40 kHz.
+    /// The reference design of `docs/front-end.md`: 16 N and ±250 m/s² over twelve bits at the high gain, 16
+    /// times as much at the low one; one-pole filters at 40 kHz.
     pub fn reference() -> Self {
         let sensor = |span: f64, zero_code: f64, [noise, wide_noise]: [f64; 2]| {
             let channel = |span: f64, noise_rms: f64| ChannelFrontEnd {
@@ -107,22 +106,23 @@ pub struct Capture {
     pub sample_rate_hz: u32,
     /// Time before the trigger, s.
     pub history: f64,
-    /// Length of the window in all, s.
+    /// Length of the whole window, s.
     pub length: f64,
     /// Rise of the force that triggers, N.
     pub threshold: f64,
-    /// Time over which it must rise so much, s.
+    /// Time over which the force must rise by the threshold, s.
     pub lookback: f64,
-    /// Part of the greater by which A and B may differ before a strike is flagged.
+    /// A strike is flagged if A and B differ by more than this part of the greater.
     pub disagreement: f64,
-    /// Part by which the intruder may ring at another frequency before a strike is flagged.
+    /// Part by which the frequency of the ringing may be off before a strike is flagged.
     pub ring_frequency_tolerance: f64,
-    /// Part by which its ringing may die away at another rate.
+    /// Part by which the decay of the ringing may be off.
     pub ring_decay_tolerance: f64,
 }
 
 impl Capture {
-    /// The default, with a threshold that the noise of this front end does not reach: ten standard deviations, and seven codes.
+    /// The default, with a threshold above the noise of this front end: at least ten standard deviations and
+    /// seven codes.
     pub fn above_noise_of(front_end: &FrontEnd) -> Self {
         let quiet = &front_end.force.sensitive;
         let least = f64::max(10.0 * quiet.noise_rms, 7.0 * quiet.per_code);
@@ -135,10 +135,10 @@ impl Capture {
 }
 
 impl Default for Capture {
-    /// 100 kHz; 1.6 ms of history, of which 0.64 ms give the zeros and 0.64 ms the noise; a window of 6.72 ms, over which
-    /// the intruder of the paper rings down to 1e-7 of its energy; 0.1 N of rise in 0.5 ms; a flag where A and B are 3 %
-    /// apart, ten times what noise does, half of what a chain without viscosity does; one where the ringing is 3 % off in
-    /// frequency (6 % in k) or 30 % in decay.
+    /// 100 kHz. The history of 1.6 ms has 0.64 ms for the zeros and 0.64 ms for the noise. In the window of
+    /// 6.72 ms the paper's intruder rings down to 1e-7 of its energy. The trigger is a rise of 0.1 N in 0.5
+    /// ms. A strike is flagged if A and B differ by 3 %, ten times the effect of noise and half the effect of
+    /// a chain without viscosity; or if the ringing is off by 3 % in frequency (6 % in k) or 30 % in decay.
     fn default() -> Self {
         Self {
             sample_rate_hz: 100_000,
@@ -153,57 +153,38 @@ impl Default for Capture {
     }
 }
 
-/// Why no settings come of it.
-#[derive(Clone, Debug, PartialEq)]
+/// Why a bead has no settings.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DesignError {
     /// An input that no bead has.
+    #[error("{name} = {value}: must be {expected}")]
     Input {
         /// Which one.
         name: &'static str,
         /// What was given.
         value: f64,
-        /// What would do.
+        /// What is allowed.
         expected: &'static str,
     },
     /// A coefficient that does not fit its format, or loses more than 1e-4 of itself in it.
+    #[error(
+        "coefficient {name} = {value:e} does not fit its fixed-point format ({low:e} to {high:e})",
+        low = range.0, high = range.1
+    )]
     Coefficient {
         /// Which one.
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What the format holds.
+        /// The range of the format.
         range: (f64, f64),
     },
-    /// The window is not one that the bead takes.
-    Window(SettingsError),
+    /// Settings that the bead refuses.
+    #[error(transparent)]
+    Window(#[from] SettingsError),
 }
 
-impl fmt::Display for DesignError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Input {
-                name,
-                value,
-                expected,
-            } => write!(f, "{name} = {value}: must be {expected}"),
-            Self::Coefficient {
-                name,
-                value,
-                range: (low, high),
-            } => {
-                write!(
-                    f,
-                    "coefficient {name} = {value:e} does not fit its fixed-point format ({low:e} to {high:e})"
-                )
-            }
-            Self::Window(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for DesignError {}
-
-/// Derives the settings of a bead. It has no name yet: see [`Settings::name`].
+/// Derives the settings of a bead. The bead has no name yet: see [`Settings::name`].
 pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Settings, DesignError> {
     for (name, value) in [
         ("bead mass", bead.mass),
@@ -218,75 +199,46 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         ("sample rate", f64::from(capture.sample_rate_hz)),
         ("trigger threshold", capture.threshold),
     ] {
-        if !(value.is_finite() && value > 0.0) {
-            return Err(DesignError::Input {
-                name,
-                value,
-                expected: "positive",
-            });
-        }
+        require(value.is_finite() && value > 0.0, name, value, "positive")?;
     }
-    if !(bead.relaxation.is_finite() && bead.relaxation >= 0.0) {
-        return Err(DesignError::Input {
-            name: "relaxation",
-            value: bead.relaxation,
-            expected: "0 or positive",
-        });
-    }
-    if bead.intruder_mass >= bead.mass {
-        return Err(DesignError::Input {
-            name: "intruder mass",
-            value: bead.intruder_mass,
-            expected: "below the bead's",
-        });
-    }
-    if !(0.0..bead.mass - bead.intruder_mass).contains(&bead.front_mass) {
-        return Err(DesignError::Input {
-            name: "front mass",
-            value: bead.front_mass,
-            expected: "0 or more, and below the host's",
-        });
-    }
+    let relaxation = bead.relaxation;
+    let holds = relaxation.is_finite() && relaxation >= 0.0;
+    require(holds, "relaxation", relaxation, "0 or positive")?;
+    let (intruder, front) = (bead.intruder_mass, bead.front_mass);
+    require(
+        intruder < bead.mass,
+        "intruder mass",
+        intruder,
+        "below the bead's",
+    )?;
+    let holds = (0.0..bead.mass - intruder).contains(&front);
+    require(holds, "front mass", front, "0 or more, and below the host's")?;
 
     let dt = 1.0 / f64::from(capture.sample_rate_hz);
-    let Coefficients {
-        start,
-        end,
-        measured,
-        contact,
-        relaxation,
-        incoming,
-        stiffness,
-        damping,
-        intruder,
-        host,
-        predicted,
-        incident,
-        ring_frequency,
-        ring_decay,
-    } = coefficients(bead, f64::from(capture.sample_rate_hz));
+    let coefficient = coefficients(bead, f64::from(capture.sample_rate_hz));
     let observer = Observer {
-        start: fix("weight of the old acceleration", start)?,
-        end: fix("weight of the new acceleration", end)?,
-        energy: fix("energy by acceleration", measured)?,
+        start: fix("weight of the old acceleration", coefficient.start)?,
+        end: fix("weight of the new acceleration", coefficient.end)?,
+        energy: fix("energy by acceleration", coefficient.measured)?,
     };
     let quiet = &front_end.force.sensitive;
     let force_noise = quiet.noise_rms.hypot(quiet.per_code / 12f64.sqrt());
     let chain = ReducedChain {
-        contact: fix("contact", contact)?,
-        relaxation: fix("relaxation", relaxation)?,
-        incoming: fix("incoming", incoming)?,
-        stiffness: fix("stiffness", stiffness)?,
-        damping: fix("damping", damping)?,
-        intruder: fix("intruder", intruder)?,
-        host: fix("host", host)?,
+        contact: fix("contact", coefficient.contact)?,
+        relaxation: fix("relaxation", coefficient.relaxation)?,
+        incoming: fix("incoming", coefficient.incoming)?,
+        stiffness: fix("stiffness", coefficient.stiffness)?,
+        damping: fix("damping", coefficient.damping)?,
+        intruder: fix("intruder", coefficient.intruder)?,
+        host: fix("host", coefficient.host)?,
         gate: Force::from_num(3.0 * force_noise),
-        energy: fix("energy by velocity", predicted)?,
+        energy: fix("energy by velocity", coefficient.predicted)?,
     };
 
     let samples = |seconds: f64| (seconds / dt).round().clamp(0.0, f64::from(u16::MAX)) as u16;
     let settings = Settings {
         name: Name::default(),
+        address: 0,
         sample_rate_hz: capture.sample_rate_hz,
         bead: Bead {
             mass: bead.mass as f32,
@@ -307,16 +259,16 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         },
         observer,
         chain,
-        incident: fix("incident", incident)?,
+        incident: fix("incident", coefficient.incident)?,
         disagreement: fix("disagreement", capture.disagreement)?,
         ringing: Ringing {
-            frequency: fix("frequency of the ringing", ring_frequency)?,
+            frequency: fix("frequency of the ringing", coefficient.ring_frequency)?,
             frequency_tolerance: fix("tolerance of the frequency", capture.ring_frequency_tolerance)?,
-            decay: fix("decay of the ringing", ring_decay)?,
+            decay: fix("decay of the ringing", coefficient.ring_decay)?,
             decay_tolerance: fix("tolerance of the decay", capture.ring_decay_tolerance)?,
         },
     };
-    settings.validate().map_err(DesignError::Window)?;
+    settings.validate()?;
     Ok(settings)
 }
 
@@ -329,19 +281,24 @@ fn sensor<F: LeEqU32>(sensor: &SensorFrontEnd, dt: f64) -> Result<Sensor<F>, Des
 
 fn channel<F: LeEqU32>(channel: &ChannelFrontEnd, delay: f64, dt: f64) -> Result<Channel<F>, DesignError> {
     let lag = match channel.pole_hz {
-        Some(hz) if !(hz.is_finite() && hz > 0.0) => {
-            return Err(DesignError::Input {
-                name: "anti-alias pole",
-                value: hz,
-                expected: "positive, Hz",
-            });
+        Some(hz) => {
+            require(hz.is_finite() && hz > 0.0, "anti-alias pole", hz, "positive, Hz")?;
+            1.0 / (TAU * hz)
         }
-        Some(hz) => 1.0 / (TAU * hz),
         None => 0.0,
     };
     Ok(Channel {
         per_code: fix("per code", channel.per_code)?,
         slope: fix("anti-alias pole", channel.per_code * (lag - delay) / (2.0 * dt))?,
+    })
+}
+
+/// Refuses an input that does not hold what is expected.
+fn require(holds: bool, name: &'static str, value: f64, expected: &'static str) -> Result<(), DesignError> {
+    holds.then_some(()).ok_or(DesignError::Input {
+        name,
+        value,
+        expected,
     })
 }
 

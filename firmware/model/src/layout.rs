@@ -6,8 +6,8 @@
 //!                                 ^ the sample that triggers is the last of the history
 //! ```
 //!
-//! The first [`BASELINE`] samples are quiet and give the zeros of the channels. The whole pieces between them and
-//! the last [`LEAD`] samples of the history give the noise. Both estimates run from the end of the noise
+//! The first [`BASELINE`] samples are quiet and give the zeros of the channels. The whole pieces between them
+//! and the last [`LEAD`] samples of the history give the noise. Both estimates run from the end of the noise
 //! ([`WindowSettings::noise_end`]) to the end of the window.
 
 use serde::{Deserialize, Serialize};

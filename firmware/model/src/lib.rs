@@ -1,26 +1,26 @@
-//! What the bead computes from its two sensors, in fixed point, sample by sample.
+//! What the bead computes from the codes of its two sensors, sample by sample, in fixed point.
 //!
 //! # Design
 //!
-//! A [`Meter`] watches the force channel. When a strike comes it opens a
-//! [`Window`] that starts some samples *before* the trigger, and runs two estimates of
-//! the energy that the intruder absorbs, `∫ c ẋ² dt`:
+//! A [`Meter`] watches the force. When a strike comes it opens a [`Window`], which starts some samples
+//! *before* the trigger. In the window two estimates of the energy run that the intruder absorbs, `∫ c ẋ²
+//! dt`:
 //!
-//! * **A**, [`observer`]: from the intruder's own acceleration alone, which *measures* it;
-//! * **B**, [`reduced_chain`]: from the contact force alone, which *predicts* it by a model of the host,
+//! * **A**, [`observer`], *measures* the energy, from the acceleration of the intruder alone;
+//! * **B**, [`reduced_chain`], *predicts* the energy, from the contact force alone, by a model of the host,
 //!   its intruder and the four beads behind it.
 //!
-//! They share nothing but the calibration, so that their difference is a diagnosis.
+//! They share nothing but the calibration. So a difference between them is a diagnosis.
 //!
-//! The window is a pure function of [`Settings`] and the ADC codes in it: a host that
-//! has both gets the device's result bit for bit. Every estimator is `config` (immutable) + `state` +
-//! `process(&self, &mut state, sample)`. There is no float in the work per sample; coefficients are
-//! derived once, in f64, by `design` (a feature) on the host ([`coefficients`]).
+//! The window is a pure function of [`Settings`] and of the ADC codes in it: a host that has both gets the
+//! result of the bead bit for bit. Every estimator is `config` (immutable) + `state` + `process(&self, &mut
+//! state, sample)`. There is no float in the work per sample. The host derives the coefficients once, in f64,
+//! with the feature `design` ([`coefficients`]).
 //!
 //! # Units
 //!
-//! Lengths are in µm and times in samples, so that the Q formats of [`quantity`] fit what a bead does. What
-//! leaves a format's range saturates and sets a [`Flags`] bit; nothing wraps.
+//! Lengths are in µm and times in samples, so that the Q formats of [`quantity`] fit the motion of a bead. A
+//! value that leaves the range of its format saturates and sets a [`Flags`] bit; nothing wraps.
 #![cfg_attr(not(feature = "design"), no_std)]
 #![forbid(unsafe_code)]
 
@@ -46,5 +46,5 @@ pub mod window;
 pub use meter::{Chunk, Meter, Sink};
 pub use quantity::{Acceleration, AdcCode, Energy, Force, Pair, Scan};
 pub use settings::{Settings, SettingsError};
-pub use shape::{Record, Shape};
+pub use shape::{Shape, WindowRecord};
 pub use window::{Flags, StrikeReport, Window};

@@ -1,28 +1,28 @@
-//! The strike meter: trigger, history before it, window, and the quiet that re-arms it.
+//! The strike meter: trigger, history before it, window, and the quiet that arms it again.
 
 use core::ops::Range;
 
 use crate::layout::{HISTORY_MAX, PIECE};
 use crate::quantity::{Energy, Scan};
 use crate::settings::Settings;
-use crate::shape::Record;
+use crate::shape::WindowRecord;
 use crate::window::{StrikeReport, Window};
 
 /// Scans in a full chunk of a window's waveform.
 pub const CHUNK: usize = PIECE;
 
 /// A piece of a window's waveform, with the energies absorbed by its end.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Chunk {
     /// Number of the strike since power-up, from 0.
     pub strike: u32,
     /// Sample index of the first scan.
     pub first_index: u64,
-    /// The codes, [`CHUNK`] of them but in the last chunk of a window.
+    /// The codes: [`CHUNK`] scans, fewer in the last chunk of a window.
     pub scans: heapless::Vec<Scan, CHUNK>,
-    /// The two scans before them, once the window has some.
+    /// The two scans before them; zeros in the first chunk.
     pub before: [Scan; 2],
-    /// Whether the wide codes had a part in the window here: if not, it is the same without them.
+    /// Whether the wide codes had a part in the result here. If not, the window is the same without them.
     pub loud: bool,
     /// Estimate A at the last scan.
     pub absorbed_measured: Energy,
@@ -34,29 +34,34 @@ pub struct Chunk {
 pub trait Sink {
     /// A piece of the waveform is complete. Pieces come in order and cover the window.
     fn chunk(&mut self, chunk: &Chunk);
-    /// A window is complete; comes after its last chunk.
+    /// A window is complete. This comes after its last chunk.
     fn report(&mut self, report: &StrikeReport);
 }
 
-/// Room for scans: what it takes to move the history to the front is shared by this many less [`HISTORY_MAX`].
+/// Scans that [`Recent`] has room for. When it is full, the scans still needed are moved to the front: the
+/// more room, the rarer.
 const ROOM: usize = 4 * HISTORY_MAX;
 
-/// How far the meter may lag behind, in scans: so much of [`ROOM`] that there is some left.
+/// Most scans by which the meter may lag behind after a call. It leaves some of [`ROOM`] free.
 const LAG_MAX: usize = 2 * HISTORY_MAX;
 
-/// The newest scans, in one piece, so that a strike is looked for without a ring's arithmetic.
+/// The newest scans, in one slice: the trigger needs no arithmetic of a ring.
 #[derive(Clone)]
 struct Recent {
     scans: [Scan; ROOM],
-    /// How many there are.
+    /// Number of scans.
     length: usize,
-    /// The first of them that is still to be taken: there are always [`HISTORY_MAX`] or more before it.
+    /// Index of the first scan that is still to be taken.
     next: usize,
 }
 
 impl Recent {
-    /// Puts the first of `scans` behind the others, as many as there is room for.
+    /// Appends as many of `scans` as there is room for.
     fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>) {
+        if self.length == 0 {
+            // The first scans follow a history of zeros.
+            (self.length, self.next) = (HISTORY_MAX, HISTORY_MAX);
+        }
         if self.length == ROOM {
             let unwanted = self.next - HISTORY_MAX;
             self.scans.copy_within(unwanted.., 0);
@@ -65,13 +70,13 @@ impl Recent {
         }
         let start = self.length;
         self.length = ROOM.min(start + scans.len());
-        // The room first: a scan that is taken and finds none would be lost.
+        // `zip` asks the room first. The other way round it would take a scan too many, which would be lost.
         for (room, scan) in self.scans[start..self.length].iter_mut().zip(scans) {
             *room = scan;
         }
     }
 
-    /// Those still to be taken.
+    /// The scans still to be taken.
     fn waiting(&self) -> Range<usize> {
         self.next..self.length
     }
@@ -82,22 +87,25 @@ impl Recent {
     clippy::large_enum_variant,
     reason = "there is no heap to box it on, and one meter in all"
 )]
+// `Settling` has the tag 0: a new meter is all zeros, and takes no flash.
+#[repr(u32)]
 enum Phase {
-    /// Counts quiet samples until a whole history of them is there.
+    /// Counts quiet samples up to a whole history.
     Settling { quiet: u16 },
     /// Waits for a strike.
     Armed,
-    /// Measures one.
+    /// Measures a strike.
     Measuring(Measurement),
 }
 
-/// Finds strikes in the stream of scans and measures each. State only: the settings come with every sample.
+/// Finds strikes in the stream of scans and measures each. It has state only: the settings come with every
+/// call.
 #[derive(Clone)]
 pub struct Meter {
     recent: Recent,
     phase: Phase,
-    /// What was felt in the window so far.
-    record: Record,
+    /// Forces and accelerations of the window so far.
+    record: WindowRecord,
     strikes: u32,
 }
 
@@ -108,22 +116,22 @@ impl Default for Meter {
 }
 
 impl Meter {
-    /// A meter that has seen nothing yet: it arms after a history's worth of quiet.
+    /// A meter that has seen no scan. It arms after one history of quiet.
     pub const fn new() -> Self {
         Self {
             recent: Recent {
                 scans: [Scan::ZERO; ROOM],
-                length: HISTORY_MAX,
-                next: HISTORY_MAX,
+                length: 0,
+                next: 0,
             },
             phase: Phase::Settling { quiet: 0 },
-            record: Record::new(),
+            record: WindowRecord::new(),
             strikes: 0,
         }
     }
 
-    /// Forgets what it has seen, so that no window mixes samples from before and after a gap. The number of
-    /// strikes goes on.
+    /// Forgets all scans, so that no window mixes samples from before and after a gap. The number of strikes
+    /// goes on.
     pub fn restart(&mut self) {
         self.phase = Phase::Settling { quiet: 0 };
         self.recent.next = self.recent.length;
@@ -139,17 +147,20 @@ impl Meter {
         matches!(self.phase, Phase::Armed)
     }
 
-    /// Whether a strike has triggered whose window is not complete: [`restart`](Self::restart) would cut it.
+    /// Whether a strike is being measured: [`restart`](Self::restart) would cut it.
     pub fn is_measuring(&self) -> bool {
         matches!(self.phase, Phase::Measuring(_))
     }
 
-    /// Takes scans, the first of which has the sample index `first_index`; indices are consecutive between calls
-    /// of [`restart`](Self::restart). What comes out does not depend on how the scans are cut into calls.
+    /// Takes scans. The first of them has the sample index `first_index`; indices are consecutive between
+    /// calls of [`restart`](Self::restart). The results do not depend on how the scans are cut into calls.
     ///
-    /// Measuring is most of the work, and a strike begins with a history that is there at once. So that it does not come on top
-    /// of a call's own scans, a call measures five eighths as many as it was given ([`PIECE`] at least): the meter lags behind
-    /// during a window, by its history and three eighths of its length at most, and has caught up soon after.
+    /// Measuring is most of the work, and when a strike triggers, its whole history waits to be measured. To
+    /// spread this work, a call measures five eighths as many scans as it was given, and at least [`PIECE`].
+    /// So the meter lags behind during a window: at its end by the history and three fifths of the length. It
+    /// never lags by more than twice [`HISTORY_MAX`] after a call. In a longer window it meets this limit
+    /// before the end and from then on measures as many scans as come, as it would without the lag. Once the
+    /// window is complete, it catches up, in the next call at the latest.
     pub fn process(
         &mut self,
         settings: &Settings,
@@ -167,7 +178,7 @@ impl Meter {
             loop {
                 let new = self.recent.waiting().len();
                 if quota == 0 && new > LAG_MAX {
-                    // Scans by the thousand at once: no device gives them so.
+                    // The limit of the lag.
                     quota = PIECE;
                 }
                 if quota == 0 || new == 0 {
@@ -178,7 +189,7 @@ impl Meter {
         }
     }
 
-    /// Takes some of the new scans, the first of which has the index `index`.
+    /// Takes some of the scans that wait. The first of them has the index `index`.
     fn advance(&mut self, settings: &Settings, index: u64, quota: &mut usize, sink: &mut impl Sink) {
         let new = self.recent.waiting();
         let scans = &self.recent.scans;
@@ -188,7 +199,7 @@ impl Meter {
                 if before == new.len() {
                     new.end
                 } else {
-                    // The window starts with the history up to and with the scan that triggered.
+                    // The window starts with the history, which ends with the scan that triggered.
                     let history = usize::from(settings.window.history);
                     let first_index = index + before as u64 + 1 - history as u64;
                     self.phase = Phase::Measuring(Measurement::open(self.strikes, first_index));
@@ -200,8 +211,7 @@ impl Meter {
             Phase::Settling { quiet } => {
                 let mut next = new.start;
                 while next < new.end && *quiet < settings.window.history {
-                    // The first samples look back on scans from before the gap; a false rise only starts the
-                    // count anew.
+                    // The first samples would be compared with scans from before the gap, so they are not.
                     *quiet += 1;
                     if *quiet > settings.window.lookback && before_rise(settings, scans, next..next + 1) == 0
                     {
@@ -227,10 +237,11 @@ impl Meter {
     }
 }
 
-/// The trigger: the force has risen by the threshold since `lookback` samples ago. An offset that drifts does not
-/// matter, and a recorded window says on its own when it fires. Returns how many of the scans `new` come before.
+/// The trigger: the force is higher by the threshold than `lookback` samples before. An offset that drifts
+/// does not matter, and a recorded window alone tells when it fires. Returns how many of the scans `new` come
+/// before the trigger.
 ///
-/// A function of its own so that its instructions can be counted.
+/// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
 fn before_rise(settings: &Settings, scans: &[Scan], new: Range<usize>) -> usize {
     let lookback = usize::from(settings.window.lookback);
@@ -243,7 +254,7 @@ fn before_rise(settings: &Settings, scans: &[Scan], new: Range<usize>) -> usize 
         .count()
 }
 
-/// A strike while it is measured.
+/// A strike that is being measured.
 #[derive(Clone)]
 struct Measurement {
     window: Window,
@@ -257,11 +268,7 @@ impl Measurement {
             chunk: Chunk {
                 strike,
                 first_index,
-                scans: heapless::Vec::new(),
-                before: [Scan::ZERO; 2],
-                loud: false,
-                absorbed_measured: Energy::ZERO,
-                absorbed_predicted: Energy::ZERO,
+                ..Chunk::default()
             },
         }
     }
@@ -270,12 +277,12 @@ impl Measurement {
         self.window.samples() >= settings.window.length
     }
 
-    /// Takes the next scans up to the end of the window; returns how many.
+    /// Takes the next scans up to the end of the window, and returns their number.
     fn process(
         &mut self,
         settings: &Settings,
         scans: &[Scan],
-        record: &mut Record,
+        record: &mut WindowRecord,
         sink: &mut impl Sink,
     ) -> usize {
         let Self { window, chunk } = self;
@@ -287,7 +294,7 @@ impl Measurement {
             let (piece, after) = rest.split_at(rest.len().min(room));
             rest = after;
             window.process(settings, piece, record);
-            // There is room: that is how the piece was cut.
+            // There is room: the piece was cut to fit.
             let _ = chunk.scans.extend_from_slice(piece);
             let done = window.samples() == settings.window.length;
             if done || chunk.scans.is_full() {

@@ -1,9 +1,9 @@
 //! Estimate A: the absorbed energy, measured by the intruder's own acceleration.
 //!
-//! The accelerometer *is* the intruder. With x = u - U its displacement relative to the host, Newton's
-//! second law (the paper's Eq. 3) reads `c ẋ + k x = -m a`: first order in x, stable, with the pole
-//! λ = k/c, whatever the chain does. In the variable `y = -k x/m`, the acceleration that would hold the
-//! springs where they are, it is a low-pass of the acceleration, and what it leaves over is the velocity:
+//! The accelerometer *is* the intruder. Let x = u - U be its displacement relative to the host. Newton's
+//! second law (the paper's Eq. 3) reads `c ẋ + k x = -m a`: first order in x, stable, with the pole λ = k/c,
+//! whatever the chain does. `y = -k x/m` is the acceleration that would hold the springs where they are. It
+//! is the acceleration behind a low-pass, and the difference of both is the velocity:
 //!
 //! ```text
 //! ẏ = λ (a - y)        ẋ = (m/c) (y - a)        E = (m²/c) ∫ (a - y)² dt
@@ -20,9 +20,9 @@
 //!
 //! # Noise
 //!
-//! Noise in the acceleration is energy in the sum, always positive. What it amounts to a sample is measured before the
-//! strike, by the very same sum, and taken off. A piece of the window whose sum is not above what noise makes of it is
-//! left out: the ring-down is over, and the integral with it, until another wave comes.
+//! Noise in the acceleration always adds energy to the sum. The same sum before the strike measures how much
+//! it adds a sample, and this is subtracted. A piece of the window does not count if its sum is not more than
+//! twice what noise gives: the intruder has stopped ringing, until another wave comes.
 
 use crate::quantity::{Energy, SensedAcceleration, SquareSum, high_rounded, square};
 use fixed::types::{I0F32, I2F30};
@@ -39,7 +39,7 @@ pub struct Observer {
     pub energy: I2F30,
 }
 
-/// What estimate A remembers. The intruder starts at rest on its springs.
+/// State of estimate A. The intruder starts at rest on its springs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ObserverState {
     /// y.
@@ -54,14 +54,14 @@ pub struct ObserverState {
     squares: SquareSum<{ 2 * SensedAcceleration::FRAC_NBITS }>,
     /// Samples in them.
     samples: u16,
-    /// Σ (a - y)² over the samples before the strike, and how many they are.
+    /// Σ (a - y)² over the samples before the strike, and their number.
     quiet: (u64, u16),
-    /// Its mean: what noise adds a sample.
+    /// The mean of `quiet`: what noise adds a sample.
     noise: u64,
 }
 
 impl ObserverState {
-    /// The piece is complete, and was one of noise only.
+    /// The piece is complete, and had noise only.
     pub(crate) fn close_noise(&mut self) {
         let (squares, samples) = self.quiet;
         self.quiet = (squares.saturating_add(self.piece), samples + self.piece_samples);
@@ -69,7 +69,7 @@ impl ObserverState {
         (self.piece, self.piece_samples) = (0, 0);
     }
 
-    /// The piece is complete: it counts if there is more in it than noise. Returns whether it does.
+    /// The piece is complete. It counts if it has more than noise; returns whether it does.
     pub(crate) fn close_piece(&mut self) -> bool {
         let counts = self.piece_counts();
         if counts {
@@ -80,7 +80,7 @@ impl ObserverState {
         counts
     }
 
-    /// The sum over 32 samples of noise scatters by a quarter of itself: at twice its mean it is a signal.
+    /// The sum over 32 samples of noise scatters by a quarter of itself: a sum of twice its mean is a signal.
     fn piece_counts(&self) -> bool {
         let noise = u64::from(self.piece_samples).saturating_mul(self.noise);
         self.piece / 2 > noise
@@ -91,15 +91,15 @@ impl Observer {
     /// Bound of the accelerations, m/s²: 2^28 in their format, so that a difference of two stays below 2^29.
     pub const MOST: u32 = 1 << (28 - SensedAcceleration::FRAC_NBITS);
 
-    /// Whether the coefficients are such as a first-order hold gives.
+    /// Whether no weight is negative.
     pub fn is_bounded(&self) -> bool {
         [self.start, self.end]
             .into_iter()
             .all(|weight| weight >= I0F32::ZERO)
     }
 
-    /// Takes the accelerations, at most [`PIECE`](crate::layout::PIECE), of the next samples. Never inlined into
-    /// its caller, so that its instructions can be counted by its symbol.
+    /// Takes the accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE). Never inlined,
+    /// so that its instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(&self, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {
         let [start, end] = [self.start, self.end].map(I0F32::to_bits);
@@ -124,14 +124,14 @@ impl Observer {
         whole.squares.less(noise).energy(self.energy)
     }
 
-    /// The energy that noise would have added, and that was taken off.
+    /// The energy that noise would have added. It was subtracted.
     pub fn noise(&self, state: &ObserverState) -> Energy {
         let mut noise = SquareSum::<{ 2 * SensedAcceleration::FRAC_NBITS }>::default();
         noise.add(state.noise.saturating_mul(state.samples.into()));
         noise.energy(self.energy)
     }
 
-    /// Mean square of the acceleration's noise, as far as the intruder's springs do not follow it, (m/s²)².
+    /// Mean square of the noise in a - y, (m/s²)².
     pub fn noise_square(&self, state: &ObserverState) -> f32 {
         const UNIT: f32 = 1.0 / (1_u64 << (2 * SensedAcceleration::FRAC_NBITS)) as f32;
         state.noise as f32 * UNIT

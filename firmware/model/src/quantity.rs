@@ -10,10 +10,10 @@
 //! | [`Energy`] | `I40F24` | nJ | ±550 J | 0.06 fJ |
 //!
 //! # Products
-//! The core multiplies 32 by 32 bits and keeps the upper 32, rounded or not, in one instruction, with a sum in
-//! the same (SMMUL, SMMULR, SMMLA, SMMLAR; Armv7-M Architecture Reference Manual, A7.7). So the formats of
-//! two factors have 32 fraction bits more between them than that of their product: no shift, and no
-//! product leaves its format. Coefficients take the powers of two that this wants on the host.
+//! In one instruction the core multiplies 32 by 32 bits, keeps the upper 32, rounds and adds (SMMUL, SMMULR,
+//! SMMLA, SMMLAR; Armv7-M Architecture Reference Manual, A7.7). So two factors together have 32 fraction bits
+//! more than their product: there is no shift, and no product leaves its format. The host puts the necessary
+//! powers of two into the coefficients.
 
 use fixed::FixedI32;
 use fixed::types::extra::LeEqU32;
@@ -22,9 +22,9 @@ use serde::{Deserialize, Serialize};
 
 /// A contact force, N.
 pub type Force = I16F16;
-/// An absolute acceleration, m/s², as a strike's report has it.
+/// An absolute acceleration, m/s², in the report of a strike.
 pub type Acceleration = I16F16;
-/// An absolute acceleration, m/s², of one sample: 1/500 of a code of 0.12 m/s².
+/// An absolute acceleration, m/s², of one sample: the resolution is 1/500 of a code of 0.12 m/s².
 pub type SensedAcceleration = I20F12;
 /// An overlap or a displacement of the intruder relative to its host, µm.
 pub type Length = I10F22;
@@ -41,8 +41,8 @@ impl AdcCode {
     /// The upper rail.
     pub const MAX: Self = Self(4095);
 
-    /// Takes the twelve bits that the converter's data register holds; higher bits are always 0 there and
-    /// are masked, so that a code is in range whatever its origin.
+    /// From the converter's data register. Only its lower twelve bits count, so that a code is always in
+    /// range.
     pub const fn new(register: u16) -> Self {
         Self(register & Self::MAX.0)
     }
@@ -52,18 +52,19 @@ impl AdcCode {
         self.0
     }
 
-    /// Whether the code stands at a rail, so that the signal may have been beyond it.
+    /// Whether the code is at a rail: the signal may have been beyond it.
     pub const fn is_railed(self) -> bool {
         self.0 == 0 || self.0 == Self::MAX.0
     }
 }
 
-/// The codes of one sensor in one scan, behind its two amplifiers: in one word, as they lie in memory behind the converter.
+/// The codes of the two amplifiers of a sensor in one scan, in one word, as the converter puts them into
+/// memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pair(u32);
 
 impl Pair {
-    /// From the converter's register at the high and at the low gain; as of an [`AdcCode`], twelve bits of each count.
+    /// From the converter's register at the high and at the low gain. The lower twelve bits of each count.
     #[inline(always)]
     pub const fn new(sensitive: u16, wide: u16) -> Self {
         Self((sensitive as u32 | (wide as u32) << 16) & 0x0FFF_0FFF)
@@ -82,7 +83,7 @@ impl Pair {
     }
 }
 
-/// The four codes of one scan, in the order in which they are converted: what the bead senses in one sample.
+/// The four codes of one sample, in the order of their conversion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scan {
     /// Total force at the host's incoming contact.
@@ -138,10 +139,10 @@ pub(crate) fn high_rounded(a: i32, b: i32) -> i32 {
     ((i64::from(a) * i64::from(b) + (1 << 31)) >> 32) as i32
 }
 
-/// A running sum of squares, exact, of a number with `FRACTION / 2` fraction bits.
+/// A running sum of squares of numbers with `FRACTION / 2` fraction bits.
 ///
-/// Exact, so that it does not depend on how the samples were cut into pieces. The trapezoidal rule over a
-/// window that starts and ends at rest is the plain sum of its samples.
+/// It is exact, so it does not depend on how the samples were cut into pieces. For a window that starts and
+/// ends at rest, the plain sum of its samples is the trapezoidal rule.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SquareSum<const FRACTION: u32>(u128);
 
@@ -151,12 +152,12 @@ impl<const FRACTION: u32> SquareSum<FRACTION> {
         self.0 += u128::from(piece);
     }
 
-    /// What is left of the sum when so much is taken from it; nothing if that is more.
+    /// The sum less `squares`; 0 if that would be negative.
     pub(crate) fn less(self, squares: u128) -> Self {
         Self(self.0.saturating_sub(squares))
     }
 
-    /// The energy of the sum, with `scale` in nJ for a square of 1; saturates.
+    /// The sum as an energy, with `scale` in nJ for a square of 1; saturates.
     pub(crate) fn energy<F: LeEqU32>(self, scale: FixedI32<F>) -> Energy {
         // A window has at most 2^12 squares below 2^58.
         let product = self.0 * u128::from(scale.to_bits().unsigned_abs());
@@ -166,7 +167,7 @@ impl<const FRACTION: u32> SquareSum<FRACTION> {
     }
 }
 
-/// The square of a number below 2^29, for the sum of a piece: 32 of them fit.
+/// The square of a number below 2^29. 32 of them fit the sum of a piece.
 #[inline(always)]
 pub(crate) fn square(value: i32) -> u64 {
     (i64::from(value) * i64::from(value)) as u64

@@ -1,23 +1,23 @@
 //! Estimate B: the absorbed energy, predicted from the contact force alone.
 //!
 //! The measured force at the host's incoming contact drives a model of the host, its intruder and
-//! [`FOLLOWERS`] beads behind it whose last one is free (a free end is within 0.006 % of the endless chain
-//! over the pulse's passage; a wall is 30 % off). The contacts obey the paper's Eq. 1 (Hertz and
-//! Kuwabara-Kono), the host its Eq. 2 with M - m, the intruder Eq. 3.
+//! [`FOLLOWERS`] beads behind it. The last bead is free: while the pulse passes, a free end is within 0.006 %
+//! of an endless chain, and a wall is 30 % off. The contacts obey the paper's Eq. 1 (Hertz and
+//! Kuwabara-Kono), the host Eq. 2 with M - m, the intruder Eq. 3.
 //!
 //! # Scheme
 //!
-//! The state is in *relative* coordinates, the overlaps and the intruder's displacement against its host, so
-//! that a bead which travels on leaves no range. Each obeys ẍ = a(x, ẋ), integrated by Störmer's explicit
-//! fourth-order formula, one evaluation of the forces a sample:
+//! The state is in *relative* coordinates: the overlaps, and the displacement of the intruder relative to its
+//! host. So no range is left when the beads travel on. Each coordinate obeys ẍ = a(x, ẋ). It is integrated by
+//! Störmer's explicit fourth-order formula, with one evaluation of the forces a sample:
 //!
 //! ```text
 //! x[n+1] - 2x[n] + x[n-1] = dt² (14 a[n] - 5 a[n-1] + 4 a[n-2] - a[n-3])/12
 //! ẋ[n] = (x[n] - x[n-1])/dt + dt (5 a[n-1] - 2 a[n-2])/6
 //! ```
 //!
-//! (Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, Sec. III.10; the second line is
-//! the Taylor expansion with a at n extrapolated from the two samples before). It needs a quarter of the
+//! (Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, Sec. III.10. The second line is
+//! the Taylor expansion, with a at n extrapolated from the two samples before.) It needs a quarter of the
 //! force evaluations of RK4, and no force between samples.
 
 use crate::quantity::{Energy, EnergyScale, Force, Length, SquareSum, Step, high, high_rounded, square};
@@ -25,62 +25,63 @@ use crate::sqrt::sqrt;
 use fixed::types::{I0F32, I2F30};
 use serde::{Deserialize, Serialize};
 
-/// Samples below the gate that still belong to a pulse.
+/// Number of samples in a row below the gate that still belong to a pulse.
 pub const FOOT: u16 = 64;
 
 /// Beads behind the host in the reduced chain.
 pub const FOLLOWERS: usize = 4;
 
-/// Coefficients of estimate B. Accelerations are counted in twelfths of a µm/sample², the unit of Störmer's formula;
-/// the powers of two are those that a product's upper half wants (see [`crate::quantity`]).
+/// Coefficients of estimate B. Accelerations are in twelfths of a µm/sample², the unit of Störmer's formula.
+/// The powers of two follow from the formats of the products ([`crate::quantity`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReducedChain {
     /// 2^8/12 · κ dt²/M of the contacts between beads, µm^-0.5/sample².
     pub contact: I0F32,
-    /// 3τ/(2 dt): the relaxation time of the contacts, in samples, by 3/2.
+    /// 3τ/(2 dt): 3/2 of the relaxation time of the contacts, in samples.
     pub relaxation: I2F30,
-    /// 2^8/12 · dt²/M_h: what the incoming force does to the host, µm/sample² per N.
+    /// 2^8/12 · dt²/M_h: acceleration of the host by the incoming force, µm/sample² per N.
     pub incoming: I0F32,
     /// 2^2/12 · k dt²/m of the intruder.
     pub stiffness: I0F32,
     /// 1/12 · c dt/m of the intruder.
     pub damping: I0F32,
-    /// m/M_h: what the intruder's springs do to the host. M_h is what the incoming force moves of it, M - m less what lies in
-    /// front of the sensor.
+    /// m/M_h: effect of the intruder's springs on the host. M_h is the mass of the host that the incoming
+    /// force moves: M - m, less the mass in front of the sensor's crystal.
     pub intruder: I0F32,
-    /// M/M_h - 1: what the contact behind the host does to it more than to another bead.
+    /// M/M_h - 1: how much more the contact behind the host accelerates it than another bead.
     pub host: I0F32,
-    /// Forces below this are noise and taken for zero: they would be rectified by the contacts. Three standard deviations
-    /// of the noise to be expected; a noise that is greater before the strike raises it.
+    /// Forces below this are noise and count as zero, since the contacts would rectify them. Three standard
+    /// deviations of the expected noise; a greater noise before the strike raises it.
     pub gate: Force,
     /// c (1 µm/sample)² dt, nJ.
     pub energy: EnergyScale,
 }
 
-/// One coordinate with what its next step needs, as bits of their formats.
+/// One coordinate with the state of its next step, as bits of their formats.
 ///
-/// The sums over past accelerations are kept, not the accelerations: each is added once, when it comes.
+/// It keeps sums over past accelerations, not the accelerations. Each acceleration is added once, when it
+/// comes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Coordinate {
     /// x[n], [`Length`].
     position: i32,
     /// ẋ[n], [`Step`].
     velocity: i32,
-    /// x[n+1] - x[n] but for 14 a[n], [`Step`].
+    /// x[n+1] - x[n], without the term 14 a[n], [`Step`].
     step: i32,
-    /// What a[n-1] and a[n-2] add to the step after: 4 a[n-1] - a[n-2], [`Step`].
+    /// The terms of a[n-1] and a[n-2] in the step after: 4 a[n-1] - a[n-2], [`Step`].
     after: i32,
     /// a[n-1] in twelfths, [`Step`].
     last: i32,
 }
 
 impl Coordinate {
-    /// Goes one sample on with the acceleration at this one, in twelfths.
+    /// Advances by one sample; `a` is the acceleration at this sample, in twelfths.
     #[inline(always)]
     fn advance(&mut self, a: i32, watch: &mut Watch) {
         let step = self.step.saturating_add(14 * a);
         watch.state(step);
-        // Rounded down: a quarter of a picometre a sample.
+        // Rounding down costs a quarter of a picometre a sample.
         self.position = self.position.saturating_add(step >> STEP_TO_LENGTH);
         self.velocity = step.saturating_add(2 * (5 * a - 2 * self.last));
         self.step = step.saturating_add(self.after - 5 * a);
@@ -89,26 +90,27 @@ impl Coordinate {
     }
 }
 
-/// A step has so many fraction bits more than a position.
+/// Fraction bits that a step has more than a position.
 const STEP_TO_LENGTH: u32 = Step::FRAC_NBITS - Length::FRAC_NBITS;
 
-/// Accelerations are limited to ±6 µm/sample² (60 km/s² at 100 kHz), 2^23 as twelfths: a range to which the core
-/// saturates in one instruction, and which keeps the weighted sum of four samples inside 32 bits.
+/// Limit of the accelerations, in twelfths: ±6 µm/sample² (60 km/s² at 100 kHz). The core saturates to this
+/// range in one instruction, and the weighted sum of four samples stays inside 32 bits.
 const LIMIT: i32 = 1 << 23;
 
-/// Remembers whether anything has left its range: the bits of all magnitudes seen, those of states scaled so that
-/// [`LIMIT`] is half of their format. To collect bits is two instructions, to compare and remember twice as many.
+/// Remembers whether a value has left its range. It collects the bits of all magnitudes by OR; states are
+/// scaled so that [`LIMIT`] is half of their format. Two instructions collect the bits; a comparison would
+/// take four.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Watch(i32);
 
 impl Watch {
-    /// Looks at a state.
+    /// Adds a state.
     #[inline(always)]
     fn state(&mut self, value: i32) {
         self.0 |= magnitude(value) >> 7;
     }
 
-    /// Looks at an acceleration in twelfths, and limits it.
+    /// Adds an acceleration in twelfths, and limits it.
     #[inline(always)]
     fn limited(&mut self, twelfths: i32) -> i32 {
         self.0 |= magnitude(twelfths);
@@ -116,13 +118,13 @@ impl Watch {
     }
 }
 
-/// `|value|`, or one less for a negative one.
+/// `|value|`; one less if `value` is negative.
 #[inline(always)]
 fn magnitude(value: i32) -> i32 {
     value ^ (value >> 31)
 }
 
-/// What estimate B remembers. Everything starts at rest, beads just touching.
+/// State of estimate B. The beads start at rest and just touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReducedChainState {
     /// The overlaps behind the host.
@@ -131,14 +133,15 @@ pub struct ReducedChainState {
     intruder: Coordinate,
     squares: SquareSum<{ 2 * Length::FRAC_NBITS }>,
     watch: Watch,
-    /// Samples since a force was above the gate, or since the wave was expected.
+    /// Samples since the force was above the gate, or since the start.
     silent: u16,
-    /// Forces below this are noise, as measured before the strike.
+    /// Forces below this are noise, by the noise before the strike.
     gate: Force,
 }
 
 impl ReducedChainState {
-    /// Says how noisy the force was before the strike: Σ F² over so many samples, in bits of [`Force`].
+    /// Sets the gate from the noise before the strike: `squares` is Σ F² over `samples`, in bits of
+    /// [`Force`].
     pub(crate) fn gate_noise(&mut self, squares: u64, samples: u16) {
         let rms = (squares / u64::from(samples.max(1))).isqrt();
         self.gate = Force::from_bits(i32::try_from(3 * rms).unwrap_or(i32::MAX));
@@ -169,8 +172,8 @@ impl ReducedChain {
         coefficients.into_iter().all(|value| value >= I0F32::ZERO) && self.relaxation >= I2F30::ZERO
     }
 
-    /// Takes the forces, at most [`PIECE`](crate::layout::PIECE), at the host's incoming contact at the next
-    /// samples. Never inlined into its caller, so that its instructions can be counted by its symbol.
+    /// Takes the forces at the host's incoming contact at the next samples, at most
+    /// [`PIECE`](crate::layout::PIECE). Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
     pub fn process(&self, state: &mut ReducedChainState, forces: &[Force]) {
         let gate = self.gate.max(state.gate).to_bits();
@@ -183,7 +186,7 @@ impl ReducedChain {
         } = *state;
         let mut squares = 0;
         for &measured in forces {
-            // From the free end to the host, so that little has to be kept at a time.
+            // From the free end to the host: in this order the fewest values are needed at a time.
             let mut behind = 0;
             let mut contact = self.contact_force(&overlaps[FOLLOWERS - 1], &mut watch);
             for i in (1..FOLLOWERS).rev() {
@@ -219,7 +222,7 @@ impl ReducedChain {
     fn contact_force(&self, contact: &Coordinate, watch: &mut Watch) -> i32 {
         let overlap = contact.position;
         if overlap <= 0 {
-            // Beads that have parted may drift out of range: an open contact stays open.
+            // Beads that have parted may drift until the overlap saturates. The contact stays open.
             return 0;
         }
         watch.state(overlap);
@@ -236,8 +239,8 @@ impl ReducedChain {
 
 /// The bits of a force, or 0 if it is noise.
 ///
-/// A gate for every sample would cut off the foot of each pulse, which costs more than the noise does. So it closes when
-/// [`FOOT`] samples in a row were below it. The first of them come before the trigger.
+/// A gate for single samples would cut off the foot of each pulse, which costs more than the noise. So the
+/// gate closes when more than [`FOOT`] samples in a row were below it. At the start of a strike it is open.
 #[inline(always)]
 fn gated(gate: i32, silent: &mut u16, force: Force) -> i32 {
     let force = force.to_bits();

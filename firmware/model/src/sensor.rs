@@ -1,20 +1,24 @@
-//! One sensor behind two gains, as one signal.
+//! The two gains of a sensor, as one signal.
 //!
 //! # Design
 //!
-//! The *sensitive* channel gives the signal until it nears a rail, the *wide* one where it does. Which of them a sample is
-//! taken from is told by the codes alone: the compensated value of a sample ([`Channel`]) is made of three codes, and all
-//! three have to be away from the rails.
+//! The *sensitive* channel gives the signal until it comes near a rail; there the *wide* channel takes over.
+//! The codes alone decide which of the two a sample is taken from. The compensated value of a sample
+//! ([`Channel`]) is made of three codes, and all three have to be away from the rails.
 //!
-//! **No step at the hand-over.** While both channels see the same signal and it moves, they are compared. Their mean
-//! difference, so far, is taken from the wide channel when it takes over: it is the part of a code by which the wide
-//! channel's zero was known. A baseline that scatters knows it to an eighth of its scatter and counts as its 64 samples; one
-//! that is the same code 64 times knows it to half a code, and counts as one. The slope of that difference over the
-//! signal says how far the two *gains* are from what the settings say; it is told with the strike ([`GainMatch`]) and not
-//! used: one strike knows it to a per cent or so, a calibration to a tenth of that.
+//! **No step at the hand-over.** The channels are compared while both see the same signal and it moves. When
+//! the wide channel takes over, their mean difference so far is subtracted from it: this is the error of the
+//! wide channel's zero, a fraction of a code. The baseline says that the difference is 0. If its codes
+//! scatter, it knows the zero to an eighth of their scatter and counts as its 64 samples. If all 64 codes are
+//! the same, it knows the zero to half a code and counts as one sample.
 //!
-//! Quiet pieces, in which the sensitive channel stays near its zero, do not look at the wide one at all. So the cost of a
-//! second gain is paid while a strike is loud, and only then does the host need the wide codes.
+//! **The gains.** The slope of the difference over the signal says how far the ratio of the two gains is from
+//! the settings. It is reported with the strike ([`GainMatch`]) and not used: one strike knows it to about
+//! one per cent, a calibration to a tenth of that.
+//!
+//! In a quiet piece, in which the sensitive channel stays near its zero, the wide channel is not looked at.
+//! So the second gain costs time only while a strike is loud, and only then does the host need the wide
+//! codes.
 
 use crate::calibration::{Channel, ChannelState};
 use crate::layout::{BASELINE, PIECE};
@@ -25,13 +29,13 @@ use fixed::types::I16F16;
 use fixed::types::extra::LeEqU32;
 use serde::{Deserialize, Serialize};
 
-/// A sensitive code is believed if it is so many codes or more away from either rail: the amplifier meets its rail before
+/// Least distance to the rails of a sensitive code that is believed. The amplifier reaches its rail before
 /// the filter behind it does.
 const MARGIN: u16 = 64;
-/// A signal moves if it is so many sensitive codes away from its zero: a quarter of the range.
+/// A signal moves if it is more than this many sensitive codes away from its zero: a quarter of the range.
 const MOVING: u16 = 1024;
 
-/// Bits to which the sums of [`Overlap`] reduce a signal that fills the sensitive range.
+/// Bits in the sums of [`Overlap`] of a signal that fills the sensitive range.
 const OVERLAP_BITS: u32 = 20;
 
 /// Calibration of a sensor's two channels.
@@ -44,29 +48,29 @@ pub struct Sensor<F: LeEqU32> {
     pub wide: Channel<F>,
 }
 
-/// What a sensor remembers over a window.
+/// State of a sensor in a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SensorState {
     sensitive: ChannelState,
     wide: ChannelState,
-    /// The first wide code of the baseline, and whether another one came.
+    /// The first wide code of the baseline, and whether a different one came.
     first: Option<AdcCode>,
     scatters: bool,
-    /// Values that a code far from zero still has a part in.
+    /// Number of the next values in which a code far from zero has a part.
     loud: u8,
-    /// Values that a code near a rail still has a part in.
+    /// Number of the next values in which a code near a rail has a part.
     hold: u8,
-    /// What the wide channel reads too much.
+    /// Error of the wide channel's zero: it is subtracted from its values.
     offset: i32,
     overlap: Overlap,
 }
 
-/// How some samples were measured.
+/// Which channels measured some samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Loudness {
-    /// The wide codes had a part in it.
+    /// The wide codes had a part in the result.
     pub loud: bool,
-    /// The wide channel was at a rail while it was the one to be believed.
+    /// The wide channel was at a rail while it gave the signal.
     pub railed: bool,
 }
 
@@ -78,7 +82,7 @@ impl SensorState {
         self.scatters |= *self.first.get_or_insert(codes.wide()) != codes.wide();
     }
 
-    /// How the gains agree, as far as the window tells.
+    /// How well the gains agree, if the window can tell.
     pub fn gain_match(&self) -> Option<GainMatch> {
         self.overlap.gain_match()
     }
@@ -99,7 +103,7 @@ impl<F: LeEqU32> Sensor<F> {
         let low = zero.saturating_sub(MOVING).max(MARGIN);
         let high = (zero + MOVING).min(AdcCode::MAX.get() - MARGIN);
         let near_zero = i32::from(low)..=i32::from(high);
-        // The sign of what is beyond either end; without a branch for each code.
+        // Negative if a code is beyond either end. There is no branch for each code.
         let beyond = sensitive.clone().fold(0, |beyond, code| {
             let code = i32::from(code.get());
             beyond | (code - near_zero.start()) | (near_zero.end() - code)
@@ -113,7 +117,7 @@ impl<F: LeEqU32> Sensor<F> {
         self.merge(state, near_zero, codes, wide, values)
     }
 
-    /// Looks at both channels; `values` are those of the sensitive one.
+    /// Merges the wide channel into `values`, which are those of the sensitive one.
     fn merge<V: LeEqU32>(
         &self,
         state: &mut SensorState,
@@ -138,7 +142,7 @@ impl<F: LeEqU32> Sensor<F> {
         for ((value, wide), codes) in values.iter_mut().zip(wides).zip(codes) {
             let believable = MARGIN..=AdcCode::MAX.get() - MARGIN;
             let code = codes.sensitive().get();
-            // The value of a code and the two after it are made with it.
+            // A code has a part in three values.
             if !near_zero.contains(&i32::from(code)) {
                 state.loud = 3;
             }
@@ -164,11 +168,11 @@ impl<F: LeEqU32> Sensor<F> {
     }
 }
 
-/// Sums over the samples at which both channels see a signal that moves.
+/// Sums over the samples in which both channels see a signal that moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Overlap {
     samples: i32,
-    /// Σ of the signal, of what the wide channel reads more, and of their products.
+    /// Σ of the signal, of the wide channel less the signal, and of their products.
     signal: i64,
     difference: i64,
     signal_signal: i64,
@@ -179,7 +183,7 @@ struct Overlap {
 impl Overlap {
     #[inline(always)]
     fn add(&mut self, signal: i32, difference: i32) {
-        // A wide channel that reads nonsense leaves the sums in their range.
+        // With the clamp the sums stay in range, even if the wide channel reads nonsense.
         let difference = difference.clamp(-(1 << 24), (1 << 24) - 1);
         let [s, d] = [signal, difference].map(i64::from);
         self.samples += 1;
@@ -190,7 +194,7 @@ impl Overlap {
         self.difference_difference += d * d;
     }
 
-    /// What the wide channel reads too much. The baseline, by which it would be nothing, counts as so many samples.
+    /// Mean difference of the wide channel. The baseline counts as `baseline` samples of no difference.
     fn mean_difference(&self, baseline: u16) -> i32 {
         (self.difference / i64::from(self.samples + i32::from(baseline))) as i32
     }
@@ -222,17 +226,17 @@ impl Overlap {
     }
 }
 
-/// How far the gains of a sensor's channels are from what the settings say of them.
+/// How far the ratio of the two gains of a sensor is from the settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GainMatch {
-    /// By which part of the signal the wide channel reads more than the sensitive one.
+    /// Part of the signal by which the wide channel reads more than the sensitive one.
     pub deviation: I16F16,
-    /// The standard deviation to which this strike knows it.
+    /// Standard deviation of the deviation, from this strike.
     pub uncertainty: I16F16,
 }
 
 impl GainMatch {
-    /// Whether the gains are further apart than `part`, and noise does not explain it.
+    /// Whether the deviation is more than `part` and more than five standard deviations.
     pub fn differ(&self, part: I16F16) -> bool {
         let apart = self.deviation.unsigned_abs();
         apart > part.unsigned_abs() && apart / 5 > self.uncertainty.unsigned_abs()

@@ -1,7 +1,7 @@
-//! Everything that a bead is told, and its form in flash: the settings block.
+//! All that a bead is told, and its form in flash: the settings block.
 //!
 //! ```text
-//! "BEAD"  version u16 LE  length u16 LE  postcard body  CRC-32/ISO-HDLC u32 LE over all before
+//! "BEAD"  version u16 LE  length u16 LE  postcard body  CRC-32/ISO-HDLC u32 LE of all bytes before it
 //! ```
 
 use crate::coefficients::{Bead, coefficients};
@@ -10,36 +10,37 @@ use crate::observer::Observer;
 use crate::reduced_chain::ReducedChain;
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
-use core::fmt;
+use bead_crc::checksum;
 use fixed::types::I16F16;
 use fixed::types::extra::{U26, U30};
 use serde::{Deserialize, Serialize};
 
-/// Version of the settings block; a block of another one is refused.
-pub const VERSION: u16 = 3;
+/// Version of the settings block. Blocks of version 3 are migrated; others are refused.
+pub const VERSION: u16 = 4;
+/// The oldest version that is migrated: version 3 had no address.
+pub(crate) const OLDEST: u16 = 3;
 /// Upper bound of an encoded block, bytes.
 pub const BLOCK_MAX: usize = 256;
 
-/// Bound of the forces, N: the range of their format.
+/// Bound of the forces, N, from the range of their format.
 const FORCE_MOST: u32 = 1 << 15;
 
 const MAGIC: [u8; 4] = *b"BEAD";
 const HEADER: usize = MAGIC.len() + 4;
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// What its owner calls a bead: UTF-8, filled up with zeros.
+/// The name of a bead: UTF-8, filled up with zeros.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Name([u8; 16]);
 
 impl Name {
-    /// A name of 16 bytes of text at most.
+    /// A name of at most 16 bytes, without control characters.
     pub fn new(name: &str) -> Option<Self> {
         let mut bytes = [0; 16];
         bytes.get_mut(..name.len())?.copy_from_slice(name.as_bytes());
         (!name.contains(char::is_control)).then_some(Self(bytes))
     }
 
-    /// The text; empty if there is none.
+    /// The text; empty if the bead has no name.
     pub fn as_str(&self) -> &str {
         let length = self.0.iter().position(|&byte| byte == 0).unwrap_or(16);
         core::str::from_utf8(&self.0[..length]).unwrap_or_default()
@@ -49,9 +50,9 @@ impl Name {
 /// Identity, physics, calibration, coefficients and window of a bead, at one sample rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// What its owner calls the bead.
+    /// The name that its owner gave the bead.
     pub name: Name,
-    /// Rate for which the coefficients hold, Hz.
+    /// Sample rate for which the coefficients hold, Hz.
     pub sample_rate_hz: u32,
     /// The bead that the coefficients are derived from.
     pub bead: Bead<f32>,
@@ -67,61 +68,46 @@ pub struct Settings {
     pub chain: ReducedChain,
     /// Energy of a solitary wave of 1 N peak, nJ/N^{5/3}.
     pub incident: I16F16,
-    /// Part of the greater by which A and B may differ before a strike is flagged.
+    /// A strike is flagged if A and B differ by more than this part of the greater.
     pub disagreement: I16F16,
-    /// How the intruder rings, and by how much it may ring otherwise before a strike is flagged.
+    /// How the intruder rings, and the tolerance outside of which a strike is flagged.
     pub ringing: Ringing,
+    /// Address of the bead: it tells beads apart on a shared line and in merged streams. 0 where nobody gave it one,
+    /// 254 at most.
+    pub address: u8,
 }
 
 /// Why a settings block is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SettingsError {
     /// Nothing was ever written there (erased flash).
+    #[error("no settings block: the flash is erased")]
     Erased,
     /// Not a settings block.
+    #[error("not a settings block: it does not start with \"BEAD\"")]
     Magic,
     /// A block of another version.
+    #[error("settings block of version {0}, this program knows {OLDEST} to {VERSION}")]
     Version(u16),
-    /// Shorter than it says.
+    /// Shorter than its header says.
+    #[error("settings block is shorter than its header says")]
     Truncated,
     /// The checksum does not fit: half written, or worn.
+    #[error("settings block with a wrong checksum: half written or damaged")]
     Checksum,
     /// The body is not what this version writes.
+    #[error("settings block whose body does not decode")]
     Body,
     /// A value that the bead cannot work with.
+    #[error("settings that a bead cannot work with: {0}")]
     Invalid(&'static str),
     /// A coefficient that does not follow from the bead's physics.
+    #[error("coefficient \"{0}\" does not follow from the bead's masses and springs")]
     NotTheBeads(&'static str),
     /// The buffer to encode into is too small.
+    #[error("buffer too small for a settings block of up to {BLOCK_MAX} bytes")]
     BufferTooSmall,
 }
-
-impl fmt::Display for SettingsError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Erased => write!(f, "no settings block: the flash is erased"),
-            Self::Magic => write!(f, "not a settings block: it does not start with \"BEAD\""),
-            Self::Version(found) => write!(
-                f,
-                "settings block of version {found}, this program knows {VERSION}"
-            ),
-            Self::Truncated => write!(f, "settings block is shorter than its header says"),
-            Self::Checksum => write!(f, "settings block with a wrong checksum: half written or damaged"),
-            Self::Body => write!(f, "settings block whose body does not decode"),
-            Self::Invalid(what) => write!(f, "settings that a bead cannot work with: {what}"),
-            Self::NotTheBeads(name) => write!(
-                f,
-                "coefficient \"{name}\" does not follow from the bead's masses and springs"
-            ),
-            Self::BufferTooSmall => write!(
-                f,
-                "buffer too small for a settings block of up to {BLOCK_MAX} bytes"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for SettingsError {}
 
 impl Settings {
     /// Writes the block into `buffer` and returns its length; [`BLOCK_MAX`] bytes are always enough.
@@ -135,14 +121,14 @@ impl Settings {
         block[..4].copy_from_slice(&MAGIC);
         block[4..6].copy_from_slice(&VERSION.to_le_bytes());
         block[6..8].copy_from_slice(&(length as u16).to_le_bytes());
-        let checksum = CRC.checksum(block);
+        let checksum = checksum(block);
         rest.get_mut(..4)
             .ok_or(SettingsError::BufferTooSmall)?
             .copy_from_slice(&checksum.to_le_bytes());
         Ok(end + 4)
     }
 
-    /// Reads a block; what follows it in `bytes` is ignored, so that a flash sector can be given whole.
+    /// Reads the block at the start of `bytes`, which may be a whole flash sector. A block of version 3 is migrated.
     pub fn decode(bytes: &[u8]) -> Result<Self, SettingsError> {
         let header = bytes.get(..HEADER).ok_or(SettingsError::Truncated)?;
         if header.iter().all(|&byte| byte == 0xff) {
@@ -151,17 +137,25 @@ impl Settings {
         if header[..4] != MAGIC {
             return Err(SettingsError::Magic);
         }
-        let version = u16::from_le_bytes([header[4], header[5]]);
-        if version != VERSION {
-            return Err(SettingsError::Version(version));
-        }
         let end = HEADER + usize::from(u16::from_le_bytes([header[6], header[7]]));
         let stored = bytes.get(end..end + 4).ok_or(SettingsError::Truncated)?;
-        if CRC.checksum(&bytes[..end]).to_le_bytes() != stored {
+        if checksum(&bytes[..end]).to_le_bytes() != stored {
             return Err(SettingsError::Checksum);
         }
+        let body = &bytes[HEADER..end];
+        let mut migrated = [0; BLOCK_MAX];
+        let body = match u16::from_le_bytes([header[4], header[5]]) {
+            VERSION => body,
+            // It ended where the address begins, and a bead without an address has address 0.
+            OLDEST => {
+                let room = migrated.get_mut(..=body.len()).ok_or(SettingsError::Body)?;
+                room[..body.len()].copy_from_slice(body);
+                room
+            }
+            other => return Err(SettingsError::Version(other)),
+        };
         let (settings, rest): (Self, &[u8]) =
-            postcard::take_from_bytes(&bytes[HEADER..end]).map_err(|_| SettingsError::Body)?;
+            postcard::take_from_bytes(body).map_err(|_| SettingsError::Body)?;
         if !rest.is_empty() {
             return Err(SettingsError::Body);
         }
@@ -169,19 +163,19 @@ impl Settings {
         Ok(settings)
     }
 
-    /// Length of the block at the start of `bytes`, if its header is one.
+    /// Length of the block at the start of `bytes`, if there is a header.
     pub fn block_length(bytes: &[u8]) -> Option<usize> {
         let header = bytes.get(..HEADER)?;
         (header[..4] == MAGIC).then(|| HEADER + usize::from(u16::from_le_bytes([header[6], header[7]])) + 4)
     }
 
-    /// Checks all; a block with a good checksum can still be nonsense.
+    /// Checks all values. A block with a good checksum can still be nonsense.
     pub fn validate(&self) -> Result<(), SettingsError> {
         self.bounds()?;
         self.verify()
     }
 
-    /// Checks what the arithmetic relies on: with settings that pass no sum and no index leaves its range.
+    /// Checks what the arithmetic relies on. With settings that pass, no sum and no index leaves its range.
     pub fn bounds(&self) -> Result<(), SettingsError> {
         let window = &self.window;
         let channels = [self.force.sensitive, self.force.wide];
@@ -217,6 +211,7 @@ impl Settings {
                         .all(|channel| channel.is_below(Observer::MOST)),
                 "the codes of a channel reach beyond 32 kN or 65 km/s²",
             ),
+            (self.address < 0xFF, "address 255 is every bead's"),
             (self.disagreement > 0, "disagreement is not above 0"),
             (self.observer.is_bounded(), "a weight of the observer is negative"),
             (
@@ -234,51 +229,48 @@ impl Settings {
         }
     }
 
-    /// Whether the coefficients are those of the bead, to what their formats and f32 hold of them.
+    /// Checks the coefficients against the physics of the bead, to the accuracy of their formats and of f32.
     fn verify(&self) -> Result<(), SettingsError> {
         let expected = coefficients(&self.bead, self.sample_rate_hz as f32);
         let (observer, chain, ringing) = (&self.observer, &self.chain, &self.ringing);
-        let pairs = [
-            (
-                observer.start.to_num(),
-                expected.start,
-                "weight of the old acceleration",
-            ),
-            (
-                observer.end.to_num(),
-                expected.end,
-                "weight of the new acceleration",
-            ),
-            (
-                observer.energy.to_num(),
-                expected.measured,
-                "energy by acceleration",
-            ),
-            (chain.contact.to_num(), expected.contact, "contact"),
-            (chain.relaxation.to_num(), expected.relaxation, "relaxation"),
-            (chain.incoming.to_num(), expected.incoming, "incoming"),
-            (chain.stiffness.to_num(), expected.stiffness, "stiffness"),
-            (chain.damping.to_num(), expected.damping, "damping"),
-            (chain.intruder.to_num(), expected.intruder, "intruder"),
-            (chain.host.to_num(), expected.host, "host"),
-            (chain.energy.to_num(), expected.predicted, "energy by velocity"),
-            (self.incident.to_num(), expected.incident, "incident energy"),
-            (
-                ringing.frequency.to_num::<f32>(),
-                expected.ring_frequency,
-                "frequency of the ringing",
-            ),
-            (
-                ringing.decay.to_num(),
-                expected.ring_decay,
-                "decay of the ringing",
-            ),
-        ];
-        // Formats keep 1e-4 of a coefficient; f32 loses some 1e-6 on the way here.
-        let fits = |found: f32, expected: f32| (found - expected).abs() <= 2e-4 * expected.abs();
-        match pairs.iter().find(|&&(found, expected, _)| !fits(found, expected)) {
-            Some((_, _, name)) => Err(SettingsError::NotTheBeads(name)),
-            None => Ok(()),
-        }
+        // Formats keep a coefficient to 1e-4; f32 loses about 1e-6 here.
+        let check = |name, found: f32, expected: f32| {
+            let fits = (found - expected).abs() <= 2e-4 * expected.abs();
+            fits.then_some(()).ok_or(SettingsError::NotTheBeads(name))
+        };
+        check(
+            "weight of the old acceleration",
+            observer.start.to_num(),
+            expected.start,
+        )?;
+        check(
+            "weight of the new acceleration",
+            observer.end.to_num(),
+            expected.end,
+        )?;
+        check(
+            "energy by acceleration",
+            observer.energy.to_num(),
+            expected.measured,
+        )?;
+        check("contact", chain.contact.to_num(), expected.contact)?;
+        check("relaxation", chain.relaxation.to_num(), expected.relaxation)?;
+        check("incoming", chain.incoming.to_num(), expected.incoming)?;
+        check("stiffness", chain.stiffness.to_num(), expected.stiffness)?;
+        check("damping", chain.damping.to_num(), expected.damping)?;
+        check("intruder", chain.intruder.to_num(), expected.intruder)?;
+        check("host", chain.host.to_num(), expected.host)?;
+        check("energy by velocity", chain.energy.to_num(), expected.predicted)?;
+        check("incident energy", self.incident.to_num(), expected.incident)?;
+        check(
+            "frequency of the ringing",
+            ringing.frequency.to_num(),
+            expected.ring_frequency,
+        )?;
+        check(
+            "decay of the ringing",
+            ringing.decay.to_num(),
+            expected.ring_decay,
+        )
     }
 }

@@ -1,22 +1,23 @@
-//! The shape of a strike, beyond its energies: when the pulse came, how wide it was, what momentum it brought, and how the
-//! intruder rang when it had passed.
+//! The shape of a strike: arrival, width and momentum of the pulse, and how the intruder rang after it.
 //!
 //! # Design
 //!
-//! Worked out once a strike from the forces and accelerations of its window, by the host as by the bead: nothing is added to
-//! the work per sample but to keep them, and the result is a function of settings and codes alone.
+//! The shape is computed once a strike, from the forces and accelerations of its window. The work per sample
+//! is only to keep them. Bead and host compute the same: the result is a function of settings and codes
+//! alone.
 //!
-//! **Arrival** is the top of the parabola that fits the force best over a quarter of its width to either side: a highest
-//! sample alone would be known to a sample, and with noise to several. **Width** is between straight lines through the
-//! samples on either side of half the height. **Ringing**: a free oscillation obeys
+//! **Arrival** is the top of the parabola that fits the force best over a quarter of its width to either
+//! side. The highest sample alone would tell it to one sample, and with noise to several. **Width** is
+//! measured at half the height, with straight lines between the samples there. **Ringing**: a free
+//! oscillation obeys
 //!
 //! ```text
 //! a[n] = 2 e^(-βT) cos(ωT) a[n-1] - e^(-2βT) a[n-2]
 //! ```
 //!
-//! whatever its amplitude and phase (Prony); both coefficients are fitted by least squares to means of some samples, a rate
-//! at which neighbours differ by more than noise. It starts when the wave has left the bead behind the host, and ends with the
-//! last piece of the window in which there is more than noise.
+//! whatever its amplitude and phase (Prony). Both coefficients are fitted by least squares to means of a few
+//! samples: neighbours then differ by more than noise. The fit starts when the wave has left the bead behind
+//! the host, and ends with the last piece of the window that has more than noise.
 
 use crate::layout::{BASELINE, WINDOW_MAX};
 use crate::quantity::{Force, SensedAcceleration};
@@ -33,18 +34,20 @@ pub type Impulse = I48F16;
 /// Samples that a record has room for: the longest window.
 const RECORD_MAX: usize = WINDOW_MAX as usize;
 
-/// Rate of the means that the ringing is fitted to, Hz: for oscillations of some 0.2 to 5 kHz.
+/// Rate of the means that the ringing is fitted to, Hz: for oscillations of about 0.2 to 5 kHz.
 const RING_RATE_HZ: u32 = 12_500;
-/// From the highest force to where the ringing is free, in widths of the pulse: it has left the contact behind the host.
+/// Time from the highest force to the free ringing, in widths of the pulse, which has then left the contact
+/// behind the host.
 const FREE_AFTER: f32 = 2.25;
-/// Greatest part of the ringing's power that may be no free oscillation: the decay is then some 10 % off.
+/// Greatest part of the ringing's power that the fit may leave. The decay is then about 10 % off.
 const RING_REST: f32 = 2e-3;
-/// Fewest means that a ringing is read from.
+/// Least number of means for a fit.
 const RING_MEANS: u32 = 12;
-/// Least power of the ringing over that of its noise at which it is believed: noise then moves the decay by some 3 %.
+/// Least ratio of the power of the ringing to the power of its noise. Noise then changes the decay by about 3
+/// %.
 const RING_SIGNAL: f32 = 1000.0;
 
-/// What the codes of one window say. What cannot be told is zero.
+/// The shape of one strike. A value that the window cannot tell is zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Shape {
     /// Time of the highest force, samples after the window's first.
@@ -57,19 +60,25 @@ pub struct Shape {
     pub ring_frequency: Fine,
     /// Its decay β, 1/s: the amplitude falls as e^(-βt).
     pub ring_decay: Fine,
-    /// How the two gains of the force agree.
+    /// How well the two gains of the force agree.
     pub force_gains: Option<GainMatch>,
-    /// How those of the acceleration do.
+    /// How well the two gains of the acceleration agree.
     pub acceleration_gains: Option<GainMatch>,
 }
 
 impl Shape {
-    /// The shape of a recorded window whose force is highest at `peak` and whose ringing is over at `ring_end`, among noise of
-    /// so many (m/s²)². What its gains are is not in the record.
+    /// The shape of a window, but for its gains. The force is highest at the sample `peak`, the ringing is
+    /// over at the sample `ring_end`; `noise` is its mean square, (m/s²)².
     ///
-    /// Never inlined into its caller, so that its instructions can be counted by its symbol.
+    /// Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub(crate) fn of(sample_rate_hz: u32, record: &Record, peak: usize, ring_end: usize, noise: f32) -> Self {
+    pub(crate) fn of(
+        sample_rate_hz: u32,
+        record: &WindowRecord,
+        peak: usize,
+        ring_end: usize,
+        noise: f32,
+    ) -> Self {
         let mut shape = Self::default();
         let forces = &record.forces[..record.length];
         shape.impulse = Impulse::from_bits(forces.iter().map(|force| i64::from(force.to_bits())).sum());
@@ -92,21 +101,21 @@ impl Shape {
     }
 }
 
-/// How the intruder rings when all is as it should be, and by which part it may be otherwise.
+/// How the intruder of a good bead rings, and the tolerances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ringing {
     /// Frequency of the free ringing, Hz.
     pub frequency: Fine,
-    /// By which part it may be off.
+    /// Part by which the frequency may be off.
     pub frequency_tolerance: I16F16,
     /// Decay of its amplitude, 1/s.
     pub decay: Fine,
-    /// By which part it may be off.
+    /// Part by which the decay may be off.
     pub decay_tolerance: I16F16,
 }
 
 impl Ringing {
-    /// Whether a strike rang, and otherwise than it should.
+    /// Whether a strike rang outside the tolerances.
     pub fn is_other_than(&self, shape: &Shape) -> bool {
         let off = |found: Fine, expected: Fine, tolerance: I16F16| {
             let apart = u64::from(found.to_bits().abs_diff(expected.to_bits()));
@@ -119,32 +128,32 @@ impl Ringing {
     }
 }
 
-/// The ends of what was felt in a window.
+/// The extremes of a window.
 pub(crate) struct Peaks {
-    /// The highest force; nothing if none pushed.
+    /// The highest force; 0 if no force was positive.
     pub(crate) force: Force,
-    /// The first sample that had it.
+    /// The first sample with the highest force.
     pub(crate) sample: usize,
     /// From the lowest acceleration to the highest.
     pub(crate) acceleration: RangeInclusive<SensedAcceleration>,
 }
 
-/// What the two sensors felt in a window: too large for a stack.
+/// Force and acceleration of the samples of a window. It is too large for a stack.
 #[derive(Clone)]
-pub struct Record {
+pub struct WindowRecord {
     length: usize,
     forces: [Force; RECORD_MAX],
     accelerations: [SensedAcceleration; RECORD_MAX],
 }
 
-impl Default for Record {
+impl Default for WindowRecord {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Record {
-    /// Of nothing yet.
+impl WindowRecord {
+    /// An empty record.
     pub const fn new() -> Self {
         Self {
             length: 0,
@@ -153,14 +162,15 @@ impl Record {
         }
     }
 
-    /// A new window begins: nothing over its baseline, whose last sample comes with the first of the rest.
+    /// Begins a new window, with zeros over its baseline. The last sample of the baseline comes with the
+    /// first sample after it.
     pub fn clear(&mut self) {
         self.length = usize::from(BASELINE) - 1;
         self.forces[..self.length].fill(Force::ZERO);
         self.accelerations[..self.length].fill(SensedAcceleration::ZERO);
     }
 
-    /// What was felt at the next samples. What finds no room is not kept: the settings allow no window that long.
+    /// Adds the next samples. Samples beyond the longest window are dropped; the settings allow none.
     pub(crate) fn extend(&mut self, forces: &[Force], accelerations: &[SensedAcceleration]) {
         let end = (self.length + forces.len()).min(RECORD_MAX);
         let count = end - self.length;
@@ -186,14 +196,16 @@ impl Record {
         }
     }
 
-    /// Force and acceleration at every sample so far but the last, which is known one sample later.
+    /// Force and acceleration of the samples so far. A sample is known one sample later, so the last one is
+    /// missing.
     pub fn samples(&self) -> impl Iterator<Item = (Force, SensedAcceleration)> + '_ {
         let (forces, accelerations) = (&self.forces[..self.length], &self.accelerations[..self.length]);
         forces.iter().copied().zip(accelerations.iter().copied())
     }
 }
 
-/// Full width at half the height of the pulse around `peak`, samples; none if it does not fall to half on both sides.
+/// Full width at half the height of the pulse around `peak`, samples. `None` if it does not fall to half on
+/// both sides.
 fn width(forces: &[Force], peak: usize) -> Option<f32> {
     let half = forces.get(peak)?.to_bits() / 2;
     let rise = (1..=peak)
@@ -207,7 +219,7 @@ fn width(forces: &[Force], peak: usize) -> Option<f32> {
     Some(crossing(fall) - crossing(rise))
 }
 
-/// Where the parabola is highest that fits the forces best over `reach` samples to either side of `peak`.
+/// Top of the parabola that fits the forces best over `reach` samples to either side of `peak`, samples.
 fn summit(forces: &[Force], peak: usize, reach: usize) -> f32 {
     let reach = reach.clamp(1, 64).min(peak).min(forces.len() - 1 - peak);
     let (mut sum, mut first, mut second) = (0_i64, 0_i64, 0_i64);
@@ -232,8 +244,8 @@ fn summit(forces: &[Force], peak: usize, reach: usize) -> f32 {
     }
 }
 
-/// Frequency (Hz) and decay (1/s) of a free oscillation among noise of so many (m/s²)²; none of what does not oscillate, or
-/// not loud enough.
+/// Frequency (Hz) and decay (1/s) of a free oscillation; `noise` is the mean square of its noise, (m/s²)².
+/// `None` if the samples do not oscillate, or not loud enough.
 fn ringing(accelerations: &[SensedAcceleration], sample_rate_hz: u32, noise: f32) -> Option<(f32, f32)> {
     let together = (sample_rate_hz / RING_RATE_HZ).max(1);
     let period = together as f32 / sample_rate_hz as f32;
@@ -269,7 +281,7 @@ fn ringing(accelerations: &[SensedAcceleration], sample_rate_hz: u32, noise: f32
     // a₀ = p a₁ - q a₂ with q = e^(-2βT), p = 2 √q cos ωT.
     let p = (r01 * r22 - r02 * r12) / determinant;
     let q = (r01 * r12 - r02 * r11) / determinant;
-    // What the two coefficients leave unexplained: another wave came, or the bead is not free.
+    // The power that the fit leaves. If it is large, another wave came or the bead is not free.
     let rest = r00 - p * r01 + q * r02;
     if rest > RING_REST * r00 {
         return None;
@@ -348,7 +360,7 @@ mod tests {
 
     #[test]
     fn a_window_of_nothing_has_no_shape() {
-        let mut record = Record::new();
+        let mut record = WindowRecord::new();
         assert_eq!(Shape::of(100_000, &record, 0, 0, 0.0), Shape::default());
         record.clear();
         for _ in 0..50 {

@@ -1,7 +1,7 @@
-//! Square root of an overlap, the one function of Hertz's law that fixed point has to make.
+//! Square root of an overlap, for Hertz's law.
 //!
-//! A straight line in each of 192 segments: no division, no loop, no iteration, the same number of instructions
-//! for every argument.
+//! The root is a straight line in each of 192 segments. There is no division and no loop, and every argument
+//! takes the same number of instructions.
 
 use crate::quantity::Length;
 use fixed::types::I6F26;
@@ -9,15 +9,15 @@ use fixed::types::I6F26;
 /// Square root of a [`Length`], √µm.
 pub type SqrtLength = I6F26;
 
-/// `2^15 √m` for `m` from `2^24 i` on, as `offset + slope·m/2^32`.
+/// `2^15 √m` as `offset + slope·m/2^32`.
 #[derive(Clone, Copy)]
 struct Segment {
     offset: u32,
     slope: u32,
 }
 
-/// Segment `i` for `m >> 24 == i`. An even shift brings every argument to 2^30 or above; the first quarter is
-/// never used, and there so that eight bits are an index.
+/// Segment `i` is for `m >> 24 == i`. An even shift brings every argument to 2^30 or above, so the first
+/// quarter is never used; with it, eight bits are an index.
 static SEGMENTS: [Segment; 256] = segments();
 
 const fn segments() -> [Segment; 256] {
@@ -25,7 +25,8 @@ const fn segments() -> [Segment; 256] {
     let mut i = 64;
     while i < 256 {
         let [start, middle, end] = [scaled_root(2 * i), scaled_root(2 * i + 1), scaled_root(2 * i + 2)];
-        // The root bulges above its chord, most in the middle: half of that puts the line in between.
+        // The root lies above its chord, farthest in the middle. Half of that distance puts the line between
+        // them.
         let bulge = middle - (start + end) / 2;
         segments[i as usize] = Segment {
             offset: (start + bulge / 2 - i * (end - start)) as u32,

@@ -1,6 +1,7 @@
-//! The window of one strike: a pure function of the settings and of the codes in it. Its parts: [`layout`](crate::layout).
+//! The window of one strike: a pure function of the settings and of the codes in it.
 //!
-//! Replay feeds the recorded codes through the same [`Window`] and gets the same bits.
+//! [`layout`](crate::layout) shows its parts. Replay feeds the recorded codes through the same [`Window`] and
+//! gets the same bits.
 
 use crate::layout::{BASELINE, PIECE};
 use crate::observer::ObserverState;
@@ -8,33 +9,34 @@ use crate::quantity::{Acceleration, Energy, Force, Scan, SensedAcceleration};
 use crate::reduced_chain::ReducedChainState;
 use crate::sensor::{Loudness, SensorState};
 use crate::settings::Settings;
-use crate::shape::{Peaks, Record, Shape};
+use crate::shape::{Peaks, Shape, WindowRecord};
 use fixed::types::I16F16;
 use micromath::F32Ext;
 use serde::{Deserialize, Serialize};
 
-/// What was not right about a strike; empty for a good one.
+/// What was wrong with a strike; empty for a good one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Flags(u16);
 
 impl Flags {
-    /// The force stood at a rail of the converter at the low gain: peak and estimate B are too low.
+    /// The force was at a rail of the converter at the low gain: peak and estimate B are too low.
     pub const FORCE_RAILED: Self = Self(1 << 0);
-    /// The acceleration stood at a rail of the converter at the low gain: estimate A is too low.
+    /// The acceleration was at a rail of the converter at the low gain: estimate A is too low.
     pub const ACCELERATION_RAILED: Self = Self(1 << 1);
-    // Bit 2 said that estimate A had left its range, which it no longer can.
+    // Bit 2 said that estimate A had left its range. It cannot do so any more.
     /// A state of estimate B left half the range of its format.
     pub const CHAIN_RANGE: Self = Self(1 << 3);
-    /// A and B differ by more than the settings allow, and no other flag says why: c, τ, M or a gain is not what the
-    /// settings say. A wrong k moves both alike.
+    /// A and B differ by more than the settings allow, and no other flag says why: c, τ, M or a gain differs
+    /// from the settings. A wrong k changes both alike.
     pub const ESTIMATES_DIFFER: Self = Self(1 << 4);
-    /// The intruder rings at another frequency, or dies away at another rate, than the settings allow: its k, c or m is not
-    /// what the settings say.
+    /// The frequency or the decay of the intruder's ringing is outside the tolerance of the settings: its k,
+    /// c or m differs from the settings.
     pub const INTRUDER_DRIFTED: Self = Self(1 << 5);
-    /// The two gains of a sensor are further apart than [`GAIN_TOLERANCE`], and it is not noise.
+    /// The ratio of the two gains of a sensor is off by more than [`GAIN_TOLERANCE`], and noise does not
+    /// explain it.
     pub const GAINS_DIFFER: Self = Self(1 << 6);
 
-    /// Every flag with the name that reports show.
+    /// Every flag with its name in reports.
     pub const NAMES: [(Self, &'static str); 6] = [
         (Self::FORCE_RAILED, "force_railed"),
         (Self::ACCELERATION_RAILED, "acceleration_railed"),
@@ -44,12 +46,12 @@ impl Flags {
         (Self::GAINS_DIFFER, "gains_differ"),
     ];
 
-    /// From the bits of a strike frame; bits unknown to this version are kept.
+    /// From the bits of a strike frame. Bits that this version does not know are kept.
     pub const fn from_bits(bits: u16) -> Self {
         Self(bits)
     }
 
-    /// As the bits of a strike frame.
+    /// The bits for a strike frame.
     pub const fn bits(self) -> u16 {
         self.0
     }
@@ -67,7 +69,7 @@ impl Flags {
     }
 }
 
-/// What the bead says of one strike.
+/// What the bead reports of one strike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StrikeReport {
     /// Number of the strike since power-up, from 0.
@@ -86,7 +88,7 @@ pub struct StrikeReport {
     pub acceleration_max: Acceleration,
     /// Lowest acceleration of the intruder.
     pub acceleration_min: Acceleration,
-    /// Estimate A: the absorbed energy measured by the intruder's acceleration, the noise's part taken off.
+    /// Estimate A: the absorbed energy measured by the intruder's acceleration, less the energy of the noise.
     pub absorbed_measured: Energy,
     /// Estimate B: the absorbed energy predicted from the force.
     pub absorbed_predicted: Energy,
@@ -94,21 +96,36 @@ pub struct StrikeReport {
     pub incident_energy: Energy,
     /// Estimate A over the incident energy; 0 without one.
     pub absorbed_fraction: I16F16,
-    /// What noise would have added to estimate A: it was taken off.
+    /// What noise would have added to estimate A; it was subtracted.
     pub noise_energy: Energy,
     /// Standard deviation of the force before the strike.
     pub force_noise: Force,
-    /// When, how wide, what momentum, and how it rang.
+    /// Arrival, width and momentum of the pulse, and the ringing.
     pub shape: Shape,
-    /// What was not right.
+    /// What was wrong.
     pub flags: Flags,
 }
 
-/// By which part the two gains of a sensor may be apart.
+impl StrikeReport {
+    /// How far the highest force stands above the noise before the strike, in dB, within 0.001 dB. `None` without
+    /// noise, or if the force does not exceed it.
+    pub fn signal_to_noise(&self) -> Option<f32> {
+        let (peak, noise) = (self.peak_force, self.force_noise);
+        let known = noise > Force::ZERO && peak > noise;
+        known.then(|| decibels(peak.to_num::<f32>() / noise.to_num::<f32>()))
+    }
+}
+
+/// `20 log₁₀` of a ratio of amplitudes above 1, by `micromath`.
+fn decibels(ratio: f32) -> f32 {
+    20.0 * F32Ext::log10(ratio)
+}
+
+/// Part by which the ratio of the two gains of a sensor may be off.
 pub const GAIN_TOLERANCE: I16F16 = I16F16::lit("0.02");
 
 /// The running window of a strike.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Window {
     strike: u32,
     first_index: u64,
@@ -117,12 +134,12 @@ pub struct Window {
     acceleration: SensorState,
     observer: ObserverState,
     chain: ReducedChainState,
-    /// Σ F² before the strike, of so many samples.
+    /// Σ F² over `force_samples` samples before the strike.
     force_squares: u64,
     force_samples: u16,
-    /// Where the last piece ends that counted for estimate A.
+    /// End of the last piece that counted for estimate A.
     ring_end: u16,
-    /// Whether the wide codes of the newest piece had a part in it.
+    /// Whether the wide codes of the newest piece had a part in the result.
     loud: bool,
     railed: Flags,
 }
@@ -133,23 +150,15 @@ impl Window {
         Self {
             strike,
             first_index,
-            samples: 0,
-            force: SensorState::default(),
-            acceleration: SensorState::default(),
-            observer: ObserverState::default(),
-            chain: ReducedChainState::default(),
-            force_squares: 0,
-            force_samples: 0,
-            ring_end: 0,
-            loud: false,
-            railed: Flags::default(),
+            ..Self::default()
         }
     }
 
-    /// Takes the next samples, and writes into `record` what they mean. The result does not depend on how they are cut into
-    /// calls. Never inlined, so that its instructions can be counted by its symbol.
+    /// Takes the next samples and writes their forces and accelerations into `record`. The result does not
+    /// depend on how the samples are cut into calls. Never inlined, so that its instructions can be counted
+    /// by its symbol.
     #[inline(never)]
-    pub fn process(&mut self, settings: &Settings, mut scans: &[Scan], record: &mut Record) {
+    pub fn process(&mut self, settings: &Settings, mut scans: &[Scan], record: &mut WindowRecord) {
         while !scans.is_empty() {
             let room = PIECE - usize::from(self.samples) % PIECE;
             let (piece, rest) = scans.split_at(scans.len().min(room));
@@ -174,7 +183,7 @@ impl Window {
     }
 
     /// Takes samples after the baseline, at most [`PIECE`].
-    fn measure(&mut self, settings: &Settings, scans: &[Scan], record: &mut Record) {
+    fn measure(&mut self, settings: &Settings, scans: &[Scan], record: &mut WindowRecord) {
         let mut forces = [Force::ZERO; PIECE];
         let forces = &mut forces[..scans.len()];
         let mut accelerations = [SensedAcceleration::ZERO; PIECE];
@@ -205,7 +214,7 @@ impl Window {
         self.railed.set_if(railed, loudness.railed);
     }
 
-    /// A whole piece is in.
+    /// A piece is complete.
     fn close_piece(&mut self, settings: &Settings) {
         let noise_end = settings.window.noise_end();
         if self.samples <= BASELINE {
@@ -226,8 +235,8 @@ impl Window {
         self.samples
     }
 
-    /// Whether the wide codes of the newest piece had a part in it; if not, the window is the same without them. Those of the
-    /// two samples before the piece count with it.
+    /// Whether the wide codes of the newest piece, or of the two samples before it, had a part in the result.
+    /// If not, the window is the same without them.
     pub fn is_loud(&self) -> bool {
         self.loud
     }
@@ -242,8 +251,8 @@ impl Window {
         settings.chain.absorbed(&self.chain)
     }
 
-    /// What the window says, with its record; asked for when its last sample is in.
-    pub fn report(&self, settings: &Settings, record: &Record) -> StrikeReport {
+    /// The report of the window, made when its last sample has been taken.
+    pub fn report(&self, settings: &Settings, record: &WindowRecord) -> StrikeReport {
         let [measured, predicted] = [
             self.absorbed_measured(settings),
             self.absorbed_predicted(settings),
@@ -272,7 +281,7 @@ impl Window {
         let gains = [shape.force_gains, shape.acceleration_gains];
         let gains_differ = gains.iter().flatten().any(|gains| gains.differ(GAIN_TOLERANCE));
         flags.set_if(Flags::GAINS_DIFFER, gains_differ);
-        // What is wrong already explains a difference.
+        // Another flag explains a difference.
         let unexplained =
             flags == Flags::default() && differ([measured, predicted], settings.disagreement, noise_energy);
         flags.set_if(Flags::ESTIMATES_DIFFER, unexplained);
@@ -308,7 +317,7 @@ fn fraction(part: Energy, whole: Energy) -> I16F16 {
     }
 }
 
-/// Whether two energies are further apart than this part of the greater, and than what noise explains.
+/// Whether two energies differ by more than `part` of the greater and the energy of the noise.
 fn differ([a, b]: [Energy; 2], part: I16F16, noise: Energy) -> bool {
     let apart = u128::from(
         a.to_bits()
@@ -319,10 +328,11 @@ fn differ([a, b]: [Energy; 2], part: I16F16, noise: Energy) -> bool {
     apart << I16F16::FRAC_NBITS > greater * u128::from(part.to_bits().unsigned_abs())
 }
 
-/// Energy of the solitary wave whose peak force is `peak`: `e F^{5/3}`, with `e` in nJ/N^{5/3}.
+/// Energy of the solitary wave whose peak force is `peak`: `e F^{5/3}`, with `e` in nJ/N^{5/3}. Within 1e-5, in
+/// f32, once a strike.
 ///
-/// Once a strike, so in f32. `micromath`'s power function is off by up to 18 % over 0.1 to 1000 N; as the start
-/// of two Newton steps for the cube root it gives `F^{5/3}` within 1e-5.
+/// `micromath`'s power is off by up to 18 % over 0.1 to 1000 N. It starts two Newton steps for the cube root.
+/// Every recorded strike has the bits of these steps, so another power function would end its replay.
 pub fn incident_energy(coefficient: I16F16, peak: Force) -> Energy {
     if peak <= Force::ZERO {
         return Energy::ZERO;
@@ -352,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fraction_is_that_and_of_nothing_it_is_none() {
+    fn a_fraction_of_no_energy_is_zero() {
         let [part, whole] = [250.0, 1000.0].map(Energy::from_num);
         assert_eq!(fraction(part, whole), I16F16::from_num(0.25));
         assert_eq!(fraction(part, Energy::ZERO), I16F16::ZERO);
@@ -372,5 +382,16 @@ mod tests {
         }
         println!("worst relative error of the power 5/3: {worst:.2e}");
         assert!(worst < 1e-5, "{worst:e}");
+    }
+
+    #[test]
+    fn decibels_are_within_their_stated_error() {
+        let (mut worst, mut ratio) = (0.0_f64, 1.0_f32);
+        while ratio < 1e9 {
+            worst = worst.max((f64::from(decibels(ratio)) - 20.0 * f64::from(ratio).log10()).abs());
+            ratio *= 1.003;
+        }
+        println!("worst error of the level: {worst:.2e} dB");
+        assert!(worst < 1e-3, "{worst:e}");
     }
 }

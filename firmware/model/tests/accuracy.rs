@@ -1,18 +1,20 @@
-//! Both estimates against the f64 chain: `cargo test -p bead-model --test accuracy -- --nocapture` prints the errors.
+//! Both estimates against the f64 chain: `cargo test -p bead-model --test accuracy -- --nocapture` prints the
+//! errors.
 //!
-//! What the bead senses is made here in the plainest way (12-bit rounding, Gaussian noise from a fixed
-//! seed, no filter), so that the errors are those of the fixed-point estimators.
+//! The codes are made in the simplest way: 12-bit rounding, Gaussian noise from a fixed seed, no filter. So
+//! the errors are those of the fixed-point estimators.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{Chunk, Flags, Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
-use hertz_chain::{Options, Scenario, Solution, simulate};
+use bead_model::{Chunk, Flags, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+use hertz_chain::{Scenario, Solution, simulate};
 
 const HOST: usize = 8;
 /// Quiet before the strike, samples.
 const LEAD: usize = 400;
 
-/// A strike on the paper's chain: the codes that bead 8 samples, and what its intruder absorbs in truth, nJ.
+/// A strike on the paper's chain: the codes that bead 8 samples, and the energy that its intruder absorbs,
+/// nJ.
 struct Strike {
     front_end: FrontEnd,
     codes: Vec<Scan>,
@@ -21,13 +23,13 @@ struct Strike {
     settings: Settings,
 }
 
-/// `speed` of the paper's striker (m/s); full scales of force (N) and acceleration (m/s², both signs together) at the high
-/// gain, which the low one does not widen; rms of force noise (N).
+/// `speed` of the paper's striker (m/s); full scales of force (N) and acceleration (m/s², both signs
+/// together) at the high gain; the low gain does not widen them; rms of the force noise (N).
 fn strike(speed: f64, rate: u32, force_span: f64, acceleration_span: f64, force_noise: f64) -> Strike {
     strike_felt(speed, rate, force_span, acceleration_span, force_noise, 0.0)
 }
 
-/// The same with so many kg in front of the force sensor's crystal.
+/// The same with `front_mass` (kg) in front of the crystal of the force sensor.
 fn strike_felt(
     speed: f64,
     rate: u32,
@@ -36,33 +38,10 @@ fn strike_felt(
     force_noise: f64,
     front_mass: f64,
 ) -> Strike {
-    let text = format!(
-        r#"
-        title = "A strike on bead 8"
-        duration = 0.008
-        [chain]
-        beads = 16
-        radius = 0.019
-        density = 1775.0
-        young = 4.5e9
-        poisson = 0.44
-        relaxation = 4.2e-6
-        contact_force = "printed"
-        [striker]
-        radius = 0.0045
-        density = 7980.0
-        young = 203e9
-        poisson = 0.27
-        velocity = {speed}
-        [[intruder]]
-        beads = [8]
-        mass = 3.7e-3
-        stiffness = 3.95e5
-        damping = 12.0
-        "#
-    );
-    let scenario = Scenario::from_toml(&text, "accuracy.rs").unwrap();
-    let solution = simulate(&scenario, &Options::default()).unwrap();
+    let mut scenario = Scenario::paper();
+    scenario.duration = 0.008;
+    scenario.striker.velocity = speed;
+    let solution = simulate(&scenario).unwrap();
 
     let mut front_end = FrontEnd::reference();
     front_end.force.sensitive.noise_rms = force_noise;
@@ -74,7 +53,7 @@ fn strike_felt(
         sensor.sensitive.pole_hz = None;
         (sensor.wide, sensor.delay) = (sensor.sensitive, 0.0);
     }
-    // Zeros and noise take as many samples whatever the rate.
+    // Zeros and noise take the same number of samples at every rate.
     let history = Capture::default().history * 100e3 / f64::from(rate);
     let capture = Capture {
         sample_rate_hz: rate,
@@ -92,8 +71,8 @@ fn strike_felt(
             Some(n) => {
                 let t = n as f64 / f64::from(rate);
                 (
-                    solution.force(HOST, t) - front_mass * host_acceleration(&solution, t),
-                    solution.intruder_acceleration(HOST, t).unwrap(),
+                    solution.at(t).force(HOST) - front_mass * host_acceleration(&solution, t),
+                    solution.at(t).intruder_acceleration(HOST).unwrap(),
                 )
             }
             None => (0.0, 0.0),
@@ -110,7 +89,7 @@ fn strike_felt(
         let acceleration = code(acceleration, front_end.acceleration.sensitive.per_code, 2048.2);
         codes.push(Scan::new([force, force, acceleration, acceleration]));
     }
-    let truth = solution.intruder_dissipated(HOST, solution.end()).unwrap() * 1e9;
+    let truth = solution.at(solution.end()).intruder_dissipated(HOST).unwrap() * 1e9;
     Strike {
         front_end,
         codes,
@@ -120,7 +99,7 @@ fn strike_felt(
     }
 }
 
-/// Of the host, m/s², from its velocity a microsecond before and after.
+/// Acceleration of the host, m/s², from its velocity a microsecond before and after.
 fn host_acceleration(solution: &Solution, time: f64) -> f64 {
     const STEP: f64 = 1e-6;
     let at = |time: f64| solution.at(time.clamp(0.0, solution.end())).velocity(HOST);
@@ -144,7 +123,7 @@ impl Gauss {
     }
 }
 
-/// Keeps everything that a meter says.
+/// Keeps all that a meter gives.
 #[derive(Default)]
 struct Heard {
     chunks: Vec<Chunk>,
@@ -166,7 +145,7 @@ fn hear(settings: &Settings, codes: &[Scan]) -> Heard {
     heard
 }
 
-/// Errors of A and B in per cent of the truth, of a strike in which nothing is wrong.
+/// Errors of A and B, in per cent of the truth, for a strike without flags.
 fn errors(strike: &Strike) -> (f64, f64) {
     let (a, b, flags) = errors_and_flags(strike);
     assert_eq!(flags, Flags::default());
@@ -228,8 +207,8 @@ fn a_strike_of_a_tenth_of_a_metre_per_second_fits_a_narrower_range() {
 
 #[test]
 fn the_estimates_depend_on_the_calibration_that_they_claim_to_use() {
-    // The same codes with k off by 5 % and c off by 10 % must come out wrong by about 9 and 8 %, B without τ
-    // by about 6 %: were a coefficient not used, the accuracy above would prove nothing.
+    // With k off by 5 % and c off by 10 % the same codes must give errors of about 9 and 8 %, and B without τ
+    // of about 6 %: if a coefficient were not used, the accuracy above would prove nothing.
     let strike = strike(0.45, 100_000, 16.0, 500.0, 0.0);
     let error_with = |change: fn(&mut Bead)| {
         let mut bead = Bead::paper();
@@ -247,12 +226,12 @@ fn the_estimates_depend_on_the_calibration_that_they_claim_to_use() {
             ..strike
         })
     };
-    // A wrong k moves both estimates alike, so that they agree on what is wrong: the ringing tells of it.
+    // A wrong k changes both estimates alike, so they agree on a wrong value. The ringing shows it.
     let (a, b, flags) = error_with(|b| b.stiffness *= 1.05);
     println!("k +5 %: A {a:+.2} %, B {b:+.2} %");
     assert!((5.0..12.0).contains(&a.abs()) && (a - b).abs() < 0.5);
     assert_eq!(flags, Flags::default());
-    // Past its tolerance of 3 % in frequency, 6 % in k, it sets a flag of its own.
+    // Outside the tolerance of 3 % in frequency, 6 % in k, it sets a flag of its own.
     let (_, _, flags) = error_with(|b| b.stiffness *= 1.08);
     assert_eq!(flags, Flags::INTRUDER_DRIFTED);
     let (a, b, flags) = error_with(|b| b.damping *= 1.1);
@@ -267,7 +246,8 @@ fn the_estimates_depend_on_the_calibration_that_they_claim_to_use() {
 
 #[test]
 fn a_sensor_behind_a_front_mass_predicts_as_well_if_it_is_told_of_it() {
-    // The crystal feels the contact less what it takes to move the 4 g in front of it: B comes out 17 % low, or right.
+    // The crystal measures the contact force less the force that moves the 4 g in front of it. B is 17 % low
+    // if it is not told, and right if it is.
     let front_mass = 4e-3;
     let strike = strike_felt(0.45, 100_000, 16.0, 500.0, 0.0, front_mass);
     let error_with = |told: f64| {
@@ -294,7 +274,7 @@ fn chunks_cover_the_window_and_replay_gives_the_same_bits() {
     let heard = hear(&strike.settings, &strike.codes);
     let report = heard.reports[0];
     let mut window = Window::open(report.strike, report.first_index);
-    let mut record = Record::new();
+    let mut record = WindowRecord::new();
     record.clear();
     let mut index = report.first_index;
     for chunk in &heard.chunks {

@@ -1,9 +1,9 @@
-//! The meter on made-up streams: what triggers, what does not, and that nothing makes it fall over.
+//! The meter on made-up streams: what triggers, what does not, and that no input makes it panic.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::Name;
-use bead_model::{Chunk, Flags, Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
+use bead_model::{Chunk, Flags, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
 use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
 
@@ -30,7 +30,7 @@ fn scan(force: u16) -> Scan {
     codes_of((force, 2048))
 }
 
-/// The wide codes are what the gains of the reference make of the sensitive ones.
+/// The wide codes follow from the sensitive ones by the gains of the reference.
 fn codes_of((force, acceleration): (u16, u16)) -> Scan {
     let wide = |code: u16, zero: i32| (zero + (i32::from(code) - zero) / 16) as u16;
     Scan::new([force, wide(force, 128), acceleration, wide(acceleration, 2048)])
@@ -166,7 +166,8 @@ fn a_pulse_that_drives_the_reduced_chain_out_of_its_range_is_flagged() {
         meter.process(&settings, 0, scans, &mut heard);
         heard.reports[0].flags
     };
-    // Peaks of 300 N and of 2.8 kN: overlaps of 80 and 390 µm, and half the format is 256. The accelerometer feels nothing.
+    // Peaks of 300 N and of 2.8 kN give overlaps of 80 and 390 µm; half the format is 256 µm. The
+    // acceleration is zero.
     assert_eq!(flags(0.2), Flags::ESTIMATES_DIFFER);
     assert_eq!(flags(1.9), Flags::CHAIN_RANGE);
 }
@@ -218,7 +219,7 @@ proptest! {
     #[test]
     fn any_codes_whatever_are_survived(codes in prop::collection::vec([0u16..4096, 0u16..4096, 0u16..4096, 0u16..4096], 2000)) {
         let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
-        // A step first, so that the noise is measured and not waited out.
+        // A step first, so that the meter measures the noise and does not wait for its end.
         let quiet = (0..300).map(|_| (128, 2048)).chain([(1000, 2048)]).map(codes_of);
         let stream: Vec<Scan> = quiet.chain(codes.into_iter().map(Scan::new)).collect();
         meter.process(&settings, 0, stream.iter().copied(), &mut heard);
@@ -231,10 +232,10 @@ proptest! {
         codes in prop::collection::vec([0u16..4096, 0u16..4096, 0u16..4096, 0u16..4096], 600),
     ) {
         let mut bits = bits.into_iter();
-        // Any of the upper part of the range that a coefficient may have.
+        // Any value from the upper part of the range of a coefficient.
         let mut next = |most: i32| bits.next().unwrap().rem_euclid(most) + 1;
         let mut settings = settings();
-        // 65 km/s² over 4095 codes, a third for each of the three sums; of the force the format holds all.
+        // 65 km/s² over 4095 codes, a third for each of the three sums. The format holds all forces.
         for channel in [&mut settings.force.sensitive, &mut settings.force.wide] {
             let most = next(i32::MAX - 1) + 1;
             channel.per_code = I2F30::from_bits(most);
@@ -263,8 +264,8 @@ proptest! {
         chain.energy = I16F16::from_bits(next(i32::MAX));
         prop_assert_eq!(settings.bounds(), Ok(()));
 
-        // A sum that leaves its format panics in a build with overflow checks.
-        let (mut window, mut record) = (Window::open(0, 0), Box::<Record>::default());
+        // In a build with overflow checks a sum that leaves its format panics.
+        let (mut window, mut record) = (Window::open(0, 0), Box::<WindowRecord>::default());
         record.clear();
         let scans: Vec<Scan> = codes.into_iter().map(Scan::new).collect();
         window.process(&settings, &scans, &mut record);

@@ -1,13 +1,14 @@
-//! What noise does to both estimates, as they are and without what is done against it: `cargo test --release -p bead-model
-//! --test noise -- --nocapture` prints the table of `docs/estimators.md`.
+//! The effect of noise on both estimates, with and without their measures against it.
+//!
+//! `cargo test --release -p bead-model --test noise -- --nocapture` prints the table of `docs/estimators.md`.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::layout::PIECE;
 use bead_model::observer::ObserverState;
 use bead_model::quantity::SensedAcceleration;
-use bead_model::{Chunk, Meter, Record, Scan, Settings, Sink, StrikeReport, Window};
-use hertz_chain::{Options, Scenario, Solution, simulate};
+use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+use hertz_chain::{Options, Scenario, Solution, simulate_with};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -26,22 +27,21 @@ impl Sink for Last {
     }
 }
 
-/// The paper's strike at this speed, m/s, and what its intruder absorbs, nJ.
+/// The paper's strike at a speed in m/s, and the energy that its intruder absorbs, nJ.
 fn strike(speed: f64) -> (Solution, f64) {
-    let text = include_str!("../../../docs/scenarios/paper-strike.toml");
-    let text = text.replace("velocity = 0.45", &format!("velocity = {speed:?}"));
-    let scenario = Scenario::from_toml(&text, "paper-strike.toml").unwrap();
+    let mut scenario = Scenario::paper();
+    scenario.striker.velocity = speed;
     let options = Options {
         duration: Some(0.012),
         ..Options::default()
     };
-    let solution = simulate(&scenario, &options).unwrap();
-    let absorbed = solution.intruder_dissipated(HOST, scenario.duration).unwrap() * 1e9;
+    let solution = simulate_with(&scenario, &options).unwrap();
+    let absorbed = solution.at(scenario.duration).intruder_dissipated(HOST).unwrap() * 1e9;
     (solution, absorbed)
 }
 
-/// Mean and standard deviation of some errors, and each estimate's: A, A with the noise in it, B, B with a gate for every
-/// sample.
+/// Mean and standard deviation of the errors of each estimate: A, A without the noise subtracted, B, B with a
+/// gate for single samples.
 fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4] {
     let mut front_end = FrontEnd::reference();
     front_end.force.sensitive.noise_rms = noise[0];
@@ -63,8 +63,8 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
                     let (force, acceleration) = match time {
                         ..0.0 => (0.0, 0.0),
                         _ => (
-                            solution.force(HOST, time),
-                            solution.intruder_acceleration(HOST, time).unwrap(),
+                            solution.at(time).force(HOST),
+                            solution.at(time).intruder_acceleration(HOST).unwrap(),
                         ),
                     };
                     let code = |value: f64, per_code: f64, zero: f64| {
@@ -106,9 +106,9 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
     })
 }
 
-/// Estimate A of a window as a plain sum: noise and all, to the end.
+/// Estimate A of a window as a plain sum to its end, with the noise.
 fn with_noise(settings: &Settings, scans: &[Scan]) -> f64 {
-    let (mut window, mut record) = (Window::open(0, 0), Record::new());
+    let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
     record.clear();
     window.process(settings, scans, &mut record);
     let accelerations: Vec<SensedAcceleration> = record.samples().map(|(_, a)| a).collect();
@@ -121,7 +121,7 @@ fn with_noise(settings: &Settings, scans: &[Scan]) -> f64 {
 
 /// Estimate B of a window.
 fn predicted(settings: &Settings, scans: &[Scan]) -> f64 {
-    let (mut window, mut record) = (Window::open(0, 0), Record::new());
+    let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
     record.clear();
     window.process(settings, scans, &mut record);
     window.absorbed_predicted(settings).to_num()
@@ -147,7 +147,8 @@ fn noise_is_taken_off_a_and_does_not_cut_into_b() {
                 shown(gated),
                 shown(b)
             );
-            // What is left of the bias is within what 64 samples tell of the noise; that of B within its scatter.
+            // The bias that is left is within what 64 samples tell of the noise; the bias of B is within its
+            // scatter.
             let bias = plain.0 - a.0;
             let unsure = |scatter: f64| 3.0 * scatter / (STRIKES as f64).sqrt();
             assert!(bias > 0.0, "{bias}");

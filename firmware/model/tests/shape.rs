@@ -1,9 +1,10 @@
-//! The shape of a strike against the f64 chain: `cargo test -p bead-model --test shape -- --nocapture` prints the errors.
+//! The shape of a strike against the f64 chain: `cargo test -p bead-model --test shape -- --nocapture` prints
+//! the errors.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::{Record, Scan, Settings, Shape, Window};
-use hertz_chain::{Options, PulseSearch, Scenario, Solution, simulate};
+use bead_model::{Scan, Settings, Shape, Window, WindowRecord};
+use hertz_chain::{PulseSearch, Scenario, Solution, simulate};
 
 const HOST: usize = 8;
 const RATE: f64 = 100e3;
@@ -12,38 +13,17 @@ const LEAD: usize = 200;
 const LENGTH: usize = 700;
 
 fn chain(speed: f64, beads: usize, host: usize, stiffness: f64) -> Solution {
-    let text = format!(
-        r#"
-        duration = 0.008
-        [chain]
-        beads = {beads}
-        radius = 0.019
-        density = 1775.0
-        young = 4.5e9
-        poisson = 0.44
-        relaxation = 4.2e-6
-        [striker]
-        radius = 0.0045
-        density = 7980.0
-        young = 203e9
-        poisson = 0.27
-        velocity = {speed}
-        [[intruder]]
-        beads = [{host}]
-        mass = 3.7e-3
-        stiffness = {stiffness:?}
-        damping = 12.0
-        "#
-    );
-    simulate(
-        &Scenario::from_toml(&text, "shape.rs").unwrap(),
-        &Options::default(),
-    )
-    .unwrap()
+    let mut scenario = Scenario::paper();
+    scenario.duration = 0.008;
+    scenario.chain.beads = beads;
+    scenario.striker.velocity = speed;
+    scenario.intruders[0].beads = vec![host];
+    scenario.intruders[0].stiffness = stiffness;
+    simulate(&scenario).unwrap()
 }
 
-/// The codes that `host` samples, 12 bits over 16 N × `range` and ±250 m/s² × `range`, with noise of this many codes rms. The
-/// wide channels are not wider.
+/// The codes that `host` samples: 12 bits over 16 N × `range` and ±250 m/s² × `range`, with noise of `noise`
+/// codes rms. The wide channels are not wider.
 fn sensed(solution: &Solution, host: usize, range: f64, noise: f64) -> (Settings, Vec<Scan>) {
     let mut front_end = FrontEnd::reference();
     for sensor in [&mut front_end.force, &mut front_end.acceleration] {
@@ -70,8 +50,8 @@ fn sensed(solution: &Solution, host: usize, range: f64, noise: f64) -> (Settings
                 (0.0, 0.0)
             } else {
                 (
-                    solution.force(host, t),
-                    solution.intruder_acceleration(host, t).unwrap(),
+                    solution.at(t).force(host),
+                    solution.at(t).intruder_acceleration(host).unwrap(),
                 )
             };
             let mut code = |value: f64, per_code: f64, zero: f64| {
@@ -89,7 +69,7 @@ fn sensed(solution: &Solution, host: usize, range: f64, noise: f64) -> (Settings
 
 /// The shape of the window with these scans.
 fn shape_of(settings: &Settings, scans: &[Scan]) -> Shape {
-    let (mut window, mut record) = (Window::open(0, 0), Record::new());
+    let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
     record.clear();
     window.process(settings, scans, &mut record);
     window.report(settings, &record).shape
@@ -120,7 +100,7 @@ fn errors(solution: &Solution, host: usize, stiffness: f64, shape: &Shape) -> [f
     ]
 }
 
-/// Prints the errors and holds each to its bound, about twice what is seen.
+/// Prints the errors and checks each against its bound, which is about twice the error seen.
 fn held(what: &str, [arrival, width, impulse, frequency, decay]: [f64; 5], bounds: [f64; 5]) {
     println!(
         "{what}: arrival {arrival:+.3} samples, width {width:+.3} %, impulse {impulse:+.3} %, frequency {frequency:+.3} %, \

@@ -1,16 +1,17 @@
-//! The settings block in flash: written while the bead runs, kept over a power cut.
+//! The settings block in flash. It is written while the bead runs, and survives a loss of power.
 //!
 //! # Design
-//! Two sectors and `sequential-storage` on them: each write appends the block with its checksum, and the last that is
-//! whole counts. A write that is cut leaves the one before it.
+//! The store is `sequential-storage` on two sectors. Each write appends the block with its checksum, and the
+//! last whole block counts. A write that is cut leaves the block before it.
 //!
-//! **Nothing is erased while the bead runs.** Flash of one bank cannot be read while a sector is erased, and code
-//! lies in it: the core stands still for one or two seconds, longer than the watchdog, the time driver and the
-//! ring of the converter bear. So a sector is erased by [`Store::open`] alone, at start-up, when nobody waits for
-//! samples, and leaves room for one block at least. A write that finds none is refused as [`StoreError::Full`], and the next
-//! start makes some. A sector of 128 KiB takes some 725 blocks of 170 bytes.
+//! **Nothing is erased while the bead runs.** Flash of one bank cannot be read while a sector is erased, and
+//! the code lies in it. The core would stand still for one or two seconds, longer than the watchdog, the time
+//! driver and the ring of the converter can bear. So only [`Store::open`] erases, at start-up, before there
+//! are samples, and it leaves room for at least one block. A write that finds no room is refused as
+//! [`StoreError::Full`], and the next start makes room. A sector of 128 KiB holds about 725 blocks of 170
+//! bytes.
 //!
-//! Programming a word takes some 16 µs, so a write costs about a millisecond.
+//! Programming a word takes about 16 µs, so a write takes about a millisecond.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -33,9 +34,10 @@ use sectors::{COUNT, SectorError, Sectors};
 pub const MAX_BLOCK: usize = 256;
 /// A block with its key, rounded up to words of any flash.
 const BUFFER: usize = MAX_BLOCK + 32;
-/// There is one thing to keep.
+/// The store keeps one item.
 const KEY: u8 = 1;
-/// Where the longest block finds no room, so many of the shortest do, and the next one moves to the other sector.
+/// If there is no room for the longest block, this many writes of any block are enough to move to the other
+/// sector.
 const WRITES_TO_MOVE: u32 = needed(MAX_BLOCK) / needed(0) + 1;
 
 /// The store.
@@ -49,7 +51,7 @@ pub struct Store<F: NorFlash> {
 pub struct Opened {
     /// Sectors that were erased.
     pub erased: u32,
-    /// Whether what was there held no whole block at all and was erased.
+    /// Whether the flash held data but no whole block, and was erased.
     pub lost: bool,
 }
 
@@ -70,7 +72,8 @@ pub enum StoreError {
 impl<F: NorFlash> Store<F> {
     /// Opens the store in `range` of the flash, which is two sectors.
     ///
-    /// Erases a sector where one is needed: a few times in a bead's life, and after a power cut in the middle of that.
+    /// Erases a sector if one is needed: a few times in the life of a bead, and after a power cut during an
+    /// erase.
     ///
     /// # Panics
     /// The range is not two sectors.
@@ -82,11 +85,11 @@ impl<F: NorFlash> Store<F> {
         store.sectors.may_erase = true;
         let lost = match store.tidy() {
             Ok(worth) => !worth,
-            // Something in the flash fails. What can be read all the same is kept.
+            // The flash fails somewhere. A block that can still be read is kept.
             Err(_) => match store.fetch() {
                 Ok(Some(_)) => false,
                 _ => {
-                    // A flash that does not take this either is found by the first write.
+                    // If this fails too, the first write finds it.
                     let _ = store.sectors.erase_all();
                     true
                 }
@@ -97,13 +100,13 @@ impl<F: NorFlash> Store<F> {
         (store, Opened { erased, lost })
     }
 
-    /// Brings the sectors into the order that the library counts on: one in use, one blank. Gives whether there is a
-    /// block, or nothing was there at all.
+    /// Brings the sectors into the order that the library expects: one in use, one blank. Returns false if
+    /// there was data but no whole block.
     fn tidy(&mut self) -> Result<bool, StoreError> {
         let mut worthless = false;
         for sector in self.sectors.each() {
-            // The library goes by a mark at each end of a sector, and an erase that was cut may leave either. Whatever
-            // its marks, a sector without a whole block is worth nothing.
+            // The library reads a mark at each end of a sector, and an erase that was cut may leave either
+            // mark. A sector without a whole block is worthless, whatever its marks.
             if !self.sectors.is_blank(&sector)? && !self.holds_block(&sector) {
                 self.sectors.erase(&sector)?;
                 worthless = true;
@@ -121,7 +124,8 @@ impl<F: NorFlash> Store<F> {
             closed |= self.sectors.is_closed(&sector)?;
         }
         if !blank || closed {
-            // Power went while the library moved to the other sector. A write that may erase ends that.
+            // Power was lost while the library moved to the other sector. A write that may erase completes
+            // the move.
             self.put(&current[..length])?;
         }
         for _ in 0..WRITES_TO_MOVE {
@@ -138,11 +142,11 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`StoreError::Flash`].
     pub fn read(&mut self) -> Result<Option<&[u8]>, StoreError> {
-        // An empty one stands for none: to take an item away would mean to write over it.
+        // An empty block stands for no block: the library removes an item by writing over it.
         Ok(self.fetch()?.filter(|block| !block.is_empty()))
     }
 
-    /// Writes a block, and reads it back. After an error the one before it holds.
+    /// Writes a block, and reads it back. After an error the block before it holds.
     ///
     /// # Errors
     /// See [`StoreError`].
@@ -168,12 +172,12 @@ impl<F: NorFlash> Store<F> {
         self.write(&[])
     }
 
-    /// The flash, as it stands.
+    /// Gives the flash back.
     pub fn into_flash(self) -> F {
         self.sectors.into_flash()
     }
 
-    /// Whether a whole block is in one of the sectors, looked at as if the other were blank.
+    /// Whether the sector holds a whole block. The other sector reads as blank meanwhile.
     fn holds_block(&mut self, sector: &Range<u32>) -> bool {
         self.sectors.alone = Some(sector.clone());
         let found = matches!(self.fetch(), Ok(Some(_)));
@@ -192,13 +196,13 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// Bytes that a block takes in flash: header and checksum, key, rounded up to words of 4 bytes.
+/// Bytes of flash for a block: header with checksum, key and block, rounded up to words of 4 bytes.
 const fn needed(length: usize) -> u32 {
     8 + (1 + length as u32).next_multiple_of(4)
 }
 
-/// What the library remembers while it does one thing. Without it, it would look through a sector anew for each item
-/// that it moves to the other, and take seconds for a full one.
+/// The memory of the library during one operation. Without it, the library would search a sector anew for
+/// each item that it moves, and take seconds for a full sector.
 type Remembered = Cache<ArrayPageStates<COUNT>, ArrayPagePointers<COUNT>, ArrayKeyPointers<u8, 1>, u8>;
 
 fn map<F: NorFlash>(sectors: &mut Sectors<F>) -> MapStorage<u8, &mut Sectors<F>, Remembered> {

@@ -1,31 +1,31 @@
-//! Two sectors of flash as `sequential-storage` sees them: erased when that is allowed, and one at a time if need be.
+//! Two sectors of flash for `sequential-storage`: erasing can be forbidden, and one sector can be hidden.
 
 use core::ops::Range;
 
 use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind};
 use embedded_storage_async::nor_flash as asynchronous;
 
-/// How many there are.
+/// Number of sectors.
 pub(crate) const COUNT: usize = 2;
-/// What erased flash reads.
+/// A byte of erased flash.
 const BLANK: u8 = 0xFF;
-/// Bytes looked at together.
+/// Bytes that are read at once.
 const CHUNK: usize = 256;
 
 pub(crate) struct Sectors<F> {
     flash: F,
     range: Range<u32>,
-    /// The only one to be seen: all else reads as blank.
+    /// If set, all other flash reads as blank.
     pub(crate) alone: Option<Range<u32>>,
     /// Whether a sector may be erased.
     pub(crate) may_erase: bool,
-    /// How many were.
+    /// Number of sectors that were erased.
     pub(crate) erased: u32,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum SectorError {
-    /// A sector has to be erased, and must not be now.
+    /// A sector has to be erased, but erasing is not allowed now.
     EraseRefused,
     /// The flash reported an error.
     Flash,
@@ -70,7 +70,7 @@ impl<F: NorFlash> Sectors<F> {
         Ok(true)
     }
 
-    /// How many of the [`CHUNK`] bytes from `start` on are blank, counted from their end in whole words.
+    /// Number of blank bytes at the end of the [`CHUNK`] bytes from `start` on, in whole words.
     fn blank_tail(&mut self, start: u32) -> Result<usize, SectorError> {
         let mut bytes = [0; CHUNK];
         self.read(start, &mut bytes)?;
@@ -78,14 +78,15 @@ impl<F: NorFlash> Sectors<F> {
         Ok(4 * words.iter().rev().take_while(|word| **word == [BLANK; 4]).count())
     }
 
-    /// Whether the library has marked the sector as full: by zeros in half the bits of its last byte at least.
+    /// Whether the library has marked the sector as full: at least half of the bits of its last byte are
+    /// zeros.
     pub(crate) fn is_closed(&mut self, sector: &Range<u32>) -> Result<bool, SectorError> {
         let mut byte = [0];
         self.read(sector.end - 1, &mut byte)?;
         Ok(byte[0].count_zeros() >= 4)
     }
 
-    /// Bytes that can still be appended: those at the end of the sector in use that are blank, but for its mark.
+    /// Bytes that can still be appended: the blank bytes at the end of the sector in use, less its mark.
     pub(crate) fn room(&mut self) -> Result<u32, SectorError> {
         let mut room = F::ERASE_SIZE as u32;
         for sector in self.each() {

@@ -9,16 +9,16 @@ use proptest::prelude::*;
 /// Small sectors, so that a few writes fill one.
 const SECTOR: usize = 1024;
 const SIZE: usize = 4 * SECTOR;
-/// Not at the start of the flash, nor at its end.
+/// The store is neither at the start nor at the end of the flash.
 const RANGE: std::ops::Range<u32> = SECTOR as u32..3 * SECTOR as u32;
 
-/// Flash with the rules of flash: a word is programmed once between erases, and the power may go.
+/// Flash with the rules of flash: a word is programmed once between erases, and the power may be cut.
 #[derive(Clone)]
 struct Ram {
     bytes: Vec<u8>,
-    /// Words programmed and sectors erased until the power goes.
+    /// Number of operations (a word programmed, a sector erased) until the power is cut.
     left: Option<u32>,
-    /// What is random in a word or sector that the power cut leaves.
+    /// Random state for the contents of a word or sector after a cut.
     seed: u32,
 }
 
@@ -44,7 +44,7 @@ impl Ram {
         }
     }
 
-    /// Whether the next operation is the one in which the power goes; after it, none is done.
+    /// Whether the power is cut in the next operation. After it, no operation is done.
     fn power(&mut self) -> Result<bool, PowerCut> {
         match &mut self.left {
             None => Ok(true),
@@ -93,7 +93,7 @@ impl NorFlash for Ram {
                 self.bytes[start..start + SECTOR].fill(0xFF);
                 continue;
             }
-            // Flash is programmed to zeros before it is erased; then its bits come up, each in its own time.
+            // Flash is programmed to zeros before it is erased. Then each bit rises in its own time.
             let risen = self.random() % 5;
             for at in start..start + SECTOR {
                 let bits = (self.random() | if risen > 1 { self.random() } else { 0 }) as u8;
@@ -114,7 +114,7 @@ impl NorFlash for Ram {
         for (at, word) in (offset as usize..).step_by(4).zip(bytes.as_chunks::<4>().0) {
             let whole = self.power()?;
             for (old, new) in self.bytes[at..at + 4].iter_mut().zip(word) {
-                // Bits only fall; what the cut leaves has some of them fallen.
+                // Bits only fall. After a cut some of them have fallen.
                 self.seed = self.seed.wrapping_mul(0x9E37_79B1) ^ 0x85EB_CA6B;
                 *old &= match whole {
                     true => *new,
@@ -133,7 +133,7 @@ fn open(ram: &Ram) -> (Store<Ram>, Opened) {
     Store::open(ram.clone(), RANGE)
 }
 
-/// Block number `n`: of another length and other bytes than its neighbours.
+/// Block number `n`: its length and bytes differ from those of its neighbours.
 fn block(n: usize) -> Vec<u8> {
     (0..180 + 7 * (n % 5)).map(|i| (i * 31 + n * 17) as u8).collect()
 }
@@ -142,7 +142,7 @@ fn read(store: &mut Store<Ram>) -> Option<Vec<u8>> {
     store.read().unwrap().map(<[u8]>::to_vec)
 }
 
-/// Writes as a bead does that is reset when its store is full.
+/// Writes as a bead that restarts when its store is full.
 fn write(mut store: Store<Ram>, block: &[u8]) -> (Store<Ram>, Result<(), StoreError>) {
     match store.write(block) {
         Err(StoreError::Full) => {
@@ -201,8 +201,8 @@ fn a_full_store_refuses_keeps_what_it_has_and_takes_more_after_the_next_start() 
         }
     }
     println!("{starts} starts and {erased} erases for 200 writes");
-    // Four to five blocks a sector of 1 KiB, of which a start takes two to three: what fills the sector, what is moved to
-    // the other one, and what made it move.
+    // A sector of 1 KiB takes four to five blocks. A start takes the room of two to three: the blocks that
+    // fill the sector, the block that is moved, and the block that made it move.
     assert!((67..=150).contains(&starts), "{starts}");
     assert_eq!(erased, starts);
 }
@@ -217,7 +217,7 @@ fn a_start_leaves_room_for_the_longest_block_after_any_number_of_short_ones() {
             starts += 1;
             store = open(&store.into_flash()).0;
         }
-        // A start between any two of them.
+        // A start between any two writes.
         let mut other = open(&store.into_flash()).0;
         let before = other.into_flash();
         other = open(&before).0;
@@ -236,7 +236,7 @@ fn a_block_too_long_is_refused_and_the_longest_is_not() {
 
 #[test]
 fn a_flash_that_does_not_keep_what_is_written_is_found_out() {
-    /// Takes every write and keeps none.
+    /// A flash that accepts every write and keeps none.
     struct Worn(Ram);
     impl ErrorType for Worn {
         type Error = PowerCut;
@@ -264,7 +264,8 @@ fn a_flash_that_does_not_keep_what_is_written_is_found_out() {
     assert_eq!(store.write(&block(0)), Err(StoreError::Flash));
 }
 
-/// Cuts the power in operation `cut` of the write of block `n`, starts again, and again with a cut in that start.
+/// Cuts the power in operation `cut` of the write of block `n`, starts again, and again with a cut in that
+/// start.
 fn cut_and_start(before: &Ram, n: usize, cut: u32, seed: u32) -> bool {
     let mut ram = before.clone();
     (ram.left, ram.seed) = (Some(cut), seed);
@@ -275,7 +276,7 @@ fn cut_and_start(before: &Ram, n: usize, cut: u32, seed: u32) -> bool {
     if finished {
         assert_eq!(result, Ok(()));
     }
-    // The next start may be cut as well.
+    // The next start may be cut too.
     for again in [Some(1 + seed % 7), None] {
         ram.left = again;
         ram = Store::open(ram, RANGE).0.into_flash();
@@ -314,7 +315,7 @@ fn a_power_cut_in_any_operation_of_any_write_leaves_the_old_block_or_the_new_one
         }
     }
     println!("{cuts} cuts");
-    // A write is some 50 words.
+    // A write is about 50 words.
     assert!(cuts > 5 * 23 * 45, "{cuts}");
 }
 
@@ -327,7 +328,7 @@ proptest! {
         from in 0..2 * SECTOR, to in 0..2 * SECTOR,
     ) {
         let mut ram = Ram::blank();
-        // Some of it, all of it, or none.
+        // Garbage in a part of the sectors; none if `to` is before `from`.
         if let Some(garbage) = garbage.get(from..to) {
             ram.bytes[SECTOR + from..SECTOR + to].copy_from_slice(garbage);
         }

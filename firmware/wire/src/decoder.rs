@@ -1,116 +1,55 @@
-//! Frames from a stream of bytes in which anything may happen.
+//! Frames from a stream in which any byte may be missing or wrong.
 //!
 //! # Design
-//! [`Deframer`] finds what stands between two delimiters; here it is checked, and every byte and every frame
-//! ends in exactly one counter.
+//! [`Deframer`] finds what is between two delimiters. Here it is checked: it is a frame or a reject, and is
+//! counted once.
 
 use serde::Serialize;
 
+use crate::cause::{Reject, Rejected};
 use crate::deframer::Deframer;
-use crate::frame::{Cause, Checked, Frame, Header, MAX_ENCODED, Reject};
+use crate::frame::{Checked, Frame, Header, MAX_ENCODED};
 use crate::sequence::{Arrival, Run};
 
-/// What came, what was refused and what never came.
+/// What was received, what was refused and what is missing.
 ///
-/// A frame damaged on the way is in `rejected` *and* in `lost`: nothing in it can be believed, its number
-/// included, so nobody knows that the two are one. A frame refused with its CRC right is in `rejected` only.
+/// A frame damaged on the way is in `rejected` *and* in `lost`. Its number cannot be believed, so the two
+/// counts cannot be joined. A frame that is refused although its CRC is right is in `rejected` only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counters {
-    /// Bytes received, delimiters included.
+    /// Number of bytes received, with delimiters.
     pub bytes: u64,
-    /// Frames accepted, late and duplicate ones included.
+    /// Number of frames accepted, with late and duplicate ones.
     pub frames: u64,
-    /// Frames lost, by the numbers missing between two received.
+    /// Number of frames lost: the sequence numbers that are missing between two received frames.
     pub lost: u64,
-    /// Frames that came after being counted as lost; they no longer are.
+    /// Number of frames that came late: they were counted as lost before, and no longer are.
     pub late: u64,
-    /// Frames received again.
+    /// Number of frames received again.
     pub duplicates: u64,
-    /// Restarts of the bead seen.
+    /// Number of restarts of the bead.
     pub restarts: u64,
-    /// Sequence number of the first frame. Unless it is 0, frames were missed before it: how many is
-    /// unknown, as the bead may have been sending before anyone listened.
+    /// Sequence number of the first frame; with several beads, the highest of theirs. Unless it is 0, frames
+    /// were missed before it. Their number is unknown, as the bead may have sent before anyone listened.
     pub first_sequence: Option<u32>,
-    /// Bytes between delimiters that are no frame, by cause.
+    /// What was between delimiters and is no frame, by cause.
     pub rejected: Rejected,
 }
 
 impl Counters {
-    /// Whether the stream was received from the first frame of a boot: if not, what was lost before
-    /// [`first_sequence`](Self::first_sequence) is unknown.
+    /// Whether the first frame received was the first of its boot, of each bead. If not, it is unknown what
+    /// was lost before it.
     pub fn from_start(&self) -> bool {
         self.first_sequence == Some(0)
     }
 }
 
-/// How often each [`Cause`] was met.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Rejected {
-    /// [`Cause::TooLong`]
-    pub too_long: u64,
-    /// [`Cause::Cobs`]
-    pub cobs: u64,
-    /// [`Cause::TooShort`]
-    pub too_short: u64,
-    /// [`Cause::Crc`]
-    pub crc: u64,
-    /// [`Cause::Version`]
-    pub version: u64,
-    /// [`Cause::Kind`]
-    pub kind: u64,
-    /// [`Cause::Body`]
-    pub body: u64,
-    /// [`Cause::Trailing`]
-    pub trailing: u64,
-}
-
-impl Rejected {
-    /// All causes together.
-    pub fn total(&self) -> u64 {
-        let Self {
-            too_long,
-            cobs,
-            too_short,
-            crc,
-            version,
-            kind,
-            body,
-            trailing,
-        } = self;
-        too_long + cobs + too_short + crc + version + kind + body + trailing
-    }
-
-    /// None of any.
-    pub(crate) const NONE: Self = Self {
-        too_long: 0,
-        cobs: 0,
-        too_short: 0,
-        crc: 0,
-        version: 0,
-        kind: 0,
-        body: 0,
-        trailing: 0,
-    };
-
-    pub(crate) fn count(&mut self, cause: Cause) {
-        *match cause {
-            Cause::TooLong => &mut self.too_long,
-            Cause::Cobs => &mut self.cobs,
-            Cause::TooShort => &mut self.too_short,
-            Cause::Crc => &mut self.crc,
-            Cause::Version(_) => &mut self.version,
-            Cause::Kind(_) => &mut self.kind,
-            Cause::Body => &mut self.body,
-            Cause::Trailing => &mut self.trailing,
-        } += 1;
-    }
-}
-
-/// Takes bytes as they come, gives frames and rejects.
+/// Takes bytes in any pieces, gives frames and rejects.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     deframer: Deframer<MAX_ENCODED>,
-    run: Option<Run>,
+    /// A run of sequence numbers for each address.
+    runs: [Option<Run>; 256],
     counters: Counters,
 }
 
@@ -125,7 +64,7 @@ impl Decoder {
     pub const fn new() -> Self {
         Self {
             deframer: Deframer::new(),
-            run: None,
+            runs: [None; 256],
             counters: Counters {
                 bytes: 0,
                 frames: 0,
@@ -144,13 +83,14 @@ impl Decoder {
         &self.counters
     }
 
-    /// Bytes received since the last delimiter: at the end of a stream, an unfinished frame.
+    /// Number of bytes received since the last delimiter. At the end of a stream they are an unfinished
+    /// frame.
     pub const fn pending(&self) -> u64 {
         self.deframer.pending()
     }
 
-    /// Takes any number of bytes, and hands on each frame and each reject as its delimiter comes.
-    pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(Result<Frame<'_>, Reject>)) {
+    /// Takes any number of bytes, and hands each frame and each reject to `sink`.
+    pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(Result<Frame, Reject>)) {
         for &byte in bytes {
             if let Some(result) = self.push(byte) {
                 sink(result);
@@ -158,17 +98,24 @@ impl Decoder {
         }
     }
 
-    /// Takes one byte; a delimiter may give a frame or a reject.
-    pub fn push(&mut self, byte: u8) -> Option<Result<Frame<'_>, Reject>> {
+    /// Takes one byte. A delimiter may give a frame or a reject.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Frame, Reject>> {
         self.counters.bytes += 1;
         let between = self.deframer.push(byte)?;
         let result = between.payload.and_then(|payload| {
             let checked = Checked::new(payload)?;
-            // Even where the body is none that we know, the frame itself was not lost.
-            let Header { boot, sequence, .. } = checked.header;
-            let arrival = Run::follow(&mut self.run, boot, sequence, checked.opens_boot());
+            // The frame counts as received even if its body cannot be read.
+            let Header {
+                address,
+                boot,
+                sequence,
+                ..
+            } = checked.header;
+            let run = &mut self.runs[usize::from(address)];
+            let arrival = Run::follow(run, boot, sequence, checked.opens_boot());
             self.counters.follow(arrival, sequence);
             Ok(Frame {
+                version: checked.version,
                 header: checked.header,
                 arrival,
                 message: checked.message()?,
@@ -188,7 +135,7 @@ impl Decoder {
 impl Counters {
     fn follow(&mut self, arrival: Arrival, sequence: u32) {
         match arrival {
-            Arrival::First => self.first_sequence = Some(sequence),
+            Arrival::First => self.first_sequence = self.first_sequence.max(Some(sequence)),
             Arrival::Next { lost } => self.lost += u64::from(lost),
             Arrival::Restart { lost } => {
                 self.lost += u64::from(lost);

@@ -1,24 +1,25 @@
-//! What stands between two delimiters, in a stream of bytes in which anything may happen.
+//! Finds what is between two delimiters, in a stream in which any byte may be missing or wrong.
 //!
 //! # Design
-//! A byte 0x00 is always a delimiter and never anything else, so after any damage this is in step again at the
-//! next one. It keeps no more than one frame of `N` bytes, allocates nothing and cannot panic.
+//! A byte 0x00 is always a delimiter and never anything else. So after any damage the decoder is in step
+//! again at the next delimiter. It keeps at most one frame of `N` bytes, allocates nothing and cannot panic.
 
-use crate::frame::{Cause, DELIMITER};
+use crate::cause::Cause;
+use crate::payload::DELIMITER;
 
-/// Takes bytes as they come, gives payloads.
+/// Takes bytes one at a time, gives payloads.
 #[derive(Clone, Debug)]
 pub(crate) struct Deframer<const N: usize> {
     encoded: [u8; N],
-    /// Bytes since the last delimiter; beyond the buffer they are counted, not kept.
+    /// Number of bytes since the last delimiter. Bytes beyond the buffer are counted, not kept.
     pending: u64,
 }
 
-/// What stood between two delimiters.
+/// What was between two delimiters.
 pub(crate) struct Between<'a> {
-    /// How many bytes there were, as received.
+    /// Number of bytes, as received.
     pub(crate) bytes: u64,
-    /// What they carried, or why it is nothing.
+    /// What they carry, or why they carry nothing.
     pub(crate) payload: Result<&'a [u8], Cause>,
 }
 
@@ -30,12 +31,12 @@ impl<const N: usize> Deframer<N> {
         }
     }
 
-    /// Bytes received since the last delimiter.
+    /// Number of bytes received since the last delimiter.
     pub(crate) const fn pending(&self) -> u64 {
         self.pending
     }
 
-    /// Takes one byte; a delimiter may give what stood before it.
+    /// Takes one byte. A delimiter may give what was before it.
     pub(crate) fn push(&mut self, byte: u8) -> Option<Between<'_>> {
         if byte != DELIMITER {
             if let Some(slot) = usize::try_from(self.pending)
@@ -48,7 +49,7 @@ impl<const N: usize> Deframer<N> {
             return None;
         }
         let bytes = core::mem::take(&mut self.pending);
-        // Frames are delimited on both sides: nothing between two delimiters is no loss.
+        // Each frame has a delimiter on both sides, so two delimiters in a row are normal.
         (bytes > 0).then(|| Between {
             bytes,
             payload: self.decode(bytes),

@@ -1,9 +1,9 @@
-//! From the count that a 32-bit timer latched to a place on the sample clock.
+//! From the count that a 32-bit timer latched to a position on the sample clock.
 
-use crate::message::Sync;
+use crate::message::sync::Sync;
 
-/// The number nearest to `about` whose low 32 bits are `count`: a count of 32 bits goes on where it wraps, as long as
-/// `about` is off by less than half of them.
+/// The number nearest to `about` whose low 32 bits are `count`. It turns a count that wraps after 2³² into
+/// one that does not, if `about` is off by less than 2³¹.
 ///
 /// ```
 /// # use bead_wire::unwrapped;
@@ -11,7 +11,7 @@ use crate::message::Sync;
 /// ```
 pub const fn unwrapped(count: u32, about: u64) -> u64 {
     let ahead = count.wrapping_sub(about as u32) as i32;
-    // Before 0 there is nothing: a count that lies a little behind the beginning is one far ahead of it.
+    // There are no numbers below 0: a count that seems to lie just before 0 lies one wrap ahead.
     match about.checked_add_signed(ahead as i64) {
         Some(number) => number,
         None => count as u64,
@@ -19,10 +19,11 @@ pub const fn unwrapped(count: u32, about: u64) -> u64 {
 }
 
 impl Sync {
-    /// An edge so many clocks after sample index 0, where `clocks_per_sample` make a sample period.
+    /// The edge that comes `clocks` clocks after sample index 0. A sample period has `clocks_per_sample`
+    /// clocks.
     ///
     /// # Panics
-    /// A sample period has no clocks.
+    /// `clocks_per_sample` is 0.
     #[must_use]
     pub const fn at(edge: u32, clocks: u64, clocks_per_sample: u16, missed: u32) -> Self {
         assert!(clocks_per_sample > 0, "a sample period has clocks");
@@ -35,7 +36,8 @@ impl Sync {
         }
     }
 
-    /// Sample index with its fraction: over the sample rate, time of the bead in s. Exact to 2⁻⁵² of it.
+    /// Sample index with its fraction. Divided by the sample rate it is the bead's time in s. Its relative
+    /// error is below 2⁻⁵².
     #[must_use]
     pub fn position(&self) -> f64 {
         self.index as f64 + f64::from(self.clocks) / f64::from(self.clocks_per_sample.max(1))

@@ -2,26 +2,46 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
+mod body;
+mod cause;
 mod codes;
 mod decoder;
 mod deframer;
 mod edge;
 mod frame;
+#[cfg(test)]
+mod golden;
 mod message;
+mod names;
+mod payload;
 mod request;
 mod sequence;
+mod table;
+mod text;
+mod units;
 
-pub use codes::{CodeError, Codes, MAX_CODE, MAX_SCANS};
-pub use decoder::{Counters, Decoder, Rejected};
+pub use body::{Body, Field, FieldDoc, Fields, Named, Parts, Value};
+pub use cause::{Cause, Reject, Rejected};
+pub use codes::{CodeError, Codes, MAX_CODE, MAX_SCANS, unpacked};
+pub use decoder::{Counters, Decoder};
 pub use edge::unwrapped;
-pub use frame::{Cause, EncodeError, Frame, Header, MAX_FRAME, Reject, VERSION, encode};
-pub use message::{
-    ACCELERATION_UNIT_MPS2, Check, ENERGY_UNIT_J, FINE_UNIT, FORCE_UNIT_N, FRACTION_UNIT, Fault, FaultCause,
-    GainMatch, Health, IMPULSE_UNIT_N_SAMPLES, Identity, Kind, Link, MAX_BLOCK, MAX_DETAIL, MAX_FIRMWARE,
-    MAX_GIT, Message, Outcome, Raw, Reply, SelfTest, Settings, SettingsSource, Shape, Status, Strike, Sync,
-    Waveform,
-};
-pub use request::{
-    MAX_REQUEST, Numbered, RejectedRequest, Request, RequestCounters, RequestDecoder, encode_request,
-};
+pub use frame::{Frame, Header, MAX_FRAME, encode};
+pub use message::fault::{Detail, FaultCause, MAX_DETAIL};
+pub use message::health::Standing;
+pub use message::identity::{MAX_FIRMWARE, MAX_GIT, ResetCauses};
+pub use message::reply::Outcome;
+pub use message::self_test::Check;
+pub use message::shape::GainMatch;
+pub use message::status::SettingsSource;
+pub use message::strike::StrikeFlags;
+// Every body, and `Kind` and `Message`: a new row of the table is public without a line here.
+pub use message::*;
+pub use names::named;
+pub use payload::{BufferTooSmall, VERSION};
+pub use request::{ANY, Heard, MAX_REQUEST, Request, RequestCounters, RequestDecoder, encode_request};
 pub use sequence::{Arrival, REORDER};
+pub use text::{Block, BlockTooLong, MAX_BLOCK, Text};
+pub use units::{Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples, Unit};

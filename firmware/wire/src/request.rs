@@ -1,181 +1,124 @@
-//! What a host asks of the bead.
+//! What a host asks of the bead: the table of all requests, their frame, and its decoder.
 //!
 //! # Design
 //! ```text
-//! 0x00  COBS( version u8 | kind u8 | number u16 | body | CRC-32 u32 )  0x00
+//! 0x00  COBS( version u8 | kind u8 | number u16 | address u8 | body | CRC-32 u32 )  0x00
 //! ```
 //!
-//! The frame is that of the bead's own messages but for its header: a host needs no boot and has no samples. It
-//! chooses a number, and the bead's [`Reply`](crate::Reply) has the same one. The first four bytes are what they are in every
-//! version, so that a bead can say that it does not understand.
+//! Only the header differs from that of the bead's frames, as a host has no boot and no samples. The host
+//! chooses a number, and the bead's [`Reply`](crate::Reply) has the same one. This header is frozen too, so a
+//! bead can answer a request of any later version with [`Outcome::Version`](crate::Outcome::Version).
 //!
-//! Whatever may be asked may be asked twice: a host that hears no reply asks again, under the same number.
+//! Every request may be repeated: a host that hears no reply asks again, with the same number.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-use crate::decoder::Rejected;
+use crate::body::{Field, FieldDoc};
+use crate::cause::{Cause, Rejected};
 use crate::deframer::Deframer;
-use crate::frame::{CRC_LENGTH, Cause, EncodeError, VERSION, checked, frame, whole, within};
-use crate::message::{MAX_BLOCK, slice};
+use crate::payload::{BufferTooSmall, CRC_LENGTH, VERSION, open, seal, whole};
+use crate::table::requests;
+use crate::text::Block;
 
 /// Version, kind, number.
 const HEADER: usize = 1 + 1 + 2;
-/// The settings block is the longest body.
-const MAX_BODY: usize = slice(MAX_BLOCK);
-const MAX_PAYLOAD: usize = HEADER + MAX_BODY + CRC_LENGTH;
+const MAX_PAYLOAD: usize = HEADER + 1 + MAX_BODY + CRC_LENGTH;
 const MAX_ENCODED: usize = corncobs::max_encoded_len(MAX_PAYLOAD) - 1;
-/// Longest request on the wire with both delimiters, in bytes: a buffer this long always does.
+/// Longest request on the wire with both delimiters, in bytes. A buffer of this length is always long enough.
 pub const MAX_REQUEST: usize = 1 + MAX_ENCODED + 1;
 
-/// What a host may ask. Numbers of kinds are from 64 up, so that none is taken for a message of the bead.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(tag = "request", rename_all = "snake_case")]
-pub enum Request<'a> {
+/// The address that every bead answers.
+pub const ANY: u8 = 0xFF;
+
+requests! {
     /// Send an identity frame.
-    Identity,
+    64 "identity" Identity,
     /// Send status, health and link frames.
-    Status,
-    /// Send the settings block in force.
-    ReadSettings,
-    /// Check, store and use this settings block.
-    WriteSettings {
-        /// The block, as `bead-model` encodes it; at most [`MAX_BLOCK`] bytes.
-        block: &'a [u8],
+    65 "status" Status,
+    /// Send a settings frame with the block in force.
+    66 "read settings" ReadSettings,
+    /// Check this settings block, store it and read it back. Use it from the end of a strike that is being
+    /// measured. Then send a settings frame.
+    67 "write settings" WriteSettings {
+        /// The block, as `bead-model` encodes it.
+        block: Block,
     },
-    /// Forget the stored settings: back to those that a debug probe put into flash, or else the built-in ones.
-    EraseSettings,
-    /// Look for strikes.
-    Arm,
-    /// Look for none from the end of the one that is being measured, until armed again or reset.
-    Disarm,
-    /// Send one self-test frame for each check.
-    SelfTest,
-    /// Send every scan for so long, as far as the link carries them.
-    Raw {
-        /// In ms; 0 ends the stream.
+    /// Forget the settings that came over the link, and use those that a debug probe put into flash, or else
+    /// the built-in ones. Then send a settings frame.
+    68 "erase settings" EraseSettings,
+    /// Look for strikes, as after a reset.
+    69 "arm" Arm,
+    /// Look for no strikes until armed again or reset. A strike that is being measured is finished first.
+    70 "disarm" Disarm,
+    /// Check the bead, and send a self-test frame for each check.
+    71 "self-test" SelfTest,
+    /// Send every scan for this time, in raw frames, as far as the link can carry them.
+    72 "raw" Raw {
+        /// The time, in ms, at most 10 000; 0 ends the stream.
         duration_ms: u32,
     },
-    /// Set the counts of status, health and link frames to 0, as far as nothing else is counted by them.
-    ResetCounters,
-    /// Reply, send what waits, and reset.
-    Reboot,
+    /// Set counts to 0: in the status frame overruns, dropped blocks and dropped frames; in the health frame
+    /// and in the link frame all counts.
+    73 "reset counters" ResetCounters,
+    /// Reply, send the frames that wait, and reset the bead.
+    74 "reboot" Reboot,
 }
 
-#[derive(Serialize, Deserialize)]
-struct Block<'a> {
-    block: &'a [u8],
-}
-
-#[derive(Serialize, Deserialize)]
-struct Duration {
-    duration_ms: u32,
-}
-
-impl<'a> Request<'a> {
-    /// The second byte of its frame.
-    pub const fn kind(&self) -> u8 {
-        match self {
-            Self::Identity => 64,
-            Self::Status => 65,
-            Self::ReadSettings => 66,
-            Self::WriteSettings { .. } => 67,
-            Self::EraseSettings => 68,
-            Self::Arm => 69,
-            Self::Disarm => 70,
-            Self::SelfTest => 71,
-            Self::Raw { .. } => 72,
-            Self::ResetCounters => 73,
-            Self::Reboot => 74,
-        }
-    }
-
-    fn decode(kind: u8, body: &'a [u8]) -> Result<Self, Cause> {
-        let bare = |request| match body {
-            [] => Ok(request),
-            _ => Err(Cause::Trailing),
-        };
-        match kind {
-            64 => bare(Self::Identity),
-            65 => bare(Self::Status),
-            66 => bare(Self::ReadSettings),
-            67 => whole(body).map(|Block { block }| Self::WriteSettings { block }),
-            68 => bare(Self::EraseSettings),
-            69 => bare(Self::Arm),
-            70 => bare(Self::Disarm),
-            71 => bare(Self::SelfTest),
-            72 => whole(body).map(|Duration { duration_ms }| Self::Raw { duration_ms }),
-            73 => bare(Self::ResetCounters),
-            74 => bare(Self::Reboot),
-            _ => Err(Cause::Kind(kind)),
-        }
-    }
-
-    fn encode(&self, buffer: &mut [u8]) -> Result<usize, EncodeError> {
-        let room = buffer.len();
-        let written = match self {
-            Self::WriteSettings { block } => {
-                within(block, MAX_BLOCK)?;
-                postcard::to_slice(&Block { block }, buffer)
-            }
-            Self::Raw { duration_ms } => postcard::to_slice(
-                &Duration {
-                    duration_ms: *duration_ms,
-                },
-                buffer,
-            ),
-            _ => return Ok(0),
-        };
-        // `MAX_BODY` covers the longest block, so this cannot fail.
-        Ok(written.map_err(|_| EncodeError::BufferTooSmall(room))?.len())
-    }
-}
-
-/// Writes one request, with both its delimiters, to the head of `buffer` and returns it.
+/// Writes one request, with both its delimiters, to the head of `buffer` and returns it. It is for the bead
+/// with this address, or for any bead: [`ANY`].
 ///
 /// # Errors
-/// A settings block longer than [`MAX_BLOCK`], or a buffer shorter than the frame.
+/// The buffer is too small. [`MAX_REQUEST`] bytes are always enough.
 pub fn encode_request<'b>(
+    address: u8,
     number: u16,
-    request: &Request<'_>,
+    request: &Request,
     buffer: &'b mut [u8],
-) -> Result<&'b [u8], EncodeError> {
+) -> Result<&'b [u8], BufferTooSmall> {
     let mut payload = [0; MAX_PAYLOAD];
     let [low, high] = number.to_le_bytes();
-    payload[..HEADER].copy_from_slice(&[VERSION, request.kind(), low, high]);
-    let body = request.encode(&mut payload[HEADER..HEADER + MAX_BODY])?;
-    frame(&mut payload, HEADER + body, buffer)
+    payload[..=HEADER].copy_from_slice(&[VERSION, request.number(), low, high, address]);
+    let start = HEADER + 1;
+    // `MAX_BODY` covers every body, so this cannot fail.
+    let length = request
+        .encode(&mut payload[start..start + MAX_BODY])
+        .map_err(|_| BufferTooSmall(buffer.len()))?;
+    seal(&mut payload, start + length, buffer)
 }
 
-/// A request with its number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Numbered<'a> {
-    /// What the reply is to have.
+/// A frame of a host whose CRC is right, so that somebody waits for a reply.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// Address of the bead that is asked, or [`ANY`]. Requests of version 2 have no address; they are for any
+    /// bead.
+    pub address: u8,
+    /// The number that the reply must have.
     pub number: u16,
-    /// What is asked.
-    pub request: Request<'a>,
+    /// What is asked, or why the bead does not understand it.
+    pub request: Result<Request, Cause>,
 }
 
-/// Bytes between two delimiters that are no request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct RejectedRequest {
-    /// Why not.
-    pub cause: Cause,
-    /// Its number, where the CRC is right: somebody waits for a reply.
-    pub number: Option<u16>,
-}
-
-/// What came in.
+/// What was received, and what was refused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct RequestCounters {
-    /// Bytes received, delimiters included.
+    /// Number of bytes received, with delimiters.
     pub bytes: u64,
-    /// Requests accepted.
+    /// Number of requests understood, to any address.
     pub requests: u64,
-    /// Bytes between delimiters that are no request, by cause.
+    /// What was between delimiters and is no request, by cause.
     pub rejected: Rejected,
 }
 
-/// Takes bytes as they come, gives requests and rejects. Keeps one request, allocates nothing, cannot panic.
+impl RequestCounters {
+    const NONE: Self = Self {
+        bytes: 0,
+        requests: 0,
+        rejected: Rejected::NONE,
+    };
+}
+
+/// Takes bytes one at a time, gives requests. It keeps at most one request, allocates nothing and cannot
+/// panic.
 #[derive(Clone, Debug)]
 pub struct RequestDecoder {
     deframer: Deframer<MAX_ENCODED>,
@@ -193,11 +136,7 @@ impl RequestDecoder {
     pub const fn new() -> Self {
         Self {
             deframer: Deframer::new(),
-            counters: RequestCounters {
-                bytes: 0,
-                requests: 0,
-                rejected: Rejected::NONE,
-            },
+            counters: RequestCounters::NONE,
         }
     }
 
@@ -206,39 +145,38 @@ impl RequestDecoder {
         &self.counters
     }
 
-    /// What was received so far, to be counted elsewhere: from here on it counts anew. What stands since the last
-    /// delimiter is kept.
+    /// Takes what was received so far; the counts begin again at 0. Bytes since the last delimiter are kept.
     pub fn take_counters(&mut self) -> RequestCounters {
-        core::mem::take(&mut self.counters)
+        core::mem::replace(&mut self.counters, RequestCounters::NONE)
     }
 
-    /// Takes one byte; a delimiter may give a request or a reject.
-    pub fn push(&mut self, byte: u8) -> Option<Result<Numbered<'_>, RejectedRequest>> {
+    /// Takes one byte. A delimiter may give a frame, or the cause why the bytes before it are none. Nobody
+    /// waits for a reply to bytes that are no frame.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Heard, Cause>> {
         self.counters.bytes += 1;
-        let result = match self.deframer.push(byte)?.payload {
-            Ok(payload) => read(payload),
-            Err(cause) => Err(RejectedRequest { cause, number: None }),
-        };
-        match &result {
-            Ok(_) => self.counters.requests += 1,
-            Err(reject) => self.counters.rejected.count(reject.cause),
+        let heard = self.deframer.push(byte)?.payload.and_then(read);
+        match &heard {
+            Ok(Heard { request: Ok(_), .. }) => self.counters.requests += 1,
+            Ok(Heard {
+                request: Err(cause), ..
+            })
+            | Err(cause) => self.counters.rejected.count(*cause),
         }
-        Some(result)
+        Some(heard)
     }
 }
 
-fn read(payload: &[u8]) -> Result<Numbered<'_>, RejectedRequest> {
-    let (&[version, kind, low, high], body) =
-        checked::<HEADER>(payload).map_err(|cause| RejectedRequest { cause, number: None })?;
-    let number = u16::from_le_bytes([low, high]);
-    let request = match version {
-        VERSION => Request::decode(kind, body),
-        other => Err(Cause::Version(other)),
+fn read(payload: &[u8]) -> Result<Heard, Cause> {
+    let (&[version, kind, low, high], rest) = open::<HEADER>(payload)?;
+    let (address, request) = match (version, rest.split_first()) {
+        (VERSION.., None) => return Err(Cause::TooShort),
+        (VERSION, Some((&address, body))) => (address, Request::decode(kind, body)),
+        (later @ VERSION.., Some((&address, _))) => (address, Err(Cause::Version(later))),
+        (older, _) => (ANY, Err(Cause::Version(older))),
     };
-    request
-        .map(|request| Numbered { number, request })
-        .map_err(|cause| RejectedRequest {
-            cause,
-            number: Some(number),
-        })
+    Ok(Heard {
+        address,
+        number: u16::from_le_bytes([low, high]),
+        request,
+    })
 }

@@ -1,48 +1,49 @@
 //! How many frames were lost, from their sequence numbers.
 //!
 //! # Design
-//! The bead numbers every frame that it makes from 0 at each reset, so the numbers missing between two
-//! frames received are exactly the frames lost between them, on the wire or for want of queue. Three
-//! things must not be taken for loss:
+//! The bead numbers every frame that it makes, from 0 at each reset. So the numbers that are missing between
+//! two frames received are exactly the frames lost between them: on the line, or because the bead's queue was
+//! full. Three things must not be taken for loss:
 //!
-//! - **A restart.** Another boot byte in the header opens a new run: its number so far is its loss. The
-//!   boot byte is counted from power-up, so a power cycle may repeat it; then the run is told by its
-//!   opening frame (an Identity numbered 0), or by a step back of more than [`REORDER`] frames.
-//! - **The wrap** after 2³² frames: differences are taken modulo 2³²; less than half is forward.
-//! - **A frame late or twice.** A serial line does neither, relays and pipes may: a step back within
-//!   [`REORDER`] frames fills its gap again, or is a duplicate where there was none.
+//! - **A restart.** Another boot byte in the header begins a new run; the first number received of it is the
+//!   number of frames lost. A power cycle counts boots anew and may repeat the boot byte. Then the new run
+//!   shows by its opening frame, an identity with number 0, or by a step back of more than [`REORDER`]
+//!   frames.
+//! - **The wrap** after 2³² frames. Differences are taken modulo 2³²; less than half of that is forward.
+//! - **A frame that comes late or twice.** A serial line never does this; relays and pipes may. A step back
+//!   of at most [`REORDER`] frames fills its gap, or is a duplicate if there was no gap.
 //!
-//! What cannot be known: frames before the first one received, frames after the last, and a power cycle
-//! within the first [`REORDER`] frames whose opening frame is lost as well.
+//! Some losses cannot be known: frames before the first one received, frames after the last one, and a power
+//! cycle within the first [`REORDER`] frames if its opening frame is lost as well.
 
 use serde::Serialize;
 
-/// How many frames back one may still arrive late.
+/// A frame may arrive late by at most this number of frames.
 pub const REORDER: u32 = 64;
 
-/// How a frame follows on those before it.
+/// How a frame follows the earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Arrival {
-    /// The first one received; frames before it, if its number is not 0, are unknown.
+    /// The first frame received. Unless its number is 0, frames were missed before it.
     First,
-    /// Further on by one, or by more when this many were lost between.
+    /// A later frame than all before.
     Next {
-        /// Frames lost just before this one.
+        /// Number of frames lost just before this one.
         lost: u32,
     },
-    /// The first one received after the bead restarted.
+    /// The first frame received after a restart of the bead.
     Restart {
-        /// Frames of the new run lost before this one.
+        /// Number of frames of the new run lost before this one.
         lost: u32,
     },
-    /// Counted as lost before, and come after all.
+    /// A frame that was counted as lost before.
     Late,
-    /// Received before, or older than the first one received.
+    /// A frame that was received before, or is older than the first one received.
     Duplicate,
 }
 
-/// Where the run of sequence numbers stands.
+/// State of a run of sequence numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
     boot: u8,
@@ -52,10 +53,10 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Follows one frame; `opens_boot` says that it can only be the first of a boot.
+    /// Takes the next frame. `opens_boot` says that it can only be the first of a boot.
     pub(crate) fn follow(run: &mut Option<Self>, boot: u8, sequence: u32, opens_boot: bool) -> Arrival {
         let Some(now) = run else {
-            // What came before the first frame was never counted as lost.
+            // Frames before the first one received are not counted as lost.
             *run = Some(Self {
                 boot,
                 newest: sequence,
@@ -90,7 +91,7 @@ impl Run {
     }
 }
 
-/// The `count` lowest bits, all 64 where there are no more.
+/// A number whose `count` lowest bits are set, or all 64.
 fn trailing_ones(count: u32) -> u64 {
     1u64.checked_shl(count).map_or(u64::MAX, |next| next - 1)
 }

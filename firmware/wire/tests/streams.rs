@@ -1,4 +1,4 @@
-//! A stream of frames on a bad line: what is damaged is refused, what is lost is counted.
+//! A stream of frames on a bad line: damaged frames are refused, lost frames are counted.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -6,23 +6,23 @@ mod common;
 
 use std::collections::HashSet;
 
-use bead_wire::{Arrival, Decoder, Identity, MAX_FRAME, Message, REORDER};
-use common::{bytes, decode, draft, filler, unopening};
+use bead_wire::{Arrival, Decoder, Identity, MAX_FRAME, REORDER, ResetCauses};
+use common::{bytes, bytes_of, decode, filler, message, unopening};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
 /// The frame that opens a boot.
 fn opening(boot: u8) -> Vec<u8> {
     let identity = Identity {
-        firmware: "0.1.0",
-        git: "0",
+        firmware: "0.1.0".into(),
+        git: "0".into(),
         uid: [7; 12],
         boot: boot.into(),
-        reset_cause: 0,
+        reset_cause: ResetCauses::NONE,
         sample_rate_hz: 100_000,
         channels: 2,
     };
-    bytes(boot, 0, &Message::Identity(identity))
+    bytes(boot, 0, &identity.into())
 }
 
 /// Frames of one boot: the opening one, then fillers.
@@ -47,10 +47,10 @@ fn arrivals(stream: &[u8]) -> Vec<Arrival> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Every bit of the frame in turn, delimiters included.
+    /// Flips every bit of the frame in turn, those of the delimiters too.
     #[test]
-    fn a_flipped_bit_costs_its_own_frame_and_no_other(draft in unopening(), sequence in 0..u32::MAX - 2) {
-        let damaged = bytes(3, sequence + 1, &draft.message());
+    fn a_flipped_bit_costs_its_own_frame_and_no_other(message in unopening(), sequence in 0..u32::MAX - 2) {
+        let damaged = bytes(3, sequence + 1, &message);
         let (before, after) = (filler(3, sequence), filler(3, sequence + 2));
         for bit in 0..8 * damaged.len() {
             let mut flipped = damaged.clone();
@@ -58,7 +58,7 @@ proptest! {
             let mut decoder = Decoder::new();
             let (sequences, rejects) = decode(&mut decoder, &[&before[..], &flipped, &after].concat());
             prop_assert_eq!(&sequences, &[sequence, sequence + 2], "bit {}", bit);
-            // A bit that makes a delimiter leaves two pieces.
+            // A flip that makes a delimiter leaves two pieces.
             prop_assert!(matches!(rejects.len(), 1 | 2), "bit {bit}: {rejects:?}");
             prop_assert_eq!(decoder.counters().lost, 1);
         }
@@ -73,7 +73,7 @@ proptest! {
         for n in (0..kept.len()).filter(|&n| kept[n]) {
             decode(&mut decoder, &filler(0, sequence(n)));
         }
-        // Before the first one received and after the last, nothing is known.
+        // Frames before the first one received and after the last one are unknown.
         let heard = kept.iter().position(|&kept| kept);
         let last = kept.iter().rposition(|&kept| kept);
         let between = heard.zip(last).map_or(&[][..], |(first, last)| &kept[first..=last]);
@@ -84,7 +84,8 @@ proptest! {
         prop_assert_eq!(counters.restarts, 0);
     }
 
-    /// Boot after boot, each with frames dropped anywhere, its first ones and all of them included.
+    /// Several boots, each with frames dropped anywhere. The first frames of a boot may be dropped, or all of
+    /// them.
     #[test]
     fn dropped_frames_are_counted_exactly_over_restarts(boots in vec(vec(any::<bool>(), 1..100), 1..6)) {
         let mut decoder = Decoder::new();
@@ -92,7 +93,7 @@ proptest! {
         for (number, kept) in boots.iter().enumerate() {
             let Some(last) = kept.iter().rposition(|&kept| kept) else { continue };
             let first = kept.iter().position(|&kept| kept).unwrap();
-            // What was sent before anyone listened is unknown; a later boot is listened to from its start.
+            // In the first boot heard, earlier frames are unknown. A later boot is heard from its start.
             let listened = if heard == 0 { first } else { 0 };
             lost += kept[listened..=last].iter().filter(|&&kept| !kept).count() as u64;
             heard += 1;
@@ -107,27 +108,27 @@ proptest! {
 
     #[test]
     fn noise_between_frames_costs_no_frame(
-        drafts in vec((draft(), vec(any::<u8>(), 0..2 * MAX_FRAME)), 1..8),
+        messages in vec((message(), vec(any::<u8>(), 0..2 * MAX_FRAME)), 1..8),
     ) {
         let mut stream = Vec::new();
-        for (n, (draft, noise)) in drafts.iter().enumerate() {
+        for (n, (message, noise)) in messages.iter().enumerate() {
             stream.extend(noise);
-            stream.extend(bytes(0, n as u32, &draft.message()));
+            stream.extend(bytes(0, n as u32, message));
         }
         let mut decoder = Decoder::new();
         let (sequences, _) = decode(&mut decoder, &stream);
-        prop_assert!(sequences.into_iter().eq(0..drafts.len() as u32));
+        prop_assert!(sequences.into_iter().eq(0..messages.len() as u32));
         prop_assert_eq!(decoder.counters().lost, 0);
         prop_assert!(decoder.counters().from_start());
         prop_assert_eq!(decoder.counters().bytes, stream.len() as u64);
     }
 
     #[test]
-    fn a_stream_cut_anywhere_costs_one_frame(drafts in vec(draft(), 3..6), cut: prop::sample::Index) {
-        let frames: Vec<_> = (0..).zip(&drafts).map(|(n, draft)| bytes(0, n, &draft.message())).collect();
+    fn a_stream_cut_anywhere_costs_one_frame(messages in vec(message(), 3..6), cut: prop::sample::Index) {
+        let frames: Vec<_> = (0..).zip(&messages).map(|(n, message)| bytes(0, n, message)).collect();
         let stream = frames.concat();
         let cut = cut.index(stream.len());
-        // The bead is reset while it sends: its next boot follows in the middle of a frame.
+        // The bead is reset while it sends, so its next boot follows in the middle of a frame.
         let mut decoder = Decoder::new();
         let (sequences, rejects) = decode(&mut decoder, &[&stream[..cut], &boot(1, 2).concat()].concat());
         let whole = |frame: usize| frames[..=frame].concat().len() <= cut + 1;
@@ -139,7 +140,7 @@ proptest! {
     #[test]
     fn it_does_not_matter_in_what_pieces_bytes_come(
         stream in vec(prop_oneof![
-            draft().prop_map(|draft| bytes(0, 9, &draft.message())),
+            message().prop_map(|message| bytes(0, 9, &message)),
             vec(any::<u8>(), 0..40),
         ], 0..8),
         pieces in vec(0..200usize, 0..30),
@@ -213,7 +214,7 @@ fn the_wrap_of_the_sequence_is_no_restart() {
 
 #[test]
 fn an_identity_numbered_zero_begins_a_run_though_the_boot_is_the_same() {
-    // A power cycle counts boots from the start again.
+    // After a power cycle boots are counted from 0 again.
     let stream = [boot(0, 10), boot(0, 3)].concat().concat();
     let mut decoder = Decoder::new();
     decode(&mut decoder, &stream);
@@ -279,4 +280,30 @@ fn joining_late_says_that_the_loss_before_is_unknown() {
         (Some(41), 0)
     );
     assert!(!decoder.counters().from_start());
+}
+
+#[test]
+fn each_address_has_a_run_of_sequence_numbers_of_its_own() {
+    let text = common::block(b"x");
+    let frame = |address, sequence| {
+        let settings = bead_wire::Settings { block: text.clone() };
+        bytes_of(address, 0, sequence, &settings.into())
+    };
+    // Frames of two beads alternate; two frames of bead 9 are lost.
+    let stream = [frame(3, 0), frame(9, 70), frame(3, 1), frame(9, 73), frame(3, 2)].concat();
+    assert_eq!(
+        arrivals(&stream),
+        [
+            Arrival::First,
+            Arrival::First,
+            Arrival::Next { lost: 0 },
+            Arrival::Next { lost: 2 },
+            Arrival::Next { lost: 0 },
+        ]
+    );
+    let mut decoder = Decoder::new();
+    decode(&mut decoder, &stream);
+    // It is the higher first number of the two, because frames of bead 9 were missed before anyone listened.
+    assert_eq!(decoder.counters().first_sequence, Some(70));
+    assert_eq!(decoder.counters().lost, 2);
 }

@@ -1,30 +1,29 @@
-//! Your own absorber: what do a mass, a stiffness and a damping of your choice take from the paper's strike, in one bead or in
-//! several? Change the table and run it.
+//! Your own absorber: what do a mass, a stiffness and a damping of your choice take from the paper's strike,
+//! in one bead or in several? Change the table and run it.
 
-use hertz_chain::{Intruder, Options, PulseSearch, Scenario, simulate};
+use hertz_chain::{Intruder, Oscillator, PulseSearch, Scenario, simulate};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut scenario = Scenario::from_toml(include_str!("paper_strike.toml"), "paper_strike.toml")?;
+    let mut scenario = Scenario::paper();
     scenario.chain.beads = 30;
-    // Long enough for all of them to ring down.
+    // Long enough for all intruders to ring down.
     scenario.duration = 0.012;
 
     println!(
         "absorber          in beads     absorbed   of the wave at 8   of what the striker gave   still ringing"
     );
-    for (name, beads, mass, stiffness, damping) in [
-        // name, beads, kg, N/m, N·s/m
-        ("the paper's", 8..=8, 3.7e-3, 3.95e5, 12.0),
-        ("a softer spring", 8..=8, 3.7e-3, 1.0e5, 12.0),
-        ("ten of these", 8..=17, 3.7e-3, 1.0e5, 12.0),
+    let paper = Oscillator::PAPER;
+    let softer = Oscillator {
+        stiffness: 1.0e5,
+        ..paper
+    };
+    for (name, beads, oscillator) in [
+        ("the paper's", 8..=8, paper),
+        ("a softer spring", 8..=8, softer),
+        ("ten of these", 8..=17, softer),
     ] {
-        scenario.intruders = vec![Intruder {
-            beads: beads.clone().collect(),
-            mass,
-            stiffness,
-            damping,
-        }];
-        let solution = simulate(&scenario, &Options::default())?;
+        scenario.intruders = vec![Intruder::new(beads.clone(), oscillator)];
+        let solution = simulate(&scenario)?;
         let each = solution.absorption(solution.end());
         let absorbed: f64 = each.iter().map(|one| one.dissipated).sum();
         let share: f64 = each.iter().map(|one| one.of_injected).sum();

@@ -1,10 +1,12 @@
-//! The paper's strike: a small steel ball hits sixteen Bakelite beads, the eighth of which holds a mass on a spring.
+//! The paper's strike: a small steel ball hits sixteen Bakelite beads, and the eighth holds a mass on a
+//! spring. The example first prints the strike as a scenario file.
 
-use hertz_chain::{Options, Scenario, simulate};
+use hertz_chain::{Scenario, simulate};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let scenario = Scenario::from_toml(include_str!("paper_strike.toml"), "paper_strike.toml")?;
-    let summary = simulate(&scenario, &Options::default())?.summary();
+    let scenario = Scenario::paper();
+    println!("{}", scenario.to_toml());
+    let summary = simulate(&scenario)?.summary();
 
     println!("contact   peak force     arrives");
     for peak in &summary.peak_force {

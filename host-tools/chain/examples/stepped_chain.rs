@@ -1,33 +1,17 @@
-//! A stepped chain: twenty large beads, then forty of half the radius. The one wave of the large beads goes on in the small ones
-//! as a train of waves, each weaker and slower than the one before (Job et al., Granular Matter 10, 13, 2007).
+//! A stepped chain: twenty large beads, then forty of half the radius. The single wave of the large beads
+//! goes on in the small ones as a train of waves, each weaker and slower than the one before (Job et al.,
+//! Granular Matter 10, 13, 2007).
 
-use hertz_chain::{Chain, Options, PulseSearch, Scenario, Section, Striker, simulate};
+use hertz_chain::{Chain, Material, PulseSearch, Scenario, Section, Striker, simulate};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (radius, density, young, poisson) = (0.019, 1775.0, 4.5e9, 0.44);
+    let (radius, bakelite) = (0.019, Material::BAKELITE);
     let scenario = Scenario {
         title: "Twenty beads of 38 mm, forty of 19 mm".to_owned(),
         duration: 0.0076,
-        chain: Chain {
-            beads: 60,
-            radius,
-            density,
-            young,
-            poisson,
-            relaxation: 0.0,
-            contact_force: Default::default(),
-            precompression: 0.0,
-        },
+        chain: Chain::new(60, radius, bakelite),
         // A bead like the first ones, so that one wave has nearly all of the energy.
-        striker: Striker {
-            radius,
-            density,
-            young,
-            poisson,
-            velocity: 0.45,
-            mass: None,
-            relaxation: None,
-        },
+        striker: Striker::new(radius, bakelite, 0.45),
         wall: None,
         intruders: Vec::new(),
         sections: vec![Section {
@@ -36,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             ..Section::default()
         }],
     };
-    let solution = simulate(&scenario, &Options::default())?;
+    let solution = simulate(&scenario)?;
     let search = PulseSearch {
         height: 0.05,
         ..PulseSearch::default()

@@ -1,27 +1,28 @@
-//! What each intruder took.
+//! The energy that each intruder takes.
 
 use serde::Serialize;
 
 use crate::solution::{Snapshot, Solution};
 
-/// What one intruder took by some time.
+/// The energy that one intruder has taken by some time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Absorption {
-    /// Its host.
+    /// The host bead.
     pub bead: usize,
-    /// Lost in its damper, ∫ c x'² dt, J.
+    /// Dissipated in its damper, ∫ c x'² dt, J.
     pub dissipated: f64,
     /// Still in its motion and its spring, ½ m u'² + ½ k x², J.
     pub stored: f64,
     /// `dissipated` as a part of the striker's energy at t = 0.
     pub of_striker: f64,
-    /// `dissipated` as a part of what the striker has given to the chain by then.
+    /// `dissipated` as a part of the energy that the striker has given to the chain by then.
     pub of_injected: f64,
 }
 
 impl Solution {
-    /// What each intruder took by time `t`, s, in the order of the beads. Panics as [`Solution::at`].
+    /// The energy that each intruder has taken by time `t`, s, in the order of the beads. Panics as
+    /// [`Solution::at`].
     pub fn absorption(&self, t: f64) -> Vec<Absorption> {
         let snapshot = self.at(t);
         let striker = self.model().striker_energy();
@@ -37,9 +38,9 @@ impl Solution {
             }
         };
         self.model()
-            .resonators()
+            .intruders()
             .iter()
-            .map(|resonator| of(&snapshot, resonator.bead))
+            .map(|intruder| of(&snapshot, intruder.bead))
             .collect()
     }
 }

@@ -2,17 +2,19 @@
 //!
 //! # Design
 //!
-//! Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5, II.6 and II.10. Order 8 pays
-//! here because the accuracy asked for lies near rounding and the motion is smooth between openings and closings of
-//! contacts. At those the force is only Hölder continuous; the error estimate sees that and steps shrink until the
-//! singular point lies in one so short that it does no harm, which costs some ten steps each and needs no search. (A mere
-//! kink can hide between the stages of a step: the caller ends a step there, see `simulate`.)
+//! Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5, II.6 and II.10.
+//! Order 8 pays here because the accuracy asked for lies near rounding, and the motion is smooth between
+//! openings and closings of contacts. There the force is only Hölder continuous. The error estimate sees
+//! that, and the steps shrink until the singular point lies in a step too short to do harm. That costs some
+//! ten steps each and needs no search. (A mere kink can hide between the stages of a step: the caller ends a
+//! step there, see `simulate`.)
 //!
-//! The error of a step is the *greatest* over the components, not their root mean square: in a long chain few beads move
-//! at a time, and the mean would let them err the more the longer the chain.
+//! The error of a step is the *greatest* over the components, not their root mean square. In a long chain few
+//! beads move at a time, and the mean would let them err the more, the longer the chain.
 //!
-//! A step's dense output is not stored. It is a function of where the step started and how long it was, so [`Dense`]
-//! repeats the step when somebody looks inside it: memory is one state a step, and runs that nobody looks into pay nothing.
+//! A step's dense output is not stored. It follows from where the step started and how long it was, so
+//! [`Dense`] repeats the step when somebody looks inside it. Memory is one state a step, and a run that
+//! nobody looks into pays nothing.
 
 mod table;
 
@@ -24,7 +26,8 @@ pub(crate) trait System {
     fn rate(&self, y: &[f64], rate: &mut [f64]);
 }
 
-/// Room for the sixteen stages of a step: twelve of the method, the rate at its end, three of the dense output.
+/// Room for the sixteen stages of a step: twelve of the method, the rate at its end, three of the dense
+/// output.
 #[derive(Debug, Clone)]
 struct Stages {
     rates: Vec<Vec<f64>>,
@@ -60,7 +63,7 @@ impl Stages {
     }
 }
 
-/// One trajectory on its way: state, length of the next step, and counts.
+/// A trajectory as far as it is known: its state, the length of the next step, and counts.
 #[derive(Debug)]
 pub(crate) struct Stepper {
     pub(crate) time: f64,
@@ -80,7 +83,7 @@ pub(crate) struct Stepper {
 pub(crate) struct Stuck;
 
 impl Stepper {
-    /// Starts at t = 0 from `state`. `absolute` has its length; no step exceeds `longest`.
+    /// Starts at t = 0 from `state`. `absolute` has the same length; no step exceeds `longest`.
     pub(crate) fn new(
         system: &impl System,
         state: Vec<f64>,
@@ -104,13 +107,15 @@ impl Stepper {
         }
     }
 
-    /// Makes one step that meets the tolerance and does not pass `stop`; a step that reaches it ends on it exactly.
+    /// Makes one step that meets the tolerance and does not pass `stop`. A step that reaches `stop` ends on
+    /// it exactly.
     pub(crate) fn advance(&mut self, system: &impl System, stop: f64) -> Result<(), Stuck> {
         const SAFETY: f64 = 0.9;
         let mut rejected = false;
         loop {
             let left = stop - self.time;
-            // A remainder shorter than the rounding of the clock would be a step of nothing: take it along.
+            // A remainder shorter than the rounding of the clock would be a step of nothing: this step takes
+            // it along.
             let last = self.step >= left * (1.0 - 1e-9);
             let h = if last { left } else { self.step };
             if self.time + h <= self.time || h.is_nan() {
@@ -122,7 +127,7 @@ impl Stepper {
             self.stages.combine(A[12], &self.state, h, &mut self.candidate);
             self.evaluations += 11;
             let error = self.error(h);
-            // A NaN compares as too great an error, and the step shrinks until it is stuck.
+            // A NaN counts as too great an error, and the step shrinks until it is stuck.
             if error <= 1.0 {
                 system.rate(&self.candidate, &mut self.stages.rates[12]);
                 self.evaluations += 1;
@@ -130,7 +135,7 @@ impl Stepper {
                 std::mem::swap(&mut self.state, &mut self.candidate);
                 self.time = if last { stop } else { self.time + h };
                 let growth = (SAFETY * error.powf(-1.0 / 8.0)).clamp(0.2, if rejected { 1.0 } else { 10.0 });
-                // A step cut short by `stop` says nothing about how long the next may be.
+                // A step that `stop` cut short does not tell how long the next may be.
                 let next = if last {
                     (h * growth).max(self.step)
                 } else {
@@ -145,7 +150,7 @@ impl Stepper {
         }
     }
 
-    /// Goes back to an earlier state, to advance from there otherwise.
+    /// Goes back to an earlier state, to take another way from there.
     pub(crate) fn return_to(&mut self, system: &impl System, time: f64, state: &[f64]) {
         self.time = time;
         self.state.copy_from_slice(state);
@@ -153,7 +158,7 @@ impl Stepper {
         self.evaluations += 1;
     }
 
-    /// Hairer's blend of the third and fifth order estimates, of order 7 in the step; 1 is what is allowed.
+    /// Hairer's blend of the third and fifth order estimates, of order 7 in the step; 1 is allowed.
     fn error(&self, h: f64) -> f64 {
         let mut greatest = 0.0_f64;
         for index in 0..self.state.len() {
@@ -241,7 +246,7 @@ impl Dense {
     }
 }
 
-/// Where `f` changes sign between `a` and `b`, to the last bit: halving is slow, but nothing upsets it.
+/// Where `f` changes sign between `a` and `b`, to the last bit. Halving is slow but always ends.
 pub(crate) fn crossing(mut a: f64, mut b: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
     let positive = f(a) > 0.0;
     loop {

@@ -1,4 +1,4 @@
-//! Least squares for what is not linear, with the uncertainty of what it finds.
+//! Nonlinear least squares, with the uncertainty of the parameters found.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{Const, DMatrix, DVector, Dyn, Owned, SMatrix, SVector};
@@ -10,12 +10,12 @@ pub enum FitError {
     /// Too few points for the parameters and an estimate of their scatter.
     #[error("the fit has {got} points and needs {need}; measure more of them")]
     TooFew {
-        /// How many there are.
+        /// Number of points.
         got: usize,
-        /// How many it takes.
+        /// Number of points that the fit takes.
         need: usize,
     },
-    /// A value of the data or the mass is not a positive or not a finite number, as it should be.
+    /// A value of the data, or the mass, is not a positive or not a finite number as it should be.
     #[error("{what} is not what a fit can use; give {advice}")]
     Value {
         /// Which value.
@@ -23,17 +23,17 @@ pub enum FitError {
         /// What would do.
         advice: &'static str,
     },
-    /// No parameters follow the data.
+    /// The fit finds no parameters that follow the data.
     #[error("the fit finds no end; see whether the data show a resonance")]
     NoEnd,
 }
 
-/// What least squares found: the parameters, their covariance, and the scatter.
+/// What least squares find: the parameters, their covariance, and the scatter.
 pub(crate) struct Found<const P: usize> {
     pub(crate) parameters: SVector<f64, P>,
     /// From the scatter of the points.
     pub(crate) covariance: SMatrix<f64, P, P>,
-    /// Root mean square distance of the points, with as many degrees of freedom fewer as there are parameters.
+    /// Root mean square distance of the points; each parameter takes one degree of freedom.
     pub(crate) residual: f64,
 }
 

@@ -1,18 +1,18 @@
-//! What passes through a contact: impulse, energy, and what the contact itself takes.
+//! What passes through a contact: impulse, energy, and what the contact itself dissipates.
 //!
 //! # Design
 //!
-//! Contact j pushes bead j with F and body j - 1 with -F. The energy that passes it is counted on the near side, as the
-//! work that body j - 1 does on it, ∫ F V[j-1] dt. Contact j then belongs to bead j, as in the paper's E_n (eq. 4), and the
-//! books close exactly: what beads a..=b have and lose is what passes contact a less what passes contact b + 1. A wave on
-//! its way back carries a force that pushes while the beads move backwards: its energy counts negative. The wall's contact
-//! belongs to the last bead, and nothing but momentum passes it.
+//! Contact j pushes bead j with F and body j - 1 with -F. The energy that passes is counted on the near side,
+//! as the work of body j - 1, ∫ F V[j-1] dt. So contact j belongs to bead j, as in the paper's E_n (eq. 4),
+//! and the books close exactly: the energy that beads a..=b have and lose is what passes contact a less what
+//! passes contact b + 1. A wave on its way back pushes while the beads move backwards, so its energy is
+//! negative. The wall's contact belongs to the last bead, and only momentum passes it.
 //!
-//! The work of a static load is in the energies of the contacts that carry it ([`Contact::energy`](crate::Contact::energy)),
-//! so that energy is counted with what F is beyond the load; the impulse is all of F.
+//! The energies of the contacts hold the work of a static load ([`Contact::energy`](crate::Contact::energy)),
+//! so energy is counted with the part of F beyond the load. The impulse is that of all of F.
 //!
-//! Each step is integrated by Gauss and Legendre's five points over the dense output, which is exact to the order of the
-//! method itself.
+//! Each step is integrated by Gauss and Legendre's five points over the dense output. That is exact to the
+//! order of the method itself.
 
 use std::ops::{AddAssign, Sub};
 
@@ -20,15 +20,15 @@ use crate::model::Model;
 use crate::quantity::Inside;
 use crate::solution::Solution;
 
-/// What passed a contact in some time.
+/// What has passed a contact in some time.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Passed {
     /// Momentum, ∫ F dt, N·s.
     pub impulse: f64,
-    /// Energy, ∫ F V[j-1] dt, J, with F less the static load; negative where it goes back to the striker.
+    /// Energy, ∫ F V[j-1] dt, J, with F less the static load; negative if it goes back to the striker.
     pub energy: f64,
-    /// Of it lost in the contact itself, ∫ (F - F_Hertz) δ' dt, J.
+    /// The part of it that the contact dissipates, ∫ (F - F_Hertz) δ' dt, J.
     pub lost: f64,
 }
 
@@ -62,17 +62,18 @@ pub struct Flow<'a> {
 }
 
 impl Solution {
-    /// What passes `contact` (from 1), ready to be asked for any stretch of time. Costs about what the run did.
+    /// What passes `contact` (from 1), for any stretch of time. It costs about as much as the run did.
     ///
     /// # Panics
     /// If there is no such contact.
     pub fn flow(&self, contact: usize) -> Flow<'_> {
-        // An open contact passes nothing, unless it has a load to fall short of.
+        // An open contact passes nothing, unless it should carry a static load.
         let unloaded = self.model().contact(contact).load == 0.0;
         let mut sum = Passed::default();
         let mut passed = vec![sum];
         for (step, ends) in self.step_times().windows(2).enumerate() {
-            // Steps are far shorter than any contact lasts: one open at both ends did not close between.
+            // Steps are far shorter than any contact lasts: a contact open at both ends did not close
+            // between.
             let open = |knot: usize| unloaded && self.model().overlap(self.state(knot), contact).0 <= 0.0;
             if !(open(step) && open(step + 1)) {
                 sum += integrate(&mut Inside::new(self, step), contact, ends[0], ends[1]);
@@ -88,7 +89,7 @@ impl Solution {
 }
 
 impl Flow<'_> {
-    /// What passed from `from` to `to`, s.
+    /// What passes from `from` to `to`, s.
     ///
     /// # Panics
     /// If a time is not within 0 to [`Solution::end`].
@@ -102,7 +103,7 @@ impl Flow<'_> {
         passed += integrate(
             &mut Inside::new(self.solution, step),
             self.contact,
-            self.solution.time(step),
+            self.solution.times[step],
             t,
         );
         passed

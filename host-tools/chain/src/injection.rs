@@ -1,30 +1,29 @@
-//! How much of its energy a striker leaves in the chain, against its mass.
+//! How much of its energy a striker leaves in the chain, by its mass.
 
 use serde::Serialize;
 
 use crate::collision::Collision;
-use crate::scenario::Scenario;
-use crate::simulate::{Options, SimulateError, simulate};
 use crate::solution::Solution;
 
-/// What a striker gave to its chain in a run.
+/// The energy that a striker gives to its chain in a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Injection {
     /// Mass of the striker over that of bead 1.
     pub mass_ratio: f64,
-    /// What the striker gave up by the end of the run, J.
+    /// The energy that the striker has given by the end of the run, J.
     pub energy: f64,
-    /// The same as a part of what it had.
+    /// The same as a part of the energy that it had.
     pub share: f64,
-    /// That part in an elastic collision with bead 1 alone, 4 r / (1 + r)².
+    /// The same part in an elastic collision with bead 1 alone, 4 r / (1 + r)².
     pub binary_share: f64,
-    /// Whether striker and bead 1 had parted for good as far as the run goes: no overlap, and bead 1 the faster.
+    /// Whether striker and bead 1 have parted for good by the end of the run: no overlap, and bead 1 is the
+    /// faster.
     pub parted: bool,
 }
 
 impl Solution {
-    /// What the striker gave to the chain by the end of the run.
+    /// The energy that the striker has given to the chain by the end of the run.
     pub fn injection(&self) -> Injection {
         let (model, end) = (self.model(), self.at(self.end()));
         let had = model.striker_energy();
@@ -37,26 +36,4 @@ impl Solution {
             parted: end.overlap(1) <= 0.0 && end.velocity(1) > end.velocity(0),
         }
     }
-}
-
-/// Runs a scenario with strikers of each of these masses, given as parts of bead 1's. The striker keeps radius, material and
-/// speed, so that nothing else changes; heavy ones take longer to part, see [`Injection::parted`].
-///
-/// # Errors
-/// As [`simulate`]; a ratio that is not a positive number is the scenario's `striker.mass`.
-pub fn injection_curve(
-    scenario: &Scenario,
-    mass_ratios: &[f64],
-    options: &Options<'_>,
-) -> Result<Vec<Injection>, SimulateError> {
-    scenario.check()?;
-    let bead = scenario.spheres()[0].mass();
-    mass_ratios
-        .iter()
-        .map(|ratio| {
-            let mut scenario = scenario.clone();
-            scenario.striker.mass = Some(ratio * bead);
-            Ok(simulate(&scenario, options)?.injection())
-        })
-        .collect()
 }

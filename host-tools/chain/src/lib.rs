@@ -1,7 +1,6 @@
 #![doc = include_str!("../README.md")]
 
 mod absorption;
-mod check;
 mod collision;
 mod dop853;
 mod fit;
@@ -11,6 +10,7 @@ mod model;
 mod observe;
 mod optimise;
 mod oscillator;
+mod oscillator_fit;
 mod pulse;
 mod quantity;
 mod region;
@@ -25,22 +25,24 @@ mod split;
 mod transmission;
 
 pub use absorption::Absorption;
-pub use check::ScenarioError;
 pub use collision::Collision;
 pub use fit::FitError;
 pub use flow::{Flow, Passed};
-pub use injection::{Injection, injection_curve};
-pub use model::{Contact, Energies, Model, Resonator};
+pub use injection::Injection;
+pub use model::{Contact, Energies, HostedIntruder, Model};
 pub use observe::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
 pub use optimise::{Aim, OptimiseError, Optimum, Remaining, Search, optimise, remaining};
-pub use oscillator::{Oscillator, OscillatorFit, fit_response, fit_ring_down};
+pub use oscillator::Oscillator;
+pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
-pub use scenario::{Chain, ContactForce, Intruder, Scenario, Section, Striker, Wall};
+pub use scenario::{
+    Chain, ContactForce, InputError, Intruder, Material, Scenario, Section, Striker, TomlFile, Wall, text_of,
+};
 pub use shaker::{Shaken, Sweep};
 pub use signal::Signal;
-pub use simulate::{Accuracy, Options, SimulateError, simulate};
+pub use simulate::{Accuracy, Options, SimulateError, simulate, simulate_with};
 pub use solution::{Sampler, Snapshot, Solution};
 pub use spectrum::{Spectrum, Taper};
 pub use split::Split;

@@ -9,21 +9,24 @@
 //! m u'' = -k x - c x'                           the intruder
 //! ```
 //!
-//! Eq. (1) as printed lacks the condition on δ. A static load F₀ on the chain adds a constant to the force of every contact
-//! but the striker's and takes it away again at either end, so it is left out on both sides: displacements count from the
-//! loaded chain at rest, and what accelerates a bead is what its contacts exert *beyond* F₀, worked out without the
-//! difference of two large numbers. A weak wave on a strongly loaded chain is then as exact as any.
+//! Eq. (1) as printed lacks the condition on δ.
 //!
-//! The work that the viscous parts of the contacts and the intruders' dampers
-//! take is integrated with the motion, as components of the state, and so is as exact as the motion.
+//! A static load F₀ on the chain adds a constant to the force of every contact but the striker's, and takes
+//! it away again at either end. So it is left out on both sides: displacements count from the loaded chain at
+//! rest, and beads are accelerated by the part of the contact forces *beyond* F₀. That part is computed
+//! without a difference of two large numbers, so a weak wave on a strongly loaded chain is as exact as any.
+//!
+//! The work that the contacts' viscous parts and the intruders' dampers take is integrated with the motion,
+//! as components of the state. So it is as exact as the motion.
 
 #[cfg(test)]
 mod symmetry;
 
 use crate::dop853::System;
-use crate::scenario::{ContactForce, Scenario, Sphere};
+use crate::oscillator::Oscillator;
+use crate::scenario::{ContactForce, Intruder, Material, Scenario, Sphere};
 
-/// One contact: it joins bodies j-1 and j, the one after the last bead that bead and the wall.
+/// One contact: it joins bodies j-1 and j. The contact after the last bead joins that bead and the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Contact {
@@ -37,28 +40,15 @@ pub struct Contact {
     pub static_overlap: f64,
 }
 
-/// A body at a contact.
-struct Side {
-    /// θ = 3 (1 - ν²) / (4 Y), 1/Pa.
-    compliance: f64,
-    /// 1/R, 1/m.
-    curvature: f64,
-}
-
-impl Side {
-    fn new(poisson: f64, young: f64, curvature: f64) -> Self {
-        Self {
-            compliance: 0.75 * (1.0 - poisson * poisson) / young,
-            curvature,
-        }
-    }
+/// θ = 3 (1 - ν²) / (4 Y) of a body at a contact, 1/Pa.
+fn compliance(young: f64, poisson: f64) -> f64 {
+    0.75 * (1.0 - poisson * poisson) / young
 }
 
 impl Contact {
-    fn new(sides: [Side; 2], relaxation: f64, load: f64) -> Self {
-        let theta: f64 = sides.iter().map(|side| side.compliance).sum();
-        let curvature: f64 = sides.iter().map(|side| side.curvature).sum();
-        let stiffness = 1.0 / (theta * curvature.sqrt());
+    /// `compliance` and `curvature` are the sums over both bodies, in 1/Pa and 1/m.
+    fn new(compliance: f64, curvature: f64, relaxation: f64, load: f64) -> Self {
+        let stiffness = 1.0 / (compliance * curvature.sqrt());
         Self {
             stiffness,
             relaxation,
@@ -85,13 +75,15 @@ impl Contact {
         }
     }
 
-    /// Elastic energy, J, at an overlap in m, counted from the state at rest and less what the static load does on the way:
-    /// (2/5) κ (δ^(5/2) - δ₀^(5/2)) - F₀ (δ - δ₀). It is zero at rest and positive anywhere else.
+    /// Elastic energy, J, at an overlap in m. It counts from the state at rest, less the work of the static
+    /// load on the way: (2/5) κ (δ^(5/2) - δ₀^(5/2)) - F₀ (δ - δ₀). It is zero at rest and positive anywhere
+    /// else.
     pub fn energy(&self, overlap: f64) -> f64 {
         self.energy_beyond(overlap - self.static_overlap)
     }
 
-    /// The same at a change of the overlap since rest. With r = √(δ/δ₀) it is (2/5) κ δ₀^(5/2) (r - 1)² (r³ + 2r² + 3r + 3/2).
+    /// The same at a change of the overlap since rest. With r = √(δ/δ₀) it is (2/5) κ δ₀^(5/2) (r - 1)² (r³ +
+    /// 2r² + 3r + 3/2).
     pub(crate) fn energy_beyond(&self, change: f64) -> f64 {
         let overlap = self.static_overlap + change;
         if self.load == 0.0 {
@@ -101,14 +93,14 @@ impl Contact {
             return -self.load * (change + 0.4 * self.static_overlap);
         }
         let r = (overlap / self.static_overlap).sqrt();
-        // r - 1, as it is for a small change too.
+        // r - 1, exact for a small change too.
         let growth = change / (self.static_overlap * (r + 1.0));
         let cubic = ((r + 2.0) * r + 3.0) * r + 1.5;
         0.4 * self.load * self.static_overlap * growth * growth * cubic
     }
 
-    /// Hertz' part of the force less the static load, N, at a change of the overlap since rest. With a² = δ and b² = δ₀ it is
-    /// κ (a³ - b³) = κ (δ - δ₀) (a² + ab + b²) / (a + b).
+    /// Hertz' part of the force less the static load, N, at a change of the overlap since rest. With a² = δ
+    /// and b² = δ₀ it is κ (a³ - b³) = κ (δ - δ₀) (a² + ab + b²) / (a + b).
     pub(crate) fn elastic_force_beyond(&self, change: f64) -> f64 {
         let overlap = self.static_overlap + change;
         if self.load == 0.0 {
@@ -121,40 +113,38 @@ impl Contact {
         self.stiffness * change * (overlap + a * b + self.static_overlap) / (a + b)
     }
 
-    /// Stiffness against small changes of the overlap at rest, (3/2) κ^(2/3) F₀^(1/3), N/m: zero without a static load.
+    /// Stiffness against small changes of the overlap at rest, (3/2) κ^(2/3) F₀^(1/3), N/m. Zero without a
+    /// static load.
     pub fn linear_stiffness(&self) -> f64 {
         1.5 * self.stiffness * self.static_overlap.sqrt()
     }
 }
 
-/// One intruder in its host.
+/// An intruder in its host.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct Resonator {
+pub struct HostedIntruder {
     /// The host bead, from 1.
     pub bead: usize,
-    /// Mass m, kg.
-    pub mass: f64,
-    /// Stiffness k, N/m.
-    pub stiffness: f64,
-    /// Damping c, N·s/m.
-    pub damping: f64,
+    /// Its mass, stiffness and damping.
+    pub oscillator: Oscillator,
 }
 
-/// What a scenario comes to: masses, contacts, resonators.
+/// The bodies, contacts and intruders of a scenario.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// Radii of bodies 0..=N, m.
     radii: Vec<f64>,
     /// Mass of bodies 0..=N, intruders included, kg.
     masses: Vec<f64>,
-    /// The same less the intruders: what the contacts accelerate directly.
-    shells: Vec<f64>,
+    /// The same without the intruders: contacts and springs accelerate this mass directly.
+    pub(crate) shells: Vec<f64>,
     /// Contacts 1..=N, and N + 1 if there is a wall, at index j - 1.
     contacts: Vec<Contact>,
     /// In the order of their beads.
-    resonators: Vec<Resonator>,
-    clipped: bool,
+    intruders: Vec<HostedIntruder>,
+    /// Whether contact forces are kept from falling below zero.
+    pub(crate) clipped: bool,
     striker_speed: f64,
 }
 
@@ -165,22 +155,24 @@ impl Model {
         let beads = scenario.spheres();
         let first = Sphere {
             radius: striker.radius,
-            density: striker.density,
-            young: striker.young,
-            poisson: striker.poisson,
+            material: striker.material(),
             relaxation: beads[0].relaxation,
         };
         let bodies: Vec<_> = std::iter::once(first).chain(beads).collect();
         let mut masses: Vec<f64> = bodies.iter().map(Sphere::mass).collect();
         masses[0] = striker.mass.unwrap_or(masses[0]);
 
-        let side = |body: &Sphere| Side::new(body.poisson, body.young, 1.0 / body.radius);
+        let side = |body: &Sphere| {
+            let Material { young, poisson, .. } = body.material;
+            (compliance(young, poisson), 1.0 / body.radius)
+        };
         let load = scenario.chain.precompression;
         let mut contacts: Vec<Contact> = bodies
             .windows(2)
             .map(|pair| {
                 let relaxation = 0.5 * (pair[0].relaxation + pair[1].relaxation);
-                Contact::new([side(&pair[0]), side(&pair[1])], relaxation, load)
+                let ((near, near_curvature), (far, far_curvature)) = (side(&pair[0]), side(&pair[1]));
+                Contact::new(near + far, near_curvature + far_curvature, relaxation, load)
             })
             .collect();
         contacts[0].relaxation = striker.relaxation.unwrap_or(contacts[0].relaxation);
@@ -188,27 +180,24 @@ impl Model {
         if let Some(wall) = &scenario.wall {
             let last = &bodies[bodies.len() - 1];
             let relaxation = wall.relaxation.unwrap_or(last.relaxation);
-            let curvature = wall.radius.map_or(0.0, |radius| 1.0 / radius);
-            let sides = [side(last), Side::new(wall.poisson, wall.young, curvature)];
-            contacts.push(Contact::new(sides, relaxation, load));
+            let (near, curvature) = side(last);
+            let theta = near + compliance(wall.young, wall.poisson);
+            let curvature = curvature + wall.radius.map_or(0.0, |radius| 1.0 / radius);
+            contacts.push(Contact::new(theta, curvature, relaxation, load));
         }
 
-        let mut resonators: Vec<Resonator> = scenario
-            .intruders
-            .iter()
-            .flat_map(|intruder| {
-                intruder.beads.iter().map(|&bead| Resonator {
-                    bead,
-                    mass: intruder.mass,
-                    stiffness: intruder.stiffness,
-                    damping: intruder.damping,
-                })
-            })
-            .collect();
-        resonators.sort_by_key(|resonator| resonator.bead);
+        let hosted = |intruder: &Intruder| {
+            let oscillator = intruder.oscillator();
+            let hosts = intruder.beads.iter();
+            hosts
+                .map(move |&bead| HostedIntruder { bead, oscillator })
+                .collect::<Vec<_>>()
+        };
+        let mut intruders: Vec<_> = scenario.intruders.iter().flat_map(hosted).collect();
+        intruders.sort_by_key(|intruder| intruder.bead);
         let mut shells = masses.clone();
-        for resonator in &resonators {
-            shells[resonator.bead] -= resonator.mass;
+        for intruder in &intruders {
+            shells[intruder.bead] -= intruder.oscillator.mass;
         }
         let clipped = scenario.chain.contact_force == ContactForce::Clipped;
         Self {
@@ -216,13 +205,13 @@ impl Model {
             masses,
             shells,
             contacts,
-            resonators,
+            intruders,
             clipped,
             striker_speed: striker.velocity,
         }
     }
 
-    /// How many bodies: the striker and the beads.
+    /// Number of bodies: the striker and the beads.
     pub fn bodies(&self) -> usize {
         self.masses.len()
     }
@@ -243,7 +232,7 @@ impl Model {
         self.radii[body]
     }
 
-    /// How many contacts, counted from 1: as many as beads, and one more where there is a wall.
+    /// Number of contacts, which are counted from 1. There are as many as beads, and one more with a wall.
     pub fn contacts(&self) -> usize {
         self.contacts.len()
     }
@@ -261,8 +250,8 @@ impl Model {
     }
 
     /// The intruders, in the order of their beads.
-    pub fn resonators(&self) -> &[Resonator] {
-        &self.resonators
+    pub fn intruders(&self) -> &[HostedIntruder] {
+        &self.intruders
     }
 
     /// Kinetic energy of the striker at t = 0, J.
@@ -275,25 +264,15 @@ impl Model {
         self.striker_speed
     }
 
-    /// Mass of a body without its intruder, kg: what contacts and spring accelerate directly.
-    pub(crate) fn shell(&self, body: usize) -> f64 {
-        self.shells[body]
-    }
-
-    /// Whether contact forces are kept from falling below zero.
-    pub(crate) fn clipped(&self) -> bool {
-        self.clipped
-    }
-
     pub(crate) fn layout(&self) -> Layout {
         Layout {
             bodies: self.masses.len(),
-            intruders: self.resonators.len(),
+            intruders: self.intruders.len(),
             walled: self.contacts.len() == self.masses.len(),
         }
     }
 
-    /// Bodies in touch and at rest, but for the striker.
+    /// The state at t = 0: bodies touch, and only the striker moves.
     pub(crate) fn initial(&self) -> Vec<f64> {
         let layout = self.layout();
         let mut state = vec![0.0; layout.dimension()];
@@ -301,7 +280,7 @@ impl Model {
         state
     }
 
-    /// How far the overlap of contact `j` (from 1) is from the one at rest, and its rate.
+    /// Change of the overlap of contact `j` (from 1) since rest, and its rate.
     pub(crate) fn change(&self, y: &[f64], j: usize) -> (f64, f64) {
         let (displacement, rest) = y.split_at(self.masses.len());
         // The wall does not move.
@@ -325,7 +304,7 @@ impl Model {
         self.limit(contact.elastic_force(overlap) + contact.viscous_force(overlap, rate))
     }
 
-    /// What of it is beyond the static load.
+    /// The part of it beyond the static load.
     pub(crate) fn force_beyond(&self, y: &[f64], j: usize) -> f64 {
         let contact = &self.contacts[j - 1];
         if contact.load == 0.0 {
@@ -348,8 +327,8 @@ impl Model {
         if self.clipped { force.max(0.0) } else { force }
     }
 
-    /// Force of a contact beyond its static load, and the part of the force that takes energy, where the overlap has changed
-    /// by `change` since rest and goes on at the rate `approach`.
+    /// Force of a contact beyond its static load, and the part of the force that dissipates energy. The
+    /// overlap has changed by `change` since rest and goes on at the rate `approach`.
     #[inline]
     fn push(&self, contact: &Contact, change: f64, approach: f64) -> (f64, f64) {
         let overlap = contact.static_overlap + change;
@@ -369,8 +348,8 @@ impl Model {
         (contact.elastic_force_beyond(change) + viscous, viscous)
     }
 
-    /// The shortest time that two of these bodies touch when they meet at the striker's speed: Hertz' contact time,
-    /// 2.943 (5/4)^(2/5) (μ/κ)^(2/5) V^(-1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
+    /// The shortest time that two of these bodies touch when they meet at the striker's speed: Hertz' contact
+    /// time, 2.943 (5/4)^(2/5) (μ/κ)^(2/5) V^(-1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
     pub(crate) fn shortest_contact(&self) -> f64 {
         self.contacts
             .iter()
@@ -381,7 +360,7 @@ impl Model {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Reduced mass at each contact, kg; against the wall a bead counts whole.
+    /// Reduced mass at each contact, kg. Against the wall it is the whole mass of the bead.
     fn reduced_masses(&self) -> impl Iterator<Item = f64> {
         let last = self.masses[self.masses.len() - 1];
         self.masses
@@ -390,35 +369,40 @@ impl Model {
             .chain(std::iter::once(last))
     }
 
-    /// The fastest rate of change that an intruder or a loaded contact brings, 1/s: that of its spring or its damper.
+    /// The fastest rate of change of an intruder or a loaded contact, 1/s: that of its spring or of its
+    /// damper.
     pub(crate) fn fastest_rate(&self) -> f64 {
         let contacts = self.contacts.iter().zip(self.reduced_masses());
         let loaded = contacts.map(|(contact, reduced)| {
-            // A bead has a contact on either side, so twice what one would do.
+            // A bead has a contact on either side, so the stiffness is twice that of one.
             let rate = 2.0 * contact.linear_stiffness() / reduced;
             rate.sqrt().max(rate * contact.relaxation)
         });
-        self.resonators
+        self.intruders
             .iter()
-            .map(|resonator| {
-                let (host, shell) = (self.masses[resonator.bead], self.shells[resonator.bead]);
-                let reduced = resonator.mass * shell / host;
-                (resonator.stiffness / reduced)
-                    .sqrt()
-                    .max(resonator.damping / reduced)
+            .map(|intruder| {
+                let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
+                let Oscillator {
+                    mass,
+                    stiffness,
+                    damping,
+                } = intruder.oscillator;
+                let reduced = mass * shell / host;
+                (stiffness / reduced).sqrt().max(damping / reduced)
             })
             .chain(loaded)
             .fold(0.0, f64::max)
     }
 
-    /// Displacement of the striker into bead 1 if that stood still: the scale of displacements.
+    /// How deep the striker would go into bead 1 if that stood still: the scale of displacements.
     pub(crate) fn displacement_scale(&self) -> f64 {
         (2.5 * self.striker_energy() / self.contacts[0].stiffness).powf(0.4)
     }
 }
 
-/// Where the state vector keeps what: displacements and velocities of the bodies, relative displacements and velocities of
-/// the intruders, the work lost in all contacts, the work lost in each intruder, the momentum lost to the wall if there is one.
+/// The places of the state vector: displacements and velocities of the bodies, relative displacements and
+/// velocities of the intruders, the work lost in all contacts, the work lost in each intruder, and the
+/// momentum given to the wall if there is one.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layout {
     bodies: usize,
@@ -488,20 +472,25 @@ impl System for Model {
         if let Some(index) = layout.wall_impulse() {
             rest[index - base] = wall_force;
         }
-        for (i, intruder) in self.resonators.iter().enumerate() {
+        for (i, intruder) in self.intruders.iter().enumerate() {
             let x = y[layout.relative(i)];
             let x_rate = y[layout.relative_velocity(i)];
-            let pull = intruder.stiffness * x + intruder.damping * x_rate;
+            let Oscillator {
+                mass,
+                stiffness,
+                damping,
+            } = intruder.oscillator;
+            let pull = stiffness * x + damping * x_rate;
             acceleration[intruder.bead] += pull;
             rest[layout.relative(i) - base] = x_rate;
-            rest[layout.relative_velocity(i) - base] = -pull / intruder.mass;
-            rest[layout.intruder_loss(i) - base] = intruder.damping * x_rate * x_rate;
+            rest[layout.relative_velocity(i) - base] = -pull / mass;
+            rest[layout.intruder_loss(i) - base] = damping * x_rate * x_rate;
         }
         rest[layout.contact_loss() - base] = loss;
         for (acceleration, shell) in acceleration.iter_mut().zip(&self.shells) {
             *acceleration /= shell;
         }
-        for (i, intruder) in self.resonators.iter().enumerate() {
+        for (i, intruder) in self.intruders.iter().enumerate() {
             rest[layout.relative_velocity(i) - base] -= acceleration[intruder.bead];
         }
     }
@@ -509,28 +498,28 @@ impl System for Model {
 
 /// Energies at one time, J.
 ///
-/// What the striker brought equals [`Energies::total`]: the balance closes only with M - m for a host's shell beside its
-/// intruder's own energy. The paper prints M instead; that sum is kept beside as `chain_as_printed`.
+/// The striker's first energy equals [`Energies::total`]. The balance closes only with M - m for a host's
+/// shell beside its intruder's own energy. The paper prints M instead; that sum is `chain_as_printed`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Energies {
     /// Kinetic energy of the striker.
     pub striker: f64,
-    /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2). Contacts under a static load
-    /// count from their state at rest, less the work of that load ([`Contact::energy`]).
+    /// Beads 1..=N without their intruders, and all contacts: Σ ½ (M - m) V² + Σ (2/5) κ δ^(5/2). Under a
+    /// static load, contacts count from rest, less the work of that load ([`Contact::energy`]).
     pub chain: f64,
     /// The same with M for every bead: the paper's E_T.
     pub chain_as_printed: f64,
     /// Kinetic and elastic energy of the intruders: Σ ½ m u'² + ½ k x².
     pub intruders: f64,
-    /// Lost in all contacts so far: ∫ (F - F_Hertz) δ' dt.
+    /// Dissipated in all contacts so far: ∫ (F - F_Hertz) δ' dt.
     pub dissipated_contacts: f64,
-    /// Lost in all intruders so far: Σ ∫ c x'² dt.
+    /// Dissipated in all intruders so far: Σ ∫ c x'² dt.
     pub dissipated_intruders: f64,
 }
 
 impl Energies {
-    /// All of it: constant over a run but for the error of the integration.
+    /// The sum: constant over a run but for the error of the integration.
     pub fn total(&self) -> f64 {
         self.striker + self.chain + self.intruders + self.dissipated_contacts + self.dissipated_intruders
     }
@@ -560,10 +549,11 @@ impl Model {
             energies.chain += elastic;
             energies.chain_as_printed += elastic;
         }
-        for (i, intruder) in self.resonators.iter().enumerate() {
+        for (i, intruder) in self.intruders.iter().enumerate() {
             let x = y[layout.relative(i)];
             let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
-            energies.intruders += kinetic(intruder.mass, velocity) + 0.5 * intruder.stiffness * x * x;
+            let Oscillator { mass, stiffness, .. } = intruder.oscillator;
+            energies.intruders += kinetic(mass, velocity) + 0.5 * stiffness * x * x;
             energies.dissipated_intruders += y[layout.intruder_loss(i)];
         }
         energies.dissipated_contacts = y[layout.contact_loss()];
@@ -580,34 +570,39 @@ impl Model {
             .map(|(n, mass)| mass * y[layout.velocity(n)])
             .sum();
         let intruders: f64 = self
-            .resonators
+            .intruders
             .iter()
             .enumerate()
-            .map(|(i, r)| r.mass * y[layout.relative_velocity(i)])
+            .map(|(i, intruder)| intruder.oscillator.mass * y[layout.relative_velocity(i)])
             .sum();
         bodies + intruders
     }
 }
 
 impl Model {
-    /// Which of the resonators sits in `bead`.
+    /// The index of the intruder in `bead`.
     pub(crate) fn intruder_of(&self, bead: usize) -> Option<usize> {
-        self.resonators
-            .binary_search_by_key(&bead, |resonator| resonator.bead)
+        self.intruders
+            .binary_search_by_key(&bead, |intruder| intruder.bead)
             .ok()
     }
 
     /// Absolute acceleration u'' of an intruder.
     pub(crate) fn intruder_acceleration(&self, y: &[f64], intruder: usize) -> f64 {
-        let (layout, resonator) = (self.layout(), &self.resonators[intruder]);
+        let layout = self.layout();
+        let Oscillator {
+            mass,
+            stiffness,
+            damping,
+        } = self.intruders[intruder].oscillator;
         let (x, x_rate) = (
             y[layout.relative(intruder)],
             y[layout.relative_velocity(intruder)],
         );
-        -(resonator.stiffness * x + resonator.damping * x_rate) / resonator.mass
+        -(stiffness * x + damping * x_rate) / mass
     }
 
-    /// The magnitude that each component of the state is measured by.
+    /// The scale of each component of the state.
     pub(crate) fn scales(&self) -> Vec<f64> {
         let layout = self.layout();
         let mut scales = vec![self.striker_energy(); layout.dimension()];

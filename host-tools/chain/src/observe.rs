@@ -1,10 +1,10 @@
-//! What people ask of a run: peaks, widths, energies, in one structure.
+//! Peaks, widths and energies of a run, in one structure.
 //!
 //! # Design
 //!
-//! A peak is looked for among the ends of steps, then inside the steps around it as the root of the quantity's rate, which
-//! the equations of motion give: the root is as exact as the motion, where the place of a flat maximum is known only to the
-//! square root of rounding.
+//! A peak is looked for among the ends of steps, then inside the steps around it, as the root of the
+//! quantity's rate. The equations of motion give that rate, so the root is as exact as the motion. The place
+//! of a flat maximum would be known only to the square root of rounding.
 
 use serde::Serialize;
 
@@ -12,7 +12,7 @@ use crate::dop853::{System, crossing};
 use crate::quantity::{Inside, Quantity};
 use crate::solution::Solution;
 
-/// What a run came to, named as in the JSON of `bead simulate`. SI units.
+/// The results of a run, with the names of the JSON of `bead simulate`. SI units.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Summary {
@@ -21,11 +21,11 @@ pub struct Summary {
     /// Where the bodies are at the end.
     #[serde(rename = "final")]
     pub final_state: FinalState,
-    /// Where the energy of the striker went.
+    /// Where the striker's energy is at the end.
     pub energy: EnergySummary,
     /// Each intruder, in the order of the beads.
     pub intruders: Vec<IntruderSummary>,
-    /// What it cost.
+    /// Cost of the run.
     pub solver: SolverSummary,
 }
 
@@ -33,14 +33,15 @@ pub struct Summary {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ContactPeak {
-    /// The contact, which joins bodies `contact - 1` and `contact`; N + 1 is the last bead's with the wall.
+    /// The contact, which joins bodies `contact - 1` and `contact`; N + 1 joins the last bead and the wall.
     pub contact: usize,
     /// Greatest total force, N.
     pub force: f64,
-    /// When, s. The end of the run for a force that still rises then, 0 for a static load that no wave added to.
+    /// When, s. It is the end of the run for a force that still rises then, and 0 for a static load that no
+    /// wave has added to.
     pub time: f64,
-    /// Full width at half of `force`, s, or half way from the static load to it; none if the run ends before the force is down
-    /// to that.
+    /// Full width at half of `force`, s, or half way from the static load to it. None if the run ends before
+    /// the force has fallen to that.
     pub fwhm: Option<f64>,
 }
 
@@ -62,7 +63,7 @@ pub struct FinalState {
 pub struct EnergySummary {
     /// Kinetic energy of the striker at t = 0.
     pub striker_initial: f64,
-    /// And at the end.
+    /// The same at the end.
     pub striker_final: f64,
     /// Energy of the chain at the end, with M - m for hosts, without intruders.
     pub chain_final: f64,
@@ -70,19 +71,19 @@ pub struct EnergySummary {
     pub intruders_final: f64,
     /// Greatest energy of the chain in the run.
     pub chain_max: f64,
-    /// Lost in contacts.
+    /// Dissipated in contacts.
     pub dissipated_contacts: f64,
-    /// Lost in intruders.
+    /// Dissipated in intruders.
     pub dissipated_intruders: f64,
-    /// Greatest distance of the sum from `striker_initial` at the end of any step, as a part of `striker_initial`.
+    /// Greatest distance of the sum from `striker_initial` at the end of any step, as a part of it.
     pub balance_error: f64,
 }
 
-/// What one intruder went through.
+/// Motion and losses of one intruder.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct IntruderSummary {
-    /// Its host.
+    /// The host bead.
     pub bead: usize,
     /// Greatest absolute acceleration, m/s².
     pub acceleration_max: f64,
@@ -90,31 +91,28 @@ pub struct IntruderSummary {
     pub acceleration_min: f64,
     /// Greatest distance from its place in the host, m.
     pub relative_displacement_max: f64,
-    /// Energy lost in its damper, J.
+    /// Energy dissipated in its damper, J.
     pub dissipated: f64,
 }
 
-/// What a run cost.
+/// Cost of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct SolverSummary {
     /// Steps taken.
     pub steps: u64,
-    /// Times that the equations were evaluated.
+    /// Number of evaluations of the equations of motion.
     pub evaluations: u64,
     /// Wall-clock time, s.
     pub seconds: f64,
 }
 
-/// A force below this part of the greatest is below what the integration resolves: such a contact carried none.
+/// The integration does not resolve forces below this part of the greatest: such a contact carried none.
 const NO_FORCE: f64 = 1e-12;
 
-/// Which way a peak points.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Side {
-    Up,
-    Down,
-}
+/// Signs of the peaks that are looked for.
+const GREATEST: f64 = 1.0;
+const LEAST: f64 = -1.0;
 
 struct Peak {
     value: f64,
@@ -124,11 +122,11 @@ struct Peak {
 }
 
 impl Solution {
-    /// What the run came to, from t = 0 to the scenario's end (or the run's, where that is earlier).
+    /// The results of the run, from t = 0 to the scenario's end (or to the run's, if that is earlier).
     pub fn summary(&self) -> Summary {
         let model = self.model();
         let layout = model.layout();
-        let last = self.summary_end();
+        let last = self.summary_end;
         let end = self.state(last);
         let energies = model.energies(end);
         let striker_initial = model.striker_energy();
@@ -138,7 +136,7 @@ impl Solution {
         Summary {
             peak_force: self.contact_peaks(),
             final_state: FinalState {
-                time: self.time(last),
+                time: self.times[last],
                 displacement: (0..model.bodies()).map(|body| end[body]).collect(),
                 velocity: (0..model.bodies())
                     .map(|body| end[layout.velocity(body)])
@@ -149,30 +147,30 @@ impl Solution {
                 striker_final: energies.striker,
                 chain_final: energies.chain,
                 intruders_final: energies.intruders,
-                chain_max: self.peak(Quantity::ChainEnergy, Side::Up).value,
+                chain_max: self.peak(Quantity::ChainEnergy, GREATEST).value,
                 dissipated_contacts: energies.dissipated_contacts,
                 dissipated_intruders: energies.dissipated_intruders,
                 balance_error,
             },
-            intruders: (0..model.resonators().len())
+            intruders: (0..model.intruders().len())
                 .map(|i| {
                     let relative = Quantity::RelativeDisplacement(i);
                     IntruderSummary {
-                        bead: model.resonators()[i].bead,
-                        acceleration_max: self.peak(Quantity::Acceleration(i), Side::Up).value,
-                        acceleration_min: self.peak(Quantity::Acceleration(i), Side::Down).value,
+                        bead: model.intruders()[i].bead,
+                        acceleration_max: self.peak(Quantity::Acceleration(i), GREATEST).value,
+                        acceleration_min: self.peak(Quantity::Acceleration(i), LEAST).value,
                         relative_displacement_max: self
-                            .peak(relative, Side::Up)
+                            .peak(relative, GREATEST)
                             .value
-                            .max(-self.peak(relative, Side::Down).value),
+                            .max(-self.peak(relative, LEAST).value),
                         dissipated: end[layout.intruder_loss(i)],
                     }
                 })
                 .collect(),
             solver: SolverSummary {
                 steps: self.step_times().len() as u64 - 1,
-                evaluations: self.evaluations(),
-                seconds: self.seconds(),
+                evaluations: self.evaluations,
+                seconds: self.seconds,
             },
         }
     }
@@ -180,7 +178,7 @@ impl Solution {
     fn contact_peaks(&self) -> Vec<ContactPeak> {
         let load = |contact: usize| self.model().contact(contact).load;
         let peaks: Vec<Peak> = (1..=self.model().contacts())
-            .map(|contact| self.peak(Quantity::ForceBeyond(contact), Side::Up))
+            .map(|contact| self.peak(Quantity::ForceBeyond(contact), GREATEST))
             .collect();
         let forces = || {
             (1..)
@@ -205,10 +203,9 @@ impl Solution {
             .collect()
     }
 
-    /// The greatest (or least) value of a quantity.
-    fn peak(&self, quantity: Quantity, side: Side) -> Peak {
-        let sign = if side == Side::Up { 1.0 } else { -1.0 };
-        let last = self.summary_end();
+    /// The greatest value of a quantity, or its least value where `sign` is [`LEAST`].
+    fn peak(&self, quantity: Quantity, sign: f64) -> Peak {
+        let last = self.summary_end;
         let value = |knot: usize| sign * quantity.value(self.model(), self.state(knot));
         let values: Vec<f64> = (0..=last).map(value).collect();
         let coarse = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -239,11 +236,11 @@ impl Solution {
                     best = Peak { value, time, knot };
                 }
             };
-            consider(values[knot], self.time(knot));
+            consider(values[knot], self.times[knot]);
             for step in knot.saturating_sub(1)..(knot + 1).min(last) {
                 if rises(step) && !rises(step + 1) {
                     let mut inside = Inside::new(self, step);
-                    let (from, to) = (self.time(step), self.time(step + 1));
+                    let (from, to) = (self.times[step], self.times[step + 1]);
                     let time = crossing(from, to, |t| sign * inside.rate(quantity, t));
                     consider(sign * inside.value(quantity, time), time);
                 }
@@ -261,10 +258,10 @@ impl Solution {
         let half = 0.5 * peak.value;
         let below = |knot: &usize| quantity.value(self.model(), self.state(*knot)) < half;
         let rise = (0..=peak.knot).rev().find(below)?;
-        let fall = (peak.knot..=self.summary_end()).find(below)?;
+        let fall = (peak.knot..=self.summary_end).find(below)?;
         let through = |step: usize| {
             let mut inside = Inside::new(self, step);
-            crossing(self.time(step), self.time(step + 1), |t| {
+            crossing(self.times[step], self.times[step + 1], |t| {
                 inside.value(quantity, t) - half
             })
         };

@@ -2,12 +2,12 @@
 //!
 //! # Design
 //!
-//! Peaks and valleys are roots of the force's rate, looked for between the ends of steps where it changes sign and found
-//! inside as exactly as the motion is known. Of the many ripples that a chain leaves behind, a peak counts as a pulse if it
-//! is high enough and if the force falls far enough on the way to the next one; the lower of two that it does not fall
-//! between is taken for a ripple of the other.
+//! Peaks and valleys are roots of the force's rate. They are looked for between the ends of steps where the
+//! rate changes sign, and found inside as exactly as the motion is known. A chain leaves many ripples behind.
+//! A peak counts as a pulse if it is high enough and if the force falls far enough before the next one. If
+//! the force does not fall between two peaks, the lower is taken for a ripple of the other.
 //!
-//! In a chain under a static load all this is about what the force is beyond the load.
+//! In a chain under a static load, all this is about the force beyond the load.
 
 use crate::dop853::{System, crossing};
 use crate::flow::Flow;
@@ -23,13 +23,13 @@ pub struct PulseSearch {
     pub to: f64,
     /// Least height of a pulse, as a part of the greatest at the contact within the search.
     pub height: f64,
-    /// How far the force must fall between two pulses, as a part of the lower one's height; from one half on, every pulse
-    /// between two others has a full width at half its height.
+    /// How far the force must fall between two pulses, as a part of the lower one's height. From one half on,
+    /// every pulse between two others has a full width at half its height.
     pub fall: f64,
 }
 
 impl Default for PulseSearch {
-    /// The whole run; pulses of a thousandth of the greatest, between which the force halves.
+    /// The whole run, and pulses of a thousandth of the greatest, between which the force halves.
     fn default() -> Self {
         Self {
             from: 0.0,
@@ -46,20 +46,20 @@ impl Default for PulseSearch {
 pub struct Pulse {
     /// The contact, which joins bodies `contact - 1` and `contact`.
     pub contact: usize,
-    /// Greatest force, N, a static load included. Everything else is about the force beyond the load.
+    /// Greatest force, N, with the static load. All other values are about the force beyond the load.
     pub force: f64,
     /// When it arrives: the time of the greatest force, s.
     pub time: f64,
-    /// Where it begins, s: where the force was last zero before, or least since the pulse before.
+    /// When it begins, s: when the force was last zero before, or least since the pulse before.
     pub from: f64,
-    /// Where it ends, s: where the force is first zero after, or least before the next pulse.
+    /// When it ends, s: when the force is first zero after, or least before the next pulse.
     pub to: f64,
-    /// Full width at half its height, s; none if the force does not fall to half on both sides of it.
+    /// Full width at half its height, s. None if the force does not fall to half on both sides of it.
     pub fwhm: Option<f64>,
     /// Momentum that it carries through the contact, ∫ F dt over the pulse, N·s.
     pub impulse: f64,
-    /// Energy that it carries through the contact, ∫ F V[j-1] dt over the pulse, J (see [`Passed`](crate::Passed));
-    /// negative in a pulse that goes back to the striker.
+    /// Energy that it carries through the contact, ∫ F V[j-1] dt over the pulse, J (see
+    /// [`Passed`](crate::Passed)). Negative in a pulse that goes back to the striker.
     pub energy: f64,
 }
 
@@ -88,8 +88,8 @@ pub(crate) struct Trace<'a> {
 }
 
 impl Solution {
-    /// The pulses that pass `contact` (from 1), in the order of their time. A force that still rises where the search ends is
-    /// none yet.
+    /// The pulses that pass `contact` (from 1), in the order of their time. A force that still rises at the
+    /// end of the search is no pulse yet.
     ///
     /// # Panics
     /// If there is no such contact, or `search.from` is not within the run.
@@ -129,8 +129,8 @@ impl Solution {
             .collect()
     }
 
-    /// Speed of a wave that is `earlier` at one contact and `later` at another, m/s: the sum of the diameters between the
-    /// contacts over the time between the peaks. Negative if it goes back to the striker.
+    /// Speed of a wave that is `earlier` at one contact and `later` at another, m/s: the sum of the diameters
+    /// between the contacts over the time between the peaks. Negative if the wave goes back to the striker.
     ///
     /// # Panics
     /// If both are at the same contact.
@@ -210,7 +210,8 @@ impl<'a> Trace<'a> {
         let least = search.height * greatest;
         let mut peaks: Vec<Peak> = (1..self.points.len())
             .map(|after| (after - 1, &self.points[after - 1], &self.points[after]))
-            // The top between two points can stand above both: look where they come near.
+            // The top between two points can stand above both, so points that come near the least height are
+            // kept.
             .filter(|(_, a, b)| a.rising && !b.rising && a.value.max(b.value) > 0.5 * least)
             .map(|(before, a, _)| {
                 let time = self.turn(before);
@@ -219,7 +220,8 @@ impl<'a> Trace<'a> {
             })
             .filter(|peak| peak.value > 0.0 && peak.value >= least)
             .collect();
-        // The pair between which the force falls least loses its lower peak, until it falls enough between all.
+        // Remove the lower peak of the pair between which the force falls least, until it falls enough
+        // between all.
         loop {
             let shallow = peaks
                 .windows(2)
@@ -247,7 +249,7 @@ impl<'a> Trace<'a> {
             .fold(one.value.min(other.value), f64::min)
     }
 
-    /// Where a pulse begins that has the points from `first` on before its peak.
+    /// When a pulse begins, if the points before its peak that belong to it start at `first`.
     fn begin(&self, peak: Peak, first: usize) -> f64 {
         match (first..=peak.before).rev().find(|&i| self.points[i].value <= 0.0) {
             Some(i) => self.passage(i, 0.0),
@@ -255,7 +257,7 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// Where a pulse ends that has the points up to `last` after its peak.
+    /// When a pulse ends, if the points after its peak that belong to it end at `last`.
     fn end(&self, peak: Peak, last: usize) -> f64 {
         match (peak.before + 1..=last).find(|&i| self.points[i].value <= 0.0) {
             Some(i) => self.passage(i - 1, 0.0),
@@ -263,7 +265,7 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// Where the quantity is least about points `first` to `last`.
+    /// When the quantity is least, around points `first` to `last`.
     fn valley(&self, first: usize, last: usize) -> f64 {
         let value = |i: &usize| self.points[*i].value;
         let least = (first..=last)

@@ -1,4 +1,4 @@
-//! A quantity of the motion beside its rate, at the ends of steps and inside them.
+//! Quantities of the motion and their rates, at the ends of steps and inside them.
 
 use crate::dop853::{Dense, System};
 use crate::model::Model;
@@ -39,7 +39,7 @@ impl Quantity {
     }
 }
 
-/// A step's dense output with room to look at it.
+/// A step's dense output, with room for a state and its rate.
 pub(crate) struct Inside<'a> {
     model: &'a Model,
     dense: Dense,

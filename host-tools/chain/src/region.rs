@@ -4,35 +4,35 @@ use std::ops::RangeInclusive;
 
 use crate::model::Model;
 
-/// Energies of some neighbouring beads at one time, J. A bead has the contact on its left, as in the paper's E_n (eq. 4); the
-/// last bead has that with the wall too.
+/// Energies of some neighbouring beads at one time, J. A bead has the contact on its left, as in the paper's
+/// E_n (eq. 4). The last bead has the contact with the wall too.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct RegionEnergies {
-    /// Of the beads, with M - m for a host's shell: Σ ½ (M - m) V².
+    /// Kinetic energy of the beads, with M - m for a host's shell: Σ ½ (M - m) V².
     pub kinetic: f64,
     /// The same with M for every bead, as the paper prints it.
     pub kinetic_as_printed: f64,
-    /// Of the beads' contacts: Σ (2/5) κ δ^(5/2), from rest where there is a static load
+    /// Elastic energy of the beads' contacts: Σ (2/5) κ δ^(5/2). Under a static load it counts from rest
     /// ([`Contact::energy`](crate::Contact::energy)).
     pub elastic: f64,
-    /// Of the intruders: Σ ½ m u'².
+    /// Kinetic energy of the intruders: Σ ½ m u'².
     pub intruder_kinetic: f64,
-    /// Of the intruders' springs: Σ ½ k x².
+    /// Energy of the intruders' springs: Σ ½ k x².
     pub intruder_elastic: f64,
-    /// Lost in the intruders so far: Σ ∫ c x'² dt.
+    /// Energy that the intruders have dissipated so far: Σ ∫ c x'² dt.
     pub intruder_dissipated: f64,
 }
 
 impl RegionEnergies {
-    /// What beads, contacts and intruders have and what the intruders lost. It grows by what passes the first bead's contact
-    /// less what passes the contact after the last bead ([`Solution::flow`](crate::Solution::flow)), and falls by what the
-    /// contacts lose.
+    /// The energy of beads, contacts and intruders, and what the intruders have dissipated. It grows by what
+    /// passes the first bead's contact less what passes the contact after the last bead
+    /// ([`Solution::flow`](crate::Solution::flow)), and falls by what the contacts dissipate.
     pub fn total(&self) -> f64 {
         self.mechanical() + self.intruder_dissipated
     }
 
-    /// What beads, contacts and intruders have.
+    /// The energy of beads, contacts and intruders.
     pub fn mechanical(&self) -> f64 {
         self.kinetic + self.elastic + self.intruder_kinetic + self.intruder_elastic
     }
@@ -49,22 +49,22 @@ impl Model {
         let square = |body: usize| y[layout.velocity(body)] * y[layout.velocity(body)];
         let mut energies = RegionEnergies::default();
         for body in beads.clone() {
-            energies.kinetic += 0.5 * self.shell(body) * square(body);
+            energies.kinetic += 0.5 * self.shells[body] * square(body);
             energies.kinetic_as_printed += 0.5 * self.mass(body) * square(body);
             if body > 0 {
                 energies.elastic += self.contact_energy(y, body);
             }
-            // Only the wall's contact has the number of no body.
+            // Only the wall's contact has a number that no body has.
             if body + 1 == self.bodies() && self.contacts() == self.bodies() {
                 energies.elastic += self.contact_energy(y, self.bodies());
             }
         }
-        for (i, intruder) in self.resonators().iter().enumerate() {
+        for (i, intruder) in self.intruders().iter().enumerate() {
             if beads.contains(&intruder.bead) {
                 let x = y[layout.relative(i)];
                 let velocity = y[layout.velocity(intruder.bead)] + y[layout.relative_velocity(i)];
-                energies.intruder_kinetic += 0.5 * intruder.mass * velocity * velocity;
-                energies.intruder_elastic += 0.5 * intruder.stiffness * x * x;
+                energies.intruder_kinetic += 0.5 * intruder.oscillator.mass * velocity * velocity;
+                energies.intruder_elastic += 0.5 * intruder.oscillator.stiffness * x * x;
                 energies.intruder_dissipated += y[layout.intruder_loss(i)];
             }
         }

@@ -9,12 +9,13 @@ use crate::oscillator::Oscillator;
 use crate::signal::Signal;
 use crate::spectrum::{Spectrum, Taper};
 
-/// A sine of rising frequency that moves the host, swelling and fading over a twentieth of the sweep at either end.
+/// A sine of rising frequency that moves the host. It swells and fades over a twentieth of the sweep at
+/// either end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sweep {
     /// First frequency, Hz.
     pub from: f64,
-    /// Last frequency, Hz; it rises in proportion to time.
+    /// Last frequency, Hz. The frequency rises in proportion to time.
     pub to: f64,
     /// Length, s.
     pub duration: f64,
@@ -22,7 +23,7 @@ pub struct Sweep {
     pub amplitude: f64,
 }
 
-/// What a sweep gave: both displacements, m, at the same times, to where the mass has come to rest.
+/// The outcome of a sweep: both displacements, m, at the same times, until the mass has come to rest.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Shaken {
@@ -81,8 +82,8 @@ impl System for Driven {
 }
 
 impl Oscillator {
-    /// Shakes the host through a sweep and lets the mass ring down, to some 1e-12 of its motion; a damper must see to that.
-    /// Sampled at twenty times the sweep's last frequency.
+    /// Shakes the host through a sweep and lets the mass ring down to some 1e-12 of its motion, by its
+    /// damper. The motion is sampled at twenty times the sweep's last frequency.
     ///
     /// # Panics
     /// If a value of the oscillator or the sweep is not positive, or if the sweep is not upwards.
@@ -101,7 +102,7 @@ impl Oscillator {
             "a sweep takes positive values and goes upwards: {self:?} {sweep:?}"
         );
         let interval = 1.0 / (20.0 * sweep.to);
-        // The slower of the two decays, where there are two.
+        // The slower of the two decays, if there are two.
         let beta = 0.5 * self.damping / self.mass;
         let square = self.stiffness / self.mass;
         let slowest = if beta * beta > square {
@@ -142,7 +143,7 @@ impl Oscillator {
 }
 
 impl Shaken {
-    /// h = û/Û at some frequencies in Hz, which the sweep should have gone through.
+    /// h = û/Û at some frequencies in Hz. The sweep should have gone through them.
     pub fn response(&self, frequencies: &[f64]) -> Vec<(f64, Complex64)> {
         let (host, mass) = (
             Spectrum::of(&self.host, Taper::None),

@@ -1,4 +1,4 @@
-//! A quantity of a run at equal intervals, for what works on samples.
+//! A quantity of a run at equal intervals of time.
 
 use crate::solution::{Snapshot, Solution};
 
@@ -7,7 +7,7 @@ use crate::solution::{Snapshot, Solution};
 pub struct Signal {
     /// Time of the first value, s.
     pub start: f64,
-    /// From one value to the next, s.
+    /// Time from one value to the next, s.
     pub interval: f64,
     /// The values.
     pub values: Vec<f64>,
@@ -21,7 +21,7 @@ impl Signal {
 }
 
 impl Solution {
-    /// Samples whatever `value` makes of the motion, from `from` to `to` every `interval`, all in s.
+    /// Samples what `value` makes of the motion, from `from` to `to` every `interval`, all in s.
     ///
     /// # Panics
     /// If the stretch is not within 0 to [`Solution::end`] or `interval` is not above zero.
@@ -37,7 +37,7 @@ impl Solution {
             "samples need an interval above zero, not {interval} s"
         );
         let mut sampler = self.sampler();
-        // A stretch of n intervals may come out a rounding short of n.
+        // A stretch of n intervals can come out a rounding short of n.
         let intervals = ((to - from) / interval * (1.0 + 1e-12)) as usize;
         Signal {
             start: from,

@@ -2,24 +2,24 @@
 
 use std::time::Instant;
 
-use crate::check::ScenarioError;
 use crate::dop853::{Dense, Stepper, Stuck, crossing};
 use crate::model::Model;
-use crate::scenario::Scenario;
+use crate::scenario::{InputError, Scenario};
 use crate::solution::Solution;
 
 /// How closely the integration follows the equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accuracy {
-    /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth of its scale
-    /// (speed of the striker, its depth in a bead at rest, its energy).
+    /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth
+    /// of its scale. The scales are the striker's speed, its depth in a bead at rest, and its energy.
     pub tolerance: f64,
-    /// Longest step, as a part of the shortest contact of the scenario: what meets in free flight must not be stepped over.
+    /// Longest step, as a part of the scenario's shortest contact. It keeps a step from passing over a
+    /// collision of bodies in free flight.
     pub longest_step: f64,
 }
 
 impl Accuracy {
-    /// What every stated number of this crate comes from.
+    /// Every stated number of this crate is computed at this accuracy.
     pub const REFERENCE: Self = Self {
         tolerance: 1e-13,
         longest_step: 1.0 / 24.0,
@@ -29,6 +29,25 @@ impl Accuracy {
         tolerance: 1e-8,
         longest_step: 1.0 / 8.0,
     };
+
+    fn check(self) -> Result<(), InputError> {
+        let Self {
+            tolerance,
+            longest_step,
+        } = self;
+        let (what, range) = if !(1e-14..=1e-3).contains(&tolerance) {
+            (format!("tolerance {tolerance}"), "1e-14 (rounding) to 1e-3")
+        } else if !(longest_step > 0.0 && longest_step <= 1.0) {
+            (
+                format!("longest_step {longest_step}"),
+                "a part above 0 and at most 1",
+            )
+        } else {
+            return Ok(());
+        };
+        let what = format!("{what} is out of range");
+        Err(InputError::at("accuracy", what, format!("give {range}")))
+    }
 }
 
 impl Default for Accuracy {
@@ -40,10 +59,8 @@ impl Default for Accuracy {
 /// How to run a scenario.
 #[derive(Clone, Copy, Default)]
 pub struct Options<'a> {
-    /// Time to simulate, s, in place of the scenario's: longer for a signal that goes on past it. The [`Summary`] covers the
-    /// scenario's duration, or this where it is shorter.
-    ///
-    /// [`Summary`]: crate::Summary
+    /// Time to simulate, s, in place of the scenario's; longer for a signal that goes on past it. The
+    /// [`Summary`](crate::Summary) covers the scenario's duration, or this one where it is shorter.
     pub duration: Option<f64>,
     /// How closely.
     pub accuracy: Accuracy,
@@ -65,26 +82,14 @@ impl std::fmt::Debug for Options<'_> {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulateError {
-    /// A value of the scenario is out of range.
+    /// A value of the scenario or of the [`Options`] is out of range.
     #[error(transparent)]
-    Scenario(#[from] ScenarioError),
-    /// [`Options::duration`] is not a positive number.
-    #[error("duration: {0} s cannot be simulated; give a number above zero")]
-    Duration(f64),
-    /// [`Options::accuracy`] is out of range.
-    #[error("accuracy: {what} {value} is out of range; give {range}")]
-    Accuracy {
-        /// Which part of it.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-        /// What would do.
-        range: &'static str,
-    },
-    /// The run needs more steps than memory should hold: too long, too many beads, or something much faster than a strike.
+    Input(#[from] InputError),
+    /// The run needs more steps than memory should hold: it is too long, has too many beads, or something in
+    /// it is much faster than a strike.
     #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or soften the intruders and relaxation that need short steps", MOST_VALUES * 8 / 1_000_000_000)]
     TooLong {
-        /// How far it came, s; 0 if it was clear from the start.
+        /// How far the run came, s; 0 if it was clear from the start.
         time: f64,
         /// How far it was to go, s.
         end: f64,
@@ -94,78 +99,67 @@ pub enum SimulateError {
         "the integration is stuck at {time} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
     )]
     Stuck {
-        /// Where, s.
+        /// When, s.
         time: f64,
     },
 }
 
-/// Values that a solution may keep, 4 GB of them.
+/// Values that a solution may keep: 4 GB.
 const MOST_VALUES: usize = 500_000_000;
 
-/// Integrates a scenario.
+/// Integrates a scenario over its duration at [`Accuracy::REFERENCE`].
 ///
 /// # Errors
-/// [`SimulateError`]: the scenario or an option is out of range, or the integration does not get on.
-pub fn simulate(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, SimulateError> {
+/// [`SimulateError`]: the scenario is out of range, or the integration cannot go on.
+pub fn simulate(scenario: &Scenario) -> Result<Solution, SimulateError> {
+    simulate_with(scenario, &Options::default())
+}
+
+/// Integrates a scenario as the options say.
+///
+/// # Errors
+/// [`SimulateError`]: the scenario or an option is out of range, or the integration cannot go on.
+pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, SimulateError> {
     let clock = Instant::now();
     scenario.check()?;
     let end = options.duration.unwrap_or(scenario.duration);
     if !(end.is_finite() && end > 0.0) {
-        return Err(SimulateError::Duration(end));
+        let what = format!("{end} s cannot be simulated");
+        return Err(InputError::at("duration", what, "give a number above zero").into());
     }
+    options.accuracy.check()?;
     let Accuracy {
         tolerance,
         longest_step,
     } = options.accuracy;
-    if !(1e-14..=1e-3).contains(&tolerance) {
-        let range = "1e-14 (rounding) to 1e-3";
-        return Err(SimulateError::Accuracy {
-            what: "tolerance",
-            value: tolerance,
-            range,
-        });
-    }
-    if !(longest_step > 0.0 && longest_step <= 1.0) {
-        let range = "a part above 0 and at most 1";
-        return Err(SimulateError::Accuracy {
-            what: "longest_step",
-            value: longest_step,
-            range,
-        });
-    }
 
     let model = Model::new(scenario);
-    let floor = model
-        .scales()
-        .iter()
-        .map(|scale| 0.01 * tolerance * scale)
-        .collect();
+    let floor = model.scales().into_iter().map(|scale| 0.01 * tolerance * scale);
     let longest = longest_step * model.shortest_contact();
-    // The method is stable for steps up to some 6 times the shortest time constant; more steps than that are needed anyway.
+    // The method is stable for steps of up to some 6 of the shortest time constants. A run takes at least
+    // that many.
     let fewest_steps = end * (1.0 / longest).max(model.fastest_rate() / 6.0);
     if fewest_steps * model.layout().dimension() as f64 > MOST_VALUES as f64 {
         return Err(SimulateError::TooLong { time: 0.0, end });
     }
-    let mut stepper = Stepper::new(&model, model.initial(), tolerance, floor, longest);
+    let mut stepper = Stepper::new(&model, model.initial(), tolerance, floor.collect(), longest);
     let mut times = vec![stepper.time];
     let mut states = stepper.state.clone();
+    let progress = |part| options.progress.iter().for_each(|told| told(part));
+    // A step ends where the scenario does, so that the summary never looks inside one.
     let covered = scenario.duration.min(end);
-    // The end of the scenario becomes the end of a step, so that the summary needs no look inside one.
     let mut summary_end = 0;
     for stop in [covered, end] {
         while stepper.time < stop {
-            advance(&mut stepper, &model, stop).map_err(|_| SimulateError::Stuck { time: stepper.time })?;
+            let time = stepper.time;
+            advance(&mut stepper, &model, stop).map_err(|_| SimulateError::Stuck { time })?;
             times.push(stepper.time);
             states.extend_from_slice(&stepper.state);
             if states.len() > MOST_VALUES {
-                return Err(SimulateError::TooLong {
-                    time: stepper.time,
-                    end,
-                });
+                let time = stepper.time;
+                return Err(SimulateError::TooLong { time, end });
             }
-            if let Some(progress) = options.progress
-                && times.len().is_multiple_of(64)
-            {
+            if times.len().is_multiple_of(64) {
                 progress(stepper.time / end);
             }
         }
@@ -173,24 +167,21 @@ pub fn simulate(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, 
             summary_end = times.len() - 1;
         }
     }
-    if let Some(progress) = options.progress {
-        progress(1.0);
-    }
-    let seconds = clock.elapsed().as_secs_f64();
-    Ok(Solution::new(
+    progress(1.0);
+    Ok(Solution {
         model,
         times,
         states,
         summary_end,
-        stepper.evaluations,
-        seconds,
-    ))
+        evaluations: stepper.evaluations,
+        seconds: clock.elapsed().as_secs_f64(),
+    })
 }
 
-/// One step, which ends where a contact begins or ceases to be clipped if it would else pass over such a point: the force
-/// has a kink there, which the error estimate does not see when it falls between two stages.
+/// Makes one step. It ends where a contact begins or ceases to be clipped, if it would pass over such a
+/// point. The force has a kink there, which the error estimate misses when it falls between two stages.
 fn advance(stepper: &mut Stepper, model: &Model, stop: f64) -> Result<(), Stuck> {
-    if !model.clipped() {
+    if !model.clipped {
         return stepper.advance(model, stop);
     }
     let (start, state) = (stepper.time, stepper.state.clone());
@@ -217,7 +208,8 @@ fn advance(stepper: &mut Stepper, model: &Model, stop: f64) -> Result<(), Stuck>
             })
         })
         .fold(end, f64::min);
-    // At the very start it is where the last step ended, found again; at the very end it is where this one ends anyway.
+    // A kink at the very start is the end of the last step, found again. One at the very end is where this
+    // step ends.
     let part = (kink - start) / (end - start);
     if part > 1e-6 && part < 1.0 - 1e-6 {
         stepper.return_to(model, start, &state);

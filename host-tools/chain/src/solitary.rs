@@ -1,7 +1,8 @@
 //! The solitary wave of equal elastic spheres, and how near a wave of a run comes to it.
 //!
-//! In units where κ = M = 1 the wave's speed c in beads per time depends on its strength alone, and the numbers below say
-//! how. Nesterenko's long-wave forms have the same powers, with (16/25)^(1/5) and √(4/5) before them.
+//! In units where κ = M = 1, the wave's speed c in beads per time depends only on its strength, as the
+//! numbers below say. Nesterenko's long-wave forms have the same powers, with the factors (16/25)^(1/5) and
+//! √(4/5).
 
 use crate::pulse::{Pulse, PulseSearch, Trace};
 use crate::quantity::Quantity;
@@ -11,7 +12,8 @@ use crate::solution::Solution;
 pub const SPEED_FROM_VELOCITY: f64 = 0.907_47;
 /// c / F^(1/6) of the discrete wave, F being a contact's greatest force.
 pub const SPEED_FROM_FORCE: f64 = 0.905_52;
-/// Kinetic part of the wave's energy in the mean over time: 5/9, by the virial theorem for forces that go as δ^(3/2).
+/// Kinetic part of the wave's energy, in the mean over time: 5/9, by the virial theorem for forces that go as
+/// δ^(3/2).
 pub const KINETIC_SHARE: f64 = 5.0 / 9.0;
 
 /// Equal spheres in a row.
@@ -31,7 +33,7 @@ impl EqualSpheres {
         SPEED_FROM_FORCE * self.force_unit(force)
     }
 
-    /// Speed of the discrete solitary wave that moves beads at up to `velocity` in m/s, m/s.
+    /// Speed of the discrete solitary wave whose beads move at up to `velocity` in m/s, m/s.
     pub fn speed_from_velocity(&self, velocity: f64) -> f64 {
         SPEED_FROM_VELOCITY * self.velocity_unit(velocity)
     }
@@ -55,7 +57,7 @@ impl EqualSpheres {
     }
 }
 
-/// What does not change from one solitary wave to another, as measured in a run.
+/// Numbers that do not change from one solitary wave to another, as measured in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Invariants {
@@ -63,13 +65,14 @@ pub struct Invariants {
     pub speed_from_force: f64,
     /// c / v^(1/5) in those units: [`SPEED_FROM_VELOCITY`] for the discrete wave.
     pub speed_from_velocity: f64,
-    /// Kinetic part of the energy, mean over the way between the contacts: [`KINETIC_SHARE`] for the discrete wave.
+    /// Kinetic part of the energy, in the mean over the way between the contacts: [`KINETIC_SHARE`] for the
+    /// discrete wave.
     pub kinetic_share: f64,
 }
 
 impl Solution {
-    /// Measures a wave between two contacts of equal spheres without intruders; κ, M and R are those of the first. The energy
-    /// is that of ten beads behind to ten ahead, far more than the wave covers.
+    /// Measures a wave between two contacts of equal spheres without intruders; κ, M and R are those of the
+    /// first. The energy is that of ten beads behind to ten ahead, far more than the wave covers.
     ///
     /// # Panics
     /// If `later` is not at a contact after `earlier`'s.
@@ -102,7 +105,8 @@ impl Solution {
         .map(|peak| peak.value)
         .fold(0.0, f64::max);
 
-        // The share repeats from bead to bead: equal intervals over whole beads converge faster than any power.
+        // The share repeats from bead to bead, so equal intervals over whole beads converge faster than any
+        // power.
         let count = 64 * (later.contact - earlier.contact);
         let beads = earlier.contact.saturating_sub(10)..=(later.contact + 10).min(model.bodies() - 1);
         let mut sampler = self.sampler();

@@ -1,9 +1,10 @@
-//! What a run leaves: the motion, at any time of it.
+//! The motion of a run, at any time of it.
 //!
 //! # Design
 //!
-//! Kept is the state after every step. What happens inside a step comes from the method's own dense output, found by
-//! repeating the step ([`crate::dop853::Dense`]); a [`Sampler`] keeps the last step that it looked into.
+//! The state after every step is kept. The motion inside a step comes from the method's own dense output,
+//! found by repeating the step ([`crate::dop853::Dense`]). A [`Sampler`] keeps the last step that it looked
+//! into.
 
 use std::ops::RangeInclusive;
 
@@ -11,40 +12,27 @@ use crate::dop853::Dense;
 use crate::model::{Energies, Model};
 use crate::region::RegionEnergies;
 
-/// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and contacts from 1.
+/// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and
+/// contacts from 1.
 ///
-/// One state is kept for each step, 8 bytes × (2 bodies + 3 intruders + 1), 8 more with a wall: 0.3 MB for the paper's strike. A run that would
-/// keep more than 4 GB is refused.
+/// Each step keeps 8 bytes × (2 bodies + 3 intruders + 1), and 8 more with a wall: 0.3 MB for the paper's
+/// strike. A run that would keep more than 4 GB is refused.
 #[derive(Debug, Clone)]
 pub struct Solution {
-    model: Model,
-    times: Vec<f64>,
-    states: Vec<f64>,
-    summary_end: usize,
-    evaluations: u64,
-    seconds: f64,
+    pub(crate) model: Model,
+    /// Ends of the steps, s.
+    pub(crate) times: Vec<f64>,
+    /// The state at each of them, one after another.
+    pub(crate) states: Vec<f64>,
+    /// Index of the scenario's end in `times`.
+    pub(crate) summary_end: usize,
+    pub(crate) evaluations: u64,
+    /// Wall-clock time, s.
+    pub(crate) seconds: f64,
 }
 
 impl Solution {
-    pub(crate) fn new(
-        model: Model,
-        times: Vec<f64>,
-        states: Vec<f64>,
-        summary_end: usize,
-        evaluations: u64,
-        seconds: f64,
-    ) -> Self {
-        Self {
-            model,
-            times,
-            states,
-            summary_end,
-            evaluations,
-            seconds,
-        }
-    }
-
-    /// Masses, contacts and resonators of the chain.
+    /// Masses, contacts and intruders of the chain.
     pub fn model(&self) -> &Model {
         &self.model
     }
@@ -70,39 +58,10 @@ impl Solution {
     /// Everything at time `t`, s.
     ///
     /// # Panics
-    /// If `t` is not within 0 to [`Solution::end`]; [`Options::duration`](crate::Options::duration) makes a run longer.
+    /// If `t` is not within 0 to [`Solution::end`]. [`Options::duration`](crate::Options::duration) makes a
+    /// run longer.
     pub fn at(&self, t: f64) -> Snapshot<'_> {
         self.sampler().at(t)
-    }
-
-    /// Total force of `contact`, N, positive in compression. Panics as [`Solution::at`].
-    pub fn force(&self, contact: usize, t: f64) -> f64 {
-        self.at(t).force(contact)
-    }
-
-    /// Displacement of `body`, m. Panics as [`Solution::at`].
-    pub fn displacement(&self, body: usize, t: f64) -> f64 {
-        self.at(t).displacement(body)
-    }
-
-    /// Velocity of `body`, m/s. Panics as [`Solution::at`].
-    pub fn velocity(&self, body: usize, t: f64) -> f64 {
-        self.at(t).velocity(body)
-    }
-
-    /// Absolute acceleration of the intruder in `bead`, m/s²; none if it holds no intruder. Panics as [`Solution::at`].
-    pub fn intruder_acceleration(&self, bead: usize, t: f64) -> Option<f64> {
-        self.at(t).intruder_acceleration(bead)
-    }
-
-    /// Energy lost so far in the intruder of `bead`, J; none if it holds no intruder. Panics as [`Solution::at`].
-    pub fn intruder_dissipated(&self, bead: usize, t: f64) -> Option<f64> {
-        self.at(t).intruder_dissipated(bead)
-    }
-
-    /// Energies, J. Panics as [`Solution::at`].
-    pub fn energy(&self, t: f64) -> Energies {
-        self.at(t).energies()
     }
 
     /// The step that holds time `t`, s. Panics as [`Solution::at`].
@@ -114,23 +73,6 @@ impl Solution {
         );
         let knot = self.times.partition_point(|&time| time <= t);
         knot.clamp(1, self.times.len() - 1) - 1
-    }
-
-    /// Step whose end is the end of the scenario.
-    pub(crate) fn summary_end(&self) -> usize {
-        self.summary_end
-    }
-
-    pub(crate) fn evaluations(&self) -> u64 {
-        self.evaluations
-    }
-
-    pub(crate) fn seconds(&self) -> f64 {
-        self.seconds
-    }
-
-    pub(crate) fn time(&self, knot: usize) -> f64 {
-        self.times[knot]
     }
 
     pub(crate) fn state(&self, knot: usize) -> &[f64] {
@@ -189,7 +131,7 @@ impl Snapshot<'_> {
         self.time
     }
 
-    /// Displacement of `body` since t = 0, m: a chain under a static load is at rest there.
+    /// Displacement of `body` since t = 0, m. A chain under a static load is at rest there.
     ///
     /// # Panics
     /// If there is no such body.
@@ -207,7 +149,7 @@ impl Snapshot<'_> {
         self.state[self.model.layout().velocity(body)]
     }
 
-    /// How far `contact` is compressed, m; negative over a gap.
+    /// How far `contact` is compressed, m; negative if it is open.
     ///
     /// # Panics
     /// If there is no such contact.
@@ -225,32 +167,28 @@ impl Snapshot<'_> {
         self.model.force(&self.state, contact)
     }
 
-    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m.
+    /// Displacement of the intruder in `bead` relative to its host, x = u - U, m; none without an intruder.
     pub fn intruder_displacement(&self, bead: usize) -> Option<f64> {
-        Some(self.state[self.model.layout().relative(self.model.intruder_of(bead)?)])
+        let intruder = self.model.intruder_of(bead)?;
+        Some(self.state[self.model.layout().relative(intruder)])
     }
 
     /// Its rate, m/s.
     pub fn intruder_velocity(&self, bead: usize) -> Option<f64> {
-        Some(
-            self.state[self
-                .model
-                .layout()
-                .relative_velocity(self.model.intruder_of(bead)?)],
-        )
+        let intruder = self.model.intruder_of(bead)?;
+        Some(self.state[self.model.layout().relative_velocity(intruder)])
     }
 
-    /// Absolute acceleration of the intruder in `bead`, m/s².
+    /// Absolute acceleration of the intruder in `bead`, m/s²; none without an intruder.
     pub fn intruder_acceleration(&self, bead: usize) -> Option<f64> {
-        Some(
-            self.model
-                .intruder_acceleration(&self.state, self.model.intruder_of(bead)?),
-        )
+        let intruder = self.model.intruder_of(bead)?;
+        Some(self.model.intruder_acceleration(&self.state, intruder))
     }
 
-    /// Energy lost so far in the intruder of `bead`, ∫ c x'² dt, J.
+    /// Energy that the intruder in `bead` has dissipated, ∫ c x'² dt, J; none without an intruder.
     pub fn intruder_dissipated(&self, bead: usize) -> Option<f64> {
-        Some(self.state[self.model.layout().intruder_loss(self.model.intruder_of(bead)?)])
+        let intruder = self.model.intruder_of(bead)?;
+        Some(self.state[self.model.layout().intruder_loss(intruder)])
     }
 
     /// Energies of beads `beads.start()` to `beads.end()`, by kind, J; body 0 is the striker.
@@ -267,13 +205,14 @@ impl Snapshot<'_> {
         self.model.energies(&self.state)
     }
 
-    /// Momentum of all bodies and intruders, kg·m/s. With [`Snapshot::wall_impulse`] it is constant over a run.
+    /// Momentum of all bodies and intruders, kg·m/s. Its sum with [`Snapshot::wall_impulse`] is constant over
+    /// a run.
     pub fn momentum(&self) -> f64 {
         self.model.momentum(&self.state)
     }
 
-    /// Momentum that the wall has taken beyond what the static load gives to the chain, ∫ (F - F₀) dt, kg·m/s; zero where the
-    /// far end is free.
+    /// Momentum that the wall has taken beyond what the static load gives to the chain, ∫ (F - F₀) dt,
+    /// kg·m/s. Zero if the far end is free.
     pub fn wall_impulse(&self) -> f64 {
         let index = self.model.layout().wall_impulse();
         index.map_or(0.0, |index| self.state[index])

@@ -2,18 +2,19 @@
 //!
 //! # Design
 //!
-//! What is wanted of a pulse is its Fourier transform S(f) = ∫ s(t) exp(-2πi f t) dt, not a density of power: |S| of a force
-//! is in N·s, which is N/Hz, and |S(0)| is the impulse. The samples' sum times their interval is that integral but for what
-//! lies above half the sampling rate. A fast transform of the samples, padded with zeros eightfold, gives the curve. Single
-//! frequencies and bands are summed directly, so that neither depends on the padding.
+//! The spectrum of a pulse is its Fourier transform S(f) = ∫ s(t) exp(-2πi f t) dt, not a density of power.
+//! |S| of a force is in N·s, which is N/Hz, and |S(0)| is the impulse. The sum of the samples times their
+//! interval is that integral, but for what lies above half the sampling rate. A fast transform of the
+//! samples, padded with zeros eightfold, gives the curve. Single frequencies and bands are summed directly,
+//! so they do not depend on the padding.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
 use crate::signal::Signal;
 
-/// What a signal is multiplied by before it is transformed. None of them is made up for: a transient well inside the stretch
-/// keeps its units.
+/// The factor of a signal before it is transformed. The result is not scaled up again: a transient well
+/// inside the stretch keeps its units.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Taper {
     /// Nothing: for a signal that begins and ends at zero.
@@ -21,7 +22,7 @@ pub enum Taper {
     None,
     /// Raised cosine over the whole stretch.
     Hann,
-    /// Flat, but for raised cosines over this part (0 to 1) of the stretch, half of it at either end.
+    /// Flat, with raised cosines over this part (0 to 1) of the stretch, half of it at either end.
     Tukey(f64),
 }
 
@@ -58,7 +59,7 @@ impl Spectrum {
     /// Transforms a signal.
     ///
     /// # Panics
-    /// If the signal has fewer than two values, or values or an interval that are not numbers above nothing.
+    /// If the signal has fewer than two values, a value is not finite, or the interval is not above zero.
     pub fn of(signal: &Signal, taper: Taper) -> Self {
         let count = signal.values.len();
         assert!(count >= 2, "a spectrum takes two values at least, not {count}");
@@ -92,7 +93,8 @@ impl Spectrum {
         self.step
     }
 
-    /// The transform at 0, [`step`](Spectrum::step), 2 `step` ... to half the sampling rate, in units of the signal times s.
+    /// The transform at 0, `step`, 2 `step` ... to half the sampling rate, in units of the signal times s;
+    /// `step` is [`Spectrum::step`].
     pub fn values(&self) -> &[Complex64] {
         &self.values
     }
@@ -118,8 +120,8 @@ impl Spectrum {
         sum * self.signal.interval
     }
 
-    /// The -3 dB frequency, Hz: above the greatest magnitude, where the magnitude is first down to 1/√2 of it; none if it
-    /// never is.
+    /// The -3 dB frequency, Hz: the first above the greatest magnitude at which the magnitude has fallen to
+    /// 1/√2 of it. None if it never does.
     pub fn half_power_frequency(&self) -> Option<f64> {
         let (top, greatest) = self
             .values
@@ -133,15 +135,16 @@ impl Spectrum {
         Some(crate::dop853::crossing(from, to, |f| self.at(f).norm() - level))
     }
 
-    /// Energy of the signal between two frequencies in Hz, 2 ∫ |S|² df, in units of the signal squared times s. Over all
-    /// frequencies it is ∫ s² dt (Parseval).
+    /// Energy of the signal between two frequencies in Hz, 2 ∫ |S|² df, in units of the signal squared times
+    /// s. Over all frequencies it is ∫ s² dt (Parseval).
     pub fn band_energy(&self, from: f64, to: f64) -> f64 {
         let highest = self.step * (self.values.len() - 1) as f64;
         let (from, to) = (from.clamp(0.0, highest), to.clamp(0.0, highest));
         if from >= to {
             return 0.0;
         }
-        // |S|² is a sum of cosines, one for each lag of the autocorrelation, and each has its integral.
+        // |S|² is a sum of cosines, one for each lag of the autocorrelation, and each is integrated by its
+        // closed form.
         let length = 2 * (self.values.len() - 1);
         let mut powers: Vec<_> = self
             .values

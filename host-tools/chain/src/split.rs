@@ -1,9 +1,9 @@
-//! How a wave that meets intruders is shared out: reflected, transmitted, secondary, absorbed.
+//! How intruders share out the energy of a wave: reflected, transmitted, in secondary waves, absorbed.
 
 use crate::pulse::{Pulse, PulseSearch};
 use crate::solution::Solution;
 
-/// Where the energy of an incident pulse went, J, seen from two contacts with the intruders between; see
+/// Where the energy of an incident pulse goes, J, seen from two contacts with the intruders between; see
 /// [`Solution::split`].
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -12,23 +12,24 @@ pub struct Split {
     pub incident: Pulse,
     /// The main transmitted pulse: the strongest at the far contact.
     pub main: Pulse,
-    /// Energy that came back through the near contact after the incident pulse.
+    /// Energy that comes back through the near contact after the incident pulse.
     pub reflected: f64,
-    /// Energy that passed the far contact after the main pulse: the secondary waves.
+    /// Energy that passes the far contact after the main pulse: the secondary waves.
     pub secondary: f64,
-    /// Lost in the intruders between the contacts.
+    /// Dissipated in the intruders between the contacts.
     pub absorbed: f64,
-    /// The rest: lost in the contacts between, or still between them.
+    /// The rest: dissipated in the contacts between, or still between them.
     pub rest: f64,
 }
 
 impl Solution {
-    /// Shares out the strongest pulse that passes contact `near` among what comes back there and what passes contact `far`,
-    /// over the time of the search; none if a contact sees no pulse.
+    /// Follows the strongest pulse that passes contact `near`: how much of it comes back there and how much
+    /// passes contact `far`, over the time of the search. None if a contact sees no pulse.
     ///
-    /// End the search before waves from the ends of the chain come back. The incident pulse must have passed `near` before
-    /// its reflection arrives, as it has a pulse's length (some five beads) ahead of the first host. The sum of `main.energy`,
-    /// `reflected`, `secondary`, `absorbed` and `rest` is `incident.energy` by definition of `rest`.
+    /// End the search before waves from the ends of the chain come back. The incident pulse must have passed
+    /// `near` before its reflection arrives; a pulse's length (some five beads) ahead of the first host is
+    /// enough. The sum of `main.energy`, `reflected`, `secondary`, `absorbed` and `rest` is `incident.energy`
+    /// by definition of `rest`.
     ///
     /// # Panics
     /// If a contact is not of this chain or `near` is not before `far`.

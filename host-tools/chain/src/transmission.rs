@@ -1,4 +1,4 @@
-//! The energy that is left behind n intruders, as a power of n.
+//! The energy that n intruders leave, as a power of n.
 
 /// The line through ln E over n by least squares: E(n) = E(0) Tⁿ, the paper's E_{n+1} = T E_n.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -10,12 +10,14 @@ pub struct TransmissionFit {
     pub uncertainty: f64,
     /// E(0) of the line, in the unit of the energies.
     pub initial: f64,
-    /// Root mean square distance of ln E from the line, with n - 2 degrees of freedom: how far from exponential it is.
+    /// Root mean square distance of ln E from the line, with n - 2 degrees of freedom: how far from
+    /// exponential the energies are.
     pub residual: f64,
 }
 
 impl TransmissionFit {
-    /// Fits points (n, E). None without three points of positive energy at two n at least.
+    /// Fits points (n, E). None with fewer than three points, with a single n, or with an energy that is not
+    /// positive.
     pub fn of(points: &[(usize, f64)]) -> Option<Self> {
         if points.len() < 3
             || !points

@@ -1,45 +1,20 @@
-//! How exact the integration is, measured against itself and against what is known of the equations.
+//! How exact the integration is, against itself and against known results.
 
-use hertz_chain::{Accuracy, Options, Scenario, Section, Solution, Wall, simulate};
+mod common;
 
-const PAPER: &str = r#"
-duration = 0.004
-[chain]
-beads = 16
-radius = 0.019
-density = 1775.0
-young = 4.5e9
-poisson = 0.44
-relaxation = 4.2e-6
-[striker]
-radius = 0.0045
-density = 7980.0
-young = 203e9
-poisson = 0.27
-velocity = 0.45
-[[intruder]]
-beads = [8]
-mass = 3.7e-3
-stiffness = 3.95e5
-damping = 12.0
-"#;
+use common::{elastic, run};
+use hertz_chain::{Accuracy, Material, Options, Scenario, Section, Solution, Wall, simulate_with};
 
+/// The paper's strike, for the 4 ms that its figure shows.
 fn paper() -> Scenario {
-    Scenario::from_toml(PAPER, "paper.toml").expect("the scenario is sound")
+    Scenario {
+        duration: 0.004,
+        ..Scenario::paper()
+    }
 }
 
-/// A long elastic chain without intruders.
-fn elastic(beads: usize, duration: f64) -> Scenario {
-    let mut scenario = paper();
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = beads;
-    scenario.duration = duration;
-    scenario
-}
-
-fn run(scenario: &Scenario) -> Solution {
-    simulate(scenario, &Options::default()).expect("the scenario runs")
+fn with(options: &Options<'_>) -> Solution {
+    simulate_with(&paper(), options).expect("the scenario runs")
 }
 
 /// More steps, each of a fifth of the error.
@@ -48,7 +23,7 @@ fn run_finer(scenario: &Scenario) -> Solution {
         tolerance: 2e-14,
         longest_step: 1.0 / 50.0,
     };
-    simulate(
+    simulate_with(
         scenario,
         &Options {
             accuracy,
@@ -58,8 +33,8 @@ fn run_finer(scenario: &Scenario) -> Solution {
     .expect("the scenario runs")
 }
 
-/// Worst distance of forces (to the greatest at the last contact) and of energies (to the striker's), at times that are
-/// nobody's step.
+/// Worst distance of forces (in parts of the greatest at the last contact) and of energies (in parts of the
+/// striker's), at times where no step ends.
 fn distance(one: &Solution, other: &Solution) -> (f64, f64) {
     let summary = other.summary();
     let weakest = summary
@@ -129,12 +104,11 @@ fn peaks_and_widths_repeat_with_other_steps() {
 
 #[test]
 fn the_draft_is_good_for_pictures() {
-    let scenario = paper();
     let draft = Options {
         accuracy: Accuracy::DRAFT,
         ..Options::default()
     };
-    let (force, energy) = distance(&simulate(&scenario, &draft).expect("runs"), &run(&scenario));
+    let (force, energy) = distance(&with(&draft), &run(&paper()));
     assert!(
         force < 3e-6 && energy < 3e-6,
         "forces {force:e}, energies {energy:e}"
@@ -158,20 +132,20 @@ fn the_energy_balance_closes() {
     let solution = run(&paper());
     let energy = solution.summary().energy;
     assert!(energy.balance_error < 1e-14, "{:e}", energy.balance_error);
-    // With M for the host as the paper prints it, the sum is off by the intruder's share of the motion.
-    let end = solution.energy(0.002);
+    // With M for the host, as the paper prints it, the sum misses by the intruder's share of the motion.
+    let end = solution.at(0.002).energies();
     let as_printed = end.total() - end.chain + end.chain_as_printed;
     assert!((as_printed / energy.striker_initial - 1.0).abs() > 1e-3);
 }
 
-/// How the numbers of one run follow from those of another.
+/// The factors between the numbers of two runs.
 struct Scale {
     force: f64,
     time: f64,
     energy: f64,
 }
 
-/// The worst distance of peaks, widths, energies and absorbed energies from what the scale says.
+/// The worst distance of peaks, widths, energies and absorbed energies from what the factors say.
 fn off_scale(one: &Scenario, other: &Scenario, scale: &Scale) -> f64 {
     let (one, other) = (run(one).summary(), run(other).summary());
     assert_eq!(one.peak_force.len(), other.peak_force.len());
@@ -197,7 +171,8 @@ fn off_scale(one: &Scenario, other: &Scenario, scale: &Scale) -> f64 {
     worst
 }
 
-/// F ~ V^(6/5), t ~ V^(-1/5), E ~ V²; an intruder's stiffness must go as V^(2/5) and its damping as V^(1/5) to follow.
+/// F ~ V^(6/5), t ~ V^(-1/5), E ~ V². The motion follows if an intruder's stiffness goes as V^(2/5) and its
+/// damping as V^(1/5).
 #[test]
 fn an_elastic_chain_scales_with_the_speed() {
     let plain = elastic(12, 0.003);
@@ -227,17 +202,15 @@ fn an_elastic_chain_scales_with_the_speed() {
     }
 }
 
-/// Lengths times l, densities times r, moduli times y: times go as l √(r/y), forces as y l², energies as y l³, whatever else
-/// is in the chain.
+/// Lengths times l, densities times r, moduli times y: times go as l √(r/y), forces as y l², energies as y
+/// l³, whatever else is in the chain.
 #[test]
 fn a_chain_of_other_size_and_material_is_the_same_on_another_scale() {
     let mut small = paper();
     small.chain.precompression = 0.3;
     small.wall = Some(Wall {
-        young: 203e9,
-        poisson: 0.27,
         radius: Some(0.05),
-        relaxation: None,
+        ..Wall::flat(Material::STEEL)
     });
     small.sections = vec![Section {
         beads: vec![4, 5],
@@ -283,7 +256,7 @@ fn a_chain_of_other_size_and_material_is_the_same_on_another_scale() {
     }
 }
 
-/// Eqs. (9) and (10) with the factor of (10) as it must be, (5/4)^(3/5).
+/// Eqs. (9) and (10) with the right factor of (10), (5/4)^(3/5).
 #[test]
 fn two_elastic_bodies_touch_as_hertz_says() {
     let scenario = elastic(1, 0.0003);
@@ -301,8 +274,8 @@ fn two_elastic_bodies_touch_as_hertz_says() {
         "{} {time}",
         peak.time
     );
-    assert_eq!(solution.force(1, 1.0001 * time), 0.0);
-    assert!(solution.force(1, 0.9999 * time) > 0.0);
+    assert_eq!(solution.at(1.0001 * time).force(1), 0.0);
+    assert!(solution.at(0.9999 * time).force(1) > 0.0);
 }
 
 /// Ramírez et al. 1999: e = 1 - 1.15344 A + 0.79826 A² ..., with A = (3/2) α, α = τ (κ/μ)^(2/5) V^(1/5).
@@ -340,16 +313,15 @@ fn a_pulse_becomes_the_solitary_wave() {
 
 #[test]
 fn a_longer_run_leaves_the_summary_as_it_is() {
-    let scenario = paper();
     let longer = Options {
         duration: Some(0.006),
         ..Options::default()
     };
-    let (longer, plain) = (simulate(&scenario, &longer).expect("runs"), run(&scenario));
+    let (longer, plain) = (with(&longer), run(&paper()));
     assert_eq!(longer.end(), 0.006);
     assert_eq!(longer.summary().peak_force, plain.summary().peak_force);
     assert_eq!(longer.summary().final_state, plain.summary().final_state);
-    assert!(longer.force(16, 0.0041) > 1.0);
+    assert!(longer.at(0.0041).force(16) > 1.0);
 }
 
 #[test]
@@ -358,23 +330,29 @@ fn a_shorter_run_is_summed_up_to_its_own_end() {
         duration: Some(0.001),
         ..Options::default()
     };
-    let solution = simulate(&paper(), &shorter).expect("runs");
+    let solution = with(&shorter);
     let end = solution.summary().final_state;
     assert_eq!((solution.end(), end.time), (0.001, 0.001));
-    let displacement = run(&paper()).displacement(1, 0.001);
+    let displacement = run(&paper()).at(0.001).displacement(1);
     assert!((end.displacement[1] / displacement - 1.0).abs() < 1e-11);
 }
 
 #[test]
 #[should_panic = "0.0041 s is not within the run, 0 to 0.004 s"]
 fn a_time_after_the_end_is_refused() {
-    run(&paper()).force(1, 0.0041);
+    run(&paper()).at(0.0041).force(1);
 }
 
 #[test]
 fn sections_make_their_beads_unlike_the_rest() {
-    let text = format!("{PAPER}\n[[section]]\nbeads = [3, 4]\nradius = 0.0095\nrelaxation = 0.0\n");
-    let solution = run(&Scenario::from_toml(&text, "stepped.toml").expect("sound"));
+    let mut scenario = paper();
+    scenario.sections = vec![Section {
+        beads: vec![3, 4],
+        radius: Some(0.0095),
+        relaxation: Some(0.0),
+        ..Section::default()
+    }];
+    let solution = run(&scenario);
     let model = solution.model();
     assert!((model.mass(3) / model.mass(2) - 0.125).abs() < 1e-15);
     assert_eq!(model.mass(2), model.mass(5));
@@ -389,11 +367,9 @@ fn sections_make_their_beads_unlike_the_rest() {
 
 #[test]
 fn the_striker_may_have_mass_and_relaxation_of_its_own() {
-    let text = PAPER.replace(
-        "velocity = 0.45",
-        "velocity = 0.45\nmass = 3.0e-3\nrelaxation = 0.0",
-    );
-    let solution = run(&Scenario::from_toml(&text, "striker.toml").expect("sound"));
+    let mut scenario = paper();
+    (scenario.striker.mass, scenario.striker.relaxation) = (Some(3.0e-3), Some(0.0));
+    let solution = run(&scenario);
     assert_eq!(solution.model().mass(0), 3.0e-3);
     assert_eq!(solution.model().contact(1).relaxation, 0.0);
     assert_eq!(solution.model().contact(2).relaxation, 4.2e-6);
@@ -411,7 +387,7 @@ fn progress_is_told() {
         progress: Some(&progress),
         ..Options::default()
     };
-    simulate(&paper(), &options).expect("runs");
+    with(&options);
     assert_eq!(*last.lock().expect("no panic"), 1.0);
 }
 

@@ -1,21 +1,9 @@
-//! Chains whose beads differ: stepped, tapered, and with an absorber of its own in each bead.
+//! Chains whose beads differ: stepped, tapered, and with an intruder of its own in each bead.
 
-use hertz_chain::{Intruder, Options, PulseSearch, Scenario, Section, Solution, simulate};
+mod common;
 
-/// Elastic Bakelite beads of 19 mm, struck by one of their own kind.
-fn elastic(beads: usize, duration: f64) -> Scenario {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = beads;
-    scenario.duration = duration;
-    scenario.striker.radius = scenario.chain.radius;
-    scenario.striker.density = scenario.chain.density;
-    scenario.striker.young = scenario.chain.young;
-    scenario.striker.poisson = scenario.chain.poisson;
-    scenario
-}
+use common::{run, softer, struck_by_a_bead};
+use hertz_chain::{Intruder, Material, PulseSearch, Section};
 
 fn of_radius(beads: impl IntoIterator<Item = usize>, radius: f64) -> Section {
     Section {
@@ -25,16 +13,13 @@ fn of_radius(beads: impl IntoIterator<Item = usize>, radius: f64) -> Section {
     }
 }
 
-fn run(scenario: &Scenario) -> Solution {
-    simulate(scenario, &Options::default()).expect("the scenario runs")
-}
-
-/// Job, Melo, Sokolow and Sen, Granular Matter 10, 13 (2007): a wave that meets beads of half the radius goes on as a train
-/// whose amplitudes fall by a constant ratio. Taken for a particle that hits lighter ones of an eighth of its mass, it would
-/// keep 7/9 of its speed each time, so that forces would fall as (7/9)^(6/5) = 0.74; the integration has 0.62 to 0.66.
+/// Job, Melo, Sokolow and Sen, Granular Matter 10, 13 (2007): a wave that meets beads of half the radius goes
+/// on as a train whose amplitudes fall by a constant ratio. A particle that hits lighter ones of an eighth of
+/// its mass would keep 7/9 of its speed each time, and forces would fall as (7/9)^(6/5) = 0.74. The
+/// integration has 0.62 to 0.66.
 #[test]
 fn a_wave_that_steps_down_in_radius_becomes_a_train() {
-    let mut scenario = elastic(60, 0.0076);
+    let mut scenario = struck_by_a_bead(60, 0.0076);
     scenario.sections = vec![of_radius(21..=60, 0.0095)];
     let solution = run(&scenario);
     let search = PulseSearch {
@@ -51,17 +36,18 @@ fn a_wave_that_steps_down_in_radius_becomes_a_train() {
         assert!(pair[1].energy < 0.53 * pair[0].energy, "{pair:?}");
         assert!(pair[1].fwhm > pair[0].fwhm, "{pair:?}");
     }
-    // Half of the energy is in the first, 0.39 by particles; nearly all has gone on by then.
+    // Half of the energy is in the first wave; 0.39 would be, if waves were particles. Nearly all has gone on
+    // by then.
     let share = train[0].energy / incident[0].energy;
     assert!((share - 0.515).abs() < 0.001, "{share}");
     let passed = solution.flow(21).between(0.0, 0.0076).energy;
     assert!(passed > 0.99 * incident[0].energy, "{passed} {incident:?}");
 }
 
-/// The other way, a part goes back and the rest goes on as one wave.
+/// The other way, a part of the wave goes back, and the rest goes on as one wave.
 #[test]
 fn a_wave_that_steps_up_in_radius_is_reflected_in_part() {
-    let mut scenario = elastic(60, 0.009);
+    let mut scenario = struck_by_a_bead(60, 0.009);
     scenario.chain.radius = 0.0095;
     scenario.striker.radius = 0.0095;
     scenario.sections = vec![of_radius(21..=60, 0.019)];
@@ -73,7 +59,7 @@ fn a_wave_that_steps_up_in_radius_is_reflected_in_part() {
     let split = solution.split(12, 32, &search).expect("it passes both");
     let (main, reflected) = (split.main.energy, split.reflected);
     let parts = [main, reflected].map(|part| part / split.incident.energy);
-    // Taken for a particle that hits one eight times as heavy, it would hand over 32/81 = 0.395.
+    // A particle that hits one eight times as heavy would hand over 32/81 = 0.395.
     assert!(
         (parts[0] - 0.4760).abs() < 5e-4 && (parts[1] - 0.5227).abs() < 5e-4,
         "{parts:?}"
@@ -82,9 +68,9 @@ fn a_wave_that_steps_up_in_radius_is_reflected_in_part() {
     assert_eq!(solution.pulses(32, &search).len(), 1);
 }
 
-/// Each bead thinner by a part q. In the binary collision approximation a wave's speed grows by 2 / (1 + (1 - q)³) from bead to
-/// bead; the wave covers several beads, and so it grows less: by 0.04 % at q = 0.02, by 0.4 % at 0.05, by
-/// 2.5 % at 0.1.
+/// Each bead is thinner by a part q. In the binary collision approximation a wave's speed grows by 2 / (1 +
+/// (1 - q)³) from bead to bead. The wave covers several beads, so it grows less: by 0.04 % less at q = 0.02,
+/// 0.4 % at 0.05, and 2.5 % at 0.1.
 #[test]
 fn a_tapered_chain_speeds_a_wave_up_by_somewhat_less_than_binary_collisions() {
     for (q, growth, off) in [
@@ -92,7 +78,7 @@ fn a_tapered_chain_speeds_a_wave_up_by_somewhat_less_than_binary_collisions() {
         (0.05, 1.072_8, 5e-3),
         (0.1, 1.127_9, 3e-2),
     ] {
-        let mut scenario = elastic(20, 0.004);
+        let mut scenario = struck_by_a_bead(20, 0.004);
         scenario.sections = (2..=20)
             .map(|bead| of_radius([bead], 0.019 * f64::powi(1.0 - q, bead as i32 - 1)))
             .collect();
@@ -122,7 +108,7 @@ fn a_tapered_chain_speeds_a_wave_up_by_somewhat_less_than_binary_collisions() {
 fn an_array_with_one_section_and_one_intruder_a_bead_is_what_its_beads_say() {
     let hosts = 5..=24;
     let part = |bead: usize| (bead as f64 - 5.0) / 19.0;
-    let mut graded = elastic(30, 0.006);
+    let mut graded = struck_by_a_bead(30, 0.006);
     graded.sections = hosts
         .clone()
         .map(|bead| of_radius([bead], 0.019 * (1.0 - 0.3 * part(bead))))
@@ -138,13 +124,13 @@ fn an_array_with_one_section_and_one_intruder_a_bead_is_what_its_beads_say() {
         .collect();
     let solution = run(&graded);
     let model = solution.model();
-    assert_eq!(model.resonators().len(), 20);
-    for (resonator, bead) in model.resonators().iter().zip(hosts.clone()) {
-        assert_eq!(resonator.bead, bead);
-        assert_eq!(resonator.stiffness, 1e5 * (1.0 + part(bead)));
+    assert_eq!(model.intruders().len(), 20);
+    for (intruder, bead) in model.intruders().iter().zip(hosts.clone()) {
+        assert_eq!(intruder.bead, bead);
+        assert_eq!(intruder.oscillator.stiffness, 1e5 * (1.0 + part(bead)));
         let radius: f64 = 0.019 * (1.0 - 0.3 * part(bead));
         assert_eq!(model.radius(bead), radius);
-        let mass = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3) * 1775.0;
+        let mass = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3) * Material::BAKELITE.density;
         assert!((model.mass(bead) / mass - 1.0).abs() < 1e-14);
     }
     assert!(solution.summary().energy.balance_error < 1e-12);
@@ -155,14 +141,9 @@ fn an_array_with_one_section_and_one_intruder_a_bead_is_what_its_beads_say() {
             .all(|each| each.dissipated > 0.0)
     );
 
-    // Tables that say the same one by one as in a list, and in any order, are the same chain.
-    let mut uniform = elastic(30, 0.006);
-    uniform.intruders = vec![Intruder {
-        beads: hosts.clone().collect(),
-        mass: 3.7e-3,
-        stiffness: 1e5,
-        damping: 12.0,
-    }];
+    // Tables for single beads, in any order, say the same as one table with a list: the chain is the same.
+    let mut uniform = struck_by_a_bead(30, 0.006);
+    uniform.intruders = vec![softer(hosts.clone())];
     uniform.sections = vec![of_radius(hosts.clone(), 0.015)];
     let mut single = uniform.clone();
     single.sections = hosts.clone().rev().map(|bead| of_radius([bead], 0.015)).collect();

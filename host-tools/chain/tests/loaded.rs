@@ -1,45 +1,11 @@
 //! Chains under a static load, and chains with a fixed far end.
 
-use hertz_chain::{
-    ContactForce, Intruder, Options, PulseSearch, Scenario, Section, Snapshot, Solution, Wall, simulate,
-};
+mod common;
 
-/// The paper's strike on an elastic chain.
-fn elastic(beads: usize, duration: f64) -> Scenario {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = beads;
-    scenario.duration = duration;
-    scenario
-}
+use common::{elastic, run, softer, struck_by_a_bead};
+use hertz_chain::{ContactForce, Material, PulseSearch, Scenario, Section, Snapshot, Wall};
 
-/// Struck by a bead like its own, so that one solitary wave has nearly all.
-fn struck_by_a_bead(beads: usize, duration: f64) -> Scenario {
-    let mut scenario = elastic(beads, duration);
-    scenario.striker.radius = scenario.chain.radius;
-    scenario.striker.density = scenario.chain.density;
-    scenario.striker.young = scenario.chain.young;
-    scenario.striker.poisson = scenario.chain.poisson;
-    scenario
-}
-
-/// Flat, of the beads' material.
-fn wall_like_the_beads(scenario: &Scenario) -> Wall {
-    Wall {
-        young: scenario.chain.young,
-        poisson: scenario.chain.poisson,
-        radius: None,
-        relaxation: None,
-    }
-}
-
-fn run(scenario: &Scenario) -> Solution {
-    simulate(scenario, &Options::default()).expect("the scenario runs")
-}
-
-/// Walls and loads weak and strong, with all that makes a run harder.
+/// Walls and loads, weak and strong, with everything that makes a run harder.
 fn harder() -> Vec<(&'static str, Scenario)> {
     let mut cases = Vec::new();
     for (name, load, walled) in [
@@ -52,13 +18,8 @@ fn harder() -> Vec<(&'static str, Scenario)> {
         let mut scenario = elastic(16, 0.006);
         scenario.chain.relaxation = 4.2e-6;
         scenario.chain.precompression = load;
-        scenario.wall = walled.then(|| wall_like_the_beads(&scenario));
-        scenario.intruders = vec![Intruder {
-            beads: vec![5, 16],
-            mass: 3.7e-3,
-            stiffness: 1e5,
-            damping: 12.0,
-        }];
+        scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
+        scenario.intruders = vec![softer([5, 16])];
         scenario.sections = vec![Section {
             beads: vec![9, 10],
             radius: Some(0.012),
@@ -119,10 +80,10 @@ fn what_passes_a_contact_is_what_is_gained_after_it_with_load_and_wall() {
                 let gain = solution.at(t).region(a..=16).total();
                 worst = worst.max((passed - lost - gain).abs() / energy);
             }
-            let whole = solution.energy(t).chain;
+            let whole = solution.at(t).energies().chain;
             let parts =
                 solution.at(t).region(1..=7).mechanical() + solution.at(t).region(8..=16).mechanical();
-            let intruders = solution.energy(t).intruders;
+            let intruders = solution.at(t).energies().intruders;
             worst = worst.max((parts - intruders - whole).abs() / energy);
         }
         println!("{name}: {worst:.1e}");
@@ -135,7 +96,7 @@ fn a_loaded_chain_waits_at_rest_and_carries_its_load() {
     for walled in [false, true] {
         let mut scenario = elastic(40, 0.0007);
         scenario.chain.precompression = 12.5;
-        scenario.wall = walled.then(|| wall_like_the_beads(&scenario));
+        scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
         let solution = run(&scenario);
         let start = solution.at(0.0);
         assert_eq!((start.force(1), start.overlap(1)), (0.0, 0.0));
@@ -144,8 +105,8 @@ fn a_loaded_chain_waits_at_rest_and_carries_its_load() {
             assert!((start.force(contact) / 12.5 - 1.0).abs() < 2e-15);
             assert!((start.overlap(contact) / overlap - 1.0).abs() < 1e-15);
         }
-        // The load has pushed nothing by the time that nothing of the wave has come.
-        assert!(solution.velocity(40, 0.0007).abs() < 1e-12 * scenario.striker.velocity);
+        // The wave has not come to bead 40 yet, and the load has not pushed it.
+        assert!(solution.at(0.0007).velocity(40).abs() < 1e-12 * scenario.striker.velocity);
         let summary = solution.summary();
         assert_eq!(summary.peak_force.len(), solution.model().contacts());
         let last = summary.peak_force[summary.peak_force.len() - 1];
@@ -162,14 +123,13 @@ fn a_loaded_chain_waits_at_rest_and_carries_its_load() {
 #[test]
 fn the_walls_stiffness_is_hertz() {
     let mut scenario = elastic(3, 0.001);
-    let compliance = |young: f64, poisson: f64| 0.75 * (1.0 - poisson * poisson) / young;
-    let theta = compliance(4.5e9, 0.44) + compliance(203e9, 0.27);
+    let compliance = |of: Material| 0.75 * (1.0 - of.poisson * of.poisson) / of.young;
+    let theta = compliance(Material::BAKELITE) + compliance(Material::STEEL);
     for (radius, curvature) in [(None, 1.0 / 0.019), (Some(0.05), 1.0 / 0.019 + 1.0 / 0.05)] {
         scenario.wall = Some(Wall {
-            young: 203e9,
-            poisson: 0.27,
             radius,
             relaxation: Some(3e-6),
+            ..Wall::flat(Material::STEEL)
         });
         let solution = run(&scenario);
         let wall = solution.model().contact(4);
@@ -189,7 +149,7 @@ fn the_walls_stiffness_is_hertz() {
 #[test]
 fn a_solitary_wave_comes_back_from_the_wall() {
     let mut scenario = struck_by_a_bead(40, 0.012);
-    scenario.wall = Some(wall_like_the_beads(&scenario));
+    scenario.wall = Some(Wall::flat(Material::BAKELITE));
     let solution = run(&scenario);
     let search = PulseSearch {
         height: 0.1,
@@ -199,7 +159,7 @@ fn a_solitary_wave_comes_back_from_the_wall() {
     assert_eq!(pulses.len(), 2, "{pulses:?}");
     let (there, back) = (pulses[0], pulses[1]);
     let wall = solution.pulses(41, &search)[0];
-    // Nearly all of it comes back, as strong as it was.
+    // Nearly all of the wave comes back, as strong as it was.
     assert!(
         (back.energy / there.energy + 0.99723).abs() < 1e-5,
         "{there:?} {back:?}"
@@ -208,7 +168,7 @@ fn a_solitary_wave_comes_back_from_the_wall() {
         (back.force / there.force - 0.99834).abs() < 1e-5,
         "{there:?} {back:?}"
     );
-    // Beads near the wall go back after it, so that the wall gives a little more than twice the wave's momentum.
+    // The beads near the wall follow the wave back, so the wall gives a little more than twice its momentum.
     assert!(
         (wall.impulse / there.impulse - 2.06043).abs() < 1e-5,
         "{wall:?} {there:?}"
@@ -231,8 +191,8 @@ fn long_and_small(load: f64, beads: usize, duration: f64) -> Scenario {
     scenario
 }
 
-/// c = 2R √(K/M) with K = (3/2) κ^(2/3) F₀^(1/3). Whatever the lattice does to a wave's shape, the mean time of its force,
-/// ∫ t (F - F₀) dt / ∫ (F - F₀) dt, goes from contact to contact at c.
+/// c = 2R √(K/M) with K = (3/2) κ^(2/3) F₀^(1/3). Whatever the lattice does to a wave's shape, the mean time
+/// of its force, ∫ t (F - F₀) dt / ∫ (F - F₀) dt, goes from contact to contact at c.
 #[test]
 fn a_small_wave_goes_at_the_speed_of_sound() {
     for load in [100.0, 800.0, 6400.0] {
@@ -263,10 +223,10 @@ fn a_small_wave_gives_a_rigid_wall_twice_its_momentum() {
     let mut scenario = long_and_small(800.0, 160, 0.025);
     scenario.wall = Some(Wall {
         young: 1e300,
-        ..wall_like_the_beads(&scenario)
+        ..Wall::flat(Material::BAKELITE)
     });
     let solution = run(&scenario);
-    // Before the wave is at the wall, and when it is on its way back.
+    // Before the wave reaches the wall, and on its way back.
     let (before, after) = (solution.at(0.012), solution.at(0.025));
     let momentum = before.momentum() - solution.model().mass(0) * before.velocity(0);
     assert!(before.wall_impulse().abs() < 1e-8 * momentum);

@@ -1,18 +1,15 @@
 //! The search for the best intruders, against scans and against what must hold of any optimum.
 
+mod common;
+
+use common::{elastic, run, softer};
 use hertz_chain::{
-    Accuracy, Aim, Intruder, OptimiseError, Optimum, Scenario, Search, optimise, remaining, simulate,
+    Accuracy, Aim, Intruder, OptimiseError, Optimum, Oscillator, Scenario, Search, optimise, remaining,
 };
 
-/// The paper's strike on twenty elastic beads, over before the wave has reached the last.
+/// A strike on twenty elastic beads, over before the wave has reached the last.
 fn strike() -> Scenario {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = 20;
-    scenario.duration = 0.004;
-    scenario
+    elastic(20, 0.004)
 }
 
 fn search(hosts: &[usize], total_mass: f64) -> Search {
@@ -43,12 +40,14 @@ fn one_intruder_is_found_where_a_scan_finds_it() {
     for mass in [0.002, 0.003, 0.0045, 0.006] {
         for stiffness in geometric([1e4, 1e6], 41) {
             for damping in geometric([0.5, 50.0], 21) {
-                scenario.intruders = vec![Intruder {
-                    beads: vec![8],
-                    mass,
-                    stiffness,
-                    damping,
-                }];
+                scenario.intruders = vec![Intruder::new(
+                    [8],
+                    Oscillator {
+                        mass,
+                        stiffness,
+                        damping,
+                    },
+                )];
                 let share = draft(&scenario, 0.45);
                 if share < scanned.0 {
                     scanned = (share, mass, stiffness, damping);
@@ -78,7 +77,7 @@ fn intruders_that_may_differ_leave_less_than_alike_ones() {
         && pair[0].damping == pair[1].damping));
     assert!(free.share < alike.share - 0.01, "{} {}", free.share, alike.share);
     assert!(free.share_searched < free.share_alike);
-    // What was found at draft accuracy is there at the reference one.
+    // The design found at draft accuracy is as good at the reference accuracy.
     assert!((free.share - free.share_searched).abs() < 1e-6);
 }
 
@@ -123,9 +122,10 @@ fn a_range_of_strikes_gives_a_compromise() {
     let mean = |shares: [f64; 2]| 0.5 * (shares[0] + shares[1]);
     let (slow, fast) = (at(&of(Aim::Mean, &speeds[..1])), at(&of(Aim::Mean, &speeds[1..])));
     let (fair, middle) = (at(&of(Aim::Worst, &speeds)), at(&of(Aim::Mean, &speeds)));
-    // Elastic chains scale: with k as V^(2/5) and c as V^(1/5) the same share remains at any speed. Seen: 5e-8.
+    // Elastic chains scale: with k as V^(2/5) and c as V^(1/5) the same share remains at any speed. Seen:
+    // 5e-8.
     assert!((slow[0] - fast[1]).abs() < 1e-6);
-    // Each is best at what it was made for.
+    // Each is best for its own aim.
     assert!(slow[0] < fair[0].min(middle[0]) && fast[1] < fair[1].min(middle[1]));
     assert!(worst(fair) < worst(slow).min(worst(fast)).min(worst(middle)));
     assert!(mean(middle) < mean(slow).min(mean(fast)).min(mean(fair)));
@@ -146,12 +146,7 @@ fn the_same_input_gives_the_same_result_on_any_number_of_threads() {
 fn the_parts_that_remain_add_up() {
     let mut scenario = strike();
     scenario.chain.relaxation = 4.2e-6;
-    scenario.intruders = vec![Intruder {
-        beads: vec![6, 9],
-        mass: 3.7e-3,
-        stiffness: 1e5,
-        damping: 12.0,
-    }];
+    scenario.intruders = vec![softer([6, 9])];
     for speed in [0.1, 0.45, 2.0] {
         let parts = remaining(&scenario, speed, Accuracy::REFERENCE).expect("it can be run");
         let sum = parts.before + parts.within + parts.after + parts.contacts;
@@ -163,9 +158,7 @@ fn the_parts_that_remain_add_up() {
         assert!((parts.time - duration).abs() < 1e-12);
     }
     // At its own speed it is the scenario itself.
-    let summary = simulate(&scenario, &Default::default())
-        .expect("it can be run")
-        .summary();
+    let summary = run(&scenario).summary();
     let parts = remaining(&scenario, 0.45, Accuracy::REFERENCE).expect("it can be run");
     let energy = summary.energy;
     let share = 1.0 - energy.dissipated_intruders / (energy.striker_initial - energy.striker_final);

@@ -1,15 +1,9 @@
 //! The intruder by itself: its response, and its stiffness and damping found back.
 
-use hertz_chain::{
-    FitError, Options, Oscillator, PulseSearch, Scenario, Signal, Sweep, fit_response, fit_ring_down,
-    simulate,
-};
+mod common;
 
-const PAPER: Oscillator = Oscillator {
-    mass: 3.7e-3,
-    stiffness: 3.95e5,
-    damping: 12.0,
-};
+use common::{normal, run};
+use hertz_chain::{FitError, Oscillator, PulseSearch, Scenario, Signal, Sweep, fit_response, fit_ring_down};
 
 const SWEEP: Sweep = Sweep {
     from: 80.0,
@@ -22,41 +16,30 @@ fn frequencies() -> Vec<f64> {
     (0..=120).map(|i| 100.0 + 20.0 * f64::from(i)).collect()
 }
 
-/// A pseudo-random number of mean 0 and variance 1 (twelve uniform ones added).
-fn normal(state: &mut u64) -> f64 {
-    let mut uniform = || {
-        *state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1_u64 << 53) as f64
-    };
-    (0..12).map(|_| uniform()).sum::<f64>() - 6.0
-}
-
 #[test]
 fn the_papers_intruder_amplifies_most_at_1607_hz() {
-    let (frequency, height) = PAPER.transmissibility_peak();
+    let (frequency, height) = Oscillator::PAPER.transmissibility_peak();
     assert!((frequency - 1607.0).abs() < 0.5, "{frequency} Hz");
     assert!((height - 3.374).abs() < 5e-4, "{height}");
     for beside in [0.999, 1.001] {
-        assert!(PAPER.transmissibility(beside * frequency).norm() < height);
+        assert!(Oscillator::PAPER.transmissibility(beside * frequency).norm() < height);
     }
-    assert!((PAPER.natural_frequency() - 1644.4).abs() < 0.05);
-    assert!((PAPER.damping_ratio() - 0.15695).abs() < 1e-5);
-    // However it is damped, it follows slow motion, and at √2 of its frequency it moves as much as its host.
-    assert_eq!(PAPER.transmissibility(0.0).norm(), 1.0);
-    let level = PAPER
-        .transmissibility(2.0_f64.sqrt() * PAPER.natural_frequency())
+    assert!((Oscillator::PAPER.natural_frequency() - 1644.4).abs() < 0.05);
+    assert!((Oscillator::PAPER.damping_ratio() - 0.15695).abs() < 1e-5);
+    // With any damping it follows slow motion, and at √2 of its frequency it moves as much as its host.
+    assert_eq!(Oscillator::PAPER.transmissibility(0.0).norm(), 1.0);
+    let level = Oscillator::PAPER
+        .transmissibility(2.0_f64.sqrt() * Oscillator::PAPER.natural_frequency())
         .norm();
     assert!((level - 1.0).abs() < 1e-14, "{level}");
 }
 
 #[test]
 fn a_swept_simulation_follows_the_closed_form() {
-    let shaken = PAPER.shake(&SWEEP);
+    let shaken = Oscillator::PAPER.shake(&SWEEP);
     let mut worst = 0.0_f64;
     for (frequency, h) in shaken.response(&frequencies()) {
-        worst = worst.max((h - PAPER.transmissibility(frequency)).norm());
+        worst = worst.max((h - Oscillator::PAPER.transmissibility(frequency)).norm());
     }
     assert!(worst < 1e-9, "{worst:e}");
 }
@@ -64,27 +47,32 @@ fn a_swept_simulation_follows_the_closed_form() {
 #[test]
 fn a_swept_response_gives_back_stiffness_and_damping() {
     for damping in [1.0, 12.0, 60.0] {
-        let oscillator = Oscillator { damping, ..PAPER };
+        let oscillator = Oscillator {
+            damping,
+            ..Oscillator::PAPER
+        };
         let points: Vec<_> = oscillator
             .shake(&SWEEP)
             .response(&frequencies())
             .iter()
             .map(|(frequency, h)| (*frequency, h.norm()))
             .collect();
-        let fit = fit_response(&points, PAPER.mass).expect("there is a peak");
-        assert!((fit.stiffness / PAPER.stiffness - 1.0).abs() < 1e-10, "{fit:?}");
+        let fit = fit_response(&points, Oscillator::PAPER.mass).expect("there is a peak");
+        assert!(
+            (fit.stiffness / Oscillator::PAPER.stiffness - 1.0).abs() < 1e-10,
+            "{fit:?}"
+        );
         assert!((fit.damping / damping - 1.0).abs() < 1e-10, "{fit:?}");
     }
 }
 
 #[test]
 fn a_struck_bead_rings_down_and_gives_back_stiffness_and_damping() {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("sound");
+    let mut scenario = Scenario::paper();
     scenario.chain.beads = 1;
     scenario.intruders[0].beads = vec![1];
     scenario.duration = 0.02;
-    let solution = simulate(&scenario, &Options::default()).expect("runs");
+    let solution = run(&scenario);
     let pulses = solution.pulses(1, &PulseSearch::default());
     let free = pulses[pulses.len() - 1].to + 1e-4;
     assert!(solution.at(0.02).overlap(1) < 0.0);
@@ -92,10 +80,16 @@ fn a_struck_bead_rings_down_and_gives_back_stiffness_and_damping() {
         at.intruder_acceleration(1).expect("a host")
     });
     let host = solution.model().mass(1);
-    let reduced = PAPER.mass * (host - PAPER.mass) / host;
+    let reduced = Oscillator::PAPER.mass * (host - Oscillator::PAPER.mass) / host;
     let fit = fit_ring_down(&signal, reduced).expect("it rings");
-    assert!((fit.stiffness / PAPER.stiffness - 1.0).abs() < 1e-12, "{fit:?}");
-    assert!((fit.damping / PAPER.damping - 1.0).abs() < 1e-12, "{fit:?}");
+    assert!(
+        (fit.stiffness / Oscillator::PAPER.stiffness - 1.0).abs() < 1e-12,
+        "{fit:?}"
+    );
+    assert!(
+        (fit.damping / Oscillator::PAPER.damping - 1.0).abs() < 1e-12,
+        "{fit:?}"
+    );
 }
 
 #[test]
@@ -107,11 +101,16 @@ fn the_uncertainties_of_both_fits_are_the_scatter_that_repeated_fits_have() {
     for _ in 0..repeats {
         let points: Vec<_> = frequencies()
             .into_iter()
-            .map(|f| (f, PAPER.transmissibility(f).norm() + 0.02 * normal(&mut state)))
+            .map(|f| {
+                (
+                    f,
+                    Oscillator::PAPER.transmissibility(f).norm() + 0.02 * normal(&mut state),
+                )
+            })
             .collect();
-        let fit = fit_response(&points, PAPER.mass).expect("there is a peak");
-        pulls[0] += ((fit.stiffness - PAPER.stiffness) / fit.stiffness_error).powi(2);
-        pulls[1] += ((fit.damping - PAPER.damping) / fit.damping_error).powi(2);
+        let fit = fit_response(&points, Oscillator::PAPER.mass).expect("there is a peak");
+        pulls[0] += ((fit.stiffness - Oscillator::PAPER.stiffness) / fit.stiffness_error).powi(2);
+        pulls[1] += ((fit.damping - Oscillator::PAPER.damping) / fit.damping_error).powi(2);
 
         let values = (0..400)
             .map(|i| 1e-5 * f64::from(i))

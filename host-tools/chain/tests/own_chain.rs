@@ -1,6 +1,6 @@
 //! The scenario of docs/how-to.md, "Your own chain": what the page says of it is so.
 
-use hertz_chain::{Options, Scenario, simulate};
+use hertz_chain::{Scenario, simulate};
 
 const TEXT: &str = include_str!("../../../docs/scenarios/own-chain.toml");
 const PAGE: &str = include_str!("../../../docs/how-to.md");
@@ -8,7 +8,7 @@ const PAGE: &str = include_str!("../../../docs/how-to.md");
 #[test]
 fn it_absorbs_what_the_page_says() {
     let scenario = Scenario::from_toml(TEXT, "own-chain.toml").expect("the scenario is sound");
-    let solution = simulate(&scenario, &Options::default()).expect("it runs");
+    let solution = simulate(&scenario).expect("it runs");
     let energy = solution.summary().energy;
     let [six, eight, nine] = solution.absorption(solution.end())[..] else {
         panic!("three hosts")

@@ -1,21 +1,25 @@
 //! Every case of an independent program's converged results, `data/chain_cases.json`.
 //!
-//! That program is SciPy's DOP853 at a relative tolerance of 1e-13 over a right-hand side of its own. Its states and
-//! energies repeat from one step sequence to another within the `rel_check` of each case, 2.4e-9 at worst; this crate's
-//! own repeat within 1e-10 (`tests/accuracy.rs`), so the distances below are mostly the reference's.
+//! That program is SciPy's DOP853 at a relative tolerance of 1e-13 over a right-hand side of its own. Its
+//! states and energies repeat from one step sequence to another within the `rel_check` of each case, 2.4e-9
+//! at worst; this crate's own repeat within 1e-10 (`tests/accuracy.rs`), so the distances below are mostly
+//! the reference's.
 //!
-//! Some of its numbers were read off *samples* of its motion: peaks of force from the parabola through the greatest sample and
-//! its neighbours, widths between straight lines through half of the greatest sample, greatest energies and accelerations
-//! from the samples as they are. They are read off the same samples of this crate's motion here, every 0.1 µs in runs of up to
-//! 4 ms and every 0.2 µs in longer ones; what the summary says, which is no sample, is held against that to the error of
-//! sampling.
+//! Some of its numbers were read off *samples* of its motion: peaks of force from the parabola through the
+//! greatest sample and its neighbours, widths between straight lines through half of the greatest sample,
+//! greatest energies and accelerations from the samples as they are. The tests read them off the same samples
+//! of this crate's motion, every 0.1 µs in runs of up to 4 ms and every 0.2 µs in longer ones. The summary's
+//! values, which are not samples, are held against these to the error of sampling.
 //!
-//! The last three contacts of the long chains carry a rising force when the run ends. It has no peak yet, and what the
-//! reference lists there (10 µs wide) is none. The last pulse's width of some runs is likewise beyond the end.
+//! The last three contacts of the long chains carry a rising force when the run ends. It has no peak yet, and
+//! the peak of 10 µs that the reference lists there is none. The last pulse's width of some runs is likewise
+//! beyond the end.
 
 use std::collections::BTreeMap;
 
-use hertz_chain::{Chain, ContactForce, Intruder, Options, Scenario, Solution, Striker, Summary, simulate};
+use hertz_chain::{
+    Chain, ContactForce, Intruder, Oscillator, Scenario, Solution, Striker, Summary, simulate,
+};
 use serde_json::{Map, Value};
 
 fn cases() -> Map<String, Value> {
@@ -37,8 +41,8 @@ fn numbers(value: &Value, key: &str) -> Vec<f64> {
         .collect()
 }
 
-/// Young's moduli and the striker's density are not in the file; they are the paper's, and the file's stiffnesses and
-/// masses prove them.
+/// Young's moduli and the striker's density are not in the file; they are the paper's, and the file's
+/// stiffnesses and masses prove them.
 fn scenario(name: &str, case: &Value) -> Scenario {
     let p = &case["params"];
     let (hosts, k, c, m) = (
@@ -47,11 +51,13 @@ fn scenario(name: &str, case: &Value) -> Scenario {
         numbers(p, "c"),
         numbers(p, "m"),
     );
-    let intruder = |i: usize| Intruder {
-        beads: vec![hosts[i] as usize],
-        mass: m[i],
-        stiffness: k[i],
-        damping: c[i],
+    let intruder = |i: usize| {
+        let oscillator = Oscillator {
+            mass: m[i],
+            stiffness: k[i],
+            damping: c[i],
+        };
+        Intruder::new([hosts[i] as usize], oscillator)
     };
     Scenario {
         title: name.to_owned(),
@@ -60,23 +66,19 @@ fn scenario(name: &str, case: &Value) -> Scenario {
             beads: number(p, "N_chain_beads") as usize,
             radius: number(p, "R"),
             density: number(p, "rho"),
-            young: 4.5e9,
             poisson: number(p, "nu"),
             relaxation: number(p, "tau"),
             contact_force: match p["clip_contact_force"].as_bool().expect("a flag") {
                 true => ContactForce::Clipped,
                 false => ContactForce::Printed,
             },
-            precompression: 0.0,
+            ..Chain::PAPER
         },
         striker: Striker {
-            radius: p["Rs"].as_f64().unwrap_or(0.0045),
-            density: 7980.0,
-            young: p["Ys"].as_f64().unwrap_or(203e9),
-            poisson: 0.27,
+            radius: p["Rs"].as_f64().unwrap_or(Striker::PAPER.radius),
+            young: p["Ys"].as_f64().unwrap_or(Striker::PAPER.young),
             velocity: number(p, "V_s"),
-            mass: None,
-            relaxation: None,
+            ..Striker::PAPER
         },
         wall: None,
         intruders: (0..hosts.len()).map(intruder).collect(),
@@ -138,7 +140,7 @@ impl Samples {
             interval: solution.end() / count as f64,
             forces: vec![Vec::with_capacity(count + 1); model.contacts()],
             chain_energy: Vec::with_capacity(count + 1),
-            accelerations: vec![Vec::with_capacity(count + 1); model.resonators().len()],
+            accelerations: vec![Vec::with_capacity(count + 1); model.intruders().len()],
         };
         let mut sampler = solution.sampler();
         for i in 0..=count {
@@ -147,8 +149,8 @@ impl Samples {
                 forces.push(snapshot.force(contact));
             }
             samples.chain_energy.push(snapshot.energies().chain_as_printed);
-            for (accelerations, resonator) in samples.accelerations.iter_mut().zip(model.resonators()) {
-                let acceleration = snapshot.intruder_acceleration(resonator.bead);
+            for (accelerations, intruder) in samples.accelerations.iter_mut().zip(model.intruders()) {
+                let acceleration = snapshot.intruder_acceleration(intruder.bead);
                 accelerations.push(acceleration.expect("a host"));
             }
         }
@@ -260,7 +262,7 @@ fn compare_energies(
     let times = case["energies"].as_array().expect("energies");
     let ours: Vec<_> = times
         .iter()
-        .map(|row| solution.energy(number(row, "t")))
+        .map(|row| solution.at(number(row, "t")).energies())
         .collect();
     for (kind, key, value) in [
         (
@@ -314,8 +316,8 @@ fn compare_energies(
     worst.see("sampled peak", printed, theirs, theirs);
 }
 
-/// What each kind is held to, about twice the worst seen: for the reference, 1e-8 at most; for what the summary says against
-/// samples, what sampling explains.
+/// The bound for each kind, about twice the worst seen: for the reference at most 1e-8; for the summary
+/// against samples, what sampling explains.
 const ALLOWED: [(&str, f64); 14] = [
     ("parameter", 1e-15),
     ("peak force", 1e-10),
@@ -337,7 +339,7 @@ const ALLOWED: [(&str, f64); 14] = [
 fn every_reference_case_is_met() {
     for (name, case) in cases() {
         let scenario = scenario(&name, &case);
-        let solution = simulate(&scenario, &Options::default()).expect("the case runs");
+        let solution = simulate(&scenario).expect("the case runs");
         let summary = solution.summary();
         let samples = Samples::of(&solution);
         let model = solution.model();

@@ -1,10 +1,10 @@
 //! Bad scenarios: each gets one line that says where, what and what would do.
 
-use hertz_chain::{Options, Scenario, SimulateError, simulate};
+use hertz_chain::{Options, Scenario, SimulateError, simulate, simulate_with};
 
 const SOUND: &str = "\
 title = \"One absorber at bead 8\"
-duration = 0.004
+duration = 0.006
 [chain]
 beads = 16
 radius = 0.019
@@ -26,7 +26,7 @@ stiffness = 3.95e5
 damping = 12.0
 ";
 
-/// What comes of replacing the first `old` in [`SOUND`].
+/// The error after the first `old` in [`SOUND`] is replaced.
 fn complaint(old: &str, new: &str) -> String {
     assert!(SOUND.contains(old), "{old}");
     complaint_about(&SOUND.replacen(old, new, 1))
@@ -43,10 +43,16 @@ fn complaint_about(text: &str) -> String {
 #[test]
 fn a_sound_scenario_is_read_and_written_back_the_same() {
     let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
-    assert_eq!(scenario.chain.beads, 16);
-    assert_eq!(scenario.intruders[0].beads, [8]);
+    assert_eq!(scenario, Scenario::paper());
     let text = scenario.to_toml();
     assert_eq!(Scenario::from_toml(&text, "t.toml").expect("sound"), scenario);
+}
+
+#[test]
+fn the_papers_strike_is_that_of_the_scenario_file() {
+    let text = include_str!("../../../docs/scenarios/paper-strike.toml");
+    let scenario = Scenario::from_toml(text, "paper-strike.toml").expect("sound");
+    assert_eq!(scenario, Scenario::paper());
 }
 
 #[test]
@@ -99,7 +105,7 @@ fn a_missing_key_is_named_with_its_table() {
         line,
         "s.toml:17: intruder[1]: missing field `mass`; add it, in SI units"
     );
-    let line = complaint("duration = 0.004\n", "");
+    let line = complaint("duration = 0.006\n", "");
     assert_eq!(line, "s.toml:1: missing field `duration`; add it, in SI units");
 }
 
@@ -138,12 +144,12 @@ fn a_file_that_is_not_toml_is_named_with_its_line() {
 fn a_value_out_of_range_says_what_would_do() {
     for (old, new, start) in [
         (
-            "duration = 0.004",
+            "duration = 0.006",
             "duration = 0",
             "s.toml:2: duration: 0 is not a positive number; give",
         ),
         (
-            "duration = 0.004",
+            "duration = 0.006",
             "duration = inf",
             "s.toml:2: duration: inf is not a positive number; give",
         ),
@@ -480,7 +486,7 @@ fn more_beads_than_anybody_means_are_refused_at_once() {
     );
 }
 
-/// Lists as long as a chain can be are looked through once, not once for each of their beads.
+/// Lists as long as a chain can be are read through once, not once for each of their beads.
 #[test]
 fn lists_as_long_as_the_longest_chain_are_checked_in_no_time() {
     let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
@@ -528,8 +534,8 @@ fn a_file_that_is_not_there_is_named() {
 fn a_scenario_built_in_code_is_checked_too() {
     let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
     scenario.chain.young = f64::NAN;
-    let error = simulate(&scenario, &Options::default()).expect_err("NaN");
-    assert!(matches!(error, SimulateError::Scenario(_)));
+    let error = simulate(&scenario).expect_err("NaN");
+    assert!(matches!(error, SimulateError::Input(_)));
     assert!(
         error
             .to_string()
@@ -545,13 +551,12 @@ fn options_out_of_range_are_refused() {
         duration: Some(-1.0),
         ..Options::default()
     };
-    assert_eq!(
-        simulate(&scenario, &options).expect_err("negative"),
-        SimulateError::Duration(-1.0)
-    );
+    let error = simulate_with(&scenario, &options).expect_err("negative");
+    let expected = "duration: -1 s cannot be simulated; give a number above zero";
+    assert_eq!(error.to_string(), expected);
     let mut options = Options::default();
     options.accuracy.tolerance = 1e-17;
-    let error = simulate(&scenario, &options).expect_err("below rounding");
+    let error = simulate_with(&scenario, &options).expect_err("below rounding");
     assert!(error.to_string().starts_with("accuracy: tolerance"), "{error}");
 }
 
@@ -559,16 +564,16 @@ fn options_out_of_range_are_refused() {
 fn a_run_that_no_memory_holds_is_refused_before_it_starts() {
     let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
     scenario.duration = 1e4;
-    let error = simulate(&scenario, &Options::default()).expect_err("hours");
+    let error = simulate(&scenario).expect_err("hours");
     assert_eq!(error, SimulateError::TooLong { time: 0.0, end: 1e4 });
-    scenario.duration = 0.004;
+    scenario.duration = 0.006;
     scenario.intruders[0].damping = 1e9;
-    let error = simulate(&scenario, &Options::default()).expect_err("a damper of glass");
+    let error = simulate(&scenario).expect_err("a damper of glass");
     assert_eq!(
         error,
         SimulateError::TooLong {
             time: 0.0,
-            end: 0.004
+            end: 0.006
         }
     );
     assert!(error.to_string().contains("soften the intruders"), "{error}");

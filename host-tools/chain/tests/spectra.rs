@@ -1,8 +1,11 @@
 //! Spectra against closed forms of Fourier transforms.
 
+mod common;
+
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
-use hertz_chain::{Complex64, Options, PulseSearch, Scenario, Signal, Spectrum, Taper, simulate};
+use common::{elastic, run};
+use hertz_chain::{Complex64, PulseSearch, Signal, Spectrum, Taper};
 
 fn signal(start: f64, interval: f64, count: usize, value: impl Fn(f64) -> f64) -> Signal {
     let mut signal = Signal {
@@ -111,12 +114,7 @@ fn tapers_weigh_as_their_means_say() {
 
 #[test]
 fn the_incident_pulse_of_the_paper_is_three_decibels_down_near_900_hz() {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("sound");
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = 38;
-    let solution = simulate(&scenario, &Options::default()).expect("runs");
+    let solution = run(&elastic(38, 0.004));
     let pulse = solution.pulses(8, &PulseSearch::default())[0];
     let force = solution.signal(0.0, pulse.to, 1e-6, |at| at.force(8));
     let spectrum = Spectrum::of(&force, Taper::None);

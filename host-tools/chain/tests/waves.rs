@@ -1,30 +1,17 @@
-//! Pulses, what passes a contact, and how a wave is shared out at an intruder, against independent sums over the motion.
+//! Pulses, flow through contacts, and the energy of a wave at an intruder, against independent sums over the
+//! motion.
 
-use hertz_chain::{Intruder, Options, PulseSearch, Scenario, Solution, simulate};
+mod common;
 
-/// The paper's strike on an elastic chain.
-fn elastic(beads: usize, duration: f64) -> Scenario {
-    let text = include_str!("../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
-    scenario.intruders.clear();
-    scenario.chain.relaxation = 0.0;
-    scenario.chain.beads = beads;
-    scenario.duration = duration;
-    scenario
-}
+use common::{elastic, run};
+use hertz_chain::{Intruder, Oscillator, PulseSearch, Scenario};
 
 fn with_intruder(mut scenario: Scenario, beads: Vec<usize>, stiffness: f64) -> Scenario {
     scenario.intruders = vec![Intruder {
-        beads,
-        mass: 3.7e-3,
         stiffness,
-        damping: 12.0,
+        ..Intruder::new(beads, Oscillator::PAPER)
     }];
     scenario
-}
-
-fn run(scenario: &Scenario) -> Solution {
-    simulate(scenario, &Options::default()).expect("the scenario runs")
 }
 
 #[test]
@@ -48,7 +35,7 @@ fn what_passes_a_contact_is_what_the_beads_after_it_gain() {
                 assert!(error < 2e-12, "contact {a}, {t} s: {error:e}");
             }
             let lost: f64 = flows.iter().map(|flow| flow.between(0.0, t).lost).sum();
-            let known = solution.energy(t).dissipated_contacts;
+            let known = solution.at(t).energies().dissipated_contacts;
             assert!((lost - known).abs() < 2e-12 * energy, "{lost} of {known}");
         }
     }
@@ -75,7 +62,7 @@ fn the_impulse_through_a_contact_is_the_momentum_after_it() {
 fn regions_add_up_to_the_energies_of_the_whole() {
     let solution = run(&with_intruder(elastic(16, 0.004), vec![5, 8], 3.95e5));
     for t in [0.0005, 0.0018, 0.0033] {
-        let (snapshot, whole) = (solution.at(t), solution.energy(t));
+        let (snapshot, whole) = (solution.at(t), solution.at(t).energies());
         let parts = [0..=0, 1..=4, 5..=7, 8..=16].map(|beads| snapshot.region(beads));
         let close =
             |a: f64, b: f64| assert!((a - b).abs() < 1e-15 * whole.total().abs() + 1e-16 * b, "{a} {b}");
@@ -112,7 +99,7 @@ fn a_light_striker_sends_one_pulse_and_the_summary_has_the_same() {
         assert!((pulse.time / peak.time - 1.0).abs() < 1e-13);
         let (width, known) = (pulse.fwhm.expect("it is over"), peak.fwhm.expect("it is over"));
         assert!((width / known - 1.0).abs() < 1e-12);
-        // The chain's end sends something back; nothing else follows.
+        // The end of the chain sends something back; nothing else follows.
         assert!(pulses.len() == 1 || pulses[1].time > 0.0079, "{pulses:?}");
     }
 }
@@ -155,10 +142,10 @@ fn a_heavy_striker_sends_a_train_that_falls_off() {
             pair[0].force > pair[1].force && pair[0].to <= pair[1].from,
             "{pair:?}"
         );
-        // Higher ones go ahead, and are narrower.
+        // The higher ones go ahead and are narrower.
         assert!(pair[0].fwhm < pair[1].fwhm, "{pair:?}");
     }
-    // Between its ends, a train carries no more and no less than its pulses.
+    // Between its ends, a train carries as much as its pulses.
     let (from, to) = (pulses[0].from, pulses[pulses.len() - 1].to);
     let whole = solution.flow(40).between(from, to);
     let energy: f64 = pulses.iter().map(|pulse| pulse.energy).sum();
@@ -168,7 +155,7 @@ fn a_heavy_striker_sends_a_train_that_falls_off() {
         (impulse / whole.impulse - 1.0).abs() < 1e-12,
         "{impulse} {whole:?}"
     );
-    // Fewer are told apart where more is asked between them.
+    // A stricter search tells fewer pulses apart.
     let strict = PulseSearch {
         height: 0.3,
         ..search
@@ -209,7 +196,7 @@ fn at_an_intruder_the_incident_energy_is_shared_out_in_full() {
         "{between:?} {split:?}"
     );
     assert!((between.intruder_dissipated / split.absorbed - 1.0).abs() < 1e-12);
-    let dissipated = solution.intruder_dissipated(15, search.to).expect("a host");
+    let dissipated = solution.at(search.to).intruder_dissipated(15).expect("a host");
     assert_eq!(between.intruder_dissipated, dissipated);
     let before = end.region(0..=9).total();
     let back = solution.model().striker_energy() - split.incident.energy + split.reflected;

@@ -1,13 +1,17 @@
 #![doc = include_str!("../README.md")]
 
 mod exchange;
+mod given;
 pub mod machine;
+mod memory;
+mod outcome;
 pub mod peripherals;
 mod plugin;
 mod run;
 
-pub use exchange::{
-    Block, Fault, FaultKind, FlashOperation, Pin, PinInput, Poke, Reset, ResetCause, Sampling, UartInput,
+pub use given::{Fault, FaultKind, PinInput, Poke, UartInput};
+pub use outcome::{
+    Block, FlashOperation, FunctionCount, Instructions, LogLine, Outcome, Pin, Reset, ResetCause, Sampling,
     UnknownRegister,
 };
-pub use run::{FunctionCount, Instructions, LogLine, Outcome, Run, RunError};
+pub use run::{Run, RunError};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use stm32f405_qemu::machine::{Board, INTERRUPTS, Machine, Stimulus, WRITABLE};
-use stm32f405_qemu::{FaultKind, PinInput, ResetCause, UartInput};
+use stm32f405_qemu::{FaultKind, Outcome, PinInput, ResetCause, UartInput};
 
 const RCC: u32 = 0x4002_3800;
 const FLASH: u32 = 0x4002_3c00;
@@ -151,6 +151,10 @@ impl Bench {
         self.machine.advance(until, &mut self.board);
     }
 
+    fn outcome(&self) -> Outcome {
+        self.machine.outcome(self.board.now)
+    }
+
     /// CR open, to program by words.
     fn open_flash(&mut self) {
         self.write(FLASH + 0x04, 0x4567_0123);
@@ -218,14 +222,15 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     // 199 whole scans, and the first conversions of one that began at 2 ms are still running.
     let ring = bench.halfwords(SRAM + 0x100, 128);
     let scan = |i: u16| [ring[2 * usize::from(i)], ring[2 * usize::from(i) + 1]];
-    // Scans 192..199 lie over those of the third pass.
+    // Scans 192..199 have overwritten those of the third pass.
     for i in 0..7 {
         assert_eq!(scan(i), [192 + i, 1192 + i]);
     }
     for i in 7..64 {
         assert_eq!(scan(i), [128 + i, 1128 + i]);
     }
-    // 32 scans a half: scan n starts at (n + 1) * 10 µs and its second conversion ends 136 cycles of 21 MHz later.
+    // 32 scans a half: scan n starts at (n + 1) * 10 µs and its second conversion ends 136 cycles of 21 MHz
+    // later.
     let expected: Vec<u64> = (1..=6).map(|half| half * 320_000 + 6_477).collect();
     assert_eq!(bench.board.rises[&DMA2_STREAM0], expected);
     assert_eq!(bench.board.blocks, [32; 6]);
@@ -235,11 +240,11 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     );
     assert_eq!(bench.machine.stimulus().sampling().unwrap().first_ns, 10_000);
     assert_eq!(
-        (bench.machine.overruns(), bench.machine.triggers_ignored()),
+        (bench.outcome().overruns, bench.outcome().triggers_ignored),
         (0, 0)
     );
-    assert_eq!(bench.machine.unknown_registers(), []);
-    assert_eq!(bench.machine.unmodelled(), Vec::<String>::new());
+    assert_eq!(bench.outcome().unknown_registers, []);
+    assert_eq!(bench.outcome().unmodelled, Vec::<String>::new());
 }
 
 #[test]
@@ -269,8 +274,8 @@ fn a_ring_whose_stream_is_stopped_overruns_and_goes_on_only_after_ovr_is_cleared
     let cr = bench.read(STREAM0);
     bench.write(STREAM0, cr & !1);
     bench.run(95_000, |_| {});
-    assert_eq!(bench.machine.overruns(), 1);
-    assert_eq!(bench.machine.triggers_ignored(), 5, "those at 50 to 90 µs");
+    assert_eq!(bench.outcome().overruns, 1);
+    assert_eq!(bench.outcome().triggers_ignored, 5, "those at 50 to 90 µs");
     assert_eq!(bench.read(ADC1) & 1 << 5, 1 << 5);
     bench.write(DMA2 + 0x08, 0x3f);
     bench.write(STREAM0, cr);
@@ -290,7 +295,8 @@ fn an_overrun_that_nobody_clears_wakes_nobody() {
     bench.write(STREAM0, cr & !1);
     bench.wakes = 0;
     bench.run(2_000_000, |_| {});
-    // The interrupt of the overrun, perhaps a conversion before it, and nothing at the 190 triggers that follow.
+    // The interrupt of the overrun, perhaps a conversion before it, and nothing at the 190 triggers that
+    // follow.
     assert!(bench.wakes <= 2, "{} wakes", bench.wakes);
     assert!(bench.board.lines[18]);
 }
@@ -304,7 +310,7 @@ fn faults_on_demand_look_like_those_of_the_hardware() {
         .machine
         .fail(FaultKind::AdcOverrun, 35_000, &mut bench.board);
     bench.run(95_000, |_| {});
-    assert_eq!((bench.read(ADC1) & 1 << 5, bench.machine.overruns()), (1 << 5, 1));
+    assert_eq!((bench.read(ADC1) & 1 << 5, bench.outcome().overruns), (1 << 5, 1));
     assert_eq!(
         bench.read(STREAM0 + 0x04),
         128 - 5,
@@ -381,7 +387,7 @@ fn scans_longer_than_the_trigger_period_skip_triggers_and_keep_their_rows() {
     bench.write(ADC1 + 0x10, 0b111_111);
     bench.run(130_000, |_| {});
     assert_eq!(bench.halfwords(SRAM, 4), [0, 1000, 5, 1005]);
-    assert_eq!(bench.machine.triggers_ignored(), 10 - 1 + 1);
+    assert_eq!(bench.outcome().triggers_ignored, 10 - 1 + 1);
 }
 
 #[test]
@@ -473,7 +479,7 @@ fn a_register_without_a_model_and_one_without_its_clock_are_recorded_by_name() {
     bench.read(0x4001_3008);
     bench.write(RCC + 0x44, 0);
     bench.write(USART1, 0);
-    let unknown = bench.machine.unknown_registers();
+    let unknown = bench.outcome().unknown_registers;
     let seen: Vec<_> = unknown
         .iter()
         .map(|u| (u.name.as_str(), u.reads, u.writes, u.last_write))
@@ -495,7 +501,7 @@ fn a_channel_without_stimulus_and_too_few_wait_states_are_reported() {
     bench.write(ADC1 + 0x34, 5 << 5);
     bench.run(30_000, |_| {});
     assert_eq!(
-        bench.machine.unmodelled(),
+        bench.outcome().unmodelled,
         [
             "FLASH ACR.LATENCY is below table 10 for this HCLK",
             "ADC1 channel 5 has no stimulus: it reads 0"
@@ -526,7 +532,7 @@ fn a_software_reset_starts_the_peripherals_anew_and_the_world_goes_on() {
     assert_eq!(bench.read(STREAM0), 0, "its clock is off");
     assert_eq!(bench.machine.next_interrupt(), None);
     assert_eq!(bench.machine.stimulus().ends_at(), Some(10_000 + 400 * 10_000));
-    assert_eq!(bench.machine.resets()[0].cause, ResetCause::Software);
+    assert_eq!(bench.outcome().resets[0].cause, ResetCause::Software);
 }
 
 #[test]
@@ -540,7 +546,7 @@ fn a_watchdog_that_is_not_fed_wants_a_reset_once_and_shows_it_in_csr() {
     bench.run(1_000_000_000, |_| {});
     assert_eq!(bench.board.resets_wanted, 1);
     bench.machine.reset(bench.board.now, &mut bench.board);
-    assert_eq!(bench.machine.resets()[0].cause, ResetCause::Watchdog);
+    assert_eq!(bench.outcome().resets[0].cause, ResetCause::Watchdog);
     assert_eq!(bench.read(RCC + 0x74) & 1 << 29, 1 << 29);
 }
 
@@ -597,7 +603,7 @@ fn a_power_cut_loses_memory_and_leaves_the_flags_of_power_up_alone() {
     bench.machine.reset(2_000, &mut bench.board);
     assert_eq!(bench.board.memory_lost, 1);
     assert_eq!(bench.read(RCC + 0x74), 0x0e00_0000);
-    let causes: Vec<_> = bench.machine.resets().iter().map(|r| r.cause).collect();
+    let causes: Vec<_> = bench.outcome().resets.iter().map(|r| r.cause).collect();
     assert_eq!(causes, [ResetCause::Software, ResetCause::PowerCut]);
 }
 
@@ -636,14 +642,15 @@ fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
     bench.run(512_000_000, |_| {});
     assert_eq!(bench.board.resets_wanted, 1);
     bench.machine.reset(512_000_000, &mut bench.board);
-    assert_eq!(bench.machine.resets()[0].cause, ResetCause::Watchdog);
+    assert_eq!(bench.outcome().resets[0].cause, ResetCause::Watchdog);
     assert_eq!(bench.read(FLASH + 0x0c), 0);
 }
 
 const GPIOA: u32 = 0x4002_0000;
 const TIM2: u32 = 0x4000_0000;
 
-/// TIM2 started by TIM3's first update, its channel 1 capturing rising edges of PA15 with an interrupt; samples at 100 kHz.
+/// TIM2 started by TIM3's first update, its channel 1 capturing rising edges of PA15 with an interrupt;
+/// samples at 100 kHz.
 fn capturing(changes_ns: &[u64]) -> Bench {
     let input = PinInput {
         pin: "PA15".into(),
@@ -675,7 +682,7 @@ fn an_edge_is_captured_in_clocks_since_the_first_scan_and_interrupts_at_its_time
     });
     // 123.456 us at 84 MHz are 10370.3 clocks.
     assert_eq!(captured, [(133_456, 10_370)]);
-    assert_eq!(bench.machine.unmodelled(), [""; 0]);
+    assert_eq!(bench.outcome().unmodelled, [""; 0]);
     assert_eq!(bench.read(GPIOA + 0x10) >> 15 & 1, 0, "the level is low again");
 }
 

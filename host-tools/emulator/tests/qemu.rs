@@ -1,7 +1,7 @@
-//! Images of a few instructions in real QEMU: the overlay fits it, and each way to fail has its own error.
+//! Images of a few instructions in real QEMU. The overlay fits QEMU, and each way to fail has its own error.
 //!
-//! The images are made here: a loop that copies values into registers from a table and then sleeps, and a handler that
-//! does the same. So every test shows all that its image does.
+//! The images are made here. Each is a loop that copies values from a table into registers and then sleeps,
+//! and a handler that does the same. So every test shows all that its image does.
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
@@ -38,8 +38,8 @@ const SLEEP: u16 = 0xbf30;
 const RETURN: u16 = 0x4770;
 const BRANCH_TO_SELF: u16 = 0xe7fe;
 
-/// An image that makes the first writes and then executes `then`, and the second in the handler of DMA2 stream 0 and of
-/// TIM2.
+/// An image that makes the writes of `main` and then executes `then`. The handler of DMA2 stream 0 and of
+/// TIM2 makes the writes of `handler`.
 fn image(main: Writes<'_>, then: u16, handler: Writes<'_>) -> Vec<u8> {
     let handler_table = TABLES_AT + 8 * (main.len() as u32 + 1);
     let mut vectors = [0u32; VECTORS];
@@ -125,7 +125,8 @@ fn bench(image: &[u8]) -> Bench {
     Bench { run, _folder: folder }
 }
 
-/// Scans of both channels at 10 kHz into a ring of 8, each full ring sent over USART1 at 1 Mbit/s; all at 16 MHz.
+/// Scans of both channels at 10 kHz into a ring of 8, each full ring sent over USART1 at 1 Mbit/s; all at 16
+/// MHz.
 fn acquiring() -> Vec<u8> {
     acquiring_after(&[])
 }
@@ -419,8 +420,8 @@ fn a_missing_overlay_and_a_file_that_is_none_are_told_apart() {
     assert!(matches!(other, RunError::OverlayOdd { .. }), "{other}");
 }
 
-/// A program that stands for QEMU: a shell script. Another process writes it, since a file that this one has open for
-/// writing, be it in a child just forked, cannot be executed.
+/// A shell script in place of QEMU. Another process writes it: a file that this process, or a child that it
+/// just forked, has open for writing cannot be executed.
 fn script(bench: &Bench, text: &str) -> PathBuf {
     let path = bench.run.elf.with_file_name("qemu.sh");
     let write = "printf '#!/bin/sh\\n%s\\n' \"$1\" > \"$0\" && chmod +x \"$0\"";
@@ -503,7 +504,7 @@ const UNLOCK: [(u32, u32); 2] = [
 const PROGRAM: (u32, u32) = (FLASH_REGISTERS + 0x10, 0b10 << 8 | 1);
 const ERASE: (u32, u32) = (FLASH_REGISTERS + 0x10, 0b10 << 8 | 10 << 3 | 1 << 1 | 1 << 16);
 
-/// Sends so many bytes of sector 10 over USART1 by DMA.
+/// Sends the first `bytes` of sector 10 over USART1 by DMA.
 fn send(bytes: u32) -> [(u32, u32); 9] {
     [
         (RCC + 0x30, 1 << 22),
@@ -623,7 +624,7 @@ fn a_store_to_a_sector_of_the_image_or_without_pg_is_reported_and_changes_nothin
     );
 }
 
-/// Samples as [`acquiring`] does, then programs word after word of sector 10.
+/// Samples as [`acquiring`] does. Then it programs one word of sector 10 after the other.
 fn logging() -> Vec<u8> {
     let mut main = UNLOCK.to_vec();
     main.extend([

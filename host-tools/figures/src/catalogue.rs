@@ -25,10 +25,11 @@ pub fn catalogue() -> Vec<Plan> {
     .concat()
 }
 
-/// The figures of these names, in the paper's order; all of them for no name. `6` is all of Fig. 6.
+/// The figures of these names, in the paper's order; every figure if no name is given. `6` stands for all of
+/// Fig. 6.
 ///
 /// # Errors
-/// A name that is no figure's.
+/// A name that no figure has.
 pub fn chosen(names: &[String]) -> Result<Vec<Plan>, Error> {
     let all = catalogue();
     for name in names {

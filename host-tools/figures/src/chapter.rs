@@ -1,4 +1,5 @@
-//! What figures came to, as pages: the Markdown table of the validation chapter, and the HTML page beside the files.
+//! The results of the figures as pages: the Markdown table of the validation chapter, and the HTML page
+//! beside the files.
 
 use std::fmt::Write;
 
@@ -17,7 +18,7 @@ td{padding:.3em .6em .3em 0;border-bottom:1px solid var(--grid);vertical-align:t
 .fail{color:var(--predicted);font-weight:600}\
 @media(max-width:760px){section{grid-template-columns:1fr}}";
 
-/// A number for people: six digits, which is more than any tolerance asks for.
+/// A number for people: six digits, which is more than any tolerance needs.
 pub fn number(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -55,7 +56,7 @@ fn verdict(check: &Check) -> &'static str {
     if check.pass { "ok" } else { "FAILED" }
 }
 
-/// Every check as one Markdown table; the conservation laws as their worst over all figures.
+/// All checks in one Markdown table. Of each conservation law it has the worst value over all figures.
 pub fn markdown(outcomes: &[Outcome]) -> String {
     let mut text = String::from(
         "| figure | what | value | expected | |\n\
@@ -100,7 +101,7 @@ fn push_row(text: &mut String, figure: &str, what: &str, check: &Check) {
     ));
 }
 
-/// A page that shows every figure with its checks; the pictures are the SVG files beside it.
+/// A page that shows every figure with its checks. The pictures are the files beside it.
 pub fn html(outcomes: &[Outcome]) -> String {
     let failed = outcomes.iter().filter(|outcome| !outcome.pass).count();
     let mut body = String::new();

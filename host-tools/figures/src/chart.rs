@@ -1,9 +1,9 @@
-//! Line charts as SVG: drawn by plotters, coloured by role so that light and dark readers both get theirs.
+//! Line charts as SVG: drawn by plotters, with colours for light and for dark pages.
 //!
 //! # Design
-//! Plotters writes every colour as a literal attribute. Each colour of [`Ink`] is therefore a distinct literal, and
-//! [`STYLE`] maps it to a CSS variable that has a light and a dark value. A chart inside a page and one in a file of
-//! its own share that sheet.
+//! Plotters writes every colour as a literal attribute. Each colour of [`Ink`] is therefore a distinct
+//! literal, and [`STYLE`] maps it to a CSS variable that has a light and a dark value. A chart inside a page
+//! and a chart in its own file share that sheet.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ use crate::error::Error;
 /// Why plotters does not draw.
 type Refused = Box<dyn std::error::Error + Send + Sync>;
 
-/// Who drew a curve. Hue tells the estimate, the mark tells who computed it.
+/// What a curve stands for. The hue says which estimate it is, the mark says what computed it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ink {
     /// The full f64 chain: the truth.
@@ -28,7 +28,7 @@ pub enum Ink {
     Predicted,
     /// What the sensors delivered.
     Sensed,
-    /// One of a family of curves, by its place in it; the hues come round again after [`FAMILY`].
+    /// One of a family of curves, by its place in the family; after [`FAMILY`] curves the hues repeat.
     Curve(usize),
     /// Guides: levels, expected places.
     Guide,
@@ -64,7 +64,7 @@ impl Ink {
     }
 }
 
-/// The style sheet of every chart: literal colours to variables, light and dark.
+/// The style sheet of every chart: it maps literal colours to variables, light and dark.
 pub const STYLE: &str = "\
 :root{color-scheme:light dark;--paper:#fffffe;--text:#1c252e;--faint:#5a6773;--grid:#e3e8ec;\
 --chain:#8c97a1;--measured:#006db0;--predicted:#c25000;--sensed:#107a5e;\
@@ -92,17 +92,17 @@ svg.chart [fill='#C24F8C']{fill:var(--c7)}svg.chart [stroke='#C24F8C']{stroke:va
 /// How a curve is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
-    /// A broad line, to lie under the others.
+    /// A broad line that lies under the others.
     Broad,
     /// A thin line.
     Line,
     /// A thin dashed line.
     Dashed,
-    /// A dot a point.
+    /// A dot for each point.
     Dots,
-    /// An open ring a point, wide enough to show a disc inside it.
+    /// An open ring for each point, wide enough to show a disc inside it.
     Rings,
-    /// A disc a point.
+    /// A disc for each point.
     Discs,
 }
 
@@ -119,18 +119,18 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
 }
 
-/// How an axis runs.
+/// The scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Scale {
-    /// Equal steps, equal lengths.
+    /// Equal steps have equal lengths.
     #[default]
     Linear,
-    /// Equal factors, equal lengths; points that are not positive are left out.
+    /// Equal factors have equal lengths; points that are not positive are left out.
     Log,
 }
 
 impl Scale {
-    /// Where a value stands on the axis.
+    /// The place of a value on the axis.
     fn place(self, value: f64) -> f64 {
         match self {
             Self::Linear => value,
@@ -144,18 +144,37 @@ impl Scale {
 pub struct Axis {
     /// Its quantity and unit.
     pub label: String,
-    /// From where to where.
+    /// Its two ends.
     pub range: (f64, f64),
-    /// How it runs.
+    /// Its scale.
     pub scale: Scale,
 }
 
+impl Axis {
+    /// A linear axis.
+    pub fn new(label: impl Into<String>, range: Range<f64>) -> Self {
+        Self {
+            label: label.into(),
+            range: (range.start, range.end),
+            scale: Scale::Linear,
+        }
+    }
+
+    /// A logarithmic axis.
+    pub fn log(label: impl Into<String>, range: Range<f64>) -> Self {
+        Self {
+            scale: Scale::Log,
+            ..Self::new(label, range)
+        }
+    }
+}
+
 /// One panel: a pair of axes with curves.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Panel {
     /// The quantity and unit of the vertical axis.
     pub y_label: String,
-    /// How the vertical axis runs.
+    /// The scale of the vertical axis.
     pub y_scale: Scale,
     /// The vertical range; without one, the extent of the curves.
     pub y_range: Option<(f64, f64)>,
@@ -184,19 +203,20 @@ pub struct Chart {
 pub const WIDTH: u32 = 860;
 /// Width in pixels of a chart that stays legible in a column of print (86 mm: text of 7 points).
 pub const COLUMN: u32 = 480;
-/// Plotters rounds to whole pixels: a chart is drawn larger by this and scaled back, so that curves are smooth.
+/// Plotters rounds to whole pixels: a chart is drawn larger by this and scaled back, so that curves are
+/// smooth.
 pub const FINE: u32 = 4;
 const LEGEND_HEIGHT: u32 = 30;
 const LEGEND_ROW: u32 = 20;
 const X_LABELS_HEIGHT: u32 = 50;
 const Y_LABELS_WIDTH: u32 = 70;
 const MARGIN: u32 = 12;
-/// Room for half of the last tick's figure.
+/// Room for half of the last tick's number.
 const RIGHT: u32 = 24;
 const TICKS: u32 = 14;
 const TITLES: u32 = 15;
 const THIN: u32 = 2;
-/// More than a dot laid over it.
+/// Broader than a dot that lies over it.
 const BROAD: u32 = 7;
 const DOT: u32 = 2;
 const DISC: u32 = 3;
@@ -209,8 +229,61 @@ const fn px(pixels: u32) -> u32 {
 }
 const FONT: &str = "sans-serif";
 
+impl Panel {
+    /// A panel of 240 pixels with a linear vertical axis, over the chart's horizontal axis.
+    pub fn new(y_label: impl Into<String>, series: Vec<Series>) -> Self {
+        Self {
+            y_label: y_label.into(),
+            y_scale: Scale::Linear,
+            y_range: None,
+            series,
+            height: 240,
+            x: None,
+        }
+    }
+
+    /// The same with a logarithmic vertical axis.
+    #[must_use]
+    pub fn log(mut self) -> Self {
+        self.y_scale = Scale::Log;
+        self
+    }
+
+    /// The same with this vertical range.
+    #[must_use]
+    pub fn range(mut self, low: f64, high: f64) -> Self {
+        self.y_range = Some((low, high));
+        self
+    }
+
+    /// The same with this height, pixels.
+    #[must_use]
+    pub fn height(mut self, height: u32) -> Self {
+        self.height = height;
+        self
+    }
+
+    /// The same over a horizontal axis of its own.
+    #[must_use]
+    pub fn over(mut self, x: Axis) -> Self {
+        self.x = Some(x);
+        self
+    }
+}
+
 impl Chart {
-    /// The chart as an `<svg>` element that fills its column and takes its colours from [`STYLE`] in the page.
+    /// A chart for a column of print, without a description.
+    pub fn new(x: Axis, panels: Vec<Panel>) -> Self {
+        Self {
+            description: String::new(),
+            x,
+            panels,
+            width: COLUMN,
+        }
+    }
+
+    /// The chart as an `<svg>` element that fills its column and takes its colours from [`STYLE`] in the
+    /// page.
     ///
     /// # Errors
     /// Plotters refuses the data, such as an axis without extent.
@@ -258,7 +331,7 @@ impl Chart {
         panel.height + self.legend(panel).height() + labels
     }
 
-    /// Whether the horizontal axis of a panel is written out: one of its own, or the shared one where it is last.
+    /// Whether a panel shows a horizontal axis: its own, or the shared one below the last panel.
     fn labelled(&self, index: usize) -> bool {
         self.panels[index].x.is_some() || index + 1 == self.panels.len()
     }
@@ -379,9 +452,9 @@ fn ring(colour: RGBColor) -> ShapeStyle {
     colour.stroke_width(px(THIN))
 }
 
-/// The legend stands above the axes, where it hides no data, in as many rows as it needs.
+/// The legend above the axes, where it hides no data. It takes as many rows as it needs.
 struct Legend<'a> {
-    /// Each curve that has a name, with its place: pixels from the left, row.
+    /// Each curve that has a name, with the place of the name: pixels from the left, and row.
     entries: Vec<(&'a Series, u32, u32)>,
     rows: u32,
 }
@@ -392,7 +465,8 @@ impl<'a> Legend<'a> {
         let (mut x, mut rows) = (left, 0);
         let mut entries = Vec::new();
         for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
-            // Plotters cannot measure text without a font: somewhat more than half the size is the mean advance of sans-serif.
+            // Plotters cannot measure text without a font. A character of sans-serif is on average a little
+            // wider than half its size.
             let advance = 30 + series.name.chars().count() as u32 * TICKS * 11 / 20 + 8;
             if rows == 0 {
                 rows = 1;
@@ -449,8 +523,8 @@ impl<'a> Legend<'a> {
 }
 
 impl Panel {
-    /// The vertical range in places of its scale: the one given, or the extent of the curves inside the horizontal
-    /// range with a margin, and never empty.
+    /// The vertical range, as places on its scale: the given range, or the extent of the curves inside the
+    /// horizontal range with a margin. It is never empty.
     fn y_extent(&self, x_range: (f64, f64)) -> (f64, f64) {
         if let Some((low, high)) = self.y_range {
             return (self.y_scale.place(low), self.y_scale.place(high));
@@ -477,7 +551,7 @@ impl Panel {
     }
 }
 
-/// A coordinate whose ticks stand where they are told to.
+/// A coordinate with given ticks.
 struct Ticked {
     range: (f64, f64),
     ticks: Vec<f64>,
@@ -501,8 +575,9 @@ impl Ranged for Ticked {
     }
 }
 
-/// Where ticks stand, in places of the scale: steps of 1, 2 or 5, at most `most` of them; on a logarithmic axis decades,
-/// or 1, 2, 5 of each where there are few, or some of them where there are many.
+/// The places of the ticks on the scale, at most about `most` of them. A linear axis has steps of 1, 2 or 5.
+/// A logarithmic axis has a tick for each decade; with few decades also for 2 and 5, with many decades only
+/// for some.
 fn ticks(scale: Scale, (low, high): (f64, f64), most: usize) -> Vec<f64> {
     let inside = |place: &f64| *place >= low - 1e-9 * (high - low) && *place <= high + 1e-9 * (high - low);
     let decades = (low.floor() as i32)..=(high.ceil() as i32);
@@ -528,7 +603,7 @@ fn ticks(scale: Scale, (low, high): (f64, f64), most: usize) -> Vec<f64> {
 }
 
 impl Scale {
-    /// The figure at a place of the axis.
+    /// The number at a place on the axis.
     fn label(self, place: f64) -> String {
         let digit = 10_f64.powf(place - place.floor());
         match self {
@@ -554,7 +629,7 @@ fn superscript(exponent: f64) -> String {
     format!("{exponent:.0}").chars().map(small).collect()
 }
 
-/// A tick's figure: as many decimals as it needs, a true minus, no negative zero.
+/// The number at a tick: as many decimals as it needs, a true minus, no negative zero.
 fn label(value: f64) -> String {
     let rounded = (value * 1e6).round() / 1e6;
     if rounded == 0.0 {
@@ -563,7 +638,7 @@ fn label(value: f64) -> String {
     format!("{rounded}").replace('-', "−")
 }
 
-/// Text as it may stand in HTML and SVG, in content and in attributes.
+/// Text escaped for HTML and SVG, for content and for attributes.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for character in text.chars() {
@@ -587,25 +662,17 @@ mod tests {
         let points = (0..100)
             .map(|i| (f64::from(i) * 0.1, (f64::from(i) * 0.2).sin()))
             .collect();
+        let sensed = Series {
+            name: "sensed".to_owned(),
+            ink: Ink::Sensed,
+            mark: Mark::Line,
+            points,
+        };
+        let panel = Panel::new("force (N)", vec![sensed]).height(200);
         Chart {
             description: "a \"sine\" & more".to_owned(),
-            x: Axis {
-                label: "time (ms)".to_owned(),
-                range: (0.0, 10.0),
-                scale: Scale::Linear,
-            },
             width: WIDTH,
-            panels: vec![Panel {
-                y_label: "force (N)".to_owned(),
-                height: 200,
-                series: vec![Series {
-                    name: "sensed".to_owned(),
-                    ink: Ink::Sensed,
-                    mark: Mark::Line,
-                    points,
-                }],
-                ..Panel::default()
-            }],
+            ..Chart::new(Axis::new("time (ms)", 0.0..10.0), vec![panel])
         }
     }
 

@@ -1,16 +1,16 @@
-//! What must be true of a figure, with the number that says whether it is.
+//! What must be true of a figure, and the number that shows whether it is.
 
 use serde::Serialize;
 
-/// How a value stands to what is expected.
+/// The relation of a value to what is expected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Relation {
-    /// Within the tolerance of it.
+    /// The value is expected to within the tolerance.
     Near,
-    /// Not above it.
+    /// The value is not above the bound.
     AtMost,
-    /// Not below it.
+    /// The value is not below the bound.
     AtLeast,
 }
 
@@ -21,20 +21,20 @@ pub struct Check {
     pub what: String,
     /// Unit of the numbers; empty for a pure number.
     pub unit: &'static str,
-    /// What came out.
+    /// The value that was measured.
     pub value: f64,
-    /// How it is to stand to `expected`.
+    /// The relation that the value must have to `expected`.
     pub relation: Relation,
-    /// What is expected, or the bound.
+    /// The expected value, or the bound.
     pub expected: f64,
-    /// How far off it may be, in the same unit; 0 for a bound.
+    /// How far off the value may be, in the same unit; 0 for a bound.
     pub tolerance: f64,
-    /// Whether it is so.
+    /// Whether the check passed.
     pub pass: bool,
-    /// What the paper says, where the equations say otherwise.
+    /// What the paper says, where the equations give something else.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub paper: Option<&'static str>,
-    /// The conservation law that it checks over all runs of a figure, if it does.
+    /// The conservation law that this checks over all runs of a figure; none for other checks.
     #[serde(skip)]
     pub law: Option<&'static str>,
 }
@@ -61,7 +61,7 @@ impl Check {
         }
     }
 
-    /// `value` is `expected` to within this part of it.
+    /// `value` is `expected` to within the part `part` of it.
     pub fn close(what: impl Into<String>, unit: &'static str, value: f64, expected: f64, part: f64) -> Self {
         Self::near(what, unit, value, expected, part * expected.abs())
     }
@@ -92,7 +92,7 @@ impl Check {
         }
     }
 
-    /// Sets beside it what the paper says instead.
+    /// Adds what the paper says instead.
     pub fn but_paper(self, says: &'static str) -> Self {
         Self {
             paper: Some(says),
@@ -100,6 +100,30 @@ impl Check {
         }
     }
 }
+
+/// A list of checks, one in each row: what is checked, its unit (none for a pure number), its value, its
+/// relation to what is expected, and what the paper says where the equations give something else.
+///
+/// ```text
+/// checks![
+///     "highest acceleration", "m/s²": highest => close(133.23, 1e-3);
+///     "lasting loss of the chain's energy", "%": lasting => near(1.3, 1e-4), paper "nearly 4 %";
+/// ]
+/// ```
+///
+/// The relation is the name of a function of [`Check`], and its numbers are the function's last arguments.
+/// The text of a row may name variables, as in `format!`.
+macro_rules! checks {
+    (@unit) => { "" };
+    (@unit $unit:literal) => { $unit };
+    ($($what:literal $(, $unit:literal)?: $value:expr => $relation:ident($($bound:expr),+) $(, paper $paper:literal)?;)*) => {
+        vec![$(
+            $crate::check::Check::$relation(format!($what), checks!(@unit $($unit)?), $value, $($bound),+)
+                $(.but_paper($paper))?
+        ),*]
+    };
+}
+pub(crate) use checks;
 
 #[cfg(test)]
 mod tests {

@@ -1,10 +1,10 @@
-//! Curves and axes as all figures have them.
+//! Curves, and the axis of time, as all figures have them.
 
 use std::ops::Range;
 
 use hertz_chain::{Snapshot, Solution};
 
-use crate::chart::{Axis, COLUMN, Chart, Ink, Mark, Panel, Scale, Series};
+use crate::chart::{Axis, Ink, Mark, Series};
 
 /// Points of a curve over time.
 const POINTS: usize = 900;
@@ -27,7 +27,7 @@ pub(crate) fn dashed(name: impl Into<String>, place: usize, points: Vec<(f64, f6
     }
 }
 
-/// Points of a family, one a run.
+/// Points of a family, one for each run.
 pub(crate) fn discs(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
     Series {
         mark: Mark::Discs,
@@ -35,7 +35,12 @@ pub(crate) fn discs(name: impl Into<String>, place: usize, points: Vec<(f64, f64
     }
 }
 
-/// A level or a place to compare with.
+/// A curve of a family with a disc at each point.
+pub(crate) fn dotted(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> [Series; 2] {
+    [line(name, place, points.clone()), discs("", place, points)]
+}
+
+/// A level or a place for comparison.
 pub(crate) fn guide(name: impl Into<String>, points: Vec<(f64, f64)>) -> Series {
     Series {
         ink: Ink::Guide,
@@ -59,47 +64,10 @@ pub(crate) fn over_time(
 
 /// Time in ms from a span in s.
 pub(crate) fn time_axis(span: Range<f64>) -> Axis {
-    axis("time since the strike (ms)", span.start * 1e3..span.end * 1e3)
+    Axis::new("time since the strike (ms)", span.start * 1e3..span.end * 1e3)
 }
 
-/// A linear axis.
-pub(crate) fn axis(label: impl Into<String>, range: Range<f64>) -> Axis {
-    Axis {
-        label: label.into(),
-        range: (range.start, range.end),
-        scale: Scale::Linear,
-    }
-}
-
-/// A logarithmic axis.
-pub(crate) fn log_axis(label: impl Into<String>, range: Range<f64>) -> Axis {
-    Axis {
-        scale: Scale::Log,
-        ..axis(label, range)
-    }
-}
-
-/// A panel of the usual height.
-pub(crate) fn panel(y_label: impl Into<String>, series: Vec<Series>) -> Panel {
-    Panel {
-        y_label: y_label.into(),
-        series,
-        height: 240,
-        ..Panel::default()
-    }
-}
-
-/// A chart for a column of print; the figure's plan gives its description.
-pub(crate) fn chart(x: Axis, panels: Vec<Panel>) -> Chart {
-    Chart {
-        description: String::new(),
-        x,
-        panels,
-        width: COLUMN,
-    }
-}
-
-/// `count` values from `low` to `high` that grow by one factor.
+/// `count` values from `low` to `high` in geometric progression.
 pub(crate) fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
     let step = (high / low).ln() / (count - 1) as f64;
     (0..count).map(|n| low * (step * n as f64).exp()).collect()

@@ -12,7 +12,7 @@ pub enum Error {
     Unknown {
         /// The name asked for.
         name: String,
-        /// The names that there are.
+        /// The names that exist, in one line.
         known: String,
     },
     /// A simulation did not reach its end.

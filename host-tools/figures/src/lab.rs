@@ -1,14 +1,14 @@
-//! Where figures get their runs: each scenario is run once for all figures of a plate that need it.
+//! The runs of the figures. Each scenario is run once for all figures of a plate that need it.
 
 use std::any::Any;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use hertz_chain::{Options, Scenario, Solution, Summary, simulate};
+use hertz_chain::{Scenario, Solution, Summary, simulate};
 
 use crate::error::Error;
 
-/// A run with what it came to.
+/// A run and its summary.
 #[derive(Debug)]
 pub(crate) struct Run {
     /// The motion.
@@ -20,7 +20,7 @@ pub(crate) struct Run {
 /// How well the conservation laws held in the runs of a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Worst {
-    /// How many runs.
+    /// Number of runs.
     pub(crate) runs: usize,
     /// Greatest error of the energy balance, as a part of the striker's energy.
     pub(crate) balance: f64,
@@ -35,11 +35,11 @@ struct Kept {
     momentum: f64,
 }
 
-/// Runs scenarios and keeps what came of them.
+/// Runs scenarios and keeps their results.
 #[derive(Default)]
 pub struct Lab {
     kept: Mutex<HashMap<String, Kept>>,
-    /// Errors of balance and momentum of the runs that the figure under way has used.
+    /// Errors of energy balance and momentum of the runs that the current figure has used.
     used: Mutex<HashMap<String, (f64, f64)>>,
 }
 
@@ -50,17 +50,17 @@ impl std::fmt::Debug for Lab {
 }
 
 impl Lab {
-    /// Forgets what was kept: the figures that follow need none of it.
+    /// Forgets what was kept. The figures that follow do not need it.
     pub fn clear(&self) {
         lock(&self.kept).clear();
     }
 
-    /// A new figure is under way.
+    /// Begins a new figure.
     pub(crate) fn begin(&self) {
         lock(&self.used).clear();
     }
 
-    /// The conservation laws over the runs that the figure under way has used; none if it used none.
+    /// How well the conservation laws held in the runs of the current figure; none if it used no run.
     pub(crate) fn worst(&self) -> Option<Worst> {
         let used = lock(&self.used);
         let worst = |of: fn(&(f64, f64)) -> f64| used.values().map(of).fold(0.0, f64::max);
@@ -76,8 +76,8 @@ impl Lab {
         self.keep("run", scenario, |run| run)
     }
 
-    /// What `reduce` makes of a scenario's run, which is not kept itself: for sweeps, whose runs would fill the memory.
-    /// `tag` names what `reduce` does.
+    /// What `reduce` makes of a scenario's run. The run itself is not kept, as the runs of a sweep would fill
+    /// the memory. `tag` names what `reduce` does.
     pub(crate) fn keep<T: Any + Send + Sync>(
         &self,
         tag: &str,
@@ -87,12 +87,12 @@ impl Lab {
         let scenario_text =
             serde_json::to_string(scenario).expect("a scenario has no map with keys that are no text");
         let key = format!("{tag} {scenario_text}");
-        // Not held while the scenario runs, so that others run meanwhile.
+        // The lock is not held while the scenario runs, so that other scenarios run at the same time.
         let found = lock(&self.kept).get(&key).cloned();
         let kept = match found {
             Some(kept) => kept,
             None => {
-                let solution = simulate(scenario, &Options::default())?;
+                let solution = simulate(scenario)?;
                 let run = Run {
                     summary: solution.summary(),
                     solution,
@@ -112,11 +112,11 @@ impl Lab {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Whoever panicked left whole entries: each is inserted at once.
+    // After a panic every entry is whole, as each is inserted at once.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// How often the momentum is looked at in a run.
+/// Times at which the momentum of a run is checked.
 const LOOKS: usize = 64;
 
 fn momentum_error(solution: &Solution) -> f64 {

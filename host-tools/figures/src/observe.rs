@@ -1,4 +1,4 @@
-//! What figures read from a run beyond its summary.
+//! What figures read from a run, beyond its summary.
 
 use std::ops::Range;
 
@@ -6,7 +6,7 @@ use hertz_chain::{Pulse, PulseSearch, Solution, Spectrum, Taper};
 
 use crate::lab::Run;
 
-/// Greatest force of a contact, N; 0 for one that carried none.
+/// Greatest force of a contact, N; 0 if it carried no force.
 pub(crate) fn peak(run: &Run, contact: usize) -> f64 {
     let peaks = &run.summary.peak_force;
     peaks
@@ -24,7 +24,7 @@ pub(crate) fn train(solution: &Solution, contact: usize) -> Vec<Pulse> {
     solution.pulses(contact, &search)
 }
 
-/// How long the striker first touches, s: to where contact 1 opens, over however many humps of the force.
+/// How long the striker first touches, s: until contact 1 opens. The force may have several humps until then.
 pub(crate) fn contact_time(run: &Run) -> f64 {
     let search = PulseSearch {
         height: 1e-6,
@@ -32,12 +32,12 @@ pub(crate) fn contact_time(run: &Run) -> f64 {
         ..PulseSearch::default()
     };
     let humps = run.solution.pulses(1, &search);
-    let touching = |hump: &Pulse| run.solution.force(1, hump.to) > 1e-9 * hump.force;
+    let touching = |hump: &Pulse| run.solution.at(hump.to).force(1) > 1e-9 * hump.force;
     let last = humps.iter().find(|hump| !touching(hump)).or(humps.last());
     last.map_or(f64::NAN, |hump| hump.to)
 }
 
-/// From one sample of a force to the next when it is transformed, s: far above what a pulse contains.
+/// Sampling interval of a force for its transform, s. Its frequency is far above what a pulse contains.
 const INTERVAL: f64 = 2e-6;
 
 /// The Fourier transform of a contact's force over `span` (s), which begins and ends at rest.
@@ -47,7 +47,7 @@ pub(crate) fn spectrum(solution: &Solution, contact: usize, span: Range<f64>) ->
     Spectrum::of(&force, Taper::None)
 }
 
-/// The same over one pulse.
+/// The Fourier transform of a contact's force over one pulse.
 pub(crate) fn pulse_spectrum(solution: &Solution, pulse: &Pulse) -> Spectrum {
     spectrum(solution, pulse.contact, pulse.from..pulse.to)
 }
@@ -76,7 +76,7 @@ pub(crate) fn ratio(values: impl IntoIterator<Item = f64>) -> f64 {
     high / low
 }
 
-/// The least factor from one value to the next: above 1 where they grow all along.
+/// The least factor from one value to the next. It is above 1 if the values grow all along.
 pub(crate) fn least_growth(values: &[f64]) -> f64 {
     values
         .windows(2)
@@ -84,8 +84,8 @@ pub(crate) fn least_growth(values: &[f64]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Where a curve over a logarithmic axis is greatest: the top of the parabola through the greatest point and its
-/// neighbours; not a number if that lies at an end.
+/// Where a curve over a logarithmic axis is greatest: the top of the parabola through the greatest point and
+/// its neighbours. Not a number if the greatest point is an end.
 pub(crate) fn summit(points: &[(f64, f64)]) -> f64 {
     let top = (0..points.len()).max_by(|&a, &b| points[a].1.total_cmp(&points[b].1));
     let Some(top) = top.filter(|&top| top > 0 && top + 1 < points.len()) else {

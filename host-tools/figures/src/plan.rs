@@ -1,4 +1,4 @@
-//! A figure: how it is drawn, what was drawn, and how that came out.
+//! A figure: how it is drawn, what was drawn, and what its checks gave.
 
 use serde::Serialize;
 
@@ -22,15 +22,40 @@ pub struct Plan {
 /// A figure that was drawn.
 #[derive(Debug, Clone)]
 pub struct Figure {
-    /// The picture, which holds the data too.
+    /// The picture, which also holds the data.
     pub chart: Chart,
     /// What must be true of it.
     pub checks: Vec<Check>,
-    /// Pictures that follow one another; none but in an animation.
+    /// The pictures of an animation; empty for other figures.
     pub frames: Vec<Chart>,
 }
 
-/// How one figure came out, as in the JSON of `bead figures`.
+impl Figure {
+    /// A figure without animation.
+    pub fn new(chart: Chart, checks: Vec<Check>) -> Self {
+        Self {
+            chart,
+            checks,
+            frames: Vec::new(),
+        }
+    }
+}
+
+/// The plans of a plate, one in each row: name, title, what is simulated, and the function that draws the
+/// figure.
+macro_rules! plans {
+    ($($name:literal: $title:literal; $setting:expr => $draw:expr,)*) => {
+        pub(crate) const PLANS: &[$crate::plan::Plan] = &[$($crate::plan::Plan {
+            name: $name,
+            title: $title,
+            setting: $setting,
+            draw: $draw,
+        }),*];
+    };
+}
+pub(crate) use plans;
+
+/// The result of one figure, as in the JSON of `bead figures`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
     /// The figure.
@@ -45,25 +70,25 @@ pub struct Outcome {
     pub checks: Vec<Check>,
     /// The files written.
     pub files: Vec<String>,
-    /// Whether it moves.
+    /// Whether it is an animation.
     #[serde(skip)]
     pub animated: bool,
 }
 
-/// Parts of the striker's energy that the balance of a run may be off by.
+/// Greatest error of the energy balance of a run, as a part of the striker's energy.
 const BALANCE: f64 = 1e-10;
-/// Parts of the striker's momentum that the momentum of a run may be off by.
+/// Greatest error of the momentum of a run, as a part of the striker's momentum.
 const MOMENTUM: f64 = 1e-12;
 
 impl Plan {
-    /// Whether this is the name of the figure or of its plate.
+    /// Whether `name` is the name of the figure or of its plate.
     pub(crate) fn goes_by(&self, name: &str) -> bool {
         [self.name, self.plate()]
             .iter()
             .any(|own| own.eq_ignore_ascii_case(name))
     }
 
-    /// The figures that share runs: those of one number.
+    /// The plate of the figure: the number that it shares with other figures, which share its runs.
     pub fn plate(&self) -> &'static str {
         let number = self
             .name
@@ -71,10 +96,11 @@ impl Plan {
         if number.is_empty() { self.name } else { number }
     }
 
-    /// Runs what the figure needs, and draws it. The checks end with the conservation laws over the runs used.
+    /// Runs what the figure needs, and draws it. The last checks are the conservation laws over the runs that
+    /// it used.
     ///
     /// # Errors
-    /// A simulation that does not get on.
+    /// A simulation fails, or its result lacks what the figure shows.
     pub fn draw(&self, lab: &Lab) -> Result<Figure, Error> {
         lab.begin();
         let mut figure = (self.draw)(lab)?;

@@ -1,12 +1,13 @@
-//! The image in QEMU behind an address, where programs find it as they find a bead's line.
+//! The image in QEMU behind an address: programs reach it as they reach a bead's line.
 //!
 //! # Design
-//! A run of the image is the same each time, byte for byte, and so is its beginning if more is asked of it later. So
-//! time is made to pass by running the image anew from power-up, with all that it was sent before and a little longer than
-//! the last time; what it says beyond the last time is new. The image's time passes while somebody listens, and stands
-//! still otherwise. What bead and strikes do is exactly what they do in any other run.
+//! Every run of the image is the same, byte for byte, and a longer run begins as a shorter one does. To let
+//! time pass, the bridge therefore runs the image again from power-up, sends it all that it was sent before,
+//! and stops a little later than last time. What the image says after the end of the last run is new. The
+//! image's time passes while a program is connected and stands still otherwise. Bead and strikes do exactly
+//! what they do in any other run.
 //!
-//! A run costs more the longer it is: this is for asking a bead, not for recording hours.
+//! A longer run costs more: the bridge is for requests to a bead, not for hours of recording.
 
 use std::io::{self, Read, Write};
 use std::net::TcpListener;
@@ -18,28 +19,28 @@ use std::time::Duration;
 
 use stm32f405_qemu::{Run, UartInput};
 
-use crate::bench::emulation::{Emulation, blame};
+use crate::bench::emulation::Emulation;
+use crate::bench::error::BenchError;
 use crate::bench::front_end::SAMPLE_RATE_HZ;
-use crate::cli::failure::{Blame, Failure};
 use crate::line::port::Address;
 
-/// Time in which the image has started to sample, and to hear.
+/// After this time the image samples and hears.
 const START: Duration = Duration::from_millis(50);
-/// Time that passes when something came in: most is answered within it.
+/// Time that passes after bytes came in. Most requests are answered within it.
 const ANSWER: Duration = Duration::from_millis(80);
-/// Time that passes at once while somebody only listens.
+/// Time that passes in one run while a program only listens.
 const STEP: Duration = Duration::from_millis(250);
-/// From the end of one run to what comes in the next.
+/// From the end of one run to the first byte that comes in after it.
 const GAP_NS: u64 = 1_000_000;
-/// Who is answered hangs up within this time, or wants more.
+/// A program that was answered hangs up within this time, or sends more.
 const PAUSE: Duration = Duration::from_millis(100);
-/// How often it is looked whether somebody connects, or the end is asked for.
+/// Between two looks for a new connection, or for a request to stop.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// An image whose time passes on demand.
 pub struct Bridge {
     machine: Run,
-    /// Codes at the converter; they begin again where they end.
+    /// Codes at the converter. The first follows the last.
     rows: Vec<[u16; 4]>,
     scans: usize,
     ended_ns: u64,
@@ -51,7 +52,7 @@ impl Bridge {
     pub fn new(emulation: &Emulation) -> Self {
         let mut machine = emulation.machine();
         machine.count_instructions = false;
-        // A store that is made room in takes four seconds at most.
+        // Making room in the store takes four seconds at most.
         machine.sampling_deadline_ns = 10_000_000_000;
         Self {
             rows: std::mem::take(&mut machine.stimulus),
@@ -62,11 +63,11 @@ impl Bridge {
         }
     }
 
-    /// Lets time pass, at whose beginning `bytes` come in; gives what the bead said.
+    /// Sends `bytes`, lets time pass, and returns what the bead said.
     ///
     /// # Errors
     /// QEMU fails.
-    pub fn pass(&mut self, bytes: &[u8], time: Duration) -> Result<Vec<u8>, Failure> {
+    pub fn pass(&mut self, bytes: &[u8], time: Duration) -> Result<Vec<u8>, BenchError> {
         if self.ended_ns == 0 && !bytes.is_empty() {
             // A bead that has not started does not hear.
             let mut said = self.pass(&[], START)?;
@@ -81,7 +82,7 @@ impl Bridge {
         }
         self.scans += (time.as_secs_f64() * f64::from(SAMPLE_RATE_HZ)).ceil() as usize;
         self.machine.stimulus = self.rows.iter().copied().cycle().take(self.scans).collect();
-        let outcome = self.machine.execute().map_err(blame)?;
+        let outcome = self.machine.execute()?;
         self.ended_ns = outcome.virtual_ns;
         let new = outcome.uart.get(self.said..).unwrap_or_default().to_vec();
         self.said += new.len();
@@ -89,19 +90,22 @@ impl Bridge {
     }
 }
 
-/// Serves whoever connects to the address, one after the other, until `stop`.
+/// Serves the programs that connect to the address, one after another, until `stop`.
 ///
 /// # Errors
 /// The address cannot be listened at, or QEMU fails.
-pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Result<(), Failure> {
-    let cannot = || format!("cannot listen at {address}; is something else there?");
+pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Result<(), BenchError> {
+    let cannot = |error| {
+        let what = format!("cannot listen at {address}; is something else there?");
+        BenchError::unfit(&what, error)
+    };
     match address {
-        Address::Serial(path) => Err(Failure::input(format!(
+        Address::Serial(path) => Err(BenchError::Unfit(format!(
             "cannot listen at {path}; give unix:PATH or tcp:HOST:PORT"
         ))),
         Address::Tcp(server) => {
-            let listener = TcpListener::bind(server.as_str()).or_input(cannot)?;
-            listener.set_nonblocking(true).or_input(cannot)?;
+            let listener = TcpListener::bind(server.as_str()).map_err(cannot)?;
+            listener.set_nonblocking(true).map_err(cannot)?;
             accept(bridge, stop, || {
                 let (stream, _) = listener.accept()?;
                 stream.set_nonblocking(false)?;
@@ -110,9 +114,9 @@ pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Resul
             })
         }
         Address::Unix(path) => {
-            let listener = UnixListener::bind(path).or_input(cannot)?;
+            let listener = UnixListener::bind(path).map_err(cannot)?;
             let _removed = Removed(path.clone());
-            listener.set_nonblocking(true).or_input(cannot)?;
+            listener.set_nonblocking(true).map_err(cannot)?;
             accept(bridge, stop, || {
                 let (stream, _) = listener.accept()?;
                 stream.set_nonblocking(false)?;
@@ -123,12 +127,12 @@ pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Resul
     }
 }
 
-/// A socket's path, which is there no longer than its listener.
+/// The path of a socket. It is removed with its listener.
 struct Removed(PathBuf);
 
 impl Drop for Removed {
     fn drop(&mut self) {
-        // One that is gone already is gone.
+        // The file may be gone already.
         let _ = std::fs::remove_file(&self.0);
     }
 }
@@ -137,11 +141,11 @@ fn accept<S: Read + Write>(
     bridge: &mut Bridge,
     stop: &AtomicBool,
     mut next: impl FnMut() -> io::Result<S>,
-) -> Result<(), Failure> {
+) -> Result<(), BenchError> {
     while !stop.load(Ordering::Relaxed) {
         match next() {
             Ok(stream) => talk(bridge, stream, stop)?,
-            // Nobody there, or gone again at once.
+            // No program connects, or it hung up at once.
             Err(_) => thread::sleep(LOOK),
         }
     }
@@ -149,7 +153,7 @@ fn accept<S: Read + Write>(
 }
 
 /// Passes bytes both ways until the other end hangs up.
-fn talk<S: Read + Write>(bridge: &mut Bridge, mut stream: S, stop: &AtomicBool) -> Result<(), Failure> {
+fn talk<S: Read + Write>(bridge: &mut Bridge, mut stream: S, stop: &AtomicBool) -> Result<(), BenchError> {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     let mut buffer = [0; 4096];
     while !stop.load(Ordering::Relaxed) {

@@ -8,43 +8,46 @@ use std::time::{Duration, Instant};
 use bead_model::design::{Capture, derive};
 use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
+use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};
-use stm32f405_qemu::{Outcome, PinInput, Run, RunError};
+use stm32f405_qemu::{Outcome, PinInput, Run};
 
+use crate::bench::error::BenchError;
 use crate::bench::faults::Planned;
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::sensed::{Sensed, Timing, Truth, bead_of};
-use crate::cli::failure::{Blame, Failure};
 use crate::recording::file::{RecordingError, Writer};
-use crate::recording::frames::{self, Message};
+use crate::recording::frames::{self, Frame};
 
 /// Where the image looks for settings that a probe has put there (`memory.x`).
 pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
 /// The image as `cargo xtask build` leaves it in the target directory.
 const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
-/// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, since a sensor
-/// without any is one that fails.
+/// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, as
+/// a sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
-/// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680 cycles.
+/// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680
+/// cycles.
 pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
 
 /// The pin of the sync input (`firmware/src/sync.rs`).
 const SYNC_PIN: &str = "PA15";
-/// How long a sync pulse is, s. The bead looks at its rising edge.
+/// Length of a sync pulse, s. The bead uses its rising edge.
 const SYNC_PULSE: f64 = 1e-3;
 /// The crystal, Hz.
 const CRYSTAL_HZ: f64 = 8e6;
 
-/// Finds the image: as given, or as built, beside this program or upwards from here.
+/// Finds the image: the given one, or the built one in a target directory that holds this program or lies
+/// above the working directory.
 ///
 /// # Errors
-/// There is none; the message says how to build it.
-pub fn find_image(given: Option<&Path>) -> Result<PathBuf, Failure> {
+/// The image is not there; the message says how to build it.
+pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     if let Some(path) = given {
         return match path.is_file() {
             true => Ok(path.to_owned()),
-            false => Err(Failure::input(format!(
+            false => Err(BenchError::Unfit(format!(
                 "--firmware {}: there is no such file; build the image with `cargo xtask build`",
                 path.display()
             ))),
@@ -66,7 +69,7 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, Failure> {
         .map(|folder| folder.join(IMAGE))
         .find(|path| path.is_file())
         .ok_or_else(|| {
-            Failure::input(format!(
+            BenchError::Unfit(format!(
                 "the image {IMAGE} was not found in a target directory here or above; build it with `cargo xtask build`, or name one with --firmware"
             ))
         })
@@ -79,25 +82,39 @@ pub struct RunTruth {
     pub bead: usize,
     /// What it should say of each strike.
     pub truth: Truth,
-    /// When each strike began, in samples: sample index of the scan that holds the force at that time.
+    /// When each strike began, as a sample index, with a fraction.
     pub starts: Vec<f64>,
-    /// The front end that it sensed through.
+    /// The front end of the sensors.
     pub front_end: FrontEnd,
-    /// Seed of its noise; none for no noise.
+    /// Seed of the noise; none without noise.
     pub seed: Option<u64>,
     /// How fast the bead's clock was, ppm: below 0 for slow.
     #[serde(default)]
     pub clock_ppm: f64,
-    /// When edges came at its sync input: true time in s since the first triggered scan, which has the index 1.
+    /// When edges came at its sync input: true time in s since the first triggered scan, which has the index
+    /// 1.
     #[serde(default)]
     pub sync_edges: Vec<f64>,
+}
+
+impl RunTruth {
+    /// The last strike, counted from 0, that began by a sample index.
+    pub fn begun(&self, sample_index: u64) -> Option<usize> {
+        self.starts
+            .iter()
+            .rposition(|&start| start <= sample_index as f64)
+    }
 }
 
 /// What one run gave.
 pub struct Ran {
     /// The bytes that the bead sent.
     pub stream: Vec<u8>,
-    /// When each had left, in ns of true time since power-up.
+    /// The frames in them.
+    pub frames: Vec<Frame>,
+    /// What of them was received, refused and lost.
+    pub counters: Counters,
+    /// When each byte was sent, in ns of true time since power-up.
     pub sent_ns: Vec<u64>,
     /// True time of the first triggered scan, in ns since power-up.
     pub first_scan_ns: u64,
@@ -106,8 +123,8 @@ pub struct Ran {
 }
 
 impl Ran {
-    /// Records what was sent, each run of bytes when the last of it had left: true time since the first triggered scan, to
-    /// which `zero_ns` is added. What was sent before that scan counts as sent at it.
+    /// Records the bytes that were sent. The time of a run of bytes is when its last byte was sent: true time
+    /// since the first triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -115,16 +132,16 @@ impl Ran {
         let mut sent = self.sent_ns.iter();
         for run in self.stream.split_inclusive(|byte| *byte == 0) {
             let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
-            writer.write_at(run, zero_ns + at.saturating_sub(self.first_scan_ns))?;
+            writer.write(run, Some(zero_ns + at.saturating_sub(self.first_scan_ns)), |_| {})?;
         }
         Ok(())
     }
 }
 
-/// What is sensed by a clock that is fast: its seconds are shorter.
+/// What a bead with a fast clock senses: its seconds are shorter.
 struct OnClock<S> {
     sensed: S,
-    /// Seconds of the clock in a true one.
+    /// Seconds of the clock in a true second.
     rate: f64,
 }
 
@@ -143,7 +160,7 @@ impl<S: Stimulus> Stimulus for OnClock<S> {
 pub struct EmulatorReport {
     /// The image that was run.
     pub image: String,
-    /// The first line of what QEMU says of its version, if it says it.
+    /// The first line of `qemu-system-arm --version`, if that could be run.
     pub qemu: Option<String>,
     /// Instructions of each function, and of all.
     pub instructions_per_sample: InstructionsPerSample,
@@ -159,11 +176,11 @@ pub struct EmulatorReport {
     pub saturated: [usize; 2],
     /// Registers that the image touched and no model knows.
     pub unknown_registers: Vec<String>,
-    /// Features asked for and not modelled.
+    /// Features that the image used and the emulator does not model.
     pub unmodelled: Vec<String>,
     /// Virtual time of the run, s.
     pub virtual_seconds: f64,
-    /// Time that it took here, s.
+    /// Time that the run took on this computer, s.
     pub real_seconds: f64,
     /// The image's own log.
     pub log: Vec<String>,
@@ -172,31 +189,49 @@ pub struct EmulatorReport {
 /// Instructions executed for each sample.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct InstructionsPerSample {
-    /// In estimate A, for each sample that it took; none if it took none.
+    /// Estimate A, for each sample that it took; none if it took no sample.
     pub observer: Option<f64>,
-    /// In estimate B and its square root, for each sample that it took; none if it took none.
+    /// Estimate B and its square root, for each sample that it took; none if it took no sample.
     pub reduced_chain: Option<f64>,
-    /// In calibration, peaks and the cut into chunks, for each sample of a window; none if there was none.
+    /// Calibration, peaks and the cut into chunks, for each sample of a window; none without a window.
     pub window: Option<f64>,
-    /// In the encoding of all frames, for each sample of a window; none if there was none.
+    /// The encoding of all frames, for each sample of a window; none without a window.
     pub framing: Option<f64>,
-    /// In the search for a strike, for each sample of the run; none if the image has no such function.
+    /// The search for a strike, for each sample of the run; none if the image has no such function.
     pub trigger: Option<f64>,
-    /// In the whole image, for each sample of the blocks in which a strike was measured; none if none was.
+    /// The whole image, for each sample of the blocks in which a strike was measured; none without a strike.
     pub total: Option<f64>,
-    /// In the whole image, for each sample of the busiest block; none if no block was taken.
+    /// The whole image, for each sample of the busiest block; none if no block was taken.
     pub worst_block: Option<f64>,
-    /// In the whole image, for each sample of the blocks in which no strike was measured; none if there was none.
+    /// The whole image, for each sample of the blocks in which no strike was measured; none without such a
+    /// block.
     pub idle: Option<f64>,
-    /// In the whole image, for each sample of the whole run, quiet and strikes.
+    /// The whole image, for each sample of the whole run, quiet and strikes.
     pub run: f64,
+}
+
+impl InstructionsPerSample {
+    /// Each count with its name, as tables have them.
+    pub fn rows(&self) -> [(&'static str, Option<f64>); 9] {
+        [
+            ("estimate A, observer", self.observer),
+            ("estimate B, reduced chain", self.reduced_chain),
+            ("calibration, peaks, chunks of a window", self.window),
+            ("frames, by sample of a window", self.framing),
+            ("trigger", self.trigger),
+            ("all, while a strike is measured", self.total),
+            ("all, in the busiest block", self.worst_block),
+            ("all, while none is", self.idle),
+            ("all, over the run", Some(self.run)),
+        ]
+    }
 }
 
 /// A run that is ready to start.
 pub struct Emulation {
     /// The bead's settings.
     pub settings: Settings,
-    /// The same as their block in flash.
+    /// The same settings as their block in flash.
     pub block: Vec<u8>,
     /// What is true.
     pub truth: RunTruth,
@@ -220,17 +255,18 @@ impl Emulation {
         seed: Option<u64>,
         timing: Timing,
         image: &Path,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, BenchError> {
         let physics = bead_of(solution, bead)?;
         let front = front_end.calibration();
-        let settings = derive(&physics, &front, &Capture::above_noise_of(&front))
-            .or_input(|| format!("no settings fit bead {bead} and this front end"))?;
+        let settings = derive(&physics, &front, &Capture::above_noise_of(&front)).map_err(|error| {
+            BenchError::unfit(&format!("no settings fit bead {bead} and this front end"), error)
+        })?;
         let mut block = [0; BLOCK_MAX];
         let length = settings
             .encode(&mut block)
-            .or_input(|| "cannot encode the settings")?;
+            .map_err(|error| BenchError::unfit("cannot encode the settings", error))?;
         if timing.strikes > 1 && timing.interval < solution.end() {
-            return Err(Failure::input(format!(
+            return Err(BenchError::Unfit(format!(
                 "--interval {} s: a strike and its ring-down take {} s; give at least that",
                 timing.interval,
                 solution.end()
@@ -264,8 +300,9 @@ impl Emulation {
         })
     }
 
-    /// The same with a clock that is fast by so many ppm, rounded to whole hertz of the crystal: an eighth of a ppm. What
-    /// the bead senses of `solution`, which it was prepared with, is digitised anew.
+    /// The same run with a clock that is fast by `ppm`, rounded to whole hertz of the crystal, which is an
+    /// eighth of a ppm. `solution` is the one that the run was prepared with: what the bead senses of it is
+    /// digitised again.
     #[must_use]
     pub fn with_clock(mut self, solution: &Solution, ppm: f64) -> Self {
         let ppm = (ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
@@ -332,54 +369,52 @@ impl Emulation {
         run
     }
 
-    /// Runs the image. Returns the bytes that it sent and what was measured.
-    ///
-    /// # Errors
-    /// As [`timed`](Self::timed).
-    pub fn run(&self) -> Result<(Vec<u8>, EmulatorReport), Failure> {
-        let Ran { stream, report, .. } = self.timed()?;
-        Ok((stream, report))
-    }
-
     /// Runs the image.
     ///
     /// # Errors
-    /// The image is none, QEMU fails, or the image never samples.
-    pub fn timed(&self) -> Result<Ran, Failure> {
+    /// The file is no image, QEMU fails, or the image never samples.
+    pub fn run(&self) -> Result<Ran, BenchError> {
         let clock = Instant::now();
-        let outcome = self.machine().execute().map_err(blame)?;
-        let report = self.report(&outcome, clock.elapsed().as_secs_f64())?;
+        let outcome = self.machine().execute()?;
+        let (frames, counters) = frames::decode(&outcome.uart);
+        let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
         Ok(Ran {
             first_scan_ns: outcome.sampling.map_or(0, |sampling| sampling.first_ns),
             stream: outcome.uart,
+            frames,
+            counters,
             sent_ns: outcome.uart_ns,
             report,
         })
     }
 
-    fn report(&self, outcome: &Outcome, real_seconds: f64) -> Result<EmulatorReport, Failure> {
+    fn report(
+        &self,
+        outcome: &Outcome,
+        frames: &[Frame],
+        real_seconds: f64,
+    ) -> Result<EmulatorReport, BenchError> {
         let Some(sampling) = &outcome.sampling else {
             let last = outcome
                 .log
                 .last()
                 .map_or_else(|| "nothing".to_owned(), ToString::to_string);
-            return Err(Failure::device(format!(
+            return Err(BenchError::Mute(format!(
                 "{} never started to sample in {:.1} s; the last that it logged: {last}",
                 self.image.display(),
                 outcome.virtual_ns as f64 * 1e-9
             )));
         };
         let counted = outcome.instructions.as_ref().ok_or_else(|| {
-            Failure::device("the emulator counted no instructions although it was asked to")
+            BenchError::Mute("the emulator counted no instructions although it was asked to".to_owned())
         })?;
         let function = |label: &str| counted.functions.iter().find(|function| function.label == label);
-        // None also where the compiler has left no function of the label.
+        // None also where the compiler left no function with the label.
         let per_sample = |label: &str, samples: u64| {
             let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
             Some(function.instructions as f64 / samples as f64)
         };
-        let windows: Vec<u64> = frames::decode(&outcome.uart)
-            .0
+        let windows: Vec<u64> = frames
             .iter()
             .filter_map(|frame| match &frame.message {
                 Message::Strike(strike) => Some(strike.samples.into()),
@@ -420,21 +455,10 @@ impl Emulation {
     }
 }
 
-/// What QEMU, where the emulator finds it, says of its version.
+/// The version of the QEMU that the emulator runs.
 fn qemu_version() -> Option<String> {
     let program = env::var_os("STM32F405_QEMU").unwrap_or_else(|| "qemu-system-arm".into());
     let said = Command::new(program).arg("--version").output().ok()?;
     let first = String::from_utf8_lossy(&said.stdout).lines().next()?.to_owned();
     Some(first)
-}
-
-/// Whose fault a failed run is.
-pub(crate) fn blame(error: RunError) -> Failure {
-    match error {
-        RunError::ImageMissing { .. }
-        | RunError::NotArmElf { .. }
-        | RunError::NoSymbols { .. }
-        | RunError::Input(_) => Failure::input(error),
-        _ => Failure::device(error),
-    }
 }

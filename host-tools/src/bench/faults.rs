@@ -15,12 +15,11 @@ use std::ops::Range;
 use std::path::Path;
 
 use bead_wire::FaultCause;
-use serde::Serialize;
+use hertz_chain::{InputError, TomlFile, text_of};
+use serde::{Deserialize, Serialize};
 use stm32f405_qemu::{Fault, FaultKind, Run};
-use toml::de::{DeTable, DeValue};
 
 use crate::bench::front_end::{CODES, SAMPLE_RATE_HZ};
-use crate::cli::failure::Failure;
 
 /// What is provoked.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -70,18 +69,18 @@ const KINDS: [(&str, Kind); 13] = [
     ("power_cut", Kind::PowerCut),
 ];
 
-/// Voltages between which a supply may be put: those between which the part works (DocID022152, general operating
-/// conditions).
+/// Voltages between which a supply may be put: those between which the part works (DocID022152, general
+/// operating conditions).
 const VOLTS: std::ops::RangeInclusive<f64> = 1.8..=3.6;
 /// A good supply, mV.
 const GOOD_MV: u32 = 3300;
 /// Below this the bead's detector finds the supply low, V (`firmware/src/health.rs`).
 const LOW_VOLTS: f64 = 2.93;
-/// A sensor that is stuck or railed for so long is always found, s: two windows of the bead.
+/// The bead always finds a sensor that is stuck or railed for this long, s: two windows of its check.
 const FOUND: f64 = 0.2;
-/// A port that sends nothing for so long, s, is always ridden out.
+/// The bead always rides out a port that sends nothing for this long, s.
 const RIDDEN_OUT: f64 = 0.5;
-/// A port that sends nothing for so long, s, always ends in a reset by the bead itself.
+/// The bead always resets itself when its port sends nothing for this long, s.
 const GIVEN_UP: f64 = 1.5;
 
 impl Kind {
@@ -91,12 +90,12 @@ impl Kind {
         found.map_or("", |(name, _)| name)
     }
 
-    /// Whether it lasts.
+    /// Whether the fault has a duration.
     fn lasts(self) -> bool {
         self.columns().is_some() || matches!(self, Self::Supply | Self::UartStall)
     }
 
-    /// The columns of the stimulus that it changes, if it is a sensor's: both of its gains.
+    /// For the fault of a sensor, the columns of the stimulus that it changes: those of both gains.
     fn columns(self) -> Option<Range<usize>> {
         match self {
             Self::ForceStuck | Self::ForceRailed => Some(0..2),
@@ -121,7 +120,7 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// What the bead is to report, if it is to notice at all.
+    /// What the bead must report; none if it must not notice.
     pub fn cause(&self) -> Option<FaultCause> {
         match self.kind {
             Kind::AdcOverrun => Some(FaultCause::AdcOverrun),
@@ -136,7 +135,7 @@ impl Planned {
             Kind::HardFault => Some(FaultCause::HardFault),
             Kind::Hang => Some(FaultCause::Watchdog),
             Kind::StackOverflow => Some(FaultCause::StackOverflow),
-            // Its identity says so: a power-on reset is no fault.
+            // The bead's identity says so: a power-on reset is no fault.
             Kind::PowerCut => None,
         }
     }
@@ -160,7 +159,7 @@ impl Planned {
         self.duration.is_none_or(|duration| duration >= FOUND)
     }
 
-    /// Makes it happen in a run.
+    /// Makes the fault happen in a run.
     pub fn provoke(&self, run: &mut Run) {
         let ns = |seconds: f64| (seconds * 1e9) as u64;
         let mut fail = |at: f64, kind: FaultKind| run.faults.push(Fault { at_ns: ns(at), kind });
@@ -209,140 +208,119 @@ impl Planned {
 ///
 /// # Errors
 /// One line with file, line, key, what is wrong and what would do.
-pub fn load(path: &Path) -> Result<Vec<Planned>, Failure> {
-    let file = path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|error| {
-        Failure::input(format!(
-            "{file}: cannot be read ({error}); name a file of faults in TOML"
-        ))
-    })?;
-    parse(&text, &file)
+pub fn load(path: &Path) -> Result<Vec<Planned>, InputError> {
+    let text = text_of(path, "a file of faults in TOML")?;
+    parse(&text, &path.display().to_string())
 }
 
-/// Reads the text of a file of faults; `file` is what messages call it.
+/// Reads the text of a file of faults; `name` is what messages call it.
 ///
 /// # Errors
 /// As [`load`].
-pub fn parse(text: &str, file: &str) -> Result<Vec<Planned>, Failure> {
-    let fail = |at: usize, what: String| {
-        let line = text[..at.min(text.len())].matches('\n').count() + 1;
-        Failure::input(format!("{file}:{line}: {what}"))
-    };
-    let table = DeTable::parse(text).map_err(|error| {
-        let at = error.span().map_or(0, |span| span.start);
-        let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
-        fail(at, format!("not TOML ({message}); mend the line"))
-    })?;
-    let table = table.into_inner();
-    if let Some((key, _)) = table.iter().find(|(key, _)| key.get_ref() != "fault") {
-        let what = format!("{}: unknown key; faults are tables [[fault]]", key.get_ref());
-        return Err(fail(key.span().start, what));
-    }
-    let Some(entries) = table.get("fault") else {
-        return Err(fail(
-            0,
-            "no fault; add a table [[fault]] with at and kind".to_owned(),
-        ));
-    };
-    let DeValue::Array(entries) = entries.get_ref() else {
-        let what = "fault: not an array of tables; write [[fault]]".to_owned();
-        return Err(fail(entries.span().start, what));
-    };
-    let mut planned = Vec::new();
-    for (number, entry) in (1..).zip(entries.iter()) {
-        let DeValue::Table(entry_table) = entry.get_ref() else {
-            let what = format!("fault[{number}]: not a table; write [[fault]]");
-            return Err(fail(entry.span().start, what));
-        };
-        let fault = one(entry_table, number, entry.span().start);
-        planned.push(fault.map_err(|(at, what)| fail(at, what))?);
-    }
-    Ok(planned)
+pub fn parse(text: &str, name: &str) -> Result<Vec<Planned>, InputError> {
+    let file = TomlFile::parse(text, name)?;
+    (1..)
+        .zip(entries(&file)?)
+        .map(|(number, entry)| entry.planned(number).map_err(|error| file.place(error)))
+        .collect()
 }
 
-/// One table; an error is where it is and what.
-fn one(table: &DeTable<'_>, number: usize, start: usize) -> Result<Planned, (usize, String)> {
-    let known: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
-    let key = |name: &str| format!("fault[{number}].{name}");
-    let missing = |name: &str, advice: &str| Err((start, format!("{}: missing; {advice}", key(name))));
-    let Some(kind_value) = table.get("kind") else {
-        return missing("kind", &format!("give one of: {}", known.join(", ")));
-    };
-    let kind_at = kind_value.span().start;
-    let named = match kind_value.get_ref() {
-        DeValue::String(name) => KINDS.iter().find(|(known, _)| *known == name.as_ref()),
-        _ => None,
-    };
-    let Some(&(kind_name, kind)) = named else {
-        let what = format!("{}: unknown kind; give one of: {}", key("kind"), known.join(", "));
-        return Err((kind_at, what));
-    };
-    for (name, _) in table.iter() {
-        let fits = match name.get_ref().as_ref() {
-            "at" | "kind" => true,
-            "duration" => kind.lasts(),
-            "volts" => kind == Kind::Supply,
-            _ => false,
+/// The file as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Faults {
+    #[serde(default)]
+    fault: Vec<Entry>,
+}
+
+/// A table `[[fault]]` as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    at: Option<f64>,
+    kind: Option<String>,
+    duration: Option<f64>,
+    volts: Option<f64>,
+}
+
+fn entries(file: &TomlFile<'_>) -> Result<Vec<Entry>, InputError> {
+    let faults: Faults = file.read().map_err(|error| {
+        let (what, advice) = match error.key.as_str() {
+            "fault" => ("not an array of tables", "write [[fault]]"),
+            key if key.starts_with("fault[") => return error,
+            _ => (error.what.as_str(), "faults are tables [[fault]]"),
         };
-        if !fits {
-            let keys = match (kind, kind.lasts()) {
-                (Kind::Supply, _) => "at, kind, volts, duration",
-                (_, true) => "at, kind, duration",
-                _ => "at, kind",
-            };
-            let what = format!(
-                "{}: {kind_name} has no such key; it has {keys}",
-                key(name.get_ref())
-            );
-            return Err((name.span().start, what));
+        InputError {
+            what: what.to_owned(),
+            advice: advice.to_owned(),
+            ..error
         }
+    })?;
+    if faults.fault.is_empty() {
+        let advice = "add a table [[fault]] with at and kind";
+        return Err(file.place(InputError::at("", "no fault", advice)));
     }
-    let number_of = |name: &str, advice: &str, fits: &dyn Fn(f64) -> bool| match table.get(name) {
-        None => Ok(None),
-        Some(value) => {
-            let found = match value.get_ref() {
-                DeValue::Float(float) => float.as_str().replace('_', "").parse::<f64>().ok(),
-                DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix())
-                    .ok()
-                    .map(|whole| whole as f64),
-                _ => None,
-            };
-            match found.filter(|found| found.is_finite() && fits(*found)) {
-                Some(found) => Ok(Some(found)),
-                None => Err((value.span().start, format!("{}: {advice}", key(name)))),
-            }
+    Ok(faults.fault)
+}
+
+impl Entry {
+    /// Checks the table, which is the `number`th of its file, from 1.
+    fn planned(self, number: usize) -> Result<Planned, InputError> {
+        let error = |key: &str, what: &str, advice: &str| {
+            InputError::at(format!("fault[{number}].{key}"), what, advice)
+        };
+        let ensure = |holds: bool, key: &str, what: &str, advice: &str| {
+            holds.then_some(()).ok_or_else(|| error(key, what, advice))
+        };
+        let (duration, volts) = (self.duration, self.volts);
+
+        let kinds = format!("give one of: {}", KINDS.map(|(name, _)| name).join(", "));
+        let name = self.kind.ok_or_else(|| error("kind", "missing", &kinds))?;
+        let found = KINDS.iter().find(|(known, _)| *known == name);
+        let &(_, kind) = found.ok_or_else(|| error("kind", "unknown kind", &kinds))?;
+        let keys = match (kind, kind.lasts()) {
+            (Kind::Supply, _) => "at, kind, volts, duration",
+            (_, true) => "at, kind, duration",
+            _ => "at, kind",
+        };
+        for (key, value) in [("duration", duration), ("volts", volts)] {
+            let what = format!("{name} has no such key");
+            ensure(
+                value.is_none() || keys.contains(key),
+                key,
+                &what,
+                &format!("it has {keys}"),
+            )?;
         }
-    };
-    let at_advice = "not a time; give s after the first scan, such as 0.012";
-    let Some(at) = number_of("at", at_advice, &|at| (0.0..1e6).contains(&at))? else {
-        return missing("at", "give s after the first scan, such as 0.012");
-    };
-    let duration = if kind == Kind::UartStall {
-        let advice = "not a time that can be foretold; give up to 0.5 s, which the bead rides out, or at least 1.5 s, which it does not";
-        let fits = |s: f64| s > 0.0 && (s <= RIDDEN_OUT || (GIVEN_UP..1e6).contains(&s));
-        let found = number_of("duration", advice, &fits)?;
-        if found.is_none() {
-            return missing("duration", "give s, such as 0.2");
+
+        let advice = "give s after the first scan, such as 0.012";
+        let at = self.at.ok_or_else(|| error("at", "missing", advice))?;
+        ensure((0.0..1e6).contains(&at), "at", "not a time", advice)?;
+        if kind == Kind::UartStall {
+            let duration = duration.ok_or_else(|| error("duration", "missing", "give s, such as 0.2"))?;
+            let foretold = duration > 0.0 && duration <= RIDDEN_OUT || (GIVEN_UP..1e6).contains(&duration);
+            let what = "not a time that can be foretold";
+            let advice = "give up to 0.5 s, which the bead rides out, or at least 1.5 s, which it does not";
+            ensure(foretold, "duration", what, advice)?;
         }
-        found
-    } else {
-        let advice = "not a time above zero; give s, such as 0.25";
-        number_of("duration", advice, &|s| s > 0.0 && s < 1e6)?
-    };
-    let volts = number_of(
-        "volts",
-        "not a voltage that the part works at; give 1.8 to 3.6",
-        &|v| VOLTS.contains(&v),
-    )?;
-    if kind == Kind::Supply && volts.is_none() {
-        return missing("volts", "give 1.8 to 3.6, such as 2.7");
+        let lasts = duration.is_none_or(|s| s > 0.0 && s < 1e6);
+        ensure(lasts, "duration", "not a time above zero", "give s, such as 0.25")?;
+        let advice = "give 1.8 to 3.6, such as 2.7";
+        ensure(
+            volts.is_some() || kind != Kind::Supply,
+            "volts",
+            "missing",
+            advice,
+        )?;
+        let works = volts.is_none_or(|v| VOLTS.contains(&v));
+        ensure(works, "volts", "not a voltage that the part works at", advice)?;
+        Ok(Planned {
+            kind,
+            at,
+            duration,
+            volts,
+        })
     }
-    Ok(Planned {
-        kind,
-        at,
-        duration,
-        volts,
-    })
 }
 
 #[cfg(test)]
@@ -350,9 +328,7 @@ mod tests {
     use super::*;
 
     fn refused(text: &str) -> String {
-        let failure = parse(text, "f.toml").unwrap_err();
-        assert_eq!(failure.exit_status(), 2);
-        failure.to_string()
+        parse(text, "f.toml").unwrap_err().to_string()
     }
 
     #[test]

@@ -1,17 +1,17 @@
 //! The sensing front end of a bead, from newtons and m/s² to 12-bit codes.
 //!
 //! # Design
-//! Each sensor (volts per unit) has a one-pole anti-alias low-pass and two channels behind it: an amplifier (gain and
-//! offset), noise, and the converter: sampled at the scan rate, rounded to 12 bits, saturated at the rails. The low-pass is
-//! applied to the signal taken every half microsecond or finer, with the exact solution for a signal that is straight
-//! between those points, so that its error is that of the straight line and not of the filter.
+//! Each sensor (volts per unit) has a one-pole anti-alias low-pass and two channels behind it: an amplifier
+//! (gain and offset), noise, and the converter: sampled at the scan rate, rounded to 12 bits, saturated at
+//! the rails. The low-pass sees the signal every half microsecond. Between those points it uses the exact
+//! solution for a straight signal, so that the only error is that of the straight line.
 //!
-//! One scan converts the four channels one after the other, [`CONVERSION`] each: acceleration is held [`SCAN_SKEW`] after
-//! force. The model keeps that skew; whoever compares with the simulation corrects for it. Within a sensor the settings
-//! correct it.
+//! One scan converts the four channels one after the other, [`CONVERSION`] each: acceleration is held
+//! [`SCAN_SKEW`] after force. The model keeps that skew; a comparison with the simulation must correct for
+//! it. Within one sensor the settings correct it.
 //!
-//! Noise is white from sample to sample and stands after the low-pass: it is the noise of conditioner and converter
-//! seen at the code, referred to the sensor's unit.
+//! Noise is white from sample to sample and is added after the low-pass. It is the noise of conditioner and
+//! converter at the code, in the sensor's unit.
 
 use bead_model::design::{self, ChannelFrontEnd, SensorFrontEnd};
 use rand::SeedableRng;
@@ -23,13 +23,15 @@ use serde::{Deserialize, Serialize};
 pub const SAMPLE_RATE_HZ: u32 = 100_000;
 /// ADC1's clock: APB2 at 84 MHz through the prescaler of 4 (RM0090, ADC_CCR.ADCPRE).
 pub const ADC_CLOCK_HZ: u32 = 21_000_000;
-/// ADC clock cycles during which a channel's sample capacitor follows its input (RM0090, ADC_SMPR2: code 001).
+/// ADC clock cycles during which a channel's sample capacitor follows its input (RM0090, ADC_SMPR2: code
+/// 001).
 pub const SAMPLE_CYCLES: u32 = 15;
 /// ADC clock cycles of a 12-bit successive approximation (RM0090, ADC_CR1.RES: 12 bits, 12 cycles).
 pub const CONVERSION_CYCLES: u32 = 12;
 /// Seconds from one conversion of a scan to the next: 1.29 µs.
 pub const CONVERSION: f64 = (SAMPLE_CYCLES + CONVERSION_CYCLES) as f64 / ADC_CLOCK_HZ as f64;
-/// Seconds by which the acceleration of a scan is taken after its force, both at the high gain: two conversions.
+/// Seconds by which the acceleration of a scan is taken after its force, both at the high gain: two
+/// conversions.
 pub const SCAN_SKEW: f64 = 2.0 * CONVERSION;
 
 /// The converter's reference, which is VDDA, in volts.
@@ -37,7 +39,7 @@ pub const REFERENCE_VOLTS: f64 = 3.3;
 /// Codes of the 12-bit converter.
 pub const CODES: u16 = 4096;
 
-/// The low gain's range over the high one's, of the reference design.
+/// Range at the low gain over range at the high gain, in the reference design.
 pub const WIDER: f64 = 16.0;
 
 /// Points of the fine grid in one sample period: 2 MHz at 100 kHz.
@@ -59,7 +61,8 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// An ideal channel whose codes span `span` units, with the quiet sensor at `zero_code`: no pole, no noise.
+    /// An ideal channel whose codes span `span` units, with the quiet sensor at `zero_code`: no pole, no
+    /// noise.
     pub fn spanning(sensitivity: f64, span: f64, zero_code: f64) -> Self {
         Self {
             sensitivity,
@@ -114,8 +117,8 @@ impl Channel {
         (f64::from(code) - self.zero_code()) / self.codes_per_unit()
     }
 
-    /// The code of a value, and whether the value lies beyond the rails. The ideal converter of the data sheet
-    /// changes code half a step below the step, so it rounds.
+    /// The code of a value, and whether the value lies beyond the rails. The ideal converter of the data
+    /// sheet changes code half a step below the step, so it rounds.
     fn convert(&self, value: f64) -> (u16, bool) {
         let code = (self.zero_code() + value * self.codes_per_unit()).round();
         let top = f64::from(CODES - 1);
@@ -158,12 +161,12 @@ pub struct FrontEnd {
 }
 
 impl Default for FrontEnd {
-    /// The reference design: 16 N, -0.5 to 15.5 N, and 256 N; ±250 m/s² and ±4000 m/s². The paper's strike of 0.45 m/s peaks at
-    /// 6.4 N and 194 m/s².
+    /// The reference design. Force: -0.5 to 15.5 N at the high gain, a span of 256 N at the low one.
+    /// Acceleration: ±250 and ±4000 m/s². The paper's strike of 0.45 m/s peaks at 6.4 N and 194 m/s².
     ///
-    /// Poles at 40 kHz: far above the 5.2 kHz of the intruder's relaxation, below half the sample rate. Noise: at the high
-    /// gain 5 mN, about one code, and 0.05 m/s², half a code (see `docs/front-end.md` for what real sensors add); at the low
-    /// gain it is the converter's, three quarters of a code.
+    /// Poles at 40 kHz: far above the 5.2 kHz of the intruder's relaxation, below half the sample rate.
+    /// Noise: at the high gain 5 mN, about one code, and 0.05 m/s², half a code (see `docs/front-end.md` for
+    /// what real sensors add); at the low gain it is the converter's, three quarters of a code.
     fn default() -> Self {
         let sensor = |sensitivity: f64, span: f64, zero_code: f64, noise: [f64; 2]| {
             let channel = |span: f64, noise_rms: f64| Channel {
@@ -209,7 +212,8 @@ impl FrontEnd {
         }
     }
 
-    /// The same front end behind sensors that are `times` less sensitive: ranges and noise are so much greater.
+    /// The same front end behind sensors that are `times` less sensitive: ranges and noise grow by that
+    /// factor.
     #[must_use]
     pub fn behind_weaker_sensors(mut self, times: f64) -> Self {
         for channel in self.channels_mut() {
@@ -226,8 +230,8 @@ impl FrontEnd {
         [force, force_wide, acceleration, acceleration_wide]
     }
 
-    /// Converts `scans` scans, the first of which holds the force at time 0. Before time 0 both sensors have been
-    /// at their value of time 0.
+    /// Converts `scans` scans, the first of which holds the force at time 0. Before time 0 both sensors have
+    /// been at their value of time 0.
     ///
     /// `seed` fixes the noise; `None` leaves it out. The same arguments give the same codes.
     pub fn digitise(&self, stimulus: &mut impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
@@ -327,8 +331,8 @@ impl LowPass {
     }
 }
 
-/// The three constants of `y' = (u - y)/T₀` over one step of `phase` = step/T₀, for `u` straight between the ends:
-/// `y₁ = decay·y₀ + old·u₀ + new·u₁`.
+/// The three constants of `y' = (u - y)/T₀` over one step of `phase` = step/T₀, for `u` straight between the
+/// ends: `y₁ = decay·y₀ + old·u₀ + new·u₁`.
 pub(crate) fn first_order_hold(phase: f64) -> [f64; 3] {
     let decay = (-phase).exp();
     let mean = -(-phase).exp_m1() / phase;

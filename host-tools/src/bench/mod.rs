@@ -2,6 +2,7 @@
 
 pub mod bridge;
 pub mod emulation;
+pub mod error;
 pub mod faults;
 pub mod front_end;
 pub mod sensed;

@@ -1,27 +1,27 @@
-//! What a bead of a simulated chain senses, strike after strike, and what it should say of it.
+//! What a bead of a simulated chain senses, strike after strike, and what it should report.
 
 use std::path::Path;
 
 use bead_model::design::Bead;
 use bead_model::reduced_chain::FOLLOWERS;
-use hertz_chain::{Options, Sampler, Scenario, Solution, simulate};
+use hertz_chain::{Options, Sampler, Scenario, Solution, simulate_with};
 use serde::{Deserialize, Serialize};
 
+use crate::bench::error::BenchError;
 use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
-use crate::cli::failure::Failure;
 
 /// Seconds simulated beyond the scenario's end, so that the intruder's ring-down is complete in every window.
 pub const RING_DOWN: f64 = 6e-3;
 
-/// The bead and its surroundings as its settings are derived from.
+/// The bead and its surroundings: what its settings are derived from.
 ///
 /// # Errors
 /// The bead has no intruder, and so senses nothing; the message names those that have one.
-pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
+pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     let model = solution.model();
-    let Some(intruder) = model.resonators().iter().find(|resonator| resonator.bead == bead) else {
-        let with: Vec<String> = model.resonators().iter().map(|r| r.bead.to_string()).collect();
-        return Err(Failure::input(if with.is_empty() {
+    let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
+        let with: Vec<String> = model.intruders().iter().map(|one| one.bead.to_string()).collect();
+        return Err(BenchError::Unfit(if with.is_empty() {
             format!("--bead {bead}: no bead of this scenario has an intruder; add an [[intruder]] to it")
         } else {
             format!(
@@ -31,27 +31,29 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, Failure> {
         }));
     };
     if bead + 1 == model.bodies() {
-        return Err(Failure::input(format!(
+        return Err(BenchError::Unfit(format!(
             "--bead {bead}: the last bead has none behind it, and the reduced chain needs one; choose another host"
         )));
     }
-    // The reduced chain is uniform: the beads behind the host count as it, joined as it is to the next.
+    // The reduced chain is uniform: every bead behind the host counts as a host, and every contact as the
+    // host's right one.
     let behind = model.contact(bead + 1);
     Ok(Bead {
         mass: model.mass(bead),
-        intruder_mass: intruder.mass,
+        intruder_mass: intruder.oscillator.mass,
         front_mass: 0.0,
-        stiffness: intruder.stiffness,
-        damping: intruder.damping,
+        stiffness: intruder.oscillator.stiffness,
+        damping: intruder.oscillator.damping,
         contact_stiffness: behind.stiffness,
         relaxation: behind.relaxation,
     })
 }
 
-/// What to know about estimate B where the reduced chain is not like the real one, if anything.
+/// A warning where the reduced chain of estimate B is not like the real chain.
 ///
-/// The reduced chain follows the host with four beads that touch without force, and a free end: three of the real ones are
-/// as good (0.15 %), with fewer the end's reflection comes back while the intruder still moves.
+/// The reduced chain has four beads behind the host, which touch without force, and a free end. Three real
+/// beads are as good (0.15 %). With fewer, the reflection from the end comes back while the intruder still
+/// moves.
 pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<String> {
     let model = solution.model();
     let behind = (model.bodies() - 1).saturating_sub(bead);
@@ -69,11 +71,11 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<Stri
     })
 }
 
-/// The only bead with an intruder, for commands that were not told which.
+/// The only bead with an intruder, for commands that name no bead.
 ///
 /// # Errors
-/// There is none, or more than one.
-pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
+/// No bead has an intruder, or more than one has.
+pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
     let hosts: Vec<usize> = scenario
         .intruders
         .iter()
@@ -81,10 +83,10 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
         .collect();
     match hosts[..] {
         [host] => Ok(host),
-        [] => Err(Failure::input(
-            "no bead of this scenario has an intruder; add an [[intruder]] to it",
+        [] => Err(BenchError::Unfit(
+            "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
         )),
-        _ => Err(Failure::input(format!(
+        _ => Err(BenchError::Unfit(format!(
             "several beads have intruders ({hosts:?}); say which with --bead"
         ))),
     }
@@ -94,10 +96,10 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, Failure> {
 ///
 /// # Errors
 /// The file is missing or is no scenario; the message names file, line and key.
-pub fn load_scenario(path: &Path) -> Result<(Scenario, String), Failure> {
-    let scenario = Scenario::load(path).map_err(Failure::input)?;
+pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
+    let scenario = Scenario::load(path)?;
     let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))?;
+        .map_err(|error| BenchError::Unfit(format!("cannot read {}: {error}", path.display())))?;
     Ok((scenario, text))
 }
 
@@ -105,12 +107,12 @@ pub fn load_scenario(path: &Path) -> Result<(Scenario, String), Failure> {
 ///
 /// # Errors
 /// The scenario cannot be integrated.
-pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, Failure> {
+pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchError> {
     let options = Options {
         duration: Some(scenario.duration + RING_DOWN),
         ..Options::default()
     };
-    simulate(scenario, &options).map_err(Failure::input)
+    Ok(simulate_with(scenario, &options)?)
 }
 
 /// What the full chain says of one strike at one bead.
@@ -123,21 +125,21 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Of the bead `bead` of a solution of `scenario`.
+    /// The truth for bead `bead`, from a solution of `scenario`.
     ///
     /// # Errors
     /// The bead has no intruder, or no force ever reaches it.
-    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, Failure> {
+    pub fn of(scenario: &Scenario, solution: &Solution, bead: usize) -> Result<Self, BenchError> {
         bead_of(solution, bead)?;
         let summary = solution.summary();
         let peak = summary.peak_force.iter().find(|peak| peak.contact == bead);
-        let absorbed = solution.intruder_dissipated(bead, scenario.duration);
+        let absorbed = solution.at(scenario.duration).intruder_dissipated(bead);
         match (peak, absorbed) {
             (Some(peak), Some(absorbed)) => Ok(Self {
                 peak_force: peak.force,
                 absorbed,
             }),
-            _ => Err(Failure::input(format!(
+            _ => Err(BenchError::Unfit(format!(
                 "no force reaches bead {bead} within {} s; make the scenario's duration longer",
                 scenario.duration
             ))),
@@ -159,21 +161,21 @@ pub struct Timing {
 impl Timing {
     /// When the striker of strike `number`, from 0, touches the chain, s.
     ///
-    /// Strikes do not wait for the sample clock: each but the first comes at another phase of it, spread evenly by
-    /// the golden ratio.
+    /// Strikes do not wait for the sample clock. Each comes at another phase of it; the golden ratio spreads
+    /// the phases evenly.
     pub fn start(&self, number: u32) -> f64 {
         let phase = (f64::from(number) * 0.618_033_988_749_894_9).fract();
         self.lead_in + f64::from(number) * self.interval + phase / f64::from(SAMPLE_RATE_HZ)
     }
 
-    /// Scans from power-up to when the last strike, `long` seconds each, is over.
+    /// Scans from power-up to the end of the last strike; a strike takes `long` seconds.
     pub fn scans(&self, long: f64) -> usize {
         let last = self.strikes.saturating_sub(1);
         ((self.start(last) + long) * f64::from(SAMPLE_RATE_HZ)).ceil() as usize + 1
     }
 }
 
-/// What the sensors of one bead feel: the same strike again and again, quiet between.
+/// What the sensors of one bead feel: the same strike again and again, with quiet between.
 pub struct Sensed<'a> {
     bead: usize,
     timing: Timing,
@@ -183,7 +185,7 @@ pub struct Sensed<'a> {
 }
 
 impl<'a> Sensed<'a> {
-    /// Of the bead `bead`, which has an intruder, of `solution`.
+    /// The sensors of bead `bead`, which has an intruder, in `solution`.
     pub fn new(solution: &'a Solution, bead: usize, timing: Timing) -> Self {
         Self {
             bead,
@@ -194,14 +196,15 @@ impl<'a> Sensed<'a> {
         }
     }
 
-    /// Time since the last strike began, if its simulation goes so far.
+    /// Time since the last strike began; none if the simulation does not go so far.
     fn in_strike(&self, time: f64) -> Option<f64> {
         let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
         if guess < 0.0 {
             return None;
         }
         let number = (guess as u32).min(self.timing.strikes.checked_sub(1)?);
-        // A strike starts up to a sample after its place in the row: just after it, the one before still counts.
+        // A strike starts up to one sample after its place in the row. Until then the strike before still
+        // counts.
         let start = self.timing.start(number);
         let start = if time < start && number > 0 {
             self.timing.start(number - 1)
@@ -227,19 +230,27 @@ impl Stimulus for Sensed<'_> {
 
 #[cfg(test)]
 mod tests {
+    use hertz_chain::simulate;
+
     use super::*;
-    use crate::comparison::testing::paper_scenario;
+
+    /// The first millisecond of the paper's strike: the wave does not reach the intruder.
+    fn short_scenario() -> Scenario {
+        Scenario {
+            duration: 1e-3,
+            ..Scenario::paper()
+        }
+    }
 
     #[test]
     fn a_bead_without_an_intruder_is_refused_and_the_others_named() {
-        let mut scenario = crate::comparison::testing::short_scenario();
+        let mut scenario = short_scenario();
         scenario.intruders[0].beads = vec![4, 9];
-        let solution = simulate(&scenario, &Options::default()).unwrap();
+        let solution = simulate(&scenario).unwrap();
         let error = bead_of(&solution, 5).unwrap_err();
-        assert_eq!(error.exit_status(), 2);
         assert!(error.to_string().contains("one of: 4, 9"), "{error}");
         scenario.intruders.clear();
-        let solution = simulate(&scenario, &Options::default()).unwrap();
+        let solution = simulate(&scenario).unwrap();
         assert!(
             bead_of(&solution, 5)
                 .unwrap_err()
@@ -250,7 +261,7 @@ mod tests {
 
     #[test]
     fn the_paper_bead_is_found_in_the_paper_scenario() {
-        let solution = simulate(&crate::comparison::testing::short_scenario(), &Options::default()).unwrap();
+        let solution = simulate(&short_scenario()).unwrap();
         let (found, stated) = (bead_of(&solution, 8).unwrap(), Bead::paper());
         for (found, stated) in [
             (found.mass, stated.mass),
@@ -266,7 +277,7 @@ mod tests {
 
     #[test]
     fn every_strike_is_the_same_signal_at_its_own_phase_of_the_clock() {
-        let scenario = paper_scenario();
+        let scenario = Scenario::paper();
         let solution = simulate_with_ring_down(&scenario).unwrap();
         let timing = Timing {
             lead_in: 0.02,
@@ -279,8 +290,8 @@ mod tests {
         for number in 0..3 {
             for since in [0.5e-3, 1.6e-3, 3e-3, 11.9e-3] {
                 let time = timing.start(number) + since;
-                assert!((sensed.force(time) - solution.force(8, since)).abs() < 1e-6);
-                let expected = solution.intruder_acceleration(8, since).unwrap();
+                assert!((sensed.force(time) - solution.at(since).force(8)).abs() < 1e-6);
+                let expected = solution.at(since).intruder_acceleration(8).unwrap();
                 assert!((sensed.acceleration(time) - expected).abs() < 1e-4);
             }
         }

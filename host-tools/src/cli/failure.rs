@@ -1,4 +1,4 @@
-//! What a command failed of, and the exit status that says so.
+//! Why a command failed, and its exit status.
 //!
 //! | status | meaning |
 //! |---|---|
@@ -9,6 +9,14 @@
 
 use std::fmt::Display;
 use std::process::ExitCode;
+
+use stm32f405_qemu::RunError;
+
+use crate::bench::error::BenchError;
+use crate::line::conversation::LineError;
+use crate::recording::file::RecordingError;
+use crate::recording::time_series::TimeSeriesError;
+use crate::recording::whole::WriteError;
 
 /// Why a command did not end with exit status 0. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
@@ -45,9 +53,45 @@ impl Failure {
     }
 }
 
-impl From<hertz_figures::error::Error> for Failure {
-    fn from(error: hertz_figures::error::Error) -> Self {
-        Self::input(error)
+/// Errors of the library whose cause is the command's input: exit status 2.
+macro_rules! input_errors {
+    ($($error:ty),*) => {
+        $(impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::input(error)
+            }
+        })*
+    };
+}
+input_errors!(
+    hertz_chain::InputError,
+    hertz_chain::SimulateError,
+    hertz_figures::error::Error,
+    RecordingError,
+    TimeSeriesError,
+    WriteError
+);
+
+impl From<BenchError> for Failure {
+    fn from(error: BenchError) -> Self {
+        use RunError::{ImageMissing, Input, NoSymbols, NotArmElf};
+        match error {
+            BenchError::Mute(_) => Self::device(error),
+            BenchError::Emulator(ImageMissing { .. } | NotArmElf { .. } | NoSymbols { .. } | Input(_)) => {
+                Self::input(error)
+            }
+            BenchError::Emulator(_) => Self::device(error),
+            _ => Self::input(error),
+        }
+    }
+}
+
+impl From<LineError> for Failure {
+    fn from(error: LineError) -> Self {
+        match error {
+            LineError::Refused(why) => Self::Verdict(why),
+            _ => Self::device(error),
+        }
     }
 }
 
@@ -57,7 +101,7 @@ impl From<&Failure> for ExitCode {
     }
 }
 
-/// Says whose fault an error is, at the place that knows.
+/// Says whether the input or the device is at fault.
 pub trait Blame<T> {
     /// The input is at fault.
     fn or_input<C: Display + Send + Sync + 'static>(self, context: impl FnOnce() -> C) -> Result<T, Failure>;

@@ -11,7 +11,7 @@ pub(crate) enum Noise {
     /// As noisy as the real one.
     #[default]
     On,
-    /// Ideal but for its filter and its twelve bits.
+    /// Ideal, except for its filter and its twelve bits.
     Off,
 }
 
@@ -125,7 +125,7 @@ impl FrontEndOptions {
         ] {
             if let Some(rms) = not_negative(name, rms, unit)? {
                 sensor.sensitive.noise_rms = rms;
-                // What the sensor makes is in both channels.
+                // The sensor's own noise is in both channels.
                 sensor.wide.noise_rms = sensor.wide.noise_rms.max(rms);
             }
         }

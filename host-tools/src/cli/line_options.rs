@@ -1,4 +1,4 @@
-//! How to reach a bead that is asked: what `bead settings` and `bead command` share.
+//! The line to a bead: options that `bead settings` and `bead command` share.
 
 use std::time::Duration;
 
@@ -17,13 +17,13 @@ pub(crate) struct LineOptions {
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
-    /// How long a reply may take, s; three times as long in all.
+    /// How long a reply may take, s. A request is sent three times.
     #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = crate::cli::output::seconds)]
     timeout: Duration,
 }
 
 impl LineOptions {
     pub(crate) fn open(&self) -> Result<Conversation, Failure> {
-        Conversation::open(&self.port, self.baud, self.timeout)
+        Ok(Conversation::open(&self.port, self.baud, self.timeout)?)
     }
 }

@@ -1,5 +1,6 @@
-//! The command line: the command tree, and beneath it the commands, their options and their output.
+//! The command line: the command tree, and below it the commands, their options and their output.
 
+mod bench_options;
 mod commands;
 pub mod failure;
 mod front_end_options;
@@ -42,18 +43,17 @@ enum Command {
     Emulate(emulate::Arguments),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
-    /// Ask a bead: status, identity, self-test, arm, raw samples, reboot.
-    #[command(name = "command")]
-    Ask(command::Arguments),
+    /// Send a bead a request: status, identity, self-test, arm, raw samples, reboot.
+    Command(command::Arguments),
     /// Read, write and show a bead's settings.
     Settings(settings::Arguments),
     /// Print the frames of a recording or of raw bytes, one JSON object a line.
     Decode(decode::Arguments),
     /// Run the recorded samples through the bead's code: every result bit for bit.
     Replay(replay::Arguments),
-    /// Hold a recording against the simulation: device, replay, f64 from the same samples, full chain.
+    /// Compare a recording with the simulation: device, replay, f64 from the same samples, full chain.
     Compare(compare::Arguments),
-    /// How recorded beads' clocks run: against this host, and against one another.
+    /// Find how the clocks of recorded beads run: against this host, and against one another.
     Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
     Optimise(optimise::Arguments),
@@ -73,7 +73,7 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
-            Command::Ask(arguments) => command::run(&arguments),
+            Command::Command(arguments) => command::run(&arguments),
             Command::Settings(arguments) => settings::run(&arguments),
             Command::Decode(arguments) => decode::run(&arguments),
             Command::Replay(arguments) => replay::run(&arguments),

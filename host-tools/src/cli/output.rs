@@ -1,9 +1,6 @@
-//! How results leave the program: data on standard output, everything else on standard error, and files that
-//! appear whole or not at all.
+//! How results leave the program: data on standard output, everything else on standard error.
 
-use std::fs;
 use std::io::{self, IsTerminal, Write};
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -15,6 +12,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use crate::cli::failure::{Blame, Failure};
+pub use crate::recording::whole::{write_bytes, write_whole};
 
 /// The shape of a result on standard output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -24,6 +22,17 @@ pub enum Format {
     Table,
     /// One JSON document for programs.
     Json,
+}
+
+/// Prints a result: `value` as one JSON document, or the text that `table` makes of it.
+///
+/// # Errors
+/// As [`print_json`].
+pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> String) -> Result<(), Failure> {
+    match format {
+        Format::Json => print_json(value),
+        Format::Table => print_line(&table()),
+    }
 }
 
 /// Prints `value` as one JSON document.
@@ -46,9 +55,10 @@ pub fn print_line(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// A flag that Ctrl-C and SIGTERM raise; a second one ends the program at once, as it would without us.
+/// A flag that Ctrl-C and SIGTERM set. The second signal ends the program at once.
 ///
-/// SIGHUP is left alone: under `nohup` a recording outlives its terminal, and without it the file stays readable.
+/// SIGHUP is left alone: under `nohup` a recording outlives its terminal, and without it the file stays
+/// readable.
 pub(crate) fn stop_at_signals() -> io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
@@ -61,7 +71,7 @@ pub(crate) fn stop_at_signals() -> io::Result<Arc<AtomicBool>> {
 /// A duration on the command line.
 ///
 /// # Errors
-/// One line: it is no number of seconds above 0.
+/// The text is not a number of seconds above 0.
 pub fn seconds(text: &str) -> Result<Duration, String> {
     text.parse()
         .ok()
@@ -70,60 +80,27 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "give seconds, more than 0".to_owned())
 }
 
-/// A table without rulings: names left, figures right.
-pub fn table<const N: usize>(header: [impl Into<String>; N]) -> Table {
+/// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's cells.
+pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<Item = R>) -> String {
     let mut table = Table::new();
     table
         .load_style(presets::NOTHING)
-        .set_header(header.map(Into::<String>::into));
+        .set_header(header.split('|').map(str::trim))
+        .add_rows(rows);
     for (index, column) in table.column_iter_mut().enumerate() {
         column.set_padding((0, 2));
         if index > 0 {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    table
+    // Padding leaves blanks at the ends of the lines.
+    let lines: Vec<_> = table.lines().map(|line| line.trim_end().to_owned()).collect();
+    lines.join("\n")
 }
 
-/// A table's text without the blanks that padding leaves at the line ends.
-pub fn table_text(table: &Table) -> String {
-    table
-        .lines()
-        .map(|line| line.trim_end().to_owned())
-        .collect::<Vec<_>>()
-        .join("\n")
-}
-
-/// Writes a file under a temporary name beside `path` and renames it when `fill` has succeeded, so that nothing
-/// half-written is ever found under the name asked for.
-///
-/// # Errors
-/// The directory is missing or not writable, or what `fill` reports.
-pub fn write_whole(
-    path: &Path,
-    fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>,
-) -> Result<(), Failure> {
-    let directory = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let context = || format!("cannot write {}", path.display());
-    let mut file = tempfile::Builder::new()
-        .prefix(".bead-")
-        .tempfile_in(directory)
-        .or_input(|| format!("{}: is the directory there, and writable?", context()))?;
-    fill(file.as_file_mut()).or_input(context)?;
-    file.as_file_mut().sync_all().or_input(context)?;
-    // A temporary file is private to its owner; a result is as readable as any other new file.
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        file.as_file()
-            .set_permissions(fs::Permissions::from_mode(0o644))
-            .or_input(context)?;
-    }
-    file.persist(path).or_input(context)?;
-    Ok(())
+/// `yes` if something holds, else `no`: for the cells of a table.
+pub fn either(holds: bool, yes: &str, no: &str) -> String {
+    (if holds { yes } else { no }).to_owned()
 }
 
 /// A spinner on standard error that names the step under way; silent when standard error is not a terminal.
@@ -141,7 +118,7 @@ pub fn spinner(step: impl Into<String>) -> ProgressBar {
     bar
 }
 
-/// A progress bar of so many steps on standard error; silent when standard error is not a terminal.
+/// A progress bar of `steps` steps on standard error; silent when standard error is not a terminal.
 pub fn progress(steps: u64) -> ProgressBar {
     let bar = ProgressBar::new(steps);
     if !io::stderr().is_terminal() {
@@ -165,28 +142,5 @@ mod tests {
         for text in ["", "0", "-1", "nan", "inf", "1e300", "5s"] {
             assert!(seconds(text).is_err(), "{text}");
         }
-    }
-
-    #[test]
-    fn a_failed_write_leaves_nothing_behind() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("out.bin");
-        let result = write_whole(&path, |file| {
-            file.write_all(b"half")?;
-            anyhow::bail!("the disk is full")
-        });
-        assert_eq!(result.unwrap_err().exit_status(), 2);
-        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
-    }
-
-    #[test]
-    fn a_failed_write_keeps_the_file_that_was_there() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("out.bin");
-        fs::write(&path, "old").unwrap();
-        write_whole(&path, |_| anyhow::bail!("no")).unwrap_err();
-        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
-        write_whole(&path, |file| Ok(file.write_all(b"new")?)).unwrap();
-        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
     }
 }

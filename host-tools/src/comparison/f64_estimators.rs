@@ -1,11 +1,11 @@
-//! Estimates A and B in f64, from the same samples that the bead had: what its fixed point and its step a sample
-//! cost.
+//! Estimates A and B in f64, from the same samples that the bead had. They show what the bead's fixed point
+//! and its single step for each sample cost.
 //!
 //! # Design
-//! Nothing here is shared with the fixed-point code but the physics, so that an error in one shows against the
-//! other. A integrates the intruder's first-order law exactly for an acceleration that is straight between samples;
-//! B runs the reduced chain by Runge-Kutta with [`SUBSTEPS`] steps a sample, on a force interpolated by cubics. Both
-//! return the running energy, sample by sample.
+//! This code shares only the physics with the fixed-point code, so that an error in one shows against the
+//! other. A integrates the intruder's first-order law exactly for an acceleration that is straight between
+//! samples; B runs the reduced chain by Runge-Kutta with [`SUBSTEPS`] steps a sample, on a force interpolated
+//! by cubics. Both return the running energy, sample by sample.
 
 use bead_model::design::Bead;
 use bead_model::reduced_chain::FOLLOWERS;
@@ -15,15 +15,16 @@ use crate::bench::front_end::first_order_hold;
 /// Runge-Kutta steps in one sample period: 2 MHz at 100 kHz.
 pub const SUBSTEPS: usize = 20;
 
-/// Takes a one-pole low-pass with this time constant, in samples, out of its samples: `s = y + ẏ/ω`, with the derivative
-/// by the five-point central difference (fourth order). The two samples at either end take what derivative they can. A sample that is not known is NaN.
+/// Removes a one-pole low-pass with this time constant, in samples, from its samples: `s = y + ẏ/ω`. The
+/// derivative is the five-point central difference (fourth order); at either end the two last samples use the
+/// samples there are. An unknown sample is NaN.
 pub fn lead(samples: &[f64], in_samples: f64) -> Vec<f64> {
     let at = |i: isize| samples[i.clamp(0, samples.len() as isize - 1) as usize];
     (0..samples.len() as isize)
         .map(|i| {
             let near = (at(i + 1) - at(i - 1)) / 2.0;
             let far = (at(i + 2) - at(i - 2)) / 4.0;
-            // Of a channel that is only known in part the nearest two have to do.
+            // Where a channel is only known in part, the two nearest samples must do.
             let slope = if far.is_nan() {
                 near
             } else {
@@ -60,8 +61,8 @@ pub fn measured(bead: &Bead, acceleration: &[f64], rate_hz: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Estimate B: energy in J absorbed since the first sample, at each sample, from the total force at the host's
-/// incoming contact in N. Everything is at rest, just touching, at the first sample.
+/// Estimate B: energy in J absorbed since the first sample, at each sample, from the total force at the
+/// host's incoming contact in N. Everything is at rest, just touching, at the first sample.
 pub fn predicted(bead: &Bead, force: &[f64], rate_hz: f64) -> Vec<f64> {
     let step = 1.0 / rate_hz / SUBSTEPS as f64;
     let at = |i: isize| force[i.clamp(0, force.len() as isize - 1) as usize];
@@ -98,8 +99,8 @@ fn cubic([before, start, end, after]: [f64; 4], phase: f64) -> f64 {
         - after * p * q * (1.0 + p) / 6.0
 }
 
-/// Bodies: the host, then its followers. Layout: displacements, velocities, intruder relative displacement and
-/// velocity, energy absorbed.
+/// Bodies: the host, then its followers. Layout: displacements, velocities, intruder relative displacement
+/// and velocity, energy absorbed.
 const BODIES: usize = FOLLOWERS + 1;
 const INTRUDER: usize = 2 * BODIES;
 const ENERGY: usize = INTRUDER + 2;
@@ -147,7 +148,7 @@ fn rate(bead: &Bead, state: &State, incoming: f64) -> State {
     rate
 }
 
-/// The paper's Eq. (1): Hertz and Kuwabara-Kono, nothing where the beads have parted.
+/// The paper's Eq. (1): Hertz and Kuwabara-Kono; no force where the beads have parted.
 fn contact_force(bead: &Bead, overlap: f64, approach: f64) -> f64 {
     if overlap <= 0.0 {
         return 0.0;
@@ -171,15 +172,15 @@ fn runge_kutta(bead: &Bead, state: &State, step: f64, [start, middle, end]: [f64
 mod tests {
     use super::*;
     use crate::bench::sensed::bead_of;
-    use crate::comparison::testing::paper_scenario;
+    use hertz_chain::Scenario;
 
     const RATE: f64 = 100e3;
 
-    /// Samples of the paper's strike without noise and without rounding, behind `pole`, with the energy that the
-    /// intruder of the full chain dissipates until the last of them.
+    /// Samples of the paper's strike without noise and without rounding, behind `pole`, with the energy that
+    /// the intruder of the full chain dissipates until the last of them.
     fn samples(pole_hz: Option<f64>) -> (Bead, Vec<f64>, Vec<f64>, f64) {
-        let scenario = paper_scenario();
-        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        let scenario = Scenario::paper();
+        let solution = hertz_chain::simulate(&scenario).unwrap();
         let bead = bead_of(&solution, 8).unwrap();
         let fine = 20;
         let end = (scenario.duration * RATE) as usize;
@@ -192,9 +193,9 @@ mod tests {
                 .step_by(fine as usize)
                 .collect()
         };
-        let force = sample(Box::new(|t| solution.force(8, t)));
-        let acceleration = sample(Box::new(|t| solution.intruder_acceleration(8, t).unwrap()));
-        let truth = solution.intruder_dissipated(8, end as f64 / RATE).unwrap();
+        let force = sample(Box::new(|t| solution.at(t).force(8)));
+        let acceleration = sample(Box::new(|t| solution.at(t).intruder_acceleration(8).unwrap()));
+        let truth = solution.at(end as f64 / RATE).intruder_dissipated(8).unwrap();
         (bead, force, acceleration, truth)
     }
 

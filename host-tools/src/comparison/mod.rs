@@ -2,7 +2,11 @@
 
 pub mod f64_estimators;
 pub mod page;
+pub mod pictures;
 pub mod replay;
+pub mod run;
+mod signal;
 pub mod strike;
 #[cfg(test)]
-pub(crate) mod testing;
+mod testing;
+pub mod verdict;

@@ -1,29 +1,25 @@
 //! Device, replay, f64 from the same samples and the full f64 chain, side by side.
 //!
 //! # Design
-//! From the full chain to the device, each step adds one source of error: sampling, twelve bits, noise and the
-//! reduced chain; then fixed point; then nothing, for replay and device must agree in every bit.
+//! Each step from the full chain to the device adds one source of error. The first adds sampling, twelve
+//! bits, noise and the reduced chain. The second adds fixed point. The third adds nothing: replay and device
+//! must agree in every bit.
 //!
-//! The recording does not say when the striker hit. Each strike is therefore placed in time where its force fits the
-//! simulated one best; the acceleration, taken [`SCAN_SKEW`] later, follows.
+//! The recording does not say when the striker hit. Each strike is therefore placed at the time where its
+//! force fits the simulated force best. The acceleration was taken [`SCAN_SKEW`] later.
 
-use bead_model::calibration::Channel;
 use bead_model::design::Bead;
 use bead_model::layout::BASELINE;
-use bead_model::reduced_chain::FOOT;
-use bead_model::sensor::Sensor;
-use bead_wire::{FINE_UNIT, FORCE_UNIT_N};
-use fixed::types::extra::LeEqU32;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
 use serde::Serialize;
 
+use crate::bench::error::BenchError;
 use crate::bench::front_end::SCAN_SKEW;
 use crate::bench::sensed::{Truth, bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
-use crate::cli::failure::Failure;
 use crate::comparison::f64_estimators;
 use crate::comparison::replay::{Replay, replay};
-use crate::recording::frames::{flag_names, joules, newton_seconds};
-use crate::recording::strikes::{Codes, RecordedStrike};
+use crate::comparison::signal::{force_noise, gated, least, sensed};
+use crate::recording::strikes::RecordedStrike;
 
 /// Goal for estimate A against the full chain.
 pub const GOAL_A: f64 = 2e-3;
@@ -44,9 +40,9 @@ pub struct Values {
 impl Values {
     fn of(said: &bead_wire::Strike) -> Self {
         Self {
-            peak_force: f64::from(said.peak_force) * FORCE_UNIT_N,
-            absorbed_measured: joules(said.absorbed_measured),
-            absorbed_predicted: joules(said.absorbed_predicted),
+            peak_force: said.peak_force.newtons(),
+            absorbed_measured: said.absorbed_measured.joules(),
+            absorbed_predicted: said.absorbed_predicted.joules(),
         }
     }
 
@@ -60,7 +56,7 @@ impl Values {
     }
 }
 
-/// One strike, four times.
+/// One strike, from four sources.
 #[derive(Debug, Clone, Serialize)]
 pub struct StrikeComparison {
     /// Its number since the bead's reset.
@@ -69,25 +65,26 @@ pub struct StrikeComparison {
     pub sample_index: u64,
     /// What the bead sent.
     pub device: Values,
-    /// What this computer makes of the same codes with the same code; none if it could not be replayed.
+    /// The result of the bead's code on this computer, from the same samples; none if it could not be
+    /// replayed.
     pub replay: Option<Values>,
     /// Whether the two agree in every bit.
     pub replay_identical: bool,
-    /// Where they part first.
+    /// Where they differ first.
     pub first_difference: Option<String>,
-    /// What f64 makes of the same codes; none if codes are missing.
+    /// The result of f64 estimates from the same samples; none if samples are missing.
     pub f64_samples: Option<Values>,
     /// What the full chain says.
     pub f64_chain: Values,
     /// Device against full chain, as a part of it.
     pub deviation: Values,
-    /// What the deviations of A and B may be.
+    /// How great the deviations of A and B may be.
     pub goal: Goal,
     /// Noise of the force before the strike, N rms.
     pub force_noise: f64,
     /// Names of the strike's flags.
     pub flags: Vec<&'static str>,
-    /// Its shape; none if that or the samples were not received.
+    /// Its shape; none if the shape or the samples were not received.
     pub shape: Option<ShapeComparison>,
     /// Whether the goals are met and replay is identical.
     pub pass: bool,
@@ -96,18 +93,110 @@ pub struct StrikeComparison {
     pub traces: Option<Traces>,
 }
 
+/// One quantity of a strike, as tables have it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The quantity and its unit.
+    pub name: &'static str,
+    /// The value by the device, by replay, in f64 from the same samples, and by the full chain. None where it
+    /// is not known, empty where no source computes it.
+    pub cells: [Option<String>; 4],
+    /// The device's deviation, as a part of the full chain's value.
+    pub off: f64,
+    /// How great the deviation may be, if there is a goal.
+    pub goal: Option<f64>,
+}
+
+impl Row {
+    /// Whether the deviation is within its goal, if there is a goal.
+    pub fn met(&self) -> Option<bool> {
+        self.goal.map(|goal| self.off.abs() <= goal)
+    }
+}
+
+impl StrikeComparison {
+    /// Both energies and the highest force.
+    pub fn rows(&self) -> [Row; 3] {
+        let row = |name, of: fn(&Values) -> f64, scale: f64, digits: usize, goal| {
+            let cell = |values: Values| format!("{:.digits$}", of(&values) * scale);
+            Row {
+                name,
+                cells: [
+                    Some(self.device),
+                    self.replay,
+                    self.f64_samples,
+                    Some(self.f64_chain),
+                ]
+                .map(|values| values.map(cell)),
+                off: of(&self.deviation),
+                goal,
+            }
+        };
+        let Goal {
+            absorbed_measured,
+            absorbed_predicted,
+        } = self.goal;
+        [
+            row(
+                "A, measured (nJ)",
+                |v| v.absorbed_measured,
+                1e9,
+                3,
+                Some(absorbed_measured),
+            ),
+            row(
+                "B, predicted (nJ)",
+                |v| v.absorbed_predicted,
+                1e9,
+                3,
+                Some(absorbed_predicted),
+            ),
+            row("peak force (N)", |v| v.peak_force, 1.0, 5, None),
+        ]
+    }
+
+    /// The quantities of its shape; none if that is not known.
+    pub fn shape_rows(&self) -> Vec<Row> {
+        let Some(ShapeComparison { device, f64_chain }) = self.shape else {
+            return Vec::new();
+        };
+        let row = |name, of: fn(&ShapeValues) -> f64, scale: f64, digits: usize| {
+            let cell = |shape: &ShapeValues| format!("{:.digits$}", of(shape) * scale);
+            Row {
+                name,
+                cells: [cell(&device), String::new(), String::new(), cell(&f64_chain)].map(Some),
+                off: of(&device) / of(&f64_chain) - 1.0,
+                goal: None,
+            }
+        };
+        vec![
+            row("width at half height (µs)", |shape| shape.width, 1e6, 2),
+            row("impulse (mN·s)", |shape| shape.impulse, 1e3, 4),
+            row("ringing (Hz)", |shape| shape.ring_frequency, 1.0, 1),
+            row("its decay (1/s)", |shape| shape.ring_decay, 1.0, 1),
+            row("so k is (kN/m)", |shape| shape.stiffness, 1e-3, 1),
+            row("and c (N·s/m)", |shape| shape.damping, 1.0, 2),
+        ]
+    }
+}
+
+/// A deviation in percent, signed, with a true minus.
+pub fn percent(part: f64) -> String {
+    format!("{:+.3} %", part * 100.0).replace('-', "−")
+}
+
 /// The shape of a strike: of the bead, and of the full chain.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ShapeComparison {
     /// As the bead sent it.
-    pub device: Shape,
-    /// Of the full chain; its ringing is that of a host that flies free.
-    pub f64_chain: Shape,
+    pub device: ShapeValues,
+    /// Of the full chain. The ringing is computed for a host that flies free.
+    pub f64_chain: ShapeValues,
 }
 
 /// The shape of a strike in SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Shape {
+pub struct ShapeValues {
     /// Full width at half height of the force, s.
     pub width: f64,
     /// Momentum that came in over the window, N·s.
@@ -116,21 +205,20 @@ pub struct Shape {
     pub ring_frequency: f64,
     /// Decay of its amplitude, 1/s.
     pub ring_decay: f64,
-    /// Stiffness that rings so, k = μ (ω² + β²), N/m.
+    /// Stiffness from the ringing, k = μ (ω² + β²), N/m.
     pub stiffness: f64,
-    /// Damping that decays so, c = 2 μ β, N·s/m.
+    /// Damping from the decay, c = 2 μ β, N·s/m.
     pub damping: f64,
 }
 
-impl Shape {
+impl ShapeValues {
     /// With the reduced mass μ of intruder and host, kg.
     fn of(said: &bead_wire::Shape, rate_hz: u32, reduced: f64) -> Self {
-        let fine = |bits: u32| f64::from(bits) * FINE_UNIT;
-        let (frequency, decay) = (fine(said.ring_frequency), fine(said.ring_decay));
+        let (frequency, decay) = (said.ring_frequency.hertz(), said.ring_decay.per_second());
         let omega = std::f64::consts::TAU * frequency;
         Self {
-            width: fine(said.width) / f64::from(rate_hz),
-            impulse: newton_seconds(said.impulse, rate_hz),
+            width: said.width.samples() / f64::from(rate_hz),
+            impulse: said.impulse.newton_seconds(rate_hz),
             ring_frequency: frequency,
             ring_decay: decay,
             stiffness: reduced * (omega * omega + decay * decay),
@@ -148,12 +236,12 @@ pub struct Goal {
     pub absorbed_predicted: f64,
 }
 
-/// What the sensors delivered, or what the chain did, over the time since the striker hit.
+/// What the sensors delivered at one time, and what the chain did then.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sensed {
-    /// When, s.
+pub struct SensedPoint {
+    /// Time since the striker hit, s.
     pub time: f64,
-    /// Sensed, the front end's pole taken out.
+    /// Sensed, with the front end's pole removed.
     pub sensed: f64,
     /// Simulated at that time.
     pub simulated: f64,
@@ -161,8 +249,8 @@ pub struct Sensed {
 
 /// An estimate of the absorbed energy at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Absorbed {
-    /// When, s since the striker hit.
+pub struct AbsorbedPoint {
+    /// Time since the striker hit, s.
     pub time: f64,
     /// By the estimate, J.
     pub estimate: f64,
@@ -174,19 +262,19 @@ pub struct Absorbed {
 #[derive(Debug, Clone, Default)]
 pub struct Traces {
     /// Force, N.
-    pub force: Vec<Sensed>,
+    pub force: Vec<SensedPoint>,
     /// Acceleration, m/s², taken [`SCAN_SKEW`] after the force.
-    pub acceleration: Vec<Sensed>,
+    pub acceleration: Vec<SensedPoint>,
     /// A and B in f64 from the same samples.
-    pub f64_samples: [Vec<Absorbed>; 2],
+    pub f64_samples: [Vec<AbsorbedPoint>; 2],
     /// A and B replayed.
-    pub replay: [Vec<Absorbed>; 2],
+    pub replay: [Vec<AbsorbedPoint>; 2],
     /// A and B from the device, at the ends of its chunks.
-    pub device: [Vec<Absorbed>; 2],
+    pub device: [Vec<AbsorbedPoint>; 2],
 }
 
-/// What is compared against: the full chain, run once for all strikes.
-pub struct Chain {
+/// The full chain that strikes are compared with. It is run once for all strikes.
+pub struct FullChain {
     bead: usize,
     physics: Bead,
     solution: Solution,
@@ -194,12 +282,12 @@ pub struct Chain {
     peak_time: f64,
 }
 
-impl Chain {
+impl FullChain {
     /// Runs the full chain of `scenario` around bead `bead`.
     ///
     /// # Errors
     /// The bead has no intruder, or the scenario cannot be run.
-    pub fn run(scenario: &Scenario, bead: usize) -> Result<Self, Failure> {
+    pub fn run(scenario: &Scenario, bead: usize) -> Result<Self, BenchError> {
         let solution = simulate_with_ring_down(scenario)?;
         let physics = bead_of(&solution, bead)?;
         let truth = Truth::of(scenario, &solution, bead)?;
@@ -217,12 +305,12 @@ impl Chain {
         })
     }
 
-    /// What to know about estimate B at this bead, if anything.
+    /// A warning about estimate B at this bead, if there is one.
     pub fn note(&self) -> Option<String> {
         unlike_the_reduced_chain(&self.solution, self.bead)
     }
 
-    /// The strike, four times.
+    /// Compares a strike from four sources.
     pub fn compare(&self, strike: &RecordedStrike) -> StrikeComparison {
         let replay = replay(strike);
         let device = Values::of(&strike.said);
@@ -262,7 +350,7 @@ impl Chain {
             deviation,
             goal,
             force_noise: force_noise(strike),
-            flags: flag_names(strike.said.flags),
+            flags: strike.said.flags.names().collect(),
             shape: self.shape(strike, traces.as_ref()),
             pass,
             traces,
@@ -279,7 +367,7 @@ impl Chain {
             ..
         } = self.physics;
         let reduced = intruder_mass * (mass - intruder_mass) / mass;
-        let device = Shape::of(&said, strike.settings?.sample_rate_hz, reduced);
+        let device = ShapeValues::of(&said, strike.settings?.sample_rate_hz, reduced);
         let inside = |time: f64| time.clamp(0.0, self.solution.end());
         let window = [force.first()?, force.last()?].map(|point| inside(point.time));
         let pulses = self.solution.pulses(self.bead, &PulseSearch::default());
@@ -287,7 +375,7 @@ impl Chain {
         let decay = 0.5 * damping / reduced;
         Some(ShapeComparison {
             device,
-            f64_chain: Shape {
+            f64_chain: ShapeValues {
                 width: pulse.fwhm?,
                 impulse: self
                     .solution
@@ -310,25 +398,8 @@ impl Chain {
         let rate = f64::from(settings.sample_rate_hz);
         let force = sensed(&strike.scans, 0, &settings.force);
         let acceleration = sensed(&strike.scans, 1, &settings.acceleration);
-        let gate = f64::max(
-            settings.chain.gate.to_num(),
-            3.0 * FORCE_UNIT_N * f64::from(strike.said.force_noise),
-        );
-        // The bead looks at forces from the foot of the wave on, and takes them for noise when some in a row were.
-        let foot = usize::from(settings.window.noise_end());
-        let mut silent = 0;
-        let gated: Vec<f64> = (0..)
-            .zip(&force)
-            .map(|(sample, &force)| {
-                let quiet = sample >= foot && force.abs() < gate;
-                silent = if quiet { silent + 1 } else { 0 };
-                if sample < foot || silent > FOOT {
-                    0.0
-                } else {
-                    force
-                }
-            })
-            .collect();
+        let noise = strike.said.force_noise.newtons();
+        let gated = gated(&force, settings, noise);
         let measured = f64_estimators::measured(&self.physics, &acceleration, rate);
         let predicted = f64_estimators::predicted(&self.physics, &gated, rate);
         let start = self.place(&force, rate);
@@ -338,60 +409,53 @@ impl Chain {
         let acceleration = self.beside(&acceleration, acceleration_at, rate, |s| {
             s.intruder_acceleration(self.bead).unwrap_or(0.0)
         });
-        // Both estimates of the device know a sample when the next one is there, and count it in full: after
-        // sample n they stand for the time n - 1/2. A's samples are the acceleration's, a skew later.
-        let along = |offset: f64, energies: &mut dyn Iterator<Item = (usize, f64)>| -> Vec<Absorbed> {
-            let mut sampler = self.solution.sampler();
-            energies
-                .map(|(sample, estimate)| {
-                    let time = at(sample as f64) + offset;
+        // Energies of A and B after samples, `offset` seconds off the force. A uses the acceleration, a skew later.
+        let along = |offset: f64, energies: Vec<(usize, [f64; 2])>| {
+            [0, 1].map(|which| {
+                let offset = if which == 0 { offset + SCAN_SKEW } else { offset };
+                let mut sampler = self.solution.sampler();
+                let points = energies.iter().map(|(sample, estimates)| {
+                    let time = at(*sample as f64) + offset;
                     let inside = sampler.at(time.clamp(0.0, self.solution.end()));
-                    Absorbed {
+                    AbsorbedPoint {
                         time,
-                        estimate,
+                        estimate: estimates[which],
                         chain: inside.intruder_dissipated(self.bead).unwrap_or(0.0),
                     }
-                })
-                .collect()
+                });
+                points.collect::<Vec<_>>()
+            })
         };
+        let f64_samples = measured.iter().zip(&predicted).map(|(a, b)| [*a, *b]).enumerate();
+        let replayed = replay
+            .energies
+            .iter()
+            .map(|(a, b)| [a.joules(), b.joules()])
+            .enumerate();
+        let told = strike.chunks.iter().map(|chunk| {
+            let energies = [chunk.absorbed_measured, chunk.absorbed_predicted];
+            (chunk.end - 1, energies.map(|energy| energy.joules()))
+        });
+        // Both estimates of the device use a sample when the next one is there, and count it in full: after
+        // sample n they stand for the time n - 1/2.
         let half = -0.5 / rate;
-        let chunks = || strike.chunks.iter();
-        let replayed = || replay.energies.iter().enumerate();
         Some(Traces {
             force,
             acceleration,
-            f64_samples: [
-                along(SCAN_SKEW, &mut measured.iter().copied().enumerate()),
-                along(0.0, &mut predicted.iter().copied().enumerate()),
-            ],
-            replay: [
-                along(
-                    half + SCAN_SKEW,
-                    &mut replayed().map(|(i, energy)| (i, joules(energy.0))),
-                ),
-                along(half, &mut replayed().map(|(i, energy)| (i, joules(energy.1)))),
-            ],
-            device: [
-                along(
-                    half + SCAN_SKEW,
-                    &mut chunks().map(|c| (c.end - 1, joules(c.absorbed_measured))),
-                ),
-                along(
-                    half,
-                    &mut chunks().map(|c| (c.end - 1, joules(c.absorbed_predicted))),
-                ),
-            ],
+            f64_samples: along(0.0, f64_samples.collect()),
+            replay: along(half, replayed.collect()),
+            device: along(half, told.collect()),
         })
     }
 
-    /// Samples beside what the chain did at their times, 0 outside its run.
+    /// Samples, each with what the chain did at that time; 0 outside the chain's run.
     fn beside(
         &self,
         samples: &[f64],
         start: f64,
         rate: f64,
         quantity: impl Fn(&Snapshot<'_>) -> f64,
-    ) -> Vec<Sensed> {
+    ) -> Vec<SensedPoint> {
         let mut sampler = self.solution.sampler();
         samples
             .iter()
@@ -399,7 +463,7 @@ impl Chain {
             .map(|(i, &sensed)| {
                 let time = start + i as f64 / rate;
                 let inside = (0.0..=self.solution.end()).contains(&time);
-                Sensed {
+                SensedPoint {
                     time,
                     sensed,
                     simulated: if inside { quantity(&sampler.at(time)) } else { 0.0 },
@@ -408,13 +472,13 @@ impl Chain {
             .collect()
     }
 
-    /// Time since the striker hit of the window's first sample: where the squared distance of sensed and simulated
-    /// force is least.
+    /// Time since the striker hit of the window's first sample: where the squared distance of sensed and
+    /// simulated force is least.
     fn place(&self, force: &[f64], rate: f64) -> f64 {
         let peak = (0..force.len())
             .max_by(|&a, &b| force[a].total_cmp(&force[b]))
             .unwrap_or(0);
-        // The pulse and what follows it at once: later waves are small and cost time.
+        // The pulse and what follows at once. Later waves are small and would cost time.
         let near = peak.saturating_sub(40)..(peak + 80).min(force.len());
         let distance = |start: f64| -> f64 {
             let mut sampler = self.solution.sampler();
@@ -436,89 +500,14 @@ impl Chain {
     }
 }
 
-/// A sensor's signal in its unit, relative to the quiet start of the window, filter and delay taken out: from the channel of
-/// the high gain wherever that is away from its rails.
-fn sensed<F: LeEqU32>(scans: &[Codes], sensor: usize, calibration: &Sensor<F>) -> Vec<f64> {
-    let sensitive: Vec<f64> = scans.iter().map(|scan| scan.sensitive[sensor].into()).collect();
-    // Codes that were not sent had no part in the window.
-    let wide = |scan: &Codes| scan.wide.map_or(f64::NAN, |wide| wide[sensor].into());
-    let wide: Vec<f64> = scans.iter().map(wide).collect();
-    let values = channel(&sensitive, &calibration.sensitive);
-    let wides = channel(&wide, &calibration.wide);
-    let believable = |at: usize| {
-        let reach = at.saturating_sub(1)..(at + 2).min(scans.len());
-        sensitive[reach].iter().all(|code| (64.0..=4031.0).contains(code))
-    };
-    // Where both channels see a signal that moves, they are made to agree.
-    let per_code = calibration.sensitive.per_code.to_num::<f64>();
-    let differences: Vec<f64> = (0..scans.len())
-        .filter(|&at| believable(at) && values[at].abs() >= 1024.0 * per_code)
-        .map(|at| wides[at] - values[at])
-        .filter(|difference| difference.is_finite())
-        .collect();
-    let offset = differences.iter().sum::<f64>() / (differences.len() + 1) as f64;
-    (0..scans.len())
-        .map(|at| match believable(at) || wides[at].is_nan() {
-            true => values[at],
-            false => wides[at] - offset,
-        })
-        .collect()
-}
-
-/// A channel's codes in its unit.
-fn channel<F: LeEqU32>(codes: &[f64], channel: &Channel<F>) -> Vec<f64> {
-    let quiet = &codes[..usize::from(BASELINE)];
-    let zero = quiet.iter().sum::<f64>() / quiet.len() as f64;
-    let (per_code, slope) = (channel.per_code.to_num::<f64>(), channel.slope.to_num::<f64>());
-    let values: Vec<f64> = codes.iter().map(|code| (code - zero) * per_code).collect();
-    // The slope is per change over two samples.
-    f64_estimators::lead(&values, 2.0 * slope / per_code)
-}
-
-/// Noise of the force before the strike, N rms.
-fn force_noise(strike: &RecordedStrike) -> f64 {
-    let quiet = strike
-        .scans
-        .iter()
-        .take(usize::from(BASELINE))
-        .map(|scan| f64::from(scan.sensitive[0]));
-    let count = quiet.clone().count().max(1) as f64;
-    let mean = quiet.clone().sum::<f64>() / count;
-    let codes = (quiet.map(|code| (code - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let per_code = strike
-        .settings
-        .map_or(0.0, |settings| settings.force.sensitive.per_code.to_num::<f64>());
-    codes * per_code
-}
-
-/// Where a function with one minimum between `low` and `high` has it: golden section, to a part in a million of
-/// the interval.
-fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
-    let ratio = 0.5 * (5f64.sqrt() - 1.0);
-    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
-    let (mut fa, mut fb) = (f(a), f(b));
-    for _ in 0..29 {
-        if fa < fb {
-            (high, b, fb) = (b, a, fa);
-            a = high - ratio * (high - low);
-            fa = f(a);
-        } else {
-            (low, a, fa) = (a, b, fb);
-            b = low + ratio * (high - low);
-            fb = f(b);
-        }
-    }
-    0.5 * (low + high)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::testing::{paper_scenario, recorded_strike};
+    use crate::comparison::testing::recorded_strike;
 
     #[test]
     fn a_strike_made_by_the_model_meets_every_goal() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
         let comparison = chain.compare(&recorded_strike());
         println!("{:#?} {:#?}", comparison.deviation, comparison.goal);
         assert!(comparison.pass);
@@ -533,14 +522,14 @@ mod tests {
 
     #[test]
     fn the_strike_is_placed_in_time_within_a_hundredth_of_a_sample() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
         let strike = recorded_strike();
         let traces = chain.compare(&strike).traces.unwrap();
         // The test's strike began at 20 ms, and index 1 is time 0.
         let true_start = (strike.said.first_index as f64 - 1.0) * 1e-5 - 0.02;
         let samples = (traces.force[0].time - true_start) * 1e5;
         assert!(samples.abs() < 0.01, "{samples}");
-        let worst = |curve: &[Sensed]| {
+        let worst = |curve: &[SensedPoint]| {
             curve
                 .iter()
                 .map(|p| (p.sensed - p.simulated).abs())
@@ -553,7 +542,7 @@ mod tests {
             "{}",
             worst(&traces.acceleration)
         );
-        // The curves of energy stay together all the way, not at their ends only.
+        // The curves of energy stay together all the way, not only at their ends.
         for curves in [&traces.f64_samples, &traces.replay, &traces.device] {
             for curve in curves {
                 let off = curve
@@ -567,18 +556,13 @@ mod tests {
 
     #[test]
     fn an_estimate_out_of_its_goal_does_not_pass() {
-        let chain = Chain::run(&paper_scenario(), 8).unwrap();
-        let mut scenario = paper_scenario();
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
+        let mut scenario = Scenario::paper();
         // Energy goes with the square of the speed: 0.4 % off, twice A's goal.
         scenario.striker.velocity *= 1.002;
-        let other = Chain::run(&scenario, 8).unwrap();
+        let other = FullChain::run(&scenario, 8).unwrap();
         let strike = recorded_strike();
         assert!(chain.compare(&strike).pass);
         assert!(!other.compare(&strike).pass);
-    }
-
-    #[test]
-    fn golden_section_finds_the_bottom_of_a_parabola() {
-        assert!((least(-3.0, 5.0, |x| (x - 1.234).powi(2)) - 1.234).abs() < 1e-5);
     }
 }

@@ -1,29 +1,50 @@
-//! Asking a bead, and hearing what it answers among all else that it says.
+//! Requests to a bead, and its replies among all else that it sends.
 //!
 //! # Design
-//! A request that gets no reply in time is sent again under the same number, as a line may lose either: every
-//! request may be repeated (`docs/protocol.md`). Numbers start anywhere, so that a reply to who asked before is not taken for
-//! ours.
+//! A request that gets no reply in time is sent again under the same number, as the line may lose request or
+//! reply. Every request may be repeated (`docs/protocol.md`). The first number is arbitrary, so that a reply
+//! to an earlier program is not taken for ours.
 
 use std::collections::VecDeque;
-use std::process;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::{io, process};
 
-use bead_wire::{MAX_REQUEST, Outcome, Request, encode_request};
+use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Reply, Request, encode_request};
 
-use crate::cli::failure::{Blame, Failure};
-use crate::line::port::{Address, Port};
-use crate::recording::frames::{Frame, Item, Message, Reader, Reply};
+use crate::line::port::{Address, Port, PortError};
+use crate::recording::frames::{Frame, Item, Reader};
 
-/// How often a request is sent before the bead is given up.
+/// How often a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
 
-/// A line on which a bead is asked.
+/// Why a conversation fails. The message is one line: what, why, what next.
+#[derive(Debug, thiserror::Error)]
+pub enum LineError {
+    /// The port does not open.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The port fails or goes away.
+    #[error("{what}: {source}")]
+    Gone {
+        /// What was tried.
+        what: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// No answer comes, or not all of it.
+    #[error("{0}")]
+    Silent(String),
+    /// The bead refused.
+    #[error("{0}")]
+    Refused(String),
+}
+
+/// A line on which a bead gets requests.
 pub struct Conversation {
     address: Address,
     port: Port,
     reader: Reader,
-    /// Frames that came behind the last one that was wanted.
+    /// Frames that came after the last wanted one.
     behind: VecDeque<Frame>,
     next: u16,
     patience: Duration,
@@ -32,7 +53,7 @@ pub struct Conversation {
 /// What a bead answered.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// Everything that it said after the request was sent first, the reply not among it.
+    /// Everything that the bead sent after the first copy of the request, without the reply.
     pub frames: Vec<Frame>,
     /// The reply.
     pub reply: Reply,
@@ -42,10 +63,10 @@ impl Answer {
     /// The last of the frames that is wanted.
     ///
     /// # Errors
-    /// There is none: the frame was lost.
-    pub fn last<T>(&self, what: &str, wanted: impl Fn(&Frame) -> Option<T>) -> Result<T, Failure> {
+    /// No frame is wanted: it was lost.
+    pub fn last<T>(&self, what: &str, wanted: impl Fn(&Frame) -> Option<T>) -> Result<T, LineError> {
         self.frames.iter().rev().find_map(wanted).ok_or_else(|| {
-            Failure::device(format!(
+            LineError::Silent(format!(
                 "the bead replied, but its {what} was lost on the way; ask again"
             ))
         })
@@ -57,35 +78,35 @@ impl Conversation {
     ///
     /// # Errors
     /// The port does not open.
-    pub fn open(address: &Address, baud: u32, patience: Duration) -> Result<Self, Failure> {
-        let port = address.open(baud).map_err(Failure::device)?;
+    pub fn open(address: &Address, baud: u32, patience: Duration) -> Result<Self, LineError> {
+        let port = address.open(baud)?;
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Ok(Self {
             address: address.clone(),
             port,
-            reader: Reader::new(),
+            reader: Reader::default(),
             behind: VecDeque::new(),
             next: (since.subsec_micros() ^ process::id()) as u16,
             patience,
         })
     }
 
-    /// Asks, and gives what the bead answers, done or refused.
+    /// Sends a request and returns the bead's answer, done or refused.
     ///
     /// # Errors
-    /// The request is none that fits a frame, the port goes away, or no reply comes.
-    pub fn ask(&mut self, request: &Request<'_>) -> Result<Answer, Failure> {
+    /// The port goes away, or no reply comes.
+    pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
         let number = self.next;
         self.next = self.next.wrapping_add(1);
         let mut buffer = [0; MAX_REQUEST];
-        let bytes = encode_request(number, request, &mut buffer)
-            .or_input(|| "this cannot be sent to a bead")?
+        let bytes = encode_request(ANY, number, request, &mut buffer)
+            .expect("MAX_REQUEST bytes always suffice")
             .to_vec();
         let mut frames = Vec::new();
         for _ in 0..ATTEMPTS {
             self.port
                 .write(&bytes)
-                .or_device(|| format!("cannot send to {}", self.address))?;
+                .map_err(|source| gone(format!("cannot send to {}", self.address), source))?;
             let reply = self.listen(self.patience, |frame| match &frame.message {
                 Message::Reply(reply) if reply.request == number => Some(reply.clone()),
                 _ => {
@@ -100,40 +121,40 @@ impl Conversation {
         Err(self.silence())
     }
 
-    /// Asks, and gives what the bead answers if it does what it was asked for.
+    /// Sends a request and returns the bead's answer if the request was done.
     ///
     /// # Errors
-    /// As [`ask`](Self::ask), and [`Failure::Verdict`] with the bead's reason if it refuses.
-    pub fn command(&mut self, request: &Request<'_>) -> Result<Answer, Failure> {
-        let answer = self.ask(request)?;
+    /// As [`request`](Self::request), and [`LineError::Refused`] with the bead's reason if it refuses.
+    pub fn request_done(&mut self, request: &Request) -> Result<Answer, LineError> {
+        let answer = self.request(request)?;
         match answer.reply.outcome {
             Outcome::Done => Ok(answer),
             _ => Err(refused(&answer.reply)),
         }
     }
 
-    /// Resets the bead, and waits until it is there again; gives the number of its boot.
+    /// Resets the bead, waits until it is back, and returns the number of its boot.
     ///
     /// # Errors
-    /// As [`command`](Self::command), or it does not come back within 10 s.
-    pub fn reboot(&mut self) -> Result<u32, Failure> {
-        /// Four seconds for a sector that is erased, and as much again.
+    /// As [`request_done`](Self::request_done), or it does not come back within 10 s.
+    pub fn reboot(&mut self) -> Result<u32, LineError> {
+        /// Erasing a sector takes four seconds; the rest is margin.
         const START: Duration = Duration::from_secs(10);
-        self.command(&Request::Reboot)?;
+        self.request_done(&Request::Reboot)?;
         let boot = self.listen(START, |frame| match &frame.message {
             // The first frame of a boot.
             Message::Identity(identity) if frame.header.sequence == 0 => Some(identity.boot),
             _ => None,
         })?;
         boot.ok_or_else(|| {
-            Failure::device(format!(
+            LineError::Silent(format!(
                 "the bead at {} said that it would reset, and did not come back within 10 s; is it powered?",
                 self.address
             ))
         })
     }
 
-    /// Hears the bead until something wanted comes, or for so long.
+    /// Listens to the bead until `wanted` gives something, or for `patience`.
     ///
     /// # Errors
     /// The port has gone away.
@@ -141,7 +162,7 @@ impl Conversation {
         &mut self,
         patience: Duration,
         mut wanted: impl FnMut(Frame) -> Option<T>,
-    ) -> Result<Option<T>, Failure> {
+    ) -> Result<Option<T>, LineError> {
         let deadline = Instant::now() + patience;
         let mut buffer = vec![0; 64 * 1024];
         loop {
@@ -156,8 +177,8 @@ impl Conversation {
             let length = self
                 .port
                 .read(&mut buffer)
-                .or_device(|| format!("{} went away", self.address))?;
-            self.reader.feed(&buffer[..length], |item| {
+                .map_err(|source| gone(format!("{} went away", self.address), source))?;
+            self.reader.feed(&buffer[..length], None, |item| {
                 if let Item::Frame(frame) = item {
                     self.behind.push_back(frame);
                 }
@@ -165,8 +186,8 @@ impl Conversation {
         }
     }
 
-    /// Why there is no reply, as far as what came tells.
-    fn silence(&self) -> Failure {
+    /// Why there is no reply, as far as the received bytes tell.
+    fn silence(&self) -> LineError {
         let seconds = self.patience.as_secs_f64() * f64::from(ATTEMPTS);
         let counters = self.reader.counters();
         let why = match (counters.bytes, counters.frames) {
@@ -176,17 +197,21 @@ impl Conversation {
                 "it sends frames: is its PA10 wired to the adapter's transmit pin, and its image one that can be asked?"
             }
         };
-        Failure::device(format!(
+        LineError::Silent(format!(
             "no reply from {} within {seconds:.1} s; {why}",
             self.address
         ))
     }
 }
 
-/// What the bead said no to, and why.
-pub fn refused(reply: &Reply) -> Failure {
-    let name = reply.outcome.name().replace('_', " ");
-    Failure::Verdict(match reply.detail.is_empty() {
+fn gone(what: String, source: io::Error) -> LineError {
+    LineError::Gone { what, source }
+}
+
+/// What the bead refused, and why.
+pub fn refused(reply: &Reply) -> LineError {
+    let name = reply.outcome.to_string().replace('_', " ");
+    LineError::Refused(match reply.detail.as_str().is_empty() {
         true => format!("the bead refused: {name}"),
         false => format!("the bead refused: {name}; {}", reply.detail),
     })

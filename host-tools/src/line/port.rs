@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use serialport::{ErrorKind, SerialPort, SerialPortType};
 
-/// How long a read waits for bytes: what asks to stop is heeded this late.
+/// How long a read waits for bytes. A request to stop is noticed within this time.
 const PATIENCE: Duration = Duration::from_millis(100);
 /// How long a connection may take.
 const CONNECT: Duration = Duration::from_secs(5);
@@ -110,7 +110,7 @@ pub enum PortError {
         /// Bits a second that the driver says.
         actual: u32,
     },
-    /// Nobody answers at the address.
+    /// No server answers at the address.
     #[error(
         "cannot connect to {address}: {source}; start the server that has the bead's line, or correct the address"
     )]
@@ -122,7 +122,7 @@ pub enum PortError {
     },
 }
 
-/// The serial ports of this computer, as what to do next.
+/// The serial ports of this computer, as advice.
 struct Ports;
 
 impl fmt::Display for Ports {
@@ -154,7 +154,8 @@ fn port_names() -> Vec<String> {
 }
 
 impl Address {
-    /// Opens it, both ways. `baud` is for serial ports, which nobody else may open meanwhile.
+    /// Opens the address for both directions. `baud` is for serial ports; no other program can open a serial
+    /// port meanwhile.
     ///
     /// # Errors
     /// [`PortError`].
@@ -191,7 +192,7 @@ fn open_serial(path: &str, baud: u32) -> Result<serialport::TTYPort, PortError> 
             return Err(match error.kind() {
                 ErrorKind::Io(io::ErrorKind::NotFound) => PortError::Missing { path },
                 ErrorKind::Io(io::ErrorKind::PermissionDenied) => PortError::Denied { path },
-                // So serialport calls a port that is locked.
+                // serialport gives this error for a locked port.
                 ErrorKind::NoDevice => PortError::Busy { path },
                 _ => PortError::Unusable {
                     path,
@@ -210,8 +211,8 @@ fn open_serial(path: &str, baud: u32) -> Result<serialport::TTYPort, PortError> 
     }
 }
 
-/// Whether a receiver at one rate understands a sender at the other. Within 2 % the last of ten bits is sampled
-/// a fifth of a bit off its middle, which leaves the sender's own error room.
+/// Whether a receiver at one rate understands a sender at the other. At 2 % the last of ten bits is sampled a
+/// fifth of a bit off its middle, which leaves room for the sender's own error.
 fn is_near(asked: u32, actual: u32) -> bool {
     u64::from(asked.abs_diff(actual)) * 50 <= u64::from(asked)
 }
@@ -250,7 +251,7 @@ impl Port {
         use io::ErrorKind::{BrokenPipe, Interrupted, TimedOut, UnexpectedEof, WouldBlock};
         match self.line.read(buffer) {
             Ok(0) => Err(io::Error::new(UnexpectedEof, GONE)),
-            // So serialport reports a line that hung up.
+            // serialport reports a line that hung up like this.
             Err(error) if error.kind() == BrokenPipe => Err(io::Error::new(BrokenPipe, GONE)),
             Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => Ok(0),
             other => other,

@@ -1,46 +1,50 @@
 //! Bead time to host time, and several beads to one time base.
 //!
 //! # Design
-//! **Against the host.** Each frame has the sample index of its making, and the host stamps when it got it. Between the
-//! two lie blocks, queue, line, USB and the host's own scheduling: delays that only ever add. So the frames, host time
-//! over bead time, lie on or above a straight line, whose slope is the drift. [`Fit`] takes the line that lies below all
-//! of them and nearest to them in sum: an edge of their lower convex hull, above the middle of them (Moon, Skelly and
-//! Towsley, INFOCOM 1999). A least-squares line would follow the mean delay, and that changes with the load.
+//! **Against the host.** Each frame has the sample index at which it was made, and the host notes when it
+//! received the frame. Blocks, queue, line, USB and the host's own scheduling lie between the two: delays
+//! that only add. In a plot of host time over bead time the frames therefore lie on or above a straight line,
+//! and its slope is the drift. [`Fit`] takes the line that lies below all frames and whose summed distance to
+//! them is least: the edge of their lower convex hull that lies below their mean (Moon, Skelly and Towsley,
+//! INFOCOM 1999). A least-squares line would follow the mean delay, which changes with the load.
 //!
-//! Its uncertainty: the time is cut into spans (`BINS`); how far the lowest frame of a span lies above the line is how
-//! well that span holds it. With the median `m` of those, `COVERAGE` · m · √(12 / bins) / time. Over simulated delays
-//! of several kinds this holds the true drift in nineteen cases of twenty (`the_drift_is_found_…`).
+//! For its uncertainty the time is cut into spans (`BINS`). The distance of a span's lowest frame from the
+//! line says how well that span fixes the line. With `m`, the median of those distances, the uncertainty is
+//! `COVERAGE` · m · √(12 / bins) / time. Over simulated delays of several kinds this interval holds the true
+//! drift in nineteen cases of twenty (`the_drift_is_found_…`).
 //!
-//! What a line cannot tell is the least delay itself: host times made of it are late by that, some 0.2 ms over UART and
-//! USB, and the same for beads on like connections.
+//! The line cannot tell the least delay itself. Host times from the line are late by that delay: about 0.2 ms
+//! over UART and USB, and equal for beads on equal connections.
 //!
-//! **Against one another.** Edges on a line that all beads share ([`bead_wire::Sync`]) have no delay at all. The fits
-//! against the host say which edge of one bead is which of another; then a straight line is laid through the pairs by
-//! least squares ([`Alignment`]). What remains above the counters' step, 12 ns, is what the crystals did between edges.
+//! **Against one another.** Edges on a line that all beads share ([`bead_wire::Sync`]) have no delay at all.
+//! The fits against the host say which edges of two beads are the same. A straight line through the pairs, by
+//! least squares, gives the [`Alignment`]. Residuals above the counters' step of 12 ns are what the crystals
+//! did between edges.
 //!
-//! A restart of a bead begins a new [`Segment`]. A new epoch does not: the sample index goes on over it.
+//! A restart of a bead begins a new [`Segment`]. A new epoch does not, as the sample index goes on.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use bead_wire::Arrival;
+use bead_wire::{Arrival, Message};
 use serde::Serialize;
 
-use crate::cli::failure::Failure;
-use crate::recording::file::Recording;
-use crate::recording::frames::{Frame, Item, Message, Reader};
+use crate::recording::file::{Recording, RecordingError};
+use crate::recording::frames::{Frame, Item};
+use crate::recording::json::hex;
 use crate::recording::received::Received;
 
-/// Of the frames in so many samples only the one with the least delay is kept: a quarter of a second.
+/// Samples in a bucket: a quarter of a second. Of the frames in a bucket only the one with the least delay is
+/// kept.
 const BUCKET: f64 = 25_000.0;
-/// Spans that say how uncertain a line is.
+/// Number of spans that say how uncertain a line is.
 const BINS: usize = 24;
 /// See the module's text; found by simulation.
 const COVERAGE: f64 = 3.0;
-/// A drift is not told from less than this, s, or fewer buckets.
+/// A drift is only given for at least this span, s, and at least `LEAST_BUCKETS` buckets.
 const LEAST_SPAN: f64 = 1.0;
 const LEAST_BUCKETS: usize = 4;
-/// Farther apart in host time two edges are not the same, s.
+/// Two edges that are farther apart in host time are not the same, s.
 const SAME_EDGE: f64 = 0.25;
 
 /// A frame's place on both clocks.
@@ -73,26 +77,26 @@ pub struct Struck {
 /// What a bead sent between two resets.
 #[derive(Debug, Clone, Default)]
 pub struct Segment {
-    /// Low byte of its boot number.
+    /// The low byte of its boot number.
     pub boot: u8,
-    /// Its unique device id, once it said it.
+    /// The bead's unique device id; none before its identity came.
     pub uid: Option<[u8; 12]>,
-    /// Scans a second, in hertz, once it said so.
+    /// Scans a second, in hertz; none before its identity came.
     pub sample_rate_hz: Option<u32>,
     /// Frames with a receive time.
     pub frames: u64,
     /// Edges on the sync input.
     pub edges: Vec<Edge>,
-    /// How often edges came too close to be told.
+    /// How many edges the bead missed because they came too close.
     pub missed: u32,
-    /// The strikes whose arrival it told.
+    /// The strikes whose arrival the bead reported.
     pub struck: Vec<Struck>,
     origin_ns: Option<u64>,
-    /// By the bucket, the frame with the least delay.
+    /// The frame with the least delay of each bucket.
     buckets: BTreeMap<u64, Point>,
 }
 
-/// Sorts what a bead sends into segments, frame by frame; keeps four frames a second.
+/// Sorts what a bead sends into segments, frame by frame. It keeps four frames a second.
 #[derive(Debug, Clone, Default)]
 pub struct Tracker {
     segments: Vec<Segment>,
@@ -104,8 +108,8 @@ pub fn begins_segment(arrival: Arrival) -> bool {
 }
 
 impl Tracker {
-    /// Takes a frame, and the host's time of its receipt in ns since 1970, if it is known.
-    pub fn push(&mut self, frame: &Frame, received_ns: Option<u64>) {
+    /// Takes a frame.
+    pub fn push(&mut self, frame: &Frame) {
         if frame.arrival == Arrival::Duplicate {
             return;
         }
@@ -116,23 +120,20 @@ impl Tracker {
             });
         }
         if let Some(segment) = self.segments.last_mut() {
-            segment.push(frame, received_ns);
+            segment.push(frame);
         }
     }
 
     /// All that is in a recording.
-    pub fn of(recording: &Recording) -> Self {
-        let (mut tracker, mut reader) = (Self::default(), Reader::new());
-        for run in &recording.runs {
-            for bytes in [&run.bytes[..], &[0]] {
-                reader.feed(bytes, |item| {
-                    if let Item::Frame(frame) = item {
-                        tracker.push(&frame, run.received_ns);
-                    }
-                });
-            }
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn of(recording: &Recording) -> Result<Self, RecordingError> {
+        let mut tracker = Self::default();
+        for frame in recording.frames()?.filter_map(Item::frame) {
+            tracker.push(&frame);
         }
-        tracker
+        Ok(tracker)
     }
 
     /// The segments so far, in order.
@@ -142,7 +143,7 @@ impl Tracker {
 }
 
 impl Segment {
-    fn push(&mut self, frame: &Frame, received_ns: Option<u64>) {
+    fn push(&mut self, frame: &Frame) {
         let mut position = frame.header.sample_index as f64;
         match &frame.message {
             Message::Identity(identity) => {
@@ -150,7 +151,7 @@ impl Segment {
                 self.sample_rate_hz = Some(identity.sample_rate_hz);
             }
             Message::Sync(sync) => {
-                // Nearer to the frame's making than the header's index, which moves by blocks.
+                // This is nearer to when the frame was made than the header's index, which moves by blocks.
                 position = sync.position();
                 self.missed = self.missed.max(sync.missed);
                 self.edges.push(Edge {
@@ -160,13 +161,16 @@ impl Segment {
             }
             Message::Shape(shape) => self.struck.push(Struck {
                 strike: shape.strike,
-                position: shape.first_index as f64 + f64::from(shape.arrival) * bead_wire::FINE_UNIT,
+                position: shape.first_index as f64 + shape.arrival.samples(),
             }),
             _ => {}
         }
-        let Some(received_ns) = received_ns else { return };
+        let Some(received_ns) = frame.received_ns else {
+            return;
+        };
         self.frames += 1;
-        // Made before the first block of samples, and perhaps before the sample clock ran: index 0 is then no time.
+        // Such a frame was made before the first block of samples, perhaps before the sample clock ran. Its
+        // index 0 is no time.
         if frame.header.sample_index == 0 {
             return;
         }
@@ -177,7 +181,7 @@ impl Segment {
             host_ns: (received_ns as i64 - origin as i64) as f64,
         };
         let least = self.buckets.entry((position / BUCKET) as u64).or_insert(point);
-        // Within a bucket the best of crystals and the worst differ by 0.1 ms: the nominal rate will do.
+        // Within a bucket the best crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
         let late =
             |point: &Point| point.host_ns - point.bead * 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
         if late(&point) < late(least) {
@@ -208,15 +212,15 @@ pub struct Fit {
     origin_ns: u64,
     /// Host time at the bead's time 0, s after the origin.
     offset: f64,
-    /// Host seconds in one of the bead.
+    /// Host seconds in a second of the bead.
     rate: f64,
     /// How fast the bead's clock is against the host's, ppm; 0 where that cannot be told.
     pub drift_ppm: f64,
-    /// The true drift lies within so many ppm, in 19 cases of 20. None where the drift cannot be told.
+    /// The true drift lies within this many ppm in 19 cases of 20. None where the drift cannot be told.
     pub uncertainty_ppm: Option<f64>,
-    /// How far the least delay of a span typically lies above the line, s: what the line is sure to.
+    /// How far the least delay of a span typically lies above the line, s: how sure the line is.
     pub residual: f64,
-    /// What a frame's receipt is typically later than the line says, s.
+    /// How much later than the line a frame is typically received, s.
     pub delay: f64,
     /// From the first frame to the last, s of the bead.
     pub span: f64,
@@ -229,7 +233,7 @@ impl Fit {
         let span = last - first;
         let told = points.len() >= LEAST_BUCKETS && span >= LEAST_SPAN;
         let slope = told.then(|| hull_edge(points)).flatten().unwrap_or(0.0);
-        // In terms of host minus bead time, so that no digit is lost.
+        // Computed with host minus bead time, so that no digit is lost.
         let above = |&(bead, host): &(f64, f64)| host - bead - slope * bead;
         let offset = points.iter().map(above).fold(f64::INFINITY, f64::min);
         let mut delays: Vec<f64> = points.iter().map(|point| above(point) - offset).collect();
@@ -262,7 +266,8 @@ impl Fit {
     }
 }
 
-/// Slope, less one, of the edge of the lower convex hull that lies above the mean of the first coordinates, which rise.
+/// The slope, less one, of the edge of the lower convex hull at the mean of the first coordinates, which must
+/// rise.
 fn hull_edge(points: &[(f64, f64)]) -> Option<f64> {
     let relative = |&(bead, host): &(f64, f64)| (bead, host - bead);
     let mut hull: Vec<(f64, f64)> = Vec::new();
@@ -291,15 +296,16 @@ pub struct Alignment {
     /// Own and reference time of each edge in common, in s.
     pairs: Vec<(f64, f64)>,
     mean: (f64, f64),
-    /// Reference seconds in an own one, less one.
+    /// Reference seconds in an own second, less one.
     slope: f64,
     /// How fast the own clock is against the reference's, ppm.
     pub drift_ppm: f64,
-    /// Two standard errors of it, from what the edges leave; none for two edges, which leave nothing.
+    /// Two standard errors of the drift, from the residuals of the edges; none for two edges, which have no
+    /// residual.
     pub uncertainty_ppm: Option<f64>,
-    /// Root mean square of what the edges leave, s.
+    /// Root mean square of the residuals of the edges, s.
     pub residual_rms: f64,
-    /// The most that an edge leaves, s.
+    /// Greatest residual of an edge, s.
     pub residual_max: f64,
 }
 
@@ -316,7 +322,7 @@ impl Alignment {
             .iter()
             .map(|(own, reference)| (own - mean.0, reference - mean.1));
         let square: f64 = centred.clone().map(|(own, _)| own * own).sum();
-        // Of the difference, which is small, so that no digit is lost.
+        // Computed with the difference, which is small, so that no digit is lost.
         let slope = centred
             .clone()
             .map(|(own, reference)| own * (reference - own))
@@ -343,7 +349,8 @@ impl Alignment {
         self.pairs.len()
     }
 
-    /// Reference time of an own one, in s: straight between the edges on both sides of it, on the line beyond them.
+    /// Reference time of an own time, in s: straight between the edges on both sides of it, and on the line
+    /// beyond the edges.
     pub fn reference(&self, own: f64) -> f64 {
         let after = self.pairs.partition_point(|pair| pair.0 <= own);
         match (
@@ -359,7 +366,7 @@ impl Alignment {
     }
 }
 
-/// Edges that both segments saw, as times of each in s: the same host time makes them the same edge.
+/// Edges that both segments saw, as times of each in s. Two edges are the same if their host times are.
 fn common_edges(own: &Segment, reference: &Segment) -> Option<Vec<(f64, f64)>> {
     let placed = |segment: &Segment| -> Option<Vec<(f64, i64)>> {
         let fit = segment.fit()?;
@@ -386,16 +393,16 @@ fn common_edges(own: &Segment, reference: &Segment) -> Option<Vec<(f64, f64)>> {
 
 /// What `bead clock` finds: each recording against the host, and against the first.
 #[derive(Debug, Clone, Serialize)]
-pub struct Report {
+pub struct ClockComparison {
     /// One for each recording and boot.
     pub clocks: Vec<ClockReport>,
-    /// Where [`AlignmentReport`]s and [`StrikeReport`]s count their time from, if there are any: the first recording's
-    /// boot with most edges.
+    /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: the first
+    /// recording's boot with most edges.
     pub reference: Option<Place>,
     /// One for each other recording and boot that has two edges or more in common with the reference.
     pub alignments: Vec<AlignmentReport>,
     /// Strikes on the reference's time, in the order of their arrival.
-    pub strikes: Vec<StrikeReport>,
+    pub strikes: Vec<StrikeArrival>,
 }
 
 /// A recording and a boot in it.
@@ -449,7 +456,7 @@ pub struct AlignmentReport {
 
 /// A strike on the reference's time.
 #[derive(Debug, Clone, Serialize)]
-pub struct StrikeReport {
+pub struct StrikeArrival {
     /// Where it was felt.
     #[serde(flatten)]
     pub place: Place,
@@ -463,17 +470,17 @@ pub struct StrikeReport {
 ///
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
-pub fn compare(paths: &[PathBuf]) -> Result<Report, Failure> {
+pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     let mut all = Vec::new();
     for path in paths {
         let received = Received::open(path)?;
-        let tracker = Tracker::of(&received.recording);
+        let tracker = Tracker::of(&received.recording)?;
         let segments = tracker.segments.into_iter().enumerate();
         let fitted: Vec<_> = segments
             .filter_map(|(boot, segment)| Some((place(path, boot), segment.fit()?, segment)))
             .collect();
         if fitted.is_empty() {
-            return Err(Failure::input(format!(
+            return Err(RecordingError::Clock(format!(
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
                 path.display()
             )));
@@ -481,7 +488,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<Report, Failure> {
         all.push(fitted);
     }
     let clocks = all.iter().flatten().map(clock_report).collect();
-    let mut report = Report {
+    let mut report = ClockComparison {
         clocks,
         reference: None,
         alignments: Vec::new(),
@@ -517,7 +524,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<Report, Failure> {
             });
         }
         if aligned == 0 {
-            return Err(Failure::input(format!(
+            return Err(RecordingError::Clock(format!(
                 "{} and {} have fewer than two sync edges in common; wire both beads' PA15 to one source, and record them at the same time",
                 paths[0].display(),
                 recording[0].0.recording.display()
@@ -538,7 +545,7 @@ fn place(path: &Path, boot: usize) -> Place {
 fn clock_report((place, fit, segment): &(Place, Fit, Segment)) -> ClockReport {
     ClockReport {
         place: place.clone(),
-        uid: segment.uid.map(|uid| crate::recording::frames::hex(&uid)),
+        uid: segment.uid.map(|uid| hex(&uid)),
         started_unix_ns: fit.host_ns(0.0),
         span_s: fit.span,
         frames: segment.frames,
@@ -555,9 +562,9 @@ fn struck<'a>(
     place: &'a Place,
     segment: &'a Segment,
     reference: impl Fn(f64) -> f64 + 'a,
-) -> impl Iterator<Item = StrikeReport> + 'a {
+) -> impl Iterator<Item = StrikeArrival> + 'a {
     segment.struck.iter().filter_map(move |struck| {
-        Some(StrikeReport {
+        Some(StrikeArrival {
             place: place.clone(),
             strike: struck.strike,
             arrival_s: reference(segment.seconds(struck.position)?),
@@ -611,19 +618,22 @@ mod tests {
             };
             // By the bead's own clock; the index moves by blocks of 200 samples.
             let index = (time * 500.0).floor() * 200.0;
+            let after = time / (1.0 + ppm * 1e-6) + late + 2e-4;
+            let received = 1_700_000_000_000_000_000 + (after * 1e9) as u64;
             let status = Frame {
+                version: bead_wire::VERSION,
                 header: bead_wire::Header {
+                    address: 0,
                     boot: 0,
                     sequence: 0,
                     sample_index: index as u64,
                 },
                 arrival: Arrival::Next { lost: 0 },
                 sample_rate_hz: Some(100_000),
-                message: Message::Settings(Vec::new()),
+                received_ns: Some(received),
+                message: bead_wire::Health::default().into(),
             };
-            let after = time / (1.0 + ppm * 1e-6) + late + 2e-4;
-            let received = 1_700_000_000_000_000_000 + (after * 1e9) as u64;
-            segment.push(&status, Some(received));
+            segment.push(&status);
         }
         segment
     }
@@ -671,8 +681,8 @@ mod tests {
         for true_seconds in [0.0, 300.0, 600.0] {
             let host = fit.host_ns(true_seconds * (1.0 + 35e-6));
             let late = (host - 1_700_000_000_000_000_000) as f64 * 1e-9 - true_seconds;
-            // 0.2 ms is the least delay put in; the least of the index's blocks and of the queue come on top, and what
-            // the slope leaves over half of the time.
+            // 0.2 ms is the least delay put in; the least of the index's blocks and of the queue come on top,
+            // and what the slope leaves over half of the time.
             let slope = fit.uncertainty_ppm.unwrap() * 1e-6 * 300.0;
             assert!(
                 (2e-4 - slope..2e-4 + 3e-4).contains(&late),
@@ -689,20 +699,24 @@ mod tests {
             ..Segment::default()
         };
         let mut identity = Frame {
+            version: bead_wire::VERSION,
             header: bead_wire::Header {
+                address: 0,
                 boot: 0,
                 sequence: 0,
                 sample_index: 0,
             },
             arrival: Arrival::First,
             sample_rate_hz: Some(100_000),
-            message: Message::Settings(Vec::new()),
+            // Two milliseconds before index 0.
+            received_ns: Some(1_699_999_999_998_000_000),
+            message: bead_wire::Health::default().into(),
         };
-        // Two milliseconds before index 0.
-        with_start.push(&identity, Some(1_699_999_999_998_000_000));
+        with_start.push(&identity);
         assert_eq!((with_start.frames, with_start.fit()), (1, None));
         identity.header.sample_index = 200;
-        with_start.push(&identity, Some(1_700_000_000_003_000_000));
+        identity.received_ns = Some(1_700_000_000_003_000_000);
+        with_start.push(&identity);
         assert!(with_start.fit().is_some());
         assert!(late.fit().unwrap().host_ns(0.0) > 1_700_000_000_000_000_000);
     }

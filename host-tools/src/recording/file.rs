@@ -9,36 +9,40 @@
 //! log time is the same but never runs back: after a restart of the bead, whose index begins again, it goes
 //! on from the last one. Bytes that are no frame have the time of the frame before them.
 //!
-//! When the host received them stands in a channel of its own, `received`: for each piece of bytes in which runs ended,
-//! the number of the last of them (u32) and the host's time (u64, ns since 1970), little-endian. [`crate::recording::clock`] makes
-//! of it how bead and host run against each other.
+//! A second channel, `received`, says when the host received the bytes: for each piece of bytes in which runs
+//! ended, the number of the last run (u32) and the host's time (u64, ns since 1970), little-endian. From this
+//! [`crate::recording::clock`] finds how the clocks of bead and host run against each other.
 //!
-//! **Crashes.** A recording is written as `NAME.partial` and takes its name when it is finished, so that what
-//! bears the name is whole. What is written goes to the system in chunks, each complete, at least once a
-//! second while bytes come; a recording cut short at any byte gives back every message before the cut, and
-//! says that it was cut. The chunks are not compressed: frames are dense, and what is cut stays readable.
+//! **Crashes.** A recording is written as `NAME.partial` and takes its name when it is finished: a file with
+//! that name is whole. The writer gives complete chunks to the system, at least once a second while bytes
+//! come. A recording cut short at any byte gives back every message before the cut, and says that it was cut.
+//! The chunks are not compressed, as frames are dense and a cut chunk must stay readable.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, File};
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use bead_wire::{Arrival, Counters, Decoder, Message};
+use bead_wire::{Arrival, Counters, Message};
 use mcap::records::{MessageHeader, Metadata, Record};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{Attachment, McapError, WriteOptions};
+
+use crate::recording::frames::{Frames, Item, Piece, Reader};
 
 const TOPIC: &str = "frames";
 const ENCODING: &str = "bead-wire";
 const RECEIVED: &str = "received";
 const RECEIVED_ENCODING: &str = "bead-received";
 const METADATA: &str = "recording";
-/// Bytes after which a chunk is closed: small, so that little is at stake, and much above a frame.
+/// Bytes after which a chunk is closed: few, so that little is lost in a crash, and many more than a frame
+/// has.
 const CHUNK: u64 = 16 * 1024;
-/// Longest time for which received bytes are held back from the system.
+/// Longest time for which received bytes wait before they go to the system.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// Bytes without a delimiter after which they are put away, so that a dead line cannot fill the memory.
+/// Bytes without a delimiter after which they are written as a run, so that a dead line cannot fill the
+/// memory.
 const LONGEST_RUN: usize = 64 * 1024;
 
 /// What a recording is of.
@@ -80,7 +84,7 @@ impl About {
     }
 }
 
-/// What may be attached to a recording, each once.
+/// What may be attached to a recording, each part once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// The settings block that the bead was given.
@@ -147,6 +151,35 @@ pub enum RecordingError {
         "{0} is an MCAP file without a channel `frames`; give one made by `bead record` or `bead emulate`"
     )]
     NotOurs(PathBuf),
+    /// A recording without a strike: a check has nothing to check.
+    #[error("{path}: no strike among its {frames} frames, so there is nothing to check; record one")]
+    NoStrike {
+        /// The file.
+        path: PathBuf,
+        /// Frames in it.
+        frames: u64,
+    },
+    /// A recording without a strike that this program can read.
+    #[error("{path}: {who}")]
+    FromTheFuture {
+        /// The file.
+        path: PathBuf,
+        /// Who sent it, and what to do.
+        who: String,
+    },
+    /// Clocks of these recordings cannot be compared.
+    #[error("{0}")]
+    Clock(String),
+    /// An attachment that this version did not write.
+    #[error("{path}: cannot read its {part}; record it again: {source}")]
+    Part {
+        /// The file.
+        path: PathBuf,
+        /// Name of the attachment.
+        part: &'static str,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
 }
 
 /// Writes a recording while it comes.
@@ -159,7 +192,7 @@ pub struct Writer {
     channel: u16,
     received: u16,
     run: Vec<u8>,
-    decoder: Decoder,
+    reader: Reader,
     clock: Clock,
     written: u32,
     flushed: Instant,
@@ -203,7 +236,7 @@ impl Writer {
             channel,
             received,
             run: Vec::new(),
-            decoder: Decoder::new(),
+            reader: Reader::default(),
             clock: Clock {
                 sample_rate_hz: about.sample_rate_hz,
                 ..Clock::default()
@@ -213,7 +246,8 @@ impl Writer {
         })
     }
 
-    /// Attaches a part; those known beforehand are best attached first, so that a crash leaves them.
+    /// Attaches a part. Parts that are known beforehand should be attached first, so that they survive a
+    /// crash.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -229,16 +263,47 @@ impl Writer {
         written.map_err(|source| self.failed(source))
     }
 
-    /// Records bytes as received, the last of them at `received_ns`: the host's time in ns since 1970.
+    /// Records bytes as received, the last of them at `received_ns`, the host's time in ns since 1970, if it
+    /// is known. Hands on the frames and the rejects in them.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write_at(&mut self, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
+    pub fn write(
+        &mut self,
+        bytes: &[u8],
+        received_ns: Option<u64>,
+        mut sink: impl FnMut(Item),
+    ) -> Result<(), RecordingError> {
         let before = self.written;
-        self.write(bytes)?;
-        if self.written == before {
-            return Ok(());
+        for byte in bytes {
+            let Self { reader, clock, .. } = self;
+            reader.feed(std::slice::from_ref(byte), received_ns, |item| {
+                if let Item::Frame(frame) = &item {
+                    if let Message::Identity(identity) = &frame.message {
+                        clock.sample_rate_hz = identity.sample_rate_hz;
+                    }
+                    clock.tick(frame.header.sample_index, frame.arrival);
+                }
+                sink(item);
+            });
+            if *byte != 0 {
+                self.run.push(*byte);
+            }
+            if *byte == 0 || self.run.len() == LONGEST_RUN {
+                self.end_run()?;
+            }
         }
+        if let Some(received_ns) = received_ns.filter(|_| self.written != before) {
+            self.write_time(received_ns)?;
+        }
+        if self.flushed.elapsed() >= FLUSH_EVERY {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Records when the piece with the end of the last run was received.
+    fn write_time(&mut self, received_ns: u64) -> Result<(), RecordingError> {
         let last = self.written.wrapping_sub(1);
         let header = MessageHeader {
             channel_id: self.received,
@@ -249,31 +314,6 @@ impl Writer {
         let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
         let written = self.mcap.write_to_known_channel(&header, &data);
         written.map_err(|source| self.failed(source))
-    }
-
-    /// Records bytes as received, in pieces of any length, without saying when.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn write(&mut self, bytes: &[u8]) -> Result<(), RecordingError> {
-        for &byte in bytes {
-            if let Some(Ok(frame)) = self.decoder.push(byte) {
-                if let Message::Identity(identity) = frame.message {
-                    self.clock.sample_rate_hz = identity.sample_rate_hz;
-                }
-                self.clock.tick(frame.header.sample_index, frame.arrival);
-            }
-            if byte != 0 {
-                self.run.push(byte);
-            }
-            if byte == 0 || self.run.len() == LONGEST_RUN {
-                self.end_run()?;
-            }
-        }
-        if self.flushed.elapsed() >= FLUSH_EVERY {
-            self.flush()?;
-        }
-        Ok(())
     }
 
     fn end_run(&mut self) -> Result<(), RecordingError> {
@@ -292,7 +332,7 @@ impl Writer {
         written.map_err(|source| self.failed(source))
     }
 
-    /// Hands all whole messages to the system: from here on, a crash of this program cannot lose them.
+    /// Gives all whole messages to the system. After that a crash of this program cannot lose them.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -302,9 +342,9 @@ impl Writer {
         flushed.map_err(|source| self.failed(source))
     }
 
-    /// What was received so far, and what was not.
+    /// Counts of what was received so far, and of what was lost.
     pub fn counters(&self) -> &Counters {
-        self.decoder.counters()
+        self.reader.counters()
     }
 
     /// The name until the recording is finished.
@@ -312,7 +352,7 @@ impl Writer {
         &self.partial
     }
 
-    /// Completes the file and gives it its name, in the place of a file that had it.
+    /// Completes the file and gives it its name. It replaces a file of that name.
     ///
     /// # Errors
     /// The file cannot be written or renamed; what is there stays under its temporary name.
@@ -325,11 +365,12 @@ impl Writer {
             path,
             partial,
             mcap,
-            decoder,
+            reader,
             ..
         } = self;
         let file = mcap.into_inner().into_inner().map_err(|error| error.into_error());
-        // On disk before it has its name: a power cut must not leave the name with nothing behind it.
+        // The file must be on disk before it has its name: after a power cut no name may stand for an empty
+        // file.
         file.and_then(|file| file.sync_all())
             .map_err(|source| RecordingError::File {
                 action: "write",
@@ -341,7 +382,7 @@ impl Writer {
             path,
             source,
         })?;
-        Ok(*decoder.counters())
+        Ok(*reader.counters())
     }
 
     fn failed(&self, source: McapError) -> RecordingError {
@@ -352,7 +393,8 @@ impl Writer {
     }
 }
 
-/// Creates `path` with `.partial`, or `.2.partial` and so on: what an earlier crash left is not touched.
+/// Creates `path` with `.partial`, or `.2.partial` and so on. A file that an earlier crash left is not
+/// touched.
 fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
     let mut attempt = 1u32;
     loop {
@@ -404,19 +446,6 @@ impl Clock {
     }
 }
 
-/// Bytes between two delimiters, as received.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Run {
-    /// Time of the recording, in nanoseconds; never runs back.
-    pub log_time_ns: u64,
-    /// Time of the bead since its reset, in nanoseconds.
-    pub bead_time_ns: u64,
-    /// When its last byte was received, host time in ns since 1970, if that was recorded.
-    pub received_ns: Option<u64>,
-    /// The bytes, delimiters not among them.
-    pub bytes: Vec<u8>,
-}
-
 /// How much of a recording is there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
@@ -424,82 +453,67 @@ pub enum State {
     Whole,
     /// The file ends early: it was not finished, or not copied whole.
     CutShort {
-        /// The runs are all there nevertheless: only the index behind them is not.
+        /// Whether all runs are there and only the index behind them is missing.
         runs_whole: bool,
     },
     /// Something in the file is not what was written; what follows it may be missing.
     Damaged(String),
 }
 
-/// A recording that was read.
+/// A recording on disk. It is read piece by piece and never kept whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recording {
+    path: PathBuf,
     /// What it is of.
     pub about: About,
     /// Its attachments.
     pub parts: BTreeMap<Part, Vec<u8>>,
-    /// What was received, in order.
-    pub runs: Vec<Run>,
+    /// Runs of bytes between two delimiters.
+    pub runs: u64,
     /// Whether this is all.
     pub state: State,
 }
 
 impl Recording {
-    /// Reads all that can be read, of a whole file or of one cut short.
+    /// Reads a file once, whole or cut short: what it is of, its attachments, and how much of it is there.
     ///
     /// # Errors
     /// The file cannot be read, or is no recording. One cut short or damaged is no error: see [`State`].
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let file = fs::read(path).map_err(|source| RecordingError::File {
-            action: "read",
-            path: path.to_owned(),
-            source,
-        })?;
-        if file.is_empty() {
-            return Err(RecordingError::Empty(path.to_owned()));
-        }
-        if !file.starts_with(mcap::MAGIC) && !mcap::MAGIC.starts_with(&file) {
-            return Err(RecordingError::NotMcap(path.to_owned()));
-        }
-        let mut collector = Collector::default();
-        let state = collector.read(&file);
-        if collector.channel.is_none() && state == State::Whole {
+        let mut pieces = Pieces::open(path)?;
+        let runs = pieces.by_ref().count() as u64;
+        let Pieces { found, walk, .. } = pieces;
+        if found.channel.is_none() && walk.state == State::Whole {
             return Err(RecordingError::NotOurs(path.to_owned()));
         }
-        let Collector {
-            about,
-            parts,
-            mut runs,
-            numbers,
-            received,
-            ..
-        } = collector;
-        // A piece's time is that of every run that ended in it: of those after the last of the piece before.
-        for (run, number) in runs.iter_mut().zip(numbers) {
-            let piece = received.range(number..).next();
-            run.received_ns = piece.map(|(_, received_ns)| *received_ns);
-        }
         Ok(Self {
-            about,
-            parts,
+            path: path.to_owned(),
+            about: found.about,
+            parts: found.parts,
             runs,
-            state,
+            state: walk.state,
         })
     }
 
-    /// The stream as received, for a decoder.
-    pub fn stream(&self) -> Vec<u8> {
-        let mut stream = Vec::with_capacity(self.runs.iter().map(|run| run.bytes.len() + 1).sum());
-        for run in &self.runs {
-            stream.extend_from_slice(&run.bytes);
-            stream.push(0);
-        }
-        stream
+    /// Its runs of bytes, in the order received.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn pieces(&self) -> Result<Pieces, RecordingError> {
+        Pieces::open(&self.path)
     }
 
-    /// One line that says what is missing, if anything is.
+    /// Its frames, in the order received, each with the time of its receipt.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn frames(&self) -> Result<Frames<Pieces>, RecordingError> {
+        self.pieces().map(Frames::new)
+    }
+
+    /// One line that says what is missing; none for a whole recording.
     pub fn warning(&self) -> Option<String> {
-        let runs = self.runs.len();
+        let runs = self.runs;
         match &self.state {
             State::Whole => None,
             State::CutShort { runs_whole: true } => Some(format!(
@@ -516,58 +530,162 @@ impl Recording {
     }
 }
 
-/// What is found on the way through a file.
-#[derive(Default)]
-struct Collector {
-    about: About,
-    parts: BTreeMap<Part, Vec<u8>>,
-    runs: Vec<Run>,
-    /// Of each run.
-    numbers: Vec<u32>,
-    /// By the number of the last run of a piece, when the piece was received.
-    received: BTreeMap<u32, u64>,
-    channel: Option<u16>,
-    received_channel: Option<u16>,
+/// The runs of bytes in a recording, each with its delimiter and the time of its receipt. Memory: a chunk of
+/// the file, and the runs of one piece of bytes.
+pub struct Pieces {
+    walk: Walk,
+    found: Found,
 }
 
-impl Collector {
-    fn read(&mut self, file: &[u8]) -> State {
-        // Chunks are taken whole and walked here, as one cut short must give what it has.
+impl Pieces {
+    fn open(path: &Path) -> Result<Self, RecordingError> {
+        Ok(Self {
+            walk: Walk::open(path)?,
+            found: Found::default(),
+        })
+    }
+}
+
+impl Iterator for Pieces {
+    type Item = Piece;
+
+    fn next(&mut self) -> Option<Piece> {
+        loop {
+            if let Some(piece) = self.found.ready.pop_front() {
+                return Some(piece);
+            }
+            if !self.walk.step(&mut self.found) {
+                self.found.release(|_| true, None);
+                return self.found.ready.pop_front();
+            }
+        }
+    }
+}
+
+/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of some 16
+/// KiB, and attachments much below this.
+const RECORD_MOST: usize = 64 << 20;
+
+/// A way through the records of a file.
+struct Walk {
+    file: File,
+    reader: LinearReader,
+    /// Where the record after the last whole one begins.
+    next: u64,
+    runs_whole: bool,
+    damage: Option<String>,
+    /// State of what was read so far.
+    state: State,
+    ended: bool,
+}
+
+impl Walk {
+    fn open(path: &Path) -> Result<Self, RecordingError> {
+        let failed = |source| RecordingError::File {
+            action: "read",
+            path: path.to_owned(),
+            source,
+        };
+        let mut file = File::open(path).map_err(failed)?;
+        let mut head = Vec::new();
+        let magic = mcap::MAGIC.len();
+        file.by_ref()
+            .take(magic as u64)
+            .read_to_end(&mut head)
+            .map_err(failed)?;
+        if head.is_empty() {
+            return Err(RecordingError::Empty(path.to_owned()));
+        }
+        if !mcap::MAGIC.starts_with(&head) {
+            return Err(RecordingError::NotMcap(path.to_owned()));
+        }
+        file.rewind().map_err(failed)?;
+        // Chunks are taken whole and read here, as a cut chunk must give what it has.
         let options = LinearReaderOptions::default()
             .with_emit_chunks(true)
+            .with_record_length_limit(RECORD_MOST)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true)
             .with_check_finishes_after_end_magic(true);
-        let mut reader = LinearReader::new_with_options(options);
-        let mut rest = file;
-        // Where the record after the last whole one begins.
-        let mut next = mcap::MAGIC.len();
-        let (mut runs_whole, mut damage) = (false, None);
-        loop {
-            match reader.next_event() {
-                None => break,
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    // A damaged length may want more than there is memory.
-                    let (given, left) = rest.split_at(wanted.min(rest.len()));
-                    reader.insert(given.len()).copy_from_slice(given);
-                    reader.notify_read(given.len());
-                    rest = left;
-                }
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    next += RECORD_HEAD + data.len();
-                    runs_whole |= opcode == mcap::records::op::DATA_END;
-                    damage = damage.or(self.record(opcode, data).err());
-                }
-                Some(Err(McapError::UnexpectedEof)) => {
-                    self.cut_chunk(file.get(next..).unwrap_or_default());
-                    return damage.map_or(State::CutShort { runs_whole }, State::Damaged);
-                }
-                Some(Err(error)) => return State::Damaged(damage.unwrap_or(error.to_string())),
-            }
-        }
-        damage.map_or(State::Whole, State::Damaged)
+        Ok(Self {
+            file,
+            reader: LinearReader::new_with_options(options),
+            next: magic as u64,
+            runs_whole: false,
+            damage: None,
+            state: State::Whole,
+            ended: false,
+        })
     }
 
+    /// Reads one event; false at the end.
+    fn step(&mut self, found: &mut Found) -> bool {
+        if self.ended {
+            return false;
+        }
+        self.ended = true;
+        match self.reader.next_event() {
+            None => {}
+            Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                match self.file.read(self.reader.insert(wanted.min(RECORD_MOST))) {
+                    Ok(length) => {
+                        self.reader.notify_read(length);
+                        self.ended = false;
+                    }
+                    Err(error) if error.kind() == io::ErrorKind::Interrupted => self.ended = false,
+                    Err(error) => self.state = State::Damaged(error.to_string()),
+                }
+            }
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                self.next += (RECORD_HEAD + data.len()) as u64;
+                self.runs_whole |= opcode == mcap::records::op::DATA_END;
+                if let Err(what) = found.record(opcode, data) {
+                    self.damage.get_or_insert(what);
+                }
+                self.ended = false;
+            }
+            Some(Err(McapError::UnexpectedEof)) => {
+                let mut tail = Vec::new();
+                // What cannot be read counts as missing.
+                let _ = self
+                    .file
+                    .seek(SeekFrom::Start(self.next))
+                    .and_then(|_| self.file.by_ref().take(RECORD_MOST as u64).read_to_end(&mut tail));
+                found.cut_chunk(&tail);
+                self.state = State::CutShort {
+                    runs_whole: self.runs_whole,
+                };
+            }
+            Some(Err(error)) => self.state = State::Damaged(error.to_string()),
+        }
+        if self.ended
+            && let Some(what) = self.damage.take()
+        {
+            self.state = State::Damaged(what);
+        }
+        !self.ended
+    }
+}
+
+/// Greatest number of bytes in runs that wait for the time of their piece. A piece has up to 64 KiB and may
+/// end a run that began before it.
+const HELD_MOST: usize = 4 * LONGEST_RUN;
+
+/// What is found on the way through a file.
+#[derive(Default)]
+struct Found {
+    about: About,
+    parts: BTreeMap<Part, Vec<u8>>,
+    channel: Option<u16>,
+    received_channel: Option<u16>,
+    /// Runs with their numbers that wait for their time, which follows them in the file.
+    held: VecDeque<(u32, Vec<u8>)>,
+    held_bytes: usize,
+    /// Runs with their time.
+    ready: VecDeque<Piece>,
+}
+
+impl Found {
     fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
         match mcap::parse_record(opcode, data).map_err(|error| error.to_string())? {
             Record::Chunk { header, .. } if !header.compression.is_empty() => {
@@ -584,17 +702,23 @@ impl Collector {
                 let received_ns = received_ns
                     .try_into()
                     .map_err(|_| "a receive time is of another length")?;
-                self.received
-                    .insert(u32::from_le_bytes(*last), u64::from_le_bytes(received_ns));
+                let last = u32::from_le_bytes(*last);
+                // The time of a piece is the time of every run that ended in it: the runs after the last run
+                // of the piece before.
+                self.release(
+                    |number| last.wrapping_sub(number) < 1 << 31,
+                    Some(u64::from_le_bytes(received_ns)),
+                );
             }
             Record::Message { header, data } if Some(header.channel_id) == self.channel => {
-                self.numbers.push(header.sequence);
-                self.runs.push(Run {
-                    log_time_ns: header.log_time,
-                    bead_time_ns: header.publish_time,
-                    received_ns: None,
-                    bytes: data.into_owned(),
-                });
+                let mut run = data.into_owned();
+                run.push(0);
+                self.held_bytes += run.len();
+                self.held.push_back((header.sequence, run));
+                // The file does not say when these were received.
+                while self.held_bytes > HELD_MOST {
+                    self.release_first(None);
+                }
             }
             Record::Metadata(metadata) if metadata.name == METADATA => {
                 self.about = About::from_map(metadata.metadata);
@@ -607,6 +731,20 @@ impl Collector {
             _ => {}
         }
         Ok(())
+    }
+
+    /// Hands on the first waiting runs whose numbers are `wanted`.
+    fn release(&mut self, wanted: impl Fn(u32) -> bool, received_ns: Option<u64>) {
+        while self.held.front().is_some_and(|(number, _)| wanted(*number)) {
+            self.release_first(received_ns);
+        }
+    }
+
+    fn release_first(&mut self, received_ns: Option<u64>) {
+        if let Some((_, bytes)) = self.held.pop_front() {
+            self.held_bytes -= bytes.len();
+            self.ready.push_back(Piece { bytes, received_ns });
+        }
     }
 
     /// The records in a chunk.
@@ -626,7 +764,7 @@ impl Collector {
     fn cut_chunk(&mut self, tail: &[u8]) {
         let is_chunk = tail.first() == Some(&mcap::records::op::CHUNK);
         if let Some(records) = tail.get(RECORD_HEAD + CHUNK_HEAD..).filter(|_| is_chunk) {
-            // It ends within a record: that is what being cut means.
+            // The chunk ends within a record, as it is cut.
             let _ = self.records(records);
         }
     }
@@ -648,12 +786,13 @@ fn split_record(bytes: &[u8]) -> Option<(u8, &[u8], &[u8])> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_wire::{Header, Identity, MAX_FRAME, Settings, encode};
+    use bead_wire::{Block, Decoder, Header, Identity, MAX_FRAME, ResetCauses, Settings, encode};
     use tempfile::TempDir;
 
-    fn sent(boot: u8, sequence: u32, sample_index: u64, message: &Message<'_>) -> Vec<u8> {
+    fn sent(boot: u8, sequence: u32, sample_index: u64, message: &Message) -> Vec<u8> {
         encode(
             &Header {
+                address: 0,
                 boot,
                 sequence,
                 sample_index,
@@ -665,17 +804,22 @@ mod tests {
         .to_vec()
     }
 
+    fn settings(block: &[u8]) -> Message {
+        let block = Block::try_from(block).unwrap();
+        Settings { block }.into()
+    }
+
     fn identity(boot: u8) -> Vec<u8> {
         let identity = Identity {
-            firmware: "0.1.0",
-            git: "abc",
+            firmware: "0.1.0".into(),
+            git: "abc".into(),
             uid: [1; 12],
             boot: boot.into(),
-            reset_cause: 4,
+            reset_cause: ResetCauses::from_bits(4),
             sample_rate_hz: 50_000,
             channels: 2,
         };
-        sent(boot, 0, 0, &Message::Identity(identity))
+        sent(boot, 0, 0, &identity.into())
     }
 
     /// Frames of two boots, noise between them, and the head of a frame at the end.
@@ -686,23 +830,11 @@ mod tests {
             for n in 1..frames {
                 // No two runs are alike: a test finds each in the file by its bytes.
                 let block = [n.to_le_bytes().as_slice(), &[boot, 0xEE], &[n as u8; 40]].concat();
-                stream.extend(sent(
-                    boot,
-                    n,
-                    1000 * u64::from(n),
-                    &Message::Settings(Settings { block: &block }),
-                ));
+                stream.extend(sent(boot, n, 1000 * u64::from(n), &settings(&block)));
             }
             stream.extend(b"noise\0");
         }
-        stream.extend(
-            &sent(
-                1,
-                frames,
-                0,
-                &Message::Settings(Settings { block: b"unfinished" }),
-            )[..20],
-        );
+        stream.extend(&sent(1, frames, 0, &settings(b"unfinished"))[..20]);
         stream
     }
 
@@ -711,6 +843,18 @@ mod tests {
             .split(|&byte| byte == 0)
             .filter(|run| !run.is_empty())
             .map(<[u8]>::to_vec)
+            .collect()
+    }
+
+    /// The runs in a recording, without their delimiters.
+    fn kept(path: &Path) -> Vec<Vec<u8>> {
+        let pieces = Pieces::open(path).unwrap();
+        pieces
+            .map(|piece| {
+                let (end, run) = piece.bytes.split_last().unwrap();
+                assert_eq!(*end, 0);
+                run.to_vec()
+            })
             .collect()
     }
 
@@ -730,7 +874,7 @@ mod tests {
         let mut writer = Writer::create(&path, &about()).unwrap();
         writer.attach(Part::Scenario, b"title = \"x\"").unwrap();
         for piece in stream.chunks(33) {
-            writer.write(piece).unwrap();
+            writer.write(piece, None, |_| {}).unwrap();
         }
         writer.attach(Part::EmulatorReport, b"{}").unwrap();
         writer.finish().unwrap();
@@ -747,18 +891,23 @@ mod tests {
         let mut expected = Vec::new();
         for (n, piece) in (1_700_000_000_000_000_000..).zip(stream.chunks(97)) {
             let before = writer.written;
-            writer.write_at(piece, n).unwrap();
+            writer.write(piece, Some(n), |_| {}).unwrap();
             expected.extend((before..writer.written).map(|_| Some(n)));
         }
         // What is never ended by a delimiter has no time.
         writer.finish().unwrap();
         expected.push(None);
-        let recording = Recording::open(&path).unwrap();
-        let found: Vec<_> = recording.runs.iter().map(|run| run.received_ns).collect();
+        let found: Vec<_> = Pieces::open(&path)
+            .unwrap()
+            .map(|piece| piece.received_ns)
+            .collect();
         assert_eq!(found, expected);
         let (_folder, path, _) = recorded(&stream);
-        let untimed = Recording::open(&path).unwrap();
-        assert!(untimed.runs.iter().all(|run| run.received_ns.is_none()));
+        assert!(
+            Pieces::open(&path)
+                .unwrap()
+                .all(|piece| piece.received_ns.is_none())
+        );
     }
 
     #[test]
@@ -769,8 +918,8 @@ mod tests {
         assert_eq!(recording.state, State::Whole);
         assert_eq!(recording.warning(), None);
         assert_eq!(recording.about, about());
-        let bytes: Vec<_> = recording.runs.iter().map(|run| run.bytes.clone()).collect();
-        assert_eq!(bytes, runs(&stream));
+        assert_eq!(kept(&path), runs(&stream));
+        assert_eq!(recording.runs, runs(&stream).len() as u64);
         assert_eq!(recording.parts[&Part::Scenario], b"title = \"x\"");
         assert_eq!(recording.parts[&Part::EmulatorReport], b"{}");
         assert!(!recording.parts.contains_key(&Part::Truth));
@@ -787,10 +936,13 @@ mod tests {
         live.feed(&stream, |result| {
             frames.extend(result.ok().map(|frame| frame.header))
         });
-        let mut replayed = Decoder::new();
-        replayed.feed(&Recording::open(&path).unwrap().stream(), |result| {
-            again.extend(result.ok().map(|frame| frame.header));
-        });
+        let mut replayed = Recording::open(&path).unwrap().frames().unwrap();
+        again.extend(
+            replayed
+                .by_ref()
+                .filter_map(Item::frame)
+                .map(|frame| frame.header),
+        );
         assert_eq!(frames.len(), 100);
         assert_eq!(frames, again);
         assert_eq!(replayed.counters().lost, live.counters().lost);
@@ -798,12 +950,11 @@ mod tests {
 
     #[test]
     fn times_are_sample_time_and_go_on_after_a_restart() {
-        let (_folder, path, _) = recorded(&stream(3));
-        let times: Vec<_> = Recording::open(&path)
-            .unwrap()
-            .runs
-            .iter()
-            .map(|run| (run.bead_time_ns / 1000, run.log_time_ns / 1000))
+        let (_folder, _, file) = recorded(&stream(3));
+        let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
+        let times: Vec<_> = messages
+            .filter(|message| message.channel.topic == TOPIC)
+            .map(|message| (message.publish_time / 1000, message.log_time / 1000))
             .collect();
         // 50 kHz as the identity says, not the 100 kHz that was expected: 20 ms for 1000 samples.
         let boot = [(0, 0), (20_000, 20_000), (40_000, 40_000), (40_000, 40_000)];
@@ -840,10 +991,7 @@ mod tests {
             fs::write(&path, &file[..cut]).unwrap();
             let recording = Recording::open(&path).unwrap();
             let whole = ends.iter().filter(|&&end| end <= cut).count();
-            assert!(
-                recording.runs.iter().map(|run| &run.bytes).eq(&runs[..whole]),
-                "cut at {cut}"
-            );
+            assert_eq!(kept(&path), runs[..whole], "cut at {cut}");
             let State::CutShort { runs_whole } = recording.state else {
                 panic!("cut at {cut}: {:?}", recording.state)
             };
@@ -882,13 +1030,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("strike.mcap");
         let mut writer = Writer::create(&path, &about()).unwrap();
-        writer.write(&stream).unwrap();
+        writer.write(&stream, None, |_| {}).unwrap();
         writer.flush().unwrap();
         // Read while it is written: what a crash would leave.
         let recording = Recording::open(writer.partial_path()).unwrap();
         assert_eq!(recording.state, State::CutShort { runs_whole: false });
         // The last run has no delimiter yet.
-        assert_eq!(recording.runs.len(), runs(&stream).len() - 1);
+        assert_eq!(recording.runs, runs(&stream).len() as u64 - 1);
         assert!(!path.exists());
     }
 
@@ -906,12 +1054,7 @@ mod tests {
     #[test]
     fn a_line_without_delimiters_is_recorded_in_pieces() {
         let (_folder, path, _) = recorded(&vec![1; 2 * LONGEST_RUN + 5]);
-        let lengths: Vec<_> = Recording::open(&path)
-            .unwrap()
-            .runs
-            .iter()
-            .map(|run| run.bytes.len())
-            .collect();
+        let lengths: Vec<_> = kept(&path).iter().map(Vec::len).collect();
         assert_eq!(lengths, [LONGEST_RUN, LONGEST_RUN, 5]);
     }
 

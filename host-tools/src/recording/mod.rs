@@ -3,6 +3,8 @@
 pub mod clock;
 pub mod file;
 pub mod frames;
+pub mod json;
 pub mod received;
 pub mod strikes;
 pub mod time_series;
+pub mod whole;

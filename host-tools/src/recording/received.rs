@@ -1,109 +1,128 @@
-//! What came from a bead, from whichever file holds it.
+//! What came from a bead: the frames and strikes of a recording, and the bead's last identity and status.
 
 use std::path::{Path, PathBuf};
 
 use bead_model::settings::Settings;
-use bead_wire::Counters;
+use bead_wire::{Counters, Identity, Message, Status};
 
-use crate::cli::failure::{Blame, Failure};
-use crate::recording::file::{Part, Recording};
-use crate::recording::frames::{self, Frame, Identity, Message};
-use crate::recording::strikes::{RecordedStrike, assemble};
+use crate::recording::file::{Part, Pieces, Recording, RecordingError};
+use crate::recording::frames::{Frame, Frames, Item, Piece};
+use crate::recording::strikes::Strikes;
 
-/// The frames of a recording, and the recording itself.
+/// A recording and where it is.
 #[derive(Debug, Clone)]
 pub struct Received {
     /// Where it came from.
     pub path: PathBuf,
-    /// Every frame, in the order received.
-    pub frames: Vec<Frame>,
-    /// What was received, refused and lost.
-    pub counters: Counters,
     /// The recording.
     pub recording: Recording,
 }
 
 impl Received {
-    /// Reads a recording; what is missing of it is said on standard error.
+    /// Opens a recording. Standard error says what is missing of it.
     ///
     /// # Errors
     /// The file cannot be read or is no recording.
-    pub fn open(path: &Path) -> Result<Self, Failure> {
-        let recording = Recording::open(path).map_err(Failure::input)?;
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let recording = Recording::open(path)?;
         if let Some(warning) = recording.warning() {
             eprintln!("bead: {}: {warning}", path.display());
         }
-        let (frames, counters) = frames::decode(&recording.stream());
         Ok(Self {
             path: path.to_owned(),
-            frames,
-            counters,
             recording,
         })
     }
 
-    /// The strikes, with their samples and settings.
-    pub fn strikes(&self) -> Vec<RecordedStrike> {
-        let given = self.recording.parts.get(&Part::Settings);
-        let given = given.and_then(|block| Settings::decode(block).ok());
-        assemble(&self.frames, given.as_ref())
-    }
-
-    /// The strikes, of which there is at least one.
+    /// The strikes with their samples and settings, one after another.
     ///
     /// # Errors
-    /// There is none: the check that was asked for has nothing to check.
-    pub fn some_strikes(&self) -> Result<Vec<RecordedStrike>, Failure> {
-        let strikes = self.strikes();
-        if strikes.is_empty() {
-            return Err(Failure::input(format!(
-                "{}: no strike among its {} frames, so there is nothing to check; record one",
-                self.path.display(),
-                self.frames.len()
-            )));
+    /// The file cannot be read.
+    pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, RecordingError> {
+        let given = self.recording.parts.get(&Part::Settings);
+        let given = given.and_then(|block| Settings::decode(block).ok());
+        Ok(Strikes::new(LastSaid::new(self.recording.frames()?), given))
+    }
+
+    /// Why there was no strike in what was heard: the check that was asked for has nothing to check.
+    pub fn no_strike<I: Iterator<Item = Piece>>(&self, heard: &LastSaid<I>) -> RecordingError {
+        let path = self.path.clone();
+        match &heard.from_the_future {
+            Some(who) => RecordingError::FromTheFuture {
+                path,
+                who: who.clone(),
+            },
+            None => RecordingError::NoStrike {
+                path,
+                frames: heard.counters().frames,
+            },
         }
-        Ok(strikes)
-    }
-
-    /// Who spoke, last.
-    pub fn identity(&self) -> Option<&Identity> {
-        self.frames.iter().rev().find_map(|frame| match &frame.message {
-            Message::Identity(identity) => Some(identity),
-            _ => None,
-        })
-    }
-
-    /// The last status.
-    pub fn status(&self) -> Option<&bead_wire::Status> {
-        self.frames.iter().rev().find_map(|frame| match &frame.message {
-            Message::Status(status) => Some(status),
-            _ => None,
-        })
-    }
-
-    /// A part of the recording that is text.
-    pub fn text(&self, part: Part) -> Option<&str> {
-        self.recording
-            .parts
-            .get(&part)
-            .and_then(|bytes| std::str::from_utf8(bytes).ok())
     }
 
     /// A part of the recording that is JSON.
     ///
     /// # Errors
     /// The part is there and is not what this version writes.
-    pub fn json<T: serde::de::DeserializeOwned>(&self, part: Part) -> Result<Option<T>, Failure> {
-        let Some(text) = self.text(part) else {
+    pub fn json<T: serde::de::DeserializeOwned>(&self, part: Part) -> Result<Option<T>, RecordingError> {
+        let Some(bytes) = self.recording.parts.get(&part) else {
             return Ok(None);
         };
-        let value = serde_json::from_str(text).or_input(|| {
-            format!(
-                "{}: cannot read its {}; record it again",
-                self.path.display(),
-                part.name()
-            )
+        let value = serde_json::from_slice(bytes).map_err(|source| RecordingError::Part {
+            path: self.path.clone(),
+            part: part.name(),
+            source,
         })?;
         Ok(Some(value))
+    }
+}
+
+/// Frames on their way, and the last identity and status among them.
+pub struct LastSaid<I> {
+    frames: Frames<I>,
+    identity: Option<Identity>,
+    status: Option<Status>,
+    /// See [`Frame::from_the_future`].
+    from_the_future: Option<String>,
+}
+
+impl<I: Iterator<Item = Piece>> LastSaid<I> {
+    /// Frames on their way.
+    pub fn new(frames: Frames<I>) -> Self {
+        Self {
+            frames,
+            identity: None,
+            status: None,
+            from_the_future: None,
+        }
+    }
+
+    /// What was received so far, refused and lost.
+    pub fn counters(&self) -> &Counters {
+        self.frames.counters()
+    }
+
+    /// The last identity so far.
+    pub fn identity(&self) -> Option<&Identity> {
+        self.identity.as_ref()
+    }
+
+    /// The last status so far.
+    pub fn status(&self) -> Option<&Status> {
+        self.status.as_ref()
+    }
+}
+
+impl<I: Iterator<Item = Piece>> Iterator for LastSaid<I> {
+    type Item = Frame;
+
+    fn next(&mut self) -> Option<Frame> {
+        let frame = self.frames.by_ref().find_map(Item::frame)?;
+        self.from_the_future = frame.from_the_future().or(self.from_the_future.take());
+        match &frame.message {
+            Message::Identity(identity) => self.identity = Some(identity.clone()),
+            Message::Status(status) => self.status = Some(*status),
+            _ => {}
+        }
+        Some(frame)
     }
 }

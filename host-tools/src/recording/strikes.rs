@@ -1,33 +1,36 @@
-//! The strikes of a recording: each with its samples, what the bead said of it, and the settings it ran with.
+//! The strikes of a recording: each with its samples, the bead's result, and the settings in force.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
 
 use bead_model::Scan;
+use bead_model::layout::WINDOW_MAX;
 use bead_model::settings::Settings;
-use bead_wire::{Arrival, Shape, Strike};
+use bead_wire::{Arrival, Energy, Message, REORDER, Shape, Strike, Waveform};
 
-use crate::recording::frames::{Frame, Message, Waveform};
+use crate::recording::frames::Frame;
 
-/// Energy bits as they stood after a run of samples.
+/// Energies as they stood after a run of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Chunk {
-    /// Samples of the window up to and with the last of this chunk.
+    /// Samples of the window up to the end of this chunk.
     pub end: usize,
-    /// Estimate A, in [`bead_wire::ENERGY_UNIT_J`].
-    pub absorbed_measured: i64,
-    /// Estimate B, in [`bead_wire::ENERGY_UNIT_J`].
-    pub absorbed_predicted: i64,
+    /// Estimate A.
+    pub absorbed_measured: Energy,
+    /// Estimate B.
+    pub absorbed_predicted: Energy,
 }
 
 /// The codes of one scan: force, then acceleration, at either gain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Codes {
+pub struct ScanCodes {
     /// At the high gain.
     pub sensitive: [u16; 2],
     /// At the low gain, where they had a part in the estimates.
     pub wide: Option<[u16; 2]>,
 }
 
-impl Codes {
-    /// As the bead had them; codes that had no part in the estimates are made up.
+impl ScanCodes {
+    /// The codes as the bead had them. Codes that had no part in the estimates are 0.
     pub fn scan(&self) -> Scan {
         let ([force, acceleration], [force_wide, acceleration_wide]) =
             (self.sensitive, self.wide.unwrap_or_default());
@@ -38,12 +41,14 @@ impl Codes {
 /// One strike as it was received.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedStrike {
+    /// Address of the bead that was struck.
+    pub address: u8,
     /// What the bead said of it.
     pub said: Strike,
     /// What it said of its shape, if that was received.
     pub shape: Option<Shape>,
-    /// The window's codes, as far as received without a gap from its start.
-    pub scans: Vec<Codes>,
+    /// The window's codes from its start up to the first gap.
+    pub scans: Vec<ScanCodes>,
     /// The chunks that they came in.
     pub chunks: Vec<Chunk>,
     /// The settings in force, if any were received.
@@ -51,107 +56,219 @@ pub struct RecordedStrike {
 }
 
 impl RecordedStrike {
+    /// A strike of which no samples were received yet.
+    pub fn new(address: u8, said: Strike) -> Self {
+        Self {
+            address,
+            said,
+            shape: None,
+            scans: Vec::new(),
+            chunks: Vec::new(),
+            settings: None,
+        }
+    }
+
     /// Samples of the window that were not received, or came after a gap.
     pub fn missing(&self) -> usize {
         usize::from(self.said.samples).saturating_sub(self.scans.len())
     }
 
-    /// Appends the codes of a waveform frame; `wide` are those of the two scans before it and of its own, or none.
-    pub fn extend(&mut self, sensitive: &[[u16; 2]], wide: &[[u16; 2]]) {
-        let (before, own) = wide.split_at(wide.len().saturating_sub(sensitive.len()));
-        for (scan, wide) in self.scans.iter_mut().rev().zip(before.iter().rev()) {
-            scan.wide = Some(*wide);
+    /// Appends the samples of a waveform frame.
+    pub fn push(&mut self, waveform: &Waveform) {
+        let sensitive = waveform.codes.iter();
+        let mut wide = waveform.wide.iter();
+        // The codes at the low gain begin with the two scans before those of the frame, or are not there.
+        let before = wide.len().saturating_sub(sensitive.len());
+        let before: Vec<_> = wide.by_ref().take(before).collect();
+        for (scan, wide) in self.scans.iter_mut().rev().zip(before.into_iter().rev()) {
+            scan.wide = Some(wide);
         }
-        let wide = own.iter().copied().map(Some).chain(std::iter::repeat(None));
-        let codes = sensitive.iter().zip(wide);
+        let wide = wide.map(Some).chain(std::iter::repeat(None));
+        let codes = sensitive.zip(wide);
         self.scans
-            .extend(codes.map(|(&sensitive, wide)| Codes { sensitive, wide }));
+            .extend(codes.map(|(sensitive, wide)| ScanCodes { sensitive, wide }));
+        self.chunks.push(Chunk {
+            end: self.scans.len(),
+            absorbed_measured: waveform.absorbed_measured,
+            absorbed_predicted: waveform.absorbed_predicted,
+        });
     }
 }
 
-/// Frames of the bead between two resets.
-#[derive(Default)]
+/// A frame that comes this many frames too late counts as lost.
+const SETTLED: u32 = REORDER;
+/// Greatest number of strikes that wait, for the first settings of their boot or for their strike frame. A
+/// bead that never sends either must not fill the memory.
+const WAITING: usize = 64;
+
+/// What a bead sent since its last reset and is not yet part of a strike that was handed on.
+#[derive(Debug, Clone, Default)]
 struct Boot {
-    /// Each with the number of the frame that told it: settings may be changed between two strikes.
-    settings: Vec<(u32, Settings)>,
-    waveforms: Vec<Waveform>,
-    /// Each with the number of its frame.
-    strikes: Vec<(u32, Strike)>,
-    shapes: Vec<Shape>,
+    /// By the number of their frame, as settings may change between two strikes.
+    settings: BTreeMap<u32, Settings>,
+    /// By the number of the strike.
+    waveforms: BTreeMap<u32, Vec<Waveform>>,
+    shapes: BTreeMap<u32, Shape>,
+    /// Each with the number of its frame, in the order of the strikes.
+    strikes: BTreeMap<u32, (u32, Strike)>,
 }
 
-/// Puts the frames of a recording together, strike by strike, over resets and with late frames in their place.
-///
-/// `settings` are those that the bead is known to have been given, for a boot whose settings frames are all lost.
-pub fn assemble(frames: &[Frame], settings: Option<&Settings>) -> Vec<RecordedStrike> {
-    let mut boots = vec![Boot::default()];
-    for frame in frames {
-        match frame.arrival {
-            Arrival::Restart { .. } => boots.push(Boot::default()),
-            Arrival::Duplicate => continue,
-            _ => {}
-        }
-        let Some(boot) = boots.last_mut() else { continue };
-        match &frame.message {
-            Message::Settings(block) => {
-                let settings = Settings::decode(block).ok();
-                boot.settings
-                    .extend(settings.map(|settings| (frame.header.sequence, settings)));
-            }
-            Message::Waveform(waveform) => boot.waveforms.push(waveform.clone()),
-            Message::Strike(strike) => boot.strikes.push((frame.header.sequence, *strike)),
-            Message::Shape(shape) => boot.shapes.push(*shape),
-            _ => {}
+/// Puts frames together to strikes, over resets and with late frames in their place. It only keeps the
+/// strikes of the newest frames of each bead.
+#[derive(Debug, Clone)]
+pub struct Strikes<I> {
+    frames: I,
+    known: Option<Settings>,
+    /// By address.
+    boots: HashMap<u8, Boot>,
+    ready: VecDeque<RecordedStrike>,
+}
+
+impl<I: Iterator<Item = Frame>> Strikes<I> {
+    /// The strikes in `frames`. `known` are settings that the bead was given; they serve for a boot whose
+    /// settings frames are all lost.
+    pub fn new(frames: impl IntoIterator<IntoIter = I>, known: Option<Settings>) -> Self {
+        Self {
+            frames: frames.into_iter(),
+            known,
+            boots: HashMap::new(),
+            ready: VecDeque::new(),
         }
     }
-    boots
-        .into_iter()
-        .flat_map(|boot| boot.assemble(settings))
-        .collect()
+
+    /// Where the frames come from.
+    pub fn frames(&self) -> &I {
+        &self.frames
+    }
+
+    fn take(&mut self, frame: Frame) {
+        let address = frame.header.address;
+        let newest = frame.header.sequence;
+        match frame.arrival {
+            Arrival::Restart { .. } => {
+                let boot = self.boots.remove(&address).unwrap_or_default();
+                self.ready.extend(boot.end(address, self.known));
+            }
+            Arrival::Duplicate => return,
+            _ => {}
+        }
+        let boot = self.boots.entry(address).or_default();
+        match frame.message {
+            Message::Settings(settings) => {
+                let settings = Settings::decode(settings.block.bytes()).ok();
+                // Settings come every second and rarely change.
+                let is_new = settings.as_ref() != boot.settings.last_entry().as_ref().map(|last| last.get());
+                let settings = settings.filter(|_| is_new);
+                boot.settings.extend(settings.map(|settings| (newest, settings)));
+            }
+            Message::Waveform(waveform) => {
+                let waveforms = boot.waveforms.entry(waveform.strike).or_default();
+                if waveforms.len() < usize::from(WINDOW_MAX) {
+                    waveforms.push(waveform);
+                }
+                while boot.waveforms.len() > WAITING {
+                    boot.waveforms.pop_first();
+                }
+            }
+            Message::Strike(strike) => {
+                boot.strikes.insert(strike.strike, (newest, strike));
+            }
+            Message::Shape(shape) => {
+                boot.shapes.insert(shape.strike, shape);
+                while boot.shapes.len() > WAITING {
+                    boot.shapes.pop_first();
+                }
+            }
+            _ => {}
+        }
+        if frame.arrival != Arrival::Late {
+            self.ready.extend(boot.settled(newest, address, self.known));
+        }
+    }
+}
+
+impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
+    type Item = RecordedStrike;
+
+    fn next(&mut self) -> Option<RecordedStrike> {
+        loop {
+            if let Some(strike) = self.ready.pop_front() {
+                return Some(strike);
+            }
+            match self.frames.next() {
+                Some(frame) => self.take(frame),
+                None => {
+                    let mut boots: Vec<_> = self.boots.drain().collect();
+                    boots.sort_by_key(|(address, _)| *address);
+                    for (address, boot) in boots {
+                        self.ready.extend(boot.end(address, self.known));
+                    }
+                    return self.ready.pop_front();
+                }
+            }
+        }
+    }
 }
 
 impl Boot {
-    fn assemble(mut self, known: Option<&Settings>) -> Vec<RecordedStrike> {
-        self.waveforms.sort_by_key(|waveform| waveform.first_index);
-        self.strikes.sort_by_key(|(_, strike)| strike.strike);
-        self.settings.sort_by_key(|(told, _)| *told);
-        let strike = |(sequence, said): (u32, Strike)| {
-            let mut recorded = RecordedStrike {
-                said,
-                shape: self
-                    .shapes
-                    .iter()
-                    .find(|shape| shape.strike == said.strike)
-                    .copied(),
-                scans: Vec::new(),
-                chunks: Vec::new(),
-                settings: self.settings_before(sequence).or(known.copied()),
-            };
-            for waveform in self
-                .waveforms
-                .iter()
-                .filter(|waveform| waveform.strike == said.strike)
-            {
-                if waveform.first_index != said.first_index + recorded.scans.len() as u64 {
-                    break;
-                }
-                recorded.extend(&waveform.codes, &waveform.wide);
-                recorded.chunks.push(Chunk {
-                    end: recorded.scans.len(),
-                    absorbed_measured: waveform.absorbed_measured,
-                    absorbed_predicted: waveform.absorbed_predicted,
-                });
+    /// The strikes that are complete at the frame with the number `newest`.
+    fn settled(&mut self, newest: u32, address: u8, known: Option<Settings>) -> Vec<RecordedStrike> {
+        let mut settled = Vec::new();
+        while let Some((&strike, &(told, _))) = self.strikes.first_key_value() {
+            let is_old = newest.wrapping_sub(told) > SETTLED;
+            let can_be_replayed = !self.settings.is_empty() || self.strikes.len() > WAITING;
+            if !(is_old && can_be_replayed) {
+                break;
             }
-            recorded
-        };
-        self.strikes.iter().copied().map(strike).collect()
+            settled.extend(self.assemble(strike, address, known));
+        }
+        settled
     }
 
-    /// The settings told last before a frame. If those frames are all lost, the first told after it: they rarely change.
-    fn settings_before(&self, sequence: u32) -> Option<Settings> {
-        let before = self.settings.iter().rev().find(|(told, _)| *told < sequence);
-        before.or(self.settings.first()).map(|(_, settings)| *settings)
+    /// All strikes that are left.
+    fn end(mut self, address: u8, known: Option<Settings>) -> Vec<RecordedStrike> {
+        let strikes: Vec<u32> = self.strikes.keys().copied().collect();
+        strikes
+            .into_iter()
+            .filter_map(|strike| self.assemble(strike, address, known))
+            .collect()
     }
+
+    /// Takes one strike out, and everything before it.
+    fn assemble(&mut self, strike: u32, address: u8, known: Option<Settings>) -> Option<RecordedStrike> {
+        let (told, said) = self.strikes.remove(&strike)?;
+        let mut recorded = RecordedStrike::new(address, said);
+        recorded.shape = self.shapes.remove(&strike);
+        recorded.settings = self.settings_before(told).or(known);
+        let mut waveforms = self.waveforms.remove(&strike).unwrap_or_default();
+        waveforms.sort_by_key(|waveform| waveform.first_index);
+        for waveform in &waveforms {
+            if Some(waveform.first_index) != said.first_index.checked_add(recorded.scans.len() as u64) {
+                break;
+            }
+            recorded.push(waveform);
+        }
+        // Parts of strikes before this one have lost their strike frame.
+        self.waveforms = self.waveforms.split_off(&strike);
+        self.shapes = self.shapes.split_off(&strike);
+        Some(recorded)
+    }
+
+    /// The last settings before a frame. If those frames are all lost, the first settings after it, as
+    /// settings rarely change. Settings before these are forgotten.
+    fn settings_before(&mut self, sequence: u32) -> Option<Settings> {
+        let before = self.settings.range(..sequence).next_back();
+        if let Some((&told, &settings)) = before {
+            self.settings = self.settings.split_off(&told);
+            return Some(settings);
+        }
+        self.settings.first_key_value().map(|(_, settings)| *settings)
+    }
+}
+
+/// The strikes in `frames`: see [`Strikes`].
+pub fn assemble(frames: Vec<Frame>, known: Option<Settings>) -> Vec<RecordedStrike> {
+    Strikes::new(frames, known).collect()
 }
 
 #[cfg(test)]
@@ -160,7 +277,7 @@ mod tests {
     use crate::recording::frames::decode;
     use bead_model::design::{Bead, Capture, FrontEnd, derive};
     use bead_model::settings::BLOCK_MAX;
-    use bead_wire::{Header, MAX_FRAME, encode};
+    use bead_wire::{Block, Header, MAX_FRAME, encode};
 
     #[test]
     fn a_strike_has_the_settings_told_last_before_it() {
@@ -173,25 +290,28 @@ mod tests {
             blocks.push(block[..length].to_vec());
         }
         let strike = |strike| {
-            bead_wire::Message::Strike(Strike {
+            Message::from(Strike {
                 strike,
                 first_index: 0,
                 trigger_index: 0,
                 samples: 1,
-                peak_force: 0,
+                peak_force: Default::default(),
                 peak_index: 0,
-                acceleration_max: 0,
-                acceleration_min: 0,
-                absorbed_measured: 0,
-                absorbed_predicted: 0,
-                incident_energy: 0,
-                absorbed_fraction: 0,
-                noise_energy: 0,
-                force_noise: 0,
-                flags: 0,
+                acceleration_max: Default::default(),
+                acceleration_min: Default::default(),
+                absorbed_measured: Default::default(),
+                absorbed_predicted: Default::default(),
+                incident_energy: Default::default(),
+                absorbed_fraction: Default::default(),
+                noise_energy: Default::default(),
+                force_noise: Default::default(),
+                flags: Default::default(),
             })
         };
-        let told = |block| bead_wire::Message::Settings(bead_wire::Settings { block });
+        let told = |block: &[u8]| {
+            let block = Block::try_from(block).unwrap();
+            Message::from(bead_wire::Settings { block })
+        };
         let messages = [
             strike(0),
             told(&blocks[0]),
@@ -203,6 +323,7 @@ mod tests {
             .zip(&messages)
             .flat_map(|(sequence, message)| {
                 let header = Header {
+                    address: 0,
                     boot: 0,
                     sequence,
                     sample_index: 0,
@@ -210,7 +331,7 @@ mod tests {
                 encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
             })
             .collect();
-        let strikes = assemble(&decode(&stream).0, None);
+        let strikes = assemble(decode(&stream).0, None);
         let thresholds: Vec<_> = strikes
             .iter()
             .map(|strike| strike.settings.unwrap().window.threshold)

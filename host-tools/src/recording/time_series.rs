@@ -1,4 +1,4 @@
-//! A simulation as a Parquet file: one row a time, one column a quantity, the unit in the column's name.
+//! A simulation as a Parquet file. Each row is a time, each column a quantity with its unit in the name.
 //!
 //! The file's key-value metadata holds the scenario's title, the scenario itself (JSON) and the row rate.
 
@@ -13,8 +13,25 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
-use crate::cli::failure::Failure;
-use crate::cli::output;
+use crate::recording::whole::{WriteError, write_whole};
+
+/// Why a time series is not written.
+#[derive(Debug, thiserror::Error)]
+pub enum TimeSeriesError {
+    /// A rate that gives no second row, or too many.
+    #[error("--rate {rate_hz}: gives {rows:.0} rows over {end} s; give a rate in Hz, such as 1e6")]
+    Rate {
+        /// Rows a second, Hz.
+        rate_hz: f64,
+        /// Rows in all.
+        rows: f64,
+        /// The end of the simulation, s.
+        end: f64,
+    },
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
 
 /// Rows held in memory at a time.
 const ROW_GROUP: usize = 8192;
@@ -49,7 +66,7 @@ fn columns(solution: &Solution) -> Vec<Column> {
             s.velocity(body)
         }));
     }
-    for bead in model.resonators().iter().map(|resonator| resonator.bead) {
+    for bead in model.intruders().iter().map(|intruder| intruder.bead) {
         let of = move |value: Option<f64>| value.unwrap_or(f64::NAN);
         columns.push(Column::new(
             format!("bead_{bead}_intruder_displacement_m"),
@@ -74,18 +91,21 @@ fn columns(solution: &Solution) -> Vec<Column> {
 ///
 /// # Errors
 /// A rate that is no positive number or gives no second row, or a file that cannot be written.
-pub fn write(scenario: &Scenario, solution: &Solution, rate_hz: f64, path: &Path) -> Result<(), Failure> {
+pub fn write(
+    scenario: &Scenario,
+    solution: &Solution,
+    rate_hz: f64,
+    path: &Path,
+) -> Result<(), TimeSeriesError> {
     let rows = solution.end() * rate_hz;
     if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
-        return Err(Failure::input(format!(
-            "--rate {rate_hz}: gives {rows:.0} rows over {} s; give a rate in Hz, such as 1e6",
-            solution.end()
-        )));
+        let end = solution.end();
+        return Err(TimeSeriesError::Rate { rate_hz, rows, end });
     }
-    // The last row may fall on the end to within rounding.
+    // Rounding must not lose a last row that falls on the end.
     let rows = (rows * (1.0 + 1e-12)).floor() as usize + 1;
     let columns = columns(solution);
-    output::write_whole(path, |file| {
+    Ok(write_whole(path, |file| {
         let fields: String = columns
             .iter()
             .map(|c| format!("REQUIRED DOUBLE {}; ", c.name))
@@ -124,7 +144,7 @@ pub fn write(scenario: &Scenario, solution: &Solution, rate_hz: f64, path: &Path
         }
         writer.close()?;
         Ok(())
-    })
+    })?)
 }
 
 #[cfg(test)]
@@ -133,10 +153,18 @@ mod tests {
     use parquet::file::reader::{FileReader, SerializedFileReader};
     use parquet::record::Field;
 
+    /// The first millisecond of the paper's strike: the wave does not reach the intruder.
+    fn short_scenario() -> Scenario {
+        Scenario {
+            duration: 1e-3,
+            ..Scenario::paper()
+        }
+    }
+
     #[test]
     fn a_file_read_back_holds_the_solution_bit_for_bit() {
-        let scenario = crate::comparison::testing::short_scenario();
-        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        let scenario = short_scenario();
+        let solution = hertz_chain::simulate(&scenario).unwrap();
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("strike.parquet");
         write(&scenario, &solution, 1e5, &path).unwrap();
@@ -172,11 +200,11 @@ mod tests {
 
     #[test]
     fn a_rate_without_rows_is_refused() {
-        let scenario = crate::comparison::testing::short_scenario();
-        let solution = hertz_chain::simulate(&scenario, &hertz_chain::Options::default()).unwrap();
+        let scenario = short_scenario();
+        let solution = hertz_chain::simulate(&scenario).unwrap();
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
             let error = write(&scenario, &solution, rate, Path::new("never.parquet")).unwrap_err();
-            assert_eq!(error.exit_status(), 2);
+            assert!(matches!(error, TimeSeriesError::Rate { .. }), "{error}");
         }
     }
 }

@@ -68,8 +68,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         mistake: "M in place of M - m for a host, motion and energy alike",
         changes: &[(
-            "shells[resonator.bead] -= resonator.mass;",
-            "shells[resonator.bead] -= 0.0 * resonator.mass;",
+            "shells[intruder.bead] -= intruder.oscillator.mass;",
+            "shells[intruder.bead] -= 0.0 * intruder.oscillator.mass;",
         )],
     },
     Mutant {

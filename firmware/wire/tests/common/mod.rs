@@ -1,387 +1,52 @@
-//! Messages that own what they say, drawn at random, for the tests of this folder.
+//! Messages and requests drawn at random, and frames of them, for the tests of this folder.
 
 #![allow(
     dead_code,
     unreachable_pub,
     missing_docs,
-    reason = "each test uses some of it"
+    reason = "each test uses a part of it"
 )]
 
-use bead_wire::{
-    Check, Codes, Decoder, Fault, FaultCause, GainMatch, Header, Health, Identity, Link, MAX_BLOCK,
-    MAX_DETAIL, MAX_FIRMWARE, MAX_FRAME, MAX_GIT, MAX_SCANS, Message, Outcome, Raw, Reject, Reply, SelfTest,
-    Settings, SettingsSource, Shape, Status, Strike, Sync, Waveform, encode,
-};
-use proptest::collection::vec;
+use bead_wire::{Block, Decoder, Header, Kind, MAX_FRAME, Message, Reject, Request, Settings, encode};
 use proptest::prelude::*;
 
-/// A message with its text and bytes.
-#[derive(Clone, Debug)]
-pub enum Draft {
-    Identity {
-        firmware: String,
-        git: String,
-        uid: [u8; 12],
-        boot: u32,
-        reset_cause: u8,
-        sample_rate_hz: u32,
-    },
-    Status(Status),
-    Strike(Strike),
-    Shape(Shape),
-    Waveform {
-        strike: u32,
-        first_index: u64,
-        packed: Vec<u8>,
-        wide: Vec<u8>,
-        measured: i64,
-        predicted: i64,
-    },
-    Fault {
-        cause: FaultCause,
-        boot: u32,
-        pc: u32,
-        detail: String,
-    },
-    Settings {
-        block: Vec<u8>,
-    },
-    Health(Health),
-    Sync(Sync),
-    Reply {
-        request: u16,
-        outcome: Outcome,
-        detail: String,
-    },
-    Raw {
-        first_index: u64,
-        packed: Vec<u8>,
-    },
-    Link(Link),
-    SelfTest(SelfTest),
-}
-
-impl Draft {
-    pub fn message(&self) -> Message<'_> {
-        match self {
-            Self::Identity {
-                firmware,
-                git,
-                uid,
-                boot,
-                reset_cause,
-                sample_rate_hz,
-            } => Message::Identity(Identity {
-                firmware,
-                git,
-                uid: *uid,
-                boot: *boot,
-                reset_cause: *reset_cause,
-                sample_rate_hz: *sample_rate_hz,
-                channels: 4,
-            }),
-            Self::Status(status) => Message::Status(*status),
-            Self::Strike(strike) => Message::Strike(*strike),
-            Self::Shape(shape) => Message::Shape(*shape),
-            Self::Waveform {
-                strike,
-                first_index,
-                packed,
-                wide,
-                measured,
-                predicted,
-            } => Message::Waveform(Waveform {
-                strike: *strike,
-                first_index: *first_index,
-                codes: Codes::from_bytes(packed).unwrap(),
-                wide: Codes::from_bytes(wide).unwrap(),
-                absorbed_measured: *measured,
-                absorbed_predicted: *predicted,
-            }),
-            Self::Fault {
-                cause,
-                boot,
-                pc,
-                detail,
-            } => Message::Fault(Fault {
-                cause: *cause,
-                boot: *boot,
-                pc: *pc,
-                detail,
-            }),
-            Self::Settings { block } => Message::Settings(Settings { block }),
-            Self::Health(health) => Message::Health(*health),
-            Self::Sync(sync) => Message::Sync(*sync),
-            Self::Reply {
-                request,
-                outcome,
-                detail,
-            } => Message::Reply(Reply {
-                request: *request,
-                outcome: *outcome,
-                detail,
-            }),
-            Self::Raw { first_index, packed } => Message::Raw(Raw {
-                first_index: *first_index,
-                codes: Codes::from_bytes(packed).unwrap(),
-            }),
-            Self::Link(link) => Message::Link(*link),
-            Self::SelfTest(test) => Message::SelfTest(*test),
-        }
+/// Random bits from a seed (SplitMix64, Steele et al. 2014).
+fn bits(seed: u64) -> impl FnMut() -> u64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ mixed >> 31
     }
 }
 
-/// Text of at most `bytes` bytes, of characters of any width.
-fn text(bytes: usize) -> impl Strategy<Value = String> {
-    any::<String>().prop_map(move |text| text[..text.floor_char_boundary(bytes)].to_owned())
-}
-
-/// Codes of any scans, packed.
-fn packed() -> impl Strategy<Value = Vec<u8>> {
-    vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS).prop_map(|scans| {
-        let mut packed = vec![0; 3 * scans.len()];
-        Codes::pack(scans, &mut packed).unwrap();
-        packed
-    })
-}
-
-pub fn draft() -> impl Strategy<Value = Draft> {
-    let cause = prop::sample::select(vec![
-        FaultCause::Panic,
-        FaultCause::HardFault,
-        FaultCause::Watchdog,
-        FaultCause::AdcOverrun,
-        FaultCause::DmaError,
-        FaultCause::BlockLost,
-        FaultCause::SettingsRefused,
-        FaultCause::StackOverflow,
-        FaultCause::StrikeCut,
-        FaultCause::ForceStuck,
-        FaultCause::ForceRailed,
-        FaultCause::AccelerationStuck,
-        FaultCause::AccelerationRailed,
-        FaultCause::SupplyLow,
-        FaultCause::Recovered,
-    ]);
-    let source = prop::sample::select(vec![
-        SettingsSource::BuiltIn,
-        SettingsSource::Flash,
-        SettingsSource::FlashRefused,
-        SettingsSource::Stored,
-    ]);
-    let outcome = prop::sample::select(vec![
-        Outcome::Done,
-        Outcome::Version,
-        Outcome::Kind,
-        Outcome::Body,
-        Outcome::OutOfRange,
-        Outcome::SettingsInvalid,
-        Outcome::SampleRate,
-        Outcome::StoreFull,
-        Outcome::FlashFailed,
-    ]);
-    let check = prop::sample::select(vec![
-        Check::Supply,
-        Check::Force,
-        Check::Acceleration,
-        Check::Acquisition,
-        Check::Settings,
-        Check::Stack,
-        Check::Estimators,
-        Check::Store,
-    ]);
-    prop_oneof![
-        (
-            text(MAX_FIRMWARE),
-            text(MAX_GIT),
-            any::<[u8; 12]>(),
-            any::<(u32, u8, u32)>()
-        )
-            .prop_map(
-                |(firmware, git, uid, (boot, reset_cause, sample_rate_hz))| Draft::Identity {
-                    firmware,
-                    git,
-                    uid,
-                    boot,
-                    reset_cause,
-                    sample_rate_hz
-                }
-            ),
-        (any::<(u64, u32, u64, [u32; 6])>(), source, any::<bool>()).prop_map(
-            |((uptime_ms, epoch, samples, counts), settings_source, armed)| {
-                let [
-                    strikes,
-                    overruns,
-                    blocks_dropped,
-                    queue_full,
-                    too_long,
-                    stack_free_min,
-                ] = counts;
-                Draft::Status(Status {
-                    uptime_ms,
-                    epoch,
-                    samples,
-                    strikes,
-                    overruns,
-                    blocks_dropped,
-                    frames_dropped_queue_full: queue_full,
-                    frames_dropped_too_long: too_long,
-                    stack_free_min,
-                    settings_source,
-                    armed,
-                })
-            }
-        ),
-        any::<(u32, [u64; 3], u16, [i32; 5], [i64; 4], u16)>().prop_map(
-            |(strike, [first_index, trigger_index, peak_index], samples, sensed, energies, flags)| {
-                Draft::Strike(Strike {
-                    strike,
-                    first_index,
-                    trigger_index,
-                    samples,
-                    peak_force: sensed[0],
-                    peak_index,
-                    acceleration_max: sensed[1],
-                    acceleration_min: sensed[2],
-                    absorbed_measured: energies[0],
-                    absorbed_predicted: energies[1],
-                    incident_energy: energies[2],
-                    absorbed_fraction: sensed[3],
-                    noise_energy: energies[3],
-                    force_noise: sensed[4],
-                    flags,
-                })
-            }
-        ),
-        any::<(u32, u64, u16, u16, u32)>().prop_map(|(edge, index, clocks, clocks_per_sample, missed)| {
-            Draft::Sync(Sync {
-                edge,
-                index,
-                clocks,
-                clocks_per_sample,
-                missed,
-            })
-        }),
-        any::<(u32, u64, i64, [u32; 4], [Option<(i32, i32)>; 2])>().prop_map(
-            |(strike, first_index, impulse, fine, gains)| {
-                let [force_gains, acceleration_gains] = gains.map(|gains| {
-                    let (deviation, uncertainty) = gains?;
-                    Some(GainMatch {
-                        deviation,
-                        uncertainty,
-                    })
-                });
-                Draft::Shape(Shape {
-                    strike,
-                    first_index,
-                    arrival: fine[0],
-                    width: fine[1],
-                    impulse,
-                    ring_frequency: fine[2],
-                    ring_decay: fine[3],
-                    force_gains,
-                    acceleration_gains,
-                })
-            }
-        ),
-        (
-            any::<(u32, u64, i64, i64)>(),
-            vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS),
-            vec([0..4096u16, 0..4096u16], 0..=MAX_SCANS + 2)
-        )
-            .prop_map(|((strike, first_index, measured, predicted), scans, wide)| {
-                let pack = |scans: Vec<[u16; 2]>| {
-                    let mut packed = vec![0; 3 * scans.len()];
-                    Codes::pack(scans, &mut packed).unwrap();
-                    packed
-                };
-                Draft::Waveform {
-                    strike,
-                    first_index,
-                    packed: pack(scans),
-                    wide: pack(wide),
-                    measured,
-                    predicted,
-                }
-            }),
-        (any::<u64>(), packed()).prop_map(|(first_index, packed)| Draft::Raw { first_index, packed }),
-        (any::<u16>(), outcome, text(MAX_DETAIL)).prop_map(|(request, outcome, detail)| Draft::Reply {
-            request,
-            outcome,
-            detail
-        }),
-        (check, any::<(bool, u32)>()).prop_map(|(check, (passed, value))| Draft::SelfTest(SelfTest {
-            check,
-            passed,
-            value
-        })),
-        any::<([u64; 3], [u32; 11])>().prop_map(|([bytes, raw_sent, raw_dropped], counts)| {
-            let [
-                requests,
-                overruns,
-                line_errors,
-                too_long,
-                cobs,
-                too_short,
-                rejected @ ..,
-            ] = counts;
-            let [crc, version, kind, body, trailing] = rejected;
-            Draft::Link(Link {
-                bytes,
-                requests,
-                overruns,
-                line_errors,
-                rejected_too_long: too_long,
-                rejected_cobs: cobs,
-                rejected_too_short: too_short,
-                rejected_crc: crc,
-                rejected_version: version,
-                rejected_kind: kind,
-                rejected_body: body,
-                rejected_trailing: trailing,
-                raw_sent,
-                raw_dropped,
-            })
-        }),
-        (cause, any::<(u32, u32)>(), text(MAX_DETAIL)).prop_map(|(cause, (boot, pc), detail)| Draft::Fault {
-            cause,
-            boot,
-            pc,
-            detail
-        }),
-        vec(any::<u8>(), 0..=MAX_BLOCK).prop_map(|block| Draft::Settings { block }),
-        any::<([u32; 7], u16, u8)>().prop_map(|(counts, supply_mv, standing)| {
-            let [
-                frames_lost_by_reset,
-                strikes_cut,
-                force_stuck,
-                force_railed,
-                acceleration_stuck,
-                acceleration_railed,
-                supply_low,
-            ] = counts;
-            Draft::Health(Health {
-                frames_lost_by_reset,
-                strikes_cut,
-                force_stuck,
-                force_railed,
-                acceleration_stuck,
-                acceleration_railed,
-                supply_low,
-                supply_mv,
-                standing,
-            })
-        }),
-    ]
+pub fn message() -> impl Strategy<Value = Message> {
+    (prop::sample::select(Kind::ALL), any::<u64>())
+        .prop_map(|(kind, seed)| Message::draw(kind, &mut bits(seed)))
 }
 
 /// A message that is not an identity: one that cannot open a boot.
-pub fn unopening() -> impl Strategy<Value = Draft> {
-    draft().prop_filter("an identity", |draft| !matches!(draft, Draft::Identity { .. }))
+pub fn unopening() -> impl Strategy<Value = Message> {
+    message().prop_filter("an identity", |message| message.kind() != Kind::Identity)
 }
 
-pub fn bytes(boot: u8, sequence: u32, message: &Message<'_>) -> Vec<u8> {
+pub fn request() -> impl Strategy<Value = Request> {
+    (prop::sample::select(Request::LIST), any::<u64>())
+        .prop_map(|(row, seed)| Request::draw(row.0, &mut bits(seed)).unwrap())
+}
+
+pub fn block(bytes: &[u8]) -> Block {
+    Block::try_from(bytes).unwrap()
+}
+
+pub fn bytes(boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
+    bytes_of(0, boot, sequence, message)
+}
+
+pub fn bytes_of(address: u8, boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
     let header = Header {
+        address,
         boot,
         sequence,
         sample_index: u64::from(sequence) * 32,
@@ -391,11 +56,10 @@ pub fn bytes(boot: u8, sequence: u32, message: &Message<'_>) -> Vec<u8> {
 
 /// Frame of a message that says nothing, for tests of what is around it.
 pub fn filler(boot: u8, sequence: u32) -> Vec<u8> {
-    bytes(
-        boot,
-        sequence,
-        &Message::Settings(Settings { block: b"\x01\x02" }),
-    )
+    let settings = Settings {
+        block: block(b"\x01\x02"),
+    };
+    bytes(boot, sequence, &settings.into())
 }
 
 /// Feeds a stream; gives the sequence numbers of the frames, and the rejects.

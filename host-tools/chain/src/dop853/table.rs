@@ -1,7 +1,7 @@
 //! Coefficients of the method, as published in Hairer's `DOP853` (rounded to f64; zeros left out).
 
-/// Row s: the weights `(stage, a)` that give the argument of stage s; the last four are y1 itself and the three
-/// stages that only the dense output needs. Zeros are left out.
+/// Row s: the weights `(stage, a)` that give the argument of stage s. The last four are y1 itself and the
+/// three stages that only the dense output needs. Zeros are left out.
 pub(super) const A: [&[(usize, f64)]; 16] = [
     &[],
     &[(0, 0.05260015195876773)],

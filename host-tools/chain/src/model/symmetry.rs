@@ -1,14 +1,14 @@
-//! What the equations of motion leave as it is, on states that no scenario starts from; and that leaving a static load out
-//! on both sides changes nothing.
+//! Symmetries of the equations of motion, on states that no scenario starts from; and a static load left out
+//! on both sides.
 
 use super::{Contact, Model};
 use crate::dop853::{Stepper, System};
-use crate::scenario::{ContactForce, Intruder, Scenario, Section, Wall};
+use crate::oscillator::Oscillator;
+use crate::scenario::{ContactForce, Intruder, Material, Scenario, Section, Striker, Wall};
 
 /// The paper's strike on `beads` elastic beads, no intruder.
 fn elastic(beads: usize) -> Scenario {
-    let text = include_str!("../../examples/paper_strike.toml");
-    let mut scenario = Scenario::from_toml(text, "paper_strike.toml").expect("the scenario is sound");
+    let mut scenario = Scenario::paper();
     scenario.intruders.clear();
     scenario.chain.relaxation = 0.0;
     scenario.chain.beads = beads;
@@ -17,21 +17,11 @@ fn elastic(beads: usize) -> Scenario {
 
 fn with_intruder(mut scenario: Scenario, bead: usize, damping: f64) -> Scenario {
     scenario.intruders = vec![Intruder {
-        beads: vec![bead],
-        mass: 3.7e-3,
         stiffness: 1e5,
         damping,
+        ..Intruder::new([bead], Oscillator::PAPER)
     }];
     scenario
-}
-
-fn steel_wall() -> Wall {
-    Wall {
-        young: 203e9,
-        poisson: 0.27,
-        radius: None,
-        relaxation: None,
-    }
 }
 
 /// The state a time `duration` after `state`, at the reference accuracy.
@@ -45,7 +35,7 @@ fn evolve(model: &Model, state: Vec<f64>, duration: f64) -> Vec<f64> {
     stepper.state
 }
 
-/// The greatest distance of two states, as parts of the scale of each component, all losses left out.
+/// The greatest distance of two states, in parts of the scale of each component, without the losses.
 fn distance(model: &Model, one: &[f64], other: &[f64]) -> f64 {
     let scales = model.scales();
     (0..model.layout().contact_loss())
@@ -57,7 +47,7 @@ fn distance(model: &Model, one: &[f64], other: &[f64]) -> f64 {
 fn turn(model: &Model, state: &mut [f64]) {
     let layout = model.layout();
     let bodies = (0..model.bodies()).map(|body| layout.velocity(body));
-    let intruders = (0..model.resonators().len()).map(|i| layout.relative_velocity(i));
+    let intruders = (0..model.intruders().len()).map(|i| layout.relative_velocity(i));
     for i in bodies.chain(intruders) {
         state[i] = -state[i];
     }
@@ -67,7 +57,7 @@ fn turn(model: &Model, state: &mut [f64]) {
 fn an_elastic_chain_runs_backwards_to_where_it_came_from() {
     let mut loaded = with_intruder(elastic(12), 5, 0.0);
     loaded.chain.precompression = 3.0;
-    loaded.wall = Some(steel_wall());
+    loaded.wall = Some(Wall::flat(Material::STEEL));
     for (name, scenario) in [("free", with_intruder(elastic(12), 5, 0.0)), ("loaded", loaded)] {
         let model = Model::new(&scenario);
         let start = model.initial();
@@ -104,10 +94,8 @@ fn a_chain_seen_in_a_mirror_moves_as_its_image() {
         poisson: Some(scenario.striker.poisson),
         relaxation: None,
     });
-    image.striker.radius = scenario.chain.radius;
-    image.striker.density = scenario.chain.density;
-    image.striker.young = scenario.chain.young;
-    image.striker.poisson = scenario.chain.poisson;
+    let chain = &scenario.chain;
+    image.striker = Striker::new(chain.radius, chain.material(), scenario.striker.velocity);
     let (model, other) = (Model::new(&scenario), Model::new(&image));
     let layout = model.layout();
     let mirrored = |state: &[f64]| {
@@ -128,8 +116,9 @@ fn a_chain_seen_in_a_mirror_moves_as_its_image() {
     assert!(error < 2e-10, "{error:e}");
 }
 
-/// A rigid flat wall is a mirror: behind it the same chain may be thought, struck at the same time from the other side. Two
-/// equal spheres that press each other by δ both press the plane between by δ/2, and κ (δ/2)^(3/2) is 2^(3/2) times theirs.
+/// A rigid flat wall is a mirror: it acts like the same chain behind it, struck at the same time from the
+/// other side. Two equal spheres that press each other by δ both press the plane between by δ/2, and κ
+/// (δ/2)^(3/2) is 2^(3/2) times theirs.
 #[test]
 fn a_rigid_wall_is_a_mirror() {
     for (relaxation, load) in [(0.0, 0.0), (4.2e-6, 0.0), (4.2e-6, 5.0)] {
@@ -138,7 +127,7 @@ fn a_rigid_wall_is_a_mirror() {
         walled.chain.precompression = load;
         walled.wall = Some(Wall {
             young: 1e300,
-            ..steel_wall()
+            ..Wall::flat(Material::STEEL)
         });
         let mut double = walled.clone();
         double.wall = None;
@@ -190,7 +179,7 @@ fn a_rigid_wall_is_a_mirror() {
 fn the_motion_from_any_time_on_depends_on_the_state_then_alone() {
     let mut scenario = with_intruder(elastic(12), 5, 12.0);
     scenario.chain.relaxation = 4.2e-6;
-    scenario.wall = Some(steel_wall());
+    scenario.wall = Some(Wall::flat(Material::STEEL));
     let model = Model::new(&scenario);
     let whole = evolve(&model, model.initial(), 0.003);
     for first in [0.0004, 0.0013, 0.0027] {
@@ -223,7 +212,8 @@ fn a_chain_on_a_moving_table_moves_as_on_one_at_rest() {
     assert!(error < 5e-11, "{error:e}");
 }
 
-/// ω = 2 √(K/M) sin(qa/2) with K = (3/2) κ^(2/3) F₀^(1/3): a standing wave of N beads under a load, with q a = p π / N.
+/// ω = 2 √(K/M) sin(qa/2) with K = (3/2) κ^(2/3) F₀^(1/3): a standing wave of N beads under a load, with q a
+/// = p π / N.
 #[test]
 fn small_waves_on_a_loaded_chain_have_the_frequencies_of_a_lattice() {
     let beads = 12;
@@ -266,7 +256,7 @@ fn leaving_the_static_load_out_on_both_sides_changes_nothing() {
             let mut scenario = with_intruder(elastic(5), 3, 12.0);
             scenario.chain.relaxation = 2e-5;
             scenario.chain.precompression = 2.0;
-            scenario.wall = walled.then(steel_wall);
+            scenario.wall = walled.then(|| Wall::flat(Material::STEEL));
             if clipped {
                 scenario.chain.contact_force = ContactForce::Clipped;
             }
@@ -297,7 +287,7 @@ fn leaving_the_static_load_out_on_both_sides_changes_nothing() {
             for bead in 1..=5 {
                 let load = if bead == 1 { 2.0 } else { 0.0 };
                 let expected = load + force(bead) - force(bead + 1);
-                let ours = model.shell(bead) * rate[layout.velocity(bead)];
+                let ours = model.shells[bead] * rate[layout.velocity(bead)];
                 assert!((ours - expected).abs() < 1e-13 * 2.0, "{bead}: {ours} {expected}");
                 total += expected.abs();
             }

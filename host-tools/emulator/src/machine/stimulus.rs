@@ -1,15 +1,16 @@
-//! What the four analog inputs carry: rows of codes against time.
+//! The four analog inputs: rows of codes over time.
 
 use std::collections::BTreeSet;
 
-use crate::exchange::Sampling;
+use crate::outcome::Sampling;
 
-/// Codes at the pins of channels 0 to 3, a row every period, from the first externally triggered scan on.
+/// Codes at the pins of channels 0 to 3. There is a new row every period, from the first externally triggered
+/// scan on.
 #[derive(Debug, Clone)]
 pub struct Stimulus {
     rows: Vec<[u16; 4]>,
     period_ns: u64,
-    /// The crystal's frequency and what it should be: a period is one of the machine's own clock.
+    /// The crystal's frequency, and what it should be. A period is one of the machine's own clock.
     hz: u64,
     nominal_hz: u64,
     sampling: Option<Sampling>,
@@ -18,7 +19,7 @@ pub struct Stimulus {
 }
 
 impl Stimulus {
-    /// Rows of channels 0 to 3; none read as zero.
+    /// Rows of the codes of channels 0 to 3. Without rows, all codes are 0.
     pub fn new(rows: Vec<[u16; 4]>, period_ns: u64) -> Self {
         Self {
             rows,
@@ -31,7 +32,8 @@ impl Stimulus {
         }
     }
 
-    /// The same on the clock of a crystal of `hz` that should have `nominal_hz`: rows are as long as its periods are.
+    /// The same, timed by a crystal of `hz` that should have `nominal_hz`: a row lasts as long as a period of
+    /// that clock.
     #[must_use]
     pub fn on_clock(self, hz: u32, nominal_hz: u32) -> Self {
         Self {
@@ -41,7 +43,7 @@ impl Stimulus {
         }
     }
 
-    /// A scan starts, on a trigger from outside or by software. All its conversions read one row.
+    /// A scan starts: `external` by a trigger, else by software. All its conversions read one row.
     pub(super) fn begin_scan(&mut self, now: u64, external: bool) {
         if external {
             let sampling = self.sampling.get_or_insert(Sampling {
@@ -51,7 +53,7 @@ impl Stimulus {
             sampling.scans += 1;
         }
         let Some(sampling) = self.sampling else { return };
-        // Times are whole ns, so a scan may seem up to 1 ns before its row.
+        // Times are whole ns, so a scan may seem to come up to 1 ns before its row.
         let own_ns =
             u128::from(now - sampling.first_ns + 1) * u128::from(self.hz) / u128::from(self.nominal_hz);
         let row = own_ns / u128::from(self.period_ns);

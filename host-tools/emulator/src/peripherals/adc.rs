@@ -2,15 +2,17 @@
 //!
 //! # Design
 //!
-//! A scan is a start time and a number of ADC clock cycles; each conversion takes its channel's sampling time plus 12
-//! cycles (fewer at lower resolution; section 13.6). The model says when the next conversion ends; whoever owns it
-//! fetches the code then and hands it in, and serves the DMA request that stands.
+//! A scan is a start time and a number of ADC clock cycles. Each conversion takes its channel's sampling time
+//! plus 12 cycles (fewer at lower resolution; section 13.6). The model says when the next conversion ends.
+//! The owner of the model hands in the code at that time, and serves the DMA request.
 //!
-//! Our reading where the manual leaves room: a trigger that finds a scan running starts nothing and is counted; data
-//! that nobody fetched is kept and the new conversion is lost; with DMA on, an overrun also ends the scan, withdraws the
-//! request and blocks triggers until OVR is cleared (section 13.8.1).
+//! Where the manual leaves room, this is our reading. A trigger during a scan starts nothing and is counted.
+//! Data that was not fetched is kept, and the new conversion is lost. With DMA on, an overrun also ends the
+//! scan, withdraws the request and blocks triggers until OVR is cleared (section 13.8.1).
 
-use super::{NoRegister, Notes, bit, clock, field};
+use super::clock::{self, Clocks};
+use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::register::field;
 
 const AWD: u32 = 1 << 0;
 const EOC: u32 = 1 << 1;
@@ -33,6 +35,15 @@ const TSVREFE: u32 = 1 << 23;
 /// Sampling time in ADC clock cycles, by SMPx (section 13.13.5).
 const SAMPLING: [u32; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
 
+/// Bits of registers that ask for what is not modelled.
+const UNMODELLED: [(u32, u32, &str); 5] = [
+    (0x04, 0x00c0_0040, "CR1: the analog watchdog is not modelled"),
+    (0x04, 0x0800, "CR1.DISCEN: discontinuous mode is not modelled"),
+    (0x04, 0x1480, "CR1: injected conversions are not modelled"),
+    (0x08, 0x0070_0000, "CR2: injected conversions are not modelled"),
+    (0x304, 0x1f, "CCR.MULTI: dual and triple modes are not modelled"),
+];
+
 /// Which timer output starts a regular scan (CR2.EXTSEL, section 13.13.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TriggerSource {
@@ -52,7 +63,7 @@ struct Scan {
 }
 
 /// ADC1's registers and the common ones.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Adc {
     pclk2: u32,
     sr: u32,
@@ -67,17 +78,16 @@ pub struct Adc {
     ccr: u32,
     scan: Option<Scan>,
     scan_started: bool,
-    /// DR holds what nobody has read.
+    /// DR holds data that was not read yet.
     unread: bool,
     request: bool,
-    /// The DMA has made its last transfer and DDS is clear: no more requests until DMA is set anew.
+    /// The DMA has made its last transfer while DDS was clear: no more requests until DMA is set anew.
     requests_ended: bool,
     /// How often OVR was set.
     pub overruns: u64,
     /// Triggers that started nothing.
     pub triggers_ignored: u64,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Adc {
@@ -85,45 +95,12 @@ impl Adc {
     pub fn new(pclk2: u32) -> Self {
         Self {
             pclk2,
-            sr: 0,
-            cr1: 0,
-            cr2: 0,
-            smpr: [0; 2],
-            jofr: [0; 4],
             thresholds: [0xfff, 0],
-            sqr: [0; 3],
-            jsqr: 0,
-            dr: 0,
-            ccr: 0,
-            scan: None,
-            scan_started: false,
-            unread: false,
-            request: false,
-            requests_ended: false,
-            overruns: 0,
-            triggers_ignored: 0,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 
-    /// A reset by RCC; the counts go on.
-    pub fn reset(&mut self) {
-        let notes = std::mem::take(&mut self.notes);
-        let (overruns, triggers_ignored) = (self.overruns, self.triggers_ignored);
-        *self = Self {
-            notes,
-            overruns,
-            triggers_ignored,
-            ..Self::new(self.pclk2)
-        };
-    }
-
-    /// The APB2 clock changed.
-    pub fn set_clock(&mut self, pclk2: u32) {
-        self.pclk2 = pclk2;
-    }
-
-    /// What starts a scan from outside, if anything does.
+    /// What starts a scan from outside. `None` if nothing does.
     pub fn trigger_source(&self) -> Option<TriggerSource> {
         if self.cr2 & ADON == 0 || field(self.cr2, 28, 2) == 0 {
             return None;
@@ -188,7 +165,7 @@ impl Adc {
         SAMPLING[sampling as usize] + self.bits()
     }
 
-    /// RES: 12, 10, 8 or 6 bits, and as many cycles.
+    /// RES: 12, 10, 8 or 6 bits. A conversion takes one cycle for each.
     fn bits(&self) -> u32 {
         12 - 2 * field(self.cr1, 24, 2)
     }
@@ -205,7 +182,7 @@ impl Adc {
             .map(|s| s.started_ns + self.cycles_ns(u64::from(s.cycles)))
     }
 
-    /// Whether channel 17 is the internal reference voltage (CCR.TSVREFE); it floats otherwise.
+    /// Whether channel 17 is the internal reference voltage (CCR.TSVREFE). Otherwise it floats.
     pub fn reference_on(&self) -> bool {
         self.ccr & TSVREFE != 0
     }
@@ -215,8 +192,8 @@ impl Adc {
         self.scan.map(|s| self.channel_at(s.rank))
     }
 
-    /// When the `n`-th conversion from here (1 is the next) ends, not later; `trigger` tells when the `i`-th trigger
-    /// from here (0 is the next) comes.
+    /// When the `n`-th conversion from now (1 is the next) ends: maybe too early, never too late. `trigger`
+    /// gives the time of the `i`-th trigger from now (0 is the next).
     pub fn conversion(&self, n: u64, trigger: impl Fn(u64) -> Option<u64>) -> Option<u64> {
         debug_assert!(n > 0);
         let length = self.scan_length();
@@ -245,7 +222,7 @@ impl Adc {
         Some(start + self.cycles_ns(cycles(0..(n % u64::from(length)) as u32 + 1)))
     }
 
-    /// Ends the conversion under way with the code that it found, 12 bits.
+    /// Ends the conversion under way. `code` is what it found, in 12 bits.
     pub fn finish(&mut self, code: u16, now: u64) {
         let Some(scan) = self.scan else { return };
         let lost = self.unread && self.cr2 & (DMA | EOCS) != 0;
@@ -309,25 +286,38 @@ impl Adc {
         self.dr
     }
 
-    /// The DMA stream made its last transfer: without DDS no request follows (section 13.8.1).
+    /// The DMA stream made its last transfer. Without DDS no request follows (section 13.8.1).
     pub fn dma_ended(&mut self) {
         self.requests_ended = self.cr2 & DDS == 0;
     }
 
-    /// Level of the interrupt line.
-    pub fn interrupt(&self) -> bool {
-        (self.sr & EOC != 0 && self.cr1 & EOCIE != 0) || (self.sr & OVR != 0 && self.cr1 & OVRIE != 0)
-    }
-
-    /// Whether the end of a conversion that no DMA fetches would raise the line: at once by EOC, or at the conversion
-    /// after it by OVR.
+    /// Whether a conversion that no DMA fetches would raise the line: at its end by EOC, or at the end of the
+    /// next one by OVR.
     pub fn interrupts_on_conversion(&self) -> bool {
-        self.cr1 & (EOCIE | OVRIE) != 0 && !self.interrupt()
+        self.cr1 & (EOCIE | OVRIE) != 0 && !self.interrupt(0)
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&mut self, offset: u32) -> Result<u32, NoRegister> {
+    fn write_cr2(&mut self, value: u32, now: u64) {
+        if value & DMA == 0 || self.cr2 & DMA == 0 {
+            self.request = false;
+            self.requests_ended = false;
+        }
+        self.cr2 = value & 0x3f7f_0f03;
+        let external = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
+        self.notes.note_if(
+            external && self.trigger_source().is_none(),
+            "CR2.EXTSEL: only TIM2 and TIM3 TRGO are modelled",
+        );
+        if self.cr2 & ADON == 0 {
+            self.scan = None;
+        } else if value & SWSTART != 0 && self.scan.is_none() && !self.blocked() {
+            self.start(now);
+        }
+    }
+}
+
+impl Peripheral for Adc {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => self.sr,
             0x04 => self.cr1,
@@ -345,22 +335,13 @@ impl Adc {
         })
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        self.notes.note_bits(&UNMODELLED, offset, value);
         match offset {
             // rc_w0.
             0x00 => self.sr &= value | !(AWD | EOC | STRT | OVR | 0b1100),
             0x04 => {
                 self.cr1 = value & 0x07c0_ffff;
-                self.notes.note_if(
-                    value & 0x00c0_0040 != 0,
-                    "CR1: the analog watchdog is not modelled",
-                );
-                self.notes
-                    .note_if(bit(value, 11), "CR1.DISCEN: discontinuous mode is not modelled");
-                self.notes
-                    .note_if(value & 0x1480 != 0, "CR1: injected conversions are not modelled");
             }
             0x08 => self.write_cr2(value, now),
             0x0c | 0x10 => self.smpr[(offset as usize - 0x0c) / 4] = value & 0x3fff_ffff,
@@ -373,36 +354,38 @@ impl Adc {
             0x4c | 0x300 => {}
             0x304 => {
                 self.ccr = value & 0x00c3_ef1f;
-                self.notes.note_if(
-                    value & 0x1f != 0,
-                    "CCR.MULTI: dual and triple modes are not modelled",
-                );
             }
             _ => return Err(NoRegister),
         }
         Ok(())
     }
 
-    fn write_cr2(&mut self, value: u32, now: u64) {
-        if value & DMA == 0 || self.cr2 & DMA == 0 {
-            self.request = false;
-            self.requests_ended = false;
-        }
-        self.cr2 = value & 0x3f7f_0f03;
-        self.notes.note_if(
-            value & 0x0070_0000 != 0,
-            "CR2: injected conversions are not modelled",
-        );
-        let external = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
-        self.notes.note_if(
-            external && self.trigger_source().is_none(),
-            "CR2.EXTSEL: only TIM2 and TIM3 TRGO are modelled",
-        );
-        if self.cr2 & ADON == 0 {
-            self.scan = None;
-        } else if value & SWSTART != 0 && self.scan.is_none() && !self.blocked() {
-            self.start(now);
-        }
+    /// The counts go on.
+    fn reset(&mut self, _now: u64) {
+        let notes = std::mem::take(&mut self.notes);
+        let (overruns, triggers_ignored) = (self.overruns, self.triggers_ignored);
+        *self = Self {
+            notes,
+            overruns,
+            triggers_ignored,
+            ..Self::new(self.pclk2)
+        };
+    }
+
+    fn interrupt(&self, _output: usize) -> bool {
+        (self.sr & EOC != 0 && self.cr1 & EOCIE != 0) || (self.sr & OVR != 0 && self.cr1 & OVRIE != 0)
+    }
+
+    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+        self.pclk2 = clocks.pclk2;
+    }
+
+    fn is_data(&self, offset: u32) -> bool {
+        offset == 0x4c
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
     }
 }
 
@@ -448,16 +431,16 @@ mod tests {
         let mut adc = scanning(0);
         adc.write(CR2, ADON | SWSTART, 0).unwrap();
         adc.finish(7, 1);
-        assert_eq!(adc.read(SR), Ok(STRT));
+        assert_eq!(adc.read(SR, 0), Ok(STRT));
         adc.finish(8, 2);
-        assert_eq!(adc.read(SR), Ok(STRT | EOC));
-        assert_eq!(adc.read(DR), Ok(8));
-        assert_eq!(adc.read(SR), Ok(STRT));
+        assert_eq!(adc.read(SR, 0), Ok(STRT | EOC));
+        assert_eq!(adc.read(DR, 0), Ok(8));
+        assert_eq!(adc.read(SR, 0), Ok(STRT));
 
         let mut adc = scanning(EOCS);
         adc.write(CR2, ADON | EOCS | SWSTART, 0).unwrap();
         adc.finish(7, 1);
-        assert_eq!(adc.read(SR), Ok(STRT | EOC));
+        assert_eq!(adc.read(SR, 0), Ok(STRT | EOC));
     }
 
     #[test]
@@ -488,7 +471,7 @@ mod tests {
         adc.finish(1, 3_239);
         assert!(adc.dma_request());
         adc.finish(2, 6_477);
-        assert_eq!(adc.read(SR).unwrap() & OVR, OVR);
+        assert_eq!(adc.read(SR, 0).unwrap() & OVR, OVR);
         assert_eq!(
             (adc.overruns, adc.dma_request(), adc.next_conversion()),
             (1, false, None)
@@ -567,10 +550,10 @@ mod tests {
         adc.write(CR2, ADON | SWSTART, 0).unwrap();
         assert_eq!(adc.next_conversion(), Some(clock::edge(64, 21_000_000)));
         adc.finish(0xabc, 1);
-        assert_eq!(adc.read(DR), Ok(0xab));
+        assert_eq!(adc.read(DR, 0), Ok(0xab));
         adc.write(CR2, ADON | ALIGN, 0).unwrap();
         adc.finish(0xabc, 2);
-        assert_eq!(adc.read(DR), Ok(0xab00));
+        assert_eq!(adc.read(DR, 0), Ok(0xab00));
     }
 
     #[test]
@@ -586,6 +569,6 @@ mod tests {
         adc.write(CR2, ADON | 0b01 << 28, 0).unwrap();
         adc.write(CR1, 1 << 11, 0).unwrap();
         assert_eq!(adc.notes.iter().count(), 2);
-        assert_eq!(adc.read(0x50), Err(NoRegister));
+        assert_eq!(adc.read(0x50, 0), Err(NoRegister));
     }
 }

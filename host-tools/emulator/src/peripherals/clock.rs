@@ -1,11 +1,42 @@
-//! Ticks of a clock against ns of virtual time, without drift.
+//! The clock tree's frequencies, and ticks of a clock against ns of virtual time, without drift.
 //!
-//! An edge is placed by its number from an origin and never by adding up rounded periods. Edge `n` is at the first whole
-//! nanosecond at or after its true time, so that [`ticks`] and [`edge`] are exact inverses.
+//! An edge is placed by its number, counted from an origin. Rounded periods are never added up. Edge `n` is
+//! at the first whole nanosecond at or after its true time, so [`ticks`] and [`edge`] are exact inverses.
 
 const NS_PER_S: u64 = 1_000_000_000;
 
-/// Edges of a clock of `hz` in `ns`.
+/// Frequency of the internal oscillator (section 7.2.2), in Hz.
+pub const HSI_HZ: u32 = 16_000_000;
+/// Frequency of the internal low-speed oscillator, typical (section 7.2.5), in Hz.
+pub const LSI_HZ: u32 = 32_000;
+
+/// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Clocks {
+    /// System clock.
+    pub sysclk: u32,
+    /// AHB and processor.
+    pub hclk: u32,
+    /// APB1.
+    pub pclk1: u32,
+    /// APB2.
+    pub pclk2: u32,
+    /// Timers on APB1: TIM2-7, 12-14.
+    pub timers1: u32,
+}
+
+impl Clocks {
+    /// After a reset: the internal oscillator, undivided.
+    pub const HSI: Self = Self {
+        sysclk: HSI_HZ,
+        hclk: HSI_HZ,
+        pclk1: HSI_HZ,
+        pclk2: HSI_HZ,
+        timers1: HSI_HZ,
+    };
+}
+
+/// How many edges a clock of `hz` has in `ns`.
 pub fn ticks(ns: u64, hz: u32) -> u64 {
     match ns.checked_mul(u64::from(hz)) {
         Some(product) => product / NS_PER_S,
@@ -13,7 +44,7 @@ pub fn ticks(ns: u64, hz: u32) -> u64 {
     }
 }
 
-/// The ns after which edge `n` of a clock of `hz` has come; `u64::MAX` for a clock that stands still.
+/// How many ns it takes until edge `n` of a clock of `hz` has come. `u64::MAX` for a clock that stands still.
 pub fn edge(n: u64, hz: u32) -> u64 {
     if hz == 0 {
         return u64::MAX;

@@ -1,6 +1,7 @@
-//! Debug support (RM0090 section 38.16): the device's identity, and bits that no debugger looks at.
+//! Debug support (RM0090 section 38.16): the device's identity, and bits for a debugger that have no effect
+//! here.
 
-use super::NoRegister;
+use super::peripheral::{NoRegister, Peripheral};
 
 /// DEV_ID 0x413 (STM32F405/407/415/417), revision Z (section 38.6.1).
 const IDCODE: u32 = 0x1001_6413;
@@ -12,10 +13,8 @@ pub struct Dbgmcu {
     freeze: [u32; 2],
 }
 
-impl Dbgmcu {
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+impl Peripheral for Dbgmcu {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         match offset {
             0x00 => Ok(IDCODE),
             0x04 => Ok(self.cr),
@@ -24,9 +23,7 @@ impl Dbgmcu {
         }
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 => {}
             0x04 => self.cr = value,
@@ -34,6 +31,10 @@ impl Dbgmcu {
             _ => return Err(NoRegister),
         }
         Ok(())
+    }
+
+    fn reset(&mut self, _now: u64) {
+        *self = Self::default();
     }
 }
 
@@ -44,7 +45,7 @@ mod tests {
     #[test]
     fn the_identity_is_the_f405s_and_cannot_be_written() {
         let mut dbgmcu = Dbgmcu::default();
-        dbgmcu.write(0x00, 0).unwrap();
-        assert_eq!(dbgmcu.read(0x00).unwrap() & 0xfff, 0x413);
+        dbgmcu.write(0x00, 0, 0).unwrap();
+        assert_eq!(dbgmcu.read(0x00, 0).unwrap() & 0xfff, 0x413);
     }
 }

@@ -1,13 +1,14 @@
-//! DMA1 and DMA2 (RM0090 section 10): eight streams each, one item a request.
+//! DMA1 and DMA2 (RM0090 section 10): eight streams each, one item for each request.
 //!
 //! # Design
 //!
-//! The model holds counters, flags and rules; it moves no data. Whoever owns it asks for the next [`Beat`] of a stream,
-//! moves those bytes, and reports back. A beat is one peripheral-sized item: with the FIFO's packing of unequal sizes
-//! the bytes in memory end up the same, only in fewer accesses. Priorities, bursts and the FIFO's delay are not modelled:
-//! a request is served when it is made.
+//! The model holds counters, flags and rules. It moves no data. Its owner asks for the next [`Beat`] of a
+//! stream, moves those bytes, and reports back. A beat is one item of the peripheral's size. Where the FIFO
+//! packs unequal sizes, the same bytes end up in memory, in fewer accesses. Priorities, bursts and the FIFO's
+//! delay are not modelled: a request is served when it is made.
 
-use super::{NoRegister, Notes, bit, field};
+use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::register::{bit, field};
 
 const EN: u32 = 1 << 0;
 const INTERRUPT_ENABLES: u32 = 0b1_1110;
@@ -68,7 +69,7 @@ struct Stream {
     par: u32,
     memory: [u32; 2],
     fcr: u32,
-    /// Items of a whole pass: NDTR when the stream was enabled.
+    /// The items of a whole pass: what NDTR was when the stream was enabled.
     total: u32,
     flags: u32,
 }
@@ -77,8 +78,7 @@ struct Stream {
 #[derive(Debug, Clone)]
 pub struct Dma {
     streams: [Stream; STREAMS],
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Default for Dma {
@@ -95,16 +95,8 @@ impl Default for Dma {
 }
 
 impl Dma {
-    /// A reset; the notes stay.
-    pub fn reset(&mut self) {
-        *self = Self {
-            notes: std::mem::take(&mut self.notes),
-            ..Self::default()
-        };
-    }
-
-    /// The first of these streams that is enabled and listens to its channel: who serves a request. The pairs are rows
-    /// of the request mapping (tables 42 and 43).
+    /// The stream that serves a request: the first of these that is enabled and listens to its channel. The
+    /// pairs of stream and channel are from the request mapping (tables 42 and 43).
     pub fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
         mapping
             .iter()
@@ -117,7 +109,7 @@ impl Dma {
         s.cr & EN != 0 && s.ndtr > 0 && field(s.cr, 25, 3) == channel
     }
 
-    /// What the stream moves at its next request.
+    /// What the stream moves at its next request. `None` if it is stopped.
     pub fn beat(&self, stream: usize) -> Option<Beat> {
         let s = &self.streams[stream];
         if s.cr & EN == 0 || s.ndtr == 0 {
@@ -168,14 +160,8 @@ impl Dma {
         s.cr &= !EN;
     }
 
-    /// Level of a stream's interrupt line.
-    pub fn interrupt(&self, stream: usize) -> bool {
-        let s = &self.streams[stream];
-        // DMEIE, TEIE, HTIE, TCIE stand in the order of their flags, one bit lower; FEIE is in FCR.
-        s.flags & ((s.cr & INTERRUPT_ENABLES) << 1) != 0 || (bit(s.fcr, 7) && bit(s.flags, 0))
-    }
-
-    /// After how many more beats the stream's line will rise, if its interrupts are on and the line is down.
+    /// After how many more beats the stream's line will rise. `None` if its interrupts are off or the line is
+    /// up.
     pub fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {
         let s = &self.streams[stream];
         if s.cr & EN == 0 || s.ndtr == 0 || self.interrupt(stream) {
@@ -189,48 +175,8 @@ impl Dma {
         half.into_iter().chain(full).min()
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
-        Ok(match offset {
-            0x00 => self.status(0),
-            0x04 => self.status(4),
-            // The clear registers read as 0.
-            0x08 | 0x0c => 0,
-            0x10..=0xcc if offset.is_multiple_of(4) => {
-                let s = &self.streams[(offset as usize - 0x10) / 0x18];
-                match (offset - 0x10) % 0x18 {
-                    0x00 => s.cr,
-                    0x04 => s.ndtr,
-                    0x08 => s.par,
-                    0x0c => s.memory[0],
-                    0x10 => s.memory[1],
-                    // FS: the FIFO is empty.
-                    _ => (s.fcr & !0x38) | 0x20,
-                }
-            }
-            _ => return Err(NoRegister),
-        })
-    }
-
     fn status(&self, first: usize) -> u32 {
         (0..4).fold(0, |word, i| word | self.streams[first + i].flags << FLAGS_AT[i])
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
-        match offset {
-            0x00 | 0x04 => {}
-            0x08 => self.clear(0, value),
-            0x0c => self.clear(4, value),
-            0x10..=0xcc if offset.is_multiple_of(4) => {
-                let stream = (offset as usize - 0x10) / 0x18;
-                self.write_stream(stream, (offset - 0x10) % 0x18, value);
-            }
-            _ => return Err(NoRegister),
-        }
-        Ok(())
     }
 
     fn clear(&mut self, first: usize, value: u32) {
@@ -250,7 +196,7 @@ impl Dma {
                 );
                 s.write_cr(value & 0x0fef_ffff);
             }
-            // The setting is protected while the stream runs (sections 10.5.5 to 10.5.10).
+            // The settings are protected while the stream runs (sections 10.5.5 to 10.5.10).
             0x04 if !enabled => s.ndtr = value & 0xffff,
             0x08 if !enabled => s.par = value,
             0x0c if !enabled || (s.cr & DBM != 0 && s.target() == 1) => s.memory[0] = value,
@@ -260,7 +206,7 @@ impl Dma {
             0x14 => s.fcr = (s.fcr & 0x7) | (value & 0x80),
             _ => self
                 .notes
-                .note_if(true, "a stream's setting was written while it runs: ignored"),
+                .note("a stream's setting was written while it runs: ignored"),
         }
     }
 }
@@ -288,9 +234,65 @@ impl Stream {
         }
         self.cr = (self.cr & !(INTERRUPT_ENABLES | EN)) | (value & (INTERRUPT_ENABLES | EN));
         if value & EN == 0 {
-            // A stream stopped by software tells so by its completion flag (section 10.3.17).
+            // A stream that software stops sets its completion flag (section 10.3.17).
             self.flags |= TCIF;
         }
+    }
+}
+
+impl Peripheral for Dma {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.status(0),
+            0x04 => self.status(4),
+            // The clear registers read as 0.
+            0x08 | 0x0c => 0,
+            0x10..=0xcc if offset.is_multiple_of(4) => {
+                let s = &self.streams[(offset as usize - 0x10) / 0x18];
+                match (offset - 0x10) % 0x18 {
+                    0x00 => s.cr,
+                    0x04 => s.ndtr,
+                    0x08 => s.par,
+                    0x0c => s.memory[0],
+                    0x10 => s.memory[1],
+                    // FS: the FIFO is empty.
+                    _ => (s.fcr & !0x38) | 0x20,
+                }
+            }
+            _ => return Err(NoRegister),
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
+        match offset {
+            0x00 | 0x04 => {}
+            0x08 => self.clear(0, value),
+            0x0c => self.clear(4, value),
+            0x10..=0xcc if offset.is_multiple_of(4) => {
+                let stream = (offset as usize - 0x10) / 0x18;
+                self.write_stream(stream, (offset - 0x10) % 0x18, value);
+            }
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    /// A reset; the notes stay.
+    fn reset(&mut self, _now: u64) {
+        *self = Self {
+            notes: std::mem::take(&mut self.notes),
+            ..Self::default()
+        };
+    }
+
+    fn interrupt(&self, stream: usize) -> bool {
+        let s = &self.streams[stream];
+        // DMEIE, TEIE, HTIE and TCIE have the order of their flags, one bit lower. FEIE is in FCR.
+        s.flags & ((s.cr & INTERRUPT_ENABLES) << 1) != 0 || (bit(s.fcr, 7) && bit(s.flags, 0))
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
     }
 }
 
@@ -308,11 +310,11 @@ mod tests {
     /// Stream `n`, `items` from the ADC's DR to 0x2000_0000.
     fn started(n: u32, items: u32, cr: u32) -> Dma {
         let mut dma = Dma::default();
-        dma.write(stream(n, 0x04), items).unwrap();
-        dma.write(stream(n, 0x08), 0x4001_204c).unwrap();
-        dma.write(stream(n, 0x0c), 0x2000_0000).unwrap();
-        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr).unwrap();
-        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr | EN).unwrap();
+        dma.write(stream(n, 0x04), items, 0).unwrap();
+        dma.write(stream(n, 0x08), 0x4001_204c, 0).unwrap();
+        dma.write(stream(n, 0x0c), 0x2000_0000, 0).unwrap();
+        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr, 0).unwrap();
+        dma.write(stream(n, 0x00), HALFWORDS | MINC | cr | EN, 0).unwrap();
         dma
     }
 
@@ -330,7 +332,7 @@ mod tests {
                 direction: Direction::ToMemory
             })
         );
-        assert_eq!(dma.read(stream(0, 0x04)), Ok(2));
+        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(2));
     }
 
     #[test]
@@ -341,8 +343,8 @@ mod tests {
             progress,
             [(false, false), (true, false), (false, false), (true, true)]
         );
-        assert_eq!(dma.read(0x00), Ok(HTIF | TCIF));
-        assert_eq!(dma.read(stream(0, 0x00)).unwrap() & EN, 0);
+        assert_eq!(dma.read(0x00, 0), Ok(HTIF | TCIF));
+        assert_eq!(dma.read(stream(0, 0x00), 0).unwrap() & EN, 0);
         assert_eq!(dma.beat(0), None);
     }
 
@@ -353,16 +355,16 @@ mod tests {
             dma.moved(0);
         }
         assert_eq!(dma.beat(0).unwrap().memory, 0x2000_0000);
-        assert_eq!(dma.read(stream(0, 0x04)), Ok(4));
+        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(4));
     }
 
     #[test]
     fn double_buffer_mode_swaps_targets_at_the_end_of_each() {
         let mut dma = Dma::default();
-        dma.write(stream(0, 0x04), 1).unwrap();
-        dma.write(stream(0, 0x0c), 0x2000_0000).unwrap();
-        dma.write(stream(0, 0x10), 0x2000_1000).unwrap();
-        dma.write(stream(0, 0x00), DBM | CIRC | EN).unwrap();
+        dma.write(stream(0, 0x04), 1, 0).unwrap();
+        dma.write(stream(0, 0x0c), 0x2000_0000, 0).unwrap();
+        dma.write(stream(0, 0x10), 0x2000_1000, 0).unwrap();
+        dma.write(stream(0, 0x00), DBM | CIRC | EN, 0).unwrap();
         let targets: Vec<_> = (0..3)
             .map(|_| {
                 let memory = dma.beat(0).unwrap().memory;
@@ -385,9 +387,9 @@ mod tests {
         ] {
             let mut dma = started(n, 1, 0);
             dma.moved(n as usize);
-            assert_eq!(dma.read(register), Ok((HTIF | TCIF) << at), "stream {n}");
-            dma.write(0x08 + register, HTIF << at).unwrap();
-            assert_eq!(dma.read(register), Ok(TCIF << at), "stream {n}");
+            assert_eq!(dma.read(register, 0), Ok((HTIF | TCIF) << at), "stream {n}");
+            dma.write(0x08 + register, HTIF << at, 0).unwrap();
+            assert_eq!(dma.read(register, 0), Ok(TCIF << at), "stream {n}");
         }
     }
 
@@ -401,7 +403,7 @@ mod tests {
         }
         assert!(dma.interrupt(0));
         assert_eq!(dma.beats_to_interrupt(0), None, "the line is up already");
-        dma.write(0x08, HTIF).unwrap();
+        dma.write(0x08, HTIF, 0).unwrap();
         assert_eq!(dma.beats_to_interrupt(0), Some(4));
         let dma = started(0, 8, CIRC | TCIE);
         assert_eq!(dma.beats_to_interrupt(0), Some(8));
@@ -414,7 +416,7 @@ mod tests {
         for _ in 0..6 {
             dma.moved(0);
         }
-        dma.write(0x08, HTIF).unwrap();
+        dma.write(0x08, HTIF, 0).unwrap();
         assert_eq!(dma.beats_to_interrupt(0), Some(6));
     }
 
@@ -423,7 +425,7 @@ mod tests {
         let mut dma = started(2, 8, TEIE);
         dma.failed(2);
         assert!(dma.interrupt(2));
-        assert_eq!(dma.read(0x00), Ok(TEIF << 16));
+        assert_eq!(dma.read(0x00, 0), Ok(TEIF << 16));
         assert_eq!(dma.beat(2), None);
     }
 
@@ -431,19 +433,22 @@ mod tests {
     fn stopping_by_software_sets_the_completion_flag_and_keeps_what_is_left() {
         let mut dma = started(0, 8, CIRC);
         dma.moved(0);
-        dma.write(stream(0, 0x00), HALFWORDS | MINC | CIRC).unwrap();
-        assert_eq!((dma.read(0x00), dma.read(stream(0, 0x04))), (Ok(TCIF), Ok(7)));
+        dma.write(stream(0, 0x00), HALFWORDS | MINC | CIRC, 0).unwrap();
+        assert_eq!(
+            (dma.read(0x00, 0), dma.read(stream(0, 0x04), 0)),
+            (Ok(TCIF), Ok(7))
+        );
     }
 
     #[test]
     fn a_running_stream_takes_no_new_setting_but_its_interrupt_enables() {
         let mut dma = started(0, 8, 0);
-        dma.write(stream(0, 0x04), 99).unwrap();
-        dma.write(stream(0, 0x0c), 0x2000_4000).unwrap();
-        dma.write(stream(0, 0x00), EN | TCIE).unwrap();
-        assert_eq!(dma.read(stream(0, 0x04)), Ok(8));
-        assert_eq!(dma.read(stream(0, 0x0c)), Ok(0x2000_0000));
-        assert_eq!(dma.read(stream(0, 0x00)), Ok(HALFWORDS | MINC | TCIE | EN));
+        dma.write(stream(0, 0x04), 99, 0).unwrap();
+        dma.write(stream(0, 0x0c), 0x2000_4000, 0).unwrap();
+        dma.write(stream(0, 0x00), EN | TCIE, 0).unwrap();
+        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(8));
+        assert_eq!(dma.read(stream(0, 0x0c), 0), Ok(0x2000_0000));
+        assert_eq!(dma.read(stream(0, 0x00), 0), Ok(HALFWORDS | MINC | TCIE | EN));
         assert_eq!(dma.notes.iter().count(), 1);
     }
 

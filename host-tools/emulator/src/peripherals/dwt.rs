@@ -1,23 +1,25 @@
-//! The processor's cycle counter (ARMv7-M ARM, C1.8.8), which QEMU lacks: it follows HCLK, asleep or awake.
+//! The processor's cycle counter (ARMv7-M ARM, C1.8.8), which QEMU lacks. It follows HCLK, whether the
+//! processor sleeps or not.
 //!
-//! Under `-icount shift=3` an instruction takes 8 ns, which is 1.34 cycles at 168 MHz: the counter measures virtual time,
-//! not what the pipeline of a real Cortex-M4 would take.
+//! Under `-icount shift=3` an instruction takes 8 ns, which is 1.34 cycles at 168 MHz. The counter measures
+//! this virtual time. It does not measure what the pipeline of a real Cortex-M4 would take.
 
-use super::{NoRegister, Notes, bit, clock};
+use super::clock::{self, Clocks};
+use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::register::bit;
 
-/// NUMCOMP: the Cortex-M4 has four comparators; NOCYCCNT is clear.
+/// NUMCOMP: the Cortex-M4 has four comparators. NOCYCCNT is clear: there is a cycle counter.
 const NUMCOMP: u32 = 4 << 28;
 
 /// DWT's registers, as far as the counter goes.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Dwt {
     hclk: u32,
     ctrl: u32,
     /// The counter's value at `since_ns`.
     count: u32,
     since_ns: u64,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Dwt {
@@ -26,16 +28,8 @@ impl Dwt {
         Self {
             hclk,
             ctrl: NUMCOMP,
-            count: 0,
-            since_ns: 0,
-            notes: Notes::default(),
+            ..Self::default()
         }
-    }
-
-    /// The processor's clock changed.
-    pub fn set_clock(&mut self, hclk: u32, now: u64) {
-        self.settle(now);
-        self.hclk = hclk;
     }
 
     fn settle(&mut self, now: u64) {
@@ -51,10 +45,10 @@ impl Dwt {
             false => self.count,
         }
     }
+}
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32, now: u64) -> Result<u32, NoRegister> {
+impl Peripheral for Dwt {
+    fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
         match offset {
             0x00 => Ok(self.ctrl),
             0x04 => Ok(self.cycles(now)),
@@ -62,9 +56,7 @@ impl Dwt {
         }
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         self.settle(now);
         match offset {
             0x00 => {
@@ -75,11 +67,27 @@ impl Dwt {
                 );
             }
             0x04 => self.count = value,
-            // The lock access register: the lock is not fitted for software accesses here.
+            // The lock access register. There is no lock for accesses by software.
             0xfb0 => {}
             _ => return Err(NoRegister),
         }
         Ok(())
+    }
+
+    fn reset(&mut self, _now: u64) {
+        *self = Self {
+            notes: std::mem::take(&mut self.notes),
+            ..Self::new(self.hclk)
+        };
+    }
+
+    fn set_clocks(&mut self, clocks: &Clocks, now: u64) {
+        self.settle(now);
+        self.hclk = clocks.hclk;
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
     }
 }
 
@@ -93,7 +101,7 @@ mod tests {
         assert_eq!(dwt.read(0x04, 1_000_000), Ok(0));
         dwt.write(0x00, 1, 1_000_000).unwrap();
         assert_eq!(dwt.read(0x04, 2_000_000), Ok(168_000));
-        dwt.set_clock(16_000_000, 2_000_000);
+        dwt.set_clocks(&Clocks::HSI, 2_000_000);
         assert_eq!(dwt.read(0x04, 3_000_000), Ok(184_000));
         dwt.write(0x00, 0, 3_000_000).unwrap();
         assert_eq!(dwt.read(0x04, 9_000_000), Ok(184_000));

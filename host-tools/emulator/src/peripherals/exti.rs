@@ -1,9 +1,13 @@
-//! External interrupts (RM0090 section 12.3): nothing moves the lines but the software trigger.
+//! External interrupts (RM0090 section 12.3). Only the software trigger moves the lines; levels on pins do
+//! not.
 
-use super::NoRegister;
+use super::peripheral::{NoRegister, Peripheral};
 
 /// Lines 0..=22.
 const LINES: u32 = 0x007f_ffff;
+
+/// The lines that share an interrupt, in the order of the interrupts' numbers (table 61).
+const SHARED: [u32; 7] = [1, 1 << 1, 1 << 2, 1 << 3, 1 << 4, 0x03e0, 0xfc00];
 
 /// EXTI's registers.
 #[derive(Debug, Clone, Default)]
@@ -16,15 +20,8 @@ pub struct Exti {
     pr: u32,
 }
 
-impl Exti {
-    /// Whether an interrupt of any of these lines stands.
-    pub fn pending(&self, lines: u32) -> bool {
-        self.pr & self.imr & lines != 0
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+impl Peripheral for Exti {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => self.imr,
             0x04 => self.emr,
@@ -36,9 +33,7 @@ impl Exti {
         })
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         let value = value & LINES;
         match offset {
             0x00 => self.imr = value,
@@ -46,7 +41,8 @@ impl Exti {
             0x08 => self.rtsr = value,
             0x0c => self.ftsr = value,
             0x10 => {
-                // A bit that goes from 0 to 1 sets the pending bit, if the interrupt is enabled (section 12.3.5).
+                // A bit that goes from 0 to 1 sets the pending bit, if the interrupt is enabled (section
+                // 12.3.5).
                 self.pr |= value & !self.swier & self.imr;
                 self.swier |= value;
             }
@@ -59,6 +55,14 @@ impl Exti {
         }
         Ok(())
     }
+
+    fn reset(&mut self, _now: u64) {
+        *self = Self::default();
+    }
+
+    fn interrupt(&self, output: usize) -> bool {
+        self.pr & self.imr & SHARED[output] != 0
+    }
 }
 
 #[cfg(test)]
@@ -68,12 +72,12 @@ mod tests {
     #[test]
     fn a_software_trigger_stands_until_one_is_written_to_pr() {
         let mut exti = Exti::default();
-        exti.write(0x00, 1 << 3).unwrap();
-        exti.write(0x10, 1 << 3 | 1 << 4).unwrap();
-        assert_eq!(exti.read(0x14), Ok(1 << 3), "line 4 is not enabled");
-        assert!(exti.pending(1 << 3));
-        exti.write(0x14, 1 << 3).unwrap();
-        assert!(!exti.pending(!0));
-        assert_eq!(exti.read(0x10), Ok(1 << 4));
+        exti.write(0x00, 1 << 3, 0).unwrap();
+        exti.write(0x10, 1 << 3 | 1 << 4, 0).unwrap();
+        assert_eq!(exti.read(0x14, 0), Ok(1 << 3), "line 4 is not enabled");
+        assert!(exti.interrupt(3));
+        exti.write(0x14, 1 << 3, 0).unwrap();
+        assert!((0..SHARED.len()).all(|output| !exti.interrupt(output)));
+        assert_eq!(exti.read(0x10, 0), Ok(1 << 4));
     }
 }

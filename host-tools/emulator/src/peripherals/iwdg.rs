@@ -1,6 +1,7 @@
-//! The independent watchdog (RM0090 section 21): once started it resets the machine unless it is fed.
+//! The independent watchdog (RM0090 section 21). Once it is started, it resets the machine unless it is fed.
 
-use super::{NoRegister, clock, rcc::LSI_HZ};
+use super::clock::{self, LSI_HZ};
+use super::peripheral::{NoRegister, Peripheral};
 
 const FEED: u32 = 0xaaaa;
 const START: u32 = 0xcccc;
@@ -26,18 +27,8 @@ impl Default for Iwdg {
     }
 }
 
-impl Iwdg {
-    /// When it will reset the machine, if nothing feeds it.
-    pub fn bites_at(&self) -> Option<u64> {
-        // Prescaler 4 << PR, at most 256 (section 21.4.2).
-        let divider = (4u64 << self.prescaler).min(256);
-        self.fed_ns
-            .map(|fed| fed + clock::edge(divider * u64::from(self.reload + 1), LSI_HZ))
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+impl Peripheral for Iwdg {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => 0,
             0x04 => self.prescaler,
@@ -48,9 +39,7 @@ impl Iwdg {
         })
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 => {
                 match value & 0xffff {
@@ -66,6 +55,18 @@ impl Iwdg {
             _ => return Err(NoRegister),
         }
         Ok(())
+    }
+
+    fn reset(&mut self, _now: u64) {
+        *self = Self::default();
+    }
+
+    /// When it resets the machine, if nothing feeds it.
+    fn next_interrupt(&self) -> Option<u64> {
+        // Prescaler 4 << PR, at most 256 (section 21.4.2).
+        let divider = (4u64 << self.prescaler).min(256);
+        self.fed_ns
+            .map(|fed| fed + clock::edge(divider * u64::from(self.reload + 1), LSI_HZ))
     }
 }
 
@@ -89,29 +90,37 @@ mod tests {
 
     #[test]
     fn the_timeout_is_that_of_table_107() {
-        assert_eq!(started(0, 0xfff).bites_at(), Some(512_000_000), "PR 0: 512 ms");
         assert_eq!(
-            started(6, 0xfff).bites_at(),
+            started(0, 0xfff).next_interrupt(),
+            Some(512_000_000),
+            "PR 0: 512 ms"
+        );
+        assert_eq!(
+            started(6, 0xfff).next_interrupt(),
             Some(32_768_000_000),
             "PR 6: 32.768 s"
         );
-        assert_eq!(started(0, 0).bites_at(), Some(125_000), "PR 0, RL 0: 0.125 ms");
+        assert_eq!(
+            started(0, 0).next_interrupt(),
+            Some(125_000),
+            "PR 0, RL 0: 0.125 ms"
+        );
     }
 
     #[test]
     fn feeding_puts_it_off_and_does_not_start_it() {
         let mut iwdg = Iwdg::default();
         iwdg.write(0x00, FEED, 0).unwrap();
-        assert_eq!(iwdg.bites_at(), None);
+        assert_eq!(iwdg.next_interrupt(), None);
         let mut iwdg = started(0, 0xfff);
         iwdg.write(0x00, FEED, 100_000_000).unwrap();
-        assert_eq!(iwdg.bites_at(), Some(612_000_000));
+        assert_eq!(iwdg.next_interrupt(), Some(612_000_000));
     }
 
     #[test]
     fn the_setting_is_locked_until_the_key() {
         let mut iwdg = started(0, 10);
         iwdg.write(0x08, 99, 0).unwrap();
-        assert_eq!(iwdg.read(0x08), Ok(10));
+        assert_eq!(iwdg.read(0x08, 0), Ok(10));
     }
 }

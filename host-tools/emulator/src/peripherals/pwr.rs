@@ -1,14 +1,15 @@
-//! Power control (RM0090 section 5.4). The regulator is ready at once; the supply is as high as the outside
-//! says, and the programmable voltage detector compares it.
+//! Power control (RM0090 section 5.4). The regulator is ready at once. The supply has the voltage that is set
+//! from outside, and the programmable voltage detector compares it with its threshold.
 
-use super::{NoRegister, Notes, bit, field};
+use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::register::{bit, field};
 
 const VOS: u32 = 1 << 14;
 const DBP: u32 = 1 << 8;
 const PVDE: u32 = 1 << 4;
 
-/// Millivolts at which the detector finds a falling and a rising supply, by CR.PLS: typical values of DocID022152, table of
-/// the reset and power control block.
+/// The detector's thresholds in mV for a falling and for a rising supply, by CR.PLS. Typical values of
+/// DocID022152, table of the reset and power control block.
 const DETECTOR: [[u32; 2]; 8] = [
     [2040, 2140],
     [2190, 2300],
@@ -30,8 +31,7 @@ pub struct Pwr {
     supply_mv: u32,
     /// The detector's comparator: the supply is below the threshold.
     below: bool,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Default for Pwr {
@@ -47,16 +47,7 @@ impl Default for Pwr {
 }
 
 impl Pwr {
-    /// A reset; the notes and the supply stay.
-    pub fn reset(&mut self) {
-        *self = Self {
-            notes: std::mem::take(&mut self.notes),
-            supply_mv: self.supply_mv,
-            ..Self::default()
-        };
-    }
-
-    /// The supply is so high from now on, in mV.
+    /// The supply has this voltage from now on, in mV.
     pub fn set_supply(&mut self, millivolts: u32) {
         self.supply_mv = millivolts;
         self.compare();
@@ -77,10 +68,10 @@ impl Pwr {
     pub fn backup_domain_open(&self) -> bool {
         self.cr & DBP != 0
     }
+}
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+impl Peripheral for Pwr {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         match offset {
             0x00 => Ok(self.cr),
             // VOSRDY always; BRR follows BRE; PVDO.
@@ -89,9 +80,7 @@ impl Pwr {
         }
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 => {
                 // CWUF and CSBF read as 0.
@@ -103,6 +92,19 @@ impl Pwr {
         }
         Ok(())
     }
+
+    /// The supply stays.
+    fn reset(&mut self, _now: u64) {
+        *self = Self {
+            notes: std::mem::take(&mut self.notes),
+            supply_mv: self.supply_mv,
+            ..Self::default()
+        };
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
 }
 
 #[cfg(test)]
@@ -112,21 +114,21 @@ mod tests {
     #[test]
     fn the_regulator_is_ready_and_dbp_opens_the_backup_domain() {
         let mut pwr = Pwr::default();
-        assert_eq!(pwr.read(0x04), Ok(1 << 14));
+        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14));
         assert!(!pwr.backup_domain_open());
-        pwr.write(0x00, VOS | DBP).unwrap();
+        pwr.write(0x00, VOS | DBP, 0).unwrap();
         assert!(pwr.backup_domain_open());
-        assert_eq!(pwr.read(0x00), Ok(VOS | DBP));
+        assert_eq!(pwr.read(0x00, 0), Ok(VOS | DBP));
     }
 
     #[test]
     fn the_detector_finds_a_supply_below_its_threshold_and_lets_go_above_the_hysteresis() {
         let mut pwr = Pwr::default();
-        let low = |pwr: &Pwr| pwr.read(0x04).unwrap() & 1 << 2 != 0;
+        let low = |pwr: &mut Pwr| pwr.read(0x04, 0).unwrap() & 1 << 2 != 0;
         pwr.set_supply(2800);
-        assert!(!low(&pwr), "the detector is off");
-        pwr.write(0x00, VOS | PVDE | 6 << 5).unwrap();
-        assert!(low(&pwr));
+        assert!(!low(&mut pwr), "the detector is off");
+        pwr.write(0x00, VOS | PVDE | 6 << 5, 0).unwrap();
+        assert!(low(&mut pwr));
         for (millivolts, expected) in [
             (2940, true),
             (3029, true),
@@ -135,27 +137,27 @@ mod tests {
             (2929, true),
         ] {
             pwr.set_supply(millivolts);
-            assert_eq!(low(&pwr), expected, "{millivolts} mV");
+            assert_eq!(low(&mut pwr), expected, "{millivolts} mV");
         }
-        pwr.write(0x00, VOS | PVDE).unwrap();
-        assert!(!low(&pwr), "2.0 V is the threshold now");
+        pwr.write(0x00, VOS | PVDE, 0).unwrap();
+        assert!(!low(&mut pwr), "2.0 V is the threshold now");
     }
 
     #[test]
     fn the_supply_outlives_a_reset_and_the_detector_is_off_after_it() {
         let mut pwr = Pwr::default();
-        pwr.write(0x00, VOS | PVDE | 6 << 5).unwrap();
+        pwr.write(0x00, VOS | PVDE | 6 << 5, 0).unwrap();
         pwr.set_supply(2800);
-        pwr.reset();
-        assert_eq!(pwr.read(0x04), Ok(1 << 14));
-        pwr.write(0x00, VOS | PVDE | 6 << 5).unwrap();
-        assert_eq!(pwr.read(0x04), Ok(1 << 14 | 1 << 2));
+        pwr.reset(0);
+        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14));
+        pwr.write(0x00, VOS | PVDE | 6 << 5, 0).unwrap();
+        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | 1 << 2));
     }
 
     #[test]
     fn the_backup_regulator_is_ready_when_on() {
         let mut pwr = Pwr::default();
-        pwr.write(0x04, 1 << 9).unwrap();
-        assert_eq!(pwr.read(0x04), Ok(1 << 14 | 1 << 9 | 1 << 3));
+        pwr.write(0x04, 1 << 9, 0).unwrap();
+        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | 1 << 9 | 1 << 3));
     }
 }

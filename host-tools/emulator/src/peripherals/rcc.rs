@@ -1,14 +1,12 @@
 //! Reset and clock control (RM0090 section 7).
 //!
-//! Oscillators and PLLs are ready as soon as they are on. The clock tree is worked out from what the firmware
-//! programs, so that a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
+//! Oscillators and PLLs are ready as soon as they are on. The clock tree follows what the firmware programs.
+//! So a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
 
-use super::{NoRegister, Notes, bit, field};
-
-/// Frequency of the internal oscillator (section 7.2.2), in Hz.
-pub const HSI_HZ: u32 = 16_000_000;
-/// Frequency of the internal low-speed oscillator, typical (section 7.2.5), in Hz.
-pub const LSI_HZ: u32 = 32_000;
+use super::clock::{Clocks, HSI_HZ};
+use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::register::{bit, field};
+use crate::outcome::ResetCause;
 
 /// Reset flags in CSR (section 7.3.21).
 const RMVF: u32 = 1 << 24;
@@ -19,7 +17,8 @@ const RESET_FLAGS: u32 = 0xfe00_0000;
 /// Brown-out, pin and power-on reset: the flags after power-up.
 const POWER_ON_FLAGS: u32 = 0x0e00_0000;
 
-/// A crystal is off by less than 0.1 %: limits are those of what it should be.
+/// A crystal may be off by less than 1/1000. Limits apply to what it should be, so they are wider by that
+/// much.
 const TOLERANCE: u32 = 1000;
 
 const HSION: u32 = 1 << 0;
@@ -29,33 +28,7 @@ const PLLI2SON: u32 = 1 << 26;
 /// Each ready flag of CR stands one bit above its enable.
 const ON_BITS: u32 = HSION | HSEON | PLLON | PLLI2SON;
 
-/// Frequencies that the tree gives, in Hz (section 7.2, figure 21).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Clocks {
-    /// System clock.
-    pub sysclk: u32,
-    /// AHB and processor.
-    pub hclk: u32,
-    /// APB1.
-    pub pclk1: u32,
-    /// APB2.
-    pub pclk2: u32,
-    /// Timers on APB1: TIM2-7, 12-14.
-    pub timers1: u32,
-}
-
-/// What caused the reset that the firmware comes out of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cause {
-    /// The supply came up.
-    PowerOn,
-    /// SYSRESETREQ.
-    Software,
-    /// The independent watchdog.
-    Watchdog,
-}
-
-/// A group of enable and reset registers: which bus.
+/// A bus with its own enable and reset registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bus {
     /// AHB1.
@@ -67,7 +40,7 @@ pub enum Bus {
 }
 
 /// RCC's registers.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Rcc {
     hse_hz: u32,
     cr: u32,
@@ -84,8 +57,7 @@ pub struct Rcc {
     plli2scfgr: u32,
     /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
     pub backup_domain_open: bool,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Rcc {
@@ -95,41 +67,23 @@ impl Rcc {
             hse_hz,
             cr: 0x83,
             pllcfgr: 0x2400_3010,
-            cfgr: 0,
-            system_source: 0,
-            reset: [0; 6],
             enable: [0x0010_0000, 0, 0, 0, 0, 0],
             enable_in_sleep: [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33],
-            bdcr: 0,
             csr: POWER_ON_FLAGS,
-            sscgr: 0,
             plli2scfgr: 0x2000_3000,
-            backup_domain_open: false,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 
-    /// A system reset: all but the backup domain and the reset flags starts anew (section 7.1.1). The device pulls its
-    /// own reset pin low, so the pin's flag is set as well.
-    pub fn reset(&mut self, cause: Cause) {
-        let flag = match cause {
-            // Everything, the backup domain too: VBAT is taken to hang on the same supply.
-            Cause::PowerOn => {
-                *self = Self {
-                    notes: std::mem::take(&mut self.notes),
-                    ..Self::new(self.hse_hz)
-                };
-                return;
-            }
-            Cause::Software => SFTRSTF | PINRSTF,
-            Cause::Watchdog => IWDGRSTF | PINRSTF,
-        };
-        *self = Self {
-            bdcr: self.bdcr,
-            csr: (self.csr & RESET_FLAGS) | flag,
-            notes: std::mem::take(&mut self.notes),
-            ..Self::new(self.hse_hz)
-        };
+    /// Sets the flags by which firmware finds out why it was reset. The device pulls its own reset pin low,
+    /// so the flag of the pin is set too.
+    pub fn set_reset_cause(&mut self, cause: ResetCause) {
+        match cause {
+            // The backup domain is reset too: VBAT is taken to come from the same supply.
+            ResetCause::PowerCut => (self.bdcr, self.csr) = (0, POWER_ON_FLAGS),
+            ResetCause::Software => self.csr |= SFTRSTF | PINRSTF,
+            ResetCause::Watchdog => self.csr |= IWDGRSTF | PINRSTF,
+        }
     }
 
     /// The clock tree as programmed.
@@ -159,13 +113,16 @@ impl Rcc {
         }
     }
 
+    fn pll_input_hz(&self) -> u32 {
+        match bit(self.pllcfgr, 22) {
+            true => self.hse_hz,
+            false => HSI_HZ,
+        }
+    }
+
     /// PLLCFGR (section 7.3.2): VCO = input / M * N, output = VCO / P.
     fn pll_hz(&self) -> u32 {
-        let input = if bit(self.pllcfgr, 22) {
-            self.hse_hz
-        } else {
-            HSI_HZ
-        };
+        let input = self.pll_input_hz();
         let (m, n) = (field(self.pllcfgr, 0, 6).max(1), field(self.pllcfgr, 6, 9));
         let p = 2 * (field(self.pllcfgr, 16, 2) + 1);
         (u64::from(input) * u64::from(n) / u64::from(m * p)) as u32
@@ -181,71 +138,6 @@ impl Rcc {
         bit(self.reset[group(bus)], n)
     }
 
-    /// # Errors
-    /// [`NoRegister`], for the interrupt register among others.
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
-        Ok(match offset {
-            0x00 => self.cr | ((self.cr & ON_BITS) << 1),
-            0x04 => self.pllcfgr,
-            0x08 => (self.cfgr & !0xc) | (self.system_source << 2),
-            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)],
-            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)],
-            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)],
-            0x70 => self.bdcr | ((self.bdcr & 1) << 1),
-            0x74 => self.csr | ((self.csr & 1) << 1),
-            0x80 => self.sscgr,
-            0x84 => self.plli2scfgr,
-            // DCKCFGR of the F42x, reserved here; embassy-stm32 writes it on every F4.
-            0x8c => 0,
-            _ => return Err(NoRegister),
-        })
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
-        match offset {
-            0x00 => self.write_cr(value),
-            // Writable with the PLL off only.
-            0x04 if self.cr & PLLON == 0 => self.pllcfgr = value,
-            0x04 => self
-                .notes
-                .note_if(true, "PLLCFGR written while the PLL is on: ignored"),
-            0x08 => {
-                self.cfgr = value & !0xc;
-                self.switch();
-            }
-            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)] = value,
-            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)] = value,
-            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)] = value,
-            0x70 if !self.backup_domain_open => {
-                self.notes
-                    .note_if(true, "BDCR written with PWR_CR.DBP clear: ignored");
-            }
-            // BDRST resets all of the backup domain but itself.
-            0x70 => {
-                self.bdcr = if bit(value, 16) {
-                    1 << 16
-                } else {
-                    value & 0x0000_8305
-                }
-            }
-            0x74 => {
-                let flags = if value & RMVF != 0 {
-                    0
-                } else {
-                    self.csr & RESET_FLAGS
-                };
-                self.csr = flags | (value & 1);
-            }
-            0x80 => self.sscgr = value,
-            0x84 => self.plli2scfgr = value,
-            0x8c => {}
-            _ => return Err(NoRegister),
-        }
-        Ok(())
-    }
-
     fn write_cr(&mut self, value: u32) {
         // The clock that runs the system cannot be stopped (section 7.3.1).
         let held = match self.system_source {
@@ -256,12 +148,7 @@ impl Rcc {
         let turned_on = value & !self.cr;
         self.cr = (value & !(ON_BITS << 1)) | held;
         if turned_on & PLLON != 0 {
-            let input = if bit(self.pllcfgr, 22) {
-                self.hse_hz
-            } else {
-                HSI_HZ
-            };
-            let vco_input = input / field(self.pllcfgr, 0, 6).max(1);
+            let vco_input = self.pll_input_hz() / field(self.pllcfgr, 0, 6).max(1);
             let vco = u64::from(vco_input) * u64::from(field(self.pllcfgr, 6, 9));
             let within = |hz: u64, low: u64, high: u64| {
                 let off = u64::from(TOLERANCE);
@@ -277,7 +164,7 @@ impl Rcc {
         self.switch();
     }
 
-    /// The system clock follows SW once the source is ready; the hardware refuses one that is off.
+    /// The system clock follows SW once the source is ready. The hardware refuses a source that is off.
     fn switch(&mut self) {
         let wanted = self.cfgr & 3;
         let on = [HSION, HSEON, PLLON, 0][wanted as usize];
@@ -303,6 +190,73 @@ fn group(bus: Bus) -> usize {
     }
 }
 
+impl Peripheral for Rcc {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
+        Ok(match offset {
+            0x00 => self.cr | ((self.cr & ON_BITS) << 1),
+            0x04 => self.pllcfgr,
+            0x08 => (self.cfgr & !0xc) | (self.system_source << 2),
+            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)],
+            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)],
+            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)],
+            0x70 => self.bdcr | ((self.bdcr & 1) << 1),
+            0x74 => self.csr | ((self.csr & 1) << 1),
+            0x80 => self.sscgr,
+            0x84 => self.plli2scfgr,
+            // DCKCFGR of the F42x, reserved here; embassy-stm32 writes it on every F4.
+            0x8c => 0,
+            _ => return Err(NoRegister),
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
+        match offset {
+            0x00 => self.write_cr(value),
+            // Writable with the PLL off only.
+            0x04 if self.cr & PLLON == 0 => self.pllcfgr = value,
+            0x04 => self.notes.note("PLLCFGR written while the PLL is on: ignored"),
+            0x08 => {
+                self.cfgr = value & !0xc;
+                self.switch();
+            }
+            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)] = value,
+            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)] = value,
+            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)] = value,
+            0x70 if !self.backup_domain_open => {
+                self.notes.note("BDCR written with PWR_CR.DBP clear: ignored");
+            }
+            // BDRST resets all of the backup domain but itself.
+            0x70 => {
+                let reset = bit(value, 16);
+                self.bdcr = if reset { 1 << 16 } else { value & 0x0000_8305 };
+            }
+            0x74 => {
+                let kept = if value & RMVF != 0 { 0 } else { RESET_FLAGS };
+                self.csr = (self.csr & kept) | (value & 1);
+            }
+            0x80 => self.sscgr = value,
+            0x84 => self.plli2scfgr = value,
+            0x8c => {}
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    /// A system reset. The backup domain and the reset flags stay (section 7.1.1).
+    fn reset(&mut self, _now: u64) {
+        *self = Self {
+            bdcr: self.bdcr,
+            csr: self.csr & RESET_FLAGS,
+            notes: std::mem::take(&mut self.notes),
+            ..Self::new(self.hse_hz)
+        };
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -310,11 +264,16 @@ mod tests {
     /// HSE 8 MHz, PLL /4 *168 /2, APB1 /4, APB2 /2: what the data sheet's maxima ask for.
     fn at_168_mhz() -> Rcc {
         let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x00, 0x83 | HSEON).unwrap();
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
-        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13).unwrap();
+        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24, 0).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
+        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13, 0).unwrap();
         rcc
+    }
+
+    fn reset(rcc: &mut Rcc, cause: ResetCause) {
+        rcc.reset(0);
+        rcc.set_reset_cause(cause);
     }
 
     #[test]
@@ -352,7 +311,7 @@ mod tests {
     fn the_ahb_prescaler_skips_32() {
         let mut rcc = Rcc::new(8_000_000);
         let divided = |rcc: &mut Rcc, hpre: u32| {
-            rcc.write(0x08, hpre << 4).unwrap();
+            rcc.write(0x08, hpre << 4, 0).unwrap();
             HSI_HZ / rcc.clocks().hclk
         };
         assert_eq!(
@@ -365,56 +324,60 @@ mod tests {
     #[test]
     fn every_oscillator_is_ready_when_on_and_not_when_off() {
         let mut rcc = Rcc::new(8_000_000);
-        assert_eq!(rcc.read(0x00).unwrap() & (ON_BITS << 1), HSION << 1);
-        rcc.write(0x00, 0x83 | HSEON | PLLON | PLLI2SON).unwrap();
-        assert_eq!(rcc.read(0x00).unwrap() & (ON_BITS << 1), ON_BITS << 1);
+        assert_eq!(rcc.read(0x00, 0).unwrap() & (ON_BITS << 1), HSION << 1);
+        rcc.write(0x00, 0x83 | HSEON | PLLON | PLLI2SON, 0).unwrap();
+        assert_eq!(rcc.read(0x00, 0).unwrap() & (ON_BITS << 1), ON_BITS << 1);
     }
 
     #[test]
     fn the_system_clock_does_not_switch_to_a_source_that_is_off() {
         let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x08, 1).unwrap();
-        assert_eq!(rcc.read(0x08).unwrap() & 0xf, 1, "SW asks for HSE, SWS says HSI");
-        rcc.write(0x00, 0x83 | HSEON).unwrap();
-        assert_eq!(rcc.read(0x08).unwrap() & 0xf, 0b0101);
+        rcc.write(0x08, 1, 0).unwrap();
+        assert_eq!(
+            rcc.read(0x08, 0).unwrap() & 0xf,
+            1,
+            "SW asks for HSE, SWS says HSI"
+        );
+        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
+        assert_eq!(rcc.read(0x08, 0).unwrap() & 0xf, 0b0101);
     }
 
     #[test]
     fn the_clock_in_use_cannot_be_stopped() {
         let mut rcc = at_168_mhz();
-        rcc.write(0x00, 0).unwrap();
-        assert_eq!(rcc.read(0x00).unwrap() & ON_BITS, HSEON | PLLON);
+        rcc.write(0x00, 0, 0).unwrap();
+        assert_eq!(rcc.read(0x00, 0).unwrap() & ON_BITS, HSEON | PLLON);
     }
 
     #[test]
     fn reset_flags_add_up_until_rmvf_clears_them() {
         let mut rcc = Rcc::new(8_000_000);
-        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS);
-        rcc.reset(Cause::Software);
-        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS | SFTRSTF);
-        rcc.write(0x74, RMVF).unwrap();
-        assert_eq!(rcc.read(0x74).unwrap(), 0);
-        rcc.reset(Cause::Watchdog);
-        assert_eq!(rcc.read(0x74).unwrap(), IWDGRSTF | PINRSTF);
-        rcc.reset(Cause::PowerOn);
-        assert_eq!(rcc.read(0x74).unwrap(), POWER_ON_FLAGS, "and none of before");
+        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS);
+        reset(&mut rcc, ResetCause::Software);
+        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS | SFTRSTF);
+        rcc.write(0x74, RMVF, 0).unwrap();
+        assert_eq!(rcc.read(0x74, 0).unwrap(), 0);
+        reset(&mut rcc, ResetCause::Watchdog);
+        assert_eq!(rcc.read(0x74, 0).unwrap(), IWDGRSTF | PINRSTF);
+        reset(&mut rcc, ResetCause::PowerCut);
+        assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS, "and none of before");
     }
 
     #[test]
     fn a_pll_input_outside_1_to_2_mhz_is_noted() {
         let mut rcc = Rcc::new(25_000_000);
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22, 0).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
         assert_eq!(rcc.notes.iter().count(), 1);
     }
 
     #[test]
     fn a_crystal_that_is_off_by_some_ppm_is_within_every_limit_and_seen_in_every_clock() {
         let mut rcc = Rcc::new(8_000_400);
-        rcc.write(0x00, 0x83 | HSEON).unwrap();
-        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24).unwrap();
-        rcc.write(0x00, 0x83 | HSEON | PLLON).unwrap();
-        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13).unwrap();
+        rcc.write(0x00, 0x83 | HSEON, 0).unwrap();
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24, 0).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
+        rcc.write(0x08, 2 | 0b101 << 10 | 0b100 << 13, 0).unwrap();
         assert_eq!(rcc.clocks().timers1, 84_004_200, "50 ppm");
         assert_eq!(rcc.notes.iter().count(), 0);
     }
@@ -422,11 +385,11 @@ mod tests {
     #[test]
     fn the_backup_domain_keeps_its_setting_over_a_reset_and_needs_dbp() {
         let mut rcc = Rcc::new(8_000_000);
-        rcc.write(0x70, 1).unwrap();
-        assert_eq!(rcc.read(0x70), Ok(0));
+        rcc.write(0x70, 1, 0).unwrap();
+        assert_eq!(rcc.read(0x70, 0), Ok(0));
         rcc.backup_domain_open = true;
-        rcc.write(0x70, 1).unwrap();
-        rcc.reset(Cause::Software);
-        assert_eq!(rcc.read(0x70), Ok(0b11), "LSEON and LSERDY");
+        rcc.write(0x70, 1, 0).unwrap();
+        reset(&mut rcc, ResetCause::Software);
+        assert_eq!(rcc.read(0x70, 0), Ok(0b11), "LSEON and LSERDY");
     }
 }

@@ -1,12 +1,11 @@
-//! The device electronic signature (RM0090 section 39): who this chip is, and how much flash it has.
+//! The device electronic signature (RM0090 section 39): the chip's identifier, its flash size, a calibration
+//! value.
 
-use super::NoRegister;
+use super::peripheral::{NoRegister, Peripheral};
 
-/// Where it starts in the system memory.
-pub const START: u32 = 0x1fff_7a10;
 const FLASH_KIB: u32 = 1024;
-/// VREFIN_CAL: the code of the internal reference voltage, 1.21 V, at a supply of 3.3 V (DocID022152, internal reference
-/// voltage calibration values).
+/// VREFIN_CAL: the code of the internal reference voltage (1.21 V) at a supply of 3.3 V (DocID022152,
+/// internal reference voltage calibration values).
 pub const REFERENCE_CODE: u32 = 1502;
 
 /// The factory's words.
@@ -16,10 +15,8 @@ pub struct Signature {
     pub uid: [u8; 12],
 }
 
-impl Signature {
-    /// # Errors
-    /// [`NoRegister`] outside the identifier and the flash size.
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+impl Peripheral for Signature {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         match offset {
             0x00 | 0x04 | 0x08 => {
                 let at = offset as usize;
@@ -33,6 +30,12 @@ impl Signature {
             _ => Err(NoRegister),
         }
     }
+
+    fn write(&mut self, _offset: u32, _value: u32, _now: u64) -> Result<(), NoRegister> {
+        Ok(())
+    }
+
+    fn reset(&mut self, _now: u64) {}
 }
 
 #[cfg(test)]
@@ -41,11 +44,11 @@ mod tests {
 
     #[test]
     fn the_identifier_lies_in_address_order_and_the_flash_is_1024_kib() {
-        let signature = Signature {
+        let mut signature = Signature {
             uid: *b"0123456789ab",
         };
-        assert_eq!(signature.read(0x04), Ok(u32::from_le_bytes(*b"4567")));
-        assert_eq!(signature.read(0x10).unwrap() >> 16, 1024);
-        assert_eq!(signature.read(0x18).unwrap() >> 16, 1502);
+        assert_eq!(signature.read(0x04, 0), Ok(u32::from_le_bytes(*b"4567")));
+        assert_eq!(signature.read(0x10, 0).unwrap() >> 16, 1024);
+        assert_eq!(signature.read(0x18, 0).unwrap() >> 16, 1502);
     }
 }

@@ -1,6 +1,7 @@
-//! System configuration (RM0090 section 9.2): plain storage, since nothing is wired to the pins.
+//! System configuration (RM0090 section 9.2). The registers keep what is written and have no effect, since no
+//! pin moves an EXTI line here.
 
-use super::NoRegister;
+use super::peripheral::{NoRegister, Peripheral};
 
 /// SYSCFG's registers.
 #[derive(Debug, Clone, Default)]
@@ -10,10 +11,8 @@ pub struct Syscfg {
     exticr: [u32; 4],
 }
 
-impl Syscfg {
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&self, offset: u32) -> Result<u32, NoRegister> {
+impl Peripheral for Syscfg {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => self.memrmp,
             0x04 => self.pmc,
@@ -24,9 +23,7 @@ impl Syscfg {
         })
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 => self.memrmp = value & 3,
             0x04 => self.pmc = value,
@@ -34,6 +31,10 @@ impl Syscfg {
             _ => return Err(NoRegister),
         }
         Ok(())
+    }
+
+    fn reset(&mut self, _now: u64) {
+        *self = Self::default();
     }
 }
 
@@ -44,8 +45,8 @@ mod tests {
     #[test]
     fn a_line_keeps_the_port_chosen_for_it() {
         let mut syscfg = Syscfg::default();
-        syscfg.write(0x14, 0x0020).unwrap();
-        assert_eq!(syscfg.read(0x14), Ok(0x0020), "EXTICR4: line 13 on port C");
-        assert_eq!(syscfg.read(0x08), Ok(0));
+        syscfg.write(0x14, 0x0020, 0).unwrap();
+        assert_eq!(syscfg.read(0x14, 0), Ok(0x0020), "EXTICR4: line 13 on port C");
+        assert_eq!(syscfg.read(0x08, 0), Ok(0));
     }
 }

@@ -2,13 +2,15 @@
 //!
 //! # Design
 //!
-//! The transmitter is a shift register with the time at which its frame ends, and one data register before it. The
-//! receiver takes bytes from a queue, one frame time each. The idle frame that the transmitter sends when TE is set is
-//! left out; noise, framing and parity errors do not happen.
+//! The transmitter is a shift register with the time at which its frame ends, and one data register before
+//! it. The receiver takes bytes from a queue, each in the time of a frame. The transmitter's idle frame after
+//! TE is set is left out. Noise, framing and parity errors do not happen.
 
 use std::collections::VecDeque;
 
-use super::{NoRegister, Notes, bit, clock, field};
+use super::clock::{self, Clocks};
+use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::register::field;
 
 const ORE: u32 = 1 << 3;
 const IDLE: u32 = 1 << 4;
@@ -31,6 +33,17 @@ const EIE: u32 = 1 << 0;
 const DMAR: u32 = 1 << 6;
 const DMAT: u32 = 1 << 7;
 
+/// Bits of registers that ask for what is not modelled.
+const UNMODELLED: [(u32, u32, &str); 3] = [
+    (0x0c, 0b11, "CR1: break and mute mode are not modelled"),
+    (0x10, 0x4800, "CR2: LIN and synchronous mode are not modelled"),
+    (
+        0x14,
+        0x33e,
+        "CR3: flow control, smartcard, IrDA and half duplex are not modelled",
+    ),
+];
+
 /// A frame in the transmitter's shift register.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
@@ -46,7 +59,7 @@ struct Incoming {
 }
 
 /// USART1's registers and its two lines.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Usart {
     pclk: u32,
     sr: u32,
@@ -63,10 +76,9 @@ pub struct Usart {
     input_seen_ns: u64,
     /// When the receiver will call the line idle.
     idle_at: Option<u64>,
-    /// SR was read while one of these stood: reading or writing DR clears them.
+    /// The flags that stood when SR was read: an access to DR then clears them.
     armed: u32,
-    /// See [`Notes`].
-    pub notes: Notes,
+    notes: Notes,
 }
 
 impl Usart {
@@ -75,39 +87,11 @@ impl Usart {
         Self {
             pclk,
             sr: TXE | TC,
-            received: 0,
-            brr: 0,
-            cr: [0; 3],
-            gtpr: 0,
-            waiting: None,
-            shifting: None,
-            stalled_until_ns: 0,
-            input: VecDeque::new(),
-            input_seen_ns: 0,
-            idle_at: None,
-            armed: 0,
-            notes: Notes::default(),
+            ..Self::default()
         }
     }
 
-    /// A reset by RCC: the frame being sent is cut; what the other side still sends goes on.
-    pub fn reset(&mut self) {
-        let (notes, input) = (std::mem::take(&mut self.notes), std::mem::take(&mut self.input));
-        *self = Self {
-            notes,
-            input,
-            input_seen_ns: self.input_seen_ns,
-            stalled_until_ns: self.stalled_until_ns,
-            ..Self::new(self.pclk)
-        };
-    }
-
-    /// The bus clock changed.
-    pub fn set_clock(&mut self, pclk: u32) {
-        self.pclk = pclk;
-    }
-
-    /// The other side sends these bytes from `at_ns` on, after what it was given before.
+    /// The other side sends these bytes, from `at_ns` on, and after all that it was given before.
     pub fn feed(&mut self, at_ns: u64, bytes: &[u8]) {
         self.input.extend(bytes.iter().map(|byte| Incoming {
             byte: *byte,
@@ -150,7 +134,7 @@ impl Usart {
         }
     }
 
-    /// Ends no frame before `until_ns`: what is being sent waits, and what comes after it.
+    /// Ends no frame before `until_ns`. What is being sent waits, and so does what comes after it.
     pub fn stall(&mut self, until_ns: u64) {
         self.stalled_until_ns = self.stalled_until_ns.max(until_ns);
         if let Some(frame) = &mut self.shifting {
@@ -163,7 +147,7 @@ impl Usart {
         self.shifting.map(|f| f.ends_ns)
     }
 
-    /// The frame being sent ends: its data bits.
+    /// Ends the frame that is being sent. Returns its data bits.
     pub fn sent(&mut self) -> Option<u8> {
         let frame = self.shifting.take()?;
         self.load_shift_register(frame.ends_ns);
@@ -180,7 +164,7 @@ impl Usart {
         self.cr[2] & DMAT != 0 && self.sr & TXE != 0 && self.on(TE)
     }
 
-    /// When the `n`-th request from here (1 is the next) will be made, if each is served at once.
+    /// When the `n`-th request from now (1 is the next) will be made, if each is served at once.
     pub fn transmit_request(&self, n: u64) -> Option<u64> {
         (self.cr[2] & DMAT != 0).then_some(())?;
         self.shifting.map(|f| f.ends_ns + (n - 1) * self.frame_ns())
@@ -188,7 +172,7 @@ impl Usart {
 
     // The receiver.
 
-    /// When the next byte is there, or the line is found idle.
+    /// When the next byte has come, or the receiver finds the line idle.
     pub fn next_received(&self) -> Option<u64> {
         self.next_byte().into_iter().chain(self.idle_at).min()
     }
@@ -198,7 +182,7 @@ impl Usart {
         Some(starts.saturating_add(self.frame_ns_or_none()))
     }
 
-    /// Bytes for a receiver without a baud rate pass at once, and are lost.
+    /// A receiver without a baud rate loses bytes at once.
     fn frame_ns_or_none(&self) -> u64 {
         if self.brr == 0 { 0 } else { self.frame_ns() }
     }
@@ -252,36 +236,10 @@ impl Usart {
         self.waiting = Some(value & 0x1ff);
         self.load_shift_register(now);
     }
+}
 
-    /// Level of the interrupt line (section 30.4).
-    pub fn interrupt(&self) -> bool {
-        let [cr1, _, cr3] = self.cr;
-        let enabled = (cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE))
-            | if cr1 & RXNEIE != 0 || (cr3 & EIE != 0 && cr3 & DMAR != 0) {
-                ORE
-            } else {
-                0
-            };
-        // The enables of TXE, TC, RXNE and IDLE stand at the places of their flags.
-        self.sr & enabled != 0
-    }
-
-    /// When the line will rise by itself, not later.
-    pub fn next_interrupt(&self) -> Option<u64> {
-        if self.interrupt() {
-            return None;
-        }
-        let sending = self.next_sent().filter(|_| self.cr[0] & (TXEIE | TCIE) != 0);
-        let receiving = self
-            .next_byte()
-            .filter(|_| self.cr[0] & RXNEIE != 0 || self.cr[2] & DMAR != 0);
-        let idle = self.next_received().filter(|_| self.cr[0] & IDLEIE != 0);
-        [sending, receiving, idle].into_iter().flatten().min()
-    }
-
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn read(&mut self, offset: u32) -> Result<u32, NoRegister> {
+impl Peripheral for Usart {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => {
                 self.armed = self.sr & (TC | ORE | IDLE);
@@ -295,9 +253,8 @@ impl Usart {
         })
     }
 
-    /// # Errors
-    /// [`NoRegister`].
-    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
+        self.notes.note_bits(&UNMODELLED, offset, value);
         match offset {
             // TC and RXNE are rc_w0; the rest is read-only here.
             0x00 => self.sr &= value | !(TC | RXNE),
@@ -308,30 +265,66 @@ impl Usart {
             }
             0x0c => {
                 self.cr[0] = value & 0xffff;
-                self.notes.note_if(
-                    bit(value, 0) || bit(value, 1),
-                    "CR1: break and mute mode are not modelled",
-                );
                 self.load_shift_register(now);
             }
             0x10 => {
                 self.cr[1] = value & 0x7f6f;
-                self.notes.note_if(
-                    value & 0x4800 != 0,
-                    "CR2: LIN and synchronous mode are not modelled",
-                );
             }
             0x14 => {
                 self.cr[2] = value & 0xfff;
-                self.notes.note_if(
-                    value & 0x33e != 0,
-                    "CR3: flow control, smartcard, IrDA and half duplex are not modelled",
-                );
             }
             0x18 => self.gtpr = value & 0xffff,
             _ => return Err(NoRegister),
         }
         Ok(())
+    }
+
+    /// The frame under way is cut. What the other side still sends goes on.
+    fn reset(&mut self, _now: u64) {
+        let (notes, input) = (std::mem::take(&mut self.notes), std::mem::take(&mut self.input));
+        *self = Self {
+            notes,
+            input,
+            input_seen_ns: self.input_seen_ns,
+            stalled_until_ns: self.stalled_until_ns,
+            ..Self::new(self.pclk)
+        };
+    }
+
+    fn interrupt(&self, _output: usize) -> bool {
+        let [cr1, _, cr3] = self.cr;
+        let enabled = (cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE))
+            | if cr1 & RXNEIE != 0 || (cr3 & EIE != 0 && cr3 & DMAR != 0) {
+                ORE
+            } else {
+                0
+            };
+        // The enables of TXE, TC, RXNE and IDLE have the bit numbers of their flags.
+        self.sr & enabled != 0
+    }
+
+    fn next_interrupt(&self) -> Option<u64> {
+        if self.interrupt(0) {
+            return None;
+        }
+        let sending = self.next_sent().filter(|_| self.cr[0] & (TXEIE | TCIE) != 0);
+        let receiving = self
+            .next_byte()
+            .filter(|_| self.cr[0] & RXNEIE != 0 || self.cr[2] & DMAR != 0);
+        let idle = self.next_received().filter(|_| self.cr[0] & IDLEIE != 0);
+        [sending, receiving, idle].into_iter().flatten().min()
+    }
+
+    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+        self.pclk = clocks.pclk2;
+    }
+
+    fn is_data(&self, offset: u32) -> bool {
+        offset == 0x04
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
     }
 }
 
@@ -360,15 +353,15 @@ mod tests {
     fn the_first_byte_goes_to_the_shift_register_at_once_and_the_second_waits() {
         let mut usart = running(TE);
         usart.write(DR, 0x55, 0).unwrap();
-        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.read(SR, 0), Ok(TXE));
         usart.write(DR, 0xaa, 0).unwrap();
-        assert_eq!(usart.read(SR), Ok(0));
+        assert_eq!(usart.read(SR, 0), Ok(0));
         assert_eq!(usart.next_sent(), Some(FRAME_NS));
         assert_eq!(usart.sent(), Some(0x55));
-        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.read(SR, 0), Ok(TXE));
         assert_eq!(usart.next_sent(), Some(2 * FRAME_NS));
         assert_eq!(usart.sent(), Some(0xaa));
-        assert_eq!(usart.read(SR), Ok(TXE | TC));
+        assert_eq!(usart.read(SR, 0), Ok(TXE | TC));
     }
 
     #[test]
@@ -391,11 +384,11 @@ mod tests {
     fn tc_is_cleared_by_reading_sr_and_writing_dr_or_by_a_zero() {
         let mut usart = running(TE);
         usart.write(SR, !TC, 0).unwrap();
-        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.read(SR, 0), Ok(TXE));
         let mut usart = running(TE);
-        usart.read(SR).unwrap();
+        usart.read(SR, 0).unwrap();
         usart.write(DR, 1, 0).unwrap();
-        assert_eq!(usart.read(SR), Ok(TXE));
+        assert_eq!(usart.read(SR, 0), Ok(TXE));
     }
 
     #[test]
@@ -440,8 +433,8 @@ mod tests {
         let mut seen = Vec::new();
         while let Some(at) = usart.next_received() {
             usart.receive(at);
-            let sr = usart.read(SR).unwrap();
-            seen.push((at, sr & (RXNE | IDLE), usart.read(DR).unwrap() as u8));
+            let sr = usart.read(SR, 0).unwrap();
+            seen.push((at, sr & (RXNE | IDLE), usart.read(DR, 0).unwrap() as u8));
         }
         assert_eq!(
             seen,
@@ -458,11 +451,11 @@ mod tests {
             let at = usart.next_received().unwrap();
             usart.receive(at);
         }
-        assert!(usart.interrupt());
-        assert_eq!(usart.read(SR).unwrap() & (RXNE | ORE), RXNE | ORE);
-        assert_eq!(usart.read(DR), Ok(u32::from(b'a')));
+        assert!(usart.interrupt(0));
+        assert_eq!(usart.read(SR, 0).unwrap() & (RXNE | ORE), RXNE | ORE);
+        assert_eq!(usart.read(DR, 0), Ok(u32::from(b'a')));
         assert_eq!(
-            usart.read(SR).unwrap() & (RXNE | ORE),
+            usart.read(SR, 0).unwrap() & (RXNE | ORE),
             0,
             "reading SR, then DR, clears both"
         );
@@ -471,12 +464,12 @@ mod tests {
     #[test]
     fn the_line_follows_enabled_flags_and_its_rise_is_foretold() {
         let mut usart = running(TE);
-        assert!(!usart.interrupt());
+        assert!(!usart.interrupt(0));
         usart.write(DR, 1, 0).unwrap();
         usart.write(CR1, UE | TE | TCIE, 0).unwrap();
         assert_eq!(usart.next_interrupt(), Some(FRAME_NS));
         usart.sent();
-        assert!(usart.interrupt());
+        assert!(usart.interrupt(0));
     }
 
     #[test]
@@ -486,7 +479,7 @@ mod tests {
         assert_eq!(usart.next_sent(), None);
         usart.feed(0, b"a");
         usart.receive(FRAME_NS);
-        assert_eq!(usart.read(SR).unwrap() & RXNE, 0);
+        assert_eq!(usart.read(SR, 0).unwrap() & RXNE, 0);
     }
 
     #[test]

@@ -1,25 +1,27 @@
-//! Instructions executed: in all, and inside functions with a label.
+//! Counts executed instructions: all of them, and those in functions with a label.
 //!
 //! # Design
 //!
-//! QEMU calls back before every instruction; which function it belongs to is looked up once, when its block is
-//! translated. There is one processor thread, so a counter is a plain load and store of an atomic.
+//! QEMU calls back before every instruction. The function of an instruction is looked up once, when QEMU
+//! translates its block. There is one processor thread, so a counter is a plain load and store of an atomic.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use crate::exchange::{Count, FunctionRange};
+use crate::exchange::FunctionRange;
+use crate::outcome::FunctionCount;
 
 /// The labels that an instruction counts for.
 #[derive(Debug, Default)]
 pub(super) struct Site {
     labels: Vec<usize>,
-    /// Labels of which it is the first instruction of a function.
+    /// The labels for which it is the first instruction of a function.
     entered: Vec<usize>,
 }
 
 #[derive(Debug, Default)]
 struct Label {
+    name: String,
     instructions: AtomicU64,
     calls: AtomicU64,
 }
@@ -33,15 +35,21 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    pub(super) fn new(labels: usize, functions: Vec<FunctionRange>) -> Self {
+    pub(super) fn new(labels: &[String], functions: Vec<FunctionRange>) -> Self {
         Self {
             total: AtomicU64::new(0),
-            labels: (0..labels).map(|_| Label::default()).collect(),
+            labels: labels
+                .iter()
+                .map(|name| Label {
+                    name: name.clone(),
+                    ..Label::default()
+                })
+                .collect(),
             functions,
         }
     }
 
-    /// What the instruction at an address counts for; `None` for the total only.
+    /// What the instruction at an address counts for. `None` if only for the total.
     pub(super) fn site(&self, address: u32) -> Option<Site> {
         let mut site = Site::default();
         for f in self
@@ -74,7 +82,7 @@ impl Counters {
         self.total.load(Relaxed)
     }
 
-    /// Instructions in functions with one of these labels: grows if and only if one of them runs.
+    /// Instructions in functions with one of these labels. This grows if and only if one of them runs.
     pub(super) fn labelled(&self, labels: &[usize]) -> u64 {
         labels
             .iter()
@@ -82,12 +90,15 @@ impl Counters {
             .sum()
     }
 
-    pub(super) fn labels(&self) -> Vec<Count> {
-        let count = |l: &Label| Count {
-            instructions: l.instructions.load(Relaxed),
-            calls: l.calls.load(Relaxed),
+    /// The counts of each label, in order.
+    pub(super) fn functions(&self) -> Vec<FunctionCount> {
+        let count = |(n, label): (usize, &Label)| FunctionCount {
+            label: label.name.clone(),
+            instructions: label.instructions.load(Relaxed),
+            calls: label.calls.load(Relaxed),
+            symbols: self.functions.iter().filter(|f| f.label == n).count(),
         };
-        self.labels.iter().map(count).collect()
+        self.labels.iter().enumerate().map(count).collect()
     }
 }
 
@@ -95,7 +106,7 @@ fn add_one(counter: &AtomicU64) {
     counter.store(counter.load(Relaxed) + 1, Relaxed);
 }
 
-/// Sites by address, kept for the life of QEMU: a block may be translated many times.
+/// Sites by address. They are kept for the life of QEMU, since a block may be translated many times.
 #[derive(Debug, Default)]
 pub(super) struct Sites(HashMap<u32, Option<&'static Site>>);
 
@@ -116,7 +127,7 @@ mod tests {
     fn an_instruction_counts_for_its_labels_and_the_first_of_a_function_for_a_call() {
         let range = |label, start, end| FunctionRange { label, start, end };
         let counters = Counters::new(
-            2,
+            &["a".into(), "b".into()],
             vec![range(0, 100, 110), range(0, 200, 210), range(1, 100, 110)],
         );
         for address in [98, 100, 102, 200, 108, 110] {
@@ -127,18 +138,11 @@ mod tests {
             [&[0][..], &[1], &[0, 1], &[]].map(|labels| counters.labelled(labels)),
             [4, 3, 7, 0]
         );
-        assert_eq!(
-            counters.labels(),
-            [
-                Count {
-                    instructions: 4,
-                    calls: 2
-                },
-                Count {
-                    instructions: 3,
-                    calls: 1
-                }
-            ]
-        );
+        let counts: Vec<_> = counters
+            .functions()
+            .into_iter()
+            .map(|f| (f.label, f.instructions, f.calls, f.symbols))
+            .collect();
+        assert_eq!(counts, [("a".into(), 4, 2, 2), ("b".into(), 3, 1, 1)]);
     }
 }

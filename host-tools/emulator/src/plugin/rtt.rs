@@ -1,13 +1,14 @@
-//! Reads the image's log out of guest memory, as a debug probe does: SEGGER's Real-Time Transfer, up-channel 0.
+//! Reads the image's log out of guest memory, as a debug probe does: SEGGER's Real-Time Transfer, up-channel
+//! 0.
 //!
-//! The control block starts with a name of 16 bytes and the counts of up- and down-channels; each channel then has
-//! six words: name, buffer, size, write offset (the image's), read offset (ours), flags.
+//! The control block starts with a name of 16 bytes and the counts of up- and down-channels. Then each
+//! channel has six words: name, buffer, size, write offset (the image's), read offset (ours), flags.
 
 const NAME: &[u8; 10] = b"SEGGER RTT";
 const BLOCK_BYTES: usize = 24 + 6 * 4;
 /// Read offset of channel 0 in the block.
 const READ_OFFSET: u32 = 40;
-/// A buffer beyond this is no buffer but memory that has not been set up yet.
+/// A larger size is not a buffer's: that memory has not been set up yet.
 const MAX_BUFFER: u32 = 0x2_0000;
 
 /// Guest memory, as far as the log needs it.
@@ -16,7 +17,7 @@ pub(super) trait Memory {
     fn write(&mut self, address: u32, bytes: &[u8]);
 }
 
-/// Takes what is in the buffer and tells the image that it is taken. Nothing, before the image has set the block up.
+/// Takes what is in the buffer, and tells the image so. Takes nothing before the image has set up the block.
 pub(super) fn drain(block: u32, memory: &mut impl Memory) -> Vec<u8> {
     let mut bytes = [0; BLOCK_BYTES];
     memory.read(block, &mut bytes);

@@ -1,4 +1,4 @@
-//! Why a run failed: one line each, that says what, why, and what to do next.
+//! Why a run failed. Each error is one line: what failed, why, and what to do next.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -23,7 +23,7 @@ pub enum RunError {
         /// What was found instead.
         reason: String,
     },
-    /// Functions were asked for by name and the image names none.
+    /// Functions were asked for by name, and the image has no symbols.
     #[error("{} has no symbol table, so functions cannot be counted by name; build it without strip", path.display())]
     NoSymbols {
         /// The image.
@@ -40,7 +40,7 @@ pub enum RunError {
     /// The run asks for something impossible.
     #[error("{0}")]
     Input(String),
-    /// No QEMU.
+    /// QEMU was not found.
     #[error(
         "{program} was not found; install it with `apt-get install qemu-system-arm` (Debian or Ubuntu), or set STM32F405_QEMU to its path"
     )]
@@ -48,7 +48,7 @@ pub enum RunError {
         /// What was tried.
         program: String,
     },
-    /// QEMU runs, and its version cannot be read.
+    /// QEMU runs, but its version cannot be read.
     #[error(
         "`{program} --version` said {said:?}, which is no QEMU version; set STM32F405_QEMU to a qemu-system-arm of 7.2 or newer"
     )]
@@ -137,5 +137,13 @@ fn seen(uart_bytes: u64) -> String {
     match uart_bytes {
         0 => " without a byte on the UART".into(),
         n => format!(" with {n} bytes on the UART"),
+    }
+}
+
+pub(super) fn io(what: &str) -> impl Fn(std::io::Error) -> RunError + use<> {
+    let what = what.to_string();
+    move |source| RunError::Io {
+        what: what.clone(),
+        source,
     }
 }

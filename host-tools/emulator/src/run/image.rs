@@ -1,14 +1,15 @@
-//! What the host reads from the image's ELF: that it is one for this processor, and where things are.
+//! What the host reads from the image's ELF: whether it is for this processor, its functions, and where its
+//! log is.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSymbol};
 
-use super::RunError;
+use super::error::RunError;
 use crate::exchange::FunctionRange;
 
-/// An image read whole, with its functions by demangled name.
+/// An image with its bytes, and its functions by demangled name.
 pub(super) struct Image {
     path: PathBuf,
     pub(super) bytes: Vec<u8>,
@@ -67,8 +68,8 @@ impl Image {
         })
     }
 
-    /// The functions whose demangled path contains the pattern of an entry, each with the entry's label; the labels
-    /// in order of first mention.
+    /// The functions whose demangled path contains the pattern of an entry, each with the label of that
+    /// entry. The labels come in the order in which they are first named.
     ///
     /// # Errors
     /// [`RunError::NoSymbols`] where functions are asked for and the image names none.
@@ -82,7 +83,8 @@ impl Image {
             });
         }
         let mut labels: Vec<String> = Vec::new();
-        // A set: one function may be reached by two patterns of a label, or have two names (folded code).
+        // A set, since two patterns of a label may find the same function, or a function may have two names
+        // (folded code).
         let mut ranges = BTreeSet::new();
         for (label, pattern) in wanted {
             let index = labels.iter().position(|l| l == label).unwrap_or_else(|| {

@@ -1,49 +1,16 @@
-//! The image's log: the bytes drained from RTT, decoded with the defmt strings in the image's own ELF. An image without
-//! defmt is taken to write lines of text.
+//! The image's log. The bytes from RTT are decoded with the defmt strings in the image's own ELF. If an image
+//! has no defmt, its log is taken as lines of text.
 
-use std::fmt;
 use std::path::Path;
 
 use defmt_decoder::{DecodeError, Table};
 
-use super::RunError;
-
-/// One line of the image's log.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LogLine {
-    /// `trace`, `debug`, `info`, `warn` or `error`; `None` for `println`.
-    pub level: Option<String>,
-    /// As the image's `defmt::timestamp!` formats it; `None` if it has none.
-    pub timestamp: Option<String>,
-    /// The message.
-    pub text: String,
-}
-
-impl LogLine {
-    fn plain(text: &str) -> Self {
-        Self {
-            level: None,
-            timestamp: None,
-            text: text.into(),
-        }
-    }
-}
-
-impl fmt::Display for LogLine {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(timestamp) = &self.timestamp {
-            write!(f, "{timestamp} ")?;
-        }
-        if let Some(level) = &self.level {
-            write!(f, "{:5} ", level.to_uppercase())?;
-        }
-        f.write_str(&self.text)
-    }
-}
+use super::error::RunError;
+use crate::outcome::LogLine;
 
 /// # Errors
-/// [`RunError::Log`] if the image's records are of a version that the decoder does not know. Bytes that make no frame
-/// (a log cut by a reset) are passed over where the encoding can find its way back.
+/// [`RunError::Log`] if the image's records are of a version that the decoder does not know. Bytes that are
+/// not a frame (of a log that a reset has cut) are skipped if the encoding allows to find the next frame.
 pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLine>, RunError> {
     if bytes.is_empty() {
         return Ok(Vec::new());
@@ -53,10 +20,12 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
         reason,
     };
     let Some(table) = Table::parse(elf).map_err(|e| refused(e.to_string()))? else {
-        return Ok(String::from_utf8_lossy(bytes)
-            .lines()
-            .map(LogLine::plain)
-            .collect());
+        let plain = |text: &str| LogLine {
+            level: None,
+            timestamp: None,
+            text: text.into(),
+        };
+        return Ok(String::from_utf8_lossy(bytes).lines().map(plain).collect());
     };
     let mut decoder = table.new_stream_decoder();
     decoder.received(bytes);

@@ -1,16 +1,17 @@
-//! The shared object that QEMU loads: where it lies, and the copy of it made for one version of QEMU.
+//! The shared object that QEMU loads: where it is, and how a copy of it is made for one version of QEMU.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use object::{Object, ObjectSection, ObjectSymbol};
 
-use super::RunError;
+use super::error::RunError;
 
 const VERSION_SYMBOL: &str = "qemu_plugin_version";
 
-/// The overlay's path: the one named; else what `STM32F405_QEMU_OVERLAY` names; else the newest of the builds beside this executable, in
-/// its `deps` folder (where cargo puts it) and in the folder above (for tests, which run from `deps`).
+/// The overlay's path: the one named, else what `STM32F405_QEMU_OVERLAY` names, else the newest build in
+/// three folders. These are the folder of this executable, its `deps` folder (where cargo puts the overlay),
+/// and the folder above (for tests, which run from `deps`).
 ///
 /// # Errors
 /// [`RunError::OverlayMissing`].
@@ -36,7 +37,7 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
     let folder = folder.unwrap_or_else(|| PathBuf::from("."));
     let mut looked = vec![folder.clone(), folder.join("deps")];
     looked.extend(folder.parent().map(Path::to_path_buf));
-    // Cargo leaves an old build beside the executable when the overlay is built as a dependency only.
+    // If the overlay is built only as a dependency, cargo leaves an old build beside the executable.
     let built = |path: &PathBuf| {
         path.metadata()
             .and_then(|m| m.modified())
@@ -50,8 +51,8 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
     found.ok_or(RunError::OverlayMissing { file, looked })
 }
 
-/// The overlay's bytes with its `qemu_plugin_version` set, since QEMU loads only what was built for its own interface
-/// version and the functions used are the same in all of them.
+/// The overlay's bytes with its `qemu_plugin_version` set. QEMU loads only what was built for its own
+/// interface version. The functions used are the same in all versions.
 ///
 /// # Errors
 /// [`RunError::OverlayOdd`].

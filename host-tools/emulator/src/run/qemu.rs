@@ -1,20 +1,20 @@
-//! Finding QEMU, and the plugin interface version that it asks for.
+//! Finds QEMU, and the plugin interface version that it asks for.
 
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::RunError;
+use super::error::RunError;
 
 /// A QEMU that answered.
 #[derive(Debug, Clone)]
-pub(super) struct Qemu {
+pub(super) struct FoundQemu {
     pub(super) program: OsString,
     major: u32,
     minor: u32,
 }
 
-impl Qemu {
+impl FoundQemu {
     /// The program named; else what `STM32F405_QEMU` names; else `qemu-system-arm` from `PATH`.
     ///
     /// # Errors
@@ -45,10 +45,10 @@ impl Qemu {
         })
     }
 
-    /// The plugin interface version of this QEMU, as far as known.
+    /// The plugin interface version of this QEMU, as far as it is known.
     ///
-    /// 7.2, 10.0 and 11.1 were tried; the rest follows QEMU's release notes. QEMU takes a range of versions, and where
-    /// it refuses this one it names the nearest that it takes: [`wanted_version`].
+    /// 7.2, 10.0 and 11.1 were tried. The rest follows QEMU's release notes. QEMU takes a range of versions.
+    /// If it refuses this one, it names the nearest that it takes: [`wanted_version`].
     pub(super) fn plugin_version(&self) -> i32 {
         match (self.major, self.minor) {
             (..=8, _) => 1,
@@ -72,7 +72,8 @@ fn version(line: &str) -> Option<(u32, u32)> {
     Some((parts.next()?.parse().ok()?, parts.next()?.parse().ok()?))
 }
 
-/// The version at the end of QEMU's refusal, `… requires API version 7, but this QEMU supports only up to version 4`.
+/// The version at the end of QEMU's refusal, `… requires API version 7, but this QEMU supports only up to
+/// version 4`.
 pub(super) fn wanted_version(stderr: &str) -> Option<i32> {
     let (_, tail) = stderr.split_once("this QEMU supports only")?;
     tail.lines().next()?.rsplit(' ').next()?.parse().ok()
@@ -99,7 +100,7 @@ mod tests {
     #[test]
     fn the_plugin_version_follows_the_qemu_found() {
         let of = |major, minor| {
-            Qemu {
+            FoundQemu {
                 program: OsString::new(),
                 major,
                 minor,

@@ -1,7 +1,7 @@
-//! A figure as files: the picture (SVG, PNG) and its data (CSV, Parquet), all from the one chart.
+//! A figure as files: the picture (SVG, PNG) and its data (CSV, Parquet), all from one chart.
 //!
-//! The data stand one point a row, in the units of the axes: `panel` and `curve` say where the point belongs, `x_quantity`
-//! and `y_quantity` what it is.
+//! Each row of the data is one point, in the units of the axes. `panel` and `curve` say where the point
+//! belongs, `x_quantity` and `y_quantity` what it is.
 
 use std::sync::Arc;
 
@@ -48,7 +48,7 @@ fn rows(chart: &Chart) -> impl Iterator<Item = Row<'_>> {
 pub(crate) struct File {
     /// Its name: `figure-NAME.svg`, `.png`, `.csv`, `.parquet` or, of an animation, `.gif`.
     pub(crate) name: String,
-    /// What stands in it.
+    /// Its content.
     pub(crate) bytes: Vec<u8>,
 }
 

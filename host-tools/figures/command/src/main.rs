@@ -3,7 +3,6 @@
 mod files;
 mod pixels;
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -13,6 +12,7 @@ use clap::Parser;
 use hertz_figures::lab::Lab;
 use hertz_figures::plan::{Outcome, Plan};
 use hertz_figures::{catalogue, chapter};
+use serde_json::json;
 
 const AFTER_HELP: &str = "\
 Each figure is written as figure-NAME.svg, .png, .csv and .parquet, an animation as .gif too; index.html shows them all
@@ -83,45 +83,28 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         let mut files = Vec::new();
         for file in files::files(plan, &figure)? {
             let path = arguments.out.join(&file.name);
-            output::write_whole(&path, |out| Ok(out.write_all(&file.bytes)?))?;
+            output::write_bytes(&path, &file.bytes)?;
             files.push(path.display().to_string());
         }
         outcomes.push(plan.outcome(&figure, files));
         progress.inc(1);
     }
     progress.finish_and_clear();
-    let page = chapter::html(&outcomes);
-    output::write_whole(&arguments.out.join("index.html"), |file| {
-        Ok(file.write_all(page.as_bytes())?)
-    })?;
+    output::write_bytes(&arguments.out.join("index.html"), chapter::html(&outcomes))?;
     if let Some(path) = &arguments.table {
-        let table = chapter::markdown(&outcomes);
-        output::write_whole(path, |file| Ok(file.write_all(table.as_bytes())?))?;
+        output::write_bytes(path, chapter::markdown(&outcomes))?;
     }
-    match arguments.format {
-        Format::Json => output::print_json(&outcomes)?,
-        Format::Table => output::print_line(&table(&outcomes))?,
-    }
+    output::print(arguments.format, &outcomes, || table(&outcomes))?;
     verdict(&outcomes, arguments.check)
 }
 
 fn list(plans: &[Plan], format: Format) -> Result<(), Failure> {
-    match format {
-        Format::Json => {
-            let entries: Vec<_> = plans
-                .iter()
-                .map(|plan| serde_json::json!({"name": plan.name, "title": plan.title, "setting": plan.setting}))
-                .collect();
-            output::print_json(&entries)
-        }
-        Format::Table => {
-            let lines: Vec<String> = plans
-                .iter()
-                .map(|plan| format!("{:<5} {}\n      {}", plan.name, plan.title, plan.setting))
-                .collect();
-            output::print_line(&lines.join("\n"))
-        }
-    }
+    let entry = |plan: &Plan| json!({"name": plan.name, "title": plan.title, "setting": plan.setting});
+    let line = |plan: &Plan| format!("{:<5} {}\n      {}", plan.name, plan.title, plan.setting);
+    let entries: Vec<_> = plans.iter().map(entry).collect();
+    output::print(format, &entries, || {
+        plans.iter().map(line).collect::<Vec<_>>().join("\n")
+    })
 }
 
 fn verdict(outcomes: &[Outcome], check: bool) -> Result<(), Failure> {
@@ -142,17 +125,16 @@ fn verdict(outcomes: &[Outcome], check: bool) -> Result<(), Failure> {
 }
 
 fn table(outcomes: &[Outcome]) -> String {
-    let mut table = output::table(["figure and check", "value", "expected", "unit", ""]);
-    for outcome in outcomes {
-        for check in &outcome.checks {
-            table.add_row([
+    let rows = outcomes.iter().flat_map(|outcome| {
+        outcome.checks.iter().map(|check| {
+            [
                 format!("{:<5} {}", outcome.name, check.what),
                 chapter::number(check.value),
                 chapter::expectation(check),
                 check.unit.to_owned(),
-                if check.pass { "ok" } else { "FAILED" }.to_owned(),
-            ]);
-        }
-    }
-    output::table_text(&table)
+                output::either(check.pass, "ok", "FAILED"),
+            ]
+        })
+    });
+    output::table("figure and check | value | expected | unit |", rows)
 }

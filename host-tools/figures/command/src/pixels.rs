@@ -1,4 +1,4 @@
-//! A chart as pixels: PNG, and GIF for charts that follow one another. The drawing is the one of the SVG.
+//! A chart as pixels: PNG, and GIF for charts that follow one another. The drawing is the same as in the SVG.
 
 use std::fmt::Display;
 
@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
 
-/// Pixels of a PNG a pixel of the chart: 560 dots an inch for a chart of a column's width.
+/// Pixels of a PNG for each pixel of the chart: 560 dots an inch for a chart of a column's width.
 const PRINT: f32 = 4.0;
-/// Pixels of an animation a pixel of the chart.
+/// Pixels of an animation for each pixel of the chart.
 const SCREEN: f32 = 1.5;
 
-/// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the text set in a
-/// font of this program, so that it looks the same everywhere.
+/// The chart as a PNG of four times its size in pixels: the same drawing in its light colours, with the text
+/// set in a font of this program, so that it looks the same everywhere.
 ///
 /// # Errors
 /// As [`Chart::inline_svg`].
@@ -40,13 +40,13 @@ fn pixels(chart: &Chart, scale: f32) -> Result<Pixmap, Error> {
     Ok(pixels)
 }
 
-/// Hundredths of a second that a frame stays.
+/// How long a frame stays, in hundredths of a second.
 const FRAME: u16 = 12;
 
 /// The charts as an animation that repeats for ever.
 ///
 /// # Errors
-/// As [`Chart::inline_svg`], or no chart at all.
+/// As [`Chart::inline_svg`], or there is no chart.
 pub(crate) fn gif(charts: &[Chart]) -> Result<Vec<u8>, Error> {
     let what = charts.first().map_or("", |chart| chart.description.as_str());
     let refused = |reason: &dyn Display| Error::drawing(what, " as an animation", reason);
@@ -67,6 +67,6 @@ pub(crate) fn gif(charts: &[Chart]) -> Result<Vec<u8>, Error> {
     let written = encoder
         .set_repeat(gif::Repeat::Infinite)
         .and_then(|()| images.iter().try_for_each(|image| encoder.write_frame(image)))
-        .and_then(|()| Ok(encoder.into_inner()?));
+        .and_then(|()| encoder.into_inner());
     written.map_err(|error| refused(&error))
 }

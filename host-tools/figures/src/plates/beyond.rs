@@ -1,49 +1,38 @@
-//! What the paper does not show and a user wants to know: rebound, the solitary wave's invariants, exact scaling, and how
-//! the error falls with the effort.
+//! What a user wants to know and the paper does not show: rebound, the solitary wave's invariants, exact
+//! scaling, and how the error falls with the effort.
 
 use std::sync::Arc;
 
 use hertz_chain::solitary::{KINETIC_SHARE, SPEED_FROM_FORCE, SPEED_FROM_VELOCITY};
-use hertz_chain::{Accuracy, Collision, ContactForce, Options, PulseSearch, Scenario, Solution, simulate};
+use hertz_chain::{
+    Accuracy, Collision, ContactForce, Options, PulseSearch, Scenario, Solution, simulate_with,
+};
 use rayon::prelude::*;
 
-use crate::chart::{Panel, Scale};
-use crate::check::Check;
-use crate::curve::{axis, chart, dashed, discs, geometric, guide, line, log_axis, over_time, panel};
+use crate::chart::{Axis, Chart, Panel};
+use crate::check::checks;
+use crate::curve::{dashed, discs, dotted, geometric, guide, line, over_time};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{peak, ratio};
-use crate::plan::{Figure, Plan};
+use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
 
-pub(crate) const PLANS: &[Plan] = &[
-    Plan {
-        name: "restitution",
-        title: "rebound of two viscoelastic spheres against Kuwabara and Kono's theory",
-        setting: "steel striker R 4.5 mm at 0.45 m/s on one free bead, τ for α = τ (κ/μ)^(2/5) V^(1/5) from 0.001 to 0.3",
-        draw: restitution,
-    },
-    Plan {
-        name: "solitary",
-        title: "speed of the solitary wave against its force",
-        setting: "50 beads, τ = 0, striker at 0.05 to 5 m/s, between contacts 30 and 36",
-        draw: solitary,
-    },
-    Plan {
-        name: "scaling",
-        title: "one curve for all speeds: F / V^(6/5) against t V^(1/5)",
-        setting: "30 beads, τ = 0, striker at 0.1 to 10 m/s, intruder in bead 8 with k ~ V^(2/5), c ~ V^(1/5)",
-        draw: scaling,
-    },
-    Plan {
-        name: "convergence",
-        title: "error against effort",
-        setting: "Fig. 2b (16 viscous beads, one intruder) and Fig. 3d (38 elastic beads, none), against a run at 2e-14",
-        draw: convergence,
-    },
-];
+plans! {
+    "restitution": "rebound of two viscoelastic spheres against Kuwabara and Kono's theory";
+        "steel striker R 4.5 mm at 0.45 m/s on one free bead, τ for α = τ (κ/μ)^(2/5) V^(1/5) from 0.001 to 0.3"
+        => restitution,
+    "solitary": "speed of the solitary wave against its force";
+        "50 beads, τ = 0, striker at 0.05 to 5 m/s, between contacts 30 and 36" => solitary,
+    "scaling": "one curve for all speeds: F / V^(6/5) against t V^(1/5)";
+        "30 beads, τ = 0, striker at 0.1 to 10 m/s, intruder in bead 8 with k ~ V^(2/5), c ~ V^(1/5)"
+        => scaling,
+    "convergence": "error against effort";
+        "Fig. 2b (16 viscous beads, one intruder) and Fig. 3d (38 elastic beads, none), against a run at 2e-14"
+        => convergence,
+}
 
-/// Coefficient of restitution as simulated, for the relaxation time that makes a collision so viscous.
+/// Simulated coefficient of restitution, at the relaxation time that gives the collision this `alpha`.
 fn rebound(lab: &Lab, alpha: f64, force: ContactForce) -> Result<(Collision, f64), Error> {
     let mut scenario = strike(1, ELASTIC, 0.6e-3);
     scenario.chain.contact_force = force;
@@ -79,10 +68,10 @@ fn restitution(lab: &Lab) -> Result<Figure, Error> {
     // With the second and third terms known, the first follows from one weakly viscous collision.
     let (alpha, e) = printed[0];
     let first = (1.0 - e) / alpha + 1.79610 * alpha - 1.76473 * alpha * alpha;
-    Ok(Figure {
-        chart: chart(
-            log_axis("α = τ (κ/μ)^(2/5) V^(1/5)", 1e-3..0.3),
-            vec![panel(
+    Ok(Figure::new(
+        Chart::new(
+            Axis::log("α = τ (κ/μ)^(2/5) V^(1/5)", 1e-3..0.3),
+            vec![Panel::new(
                 "coefficient of restitution",
                 vec![
                     line("series to α⁴", 0, curve.collect()),
@@ -91,23 +80,11 @@ fn restitution(lab: &Lab) -> Result<Figure, Error> {
                 ],
             )],
         ),
-        checks: vec![
-            Check::near(
-                "first coefficient of e = 1 - C₁ α + C₂ α² - …",
-                "",
-                first,
-                1.730_173,
-                1e-6,
-            ),
-            Check::at_most(
-                "simulated from the series, over its own error 1e-9 + 1.8 α⁵",
-                "",
-                farthest,
-                1.0,
-            ),
+        checks![
+            "first coefficient of e = 1 - C₁ α + C₂ α² - …": first => near(1.730_173, 1e-6);
+            "simulated from the series, over its own error 1e-9 + 1.8 α⁵": farthest => at_most(1.0);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn solitary(lab: &Lab) -> Result<Figure, Error> {
@@ -149,12 +126,11 @@ fn solitary(lab: &Lab) -> Result<Figure, Error> {
         farthest(|found| found.speed_from_velocity, SPEED_FROM_VELOCITY),
         farthest(|found| found.kinetic_share, KINETIC_SHARE),
     );
-    Ok(Figure {
-        chart: chart(
-            log_axis("highest force (N)", 0.3..300.0),
-            vec![Panel {
-                y_scale: Scale::Log,
-                ..panel(
+    Ok(Figure::new(
+        Chart::new(
+            Axis::log("highest force (N)", 0.3..300.0),
+            vec![
+                Panel::new(
                     "speed of the wave (m/s)",
                     vec![
                         line("0.90552 F^(1/6)", 0, through(SPEED_FROM_FORCE)),
@@ -162,33 +138,15 @@ fn solitary(lab: &Lab) -> Result<Figure, Error> {
                         discs("simulated", 1, points.clone()),
                     ],
                 )
-            }],
+                .log(),
+            ],
         ),
-        checks: vec![
-            Check::near(
-                "c / F^(1/6), farthest, κ = M = 1",
-                "",
-                from_force,
-                SPEED_FROM_FORCE,
-                1e-5,
-            ),
-            Check::near(
-                "c / v^(1/5), farthest, κ = M = 1",
-                "",
-                from_velocity,
-                SPEED_FROM_VELOCITY,
-                1e-5,
-            ),
-            Check::near(
-                "kinetic share of the energy, farthest",
-                "",
-                kinetic,
-                KINETIC_SHARE,
-                1e-6,
-            ),
+        checks![
+            "c / F^(1/6), farthest, κ = M = 1": from_force => near(SPEED_FROM_FORCE, 1e-5);
+            "c / v^(1/5), farthest, κ = M = 1": from_velocity => near(SPEED_FROM_VELOCITY, 1e-5);
+            "kinetic share of the energy, farthest": kinetic => near(KINETIC_SHARE, 1e-6);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn scaling(lab: &Lab) -> Result<Figure, Error> {
@@ -239,43 +197,30 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
         .enumerate()
         .map(|(place, (curve, speed))| {
             let name = format!("{speed} m/s");
-            // Every fifth of the points, a fifth apart from curve to curve, so that all are seen.
+            // A few points of each curve, shifted from curve to curve, so that all curves are seen.
             let some = curve.iter().skip(8 * place).step_by(40).copied().collect();
             discs(name, place, some)
         });
     let mut all = vec![guide("", curves[2].clone())];
     all.extend(series);
-    Ok(Figure {
-        chart: chart(
-            axis("t V^(1/5) (ms (m/s)^(1/5))", 3.0..6.0),
-            vec![panel("F / V^(6/5) (N (s/m)^(6/5))", all)],
+    Ok(Figure::new(
+        Chart::new(
+            Axis::new("t V^(1/5) (ms (m/s)^(1/5))", 3.0..6.0),
+            vec![Panel::new("F / V^(6/5) (N (s/m)^(6/5))", all)],
         ),
-        checks: vec![
-            Check::at_most("curves apart, of the highest", "", farthest, 2e-11),
-            Check::at_most(
-                "F ~ V^(6/5): highest force at contact 20, greatest over least, less 1",
-                "",
-                per_speed(|run| peak(run, CONTACT), 1.2),
-                1e-11,
-            ),
-            Check::at_most(
-                "t ~ V^(-1/5): its time, greatest over least, less 1",
-                "",
-                per_speed(|run| run.summary.peak_force[CONTACT - 1].time, -0.2),
-                1e-9,
-            ),
-            Check::at_most(
-                "E ~ V²: energy absorbed, greatest over least, less 1",
-                "",
-                per_speed(|run| run.summary.energy.dissipated_intruders, 2.0),
-                1e-11,
-            ),
+        checks![
+            "curves apart, of the highest": farthest => at_most(2e-11);
+            "F ~ V^(6/5): highest force at contact 20, greatest over least, less 1":
+                per_speed(|run| peak(run, CONTACT), 1.2) => at_most(1e-11);
+            "t ~ V^(-1/5): its time, greatest over least, less 1":
+                per_speed(|run| run.summary.peak_force[CONTACT - 1].time, -0.2) => at_most(1e-9);
+            "E ~ V²: energy absorbed, greatest over least, less 1":
+                per_speed(|run| run.summary.energy.dissipated_intruders, 2.0) => at_most(1e-11);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }
 
-/// One effort: evaluations, farthest peak force, energy lost in contacts and intruders, energy balance.
+/// One effort: evaluations, and the errors of the peak forces, of the energies, and of the energy balance.
 struct Effort {
     evaluations: f64,
     force: f64,
@@ -292,7 +237,7 @@ fn at(scenario: &Scenario, tolerance: f64, longest_step: f64) -> Result<Solution
         accuracy,
         ..Options::default()
     };
-    Ok(simulate(scenario, &options)?)
+    Ok(simulate_with(scenario, &options)?)
 }
 
 fn efforts(scenario: &Scenario) -> Result<Vec<Effort>, Error> {
@@ -305,7 +250,7 @@ fn efforts(scenario: &Scenario) -> Result<Vec<Effort>, Error> {
             let part = (tolerance / 1e-13).log10() / 5.0;
             let longest = 1.0 / (24.0 - 16.0 * part.min(1.0));
             let summary = at(scenario, tolerance, longest)?.summary();
-            // The last contacts are not through with their wave when the run ends.
+            // When the run ends, the wave is still in the last contacts.
             let force = summary
                 .peak_force
                 .iter()
@@ -341,52 +286,33 @@ fn convergence(_: &Lab) -> Result<Figure, Error> {
     ] {
         let efforts = efforts(&scenario)?;
         let of = |value: fn(&Effort) -> f64| -> Vec<(f64, f64)> {
-            // What is exactly right would have no place on a logarithmic axis.
+            // An error of 0 would have no place on a logarithmic axis.
             efforts
                 .iter()
                 .map(|effort| (effort.evaluations, value(effort).max(1e-16)))
                 .collect()
         };
         let best = &efforts[0];
-        checks.push(Check::at_most(
-            format!("{name}: peak forces at 1e-13"),
-            "",
-            best.force,
-            1e-12,
-        ));
-        checks.push(Check::at_most(
-            format!("{name}: energies at 1e-13"),
-            "",
-            best.energy,
-            2e-12,
-        ));
-        checks.push(Check::at_most(
-            format!("{name}: balance at 1e-13"),
-            "",
-            best.balance,
-            1e-12,
-        ));
-        panels.push(Panel {
-            y_scale: Scale::Log,
-            y_range: Some((1e-16, 1e-3)),
-            x: Some(log_axis(format!("evaluations ({name})"), 3e3..2e4)),
-            height: 200,
-            ..panel(
-                "relative error",
-                vec![
-                    line("peak forces", 0, of(|effort| effort.force)),
-                    discs("", 0, of(|effort| effort.force)),
-                    line("energies", 1, of(|effort| effort.energy)),
-                    discs("", 1, of(|effort| effort.energy)),
-                    line("balance", 2, of(|effort| effort.balance)),
-                    discs("", 2, of(|effort| effort.balance)),
-                ],
-            )
-        });
+        checks.extend(checks![
+            "{name}: peak forces at 1e-13": best.force => at_most(1e-12);
+            "{name}: energies at 1e-13": best.energy => at_most(2e-12);
+            "{name}: balance at 1e-13": best.balance => at_most(1e-12);
+        ]);
+        let curves = [
+            dotted("peak forces", 0, of(|effort| effort.force)),
+            dotted("energies", 1, of(|effort| effort.energy)),
+            dotted("balance", 2, of(|effort| effort.balance)),
+        ];
+        panels.push(
+            Panel::new("relative error", curves.concat())
+                .log()
+                .range(1e-16, 1e-3)
+                .height(200)
+                .over(Axis::log(format!("evaluations ({name})"), 3e3..2e4)),
+        );
     }
-    Ok(Figure {
-        chart: chart(log_axis("evaluations", 3e3..2e4), panels),
+    Ok(Figure::new(
+        Chart::new(Axis::log("evaluations", 3e3..2e4), panels),
         checks,
-        frames: Vec::new(),
-    })
+    ))
 }

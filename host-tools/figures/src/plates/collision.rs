@@ -1,39 +1,26 @@
-//! Equations (9) and (10), two bodies that meet, and what a striker hands over by its mass.
+//! Equations (9) and (10) for two bodies that meet, and the energy that a striker hands over, by its mass.
 
 use hertz_chain::Collision;
 use rayon::prelude::*;
 
-use crate::chart::{Panel, Scale};
-use crate::check::Check;
-use crate::curve::{chart, dashed, discs, geometric, guide, line, log_axis, panel};
+use crate::chart::{Axis, Chart, Panel};
+use crate::check::checks;
+use crate::curve::{dashed, discs, geometric, guide, line};
 use crate::error::Error;
 use crate::lab::Lab;
 use crate::observe::{contact_time, peak};
-use crate::plan::{Figure, Plan};
+use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
 
 const TWO: &str = "steel striker R 4.5 mm at 0.05 to 5 m/s on one free bead, τ = 0";
 
-pub(crate) const PLANS: &[Plan] = &[
-    Plan {
-        name: "eq9",
-        title: "time of contact of two bodies against speed",
-        setting: TWO,
-        draw: duration,
-    },
-    Plan {
-        name: "eq10",
-        title: "highest force between two bodies against speed",
-        setting: TWO,
-        draw: force,
-    },
-    Plan {
-        name: "transfer",
-        title: "energy that a striker hands over, against its mass",
-        setting: "striker R 4.5 mm of 0.02 to 20 bead masses at 0.45 m/s, τ = 0: on one bead, and on 40 beads for 20 ms",
-        draw: transfer,
-    },
-];
+plans! {
+    "eq9": "time of contact of two bodies against speed"; TWO => duration,
+    "eq10": "highest force between two bodies against speed"; TWO => force,
+    "transfer": "energy that a striker hands over, against its mass";
+        "striker R 4.5 mm of 0.02 to 20 bead masses at 0.45 m/s, τ = 0: on one bead, and on 40 beads for 20 ms"
+        => transfer,
+}
 
 /// One speed, with the closed forms and what the simulation gives: time of contact, s, and highest force, N.
 struct Met {
@@ -69,38 +56,27 @@ fn duration(lab: &Lab) -> Result<Figure, Error> {
             .map(|met| (met.collision.speed, 1e3 * value(met)))
             .collect()
     };
-    let checks = vec![
-        Check::at_most(
-            "simulated from eq. (9), farthest part",
-            "",
-            farthest(&met, |met| met.time / met.collision.duration()),
-            3e-10,
-        ),
-        Check::close(
-            "time of contact at 0.5 m/s",
-            "µs",
-            1e6 * met[4].time,
-            124.385,
-            1e-5,
-        ),
+    let checks = checks![
+        "simulated from eq. (9), farthest part":
+            farthest(&met, |met| met.time / met.collision.duration()) => at_most(3e-10);
+        "time of contact at 0.5 m/s", "µs": 1e6 * met[4].time => close(124.385, 1e-5);
     ];
-    Ok(Figure {
-        chart: chart(
-            log_axis("speed (m/s)", 0.05..5.0),
-            vec![Panel {
-                y_scale: Scale::Log,
-                ..panel(
+    Ok(Figure::new(
+        Chart::new(
+            Axis::log("speed (m/s)", 0.05..5.0),
+            vec![
+                Panel::new(
                     "time of contact (ms)",
                     vec![
                         line("eq. (9)", 0, of(|met| met.collision.duration())),
                         discs("simulated", 1, of(|met| met.time)),
                     ],
                 )
-            }],
+                .log(),
+            ],
         ),
         checks,
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn force(lab: &Lab) -> Result<Figure, Error> {
@@ -110,28 +86,18 @@ fn force(lab: &Lab) -> Result<Figure, Error> {
     let of = |value: &dyn Fn(&Met) -> f64| -> Vec<(f64, f64)> {
         met.iter().map(|met| (met.collision.speed, value(met))).collect()
     };
-    let checks = vec![
-        Check::at_most(
-            "simulated from eq. (10) with (5/4)^(3/5), farthest part",
-            "",
-            farthest(&met, |met| met.force / met.collision.greatest_force()),
-            1e-12,
-        ),
-        Check::close(
-            "eq. (10) as printed over simulated",
-            "",
-            printed * met[4].collision.greatest_force() / met[4].force,
-            1.195,
-            1e-3,
-        )
-        .but_paper("1: the printed factor is (5/4)^(7/5)"),
+    let checks = checks![
+        "simulated from eq. (10) with (5/4)^(3/5), farthest part":
+            farthest(&met, |met| met.force / met.collision.greatest_force()) => at_most(1e-12);
+        "eq. (10) as printed over simulated":
+            printed * met[4].collision.greatest_force() / met[4].force
+            => close(1.195, 1e-3), paper "1: the printed factor is (5/4)^(7/5)";
     ];
-    Ok(Figure {
-        chart: chart(
-            log_axis("speed (m/s)", 0.05..5.0),
-            vec![Panel {
-                y_scale: Scale::Log,
-                ..panel(
+    Ok(Figure::new(
+        Chart::new(
+            Axis::log("speed (m/s)", 0.05..5.0),
+            vec![
+                Panel::new(
                     "highest force (N)",
                     vec![
                         line(
@@ -147,11 +113,11 @@ fn force(lab: &Lab) -> Result<Figure, Error> {
                         discs("simulated", 1, of(&|met| met.force)),
                     ],
                 )
-            }],
+                .log(),
+            ],
         ),
         checks,
-        frames: Vec::new(),
-    })
+    ))
 }
 
 /// Shares in %, one for each ratio of masses.
@@ -189,36 +155,21 @@ fn transfer(lab: &Lab) -> Result<Figure, Error> {
             .map_or(f64::NAN, |point| point.1)
     };
     let equal = shares(lab, 1, 2.5e-3, &[1.0])?[0].1;
-    let checks = vec![
-        Check::at_most(
-            "two bodies, from 4r/(1+r)², farthest part",
-            "",
-            farthest(&one, 20.0),
-            2e-10,
-        ),
-        Check::close("two bodies of equal mass", "%", equal, 100.0, 1e-12),
-        Check::at_most(
-            "chain, from 4r/(1+r)² up to r = 0.3, farthest part",
-            "",
-            farthest(&chain, 0.3),
-            0.02,
-        ),
-        Check::at_least(
-            "chain, from 4r/(1+r)² up to r = 2, farthest part",
-            "",
-            farthest(&chain, 2.0),
-            0.12,
-        )
-        .but_paper("energy transfer as in a collision of two"),
-        Check::at_least("chain, r = 2", "%", at(&chain, 2.0), 99.99),
+    let checks = checks![
+        "two bodies, from 4r/(1+r)², farthest part": farthest(&one, 20.0) => at_most(2e-10);
+        "two bodies of equal mass", "%": equal => close(100.0, 1e-12);
+        "chain, from 4r/(1+r)² up to r = 0.3, farthest part": farthest(&chain, 0.3) => at_most(0.02);
+        "chain, from 4r/(1+r)² up to r = 2, farthest part":
+            farthest(&chain, 2.0) => at_least(0.12), paper "energy transfer as in a collision of two";
+        "chain, r = 2", "%": at(&chain, 2.0) => at_least(99.99);
     ];
     let curve = geometric(0.02, 20.0, 200)
         .into_iter()
         .map(|ratio| (ratio, binary(ratio)));
-    Ok(Figure {
-        chart: chart(
-            log_axis("striker's mass over a bead's", 0.02..20.0),
-            vec![panel(
+    Ok(Figure::new(
+        Chart::new(
+            Axis::log("striker's mass over a bead's", 0.02..20.0),
+            vec![Panel::new(
                 "energy handed over (%)",
                 vec![
                     guide("4r/(1+r)²", curve.collect()),
@@ -229,6 +180,5 @@ fn transfer(lab: &Lab) -> Result<Figure, Error> {
             )],
         ),
         checks,
-        frames: Vec::new(),
-    })
+    ))
 }

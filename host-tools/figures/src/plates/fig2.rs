@@ -5,43 +5,27 @@ use std::sync::Arc;
 
 use hertz_chain::ContactForce;
 
-use crate::check::Check;
-use crate::curve::{chart, dashed, guide, line, over_time, panel, time_axis};
+use crate::chart::{Chart, Panel};
+use crate::check::checks;
+use crate::curve::{dashed, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::peak;
-use crate::plan::{Figure, Plan};
+use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
 
 const HOST: usize = 8;
 const DURATION: f64 = 0.004;
 
-pub(crate) const PLANS: &[Plan] = &[
-    Plan {
-        name: "2a",
-        title: "force at contacts 6 to 11, no intruder",
-        setting: "16 beads, τ = 4.2 µs, steel striker R 4.5 mm at 0.45 m/s",
-        draw: forces_without,
-    },
-    Plan {
-        name: "2b",
-        title: "force at contacts 6 to 12, intruder in bead 8",
-        setting: "as 2a, intruder m 3.7 g, k 3.95e5 N/m, c 12 N·s/m in bead 8",
-        draw: forces_with,
-    },
-    Plan {
-        name: "2c",
-        title: "acceleration of the intruder in bead 8",
-        setting: "as 2b",
-        draw: acceleration,
-    },
-    Plan {
-        name: "2d",
-        title: "energy of the chain without and with the intruder, and of the intruder",
-        setting: "as 2a and 2b; E_T as printed, with M for the host",
-        draw: energy,
-    },
-];
+plans! {
+    "2a": "force at contacts 6 to 11, no intruder";
+        "16 beads, τ = 4.2 µs, steel striker R 4.5 mm at 0.45 m/s" => forces_without,
+    "2b": "force at contacts 6 to 12, intruder in bead 8";
+        "as 2a, intruder m 3.7 g, k 3.95e5 N/m, c 12 N·s/m in bead 8" => forces_with,
+    "2c": "acceleration of the intruder in bead 8"; "as 2b" => acceleration,
+    "2d": "energy of the chain without and with the intruder, and of the intruder";
+        "as 2a and 2b; E_T as printed, with M for the host" => energy,
+}
 
 fn without(lab: &Lab) -> Result<Arc<Run>, Error> {
     lab.run(&strike(16, VISCOUS, DURATION))
@@ -52,23 +36,17 @@ fn with_intruder(lab: &Lab) -> Result<Arc<Run>, Error> {
     lab.run(&with(strike(16, VISCOUS, DURATION), intruder))
 }
 
-fn forces(run: &Run, contacts: std::ops::RangeInclusive<usize>) -> crate::chart::Chart {
+fn forces(run: &Run, contacts: std::ops::RangeInclusive<usize>) -> Chart {
     let span = 1.0e-3..3.5e-3;
     let curves = contacts
         .enumerate()
         .map(|(place, contact)| {
-            line(
-                if place == 0 {
-                    format!("contact {contact}")
-                } else {
-                    contact.to_string()
-                },
-                place,
-                over_time(&run.solution, span.clone(), |at| at.force(contact)),
-            )
+            let word = if place == 0 { "contact " } else { "" };
+            let force = over_time(&run.solution, span.clone(), |at| at.force(contact));
+            line(format!("{word}{contact}"), place, force)
         })
         .collect();
-    chart(time_axis(span), vec![panel("contact force (N)", curves)])
+    Chart::new(time_axis(span), vec![Panel::new("contact force (N)", curves)])
 }
 
 fn forces_without(lab: &Lab) -> Result<Figure, Error> {
@@ -77,52 +55,31 @@ fn forces_without(lab: &Lab) -> Result<Figure, Error> {
     scenario.chain.contact_force = ContactForce::Clipped;
     let clipped = lab.run(&scenario)?;
     let expected = [6.6016, 6.4822, 6.3834, 6.2967, 6.2173, 6.1425];
-    let checks = (6..=11)
-        .zip(expected)
-        .map(|(contact, force)| {
-            let what = format!("highest force at contact {contact}");
-            Check::close(what, "N", peak(&run, contact), force, 1e-3)
-        })
-        .chain([Check::close(
-            "force at contact 11 where parting beads may not pull: more by",
-            "%",
-            100.0 * (peak(&clipped, 11) / peak(&run, 11) - 1.0),
-            0.129_781,
-            0.02,
-        )])
-        .collect();
-    Ok(Figure {
-        chart: forces(&run, 6..=11),
-        checks,
-        frames: Vec::new(),
-    })
+    let mut checks = Vec::new();
+    for (contact, force) in (6..=11).zip(expected) {
+        checks.extend(
+            checks!["highest force at contact {contact}", "N": peak(&run, contact) => close(force, 1e-3);],
+        );
+    }
+    let more = 100.0 * (peak(&clipped, 11) / peak(&run, 11) - 1.0);
+    checks.extend(checks![
+        "force at contact 11 where parting beads may not pull: more by", "%": more => close(0.129_781, 0.02);
+    ]);
+    Ok(Figure::new(forces(&run, 6..=11), checks))
 }
 
 fn forces_with(lab: &Lab) -> Result<Figure, Error> {
     let (plain, run) = (without(lab)?, with_intruder(lab)?);
     let loss = |contact: usize| 100.0 * (1.0 - peak(&run, contact) / peak(&plain, contact));
-    Ok(Figure {
-        chart: forces(&run, 6..=12),
-        checks: vec![
-            Check::at_most("loss of force by the intruder at contact 7", "%", loss(7), 0.01),
-            Check::close(
-                "loss of force at contact 8, the host's left",
-                "%",
-                loss(8),
-                0.84155,
-                1e-3,
-            ),
-            Check::close(
-                "loss of force at contact 9, the host's right",
-                "%",
-                loss(9),
-                3.03985,
-                1e-3,
-            ),
-            Check::close("loss of force at contact 12", "%", loss(12), 1.37682, 1e-3),
+    Ok(Figure::new(
+        forces(&run, 6..=12),
+        checks![
+            "loss of force by the intruder at contact 7", "%": loss(7) => at_most(0.01);
+            "loss of force at contact 8, the host's left", "%": loss(8) => close(0.84155, 1e-3);
+            "loss of force at contact 9, the host's right", "%": loss(9) => close(3.03985, 1e-3);
+            "loss of force at contact 12", "%": loss(12) => close(1.37682, 1e-3);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }
 
 /// Times at which `value` rises through zero within the points.
@@ -149,39 +106,20 @@ fn acceleration(lab: &Lab) -> Result<Figure, Error> {
     let periods = crossings.len().saturating_sub(1) as f64;
     let seen = periods / (crossings.last().unwrap_or(&0.0) - crossings.first().unwrap_or(&0.0)) * 1e3;
     let summary = run.summary.intruders[0];
-    Ok(Figure {
-        chart: chart(
+    Ok(Figure::new(
+        Chart::new(
             time_axis(1.4e-3..DURATION),
-            vec![panel(
+            vec![Panel::new(
                 "intruder acceleration (m/s²)",
                 vec![line("", 0, points), guide("", vec![(1.4, 0.0), (4.0, 0.0)])],
             )],
         ),
-        checks: vec![
-            Check::close(
-                "highest acceleration",
-                "m/s²",
-                summary.acceleration_max,
-                133.23,
-                1e-3,
-            ),
-            Check::close(
-                "lowest acceleration",
-                "m/s²",
-                summary.acceleration_min,
-                -194.33,
-                1e-3,
-            ),
-            Check::close(
-                "ringing after the pulse, against the free host's",
-                "Hz",
-                seen,
-                ringing,
-                0.02,
-            ),
+        checks![
+            "highest acceleration", "m/s²": summary.acceleration_max => close(133.23, 1e-3);
+            "lowest acceleration", "m/s²": summary.acceleration_min => close(-194.33, 1e-3);
+            "ringing after the pulse, against the free host's", "Hz": seen => close(ringing, 0.02);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn energy(lab: &Lab) -> Result<Figure, Error> {
@@ -202,10 +140,10 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
     let dip = loss(&after).iter().map(|(_, loss)| *loss).fold(0.0, f64::max);
     let dissipated = 1e9 * run.summary.energy.dissipated_intruders;
     let lasting = loss(&after).last().map_or(f64::NAN, |(_, loss)| *loss);
-    let chart = chart(
+    let chart = Chart::new(
         time_axis(0.5e-3..DURATION),
         vec![
-            panel(
+            Panel::new(
                 "energy of the chain (µJ)",
                 vec![
                     line("without", 0, before.clone()),
@@ -213,24 +151,16 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
                     dashed("with, and intruder's", 2, consistent.clone()),
                 ],
             ),
-            panel("intruder (µJ)", vec![line("", 3, micro(&run, |e| e.intruders))]),
+            Panel::new("intruder (µJ)", vec![line("", 3, micro(&run, |e| e.intruders))]),
         ],
     );
-    Ok(Figure {
+    Ok(Figure::new(
         chart,
-        checks: vec![
-            Check::close("deepest dip of the chain's energy", "%", dip, 3.58, 2e-3)
-                .but_paper("nearly 4 %, read as what is lost"),
-            Check::near("lasting loss of the chain's energy", "%", lasting, 1.30949, 1e-4)
-                .but_paper("nearly 4 %"),
-            Check::close(
-                "energy lost in the intruder's damper",
-                "nJ",
-                dissipated,
-                828.976,
-                1e-4,
-            ),
+        checks![
+            "deepest dip of the chain's energy", "%":
+                dip => close(3.58, 2e-3), paper "nearly 4 %, read as what is lost";
+            "lasting loss of the chain's energy", "%": lasting => near(1.30949, 1e-4), paper "nearly 4 %";
+            "energy lost in the intruder's damper", "nJ": dissipated => close(828.976, 1e-4);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }

@@ -1,15 +1,15 @@
-//! Figure 3: how the intruder's stiffness decides what it takes. 38 elastic beads, intruder in bead 8.
+//! Figure 3: how much energy the intruder takes, by its stiffness. 38 elastic beads, intruder in bead 8.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use crate::chart::{Panel, Scale};
-use crate::check::Check;
-use crate::curve::{axis, chart, guide, line, over_time, panel, time_axis};
+use crate::chart::{Axis, Chart, Panel};
+use crate::check::checks;
+use crate::curve::{guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{half_power, magnitudes, spectrum};
-use crate::plan::{Figure, Plan};
+use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, intruder, strike, with};
 
 const HOST: usize = 8;
@@ -18,38 +18,15 @@ const STIFFNESSES: [f64; 3] = [1e3, 1e5, 1e7];
 
 const SETTING: &str = "38 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 8";
 
-pub(crate) const PLANS: &[Plan] = &[
-    Plan {
-        name: "3a",
-        title: "motion of host and intruder, k = 10³ N/m",
-        setting: SETTING,
-        draw: |lab| motion(lab, 0),
-    },
-    Plan {
-        name: "3b",
-        title: "motion of host and intruder, k = 10⁵ N/m",
-        setting: SETTING,
-        draw: |lab| motion(lab, 1),
-    },
-    Plan {
-        name: "3c",
-        title: "motion of host and intruder, k = 10⁷ N/m",
-        setting: SETTING,
-        draw: |lab| motion(lab, 2),
-    },
-    Plan {
-        name: "3d",
-        title: "energy of the chain for three stiffnesses, and what of the striker's energy enters it",
-        setting: "38 beads, τ = 0, no intruder and k = 10³, 10⁵, 10⁷ N/m in bead 8",
-        draw: energy,
-    },
-    Plan {
-        name: "3e",
-        title: "spectrum of the incident pulse over the intruder's responses",
-        setting: "38 beads, τ = 0, force at contact 8 without intruder; responses by eq. A1",
-        draw: responses,
-    },
-];
+plans! {
+    "3a": "motion of host and intruder, k = 10³ N/m"; SETTING => |lab| motion(lab, 0),
+    "3b": "motion of host and intruder, k = 10⁵ N/m"; SETTING => |lab| motion(lab, 1),
+    "3c": "motion of host and intruder, k = 10⁷ N/m"; SETTING => |lab| motion(lab, 2),
+    "3d": "energy of the chain for three stiffnesses, and what of the striker's energy enters it";
+        "38 beads, τ = 0, no intruder and k = 10³, 10⁵, 10⁷ N/m in bead 8" => energy,
+    "3e": "spectrum of the incident pulse over the intruder's responses";
+        "38 beads, τ = 0, force at contact 8 without intruder; responses by eq. A1" => responses,
+}
 
 fn plain(lab: &Lab) -> Result<Arc<Run>, Error> {
     lab.run(&strike(38, ELASTIC, DURATION))
@@ -87,43 +64,36 @@ fn motion(lab: &Lab, which: usize) -> Result<Figure, Error> {
     let checks = match which {
         0 => {
             let lag = 1e6 * this.summary.intruders[0].relative_displacement_max;
-            vec![
-                Check::at_least("intruder falls behind its soft-sprung host by", "µm", lag, 6.4),
-                Check::at_most("overshoot, of that at k = 10⁵", "", soft / medium, 0.09),
+            checks![
+                "intruder falls behind its soft-sprung host by", "µm": lag => at_least(6.4);
+                "overshoot, of that at k = 10⁵": soft / medium => at_most(0.09);
             ]
         }
-        1 => vec![
-            Check::at_least("overshoot, of that at k = 10³", "", medium / soft, 12.0),
-            Check::at_least("overshoot, of that at k = 10⁷", "", medium / stiff, 80.0),
+        1 => checks![
+            "overshoot, of that at k = 10³": medium / soft => at_least(12.0);
+            "overshoot, of that at k = 10⁷": medium / stiff => at_least(80.0);
         ],
         _ => {
             // A stiff spring carries the intruder along: x = -m a / k, as in statics.
             let summary = &this.summary.intruders[0];
             let expected = summary.acceleration_max.max(-summary.acceleration_min) * MASS / STIFFNESSES[2];
             let seen = summary.relative_displacement_max;
-            vec![
-                Check::close(
-                    "relative displacement, against m a / k",
-                    "nm",
-                    1e9 * seen,
-                    1e9 * expected,
-                    2e-4,
-                ),
-                Check::at_most("overshoot, of that at k = 10⁵", "", stiff / medium, 0.0125),
+            checks![
+                "relative displacement, against m a / k", "nm": 1e9 * seen => close(1e9 * expected, 2e-4);
+                "overshoot, of that at k = 10⁵": stiff / medium => at_most(0.0125);
             ]
         }
     };
-    Ok(Figure {
-        chart: chart(
+    Ok(Figure::new(
+        Chart::new(
             time_axis(span.clone()),
-            vec![panel(
+            vec![Panel::new(
                 "displacement (µm)",
                 vec![line("host", 0, of(false)), line("intruder", 1, of(true))],
             )],
         ),
         checks,
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn energy(lab: &Lab) -> Result<Figure, Error> {
@@ -149,48 +119,31 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
             100.0 * of(at.energies()) / start
         })
     };
-    let injection = Panel {
-        x: Some(time_axis(0.0..0.4e-3)),
-        height: 180,
-        ..panel(
-            "of the striker's (%)",
-            vec![
-                line("chain", 4, share(|e| e.chain)),
-                line("striker", 5, share(|e| e.striker)),
-            ],
-        )
-    };
+    let injection = Panel::new(
+        "of the striker's (%)",
+        vec![
+            line("chain", 4, share(|e| e.chain)),
+            line("striker", 5, share(|e| e.striker)),
+        ],
+    )
+    .height(180)
+    .over(time_axis(0.0..0.4e-3));
     let injected = 100.0 * plain.summary.energy.chain_final / start;
-    Ok(Figure {
-        chart: chart(
+    Ok(Figure::new(
+        Chart::new(
             time_axis(span),
             vec![
-                Panel {
-                    x: Some(time_axis(1.2e-3..4.5e-3)),
-                    ..panel("energy of the chain (µJ)", curves)
-                },
+                Panel::new("energy of the chain (µJ)", curves).over(time_axis(1.2e-3..4.5e-3)),
                 injection,
             ],
         ),
-        checks: vec![
-            Check::close("absorbed for good at k = 10⁵", "%", losses[1], 4.79, 2e-3),
-            Check::at_most("absorbed for good at k = 10⁷", "%", losses[2], 1e-3),
-            Check::at_most(
-                "absorbed for good at k = 10³, of that at 10⁵",
-                "",
-                losses[0] / losses[1],
-                0.6,
-            ),
-            Check::close(
-                "of the striker's energy into the chain",
-                "%",
-                injected,
-                21.2,
-                1e-3,
-            ),
+        checks![
+            "absorbed for good at k = 10⁵", "%": losses[1] => close(4.79, 2e-3);
+            "absorbed for good at k = 10⁷", "%": losses[2] => at_most(1e-3);
+            "absorbed for good at k = 10³, of that at 10⁵": losses[0] / losses[1] => at_most(0.6);
+            "of the striker's energy into the chain", "%": injected => close(21.2, 1e-3);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn responses(lab: &Lab) -> Result<Figure, Error> {
@@ -214,24 +167,18 @@ fn responses(lab: &Lab) -> Result<Figure, Error> {
         curves.push(line(name, place, points.collect()));
     }
     let resonance = (STIFFNESSES[1] / MASS).sqrt() / TAU;
-    Ok(Figure {
-        chart: chart(
-            axis("frequency (Hz)", 0.0..3000.0),
-            vec![Panel {
-                y_scale: Scale::Log,
-                y_range: Some((1e-2, 10.0)),
-                ..panel("response, pulse (relative)", curves)
-            }],
+    Ok(Figure::new(
+        Chart::new(
+            Axis::new("frequency (Hz)", 0.0..3000.0),
+            vec![
+                Panel::new("response, pulse (relative)", curves)
+                    .log()
+                    .range(1e-2, 10.0),
+            ],
         ),
-        checks: vec![
-            Check::near("pulse down by 3 dB at", "Hz", half, 900.0, 60.0),
-            Check::at_most(
-                "resonance at k = 10⁵, of that frequency",
-                "",
-                resonance / half,
-                1.0,
-            ),
+        checks![
+            "pulse down by 3 dB at", "Hz": half => near(900.0, 60.0);
+            "resonance at k = 10⁵, of that frequency": resonance / half => at_most(1.0);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }

@@ -1,17 +1,18 @@
-//! Figure 4: what an intruder in bead 15 of 46 elastic beads reflects, lets pass and sends on later, by its stiffness.
+//! Figure 4: what an intruder in bead 15 of 46 elastic beads reflects, transmits and sends on later, by its
+//! stiffness.
 
 use std::sync::Arc;
 
 use hertz_chain::{Intruder, PulseSearch, Split};
 use rayon::prelude::*;
 
-use crate::chart::{Chart, Panel};
-use crate::check::Check;
-use crate::curve::{chart, discs, geometric, line, log_axis, over_time, panel, time_axis};
+use crate::chart::{Axis, Chart, Panel};
+use crate::check::{Check, checks};
+use crate::curve::{dotted, geometric, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{peak, summit};
-use crate::plan::{Figure, Plan};
+use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
 
 /// The host of Figs. 4, A2 and A3.
@@ -19,33 +20,20 @@ pub(crate) const HOST: usize = 15;
 const NEAR: usize = 10;
 const FAR: usize = 25;
 pub(crate) const DURATION: f64 = 0.014;
-/// Long enough for the slow secondary waves to pass both contacts. The main wave is at the end by 11 ms, and a free end sends
-/// nothing back.
+/// Long enough for the slow secondary waves to pass both contacts. The main wave reaches the end after 11 ms,
+/// and a free end sends nothing back.
 const SPLIT_DURATION: f64 = 0.04;
 const SWEEP: &str = "46 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 15, k from 10³ to 10⁷ N/m; energies through contacts 10 and 25";
 
-pub(crate) const PLANS: &[Plan] = &[
-    Plan {
-        name: "4a",
-        title: "force at contacts 10 and 25 for three stiffnesses",
-        setting: "46 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 15, k = 10³, 10⁵, 10⁷ N/m",
-        draw: forces,
-    },
-    Plan {
-        name: "4b",
-        title: "energy of the reflected waves against stiffness",
-        setting: SWEEP,
-        draw: reflected,
-    },
-    Plan {
-        name: "4c",
-        title: "energy of the transmitted secondary waves and of the main wave against stiffness",
-        setting: SWEEP,
-        draw: transmitted,
-    },
-];
+plans! {
+    "4a": "force at contacts 10 and 25 for three stiffnesses";
+        "46 beads, τ = 0, intruder m 3.7 g, c 12 N·s/m in bead 15, k = 10³, 10⁵, 10⁷ N/m" => forces,
+    "4b": "energy of the reflected waves against stiffness"; SWEEP => reflected,
+    "4c": "energy of the transmitted secondary waves and of the main wave against stiffness";
+        SWEEP => transmitted,
+}
 
-/// Whatever stands in the host.
+/// The run with this intruder in the host.
 pub(crate) fn run(lab: &Lab, intruder: Intruder) -> Result<Arc<Run>, Error> {
     lab.run(&with(strike(46, ELASTIC, DURATION), intruder))
 }
@@ -55,24 +43,17 @@ pub(crate) fn force_panels(runs: &[(String, Arc<Run>)]) -> Chart {
     let of = |contact: usize, y_range: Option<(f64, f64)>, span: std::ops::Range<f64>| {
         let curves = runs.iter().enumerate().map(|(place, (name, run))| {
             let force = over_time(&run.solution, span.clone(), |at| at.force(contact));
-            line(
-                if contact == NEAR && y_range.is_none() {
-                    name
-                } else {
-                    ""
-                },
-                place,
-                force,
-            )
+            let named = contact == NEAR && y_range.is_none();
+            line(if named { name } else { "" }, place, force)
         });
         Panel {
             y_range,
-            height: 170,
-            x: Some(time_axis(span.clone())),
-            ..panel(format!("force at {contact} (N)"), curves.collect())
+            ..Panel::new(format!("force at {contact} (N)"), curves.collect())
+                .height(170)
+                .over(time_axis(span.clone()))
         }
     };
-    chart(
+    Chart::new(
         time_axis(0.0..DURATION),
         vec![
             of(NEAR, None, 1.5e-3..8e-3),
@@ -87,33 +68,17 @@ fn forces(lab: &Lab) -> Result<Figure, Error> {
     let plain = lab.run(&strike(46, ELASTIC, DURATION))?;
     let mut runs = Vec::new();
     for (name, stiffness) in [("k = 10³ N/m", 1e3), ("10⁵", OPTIMUM), ("10⁷", 1e7)] {
-        runs.push((
-            name.to_owned(),
-            run(lab, intruder([HOST], MASS, stiffness, DAMPING))?,
-        ));
+        let run = run(lab, intruder([HOST], MASS, stiffness, DAMPING))?;
+        runs.push((name.to_owned(), run));
     }
     let best = peak(&runs[1].1, FAR);
-    let checks = vec![
-        Check::close(
-            "main wave at contact 25 without intruder",
-            "N",
-            peak(&plain, FAR),
-            7.936,
-            1e-3,
-        ),
-        Check::close("main wave at contact 25, k = 10⁵", "N", best, 7.691, 1e-3),
-        Check::at_least(
-            "main wave at contact 25, k = 10⁷, of that without",
-            "",
-            peak(&runs[2].1, FAR) / peak(&plain, FAR),
-            0.999,
-        ),
+    let checks = checks![
+        "main wave at contact 25 without intruder", "N": peak(&plain, FAR) => close(7.936, 1e-3);
+        "main wave at contact 25, k = 10⁵", "N": best => close(7.691, 1e-3);
+        "main wave at contact 25, k = 10⁷, of that without":
+            peak(&runs[2].1, FAR) / peak(&plain, FAR) => at_least(0.999);
     ];
-    Ok(Figure {
-        chart: force_panels(&runs),
-        checks,
-        frames: Vec::new(),
-    })
+    Ok(Figure::new(force_panels(&runs), checks))
 }
 
 /// How the incident wave is shared out for each of these intruders in the host.
@@ -133,7 +98,7 @@ pub(crate) fn splits(lab: &Lab, intruders: &[Intruder]) -> Result<Vec<Arc<Split>
         .collect()
 }
 
-/// A part of the incident energy in %, for each value of what was swept.
+/// A part of the incident energy in %, for each value of the sweep.
 pub(crate) fn share(values: &[f64], splits: &[Arc<Split>], of: impl Fn(&Split) -> f64) -> Vec<(f64, f64)> {
     let percent = |split: &Arc<Split>| 100.0 * of(split) / split.incident.energy;
     values.iter().copied().zip(splits.iter().map(percent)).collect()
@@ -151,13 +116,8 @@ fn sweep(lab: &Lab) -> Result<(Vec<f64>, Vec<Arc<Split>>), Error> {
 
 /// Within a factor 1.3 of 10⁵ N/m.
 fn near_optimum(what: &str, stiffness: f64) -> Check {
-    Check::near(
-        what,
-        "decades",
-        (stiffness / OPTIMUM).log10(),
-        0.0,
-        1.3_f64.log10(),
-    )
+    let decades = (stiffness / OPTIMUM).log10();
+    Check::near(what, "decades", decades, 0.0, 1.3_f64.log10())
 }
 
 fn closure(splits: &[Arc<Split>]) -> Check {
@@ -187,17 +147,17 @@ fn reflected(lab: &Lab) -> Result<Figure, Error> {
         .but_paper("a large reflection at low k"),
         closure(&splits),
     ];
-    Ok(Figure {
-        chart: chart(
-            log_axis("stiffness k (N/m)", 1e3..1e7),
-            vec![panel(
-                "reflected (% of incident)",
-                vec![line("", 0, points.clone()), discs("", 0, points)],
-            )],
-        ),
+    Ok(Figure::new(
+        by_stiffness(vec![Panel::new(
+            "reflected (% of incident)",
+            dotted("", 0, points).into(),
+        )]),
         checks,
-        frames: Vec::new(),
-    })
+    ))
+}
+
+fn by_stiffness(panels: Vec<Panel>) -> Chart {
+    Chart::new(Axis::log("stiffness k (N/m)", 1e3..1e7), panels)
 }
 
 /// The greatest ordinate.
@@ -224,21 +184,11 @@ fn transmitted(lab: &Lab) -> Result<Figure, Error> {
         ),
         closure(&splits),
     ];
-    Ok(Figure {
-        chart: chart(
-            log_axis("stiffness k (N/m)", 1e3..1e7),
-            vec![
-                panel(
-                    "secondary (% of incident)",
-                    vec![line("", 0, secondary.clone()), discs("", 0, secondary)],
-                ),
-                panel(
-                    "main wave (% of incident)",
-                    vec![line("", 1, main.clone()), discs("", 1, main)],
-                ),
-            ],
-        ),
+    Ok(Figure::new(
+        by_stiffness(vec![
+            Panel::new("secondary (% of incident)", dotted("", 0, secondary).into()),
+            Panel::new("main wave (% of incident)", dotted("", 1, main).into()),
+        ]),
         checks,
-        frames: Vec::new(),
-    })
+    ))
 }

@@ -3,12 +3,13 @@
 use hertz_chain::TransmissionFit;
 use rayon::prelude::*;
 
-use crate::chart::{Panel, Scale};
-use crate::check::Check;
-use crate::curve::{axis, chart, discs, guide, line, over_time, panel, time_axis};
+use crate::chart::{Axis, Chart, Panel};
+use crate::check::checks;
+use crate::curve::{discs, dotted, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::Lab;
-use crate::plan::{Figure, Plan};
+use crate::observe::least_growth;
+use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
 
 /// The caption counts the striker as sphere 1: seven spheres without intruders are six beads.
@@ -21,26 +22,14 @@ const MOST: usize = 20;
 const MASSES: [f64; 5] = [2.7e-3, 4.7e-3, 7.7e-3, 12e-3, 20e-3];
 const SPEEDS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 
-pub(crate) const PLANS: &[Plan] = &[
-    Plan {
-        name: "5a",
-        title: "energy of the chain over time for 0 to 20 intruders",
-        setting: "60 beads, τ = 0, intruders m 3.7 g, k 10⁵ N/m, c 12 N·s/m in beads 7 on",
-        draw: over_the_run,
-    },
-    Plan {
-        name: "5b",
-        title: "energy left against the number of intruders, five masses",
-        setting: "as 5a, m = 2.7, 4.7, 7.7, 12, 20 g; energy 11 ms after the strike",
-        draw: by_mass,
-    },
-    Plan {
-        name: "5c",
-        title: "energy left against the number of intruders, striker at 0.1 to 10 m/s",
-        setting: "as 5a, m = 4.7 g; energy 11 ms (0.45 m/s / V)^(1/5) after the strike",
-        draw: by_speed,
-    },
-];
+plans! {
+    "5a": "energy of the chain over time for 0 to 20 intruders";
+        "60 beads, τ = 0, intruders m 3.7 g, k 10⁵ N/m, c 12 N·s/m in beads 7 on" => over_the_run,
+    "5b": "energy left against the number of intruders, five masses";
+        "as 5a, m = 2.7, 4.7, 7.7, 12, 20 g; energy 11 ms after the strike" => by_mass,
+    "5c": "energy left against the number of intruders, striker at 0.1 to 10 m/s";
+        "as 5a, m = 4.7 g; energy 11 ms (0.45 m/s / V)^(1/5) after the strike" => by_speed,
+}
 
 fn scenario(intruders: usize, mass: f64, speed: f64) -> hertz_chain::Scenario {
     // At τ = 0 a chain without intruders is the same at any speed but for its clock: t ~ V^(-1/5).
@@ -56,7 +45,7 @@ fn scenario(intruders: usize, mass: f64, speed: f64) -> hertz_chain::Scenario {
 fn left(lab: &Lab, counts: &[usize], mass: f64, speed: f64) -> Result<Vec<(usize, f64)>, Error> {
     let energy = |intruders: usize| {
         lab.keep("left", &scenario(intruders, mass, speed), |run| {
-            run.solution.energy(run.solution.end()).chain_as_printed
+            run.solution.at(run.solution.end()).energies().chain_as_printed
         })
     };
     let whole = energy(0)?;
@@ -86,22 +75,11 @@ fn over_the_run(lab: &Lab) -> Result<Figure, Error> {
     let last = |n: usize| curves[n].last().map_or(f64::NAN, |point| point.1);
     let lasts: Vec<f64> = (0..counts.len()).map(|n| last(n) / last(0)).collect();
     let falls: Vec<f64> = lasts.iter().map(|part| 1.0 / part).collect();
-    let checks = vec![
-        Check::close(
-            "energy of the chain without intruders",
-            "µJ",
-            last(0),
-            65.38903,
-            1e-4,
-        ),
-        Check::at_least(
-            "each more intruders leave less: least factor",
-            "",
-            crate::observe::least_growth(&falls),
-            1.04,
-        ),
-        Check::near("left by ten intruders", "%", 100.0 * lasts[4], 62.46, 0.01)
-            .but_paper("ten intruders are enough to absorb the energy"),
+    let checks = checks![
+        "energy of the chain without intruders", "µJ": last(0) => close(65.38903, 1e-4);
+        "each more intruders leave less: least factor": least_growth(&falls) => at_least(1.04);
+        "left by ten intruders", "%":
+            100.0 * lasts[4] => near(62.46, 0.01), paper "ten intruders are enough to absorb the energy";
     ];
     let series = curves
         .into_iter()
@@ -109,14 +87,13 @@ fn over_the_run(lab: &Lab) -> Result<Figure, Error> {
         .enumerate()
         .map(|(place, (points, n))| line(format!("n = {n}"), place, points))
         .collect();
-    Ok(Figure {
-        chart: chart(
+    Ok(Figure::new(
+        Chart::new(
             time_axis(1e-3..DURATION),
-            vec![panel("energy of the chain (µJ)", series)],
+            vec![Panel::new("energy of the chain (µJ)", series)],
         ),
         checks,
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn by_mass(lab: &Lab) -> Result<Figure, Error> {
@@ -145,39 +122,18 @@ fn by_mass(lab: &Lab) -> Result<Figure, Error> {
             .to_vec(),
     ));
     let heaviest = fits[MASSES.len() - 1];
-    Ok(Figure {
-        chart: chart(
-            axis("intruders n", 0.0..MOST as f64),
-            vec![Panel {
-                y_scale: Scale::Log,
-                ..panel("energy left (%)", series)
-            }],
+    Ok(Figure::new(
+        Chart::new(
+            Axis::new("intruders n", 0.0..MOST as f64),
+            vec![Panel::new("energy left (%)", series).log()],
         ),
-        checks: vec![
-            Check::close(
-                "left by the first intruder of 2.7 g",
-                "%",
-                first,
-                96.752_912,
-                1e-6,
-            ),
-            Check::close(
-                "transmission of one intruder of 2.7 g",
-                "",
-                light.transmission,
-                0.9693,
-                1e-3,
-            ),
-            Check::at_most("scatter of ln E about Tⁿ, 2.7 g", "", light.residual, 0.003),
-            Check::at_least(
-                "scatter at 20 g over that at 2.7 g",
-                "",
-                heaviest.residual / light.residual,
-                10.0,
-            ),
+        checks![
+            "left by the first intruder of 2.7 g", "%": first => close(96.752_912, 1e-6);
+            "transmission of one intruder of 2.7 g": light.transmission => close(0.9693, 1e-3);
+            "scatter of ln E about Tⁿ, 2.7 g": light.residual => at_most(0.003);
+            "scatter at 20 g over that at 2.7 g": heaviest.residual / light.residual => at_least(10.0);
         ],
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn fit(points: &[(usize, f64)]) -> Result<TransmissionFit, Error> {
@@ -192,30 +148,23 @@ fn by_speed(lab: &Lab) -> Result<Figure, Error> {
     for (place, speed) in SPEEDS.into_iter().enumerate() {
         let points = left(lab, &counts, 4.7e-3, speed)?;
         at_ten.push(100.0 * points[5].1);
-        let curve = percent(&points);
-        series.push(line(format!("{speed} m/s"), place, curve.clone()));
-        series.push(discs("", place, curve));
+        series.extend(dotted(format!("{speed} m/s"), place, percent(&points)));
     }
     let (low, high) = at_ten
         .iter()
         .fold((f64::INFINITY, 0.0_f64), |(low, high), &value| {
             (low.min(value), high.max(value))
         });
-    Ok(Figure {
-        chart: chart(
-            axis("intruders n", 0.0..MOST as f64),
-            vec![panel("energy left (%)", series)],
+    Ok(Figure::new(
+        Chart::new(
+            Axis::new("intruders n", 0.0..MOST as f64),
+            vec![Panel::new("energy left (%)", series)],
         ),
-        checks: vec![
-            Check::at_most(
-                "spread of what ten intruders leave, over two decades of speed",
-                "points",
-                high - low,
-                10.0,
-            ),
-            Check::at_least("least that ten intruders leave", "%", low, 55.8)
-                .but_paper("ten intruders are enough to absorb the energy"),
+        checks![
+            "spread of what ten intruders leave, over two decades of speed", "points":
+                high - low => at_most(10.0);
+            "least that ten intruders leave", "%":
+                low => at_least(55.8), paper "ten intruders are enough to absorb the energy";
         ],
-        frames: Vec::new(),
-    })
+    ))
 }

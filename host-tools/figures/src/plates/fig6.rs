@@ -1,17 +1,20 @@
-//! Figure 6: the striker's modulus, speed and size, seen at the first contact, at contact 30 and in the spectrum there.
+//! Figure 6: the striker's modulus, speed and size, seen at the first contact, at contact 30 and in the
+//! spectrum there.
 
 use std::sync::Arc;
 
 use hertz_chain::{Collision, Scenario};
 use rayon::prelude::*;
 
-use crate::chart::{Panel, Scale, Series};
-use crate::check::Check;
-use crate::curve::{axis, chart, dashed, line, over_time, panel, time_axis};
+use crate::chart::{Axis, Chart, Panel, Series};
+use crate::check::{Check, checks};
+use crate::curve::{dashed, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
-use crate::observe::{contact_time, half_power, magnitudes, peak, pulse_spectrum, ratio, train};
-use crate::plan::{Figure, Plan};
+use crate::observe::{
+    contact_time, half_power, least_growth, magnitudes, peak, pulse_spectrum, ratio, train,
+};
+use crate::plan::{Figure, plans};
 use crate::setting::{ELASTIC, strike};
 
 const FAR: usize = 30;
@@ -21,64 +24,26 @@ const BY_MODULUS: &str = "45 beads, τ = 0, striker R 4.5 mm, 0.45 m/s, Y = 0.20
 const BY_SPEED: &str = "45 beads, τ = 0, striker R 4.5 mm, 203 GPa, 0.1 to 3.2 m/s";
 const BY_SIZE: &str = "45 beads, τ = 0, striker 203 GPa, 0.45 m/s, R = 4.5 to 19 mm";
 
-macro_rules! plan {
-    ($name:literal, $title:literal, $setting:expr, $draw:expr) => {
-        Plan {
-            name: $name,
-            title: $title,
-            setting: $setting,
-            draw: $draw,
-        }
-    };
+plans! {
+    "6a": "force at the striker, by its modulus";
+        BY_MODULUS => |lab| at_striker(lab, &MODULUS, 0.6e-3, modulus_time),
+    "6b": "force at the striker, by its speed";
+        BY_SPEED => |lab| at_striker(lab, &SPEED, 0.3e-3, speed_time),
+    "6c": "force at the striker, by its size";
+        BY_SIZE => |lab| at_striker(lab, &SIZE, 2.5e-3, size_time),
+    "6d": "force at contact 30, by the striker's modulus";
+        BY_MODULUS => |lab| at_far(lab, &MODULUS, 6.5e-3..8.5e-3, modulus_force),
+    "6e": "force at contact 30, by the striker's speed";
+        BY_SPEED => |lab| at_far(lab, &SPEED, 4e-3..10.5e-3, speed_force),
+    "6f": "force at contact 30, by the striker's size";
+        BY_SIZE => |lab| at_far(lab, &SIZE, 4e-3..9e-3, size_force),
+    "6g": "spectrum at contact 30, by the striker's modulus";
+        BY_MODULUS => |lab| far_spectrum(lab, &MODULUS, modulus_spectrum),
+    "6h": "spectrum at contact 30, by the striker's speed";
+        BY_SPEED => |lab| far_spectrum(lab, &SPEED, speed_spectrum),
+    "6i": "spectra of the pulses at contact 30, by the striker's size";
+        BY_SIZE => |lab| far_spectrum(lab, &SIZE, size_spectrum),
 }
-
-pub(crate) const PLANS: &[Plan] = &[
-    plan!("6a", "force at the striker, by its modulus", BY_MODULUS, |lab| {
-        at_striker(lab, &MODULUS, 0.6e-3, modulus_time)
-    }),
-    plan!("6b", "force at the striker, by its speed", BY_SPEED, |lab| {
-        at_striker(lab, &SPEED, 0.3e-3, speed_time)
-    }),
-    plan!("6c", "force at the striker, by its size", BY_SIZE, |lab| {
-        at_striker(lab, &SIZE, 2.5e-3, size_time)
-    }),
-    plan!(
-        "6d",
-        "force at contact 30, by the striker's modulus",
-        BY_MODULUS,
-        |lab| at_far(lab, &MODULUS, 6.5e-3..8.5e-3, modulus_force)
-    ),
-    plan!(
-        "6e",
-        "force at contact 30, by the striker's speed",
-        BY_SPEED,
-        |lab| at_far(lab, &SPEED, 4e-3..10.5e-3, speed_force)
-    ),
-    plan!(
-        "6f",
-        "force at contact 30, by the striker's size",
-        BY_SIZE,
-        |lab| at_far(lab, &SIZE, 4e-3..9e-3, size_force)
-    ),
-    plan!(
-        "6g",
-        "spectrum at contact 30, by the striker's modulus",
-        BY_MODULUS,
-        |lab| far_spectrum(lab, &MODULUS, modulus_spectrum)
-    ),
-    plan!(
-        "6h",
-        "spectrum at contact 30, by the striker's speed",
-        BY_SPEED,
-        |lab| far_spectrum(lab, &SPEED, speed_spectrum)
-    ),
-    plan!(
-        "6i",
-        "spectra of the pulses at contact 30, by the striker's size",
-        BY_SIZE,
-        |lab| far_spectrum(lab, &SIZE, size_spectrum)
-    ),
-];
 
 /// What is changed on the striker, and to what.
 struct Family {
@@ -145,14 +110,16 @@ fn forces(
                 over_time(&run.solution, span.clone(), |at| at.force(contact)),
             )
         });
-    Ok(Figure {
-        chart: chart(
+    Ok(Figure::new(
+        Chart::new(
             time_axis(span.clone()),
-            vec![panel(format!("force at contact {contact} (N)"), curves.collect())],
+            vec![Panel::new(
+                format!("force at contact {contact} (N)"),
+                curves.collect(),
+            )],
         ),
-        checks: checks(&runs),
-        frames: Vec::new(),
-    })
+        checks(&runs),
+    ))
 }
 
 fn far_spectrum(lab: &Lab, family: &Family, checks: Checks) -> Result<Figure, Error> {
@@ -168,72 +135,41 @@ fn far_spectrum(lab: &Lab, family: &Family, checks: Checks) -> Result<Figure, Er
             });
         }
     }
-    Ok(Figure {
-        chart: chart(
-            axis("frequency (Hz)", 0.0..3000.0),
-            vec![Panel {
-                y_scale: Scale::Log,
-                ..panel("force spectrum (mN·s)", curves)
-            }],
+    Ok(Figure::new(
+        Chart::new(
+            Axis::new("frequency (Hz)", 0.0..3000.0),
+            vec![Panel::new("force spectrum (mN·s)", curves).log()],
         ),
-        checks: checks(&runs),
-        frames: Vec::new(),
-    })
+        checks(&runs),
+    ))
 }
 
 fn modulus_time(runs: &[Arc<Run>]) -> Vec<Check> {
     let factor = contact_time(&runs[0]) / contact_time(&runs[3]);
     let [soft, stiff] = [0, 3].map(|n| Collision::of_striker(runs[n].solution.model()).duration());
     let eq9 = soft / stiff;
-    vec![
+    checks![
         // By eq. (9) it goes as κ^(-2/5), for a bead that the chain does not hold.
-        Check::close("contact time, softest over stiffest", "", factor, eq9, 0.01).but_paper("a factor 3"),
-        Check::close(
-            "highest force of the stiffest",
-            "N",
-            peak(&runs[3], 1),
-            37.460_897,
-            1e-5,
-        ),
-        Check::close(
-            "highest force of the softest",
-            "N",
-            peak(&runs[0], 1),
-            10.208_246,
-            1e-5,
-        ),
+        "contact time, softest over stiffest": factor => close(eq9, 0.01), paper "a factor 3";
+        "highest force of the stiffest", "N": peak(&runs[3], 1) => close(37.460_897, 1e-5);
+        "highest force of the softest", "N": peak(&runs[0], 1) => close(10.208_246, 1e-5);
     ]
 }
 
 fn speed_time(runs: &[Arc<Run>]) -> Vec<Check> {
-    vec![
-        Check::close(
-            "contact time at 0.1 over that at 3.2 m/s: 32^(1/5)",
-            "",
-            contact_time(&runs[0]) / contact_time(&runs[3]),
-            2.0,
-            1e-6,
-        ),
-        Check::close(
-            "highest force at 3.2 over that at 0.1 m/s: 32^(6/5)",
-            "",
-            peak(&runs[3], 1) / peak(&runs[0], 1),
-            64.0,
-            1e-6,
-        ),
+    checks![
+        "contact time at 0.1 over that at 3.2 m/s: 32^(1/5)":
+            contact_time(&runs[0]) / contact_time(&runs[3]) => close(2.0, 1e-6);
+        "highest force at 3.2 over that at 0.1 m/s: 32^(6/5)":
+            peak(&runs[3], 1) / peak(&runs[0], 1) => close(64.0, 1e-6);
     ]
 }
 
 fn size_time(runs: &[Arc<Run>]) -> Vec<Check> {
     let times: Vec<f64> = runs.iter().map(|run| contact_time(run)).collect();
-    vec![
-        Check::at_least(
-            "contact time, least growth from size to size",
-            "",
-            crate::observe::least_growth(&times),
-            1.2,
-        ),
-        Check::at_least("contact time, 19 mm over 4.5 mm", "", times[3] / times[0], 4.0),
+    checks![
+        "contact time, least growth from size to size": least_growth(&times) => at_least(1.2);
+        "contact time, 19 mm over 4.5 mm": times[3] / times[0] => at_least(4.0);
     ]
 }
 
@@ -243,27 +179,18 @@ fn far_peaks(runs: &[Arc<Run>]) -> Vec<f64> {
 
 fn modulus_force(runs: &[Arc<Run>]) -> Vec<Check> {
     let peaks = far_peaks(runs);
-    vec![
-        Check::close("highest force, stiffest striker", "N", peaks[3], 7.936_292, 1e-5),
-        Check::close("highest force, softest striker", "N", peaks[0], 7.580_456, 1e-5),
-        Check::at_most(
-            "greatest over least force, three decades of modulus",
-            "",
-            ratio(peaks),
-            1.06,
-        ),
+    checks![
+        "highest force, stiffest striker", "N": peaks[3] => close(7.936_292, 1e-5);
+        "highest force, softest striker", "N": peaks[0] => close(7.580_456, 1e-5);
+        "greatest over least force, three decades of modulus": ratio(peaks) => at_most(1.06);
     ]
 }
 
 fn speed_force(runs: &[Arc<Run>]) -> Vec<Check> {
     let peaks = far_peaks(runs);
-    vec![Check::close(
-        "force at 3.2 over that at 0.1 m/s: 32^(6/5)",
-        "",
-        peaks[3] / peaks[0],
-        64.0,
-        1e-6,
-    )]
+    checks![
+        "force at 3.2 over that at 0.1 m/s: 32^(6/5)": peaks[3] / peaks[0] => close(64.0, 1e-6);
+    ]
 }
 
 fn size_force(runs: &[Arc<Run>]) -> Vec<Check> {
@@ -271,18 +198,11 @@ fn size_force(runs: &[Arc<Run>]) -> Vec<Check> {
         .iter()
         .map(|run| train(&run.solution, FAR).len() as f64)
         .collect();
-    vec![
-        Check::near("pulses from the striker of 4.5 mm", "", pulses[0], 1.0, 0.0),
-        Check::at_least("pulses from the striker of 19 mm", "", pulses[3], 4.0),
-        Check::at_least(
-            "pulses, least step from size to size",
-            "",
-            pulses
-                .windows(2)
-                .map(|pair| pair[1] - pair[0])
-                .fold(f64::INFINITY, f64::min),
-            0.0,
-        ),
+    checks![
+        "pulses from the striker of 4.5 mm": pulses[0] => near(1.0, 0.0);
+        "pulses from the striker of 19 mm": pulses[3] => at_least(4.0);
+        "pulses, least step from size to size":
+            pulses.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min) => at_least(0.0);
     ]
 }
 
@@ -300,35 +220,18 @@ fn frequencies(runs: &[Arc<Run>]) -> Vec<f64> {
 
 fn modulus_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
     let frequencies = frequencies(runs);
-    vec![
-        Check::near(
-            "-3 dB frequency, stiffest striker",
-            "Hz",
-            frequencies[3],
-            900.0,
-            60.0,
-        ),
-        Check::at_most(
-            "greatest over least, three decades of modulus",
-            "",
-            ratio(frequencies),
-            1.02,
-        ),
+    checks![
+        "-3 dB frequency, stiffest striker", "Hz": frequencies[3] => near(900.0, 60.0);
+        "greatest over least, three decades of modulus": ratio(frequencies) => at_most(1.02);
     ]
 }
 
 fn speed_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
     let frequencies = frequencies(runs);
     let factor = frequencies[3] / frequencies[0];
-    vec![
-        Check::close(
-            "-3 dB frequency at 3.2 over that at 0.1 m/s: 32^(1/5)",
-            "",
-            factor,
-            2.0,
-            5e-3,
-        )
-        .but_paper("frequency content only slightly modified"),
+    checks![
+        "-3 dB frequency at 3.2 over that at 0.1 m/s: 32^(1/5)":
+            factor => close(2.0, 5e-3), paper "frequency content only slightly modified";
     ]
 }
 
@@ -338,13 +241,8 @@ fn size_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
         .zip(runs)
         .map(|(frequency, run)| frequency / train(&run.solution, FAR)[0].force.powf(1.0 / 6.0))
         .collect();
-    vec![
-        Check::at_most(
-            "-3 dB frequency of the first pulse over F^(1/6), greatest over least",
-            "",
-            ratio(scaled),
-            1.05,
-        )
-        .but_paper("little effect on the frequency content"),
+    checks![
+        "-3 dB frequency of the first pulse over F^(1/6), greatest over least":
+            ratio(scaled) => at_most(1.05), paper "little effect on the frequency content";
     ]
 }

@@ -1,17 +1,18 @@
-//! Figure A4: a wave through nine neighbours with heavier and heavier intruders; over the mass, an animation.
+//! Figure A4: a wave through nine neighbouring hosts, for heavier and heavier intruders; also as an animation
+//! over the mass.
 
 use std::sync::Arc;
 
 use hertz_chain::Pulse;
 use rayon::prelude::*;
 
-use crate::chart::{Chart, Panel, Series};
-use crate::check::Check;
-use crate::curve::{axis, chart, line, over_time, time_axis};
+use crate::chart::{Axis, Chart, Panel, Series};
+use crate::check::checks;
+use crate::curve::{line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{least_growth, train};
-use crate::plan::{Figure, Plan};
+use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, OPTIMUM, intruder, strike, with};
 
 /// Hosts 15 to 23.
@@ -24,32 +25,12 @@ const MASSES: [f64; 3] = [0.5e-3, 12e-3, 25e-3];
 
 const SETTING: &str = "46 beads, τ = 0, intruders k 10⁵ N/m, c 12 N·s/m in beads 15 to 23";
 
-pub(crate) const PLANS: &[Plan] = &[
-    Plan {
-        name: "A4a",
-        title: "a wave through nine hosts, m = 0.5 g",
-        setting: SETTING,
-        draw: |lab| still(lab, 0),
-    },
-    Plan {
-        name: "A4b",
-        title: "a wave through nine hosts, m = 12 g",
-        setting: SETTING,
-        draw: |lab| still(lab, 1),
-    },
-    Plan {
-        name: "A4c",
-        title: "a wave through nine hosts, m = 25 g",
-        setting: SETTING,
-        draw: |lab| still(lab, 2),
-    },
-    Plan {
-        name: "A4m",
-        title: "a wave through nine hosts, animated over m from 0.5 to 25 g",
-        setting: SETTING,
-        draw: animation,
-    },
-];
+plans! {
+    "A4a": "a wave through nine hosts, m = 0.5 g"; SETTING => |lab| still(lab, 0),
+    "A4b": "a wave through nine hosts, m = 12 g"; SETTING => |lab| still(lab, 1),
+    "A4c": "a wave through nine hosts, m = 25 g"; SETTING => |lab| still(lab, 2),
+    "A4m": "a wave through nine hosts, animated over m from 0.5 to 25 g"; SETTING => animation,
+}
 
 fn scenario(mass: f64) -> hertz_chain::Scenario {
     with(
@@ -58,7 +39,7 @@ fn scenario(mass: f64) -> hertz_chain::Scenario {
     )
 }
 
-/// Force over time at every contact, each curve a step above the last.
+/// Force over time at every contact. Each curve stands one step above the one before.
 fn waterfall(run: &Run, title: &str) -> Chart {
     let span = 1.5e-3..DURATION;
     let curves: Vec<Series> = CONTACTS
@@ -79,15 +60,13 @@ fn waterfall(run: &Run, title: &str) -> Chart {
             )
         })
         .collect();
-    chart(
+    Chart::new(
         time_axis(span),
-        vec![Panel {
-            y_label: format!("contact + force / {STEP} N"),
-            y_range: Some((9.5, 33.0)),
-            height: 420,
-            series: curves,
-            ..Panel::default()
-        }],
+        vec![
+            Panel::new(format!("contact + force / {STEP} N"), curves)
+                .range(9.5, 33.0)
+                .height(420),
+        ],
     )
 }
 
@@ -107,49 +86,27 @@ fn still(lab: &Lab, which: usize) -> Result<Figure, Error> {
     let behind = train(&run.solution, 26);
     let (main, second) = first_and_second(&behind);
     let checks = match which {
-        0 => vec![
-            Check::near(
-                "pulses of over a twentieth at contact 26",
-                "",
-                behind.len() as f64,
-                1.0,
-                0.0,
-            ),
-            Check::at_least("main wave at contact 26", "N", main, 7.8),
+        0 => checks![
+            "pulses of over a twentieth at contact 26": behind.len() as f64 => near(1.0, 0.0);
+            "main wave at contact 26", "N": main => at_least(7.8);
         ],
         1 => {
             let mains: Vec<f64> = pairs.iter().map(|pair| 1.0 / pair.0).collect();
             let seconds: Vec<f64> = pairs.iter().map(|pair| pair.1).collect();
-            vec![
-                Check::at_least(
-                    "main wave, least fall every two hosts",
-                    "",
-                    least_growth(&mains),
-                    1.05,
-                ),
-                Check::at_least(
-                    "secondary wave, least growth every two hosts",
-                    "",
-                    least_growth(&seconds),
-                    1.05,
-                ),
+            checks![
+                "main wave, least fall every two hosts": least_growth(&mains) => at_least(1.05);
+                "secondary wave, least growth every two hosts": least_growth(&seconds) => at_least(1.05);
             ]
         }
-        _ => vec![
-            Check::at_least(
-                "pulses of over a twentieth at contact 26",
-                "",
-                behind.len() as f64,
-                4.0,
-            ),
-            Check::at_least("secondary over main wave at contact 26", "", second / main, 1.1),
+        _ => checks![
+            "pulses of over a twentieth at contact 26": behind.len() as f64 => at_least(4.0);
+            "secondary over main wave at contact 26": second / main => at_least(1.1);
         ],
     };
-    Ok(Figure {
-        chart: waterfall(&run, &format!("m = {} g", 1e3 * MASSES[which])),
+    Ok(Figure::new(
+        waterfall(&run, &format!("m = {} g", 1e3 * MASSES[which])),
         checks,
-        frames: Vec::new(),
-    })
+    ))
 }
 
 fn animation(lab: &Lab) -> Result<Figure, Error> {
@@ -173,21 +130,16 @@ fn animation(lab: &Lab) -> Result<Figure, Error> {
         .map(|(mass, frame)| (1e3 * mass, frame.1))
         .collect();
     let light: Vec<f64> = absorbed.iter().take(10).map(|point| point.1).collect();
-    let checks = vec![Check::at_least(
-        "absorbed, least growth from mass to mass up to 5 g",
-        "",
-        least_growth(&light),
-        1.0,
-    )];
+    let checks = checks![
+        "absorbed, least growth from mass to mass up to 5 g": least_growth(&light) => at_least(1.0);
+    ];
     Ok(Figure {
-        chart: chart(
-            axis("intruder's mass m (g)", 0.0..25.0),
-            vec![Panel {
-                y_label: "absorbed (% of injected)".to_owned(),
-                height: 240,
-                series: vec![line("", 0, absorbed)],
-                ..Panel::default()
-            }],
+        chart: Chart::new(
+            Axis::new("intruder's mass m (g)", 0.0..25.0),
+            vec![Panel::new(
+                "absorbed (% of injected)",
+                vec![line("", 0, absorbed)],
+            )],
         ),
         checks,
         frames: frames.iter().map(|frame| frame.0.clone()).collect(),

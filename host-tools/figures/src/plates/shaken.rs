@@ -1,41 +1,36 @@
-//! Figure A1: the intruder on a shaker, and its stiffness and damping found back.
+//! Figure A1: the intruder on a shaker, and its stiffness and damping fitted to the response.
 
 use hertz_chain::{Oscillator, OscillatorFit, PulseSearch, Sweep, fit_response, fit_ring_down};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
-use crate::chart::Panel;
-use crate::check::Check;
-use crate::curve::{axis, chart, discs, line, over_time, panel, time_axis};
+use crate::chart::{Axis, Chart, Panel};
+use crate::check::checks;
+use crate::curve::{discs, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::Lab;
-use crate::plan::{Figure, Plan};
+use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
 
-pub(crate) const PLANS: &[Plan] = &[Plan {
-    name: "A1",
-    title: "transmissibility of the intruder, and its ring-down after a strike",
-    setting: "m 3.7 g, k 3.95e5 N/m, c 12 N·s/m; host shaken from 80 to 2800 Hz in 0.5 s, points with 2 % noise; below: one free \
-              host bead, struck",
-    draw: response,
-}];
+plans! {
+    "A1": "transmissibility of the intruder, and its ring-down after a strike";
+        "m 3.7 g, k 3.95e5 N/m, c 12 N·s/m; host shaken from 80 to 2800 Hz in 0.5 s, points with 2 % noise; below: one free \
+              host bead, struck"
+        => response,
+}
 
-const INTRUDER: Oscillator = Oscillator {
-    mass: MASS,
-    stiffness: STIFFNESS,
-    damping: DAMPING,
-};
+const INTRUDER: Oscillator = Oscillator::PAPER;
 const SWEEP: Sweep = Sweep {
     from: 80.0,
     to: 2800.0,
     duration: 0.5,
     amplitude: 1e-6,
 };
-/// Scatter of the points that stand for a measurement, of |h|.
+/// Scatter of |h| in the points that stand for a measurement.
 const NOISE: f64 = 0.02;
 const SEED: u64 = 1;
-/// Standard errors that a fitted value may be off by: one in 16 000 is further.
+/// A fitted value may be off by this many standard errors; one value in 16 000 is off by more.
 const SIGMAS: f64 = 4.0;
 
 fn response(lab: &Lab) -> Result<Figure, Error> {
@@ -64,56 +59,35 @@ fn response(lab: &Lab) -> Result<Figure, Error> {
     let (frequency, height) = INTRUDER.transmissibility_peak();
 
     let (ring, rung) = ring_down(lab)?;
-    let mut checks = vec![
-        Check::close("highest |h|", "", height, 3.374, 1e-3),
-        Check::close("frequency of the highest |h|", "Hz", frequency, 1607.0, 1e-3)
-            .but_paper("f_res = √(k/m)/2π, which is 1644 Hz, not the frequency of the peak"),
-        Check::at_most("swept simulation from eq. (A1), farthest", "", farthest, 2e-10),
+    let [stiffness_error, damping_error] =
+        [fit.stiffness_error, fit.damping_error].map(|error| SIGMAS * error);
+    let checks = checks![
+        "highest |h|": height => close(3.374, 1e-3);
+        "frequency of the highest |h|", "Hz": frequency => close(1607.0, 1e-3),
+            paper "f_res = √(k/m)/2π, which is 1644 Hz, not the frequency of the peak";
+        "swept simulation from eq. (A1), farthest": farthest => at_most(2e-10);
+        "k fitted to swept, 2 % noise, ± {SIGMAS} standard errors", "N/m":
+            fit.stiffness => near(STIFFNESS, stiffness_error);
+        "c fitted to swept, 2 % noise, ± {SIGMAS} standard errors", "N·s/m":
+            fit.damping => near(DAMPING, damping_error);
+        // Without noise the errors are those of the integration.
+        "k from the ring-down", "N/m": rung.stiffness => close(STIFFNESS, 1e-9);
+        "c from the ring-down", "N·s/m": rung.damping => close(DAMPING, 1e-9);
     ];
-    checks.extend(found("swept, 2 % noise", &fit, SIGMAS));
-    // Without noise the errors are those of the integration.
-    checks.push(Check::close(
-        "k from the ring-down",
-        "N/m",
-        rung.stiffness,
-        STIFFNESS,
-        1e-9,
-    ));
-    checks.push(Check::close(
-        "c from the ring-down",
-        "N·s/m",
-        rung.damping,
-        DAMPING,
-        1e-9,
-    ));
-    Ok(Figure {
-        chart: chart(
-            axis("frequency (Hz)", 100.0..2500.0),
+    Ok(Figure::new(
+        Chart::new(
+            Axis::new("frequency (Hz)", 100.0..2500.0),
             vec![
-                Panel {
-                    x: Some(axis("frequency (Hz)", 100.0..2500.0)),
-                    ..panel(
-                        "|h| = |û/Û|",
-                        vec![discs("swept, 2 % noise", 0, measured), line("fit", 1, curve)],
-                    )
-                },
+                Panel::new(
+                    "|h| = |û/Û|",
+                    vec![discs("swept, 2 % noise", 0, measured), line("fit", 1, curve)],
+                )
+                .over(Axis::new("frequency (Hz)", 100.0..2500.0)),
                 ring,
             ],
         ),
         checks,
-        frames: Vec::new(),
-    })
-}
-
-fn found(from: &str, fit: &OscillatorFit, sigmas: f64) -> [Check; 2] {
-    let near = |what: &str, unit, value, expected, error: f64| {
-        let what = format!("{what} fitted to {from}, ± {sigmas} standard errors");
-        Check::near(what, unit, value, expected, sigmas * error)
-    };
-    [
-        near("k", "N/m", fit.stiffness, STIFFNESS, fit.stiffness_error),
-        near("c", "N·s/m", fit.damping, DAMPING, fit.damping_error),
-    ]
+    ))
 }
 
 /// One bead alone, struck: it flies free and its intruder rings in it.
@@ -130,16 +104,8 @@ fn ring_down(lab: &Lab) -> Result<(Panel, OscillatorFit), Error> {
     let host = solution.model().mass(1);
     let fit = fit_ring_down(&signal, MASS * (host - MASS) / host)?;
     let span = 0.0..5e-3;
-    let panel = Panel {
-        x: Some(time_axis(span.clone())),
-        ..panel(
-            "intruder (m/s²)",
-            vec![line(
-                "acceleration after a strike",
-                2,
-                over_time(solution, span, acceleration),
-            )],
-        )
-    };
+    let rung = over_time(solution, span.clone(), acceleration);
+    let curve = line("acceleration after a strike", 2, rung);
+    let panel = Panel::new("intruder (m/s²)", vec![curve]).over(time_axis(span));
     Ok((panel, fit))
 }

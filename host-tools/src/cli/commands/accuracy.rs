@@ -1,33 +1,34 @@
 //! `bead accuracy`: how far the image's two estimates are from the truth, over strikers and speeds.
 //!
 //! # Design
-//! Every cell is a run of the flash image in QEMU on several strikes, with noise, behind each pair of sensors. Nothing here
-//! measures: the codes, the image, the frames and the truth are those of `bead emulate`.
+//! For every cell the flash image runs in QEMU on several strikes, with noise, behind each pair of sensors.
+//! The codes, the image, the frames and the truth are those of `bead emulate`.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::PathBuf;
 
+use bead_wire::{Energy, StrikeFlags};
 use clap::Args;
 use hertz_chain::Scenario;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::bench::emulation::{Emulation, find_image};
+use crate::bench::emulation::Emulation;
 use crate::bench::sensed::{Timing, bead_of, load_scenario, simulate_with_ring_down};
+use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::front_end_options::Sensors;
 use crate::cli::output::{self, Format};
-use crate::recording::frames::{self, flag_names, joules};
-use crate::recording::strikes::assemble;
+use crate::recording::frames::Frame;
+use crate::recording::strikes::{RecordedStrike, assemble};
 
 const AFTER_HELP: &str = "\
-The scenario is struck again and again, by spheres of the radii and at the speeds given; what else it says stays. Each cell
-is so many strikes on the flash image in QEMU, with the noise of the front end, once behind the sensors for weak strikes and
-once behind those for strong ones. The error of an estimate is its root mean square over those strikes, relative to the full
-f64 chain; the worst stands beside it.
+The scenario is struck by spheres of the given radii at the given speeds; all else in it stays. For each cell the flash
+image runs in QEMU on --strikes strikes, with the noise of the front end: once behind the sensors for weak strikes, and
+once behind those for strong ones. The error of an estimate is the root mean square over the strikes, relative to the
+full f64 chain; the worst error stands beside it.
 
-Exit status 1 if, in any cell, neither pair of sensors keeps A within 0.5 % and B within 1 %, without a rail.
+Exit status 1 if in any cell neither pair of sensors keeps A within 0.5 % and B within 1 % without meeting a rail.
 
 Examples:
   bead accuracy docs/scenarios/paper-strike.toml --bead 8
@@ -36,7 +37,7 @@ Examples:
 
 /// Goals, as parts of the truth: of estimate A, and of B.
 const GOALS: [f64; 2] = [5e-3, 1e-2];
-/// From strike to strike, s, at least.
+/// Shortest time from strike to strike, s.
 const INTERVAL: f64 = 0.05;
 /// Quiet before the first strike, s.
 const LEAD_IN: f64 = 0.02;
@@ -45,26 +46,20 @@ const LEAD_IN: f64 = 0.02;
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// The scenario, a TOML file in SI units.
-    scenario: PathBuf,
-    /// The bead that senses: one with an intruder.
-    #[arg(long, value_name = "N")]
-    bead: usize,
+    #[command(flatten)]
+    bench: BenchOptions,
     /// Radii of the striker, m.
     #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = [0.0045, 0.007, 0.009, 0.0115])]
     radii: Vec<f64>,
     /// Its speeds, m/s.
     #[arg(long, value_name = "M/S", value_delimiter = ',', default_values_t = [0.1, 0.2, 0.45, 1.0, 2.0, 5.0])]
     speeds: Vec<f64>,
-    /// Strikes a cell, each at another phase of the sample clock.
+    /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     strikes: u32,
     /// Seed of the noise: the same seed gives the same table.
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// The flash image [default: as `cargo xtask build` leaves it].
-    #[arg(long, value_name = "ELF")]
-    firmware: Option<PathBuf>,
     /// Write the table to this file too, as Markdown.
     #[arg(long, value_name = "F.md")]
     table: Option<PathBuf>,
@@ -90,14 +85,14 @@ struct Cell {
     pass: bool,
 }
 
-/// Of the estimates of one run.
+/// Errors of the estimates of one run.
 #[derive(Debug, Serialize)]
 struct Errors {
     /// Strikes that were measured.
     strikes: usize,
     /// Root mean square over the strikes, A and B, as a part of the truth.
     rms: [f64; 2],
-    /// The greatest, with its sign.
+    /// The greatest error, with its sign.
     worst: [f64; 2],
     /// Every flag that was set.
     flags: Vec<&'static str>,
@@ -123,8 +118,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             )));
         }
     }
-    let image = find_image(arguments.firmware.as_deref())?;
-    let (scenario, _) = load_scenario(&arguments.scenario)?;
+    let image = arguments.bench.image()?;
+    let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
     let grid: Vec<(f64, f64)> = arguments
         .radii
         .iter()
@@ -144,13 +139,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     progress.finish_and_clear();
 
     if let Some(path) = &arguments.table {
-        let text = markdown(arguments, &cells);
-        output::write_whole(path, |file| Ok(file.write_all(text.as_bytes())?))?;
+        output::write_bytes(path, markdown(arguments, &cells))?;
     }
-    match arguments.format {
-        Format::Json => output::print_json(&cells)?,
-        Format::Table => output::print_line(&table(&cells))?,
-    }
+    output::print(arguments.format, &cells, || table(&cells))?;
     let outside = cells.iter().filter(|cell| !cell.pass).count();
     match outside {
         0 => Ok(()),
@@ -163,7 +154,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> Result<Cell, Failure> {
     let solution = simulate_with_ring_down(scenario)?;
-    bead_of(&solution, arguments.bead)?;
+    bead_of(&solution, arguments.bench.bead)?;
     let timing = Timing {
         lead_in: LEAD_IN,
         strikes: arguments.strikes,
@@ -173,21 +164,21 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
         let run = Emulation::prepare(
             scenario,
             &solution,
-            arguments.bead,
+            arguments.bench.bead,
             &sensors.front_end(),
             Some(arguments.seed),
             timing,
             image,
         )?;
-        let (stream, _) = run.run()?;
-        Ok::<_, Failure>((errors(&run, &stream), run.truth.truth.peak_force))
+        let ran = run.run()?;
+        Ok::<_, Failure>((errors(&run, ran.frames), run.truth.truth.peak_force))
     };
     let ((weak, peak_force), (strong, _)) = (errors(Sensors::Weak)?, errors(Sensors::Strong)?);
     let summary = solution.summary();
     let intruder = summary
         .intruders
         .iter()
-        .find(|intruder| intruder.bead == arguments.bead);
+        .find(|intruder| intruder.bead == arguments.bench.bead);
     Ok(Cell {
         radius: scenario.striker.radius,
         speed: scenario.striker.velocity,
@@ -201,26 +192,20 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
     })
 }
 
-/// Of the first window after each strike; those after it are echoes.
-fn errors(run: &Emulation, stream: &[u8]) -> Errors {
-    let (frames, _) = frames::decode(stream);
-    let strikes = assemble(&frames, Some(&run.settings));
-    let starts = &run.truth.starts;
-    let ends = starts.iter().skip(1).copied().chain([f64::INFINITY]);
-    let measured: Vec<_> = starts
-        .iter()
-        .zip(ends)
-        .filter_map(|(&start, end)| {
-            strikes
-                .iter()
-                .find(|strike| (start..end).contains(&(strike.said.trigger_index as f64)))
-        })
-        .collect();
+/// The errors of the first window after each strike. Later windows are echoes.
+fn errors(run: &Emulation, frames: Vec<Frame>) -> Errors {
+    let strikes = assemble(frames, Some(run.settings));
+    let mut begun = None;
+    let mut is_first = |strike: &&RecordedStrike| {
+        let before = std::mem::replace(&mut begun, run.truth.begun(strike.said.trigger_index));
+        begun.is_some() && begun != before
+    };
+    let measured: Vec<_> = strikes.iter().filter(&mut is_first).collect();
     let absorbed = run.truth.truth.absorbed;
-    let of = |bits: &dyn Fn(&bead_wire::Strike) -> i64| -> (f64, f64) {
+    let of = |energy: &dyn Fn(&bead_wire::Strike) -> Energy| -> (f64, f64) {
         let errors: Vec<f64> = measured
             .iter()
-            .map(|strike| joules(bits(&strike.said)) / absorbed - 1.0)
+            .map(|strike| energy(&strike.said).joules() / absorbed - 1.0)
             .collect();
         let squares: f64 = errors.iter().map(|error| error * error).sum();
         let worst = errors.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
@@ -230,16 +215,18 @@ fn errors(run: &Emulation, stream: &[u8]) -> Errors {
         of(&|said| said.absorbed_measured),
         of(&|said| said.absorbed_predicted),
     );
-    let flags = measured.iter().fold(0, |flags, strike| flags | strike.said.flags);
+    let flags = measured
+        .iter()
+        .fold(StrikeFlags::NONE, |flags, strike| flags.with(strike.said.flags));
     Errors {
         strikes: measured.len(),
         rms: [a.0, b.0],
         worst: [a.1, b.1],
-        flags: flag_names(flags),
+        flags: flags.names().collect(),
     }
 }
 
-/// An error with its worst, or what flag says that it is none.
+/// An error with its worst value, or the flag that makes it meaningless.
 fn shown(errors: &Errors, estimate: usize) -> String {
     let railed = ["acceleration_railed", "force_railed"][estimate];
     if errors.flags.contains(&railed) {
@@ -285,11 +272,7 @@ const HEADINGS: [&str; 8] = [
 ];
 
 fn table(cells: &[Cell]) -> String {
-    let mut table = output::table(HEADINGS);
-    for cell in cells {
-        table.add_row(row(cell));
-    }
-    output::table_text(&table)
+    output::table(&HEADINGS.join(" | "), cells.iter().map(row))
 }
 
 fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {
@@ -313,8 +296,8 @@ square over the strikes, in brackets the worst. A is measured by the acceleratio
 pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [estimators.md](estimators.md).
 
 ",
-        arguments.scenario.display(),
-        arguments.bead,
+        arguments.bench.scenario.display(),
+        arguments.bench.bead,
         arguments.strikes,
         arguments.strikes
     );

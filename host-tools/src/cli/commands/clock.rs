@@ -7,12 +7,13 @@ use clap::Args;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::recording::clock::{Place, Report, compare};
+use crate::recording::clock::{ClockComparison, Place, compare};
 
 const AFTER_HELP: &str = "\
-Drift is how fast a bead's clock is; below zero it is slow. Against the host it comes from the receive times of the
-recording: a minute tells it to some ppm, ten minutes to a tenth of one, as far as delays allow. With several recordings, beads whose
-sync inputs saw the same edges are put on the time of the first, to tens of ns, and their strikes with them.
+Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive times of the
+recording: a minute gives it to some ppm, ten minutes to a tenth of a ppm, as far as delays allow. With several
+recordings, beads whose sync inputs saw the same edges are put on the time of the first bead, to tens of ns. Their
+strikes are put on that time too.
 
 Examples:
   bead clock strikes.mcap
@@ -22,7 +23,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// The recordings; the first one's bead gives the time of all.
+    /// The recordings. The bead of the first gives the time for all.
     #[arg(required = true, value_name = "F.mcap")]
     recordings: Vec<PathBuf>,
     /// How to print the result.
@@ -32,10 +33,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let report = compare(&arguments.recordings)?;
-    match arguments.format {
-        Format::Json => output::print_json(&report),
-        Format::Table => output::print_line(&table(&report)),
-    }
+    output::print(arguments.format, &report, || table(&report))
 }
 
 /// Host time in ns since 1970, as people and programs read it.
@@ -43,7 +41,7 @@ pub(crate) fn rfc3339(unix_ns: i64) -> String {
     DateTime::from_timestamp_nanos(unix_ns).to_rfc3339_opts(SecondsFormat::Nanos, true)
 }
 
-/// A drift with its uncertainty; with none, nothing is known of it.
+/// A drift with its uncertainty. Without an uncertainty nothing is known of the drift.
 pub(crate) fn drift(ppm: f64, uncertainty: Option<f64>) -> [String; 2] {
     match uncertainty {
         Some(within) => [figures(ppm, within), figures(within, within)],
@@ -51,7 +49,7 @@ pub(crate) fn drift(ppm: f64, uncertainty: Option<f64>) -> [String; 2] {
     }
 }
 
-/// As many decimals as the uncertainty leaves: its first figure but one.
+/// A number with as many decimals as its uncertainty supports: two digits of the uncertainty.
 fn figures(value: f64, within: f64) -> String {
     let decimals = (1.0 - within.abs().max(1e-6).log10()).ceil().clamp(0.0, 6.0) as usize;
     format!("{value:.decimals$}")
@@ -64,23 +62,14 @@ fn named(place: &Place) -> String {
     }
 }
 
-fn table(report: &Report) -> String {
+const CLOCKS: &str = "against this host | index 0 was at | for s | frames | drift ppm | ± | residual µs | delay µs \
+                      | edges | missed";
+
+fn table(report: &ClockComparison) -> String {
     let micro = |seconds: f64| format!("{:.1}", seconds * 1e6);
-    let mut clocks = output::table([
-        "against this host",
-        "index 0 was at",
-        "for s",
-        "frames",
-        "drift ppm",
-        "±",
-        "residual µs",
-        "delay µs",
-        "edges",
-        "missed",
-    ]);
-    for clock in &report.clocks {
+    let clocks = report.clocks.iter().map(|clock| {
         let [ppm, within] = drift(clock.drift_ppm.unwrap_or(0.0), clock.drift_uncertainty_ppm);
-        clocks.add_row([
+        [
             named(&clock.place),
             rfc3339(clock.started_unix_ns),
             format!("{:.1}", clock.span_s),
@@ -91,28 +80,19 @@ fn table(report: &Report) -> String {
             micro(clock.delay_s),
             clock.edges.to_string(),
             clock.edges_missed.to_string(),
-        ]);
-    }
-    let mut parts = vec![output::table_text(&clocks)];
+        ]
+    });
+    let mut parts = vec![output::table(CLOCKS, clocks)];
     let Some(reference) = &report.reference else {
         return parts.concat();
     };
     let nano = |seconds: f64| format!("{:.1}", seconds * 1e9);
-    let mut alignments = output::table([
-        format!("against {}", named(reference)),
-        "edges in common".to_owned(),
-        "index 0 was at s".to_owned(),
-        "drift ppm".to_owned(),
-        "±".to_owned(),
-        "residual ns".to_owned(),
-        "largest ns".to_owned(),
-    ]);
-    for alignment in &report.alignments {
+    let alignments = report.alignments.iter().map(|alignment| {
         let [ppm, within] = match alignment.drift_uncertainty_ppm {
             None => [format!("{:.4}", alignment.drift_ppm), "-".to_owned()],
             uncertainty => drift(alignment.drift_ppm, uncertainty),
         };
-        alignments.add_row([
+        [
             named(&alignment.place),
             alignment.edges_in_common.to_string(),
             format!("{:.9}", alignment.offset_s),
@@ -120,19 +100,19 @@ fn table(report: &Report) -> String {
             within,
             nano(alignment.residual_rms_s),
             nano(alignment.residual_max_s),
-        ]);
-    }
-    parts.push(output::table_text(&alignments));
+        ]
+    });
+    let header = format!(
+        "against {} | edges in common | index 0 was at s | drift ppm | ± | residual ns | largest ns",
+        named(reference)
+    );
+    parts.push(output::table(&header, alignments));
     if !report.strikes.is_empty() {
-        let mut strikes = output::table(["strike at", "number", "arrived at s"]);
-        for strike in &report.strikes {
-            strikes.add_row([
-                named(&strike.place),
-                strike.strike.to_string(),
-                format!("{:.9}", strike.arrival_s),
-            ]);
-        }
-        parts.push(output::table_text(&strikes));
+        let strikes = report.strikes.iter().map(|strike| {
+            let arrival = format!("{:.9}", strike.arrival_s);
+            [named(&strike.place), strike.strike.to_string(), arrival]
+        });
+        parts.push(output::table("strike at | number | arrived at s", strikes));
     }
     parts.join("\n\n")
 }

@@ -1,10 +1,10 @@
-//! `bead command`: what a bead can be asked but its settings.
+//! `bead command`: requests to a bead, except those for its settings.
 
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bead_wire::{Check, Link, Request};
+use bead_wire::{Check, Link, Message, Raw, Request, SelfTest, Standing};
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
@@ -12,7 +12,7 @@ use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
 use crate::line::conversation::{Answer, Conversation};
-use crate::recording::frames::{Frame, Message, Raw, standing_names};
+use crate::recording::frames::Frame;
 
 const AFTER_HELP: &str = "\
 A bead goes on measuring while it is asked; a reboot excepted.
@@ -35,9 +35,10 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Who is there: firmware, device, boot.
+    /// Show the bead's identity: firmware, device, boot.
     Identity(Common),
-    /// How it fares: counts of samples, strikes, losses and faults, and what came in over its line.
+    /// Show the bead's status: counts of samples, strikes, losses and faults, and of what came in over its
+    /// line.
     Status(Common),
     /// Let the bead check itself: supply, sensors, settings, stack, estimators, flash.
     SelfTest(Common),
@@ -45,11 +46,12 @@ enum Action {
     Arm(Common),
     /// Look for no strikes until it is armed or reset.
     Disarm(Common),
-    /// Have every scan sent for a while, whether there is a strike or not; about half of them fit the line.
+    /// Let the bead send every scan for a while, with or without a strike. About half of the scans fit the
+    /// line.
     Raw {
         #[command(flatten)]
         common: Common,
-        /// For how long, s; 10 at most.
+        /// How long, s; at most 10.
         #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
         duration: Duration,
         /// The codes as CSV, one scan a row; - for standard output, with the summary on standard error.
@@ -58,7 +60,7 @@ enum Action {
     },
     /// Set the counts of losses, faults and rejected input to 0.
     ResetCounters(Common),
-    /// Reset the bead, and wait until it is there again.
+    /// Reset the bead, and wait until it is back.
     Reboot(Common),
 }
 
@@ -86,57 +88,43 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
         Action::Reboot(common) => {
             let boot = common.line.open()?.reboot()?;
-            said(
-                common.format,
-                &json!({ "boot": boot }),
-                &format!("in boot {boot}"),
-            )
+            output::print(common.format, &json!({ "boot": boot }), || {
+                format!("in boot {boot}")
+            })
         }
     }
 }
 
-/// A request whose answer is that it was done.
-fn simple(common: &Common, request: &Request<'_>, done: &str) -> Result<(), Failure> {
-    common.line.open()?.command(request)?;
-    said(common.format, &json!({ "outcome": "done" }), done)
-}
-
-fn said(format: Format, json: &Value, text: &str) -> Result<(), Failure> {
-    match format {
-        Format::Json => output::print_json(json),
-        Format::Table => output::print_line(text),
-    }
+/// Sends a request whose answer is only that it was done.
+fn simple(common: &Common, request: &Request, done: &str) -> Result<(), Failure> {
+    common.line.open()?.request_done(request)?;
+    output::print(common.format, &json!({ "outcome": "done" }), || done.to_owned())
 }
 
 fn identity(common: &Common) -> Result<(), Failure> {
-    let answer = common.line.open()?.command(&Request::Identity)?;
+    let answer = common.line.open()?.request_done(&Request::Identity)?;
     let body = answer.last("identity frame", |frame| {
         matches!(frame.message, Message::Identity(_)).then(|| frame.body())
     })?;
-    match common.format {
-        Format::Json => output::print_json(&body),
-        Format::Table => output::print_line(&rows([&body])),
-    }
+    output::print(common.format, &body, || rows([&body]))
 }
 
 fn status(common: &Common) -> Result<(), Failure> {
-    let answer = common.line.open()?.command(&Request::Status)?;
+    let answer = common.line.open()?.request_done(&Request::Status)?;
     let body = |what: &str, wanted: fn(&Message) -> bool| {
         answer.last(what, |frame| wanted(&frame.message).then(|| frame.body()))
     };
     let status = body("status frame", |message| matches!(message, Message::Status(_)))?;
     let health = body("health frame", |message| matches!(message, Message::Health(_)))?;
     let link = body("link frame", |message| matches!(message, Message::Link(_)))?;
-    match common.format {
-        Format::Json => output::print_json(&json!({ "status": status, "health": health, "link": link })),
-        Format::Table => output::print_line(&rows([&status, &health, &link])),
-    }
+    let all = json!({ "status": status, "health": health, "link": link });
+    output::print(common.format, &all, || rows([&status, &health, &link]))
 }
 
-/// The members of some objects, one a row, as they are named in JSON.
+/// The members of JSON objects by name, one in each row.
 fn rows<const N: usize>(objects: [&Value; N]) -> String {
-    let mut table = output::table(["", ""]);
-    for (key, value) in objects.iter().filter_map(|object| object.as_object()).flatten() {
+    let members = objects.iter().filter_map(|object| object.as_object()).flatten();
+    let rows = members.map(|(key, value)| {
         let value = match value {
             Value::String(text) => text.clone(),
             Value::Array(items) if items.is_empty() => "none".to_owned(),
@@ -146,14 +134,14 @@ fn rows<const N: usize>(objects: [&Value; N]) -> String {
             }
             other => other.to_string(),
         };
-        table.add_row([key.replace('_', " "), value]);
-    }
+        [key.replace('_', " "), value]
+    });
     // Without its empty header.
-    output::table_text(&table).trim_start().to_owned()
+    output::table("|", rows).trim_start().to_owned()
 }
 
 fn self_test(common: &Common) -> Result<(), Failure> {
-    let answer = common.line.open()?.command(&Request::SelfTest)?;
+    let answer = common.line.open()?.request_done(&Request::SelfTest)?;
     let checks: Vec<_> = answer
         .frames
         .iter()
@@ -167,24 +155,17 @@ fn self_test(common: &Common) -> Result<(), Failure> {
             "the bead tested itself, but what it found was lost on the way; ask again",
         ));
     }
-    match common.format {
-        Format::Json => output::print_json(&checks)?,
-        Format::Table => {
-            let mut table = output::table(["check", "", "found"]);
-            for test in &checks {
-                table.add_row([
-                    test.check.name().to_owned(),
-                    (if test.passed { "passed" } else { "FAILED" }).to_owned(),
-                    found(test.check, test.value),
-                ]);
-            }
-            output::print_line(&output::table_text(&table))?;
-        }
-    }
+    output::print(common.format, &checks, || {
+        let row = |test: &SelfTest| {
+            let passed = output::either(test.passed, "passed", "FAILED");
+            [test.check.to_string(), passed, found(test.check, test.value)]
+        };
+        output::table("check | | found", checks.iter().map(row))
+    })?;
     let failed: Vec<_> = checks
         .iter()
         .filter(|test| !test.passed)
-        .map(|test| test.check.name())
+        .map(|test| test.check.to_string())
         .collect();
     match failed.is_empty() {
         true => Ok(()),
@@ -199,10 +180,13 @@ fn self_test(common: &Common) -> Result<(), Failure> {
 fn found(check: Check, value: u32) -> String {
     match check {
         Check::Supply => format!("{value} mV"),
-        Check::Force | Check::Acceleration => match standing_names(value as u8)[..] {
-            [] => "moves, off the rails".to_owned(),
-            ref standing => standing.join(", "),
-        },
+        Check::Force | Check::Acceleration => {
+            let standing: Vec<_> = Standing::from_bits(value as u8).names().collect();
+            match standing.is_empty() {
+                true => "moves, off the rails".to_owned(),
+                false => standing.join(", "),
+            }
+        }
         Check::Acquisition => format!("{value} blocks of samples in 20 ms"),
         Check::Settings => format!("{value} bytes"),
         Check::Stack => format!("{value} bytes never used"),
@@ -211,6 +195,7 @@ fn found(check: Check, value: u32) -> String {
             0 => "nothing stored".to_owned(),
             _ => format!("{value} bytes stored"),
         },
+        Check::Unknown(_) => value.to_string(),
     }
 }
 
@@ -221,17 +206,17 @@ fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(),
         Message::Link(link) => Some(link),
         _ => None,
     };
-    // What tells the sample rate, and the counts, which are since the reset.
-    bead.command(&Request::Identity)?;
-    let before = bead.command(&Request::Status)?.last("link frame", link)?;
-    let answer = bead.command(&Request::Raw { duration_ms })?;
+    // The identity gives the sample rate, the status the counts since the reset.
+    bead.request_done(&Request::Identity)?;
+    let before = bead.request_done(&Request::Status)?.last("link frame", link)?;
+    let answer = bead.request_done(&Request::Raw { duration_ms })?;
     let (pieces, after) = stream(&mut bead, answer, duration, before, u64::from(duration_ms))?;
 
     let write = |to: &mut dyn Write| -> std::io::Result<()> {
         let mut to = BufWriter::new(to);
         writeln!(to, "sample_index,force_code,acceleration_code")?;
         for piece in &pieces {
-            for (index, codes) in (piece.first_index..).zip(&piece.codes) {
+            for (index, codes) in (piece.first_index..).zip(piece.codes.iter()) {
                 let codes = codes.map(|code| code.to_string());
                 writeln!(to, "{index},{}", codes.join(","))?;
             }
@@ -265,7 +250,7 @@ fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(),
         return Ok(());
     }
     output::write_whole(out, |file| Ok(write(file)?))?;
-    said(common.format, &summary, &text)
+    output::print(common.format, &summary, || text)
 }
 
 /// The pieces of a raw stream, and the counts at its end.
@@ -282,7 +267,7 @@ fn stream(
             pieces.push(raw);
             None
         }
-        // One each second, and one at the end of the stream, which is when all its scans are counted.
+        // A link frame comes every second, and one at the end of the stream, when all its scans are counted.
         Message::Link(link) => {
             let counted = link.raw_sent + link.raw_dropped - before.raw_sent - before.raw_dropped;
             let scans = duration_ms * u64::from(frame.sample_rate_hz.unwrap_or(0)) / 1000;

@@ -1,8 +1,9 @@
-//! `bead decode`: frames as JSON, one object a line.
+//! `bead decode`: frames as JSON, one object in each line.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Read, StdoutLock, Write};
-use std::path::PathBuf;
+use std::io::{self, BufWriter, Read, Write};
+use std::iter;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::Value;
@@ -10,8 +11,8 @@ use serde_json::Value;
 use super::clock::rfc3339;
 use crate::cli::failure::{Blame, Failure};
 use crate::recording::clock::{Fit, Tracker, begins_segment};
-use crate::recording::file::Recording;
-use crate::recording::frames::{Frame, Item, Reader};
+use crate::recording::frames::{Frame, Frames, Item, Piece};
+use crate::recording::received::Received;
 
 const AFTER_HELP: &str = "\
 Fixed-point fields are shown in SI units, named in the key, with the bits beside them (…_raw). Of a recording that has
@@ -47,47 +48,73 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .take(MCAP.len() as u64)
         .read_to_end(&mut head)
         .or_input(context)?;
-    let mut printer = Printer::new();
-    if head == MCAP {
-        if path.as_os_str() == "-" {
-            return Err(Failure::input(
-                "standard input is an MCAP file, which is read from its end as well; give its name instead of -",
-            ));
-        }
-        let recording = Recording::open(path).map_err(Failure::input)?;
-        if let Some(warning) = recording.warning() {
-            eprintln!("bead: {}: {warning}", path.display());
-        }
-        let tracker = Tracker::of(&recording);
-        printer.fits = tracker.segments().iter().map(|segment| segment.fit()).collect();
-        for run in &recording.runs {
-            for bytes in [&run.bytes[..], &[0]] {
-                printer.print(bytes, run.received_ns);
-            }
-            if !printer.flush()? {
-                return Ok(());
-            }
-        }
-    } else {
+    if head != MCAP {
+        let mut failed = None;
         let mut input = io::Cursor::new(head).chain(input);
         let mut buffer = vec![0; 64 * 1024];
-        loop {
-            let length = match input.read(&mut buffer) {
-                Ok(0) => break,
-                Ok(length) => length,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => return Err(error).or_input(context),
-            };
-            printer.print(&buffer[..length], None);
-            // What comes live must not wait for a buffer to fill.
-            if !printer.flush()? {
-                return Ok(());
+        let pieces = iter::from_fn(|| {
+            loop {
+                match input.read(&mut buffer) {
+                    Ok(0) => return None,
+                    Ok(length) => {
+                        return Some(Piece {
+                            bytes: buffer[..length].to_vec(),
+                            received_ns: None,
+                        });
+                    }
+                    Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                    Err(error) => {
+                        failed = Some(error);
+                        return None;
+                    }
+                }
             }
+        });
+        print(path, Frames::new(pieces), &[])?;
+        return failed.map_or(Ok(()), Err).or_input(context);
+    }
+    if path.as_os_str() == "-" {
+        return Err(Failure::input(
+            "standard input is an MCAP file, which is read from its end as well; give its name instead of -",
+        ));
+    }
+    let recording = Received::open(path)?.recording;
+    let tracker = Tracker::of(&recording)?;
+    let fits: Vec<_> = tracker.segments().iter().map(|segment| segment.fit()).collect();
+    print(path, recording.frames()?, &fits)
+}
+
+/// Prints frames to standard output, one in each line. `fits` turn bead time into host time, one for each
+/// boot.
+fn print(
+    path: &Path,
+    mut frames: Frames<impl Iterator<Item = Piece>>,
+    fits: &[Option<Fit>],
+) -> Result<(), Failure> {
+    let mut out = BufWriter::new(io::stdout().lock());
+    let mut boots = 0usize;
+    let mut from_the_future = None;
+    while let Some(item) = frames.next() {
+        let written = match item {
+            Item::Frame(frame) => {
+                from_the_future = frame.from_the_future().or(from_the_future);
+                boots += usize::from(begins_segment(frame.arrival));
+                let fit = boots.checked_sub(1).and_then(|boot| fits.get(boot)?.as_ref());
+                writeln!(out, "{}", timed(&frame, fit))
+            }
+            Item::Rejected(reject) => {
+                eprintln!("bead: {reject}");
+                Ok(())
+            }
+        };
+        // Live frames must not wait for a buffer to fill.
+        match written.and_then(|()| if frames.is_empty() { out.flush() } else { Ok(()) }) {
+            // No program reads the output any more.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
+            other => other.or_input(|| "cannot write to standard output")?,
         }
     }
-
-    let reader = &printer.reader;
-    let counters = reader.counters();
+    let counters = frames.counters();
     if counters.frames == 0 {
         return Err(Failure::input(format!(
             "{}: no frame in {} bytes; give a recording, or the bytes that a bead sent",
@@ -104,77 +131,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         counters.late,
         counters.duplicates,
         counters.restarts,
-        match reader.pending() {
+        match frames.pending() {
             0 => String::new(),
             bytes => format!("; {bytes} bytes of a frame cut short at the end"),
         }
     );
+    if let Some(who) = from_the_future {
+        eprintln!("bead: {who}");
+    }
     Ok(())
 }
 
-/// Frames to standard output, a line each.
-struct Printer {
-    reader: Reader,
-    out: BufWriter<StdoutLock<'static>>,
-    written: io::Result<()>,
-    /// How bead time becomes host time, of each boot.
-    fits: Vec<Option<Fit>>,
-    /// Boots that have begun.
-    boots: usize,
-}
-
-impl Printer {
-    fn new() -> Self {
-        Self {
-            reader: Reader::new(),
-            out: BufWriter::new(io::stdout().lock()),
-            written: Ok(()),
-            fits: Vec::new(),
-            boots: 0,
-        }
-    }
-
-    fn print(&mut self, bytes: &[u8], received_ns: Option<u64>) {
-        let Self {
-            reader,
-            out,
-            written,
-            fits,
-            boots,
-        } = self;
-        reader.feed(bytes, |item| {
-            let frame = match item {
-                Item::Frame(frame) => frame,
-                Item::Rejected(reject) => return eprintln!("bead: {reject}"),
-            };
-            *boots += usize::from(begins_segment(frame.arrival));
-            let fit = boots.checked_sub(1).and_then(|boot| fits.get(boot)?.as_ref());
-            if written.is_ok() {
-                *written = writeln!(out, "{}", timed(&frame, received_ns, fit));
-            }
-        });
-    }
-
-    /// Hands on what was printed; false if nobody reads it any more.
-    fn flush(&mut self) -> Result<bool, Failure> {
-        let written = std::mem::replace(&mut self.written, Ok(()));
-        match written.and_then(|()| self.out.flush()) {
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
-            other => other
-                .or_input(|| "cannot write to standard output")
-                .map(|()| true),
-        }
-    }
-}
-
-/// The frame as JSON, with the host's times of it where they are known.
-fn timed(frame: &Frame, received_ns: Option<u64>, fit: Option<&Fit>) -> Value {
+/// The frame as JSON, with the host's times where they are known.
+fn timed(frame: &Frame, fit: Option<&Fit>) -> Value {
     let mut line = frame.json();
-    if let Some(received_ns) = received_ns {
+    if let Some(received_ns) = frame.received_ns {
         line["received"] = rfc3339(received_ns as i64).into();
-        let bead = frame
-            .sample_rate_hz
-            .map(|rate| frame.header.sample_index as f64 / f64::from(rate));
+        let bead = frame.seconds(frame.header.sample_index as f64);
         let host = fit.zip(bead).map(|(fit, bead)| rfc3339(fit.host_ns(bead)));
         line["host_time"] = host.into();
     }

@@ -1,4 +1,4 @@
-//! `bead figures`: a program of its own, so that who does not draw need not compile what draws.
+//! `bead figures`: runs the program `bead-figures`. Whoever draws nothing need not compile what draws.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
@@ -26,7 +26,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             program.display()
         )));
     }
-    // It takes the place of this process, and so its exit status is this one's.
+    // The program takes the place of this process, so that its exit status is the command's.
     let error = Command::new(&program).args(&arguments.arguments).exec();
     Err(error).or_device(|| format!("cannot run {}", program.display()))
 }

@@ -1,12 +1,12 @@
 //! `bead optimise`: the intruders that leave least energy in the chain.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::Args;
 use hertz_chain::{
-    Accuracy, Aim, Intruder, OptimiseError, Optimum, Remaining, Scenario, Search, optimise, remaining,
+    Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Scenario, Search,
+    optimise, remaining,
 };
 use serde::Serialize;
 
@@ -14,10 +14,10 @@ use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 
 const AFTER_HELP: &str = "\
-What remains is the share of the injected energy that the intruders have not dissipated by the end of the run: what
-they still hold, what was reflected and transmitted, what contacts lost. The scenario's duration says when that is, at
-its own speed; a strike of speed v runs (V/v)^(1/5) times as long, in which a wave comes as far. Let the last of the wave
-pass the hosts, and the chain be long enough that nothing comes back: both are told.
+What remains is the share of the injected energy that the intruders have not dissipated by the end of the run: what they
+still hold, what was reflected and transmitted, and what the contacts lost. The scenario's duration is that of a strike at
+the scenario's speed V. A strike at speed v runs (V/v)^(1/5) times as long, in which its wave comes as far. The duration
+must let the whole wave pass the hosts, and the chain must be so long that nothing comes back: the result tells both.
 
 Examples:
   bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 --total-mass 0.037
@@ -29,33 +29,33 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// The scenario, a TOML file in SI units. Its intruders are for comparison.
+    /// The scenario, a TOML file in SI units. Its intruders are only compared with.
     scenario: PathBuf,
     /// The beads that hold an intruder each, such as 7-16 or 7,9,12-14.
     #[arg(long, value_name = "BEADS")]
     hosts: Beads,
-    /// What the intruders may weigh together, kg.
+    /// Greatest mass of all intruders together, kg.
     #[arg(long, value_name = "KG")]
     total_mass: f64,
     /// Least and greatest mass of each, kg [default: up to half the lightest host].
     #[arg(long, value_name = "LOW:HIGH")]
     mass: Option<Bounds>,
-    /// Least and greatest stiffness, N/m [default: five decades about what answers to the strike].
+    /// Least and greatest stiffness, N/m [default: five decades about the stiffness that fits the strike].
     #[arg(long, value_name = "LOW:HIGH")]
     stiffness: Option<Bounds>,
-    /// Least and greatest damping, N·s/m [default: three decades about what answers to the strike].
+    /// Least and greatest damping, N·s/m [default: three decades about the damping that fits the strike].
     #[arg(long, value_name = "LOW:HIGH")]
     damping: Option<Bounds>,
     /// Speeds of the striker, m/s [default: the scenario's].
     #[arg(long, value_name = "M/S,…", value_delimiter = ',')]
     speeds: Vec<f64>,
-    /// Look at the worst of these strikes, not at their mean.
+    /// Judge by the worst of these strikes, not by their mean.
     #[arg(long, requires = "speeds")]
     worst: bool,
     /// Make all intruders alike.
     #[arg(long)]
     alike: bool,
-    /// Designs to try at most, each at every speed.
+    /// Greatest number of designs to try, each at every speed.
     #[arg(long, value_name = "N", default_value_t = 6000)]
     evaluations: usize,
     /// Write the scenario with the intruders found to this file, for `bead simulate`.
@@ -110,7 +110,8 @@ impl FromStr for Bounds {
     }
 }
 
-/// Intruders of the paper, to compare with: what it measured, and the stiffness that it finds best (its Fig. 5).
+/// Intruders of the paper, for comparison: as measured, and with the stiffness that the paper finds best (its
+/// Fig. 5).
 const PAPER: [(&str, f64); 2] = [
     ("paper, as measured: 3.7 g, 395 kN/m, 12 N·s/m", 3.95e5),
     ("paper, its best k: 3.7 g, 100 kN/m, 12 N·s/m", 1e5),
@@ -118,7 +119,7 @@ const PAPER: [(&str, f64); 2] = [
 
 /// The result, as printed in JSON.
 #[derive(Serialize)]
-struct Report {
+struct SearchReport {
     hosts: Vec<usize>,
     total_mass: f64,
     mass: [f64; 2],
@@ -140,7 +141,7 @@ struct Compared {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+    let scenario = Scenario::load(&arguments.scenario)?;
     let search = search(arguments, &scenario)?;
     let bar = output::progress(search.evaluations as u64);
     bar.set_message(format!("designs for {} hosts", search.hosts.len()));
@@ -155,9 +156,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             100.0 * optimum.share,
             optimum.scenario(&scenario).to_toml()
         );
-        output::write_whole(out, |file| Ok(file.write_all(text.as_bytes())?))?;
+        output::write_bytes(out, text)?;
     }
-    let report = Report {
+    let report = SearchReport {
         hosts: search.hosts,
         total_mass: search.total_mass,
         mass: search.mass,
@@ -167,10 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         optimum,
         compared,
     };
-    match arguments.format {
-        Format::Json => output::print_json(&report),
-        Format::Table => output::print_line(&table(&scenario, &report)),
-    }
+    output::print(arguments.format, &report, || table(&scenario, &report))
 }
 
 fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure> {
@@ -193,12 +191,12 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
     Ok(search)
 }
 
-/// Fields of a search are options here.
+/// Names the option in place of the search's field.
 fn refusal(error: OptimiseError) -> Failure {
     match error {
-        OptimiseError::Search { key, what, advice } => {
-            Failure::input(format!("--{}: {what}; {advice}", key.replace('_', "-")))
-        }
+        OptimiseError::Search(InputError {
+            key, what, advice, ..
+        }) => Failure::input(format!("--{}: {what}; {advice}", key.replace('_', "-"))),
         other => Failure::input(other),
     }
 }
@@ -210,10 +208,8 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
     }
     for (name, stiffness) in PAPER {
         let paper = Intruder {
-            beads: search.hosts.clone(),
-            mass: 3.7e-3,
             stiffness,
-            damping: 12.0,
+            ..Intruder::new(search.hosts.iter().copied(), Oscillator::PAPER)
         };
         others.push((name, vec![paper]));
     }
@@ -223,14 +219,14 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
             intruders,
             ..scenario.clone()
         };
-        // The paper's may be too heavy for these beads.
+        // The paper's intruder may be too heavy for these beads.
         if other.check().is_err() {
             continue;
         }
         let strikes = optimum
             .strikes
             .iter()
-            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE).map_err(Failure::input))
+            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE))
             .collect::<Result<Vec<_>, _>>()?;
         compared.push(Compared {
             name,
@@ -255,7 +251,7 @@ fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)
 }
 
-fn table(scenario: &Scenario, report: &Report) -> String {
+fn table(scenario: &Scenario, report: &SearchReport) -> String {
     let mut parts = Vec::new();
     if !scenario.title.is_empty() {
         parts.push(scenario.title.clone());
@@ -268,20 +264,11 @@ fn table(scenario: &Scenario, report: &Report) -> String {
         range(report.stiffness, 1e3),
         range(report.damping, 1.0),
     ));
-    parts.push(output::table_text(&intruders(report)));
+    parts.push(intruders(report));
 
     let optimum = &report.optimum;
-    let mut strikes = output::table([
-        "strike (m/s)",
-        "injected (µJ)",
-        "remains (%)",
-        "before hosts",
-        "within",
-        "after",
-        "lost in contacts",
-    ]);
-    for strike in &optimum.strikes {
-        strikes.add_row([
+    let strikes = optimum.strikes.iter().map(|strike| {
+        [
             strike.speed.to_string(),
             format!("{:.4}", strike.injected * 1e6),
             percent(strike.share),
@@ -289,67 +276,53 @@ fn table(scenario: &Scenario, report: &Report) -> String {
             percent(strike.within),
             percent(strike.after),
             percent(strike.contacts),
-        ]);
-    }
-    parts.push(output::table_text(&strikes));
+        ]
+    });
+    let header =
+        "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts";
+    parts.push(output::table(header, strikes));
 
     let remains = match (report.aim, optimum.strikes.len()) {
         (_, 1) => "remains (%)",
         (Aim::Worst, _) => "remains, worst (%)",
         _ => "remains, mean (%)",
     };
-    let mut compared = output::table(["intruders", "together (g)", remains]);
-    for other in &report.compared {
-        compared.add_row([
-            other.name.to_owned(),
-            format!("{:.3}", other.mass * 1e3),
-            percent(other.share),
-        ]);
-    }
-    compared.add_row([
-        "best that are all alike".to_owned(),
-        String::new(),
-        percent(optimum.share_alike),
-    ]);
-    compared.add_row([
-        "best".to_owned(),
-        format!("{:.3}", total_mass(&optimum.intruders) * 1e3),
-        percent(optimum.share),
-    ]);
-    parts.push(output::table_text(&compared));
+    let grams = |mass: f64| format!("{:.3}", mass * 1e3);
+    let row = |name: &str, together: String, share: f64| [name.to_owned(), together, percent(share)];
+    let compared = &report.compared;
+    let mut rows: Vec<_> = compared
+        .iter()
+        .map(|other| row(other.name, grams(other.mass), other.share))
+        .collect();
+    rows.push(row("best that are all alike", String::new(), optimum.share_alike));
+    rows.push(row("best", grams(total_mass(&optimum.intruders)), optimum.share));
+    parts.push(output::table(
+        &format!("intruders | together (g) | {remains}"),
+        rows,
+    ));
     parts.push(remarks(optimum).join("\n"));
     parts.join("\n\n")
 }
 
-fn intruders(report: &Report) -> comfy_table::Table {
+fn intruders(report: &SearchReport) -> String {
     let optimum = &report.optimum;
-    let mut table = output::table([
-        "bead",
-        "m (g)",
-        "k (kN/m)",
-        "c (N·s/m)",
-        "f0 (Hz)",
-        "ζ",
-        "absorbed (%)",
-    ]);
     let figure = |value: f64, unit: f64, [low, high]: [f64; 2]| {
         let bound = value < low * 1.001 || value > high * 0.999;
         format!("{:.3}{}", value / unit, if bound { "*" } else { "" })
     };
-    for (index, intruder) in optimum.intruders.iter().enumerate() {
+    let rows = optimum.intruders.iter().enumerate().map(|(index, intruder)| {
         let &Intruder {
             mass,
             stiffness,
             damping,
             ..
         } = intruder;
-        let absorbed = optimum
+        let of_injected = optimum
             .strikes
             .iter()
-            .map(|strike| strike.intruders[index].of_injected)
-            .sum::<f64>()
-            / optimum.strikes.len() as f64;
-        table.add_row([
+            .map(|strike| strike.intruders[index].of_injected);
+        let absorbed = of_injected.sum::<f64>() / optimum.strikes.len() as f64;
+        [
             report.hosts[index].to_string(),
             figure(mass, 1e-3, report.mass),
             figure(stiffness, 1e3, report.stiffness),
@@ -357,9 +330,12 @@ fn intruders(report: &Report) -> comfy_table::Table {
             format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
             format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
             percent(absorbed),
-        ]);
-    }
-    table
+        ]
+    });
+    output::table(
+        "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)",
+        rows,
+    )
 }
 
 fn remarks(optimum: &Optimum) -> Vec<String> {

@@ -1,19 +1,19 @@
 //! `bead record`: what a bead sends, to a recording.
 //!
 //! # Design
-//! A thread of its own reads the port and does nothing else, so that a slow disk or a reader of standard output
-//! that has paused costs memory, never bytes. It ends at `--duration`, at a signal, or when the port goes away;
-//! what it has read is recorded to the last byte in each case.
+//! One thread only reads the port. A slow disk, or a paused reader of standard output, therefore costs memory
+//! and never bytes. The thread ends at `--duration`, at a signal, or when the port goes away. In each case
+//! all that it read is recorded.
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use std::{panic, thread};
 
-use bead_wire::{ACCELERATION_UNIT_MPS2, Arrival, Counters, FORCE_UNIT_N, Strike};
+use bead_wire::{Arrival, Counters, Fault, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
 use indicatif::ProgressBar;
@@ -24,12 +24,13 @@ use crate::cli::output::{self, Format};
 use crate::line::port::{Address, Port};
 use crate::recording::clock::Tracker;
 use crate::recording::file::{About, RecordingError, Writer};
-use crate::recording::frames::{Fault, Frame, Item, Message, Reader, flag_names, joules};
+use crate::recording::frames::{Frame, Item};
 
 const AFTER_HELP: &str = "\
-Ends at Ctrl-C, or after --duration, with exit status 0; when the port goes away, with 3. The recording is complete
-in each case. Every byte is kept as received, corrupt frames included, and when it was received. Each strike is printed as
-it comes. At the end: how fast the bead's clock is against this host's, as far as the time tells it; see `bead clock`.
+Ends at Ctrl-C or after --duration with exit status 0, and with 3 when the port goes away. The recording is complete in
+each case. It keeps every byte as received, corrupt frames included, with the time of receipt. Each strike is printed as
+it comes. The last line says how fast the bead's clock is against this host's, if the recording is long enough; see
+`bead clock`.
 
 Examples:
   bead record --port /dev/ttyUSB0
@@ -52,7 +53,7 @@ pub(crate) struct Arguments {
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
-    /// Stop after so long, s.
+    /// Stop after this time, s.
     #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
     duration: Option<Duration>,
     /// How to print the strikes; as JSON, one object a line, as `bead decode` does.
@@ -65,80 +66,38 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
-    let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
-    let out = arguments.out.clone().unwrap_or_else(named);
-    if out.is_dir() {
-        return Err(Failure::input(format!(
-            "{} is a directory; give --out a file's name",
-            out.display()
-        )));
-    }
-    if out.exists() && !arguments.force {
-        return Err(Failure::input(format!(
-            "{} is there already; give another --out, or --force to replace it",
-            out.display()
-        )));
-    }
-
+    let out = arguments.recording(started)?;
     let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
-    let opened = Instant::now();
-    // The monotonic clock from here on: steps of the host's own time are no drift of the bead's.
-    let opened_ns = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |since| since.as_nanos() as u64);
+    let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
+    let mut recorder = Recorder::new(arguments, &out, started)?;
     let deadline = arguments
         .duration
-        .and_then(|duration| opened.checked_add(duration));
-    let mut notes = BTreeMap::from([("started".into(), started.to_rfc3339())]);
-    if let Address::Serial(_) = arguments.port {
-        notes.insert("baud".into(), arguments.baud.to_string());
-    }
-    let about = About {
-        source: arguments.port.to_string(),
-        notes,
-        ..About::default()
-    };
-    let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
-    let mut recorder = Recorder {
-        writer: Writer::create(&out, &about).map_err(Failure::input)?,
-        reader: Reader::new(),
-        tracker: Tracker::default(),
-        opened,
-        opened_ns,
-        strikes: 0,
-        format: arguments.format,
-        printed: Ok(()),
-        progress: output::spinner(format!("listening to {}", arguments.port)),
-    };
-
+        .and_then(|duration| recorder.opened.checked_add(duration));
     let (heard, kept) = thread::scope(|scope| {
         let (sender, receiver) = mpsc::channel();
         let listener = scope.spawn(|| listen(&mut port, &stop, deadline, sender));
         let kept = recorder.keep(&receiver);
         drop(receiver);
         stop.store(true, Ordering::Relaxed);
-        (
-            listener
-                .join()
-                .unwrap_or_else(|cause| panic::resume_unwind(cause)),
-            kept,
-        )
+        let heard = listener
+            .join()
+            .unwrap_or_else(|cause| panic::resume_unwind(cause));
+        (heard, kept)
     });
     recorder.progress.finish_and_clear();
-    let seconds = opened.elapsed().as_secs_f64();
+    let seconds = recorder.opened.elapsed().as_secs_f64();
     let Recorder {
         writer,
         strikes,
         tracker,
+        from_the_future,
         printed,
         ..
     } = recorder;
     let partial = writer.partial_path().to_owned();
     let counters = kept.and_then(|()| writer.finish()).map_err(|error| {
-        Failure::input(format!(
-            "{error}; what came before is kept in {}",
-            partial.display()
-        ))
+        let partial = partial.display();
+        Failure::input(format!("{error}; what came before is kept in {partial}"))
     })?;
 
     let result = format!("{}: {}", out.display(), summary(&counters, strikes, seconds));
@@ -149,17 +108,40 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             arguments.port
         )));
     }
-    eprintln!("bead: {result}");
-    if let Some(line) = clock_line(&tracker) {
+    let lines = [
+        Some(result),
+        clock_line(&tracker),
+        advice(&counters).map(str::to_owned),
+        from_the_future,
+    ];
+    for line in lines.into_iter().flatten() {
         eprintln!("bead: {line}");
-    }
-    if let Some(advice) = advice(&counters) {
-        eprintln!("bead: {advice}");
     }
     printed
 }
 
-/// Reads the port until told to stop, at least once. An error is the port going away.
+impl Arguments {
+    /// The name of the recording. No other file has it, unless it may be replaced.
+    fn recording(&self, started: DateTime<Utc>) -> Result<PathBuf, Failure> {
+        let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
+        let out = self.out.clone().unwrap_or_else(named);
+        if out.is_dir() {
+            return Err(Failure::input(format!(
+                "{} is a directory; give --out a file's name",
+                out.display()
+            )));
+        }
+        if out.exists() && !self.force {
+            return Err(Failure::input(format!(
+                "{} is there already; give another --out, or --force to replace it",
+                out.display()
+            )));
+        }
+        Ok(out)
+    }
+}
+
+/// Reads the port until it is told to stop, at least once. An error means that the port went away.
 fn listen(
     port: &mut Port,
     stop: &AtomicBool,
@@ -169,7 +151,7 @@ fn listen(
     let mut buffer = vec![0; 64 * 1024];
     loop {
         let length = port.read(&mut buffer)?;
-        // Here and not where it is written: the disk must not delay it.
+        // The time is taken here and not at the writer, where the disk would delay it.
         let now = Instant::now();
         let wanted = length == 0 || sender.send((now, buffer[..length].to_vec())).is_ok();
         let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
@@ -181,19 +163,50 @@ fn listen(
 
 struct Recorder {
     writer: Writer,
-    reader: Reader,
     tracker: Tracker,
     opened: Instant,
     /// The same in ns since 1970.
     opened_ns: u64,
     strikes: u64,
+    /// See [`Frame::from_the_future`].
+    from_the_future: Option<String>,
     format: Format,
-    /// Standard output may fail; the recording goes on.
+    /// What printing gave. If standard output fails, the recording goes on.
     printed: Result<(), Failure>,
     progress: ProgressBar,
 }
 
 impl Recorder {
+    /// A recorder of a port that was opened just now.
+    fn new(arguments: &Arguments, out: &Path, started: DateTime<Utc>) -> Result<Self, Failure> {
+        let opened = Instant::now();
+        // From here on the monotonic clock counts, so that a step of the host's time is not taken for the
+        // bead's drift.
+        let opened_ns = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |since| since.as_nanos() as u64);
+        let mut notes = BTreeMap::from([("started".into(), started.to_rfc3339())]);
+        if let Address::Serial(_) = arguments.port {
+            notes.insert("baud".into(), arguments.baud.to_string());
+        }
+        let about = About {
+            source: arguments.port.to_string(),
+            notes,
+            ..About::default()
+        };
+        Ok(Self {
+            writer: Writer::create(out, &about)?,
+            tracker: Tracker::default(),
+            opened,
+            opened_ns,
+            strikes: 0,
+            from_the_future: None,
+            format: arguments.format,
+            printed: Ok(()),
+            progress: output::spinner(format!("listening to {}", arguments.port)),
+        })
+    }
+
     /// Records what comes until the sender is gone.
     fn keep(&mut self, receiver: &Receiver<(Instant, Vec<u8>)>) -> Result<(), RecordingError> {
         loop {
@@ -201,8 +214,7 @@ impl Recorder {
                 Ok((received, bytes)) => {
                     let since = received.duration_since(self.opened);
                     let received_ns = self.opened_ns + since.as_nanos() as u64;
-                    self.writer.write_at(&bytes, received_ns)?;
-                    self.show(&bytes, received_ns);
+                    self.keep_piece(&bytes, received_ns)?;
                 }
                 Err(RecvTimeoutError::Timeout) => self.writer.flush()?,
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
@@ -210,19 +222,21 @@ impl Recorder {
         }
     }
 
-    fn show(&mut self, bytes: &[u8], received_ns: u64) {
+    fn keep_piece(&mut self, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
         let Self {
-            reader,
+            writer,
             tracker,
             strikes,
+            from_the_future,
             format,
             printed,
             progress,
             ..
         } = self;
-        reader.feed(bytes, |item| {
+        writer.write(bytes, Some(received_ns), |item| {
             let Item::Frame(frame) = item else { return };
-            tracker.push(&frame, Some(received_ns));
+            tracker.push(&frame);
+            *from_the_future = frame.from_the_future().or(from_the_future.take());
             if frame.arrival == Arrival::Duplicate {
                 return;
             }
@@ -241,32 +255,33 @@ impl Recorder {
                 };
                 *printed = progress.suspend(|| output::print_line(&line));
             }
-        });
-        let counters = reader.counters();
+        })?;
+        let counters = writer.counters();
         progress.set_message(format!(
             "{} frames, {} lost, {} corrupt, {strikes} strikes",
             counters.frames,
             counters.lost,
             counters.rejected.total()
         ));
+        Ok(())
     }
 }
 
 fn strike_line(frame: &Frame, strike: &Strike) -> String {
-    let at = match frame.sample_rate_hz {
-        Some(rate) => format!("at {:.5} s", strike.trigger_index as f64 / f64::from(rate)),
+    let at = match frame.seconds(strike.trigger_index as f64) {
+        Some(seconds) => format!("at {seconds:.5} s"),
         None => format!("at sample {}", strike.trigger_index),
     };
     let mut line = format!(
         "strike {} {at}: {:.3} N, {:+.1} to {:+.1} m/s², absorbed {:.2} nJ measured, {:.2} nJ predicted",
         strike.strike,
-        f64::from(strike.peak_force) * FORCE_UNIT_N,
-        f64::from(strike.acceleration_min) * ACCELERATION_UNIT_MPS2,
-        f64::from(strike.acceleration_max) * ACCELERATION_UNIT_MPS2,
-        joules(strike.absorbed_measured) * 1e9,
-        joules(strike.absorbed_predicted) * 1e9,
+        strike.peak_force.newtons(),
+        strike.acceleration_min.metres_per_second_squared(),
+        strike.acceleration_max.metres_per_second_squared(),
+        strike.absorbed_measured.joules() * 1e9,
+        strike.absorbed_predicted.joules() * 1e9,
     );
-    for name in flag_names(strike.flags) {
+    for name in strike.flags.names() {
         line.push_str(", ");
         line.push_str(name);
     }
@@ -274,10 +289,10 @@ fn strike_line(frame: &Frame, strike: &Strike) -> String {
 }
 
 fn fault_line(fault: &Fault) -> String {
-    let mut line = format!("fault in boot {}: {}", fault.boot, fault.cause.name());
-    if !fault.detail.is_empty() {
+    let mut line = format!("fault in boot {}: {}", fault.boot, fault.cause);
+    if !fault.detail.as_str().is_empty() {
         line.push_str(", ");
-        line.push_str(&fault.detail);
+        line.push_str(fault.detail.as_str());
     }
     line
 }
@@ -293,7 +308,7 @@ fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
     )
 }
 
-/// How the bead's clock runs since its last restart, if that can be told by now.
+/// How the bead's clock runs since its last restart, if the recording is long enough to tell.
 fn clock_line(tracker: &Tracker) -> Option<String> {
     let fit = tracker.segments().last()?.fit()?;
     let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
@@ -303,7 +318,7 @@ fn clock_line(tracker: &Tracker) -> Option<String> {
     ))
 }
 
-/// What to look at when no frame came at all.
+/// What to check when no frame came.
 fn advice(counters: &Counters) -> Option<&'static str> {
     match counters {
         Counters { frames: 1.., .. } => None,
@@ -324,7 +339,7 @@ mod tests {
             cause,
             boot: 3,
             pc: 0,
-            detail: detail.to_owned(),
+            detail: detail.into(),
         };
         assert_eq!(
             fault_line(&fault(bead_wire::FaultCause::Recovered, "force_stuck")),
@@ -341,26 +356,29 @@ mod tests {
         let mut tracker = Tracker::default();
         let mut sent = |second: u64| {
             let identity = bead_wire::Identity {
-                firmware: "",
-                git: "",
+                firmware: "".into(),
+                git: "".into(),
                 uid: [0; 12],
                 boot: 0,
-                reset_cause: 0,
+                reset_cause: bead_wire::ResetCauses::NONE,
                 sample_rate_hz: 100_000,
                 channels: 2,
             };
             let frame = Frame {
+                version: bead_wire::VERSION,
                 header: bead_wire::Header {
+                    address: 0,
                     boot: 0,
                     sequence: second as u32,
                     sample_index: 100_000 * second,
                 },
                 arrival: Arrival::Next { lost: 0 },
                 sample_rate_hz: Some(100_000),
-                message: bead_wire::Message::Identity(identity).into(),
+                // A bead that is fast by 50 ppm, and frames up to 30 us late.
+                received_ns: Some(second * 999_950_002 + second * 7919 % 30_011),
+                message: identity.into(),
             };
-            // A bead that is fast by 50 ppm, and frames up to 30 us late.
-            tracker.push(&frame, Some(second * 999_950_002 + second * 7919 % 30_011));
+            tracker.push(&frame);
             clock_line(&tracker)
         };
         assert_eq!(sent(0), None);

@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct ReplayReport {
     identical: bool,
     strikes: Vec<Strike>,
 }
@@ -46,11 +46,11 @@ struct Strike {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let received = Received::open(&arguments.recording)?;
-    let strikes: Vec<Strike> = received
-        .some_strikes()?
-        .iter()
+    let mut recorded = received.strikes()?;
+    let strikes: Vec<Strike> = recorded
+        .by_ref()
         .map(|strike| {
-            let replay = replay(strike);
+            let replay = replay(&strike);
             Strike {
                 strike: strike.said.strike,
                 sample_index: strike.said.trigger_index,
@@ -61,34 +61,30 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
         })
         .collect();
-    let report = Report {
+    if strikes.is_empty() {
+        return Err(received.no_strike(recorded.frames()).into());
+    }
+    let report = ReplayReport {
         identical: strikes.iter().all(|strike| strike.identical),
         strikes,
     };
-    match arguments.format {
-        Format::Json => output::print_json(&report)?,
-        Format::Table => output::print_line(&table(&report))?,
-    }
-    match report
-        .strikes
-        .into_iter()
-        .find_map(|strike| strike.first_difference)
-    {
+    output::print(arguments.format, &report, || table(&report))?;
+    let mut strikes = report.strikes.into_iter();
+    match strikes.find_map(|strike| strike.first_difference) {
         None => Ok(()),
         Some(what) => Err(Failure::Verdict(format!("replay differs: {what}"))),
     }
 }
 
-fn table(report: &Report) -> String {
-    let mut table = output::table(["strike", "sample index", "samples", "chunks", "replay"]);
-    for strike in &report.strikes {
-        table.add_row([
+fn table(report: &ReplayReport) -> String {
+    let rows = report.strikes.iter().map(|strike| {
+        [
             strike.strike.to_string(),
             strike.sample_index.to_string(),
             strike.samples.to_string(),
             strike.chunks.to_string(),
-            (if strike.identical { "identical" } else { "differs" }).to_owned(),
-        ]);
-    }
-    output::table_text(&table)
+            output::either(strike.identical, "identical", "differs"),
+        ]
+    });
+    output::table("strike | sample index | samples | chunks | replay", rows)
 }

@@ -1,11 +1,11 @@
-//! `bead settings`: what a bead is told of itself, read, written and shown.
+//! `bead settings`: a bead's settings, read, written and shown.
 
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use bead_model::settings::{Settings, VERSION};
-use bead_wire::{MAX_BLOCK, Outcome, Request};
+use bead_wire::{Block, MAX_BLOCK, Message, Outcome, Reply, Request};
 use clap::{Args, Subcommand};
 use serde_json::json;
 
@@ -13,7 +13,6 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
 use crate::line::conversation::{Conversation, refused};
-use crate::recording::frames::Message;
 
 const AFTER_HELP: &str = "\
 Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a checksum.
@@ -48,7 +47,7 @@ enum Action {
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },
-    /// Give a bead other settings: in force from the next strike on, and kept in its flash.
+    /// Write settings to a bead: they are in force from the next strike on, and kept in its flash.
     Write {
         /// The settings.
         #[arg(value_name = "F.settings")]
@@ -65,7 +64,8 @@ enum Action {
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },
-    /// Make a bead forget what it was given over the link: back to the settings of the debug probe, or the built-in ones.
+    /// Erase the settings that a bead was given over the link. It goes back to the settings of the debug
+    /// probe, or to the built-in ones.
     Reset {
         #[command(flatten)]
         line: LineOptions,
@@ -81,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             print(&block, *format, || format!("{}: ", file.display()))
         }
         Action::Reset { line } => {
-            let answer = line.open()?.command(&Request::EraseSettings)?;
+            let answer = line.open()?.request_done(&Request::EraseSettings)?;
             eprintln!("bead: settings {}", answer.reply.detail);
             Ok(())
         }
@@ -89,22 +89,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn read(line: &LineOptions, out: Option<&Path>, format: Format) -> Result<(), Failure> {
-    let answer = line.open()?.command(&Request::ReadSettings)?;
+    let answer = line.open()?.request_done(&Request::ReadSettings)?;
     let block = answer.last("settings frame", |frame| match &frame.message {
-        Message::Settings(block) => Some(block.clone()),
+        Message::Settings(settings) => Some(settings.block.clone()),
         _ => None,
     })?;
     if let Some(out) = out {
-        output::write_whole(out, |file| Ok(file.write_all(&block)?))?;
+        output::write_whole(out, |file| Ok(file.write_all(block.bytes())?))?;
     }
-    print(&block, format, || "the bead has a ".to_owned())
+    print(block.bytes(), format, || "the bead has a ".to_owned())
 }
 
 fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
     let block = load(file)?;
     let mut bead = line.open()?;
-    let request = Request::WriteSettings { block: &block };
-    let mut reply = bead.ask(&request)?.reply;
+    let request = Request::WriteSettings {
+        block: Block::try_from(&block[..]).or_input(|| "this is not a settings block")?,
+    };
+    let mut reply = bead.request(&request)?.reply;
     if reply.outcome == Outcome::StoreFull {
         reply = after_reboot(&mut bead, &request)?;
     }
@@ -117,20 +119,17 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
             );
             Ok(())
         }
-        _ => Err(refused(&reply)),
+        _ => Err(refused(&reply).into()),
     }
 }
 
-/// A full store is made room in when the bead starts.
-fn after_reboot(
-    bead: &mut Conversation,
-    request: &Request<'_>,
-) -> Result<crate::recording::frames::Reply, Failure> {
+/// A bead makes room in a full store when it starts.
+fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Reply, Failure> {
     eprintln!(
         "bead: its flash has no room for another block; resetting it, which makes some and takes a few seconds"
     );
     bead.reboot()?;
-    Ok(bead.ask(request)?.reply)
+    Ok(bead.request(request)?.reply)
 }
 
 fn load(file: &Path) -> Result<Vec<u8>, Failure> {
@@ -152,17 +151,11 @@ fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result
             whose()
         ))
     })?;
-    match format {
-        Format::Json => output::print_json(&json!({
-            "version": VERSION,
-            "bytes": block.len(),
-            "settings": settings,
-        })),
-        Format::Table => output::print_line(&table(&settings)),
-    }
+    let json = json!({ "version": VERSION, "bytes": block.len(), "settings": settings });
+    output::print(format, &json, || table(&settings))
 }
 
-/// Every setting with its unit; coefficients as the numbers that they stand for.
+/// Every setting with its unit. Coefficients are shown as the numbers that they stand for.
 fn table(settings: &Settings) -> String {
     let Settings {
         name,
@@ -176,6 +169,7 @@ fn table(settings: &Settings) -> String {
         incident,
         disagreement,
         ringing,
+        address,
     } = settings;
     let rate = f64::from(*sample_rate_hz);
     let samples = |count: u16| format!("{count} samples ({:.2} ms)", f64::from(count) / rate * 1e3);
@@ -204,6 +198,7 @@ fn table(settings: &Settings) -> String {
                 name => name.to_owned(),
             },
         ),
+        ("address", address.to_string()),
         ("sample rate", format!("{rate} Hz")),
         ("bead with its intruder, M", format!("{:.4} g", bead.mass * 1e3)),
         ("intruder, m", format!("{:.4} g", bead.intruder_mass * 1e3)),
@@ -285,11 +280,7 @@ fn table(settings: &Settings) -> String {
         ),
         ("and so from", part(ringing.decay_tolerance.to_num())),
     ];
-    let mut table = output::table(["setting", ""]);
-    for (name, value) in rows {
-        table.add_row([name.to_owned(), value]);
-    }
-    output::table_text(&table)
+    output::table("setting |", rows.map(|(name, value)| [name.to_owned(), value]))
 }
 
 #[cfg(test)]

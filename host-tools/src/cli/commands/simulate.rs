@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hertz_chain::{Options, Scenario, Summary, simulate};
+use hertz_chain::{Scenario, Summary, simulate};
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -33,19 +33,16 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+    let scenario = Scenario::load(&arguments.scenario)?;
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-    let solution = simulate(&scenario, &Options::default()).map_err(Failure::input)?;
+    let solution = simulate(&scenario)?;
     if let Some(out) = &arguments.out {
         progress.set_message(format!("writing {}", out.display()));
         time_series::write(&scenario, &solution, arguments.rate, out)?;
     }
     progress.finish_and_clear();
     let summary = solution.summary();
-    match arguments.format {
-        Format::Json => output::print_json(&summary),
-        Format::Table => output::print_line(&table(&scenario, &summary)),
-    }
+    output::print(arguments.format, &summary, || table(&scenario, &summary))
 }
 
 fn table(scenario: &Scenario, summary: &Summary) -> String {
@@ -54,41 +51,37 @@ fn table(scenario: &Scenario, summary: &Summary) -> String {
         parts.push(scenario.title.clone());
     }
 
-    let mut contacts = output::table(["contact", "peak force (N)", "at (ms)", "width at half (ms)"]);
-    for peak in &summary.peak_force {
-        contacts.add_row([
+    let contacts = summary.peak_force.iter().map(|peak| {
+        [
             peak.contact.to_string(),
             format!("{:.4}", peak.force),
             format!("{:.4}", peak.time * 1e3),
             peak.fwhm
                 .map_or_else(|| "-".to_owned(), |width| format!("{:.4}", width * 1e3)),
-        ]);
-    }
-    parts.push(output::table_text(&contacts));
+        ]
+    });
+    parts.push(output::table(
+        "contact | peak force (N) | at (ms) | width at half (ms)",
+        contacts,
+    ));
 
     if !summary.intruders.is_empty() {
-        let mut intruders = output::table([
-            "intruder in bead",
-            "acceleration max (m/s²)",
-            "min (m/s²)",
-            "displacement (µm)",
-            "dissipated (nJ)",
-        ]);
-        for intruder in &summary.intruders {
-            intruders.add_row([
+        let intruders = summary.intruders.iter().map(|intruder| {
+            [
                 intruder.bead.to_string(),
                 format!("{:.2}", intruder.acceleration_max),
                 format!("{:.2}", intruder.acceleration_min),
                 format!("{:.3}", intruder.relative_displacement_max * 1e6),
                 format!("{:.2}", intruder.dissipated * 1e9),
-            ]);
-        }
-        parts.push(output::table_text(&intruders));
+            ]
+        });
+        let header =
+            "intruder in bead | acceleration max (m/s²) | min (m/s²) | displacement (µm) | dissipated (nJ)";
+        parts.push(output::table(header, intruders));
     }
 
     let energy = &summary.energy;
-    let mut energies = output::table(["energy", "µJ", "of the striker's"]);
-    for (name, joule) in [
+    let energies = [
         ("striker, initial", energy.striker_initial),
         ("striker, final", energy.striker_final),
         ("chain, final", energy.chain_final),
@@ -96,14 +89,12 @@ fn table(scenario: &Scenario, summary: &Summary) -> String {
         ("dissipated in contacts", energy.dissipated_contacts),
         ("dissipated in intruders", energy.dissipated_intruders),
         ("chain, highest", energy.chain_max),
-    ] {
-        energies.add_row([
-            name.to_owned(),
-            format!("{:.4}", joule * 1e6),
-            format!("{:.3} %", joule / energy.striker_initial * 100.0),
-        ]);
-    }
-    parts.push(output::table_text(&energies));
+    ]
+    .map(|(name, joule)| {
+        let part = format!("{:.3} %", joule / energy.striker_initial * 100.0);
+        [name.to_owned(), format!("{:.4}", joule * 1e6), part]
+    });
+    parts.push(output::table("energy | µJ | of the striker's", energies));
 
     let solver = &summary.solver;
     parts.push(format!(

@@ -25,8 +25,8 @@ fn bead(arguments: &[&str]) -> (u8, String) {
     }
 }
 
-/// Serves the run at a socket while `ask` has its address.
-fn behind_a_socket(run: &Emulation, ask: impl FnOnce(&str, &Path)) {
+/// Serves the run at a socket while `requests` has its address.
+fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
     let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
     let socket = folder.path().join("bead.sock");
     let address = format!("unix:{}", socket.display());
@@ -40,13 +40,14 @@ fn behind_a_socket(run: &Emulation, ask: impl FnOnce(&str, &Path)) {
         while UnixStream::connect(&socket).is_err() && !server.is_finished() {
             thread::yield_now();
         }
-        let asked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| ask(&address, folder.path())));
+        let answered =
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| requests(&address, folder.path())));
         stop.store(true, Ordering::Relaxed);
         let served = server
             .join()
             .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         served.unwrap_or_else(|failure| panic!("{failure}"));
-        asked.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        answered.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     });
     assert!(!socket.exists());
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::thread;
 
-use bead_wire::{Header, MAX_FRAME, Message, Outcome, Reply, RequestDecoder, Settings, encode};
+use bead_wire::{Block, Header, MAX_FRAME, Message, Outcome, Reply, RequestDecoder, Settings, encode};
 
 /// Runs `bead` with `--port` at a socket, whose other end does `peer` with what it reads, until `bead` hangs up.
 fn at(mut peer: impl FnMut(&[u8]) -> Vec<u8> + Send, arguments: impl FnOnce(&Path) -> Vec<String>) -> Output {
@@ -46,8 +46,9 @@ fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
-fn frame(sequence: u32, message: &Message<'_>) -> Vec<u8> {
+fn frame(sequence: u32, message: &Message) -> Vec<u8> {
     let header = Header {
+        address: 0,
         boot: 0,
         sequence,
         sample_index: 0,
@@ -66,7 +67,7 @@ fn replying(outcome: Outcome, detail: &'static str) -> impl FnMut(&[u8]) -> Vec<
                 let reply = Reply {
                     request: numbered.number,
                     outcome,
-                    detail,
+                    detail: detail.into(),
                 };
                 said.extend(frame(sequence, &Message::Reply(reply)));
                 sequence += 1;
@@ -105,7 +106,14 @@ fn bytes_that_are_no_frames_are_told_from_a_bead_that_sends_and_does_not_reply()
     assert_eq!(noise.status.code(), Some(3));
     assert!(stderr(&noise).contains("--baud"), "{}", stderr(&noise));
     let deaf = at(
-        |_| frame(9, &Message::Settings(Settings { block: &[1] })),
+        |_| {
+            frame(
+                9,
+                &Message::Settings(Settings {
+                    block: Block::try_from(&[1][..]).unwrap(),
+                }),
+            )
+        },
         command("arm"),
     );
     assert_eq!(deaf.status.code(), Some(3));
@@ -125,7 +133,7 @@ fn a_reply_to_somebody_else_is_not_taken_for_ours() {
                     let reply = Reply {
                         request: numbered.number.wrapping_add(1),
                         outcome: Outcome::Kind,
-                        detail: "not yours",
+                        detail: "not yours".into(),
                     };
                     said = frame(100, &Message::Reply(reply));
                 }

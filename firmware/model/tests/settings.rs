@@ -1,0 +1,73 @@
+//! Settings blocks of other versions: a block of yesterday is migrated, and others are refused by their number.
+#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
+
+use bead_model::{Settings, SettingsError};
+use crc::{CRC_32_ISO_HDLC, Crc};
+
+/// The block of version 3 that `tests/data/README.md` tells of.
+const YESTERDAY: &[u8] = include_bytes!("../../../tests/data/settings-v3.bin");
+/// Bytes of a block before its body: magic, version, length.
+const HEADER: usize = 8;
+
+/// The block of yesterday with another version and another body.
+fn block(version: u16, body: &[u8]) -> Vec<u8> {
+    let mut block = YESTERDAY[..4].to_vec();
+    block.extend(version.to_le_bytes());
+    block.extend((body.len() as u16).to_le_bytes());
+    block.extend(body);
+    block.extend(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&block).to_le_bytes());
+    block
+}
+
+/// The body of the block of yesterday.
+fn body() -> &'static [u8] {
+    &YESTERDAY[HEADER..YESTERDAY.len() - 4]
+}
+
+#[test]
+fn settings_of_version_3_are_migrated_with_address_0() {
+    assert_eq!(YESTERDAY, block(3, body()));
+    let settings = Settings::decode(YESTERDAY).unwrap();
+    assert_eq!(settings.address, 0);
+    // What the paper's bead was given then, by `bead settings show` of that day.
+    assert_eq!(settings.sample_rate_hz, 100_000);
+    assert_eq!(
+        (settings.bead.intruder_mass, settings.bead.stiffness),
+        (3.7e-3, 3.95e5)
+    );
+    assert_eq!((settings.window.history, settings.window.length), (160, 672));
+    assert_eq!((settings.window.threshold, settings.window.lookback), (26, 50));
+    // The ringing stands last, just before the address.
+    assert_eq!(settings.ringing.frequency.to_bits(), 110_409_876);
+    assert_eq!(settings.ringing.decay_tolerance.to_bits(), 19_661);
+    // Every bit is kept: written anew, it is the old body and the address.
+    let mut buffer = [0; bead_model::settings::BLOCK_MAX];
+    let length = settings.encode(&mut buffer).unwrap();
+    assert_eq!(buffer[..length], block(4, &[body(), &[0]].concat()));
+}
+
+#[test]
+fn settings_of_an_older_or_a_later_version_are_refused_by_their_number() {
+    for version in [0, 1, 2, 5, 0xFFFF] {
+        let error = Settings::decode(&block(version, body())).unwrap_err();
+        assert_eq!(error, SettingsError::Version(version));
+        assert_eq!(
+            error.to_string(),
+            format!("settings block of version {version}, this program knows 3 to 4")
+        );
+    }
+}
+
+#[test]
+fn a_body_that_is_not_its_versions_is_refused() {
+    let (longer, shorter) = ([body(), &[5]].concat(), &body()[..body().len() - 1]);
+    assert_eq!(Settings::decode(&block(3, &longer)), Err(SettingsError::Body));
+    assert_eq!(Settings::decode(&block(3, shorter)), Err(SettingsError::Body));
+    // The body of version 4 has an address, and 255 is none.
+    assert_eq!(Settings::decode(&block(4, body())), Err(SettingsError::Body));
+    assert_eq!(Settings::decode(&block(4, &longer)).unwrap().address, 5);
+    assert_eq!(
+        Settings::decode(&block(4, &[body(), &[255]].concat())),
+        Err(SettingsError::Invalid("address 255 is every bead's"))
+    );
+}

@@ -1,0 +1,221 @@
+//! What every body is made of: a struct whose fields know their form, their greatest length and their
+//! meaning.
+//!
+//! # Design
+//! [`body!`] declares the struct of a message once. From that one declaration follow its postcard form, the
+//! longest body in bytes, the walk over its fields that JSON and replay use, and its table in
+//! `docs/protocol.md`.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::units::Unit;
+
+/// One field's value, as a reader meets it.
+#[derive(Clone, Copy)]
+pub enum Value<'a> {
+    /// Yes or no.
+    Bool(bool),
+    /// A count, a number or the index of a scan.
+    Number(u64),
+    /// A physical quantity, in the fixed-point bits that the bead computed.
+    Quantity {
+        /// The bits, as they travel.
+        bits: i64,
+        /// What one bit is worth.
+        unit: &'static Unit,
+    },
+    /// One of a list of names.
+    Name {
+        /// The number on the wire.
+        number: u8,
+        /// Its name; `None` where this version knows no such number.
+        name: Option<&'static str>,
+    },
+    /// Some of a list of names, a bit each.
+    Set {
+        /// The bits, as they travel; some may have no name.
+        bits: u16,
+        /// The bits that have a name.
+        names: &'static [Named],
+    },
+    /// Text.
+    Text(&'a str),
+    /// Bytes.
+    Bytes(&'a [u8]),
+    /// Packed scans, as [`unpacked`](crate::codes::unpacked) reads them.
+    Scans(&'a [u8]),
+    /// Fields within a field; `None` where they are absent.
+    Group(Option<&'a dyn Fields>),
+}
+
+/// A walk over the fields of a body.
+pub trait Fields {
+    /// Calls `see` with the name and the value of each field, in the order of the wire.
+    fn each(&self, see: &mut dyn FnMut(&'static str, Value<'_>));
+}
+
+/// Number, name and meaning of one entry of a list.
+pub type Named = (u8, &'static str, &'static str);
+
+/// What a field is made of, beyond its form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Parts {
+    /// Nothing else: a number, text or bytes.
+    None,
+    /// One of these names.
+    Names(&'static [Named]),
+    /// A bit for each of these names.
+    Bits(&'static [Named]),
+    /// These fields.
+    Fields(&'static [FieldDoc]),
+}
+
+/// One row of a body's table in the documentation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FieldDoc {
+    /// Name, as in JSON.
+    pub name: &'static str,
+    /// Form on the wire, and unit.
+    pub form: &'static str,
+    /// Longest form on the wire, in bytes.
+    pub longest: usize,
+    /// Its meaning.
+    pub about: &'static str,
+    /// Its list of names, or its own fields.
+    pub parts: Parts,
+}
+
+impl FieldDoc {
+    /// The row of a field with this name and meaning.
+    pub(crate) const fn of<T: Field>(name: &'static str, about: &'static str) -> Self {
+        Self {
+            name,
+            form: T::FORM,
+            longest: T::LONGEST,
+            about,
+            parts: T::PARTS,
+        }
+    }
+}
+
+/// The body of a message.
+pub trait Body: Fields + Serialize + DeserializeOwned {
+    /// Longest form on the wire, in bytes.
+    const LONGEST: usize;
+    /// Its fields, in the order of the wire.
+    const FIELDS: &'static [FieldDoc];
+    /// What it says, in one paragraph or more.
+    const ABOUT: &'static str;
+    /// A body with every field drawn from random bits, within its bounds. For tests and fuzzing.
+    fn draw(random: &mut dyn FnMut() -> u64) -> Self;
+}
+
+/// What can be a field of a body.
+pub trait Field: Serialize + DeserializeOwned {
+    /// Longest form on the wire, in bytes.
+    ///
+    /// [Postcard](https://postcard.jamesmunns.com/wire-format) writes an integer wider than a byte as a
+    /// varint of seven bits a byte, a signed one in zigzag order. It writes text or bytes as their length, a
+    /// varint, and then the bytes.
+    const LONGEST: usize;
+    /// Form on the wire, and unit.
+    const FORM: &'static str;
+    /// Its list of names, or its own fields.
+    const PARTS: Parts = Parts::None;
+    /// The value.
+    fn value(&self) -> Value<'_>;
+    /// Any value, drawn from random bits.
+    fn draw(random: &mut dyn FnMut() -> u64) -> Self;
+}
+
+/// Longest form of text or bytes of at most `most` bytes, in bytes.
+pub(crate) const fn counted(most: usize) -> usize {
+    assert!(most < 1 << 14, "a length of three varint bytes");
+    most + if most < 1 << 7 { 1 } else { 2 }
+}
+
+macro_rules! numbers_are_fields {
+    ($($type:ty: $longest:literal),*) => {$(
+        impl Field for $type {
+            const LONGEST: usize = $longest;
+            const FORM: &'static str = stringify!($type);
+            fn value(&self) -> Value<'_> {
+                Value::Number((*self).into())
+            }
+            fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+                random() as Self
+            }
+        }
+    )*};
+}
+numbers_are_fields!(u8: 1, u16: 3, u32: 5, u64: 10);
+
+impl Field for bool {
+    const LONGEST: usize = 1;
+    const FORM: &'static str = "bool";
+    fn value(&self) -> Value<'_> {
+        Value::Bool(*self)
+    }
+    fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+        random() & 1 == 1
+    }
+}
+
+/// The device id. It travels without a length, because the length is fixed.
+impl Field for [u8; 12] {
+    const LONGEST: usize = 12;
+    const FORM: &'static str = "12 bytes";
+    fn value(&self) -> Value<'_> {
+        Value::Bytes(self)
+    }
+    fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+        [(); 12].map(|()| random() as u8)
+    }
+}
+
+impl<T: Body> Field for Option<T> {
+    const LONGEST: usize = 1 + T::LONGEST;
+    const FORM: &'static str = "bool; if true, the fields below follow";
+    const PARTS: Parts = Parts::Fields(T::FIELDS);
+    fn value(&self) -> Value<'_> {
+        Value::Group(self.as_ref().map(|body| body as &dyn Fields))
+    }
+    fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+        bool::draw(random).then(|| T::draw(random))
+    }
+}
+
+/// Declares the struct of a body. Further traits to derive stand behind its name.
+macro_rules! body {
+    (
+        $(#[doc = $about:literal])*
+        pub struct $name:ident $(: $($derived:ident),+)? {
+            $($(#[doc = $doc:literal])* pub $field:ident: $type:ty,)*
+        }
+    ) => {
+        $(#[doc = $about])*
+        #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+        $(#[derive($($derived),+)])?
+        pub struct $name {
+            $($(#[doc = $doc])* pub $field: $type,)*
+        }
+
+        impl $crate::body::Fields for $name {
+            fn each(&self, see: &mut dyn FnMut(&'static str, $crate::body::Value<'_>)) {
+                $(see(stringify!($field), $crate::body::Field::value(&self.$field));)*
+            }
+        }
+
+        impl $crate::body::Body for $name {
+            const LONGEST: usize = 0 $(+ <$type as $crate::body::Field>::LONGEST)*;
+            const FIELDS: &'static [$crate::body::FieldDoc] =
+                &[$($crate::body::FieldDoc::of::<$type>(stringify!($field), concat!($($doc),*))),*];
+            const ABOUT: &'static str = concat!($($about, "\n"),*);
+            fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+                Self { $($field: $crate::body::Field::draw(random),)* }
+            }
+        }
+    };
+}
+pub(crate) use body;

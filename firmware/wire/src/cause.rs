@@ -1,0 +1,96 @@
+//! Why bytes are refused.
+
+use serde::Serialize;
+
+/// Bytes between two delimiters that are no frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{bytes} bytes rejected: {cause}")]
+pub struct Reject {
+    /// Why they are no frame.
+    pub cause: Cause,
+    /// Number of bytes, as received.
+    pub bytes: u64,
+}
+
+/// Why bytes are no frame, in the order in which it is checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
+pub enum Cause {
+    /// More bytes than any frame has.
+    #[error("longer than a frame may be")]
+    TooLong,
+    /// Not COBS: a run of bytes goes on beyond the delimiter.
+    #[error("not COBS")]
+    Cobs,
+    /// Fewer bytes than header and CRC.
+    #[error("shorter than a header")]
+    TooShort,
+    /// The CRC does not match.
+    #[error("CRC differs")]
+    Crc,
+    /// A version that this one cannot read.
+    #[error("version {0} of the protocol is not known here")]
+    Version(u8),
+    /// A kind that this version does not know.
+    #[error("kind {0} is unknown")]
+    Kind(u8),
+    /// The body does not fit the kind.
+    #[error("body is no message of its kind")]
+    Body,
+    /// Bytes are left over after the body.
+    #[error("body goes on after its message")]
+    Trailing,
+}
+
+/// Number of rejects, by [`Cause`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Rejected {
+    /// [`Cause::TooLong`]
+    pub too_long: u64,
+    /// [`Cause::Cobs`]
+    pub cobs: u64,
+    /// [`Cause::TooShort`]
+    pub too_short: u64,
+    /// [`Cause::Crc`]
+    pub crc: u64,
+    /// [`Cause::Version`]
+    pub version: u64,
+    /// [`Cause::Kind`]
+    pub kind: u64,
+    /// [`Cause::Body`]
+    pub body: u64,
+    /// [`Cause::Trailing`]
+    pub trailing: u64,
+}
+
+impl Rejected {
+    /// Nothing was rejected.
+    pub(crate) const NONE: Self = Self {
+        too_long: 0,
+        cobs: 0,
+        too_short: 0,
+        crc: 0,
+        version: 0,
+        kind: 0,
+        body: 0,
+        trailing: 0,
+    };
+
+    /// Number of rejects, of all causes.
+    pub fn total(&self) -> u64 {
+        let damaged = self.too_long + self.cobs + self.too_short + self.crc;
+        damaged + self.version + self.kind + self.body + self.trailing
+    }
+
+    pub(crate) fn count(&mut self, cause: Cause) {
+        *match cause {
+            Cause::TooLong => &mut self.too_long,
+            Cause::Cobs => &mut self.cobs,
+            Cause::TooShort => &mut self.too_short,
+            Cause::Crc => &mut self.crc,
+            Cause::Version(_) => &mut self.version,
+            Cause::Kind(_) => &mut self.kind,
+            Cause::Body => &mut self.body,
+            Cause::Trailing => &mut self.trailing,
+        } += 1;
+    }
+}

@@ -1,0 +1,72 @@
+use crate::body::body;
+use crate::names::names;
+use crate::text::Text;
+
+/// Longest detail of a fault or a reply, in bytes.
+pub const MAX_DETAIL: usize = 96;
+
+/// One line for people.
+pub type Detail = Text<MAX_DETAIL>;
+
+names! {
+    /// What went wrong. The list may grow at its end.
+    pub enum FaultCause {
+        /// The firmware panicked; `detail` has file and line.
+        0 "panic" Panic,
+        /// The core took a hard fault; `pc` is the address of the instruction.
+        1 "hard_fault" HardFault,
+        /// The watchdog reset the bead.
+        2 "watchdog" Watchdog,
+        /// The ADC overran (RM0090 section 13.8.2). Acquisition was started again.
+        3 "adc_overrun" AdcOverrun,
+        /// The DMA stream reported a transfer error. Acquisition was started again.
+        4 "dma_error" DmaError,
+        /// The estimators fell behind and a block was lost. A strike in progress is void.
+        5 "block_lost" BlockLost,
+        /// The bead refused the settings block in flash; `detail` says why.
+        6 "settings_refused" SettingsRefused,
+        /// The stack reached its limit.
+        7 "stack_overflow" StackOverflow,
+        /// Samples were lost in the window of a strike. The strike has no result.
+        8 "strike_cut" StrikeCut,
+        /// The code of the force does not change, although noise should change it.
+        9 "force_stuck" ForceStuck,
+        /// The force stays at a rail for longer than any strike does.
+        10 "force_railed" ForceRailed,
+        /// The code of the acceleration does not change, although noise should change it.
+        11 "acceleration_stuck" AccelerationStuck,
+        /// The acceleration stays at a rail for longer than any strike does.
+        12 "acceleration_railed" AccelerationRailed,
+        /// The supply is below its limit.
+        13 "supply_low" SupplyLow,
+        /// A fault of one of the causes 9 to 13 is over; `detail` is the name of the cause.
+        14 "recovered" Recovered,
+    }
+}
+
+body! {
+    /// Something went wrong, in this boot or in the one before it.
+    pub struct Fault {
+        /// What went wrong.
+        pub cause: FaultCause,
+        /// The boot in which it went wrong. It is the boot before this one if the fault ended in a reset.
+        pub boot: u32,
+        /// Program counter when it went wrong; 0 where it has no meaning.
+        pub pc: u32,
+        /// One line for people. A longer line is cut between two characters.
+        pub detail: Detail,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Fault {
+    Fault {
+        cause: FaultCause::HardFault,
+        boot: 1,
+        pc: 0x0800_1234,
+        detail: "CFSR 0x00008200: bus fault at 0x4001_2400 \u{2026}".into(),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str = "000a030502040302010c0b01020a01013a070101b4a480402d4346535220307830303030383230303a20627573206661756c74206174203078343030315f3234303020e280a6368f5b4600";

@@ -1,0 +1,62 @@
+use crate::body::body;
+use crate::names::bits;
+
+body! {
+    /// How often sensors and supply failed since the last reset, and what is wrong now. It comes with each
+    /// status frame.
+    pub struct Health: Copy, Default {
+        /// Number of frames that the boot before this one had made but not sent when the reset came; 0 after
+        /// power-up.
+        pub frames_lost_by_reset: u32,
+        /// Number of strikes without a result, because samples of their window were lost.
+        pub strikes_cut: u32,
+        /// How often the force sensor got stuck.
+        pub force_stuck: u32,
+        /// How often the force stayed at a rail.
+        pub force_railed: u32,
+        /// How often the acceleration sensor got stuck.
+        pub acceleration_stuck: u32,
+        /// How often the acceleration stayed at a rail.
+        pub acceleration_railed: u32,
+        /// How often the supply fell below its limit.
+        pub supply_low: u32,
+        /// Supply voltage at the last start of acquisition, in mV; 0 before the first start.
+        pub supply_mv: u16,
+        /// What is wrong now.
+        pub standing: Standing,
+    }
+}
+
+bits! {
+    /// What is wrong now.
+    pub struct Standing(u8, 1) {
+        /// The force sensor is stuck.
+        0 "force_stuck" FORCE_STUCK,
+        /// The force stays at a rail.
+        1 "force_railed" FORCE_RAILED,
+        /// The acceleration sensor is stuck.
+        2 "acceleration_stuck" ACCELERATION_STUCK,
+        /// The acceleration stays at a rail.
+        3 "acceleration_railed" ACCELERATION_RAILED,
+        /// The supply is below its limit.
+        4 "supply_low" SUPPLY_LOW,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Health {
+    Health {
+        frames_lost_by_reset: 5,
+        strikes_cut: 1,
+        force_stuck: 0,
+        force_railed: 2,
+        acceleration_stuck: 300,
+        acceleration_railed: 0,
+        supply_low: 70_000,
+        supply_mv: 3_291,
+        standing: Standing::FORCE_RAILED.with(Standing::SUPPLY_LOW),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str = "000a030702040302010c0b01020a0101040705010402ac020bf0a204db1912ea25825d00";

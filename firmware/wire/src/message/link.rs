@@ -1,0 +1,63 @@
+use crate::body::body;
+
+body! {
+    /// What the bead received since the last reset, and what became of it. It comes with each status frame,
+    /// and at the end of a raw stream.
+    ///
+    /// The bytes between two delimiters count once: as a request, or in exactly one of the rejections.
+    pub struct Link: Copy, Default {
+        /// Number of bytes received.
+        pub bytes: u64,
+        /// Number of requests understood, including those to other addresses.
+        pub requests: u32,
+        /// How often the receiver was not emptied in time, and bytes were lost.
+        pub overruns: u32,
+        /// How often a stop bit was missing or noisy.
+        pub line_errors: u32,
+        /// Rejected: longer than any request.
+        pub rejected_too_long: u32,
+        /// Rejected: not COBS.
+        pub rejected_cobs: u32,
+        /// Rejected: shorter than header and CRC.
+        pub rejected_too_short: u32,
+        /// Rejected: wrong CRC.
+        pub rejected_crc: u32,
+        /// Rejected: another version.
+        pub rejected_version: u32,
+        /// Rejected: unknown kind.
+        pub rejected_kind: u32,
+        /// Rejected: the body does not fit the kind.
+        pub rejected_body: u32,
+        /// Rejected: bytes are left over after the body.
+        pub rejected_trailing: u32,
+        /// Number of scans sent in raw frames.
+        pub raw_sent: u64,
+        /// Number of scans of raw streams that were not sent, because the link carries fewer scans than the
+        /// bead takes.
+        pub raw_dropped: u64,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Link {
+    Link {
+        bytes: 5_000_000_000,
+        requests: 12,
+        overruns: 1,
+        line_errors: 2,
+        rejected_too_long: 300,
+        rejected_cobs: 4,
+        rejected_too_short: 5,
+        rejected_crc: 70_000,
+        rejected_version: 6,
+        rejected_kind: 7,
+        rejected_body: 8,
+        rejected_trailing: 9,
+        raw_sent: 580_000,
+        raw_dropped: 420_000,
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "000a031202040302010c0b01020a01011f0780e497d0120c0102ac020405f0a20406070809a0b323a0d1194622427300";

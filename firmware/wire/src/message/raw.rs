@@ -1,0 +1,26 @@
+use crate::body::body;
+use crate::codes::Codes;
+use crate::message::waveform::PIECE;
+
+body! {
+    /// Consecutive scans as they came from the converter, with or without a strike. A host asks for such a
+    /// stream.
+    pub struct Raw {
+        /// Sample index of the first scan in `codes`. Scans that are missing between two frames were dropped
+        /// and are counted in the link frame.
+        pub first_index: u64,
+        /// The scans at the high gain, at most 32.
+        pub codes: Codes<PIECE>,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Raw {
+    Raw {
+        first_index: 41_168,
+        codes: Codes::pack([[0x123, 0xABC], [0, 0xFFF]]).unwrap(),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str = "000a031102040302010c0b01020a01010907d0c1020623c1ab07f0ff139970b500";

@@ -1,0 +1,55 @@
+use crate::body::body;
+use crate::message::fault::Detail;
+use crate::names::names;
+
+names! {
+    /// What became of a request. The list may grow at its end.
+    pub enum Outcome {
+        /// The bead did what was asked.
+        0 "done" Done,
+        /// The request has a version that the bead does not know.
+        1 "version" Version,
+        /// The bead knows no request of this kind.
+        2 "kind" Kind,
+        /// The body does not fit the kind: it is too short, too long, or has a value that does not exist.
+        3 "body" Body,
+        /// A number in the request is out of range.
+        4 "out_of_range" OutOfRange,
+        /// The settings block has a wrong checksum, a version that cannot be migrated, or a value that the
+        /// bead cannot work with.
+        5 "settings_invalid" SettingsInvalid,
+        /// The settings are for another sample rate than that of this firmware.
+        6 "sample_rate" SampleRate,
+        /// The settings store in flash is full. The next boot makes room.
+        7 "store_full" StoreFull,
+        /// The settings could not be read back from flash.
+        8 "flash_failed" FlashFailed,
+    }
+}
+
+body! {
+    /// The answer to one request. The frames that the request asks for come before it.
+    ///
+    /// This body is frozen: a reader of any version understands it in a frame of any later version.
+    pub struct Reply {
+        /// Number of the request, as its host chose it.
+        pub request: u16,
+        /// What became of the request. A request with any other outcome than `done` has changed nothing.
+        pub outcome: Outcome,
+        /// One line for people, or nothing. A longer line is cut between two characters.
+        pub detail: Detail,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Reply {
+    Reply {
+        request: 0xA1B2,
+        outcome: Outcome::SampleRate,
+        detail: "for 50000 Hz".into(),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "000a031002040302010c0b01020a01011707b2c302060c666f7220353030303020487a108d0d3a00";

@@ -1,0 +1,58 @@
+use crate::body::body;
+use crate::units::{Decay, Fraction, Frequency, Impulse, Samples};
+
+body! {
+    /// The shape of one strike. It follows the strike frame. A value that could not be found is 0.
+    pub struct Shape: Copy {
+        /// Number of the strike since the last reset, from 0.
+        pub strike: u32,
+        /// Sample index of the first scan of the window.
+        pub first_index: u64,
+        /// Time from `first_index` to the highest force.
+        pub arrival: Samples,
+        /// Full width of the force pulse at half its height.
+        pub width: Samples,
+        /// Momentum that came in during the window.
+        pub impulse: Impulse,
+        /// Frequency of the intruder's ringing after the pulse had passed.
+        pub ring_frequency: Frequency,
+        /// Rate at which the amplitude of this ringing decays.
+        pub ring_decay: Decay,
+        /// How well the two gains of the force agree, if the strike shows it.
+        pub force_gains: Option<GainMatch>,
+        /// How well the two gains of the acceleration agree, if the strike shows it.
+        pub acceleration_gains: Option<GainMatch>,
+    }
+}
+
+body! {
+    /// How far the two gains of a sensor are from their settings. It is part of a shape frame.
+    pub struct GainMatch: Copy {
+        /// By how much the channel at the low gain reads higher than the one at the high gain, as a part of
+        /// the signal.
+        pub deviation: Fraction,
+        /// Standard deviation of `deviation`.
+        pub uncertainty: Fraction,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Shape {
+    Shape {
+        strike: 3,
+        first_index: 41_168,
+        arrival: Samples::from_bits(11_862_016),
+        width: Samples::from_bits(2_437_939),
+        impulse: Impulse::from_bits(15_269_888),
+        ring_frequency: Frequency::from_bits(110_426_521),
+        ring_decay: Decay::from_bits(114_589_696),
+        force_gains: None,
+        acceleration_gains: Some(GainMatch {
+            deviation: Fraction::from_bits(-655),
+            uncertainty: Fraction::from_bits(721),
+        }),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str = "000a030802040302010c0b01020a01011a0703d0c1028080d405b3e694018080c80e99f3d3348080d2360a019d0aa20b100dbb2100";

@@ -1,0 +1,66 @@
+use crate::body::body;
+use crate::names::names;
+
+names! {
+    /// Where the settings in force came from. The list may grow at its end.
+    pub enum SettingsSource {
+        /// They are compiled in: flash has none.
+        0 "built_in" BuiltIn,
+        /// A debug probe put them into flash.
+        1 "flash" Flash,
+        /// They are compiled in, because the settings in flash were refused.
+        2 "flash_refused" FlashRefused,
+        /// A host wrote them over the link; flash keeps them.
+        3 "stored" Stored,
+    }
+}
+
+body! {
+    /// Counters since the last reset, and the state of the bead. It comes every second.
+    pub struct Status: Copy {
+        /// Time since the last reset, in ms.
+        pub uptime_ms: u64,
+        /// How often acquisition was started. A step means that samples are missing.
+        pub epoch: u32,
+        /// Number of scans taken.
+        pub samples: u64,
+        /// Number of strikes found.
+        pub strikes: u32,
+        /// Number of overruns of the ADC or the DMA.
+        pub overruns: u32,
+        /// Number of blocks of samples that the estimators never saw.
+        pub blocks_dropped: u32,
+        /// Number of frames that were made and numbered but not sent, because the transmit queue was full.
+        pub frames_dropped_queue_full: u32,
+        /// Number of frames that were made and numbered but not sent, because they were longer than a frame
+        /// may be.
+        pub frames_dropped_too_long: u32,
+        /// The least stack that was ever free, in bytes.
+        pub stack_free_min: u32,
+        /// Where the settings in force came from.
+        pub settings_source: SettingsSource,
+        /// Whether the bead looks for strikes.
+        pub armed: bool,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Status {
+    Status {
+        uptime_ms: 5_000_000_000,
+        epoch: 1,
+        samples: 500_000_000_000,
+        strikes: 3,
+        overruns: 0,
+        blocks_dropped: 200,
+        frames_dropped_queue_full: 70_000,
+        frames_dropped_too_long: 0,
+        stack_free_min: 2_048,
+        settings_source: SettingsSource::FlashRefused,
+        armed: true,
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "000a030202040302010c0b01020a01010f0780e497d012018090cad2c60e0306c801f0a2040980100201dd2ac55b00";

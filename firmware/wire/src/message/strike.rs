@@ -1,0 +1,92 @@
+use crate::body::body;
+use crate::names::bits;
+use crate::units::{Acceleration, Energy, Force, Fraction};
+
+body! {
+    /// The result of one strike. It comes after the waveform frames of its window.
+    pub struct Strike: Copy {
+        /// Number of the strike since the last reset, from 0.
+        pub strike: u32,
+        /// Sample index of the first scan of the window.
+        pub first_index: u64,
+        /// Sample index of the scan that triggered the detector.
+        pub trigger_index: u64,
+        /// Number of scans in the window.
+        pub samples: u16,
+        /// Highest force.
+        pub peak_force: Force,
+        /// Sample index of the highest force.
+        pub peak_index: u64,
+        /// Highest acceleration.
+        pub acceleration_max: Acceleration,
+        /// Lowest acceleration.
+        pub acceleration_min: Acceleration,
+        /// Absorbed energy, estimated from the acceleration alone. `noise_energy` is already subtracted.
+        pub absorbed_measured: Energy,
+        /// Absorbed energy, estimated from the force alone by the reduced chain.
+        pub absorbed_predicted: Energy,
+        /// Energy of the incoming wave, estimated from the peak force.
+        pub incident_energy: Energy,
+        /// `absorbed_measured` divided by `incident_energy`.
+        pub absorbed_fraction: Fraction,
+        /// Energy of the noise, which is subtracted in `absorbed_measured`.
+        pub noise_energy: Energy,
+        /// Standard deviation of the force before the strike.
+        pub force_noise: Force,
+        /// Doubts about the result.
+        pub flags: StrikeFlags,
+    }
+}
+
+bits! {
+    /// Doubts about the result of a strike.
+    pub struct StrikeFlags(u16, 3) {
+        /// The force at the low gain reached a rail of the converter: peak and prediction are too low.
+        0 "force_railed" FORCE_RAILED,
+        /// The acceleration at the low gain reached a rail of the converter: the measured energy is too low.
+        1 "acceleration_railed" ACCELERATION_RAILED,
+        /// A state of the reduced chain exceeded half the range of its format.
+        3 "chain_range" CHAIN_RANGE,
+        /// The two estimates differ by more than the settings allow, and no other flag says why.
+        4 "estimates_differ" ESTIMATES_DIFFER,
+        /// The frequency or the decay of the intruder's ringing is not what the settings say.
+        5 "intruder_drifted" INTRUDER_DRIFTED,
+        /// The two gains of a sensor differ by more than noise explains.
+        6 "gains_differ" GAINS_DIFFER,
+        /// The strike was measured with the built-in settings, because flash has none or the bead refused
+        /// them. They are not the owner's.
+        13 "settings_not_owners" SETTINGS_NOT_OWNERS,
+        /// A sensor or the supply was at fault at the end of the window; `standing` of the health frame says
+        /// which.
+        14 "sensor_fault" SENSOR_FAULT,
+    }
+}
+
+impl StrikeFlags {
+    /// Flags that depend on the state of the bead outside the window. A replay of the window cannot set them.
+    pub const OF_THE_BEAD: Self = Self::SETTINGS_NOT_OWNERS.with(Self::SENSOR_FAULT);
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Strike {
+    Strike {
+        strike: 3,
+        first_index: 41_168,
+        trigger_index: 41_200,
+        samples: 400,
+        peak_force: Force::from_bits(412_345),
+        peak_index: 41_207,
+        acceleration_max: Acceleration::from_bits(12_713_984),
+        acceleration_min: Acceleration::from_bits(-9_876_543),
+        absorbed_measured: Energy::from_bits(13_919_900_000),
+        absorbed_predicted: Energy::from_bits(13_921_000_000),
+        incident_energy: Energy::from_bits(-1),
+        absorbed_fraction: Fraction::from_bits(13_107),
+        noise_energy: Energy::from_bits(77_000),
+        force_noise: Force::from_bits(328),
+        flags: StrikeFlags::from_bits(0x8001),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str = "000a030302040302010c0b01020a0101330703d0c102f0c1029003f2aa32f7c1028080900cfdd0b509c0c586db6780e98cdc6701e6cc0190b309900581800244e7f5ec00";

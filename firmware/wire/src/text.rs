@@ -1,0 +1,117 @@
+//! Text and bytes of bounded length, stored in place.
+
+use core::fmt;
+
+use heapless::{String, Vec};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+
+use crate::body::{Field, Value, counted};
+
+/// Text of at most `N` bytes. Longer text is cut between two characters; it is never refused.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Text<const N: usize>(String<N>);
+
+impl<const N: usize> Text<N> {
+    /// Formats like `format!`, and cuts what is too long.
+    pub fn new(arguments: fmt::Arguments<'_>) -> Self {
+        let mut text = Self(String::new());
+        // `write_str` never fails. If a `Display` fails, what it wrote so far stays.
+        let _ = fmt::Write::write_fmt(&mut text, arguments);
+        text
+    }
+
+    /// The text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl<const N: usize> From<&str> for Text<N> {
+    fn from(text: &str) -> Self {
+        Self::new(format_args!("{text}"))
+    }
+}
+
+impl<const N: usize> fmt::Write for Text<N> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let room = N - self.0.len();
+        let fits = &text[..text.floor_char_boundary(room)];
+        self.0.push_str(fits).map_err(|_| fmt::Error)
+    }
+}
+
+impl<const N: usize> fmt::Display for Text<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl<const N: usize> Field for Text<N> {
+    const LONGEST: usize = counted(N);
+    const FORM: &'static str = "text";
+    fn value(&self) -> Value<'_> {
+        Value::Text(&self.0)
+    }
+    fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+        let mut text = Self::default();
+        for _ in 0..random() as usize % (N + 1) {
+            // Characters of one to four bytes.
+            let letter = ['x', '\u{e9}', '\u{2026}', '\u{1f41d}'][random() as usize % 4];
+            let _ = fmt::Write::write_char(&mut text, letter);
+        }
+        text
+    }
+}
+
+/// Longest settings block that fits a frame, in bytes. The longest block of `bead-model` is just as long.
+pub const MAX_BLOCK: usize = 256;
+
+/// A settings block, exactly as `bead-model` encoded it. This crate does not look into it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Block(Vec<u8, MAX_BLOCK>);
+
+/// A block has this many bytes, which is more than fits a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a settings block of {0} bytes; a frame takes at most {MAX_BLOCK}")]
+pub struct BlockTooLong(pub usize);
+
+impl Block {
+    /// Its bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl TryFrom<&[u8]> for Block {
+    type Error = BlockTooLong;
+    fn try_from(bytes: &[u8]) -> Result<Self, BlockTooLong> {
+        Vec::from_slice(bytes)
+            .map(Self)
+            .map_err(|_| BlockTooLong(bytes.len()))
+    }
+}
+
+impl Serialize for Block {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Block {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Self::try_from(<&[u8]>::deserialize(deserializer)?).map_err(de::Error::custom)
+    }
+}
+
+impl Field for Block {
+    const LONGEST: usize = counted(MAX_BLOCK);
+    const FORM: &'static str = "bytes";
+    fn value(&self) -> Value<'_> {
+        Value::Bytes(&self.0)
+    }
+    fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+        let length = random() as usize % (MAX_BLOCK + 1);
+        Self((0..length).map(|_| random() as u8).collect())
+    }
+}

@@ -1,0 +1,122 @@
+//! Physical quantities as they travel: the fixed-point bits that the bead computed, and their unit.
+//!
+//! # Design
+//! A quantity is not rounded to SI on its way, because the host that replays the samples compares bits. The
+//! unit of a field is its type: it is stated here once, for code, JSON and documentation.
+
+use crate::body::{Field, Value};
+use serde::{Deserialize, Serialize};
+
+/// What one bit of a quantity is worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unit {
+    /// SI unit.
+    pub symbol: &'static str,
+    /// End of a field's name in JSON, such as `_n` for newtons.
+    pub suffix: &'static str,
+    /// Size of one bit in the SI unit, or, if [`per_sample`](Self::per_sample), in the SI unit over a sample
+    /// period.
+    pub resolution: f64,
+    /// Whether the time in the unit is counted in sample periods: then the value in SI needs the sample rate.
+    pub per_sample: bool,
+}
+
+impl Unit {
+    /// The value of `bits` in the SI unit; `None` if it needs the sample rate, in Hz, and none is given.
+    pub fn si(&self, bits: i64, sample_rate_hz: Option<u32>) -> Option<f64> {
+        let value = bits as f64 * self.resolution;
+        match self.per_sample {
+            false => Some(value),
+            true => sample_rate_hz.map(|rate| value / f64::from(rate)),
+        }
+    }
+}
+
+/// Sixteen bits behind the binary point.
+const FRACTION_16: f64 = 1.0 / (1u32 << 16) as f64;
+/// Twenty-four bits behind the binary point, of a nanojoule.
+const NANOJOULE_24: f64 = 1e-9 / (1u32 << 24) as f64;
+
+macro_rules! quantities {
+    ($(
+        $(#[doc = $doc:literal])*
+        $name:ident($bits:ty, $longest:literal, $form:literal): $method:ident, $unit:expr;
+    )*) => {$(
+        $(#[doc = $doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+        #[serde(transparent)]
+        pub struct $name($bits);
+
+        impl $name {
+            /// What one bit is worth.
+            pub const UNIT: Unit = $unit;
+
+            /// The quantity with these bits.
+            pub const fn from_bits(bits: $bits) -> Self {
+                Self(bits)
+            }
+
+            /// Its bits, as they travel.
+            pub const fn bits(self) -> $bits {
+                self.0
+            }
+
+            #[doc = concat!("Its value in ", stringify!($method), ".")]
+            pub fn $method(self) -> f64 {
+                self.0 as f64 * Self::UNIT.resolution
+            }
+        }
+
+        impl Field for $name {
+            const LONGEST: usize = $longest;
+            const FORM: &'static str = $form;
+            fn value(&self) -> Value<'_> {
+                Value::Quantity {
+                    bits: self.0.into(),
+                    unit: &Self::UNIT,
+                }
+            }
+            fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+                Self(random() as $bits)
+            }
+        }
+    )*};
+}
+
+const fn unit(symbol: &'static str, suffix: &'static str, resolution: f64, per_sample: bool) -> Unit {
+    Unit {
+        symbol,
+        suffix,
+        resolution,
+        per_sample,
+    }
+}
+
+quantities! {
+    /// A force (I16F16 of a newton).
+    Force(i32, 5, "i32, 2^-16 N"): newtons, unit("N", "_n", FRACTION_16, false);
+    /// An acceleration (I16F16 of a metre per second squared).
+    Acceleration(i32, 5, "i32, 2^-16 m/s²"): metres_per_second_squared,
+        unit("m/s²", "_mps2", FRACTION_16, false);
+    /// An energy (I40F24 of a nanojoule).
+    Energy(i64, 10, "i64, 2^-24 nJ"): joules, unit("J", "_j", NANOJOULE_24, false);
+    /// A part of a whole (I16F16).
+    Fraction(i32, 5, "i32, 2^-16"): ratio, unit("1", "", FRACTION_16, false);
+    /// A momentum (I48F16 of a newton times a sample period). Divided by the sample rate it is in newton
+    /// seconds.
+    Impulse(i64, 10, "i64, 2^-16 N times a sample period"): newton_samples,
+        unit("N·s", "_ns", FRACTION_16, true);
+    /// A time finer than a sample (U16F16 of a sample period). Divided by the sample rate it is in seconds.
+    Samples(u32, 5, "u32, 2^-16 sample periods"): samples, unit("s", "_s", FRACTION_16, true);
+    /// A frequency (U16F16 of a hertz).
+    Frequency(u32, 5, "u32, 2^-16 Hz"): hertz, unit("Hz", "_hz", FRACTION_16, false);
+    /// A rate of decay (U16F16 of 1/s).
+    Decay(u32, 5, "u32, 2^-16 1/s"): per_second, unit("1/s", "_per_s", FRACTION_16, false);
+}
+
+impl Impulse {
+    /// Its value in newton seconds, for a sample rate in Hz.
+    pub fn newton_seconds(self, sample_rate_hz: u32) -> f64 {
+        self.newton_samples() / f64::from(sample_rate_hz)
+    }
+}

@@ -1,0 +1,27 @@
+//! Which intruders leave the least energy in the chain.
+//!
+//! # Design
+//!
+//! The search makes the share of the injected energy small that the intruders have *not* dissipated
+//! ([`Remaining::share`]). The energy that an intruder still holds counts as remaining. So does a reflected
+//! wave and, on a viscoelastic chain, the loss in contacts: none of it was absorbed. The dampers only take,
+//! so the share only falls with time. It is decided once the last of the wave has passed the hosts, and the
+//! scenario's duration says how long to wait for that. Energy that the striker keeps or gets back is not
+//! injected.
+//!
+//! A design has three numbers a host. Stiffness and damping are searched as logarithms, masses as they are.
+//! So the bound on their sum is linear, and no step between two designs that keep it breaks it. First all
+//! intruders are alike: the best design of a grid is improved. Then each bead goes its own way, from there
+//! and from stiffnesses that rise or fall along the hosts by `RAMP`. Derivatives are differences of runs. At
+//! [`Accuracy::DRAFT`](crate::Accuracy::DRAFT) a share is smooth to some 1e-8; over a step of `STEP` that is
+//! 1e-5 of a derivative. The descent is Kraft's SLSQP.
+
+mod descent;
+mod find;
+mod problem;
+mod remaining;
+mod search;
+
+pub use find::{Optimum, optimise};
+pub use remaining::{Remaining, remaining};
+pub use search::{Aim, OptimiseError, Search};

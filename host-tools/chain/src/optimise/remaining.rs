@@ -1,0 +1,76 @@
+//! The energy that a strike leaves in the chain.
+
+use serde::Serialize;
+
+use crate::absorption::Absorption;
+use crate::scenario::Scenario;
+use crate::simulate::{Accuracy, Options, SimulateError, simulate_with};
+
+/// What a strike leaves at the end of the run. The parts are energies over [`Remaining::injected`]; `before`,
+/// `within`, `after` and `contacts` add up to `share`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Remaining {
+    /// Speed of the striker, m/s.
+    pub speed: f64,
+    /// End of the run, s.
+    pub time: f64,
+    /// Energy that the striker has given by then, J.
+    pub injected: f64,
+    /// The share that the intruders have not dissipated.
+    pub share: f64,
+    /// In the beads before the first host: reflected.
+    pub before: f64,
+    /// In the beads from the first host to the last, and in the intruders.
+    pub within: f64,
+    /// In the beads after the last host: transmitted. Without an intruder, the whole chain is `after`.
+    pub after: f64,
+    /// Dissipated in contacts.
+    pub contacts: f64,
+    /// Each intruder, in the order of the beads.
+    pub intruders: Vec<Absorption>,
+}
+
+/// Runs a scenario with its striker at `speed`, m/s, and says what remains.
+///
+/// The run lasts the scenario's duration times (V/`speed`)^(1/5), V being the scenario's speed. In that time
+/// the wave comes equally far at any speed (exactly so on an elastic chain without intruders).
+///
+/// # Errors
+/// As [`simulate_with`].
+pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<Remaining, SimulateError> {
+    let mut struck = scenario.clone();
+    struck.striker.velocity = speed;
+    struck.duration *= (scenario.striker.velocity / speed).powf(0.2);
+    let options = Options {
+        accuracy,
+        ..Options::default()
+    };
+    let solution = simulate_with(&struck, &options)?;
+    let end = solution.at(solution.end());
+    let energies = end.energies();
+    let injected = solution.model().striker_energy() - energies.striker;
+    let beads = scenario.chain.beads;
+    let intruders = solution.model().intruders();
+    let first = intruders.first().map_or(1, |intruder| intruder.bead);
+    let last = intruders.last().map_or(0, |intruder| intruder.bead);
+    // An empty range of beads has no energy.
+    let part = |from: usize, to: usize| {
+        if from > to {
+            0.0
+        } else {
+            end.region(from..=to).mechanical() / injected
+        }
+    };
+    Ok(Remaining {
+        speed,
+        time: solution.end(),
+        injected,
+        share: 1.0 - energies.dissipated_intruders / injected,
+        before: part(1, first - 1),
+        within: part(first, last),
+        after: part(last + 1, beads),
+        contacts: energies.dissipated_contacts / injected,
+        intruders: solution.absorption(solution.end()),
+    })
+}

@@ -1,0 +1,214 @@
+//! The input of a search for intruders, and its check.
+
+use serde::Serialize;
+
+use crate::model::Model;
+use crate::scenario::{InputError, Scenario};
+use crate::simulate::{Accuracy, SimulateError};
+
+/// The input of a search. [`Search::new`] sets bounds that suit the chain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Search {
+    /// The beads that may hold an intruder each.
+    pub hosts: Vec<usize>,
+    /// Greatest sum of the intruders' masses, kg.
+    pub total_mass: f64,
+    /// Least and greatest mass of each, kg.
+    pub mass: [f64; 2],
+    /// Least and greatest stiffness, N/m.
+    pub stiffness: [f64; 2],
+    /// Least and greatest damping, N·s/m.
+    pub damping: [f64; 2],
+    /// Speeds of the striker, m/s; without any, the scenario's own.
+    pub speeds: Vec<f64>,
+    /// How the shares of several speeds become one.
+    pub aim: Aim,
+    /// Whether all intruders are to be alike.
+    pub alike: bool,
+    /// Most designs to try, each at every speed.
+    pub evaluations: usize,
+    /// Accuracy while searching; the result is run again at [`Accuracy::REFERENCE`].
+    pub accuracy: Accuracy,
+}
+
+/// How the shares that remain of several strikes become one number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Aim {
+    /// Their mean.
+    #[default]
+    Mean,
+    /// The greatest. The descent follows a power mean, which is smooth; designs are compared by the greatest.
+    Worst,
+}
+
+impl Aim {
+    /// The number for these shares; not a number without any.
+    pub fn of(self, shares: &[f64]) -> f64 {
+        match self {
+            Self::Mean => shares.iter().sum::<f64>() / shares.len() as f64,
+            Self::Worst => shares.iter().copied().fold(f64::NAN, f64::max),
+        }
+    }
+}
+
+impl Search {
+    /// A search with bounds taken from the chain. Masses go up to half the lightest host. Stiffness and
+    /// damping go from far below to far above M ω² and M ω, the values that answer to a strike: M is the
+    /// lightest host's mass and π/ω the time of a contact.
+    ///
+    /// # Errors
+    /// [`OptimiseError`]: a search cannot use the scenario, the hosts or the total mass.
+    pub fn new(scenario: &Scenario, hosts: Vec<usize>, total_mass: f64) -> Result<Self, OptimiseError> {
+        scenario.check()?;
+        check_hosts(scenario, &hosts)
+            .and_then(|()| check_total(scenario, &hosts, total_mass))
+            .map_err(OptimiseError::Search)?;
+        let (_, host) = lightest(scenario, &hosts);
+        let rate = std::f64::consts::PI / Model::new(scenario).shortest_contact();
+        let heaviest = 0.5 * host;
+        Ok(Self {
+            mass: [0.02 * heaviest.min(total_mass / hosts.len() as f64), heaviest],
+            stiffness: [1e-5 * host * rate * rate, host * rate * rate],
+            damping: [1e-4 * host * rate, 0.2 * host * rate],
+            hosts,
+            total_mass,
+            speeds: Vec::new(),
+            aim: Aim::default(),
+            alike: false,
+            evaluations: 6000,
+            accuracy: Accuracy::DRAFT,
+        })
+    }
+}
+
+/// Why there is no optimum.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OptimiseError {
+    /// A scenario could not be run.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
+    /// A value of the [`Search`] cannot be used; the key is its field.
+    #[error(transparent)]
+    Search(InputError),
+}
+
+impl From<InputError> for OptimiseError {
+    fn from(error: InputError) -> Self {
+        Self::Simulate(error.into())
+    }
+}
+
+/// Points of the coarse grid in mass, stiffness, damping.
+pub(super) const COARSE: [usize; 3] = [2, 9, 7];
+
+/// The host of least mass and its mass, kg.
+fn lightest(scenario: &Scenario, hosts: &[usize]) -> (usize, f64) {
+    let beads = scenario.spheres();
+    hosts
+        .iter()
+        .map(|&bead| (bead, beads[bead - 1].mass()))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .expect("hosts have been checked to be there")
+}
+
+fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), InputError> {
+    let beads = scenario.chain.beads;
+    if hosts.is_empty() {
+        let advice = format!("name at least one bead from 1 to {beads}, such as 7-16");
+        return Err(InputError::at("hosts", "names no bead", advice));
+    }
+    for (index, bead) in hosts.iter().enumerate() {
+        if !(1..=beads).contains(bead) {
+            let advice = format!("beads are counted from 1 to {beads} (chain.beads)");
+            return Err(InputError::at(
+                "hosts",
+                format!("bead {bead} is not in the chain"),
+                advice,
+            ));
+        }
+        if hosts[..index].contains(bead) {
+            let what = format!("bead {bead} is named twice");
+            return Err(InputError::at("hosts", what, "name each bead once"));
+        }
+    }
+    Ok(())
+}
+
+fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), InputError> {
+    if !(total.is_finite() && total > 0.0) {
+        let what = format!("{total} is not a positive number");
+        let advice = "give a number above zero in kg, such as 0.037";
+        return Err(InputError::at("total_mass", what, advice));
+    }
+    let (bead, host) = lightest(scenario, hosts);
+    let count = hosts.len();
+    let most = host * count as f64;
+    if total >= most {
+        let what =
+            format!("{total} kg in {count} hosts leaves bead {bead}, of {host:.3e} kg, nothing but intruder");
+        return Err(InputError::at(
+            "total_mass",
+            what,
+            format!("give less than {most:.3} kg"),
+        ));
+    }
+    Ok(())
+}
+
+impl Search {
+    pub(super) fn check(&self, scenario: &Scenario) -> Result<(), OptimiseError> {
+        scenario.check()?;
+        self.check_values(scenario).map_err(OptimiseError::Search)
+    }
+
+    fn check_values(&self, scenario: &Scenario) -> Result<(), InputError> {
+        check_hosts(scenario, &self.hosts)?;
+        check_total(scenario, &self.hosts, self.total_mass)?;
+        for (key, [low, high]) in [
+            ("mass", self.mass),
+            ("stiffness", self.stiffness),
+            ("damping", self.damping),
+        ] {
+            if !(low.is_finite() && high.is_finite() && low > 0.0 && low < high) {
+                let what = format!("{low} to {high} is no range to search");
+                return Err(InputError::at(
+                    key,
+                    what,
+                    "give two positive numbers, the lesser first",
+                ));
+            }
+        }
+        let (bead, host) = lightest(scenario, &self.hosts);
+        let [least, greatest] = self.mass;
+        if greatest >= host {
+            let what = format!("{greatest} kg is as heavy as bead {bead} of {host:.3e} kg");
+            return Err(InputError::at("mass", what, "let the greatest mass be less"));
+        }
+        let (count, total) = (self.hosts.len(), self.total_mass);
+        if least * count as f64 > total {
+            let what =
+                format!("{count} hosts of at least {least} kg are more than the total mass of {total} kg");
+            return Err(InputError::at("mass", what, "let the least mass be less"));
+        }
+        if let Some(speed) = self
+            .speeds
+            .iter()
+            .find(|speed| !(speed.is_finite() && **speed > 0.0))
+        {
+            let what = format!("{speed} is not a positive number");
+            let advice = "give numbers above zero in m/s, such as 0.45";
+            return Err(InputError::at("speeds", what, advice));
+        }
+        let fewest = COARSE.iter().product::<usize>();
+        if self.evaluations < fewest {
+            let what = format!(
+                "{} are too few: the first, coarse search takes {fewest}",
+                self.evaluations
+            );
+            return Err(InputError::at("evaluations", what, "give 1000 or more"));
+        }
+        Ok(())
+    }
+}

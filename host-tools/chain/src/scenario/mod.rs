@@ -1,0 +1,11 @@
+//! What is to be simulated: the tables of a scenario, their check, and reading them from TOML.
+
+mod check;
+mod paper;
+mod read;
+mod tables;
+
+pub(crate) use check::MOST_BEADS;
+pub use read::{InputError, TomlFile, text_of};
+pub(crate) use tables::Sphere;
+pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Striker, Wall};

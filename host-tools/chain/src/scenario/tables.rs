@@ -1,0 +1,290 @@
+//! The tables of a scenario: chain, striker, wall, intruders and sections, in SI units.
+
+use serde::{Deserialize, Serialize};
+
+use crate::oscillator::Oscillator;
+
+/// One strike on one chain, in SI units. Beads are counted from 1; the striker is body 0.
+///
+/// Read it from TOML with [`Scenario::from_toml`] or [`Scenario::load`], or build it in code and check it
+/// with [`Scenario::check`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// A title, for people.
+    #[serde(default)]
+    pub title: String,
+    /// Time simulated after the striker touches the first bead, s.
+    pub duration: f64,
+    /// The beads.
+    pub chain: Chain,
+    /// The sphere that hits bead 1.
+    pub striker: Striker,
+    /// The wall behind the last bead; without it the far end is free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wall: Option<Wall>,
+    /// Masses on springs inside beads.
+    #[serde(default, rename = "intruder", skip_serializing_if = "Vec::is_empty")]
+    pub intruders: Vec<Intruder>,
+    /// Beads unlike the rest.
+    #[serde(default, rename = "section", skip_serializing_if = "Vec::is_empty")]
+    pub sections: Vec<Section>,
+}
+
+/// The beads of the chain, alike but for what [`Section`]s say.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chain {
+    /// Number of beads.
+    pub beads: usize,
+    /// Radius, m.
+    pub radius: f64,
+    /// Density, kg/m³.
+    pub density: f64,
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Viscoelastic relaxation time τ of the contacts, s; 0 is elastic.
+    pub relaxation: f64,
+    /// How a total contact force below zero is treated.
+    #[serde(default)]
+    pub contact_force: ContactForce,
+    /// Static load F₀ that presses the chain together from before the strike, N. It pushes bead 1 forwards at
+    /// all times, and the last bead back unless a wall does so. The striker touches bead 1 without force.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub precompression: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+/// How a total contact force below zero is treated. The viscous term can make one while beads part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ContactForce {
+    /// It is kept, as in the paper's equation: parting beads may pull a little.
+    #[default]
+    Printed,
+    /// It is cut off at zero (LAMMPS calls this `limit_damping`).
+    Clipped,
+}
+
+/// The sphere that hits bead 1 at t = 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Striker {
+    /// Radius, m.
+    pub radius: f64,
+    /// Density, kg/m³.
+    pub density: f64,
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Speed at t = 0, m/s.
+    pub velocity: f64,
+    /// Mass, kg; without it, that of a full sphere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// Relaxation time of its contact, s; without it, that of bead 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<f64>,
+}
+
+/// A body behind the last bead. It does not move.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Radius, m; without it the wall is flat.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
+    /// Relaxation time of its contact, s; without it, that of the last bead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<f64>,
+}
+
+/// A mass on a spring and damper inside each of some beads. Its mass is part of the bead's, not added to it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Intruder {
+    /// The host beads.
+    pub beads: Vec<usize>,
+    /// Mass m, kg.
+    pub mass: f64,
+    /// Stiffness k, N/m.
+    pub stiffness: f64,
+    /// Damping c, N·s/m.
+    pub damping: f64,
+}
+
+/// Beads unlike the rest. Each value given here replaces that of [`Chain`].
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Section {
+    /// The beads.
+    pub beads: Vec<usize>,
+    /// Radius, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
+    /// Density, kg/m³.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
+    /// Young's modulus, Pa.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub young: Option<f64>,
+    /// Poisson's ratio.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub poisson: Option<f64>,
+    /// Relaxation time, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<f64>,
+}
+
+/// The material of a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// Density, kg/m³.
+    pub density: f64,
+    /// Young's modulus, Pa.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+}
+
+impl Material {
+    /// A material of a density in kg/m³, a Young's modulus in Pa and a Poisson's ratio.
+    pub const fn new(density: f64, young: f64, poisson: f64) -> Self {
+        Self {
+            density,
+            young,
+            poisson,
+        }
+    }
+}
+
+impl Chain {
+    /// Elastic beads in touch, without a static load. `radius` is in m.
+    pub const fn new(beads: usize, radius: f64, material: Material) -> Self {
+        Self {
+            beads,
+            radius,
+            density: material.density,
+            young: material.young,
+            poisson: material.poisson,
+            relaxation: 0.0,
+            contact_force: ContactForce::Printed,
+            precompression: 0.0,
+        }
+    }
+
+    /// The material of the beads; sections may give another.
+    pub fn material(&self) -> Material {
+        Material::new(self.density, self.young, self.poisson)
+    }
+}
+
+impl Striker {
+    /// A full sphere of `radius`, m, at `velocity`, m/s, whose contact has the relaxation time of bead 1.
+    pub const fn new(radius: f64, material: Material, velocity: f64) -> Self {
+        Self {
+            radius,
+            density: material.density,
+            young: material.young,
+            poisson: material.poisson,
+            velocity,
+            mass: None,
+            relaxation: None,
+        }
+    }
+
+    /// The material of the striker.
+    pub fn material(&self) -> Material {
+        Material::new(self.density, self.young, self.poisson)
+    }
+}
+
+impl Wall {
+    /// A flat wall whose contact has the relaxation time of the last bead.
+    pub const fn flat(material: Material) -> Self {
+        Self {
+            young: material.young,
+            poisson: material.poisson,
+            radius: None,
+            relaxation: None,
+        }
+    }
+}
+
+impl Intruder {
+    /// The same oscillator in each of some beads.
+    pub fn new(beads: impl IntoIterator<Item = usize>, oscillator: Oscillator) -> Self {
+        Self {
+            beads: beads.into_iter().collect(),
+            mass: oscillator.mass,
+            stiffness: oscillator.stiffness,
+            damping: oscillator.damping,
+        }
+    }
+
+    /// The mass on its spring and damper, without its hosts.
+    pub fn oscillator(&self) -> Oscillator {
+        Oscillator {
+            mass: self.mass,
+            stiffness: self.stiffness,
+            damping: self.damping,
+        }
+    }
+}
+
+/// A body as sections leave it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Sphere {
+    pub(crate) radius: f64,
+    pub(crate) material: Material,
+    pub(crate) relaxation: f64,
+}
+
+impl Sphere {
+    pub(crate) fn mass(&self) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3) * self.material.density
+    }
+}
+
+impl Scenario {
+    /// The scenario as TOML. [`Scenario::from_toml`] reads an equal one from it.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("tables, numbers and strings are TOML")
+    }
+
+    /// Beads 1 to N of the chain, at index 0 to N - 1.
+    pub(crate) fn spheres(&self) -> Vec<Sphere> {
+        let chain = &self.chain;
+        let plain = Sphere {
+            radius: chain.radius,
+            material: chain.material(),
+            relaxation: chain.relaxation,
+        };
+        let mut spheres = vec![plain; chain.beads];
+        for section in &self.sections {
+            let unlike = Sphere {
+                radius: section.radius.unwrap_or(plain.radius),
+                material: Material::new(
+                    section.density.unwrap_or(chain.density),
+                    section.young.unwrap_or(chain.young),
+                    section.poisson.unwrap_or(chain.poisson),
+                ),
+                relaxation: section.relaxation.unwrap_or(plain.relaxation),
+            };
+            for bead in &section.beads {
+                spheres[bead - 1] = unlike;
+            }
+        }
+        spheres
+    }
+}

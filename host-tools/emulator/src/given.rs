@@ -1,0 +1,104 @@
+//! What a run is given.
+
+use serde::{Deserialize, Serialize};
+
+/// Bytes for the USART1 receiver, sent back to back at its own baud rate.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UartInput {
+    /// Virtual time at which the first start bit falls, in ns.
+    pub at_ns: u64,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// A level on a pin from outside. It is low at first.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PinInput {
+    /// For example `PA15`.
+    pub pin: String,
+    /// When the level changes: up, down, up and so on. Virtual times in ns after the first externally
+    /// triggered scan, in order.
+    pub changes_ns: Vec<u64>,
+}
+
+impl PinInput {
+    /// Port (A is 0) and number. `None` if there is no such pin.
+    pub(crate) fn place(&self) -> Option<(usize, usize)> {
+        let mut letters = self.pin.strip_prefix('P')?.chars();
+        let port = "ABCDEFGHI".find(letters.next()?)?;
+        let number = letters.as_str().parse().ok().filter(|number| *number < 16)?;
+        Some((port, number))
+    }
+}
+
+/// A fault on demand: bytes are written over guest memory, also over flash, without the processor's doing.
+///
+/// A reset brings flash back as it was, so that the image can start again after its fault. What was written
+/// over RAM stays. What the firmware itself wrote to flash stays too; the bytes of a poke are not part of
+/// that.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Poke {
+    /// Virtual time of the write, in ns since power-up.
+    pub at_ns: u64,
+    /// First address.
+    pub address: u32,
+    /// What to write there.
+    pub bytes: Vec<u8>,
+}
+
+/// A fault on demand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fault {
+    /// Virtual time, in ns after the first externally triggered scan.
+    pub at_ns: u64,
+    /// What fails.
+    pub kind: FaultKind,
+}
+
+/// What fails.
+///
+/// [`WildJump`](Self::WildJump) to [`RunawayStack`](Self::RunawayStack) make the processor crash. The vector
+/// of the DMA stream that serves ADC1 is overwritten in flash, and the next interrupt of that stream does the
+/// rest. The reset brings flash back. Nothing happens if no stream serves ADC1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FaultKind {
+    /// ADC1 loses a conversion, as it does when the DMA does not fetch in time. SR.OVR is set. DMA requests
+    /// and triggers stop until it is cleared (RM0090 section 13.8.1).
+    AdcOverrun,
+    /// The DMA stream that serves ADC1 meets a bus error. TEIF is set and the stream stops (section 10.3.18).
+    /// Nothing happens if no stream serves ADC1.
+    AdcDmaError,
+    /// USART1 ends no frame for some time. What is in its registers stays there, and the DMA waits. A USART
+    /// without flow control never does this by itself. A transmitter that CTS holds, or a DMA stream that is
+    /// stuck, looks like this.
+    TransmitterStalled {
+        /// How long, in ns.
+        for_ns: u64,
+    },
+    /// The supply has this voltage from now on; before, it has 3300 mV. Only the programmable voltage
+    /// detector and the internal reference see it. Below 1.8 V silicon would not run.
+    Supply {
+        /// In mV.
+        millivolts: u32,
+    },
+    /// The vector leads out of memory: a hard fault.
+    WildJump,
+    /// The vector becomes the one of WWDG (position 0). In an image that does not use the window watchdog,
+    /// this is the handler for interrupts that have no handler of their own.
+    UnhandledInterrupt,
+    /// The vector leads to `b .` in the last bytes of flash: the processor never leaves the handler.
+    Hang,
+    /// The vector leads to an endless loop in the last bytes of flash, which pushes on the stack.
+    RunawayStack,
+    /// The power goes and comes back at once: a power-on reset. RAM loses what it held, the reset flags are
+    /// as after power-up, and a flash operation under way is left half done. The stimulus goes on.
+    PowerCut,
+    /// A [`PowerCut`](Self::PowerCut) in the middle of a flash operation, which programs a word or erases a
+    /// sector. Each fault of this kind counts operations for itself. Resets do not end the count.
+    PowerCutInFlash {
+        /// How many operations begin before that one, counted from the time of the fault.
+        after: u32,
+        /// How much of the operation is over when the power goes: 0 to 100.
+        percent: u8,
+    },
+}

@@ -1,0 +1,30 @@
+//! What a machine needs of the outside.
+
+/// Interrupt lines of the STM32F405 (RM0090 table 61).
+pub const INTERRUPTS: usize = 82;
+
+/// What a machine needs of the outside.
+pub trait Board {
+    /// Reads SRAM or flash.
+    fn read_memory(&mut self, address: u32, bytes: &mut [u8]);
+    /// Writes SRAM.
+    fn write_memory(&mut self, address: u32, bytes: &[u8]);
+    /// Writes flash behind the processor's back, until the next reset.
+    fn overwrite_flash(&mut self, address: u32, bytes: &[u8]);
+    /// The firmware changed what stands in `WRITABLE`.
+    fn flash_changed(&mut self, address: u32, bytes: &[u8]);
+    /// The processor stands still from now on, or goes on: flash cannot be read while it is written.
+    fn stall(&mut self, stalled: bool);
+    /// The power was off: RAM loses what it held.
+    fn lose_memory(&mut self);
+    /// An interrupt line of the NVIC changed its level.
+    fn set_interrupt(&mut self, number: usize, level: bool);
+    /// A byte left the USART1 transmitter at this time.
+    fn sent(&mut self, byte: u8, at: u64);
+    /// The ADC's DMA stream filled a half of its buffer. `scans` were started since the last half; it is 0 if
+    /// the interrupt of the last half was not served yet.
+    fn acquired(&mut self, scans: u64);
+    /// The watchdog ran out, or the power went. Reset the processor, and call `Machine::reset` when that
+    /// happens.
+    fn reset_wanted(&mut self);
+}

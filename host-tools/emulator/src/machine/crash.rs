@@ -1,0 +1,23 @@
+//! How the processor is made to crash.
+
+use super::board::Board;
+use crate::given::FaultKind;
+use crate::memory::FLASH;
+
+/// Overwrites the vector of `line`, so that its next interrupt makes the processor crash.
+pub(super) fn crash(kind: FaultKind, line: usize, board: &mut impl Board) {
+    /// Thumb: `b .`
+    const FOR_EVER: [u8; 2] = [0xfe, 0xe7];
+    /// Thumb: `push {r0-r3}`, `b .-2`.
+    const PUSH_FOR_EVER: [u8; 4] = [0x0f, 0xb4, 0xfd, 0xe7];
+    let vector = |line: usize| FLASH.start + 4 * (16 + line as u32);
+    let unused = FLASH.end - 16;
+    let mut handler = (unused | 1).to_le_bytes();
+    match kind {
+        FaultKind::Hang => board.overwrite_flash(unused, &FOR_EVER),
+        FaultKind::RunawayStack => board.overwrite_flash(unused, &PUSH_FOR_EVER),
+        FaultKind::UnhandledInterrupt => board.read_memory(vector(0), &mut handler),
+        _ => handler = 0xefff_fff1_u32.to_le_bytes(),
+    }
+    board.overwrite_flash(vector(line), &handler);
+}

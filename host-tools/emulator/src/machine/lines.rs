@@ -1,0 +1,35 @@
+//! The interrupt lines of the peripherals.
+
+use super::board::{Board, INTERRUPTS};
+use super::chip::Chip;
+use super::table::TABLE;
+
+/// The levels that the board knows.
+#[derive(Debug, Clone)]
+pub(super) struct Lines([bool; INTERRUPTS]);
+
+impl Default for Lines {
+    fn default() -> Self {
+        Self([false; INTERRUPTS])
+    }
+}
+
+impl Lines {
+    /// Tells the board which levels have changed.
+    pub(super) fn settle(&mut self, chip: &Chip, board: &mut impl Board) {
+        // The vectors are in flash: a line that rises now is served when flash can be read again.
+        if chip.units.flash.busy() {
+            return;
+        }
+        for row in TABLE {
+            let model = (row.model)(&chip.units);
+            for (output, line) in row.lines.iter().enumerate() {
+                let level = model.interrupt(output);
+                if self.0[*line] != level {
+                    self.0[*line] = level;
+                    board.set_interrupt(*line, level);
+                }
+            }
+        }
+    }
+}

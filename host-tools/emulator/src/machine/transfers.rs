@@ -1,0 +1,151 @@
+//! What the DMA moves: for requests of peripherals, and between memories.
+
+use super::board::Board;
+use super::chip::Chip;
+use super::wiring::{ADC1_REQUEST, DMA2, USART1_RX_REQUEST, USART1_TX_REQUEST};
+use crate::memory::{FLASH, SRAM};
+use crate::peripherals::Peripheral;
+use crate::peripherals::dma::{Beat, Direction, Progress, STREAMS};
+
+/// Transfers under way.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Transfers {
+    /// Bytes that the DMA wrote and that the board has not got yet. Neighbours are passed on in one piece.
+    written: Vec<u8>,
+    written_at: u32,
+    scans_at_last_block: u64,
+}
+
+impl Transfers {
+    /// Serves the requests that stand.
+    pub(super) fn serve(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
+        if chip.units.adc.dma_request()
+            && let Some(stream) = chip.units.dma[DMA2].serving(&ADC1_REQUEST)
+        {
+            self.fetch_conversion(chip, stream, now, board);
+        }
+        // The first byte moves on to the shift register at once, so two may be taken.
+        for _ in 0..2 {
+            if chip.units.usart1.dma_transmit_request()
+                && let Some(stream) = chip.units.dma[DMA2].serving(&USART1_TX_REQUEST)
+            {
+                self.transfer(chip, stream, now, board);
+            }
+        }
+        if chip.units.usart1.dma_receive_request()
+            && let Some(stream) = chip.units.dma[DMA2].serving(&USART1_RX_REQUEST)
+        {
+            self.transfer(chip, stream, now, board);
+        }
+    }
+
+    fn fetch_conversion(&mut self, chip: &mut Chip, stream: usize, now: u64, board: &mut impl Board) {
+        let unserved = chip.units.dma[DMA2].interrupt(stream);
+        let progress = self.transfer(chip, stream, now, board);
+        // Even if the stream reads another register than DR, the request is answered.
+        chip.units.adc.take_data();
+        if progress.ended {
+            chip.units.adc.dma_ended();
+        }
+        if progress.block {
+            self.flush(board);
+            // A processor that hangs is not woken for a block. What it executed belongs to no block.
+            board.acquired(match unserved {
+                true => 0,
+                false => chip.scans - self.scans_at_last_block,
+            });
+            self.scans_at_last_block = chip.scans;
+        }
+    }
+
+    /// Streams between memories need no request. They run when they are enabled, and here they end at once.
+    pub(super) fn copy_memory(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
+        for stream in 0..STREAMS {
+            let copies = |beat: Beat| beat.direction == Direction::MemoryToMemory;
+            while chip.units.dma[DMA2].beat(stream).is_some_and(copies) {
+                if self.transfer(chip, stream, now, board).ended {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Moves one beat.
+    fn transfer(&mut self, chip: &mut Chip, stream: usize, now: u64, board: &mut impl Board) -> Progress {
+        const STOPPED: Progress = Progress {
+            block: false,
+            ended: true,
+        };
+        let Some(beat) = chip.units.dma[DMA2].beat(stream) else {
+            return STOPPED;
+        };
+        let (from, to) = match beat.direction {
+            Direction::ToPeripheral => (beat.memory, beat.peripheral),
+            Direction::ToMemory | Direction::MemoryToMemory => (beat.peripheral, beat.memory),
+        };
+        let value = self.read(chip, from, beat.bytes, now, board);
+        match value.and_then(|value| self.write(chip, to, beat.bytes, value, now, board)) {
+            Some(()) => chip.units.dma[DMA2].moved(stream),
+            None => {
+                chip.units.dma[DMA2].failed(stream);
+                STOPPED
+            }
+        }
+    }
+
+    /// `None` is a bus error.
+    fn read(
+        &mut self,
+        chip: &mut Chip,
+        address: u32,
+        bytes: u32,
+        now: u64,
+        board: &mut impl Board,
+    ) -> Option<u32> {
+        if FLASH.contains(&address) {
+            chip.units.flash.fetched_by_dma();
+        } else if !SRAM.contains(&address) {
+            return Some(part(chip.read(address & !3, now).ok()?, address, bytes));
+        }
+        self.flush(board);
+        let mut word = [0; 4];
+        board.read_memory(address, &mut word[..bytes as usize]);
+        Some(u32::from_le_bytes(word))
+    }
+
+    fn write(
+        &mut self,
+        chip: &mut Chip,
+        address: u32,
+        bytes: u32,
+        value: u32,
+        now: u64,
+        board: &mut impl Board,
+    ) -> Option<()> {
+        if !SRAM.contains(&address) {
+            let value = chip.widen(address, bytes, value, now);
+            return chip.write(address & !3, value, now).ok();
+        }
+        if self.written_at.wrapping_add(self.written.len() as u32) != address {
+            self.flush(board);
+            self.written_at = address;
+        }
+        self.written
+            .extend_from_slice(&value.to_le_bytes()[..bytes as usize]);
+        Some(())
+    }
+
+    /// Passes on what was written.
+    pub(super) fn flush(&mut self, board: &mut impl Board) {
+        if !self.written.is_empty() {
+            board.write_memory(self.written_at, &self.written);
+            self.written_at = self.written_at.wrapping_add(self.written.len() as u32);
+            self.written.clear();
+        }
+    }
+}
+
+/// The bytes of a word that a narrower read at this address gets.
+pub(super) fn part(word: u32, address: u32, bytes: u32) -> u32 {
+    (word >> (8 * (address & 3))) & (u32::MAX >> (32 - 8 * bytes))
+}

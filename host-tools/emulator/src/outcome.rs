@@ -1,0 +1,182 @@
+//! What a run gives.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// What a run gave.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Outcome {
+    /// Bytes that left the USART1 transmitter.
+    pub uart: Vec<u8>,
+    /// When each of them had left, in ns of virtual time since power-up.
+    pub uart_ns: Vec<u64>,
+    /// The defmt log, decoded.
+    pub log: Vec<LogLine>,
+    /// The same log as it came over RTT.
+    pub rtt: Vec<u8>,
+    /// Executed instructions. `None` if they were not counted.
+    pub instructions: Option<Instructions>,
+    /// The externally triggered scans. `None` if the image never sampled.
+    pub sampling: Option<Sampling>,
+    /// How often the ADC lost a conversion (ADC_SR.OVR was set).
+    pub overruns: u64,
+    /// Triggers that started nothing, since a scan was running or OVR was set.
+    pub triggers_ignored: u64,
+    /// Resets after power-up.
+    pub resets: Vec<Reset>,
+    /// Registers that the firmware accessed and that no model knows.
+    pub unknown_registers: Vec<UnknownRegister>,
+    /// Features of modelled peripherals that the firmware asked for and that are not modelled.
+    pub unmodelled: Vec<String>,
+    /// Output pins that moved.
+    pub pins: Vec<Pin>,
+    /// What flash sectors 10 and 11 hold at the end, which firmware can write: address and bytes, as for
+    /// [`Run::flash`](crate::Run::flash).
+    pub flash: (u32, Vec<u8>),
+    /// Words that the firmware programmed and sectors that it erased, in order.
+    pub flash_operations: Vec<FlashOperation>,
+    /// Virtual time at the end, in ns since power-up.
+    pub virtual_ns: u64,
+}
+
+/// Executed instructions. Each takes 8 ns of virtual time. A processor in WFI executes none.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Instructions {
+    /// By the whole image.
+    pub total: u64,
+    /// One entry for each label, in the order given.
+    pub functions: Vec<FunctionCount>,
+    /// The busiest stretch between two interrupts of the ADC's DMA stream.
+    pub worst_block: Option<Block>,
+    /// All stretches in which a function of [`Run::work`](crate::Run::work) ran, taken together. `None` if
+    /// there were none.
+    pub working: Option<Block>,
+    /// All other stretches, taken together. `None` if there were none.
+    pub idle: Option<Block>,
+}
+
+/// Instructions inside the functions of one label. Functions that they call are not included.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct FunctionCount {
+    /// The label.
+    pub label: String,
+    /// Instructions executed.
+    pub instructions: u64,
+    /// How often one of the functions was entered.
+    pub calls: u64,
+    /// How many functions of the image have the label. 0 means that the compiler inlined them all, or that
+    /// the pattern has a mistake.
+    pub symbols: usize,
+}
+
+/// One line of the image's log.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LogLine {
+    /// `trace`, `debug`, `info`, `warn` or `error`. `None` for `println`.
+    pub level: Option<String>,
+    /// As the image's `defmt::timestamp!` formats it. `None` if the image has no timestamp.
+    pub timestamp: Option<String>,
+    /// The message.
+    pub text: String,
+}
+
+impl fmt::Display for LogLine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(timestamp) = &self.timestamp {
+            write!(f, "{timestamp} ")?;
+        }
+        if let Some(level) = &self.level {
+            write!(f, "{:5} ", level.to_uppercase())?;
+        }
+        f.write_str(&self.text)
+    }
+}
+
+/// The externally triggered scans of ADC1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sampling {
+    /// Virtual time of the first one, which reads row 0 of the stimulus, in ns.
+    pub first_ns: u64,
+    /// How many were started.
+    pub scans: u64,
+}
+
+/// A reset of the machine after power-up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Reset {
+    /// Virtual time, in ns.
+    pub at_ns: u64,
+    /// What asked for it.
+    pub cause: ResetCause,
+}
+
+/// What asked for a reset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ResetCause {
+    /// SYSRESETREQ, by the firmware itself.
+    Software,
+    /// The independent watchdog ran out.
+    Watchdog,
+    /// [`FaultKind::PowerCut`](crate::FaultKind::PowerCut) or
+    /// [`FaultKind::PowerCutInFlash`](crate::FaultKind::PowerCutInFlash).
+    PowerCut,
+}
+
+/// A word that the firmware programmed, or a sector that it erased. The operation may have been cut short.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FlashOperation {
+    /// Virtual time at which it began, in ns.
+    pub at_ns: u64,
+    /// First address.
+    pub address: u32,
+    /// How much it programs or erases.
+    pub bytes: u32,
+    /// Whether it erases.
+    pub erase: bool,
+}
+
+/// A register that the firmware accessed and no model knows, or whose peripheral's clock was off.
+///
+/// It read as zero, and writes to it had no effect. On silicon the firmware may behave differently.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UnknownRegister {
+    /// For example `SPI1+0x08`, or `USART1+0x00 (clock off)`.
+    pub name: String,
+    /// Address of the word.
+    pub address: u32,
+    /// How often it was read.
+    pub reads: u64,
+    /// How often it was written.
+    pub writes: u64,
+    /// What was written last.
+    pub last_write: Option<u32>,
+}
+
+/// An output pin that moved.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pin {
+    /// For example `PC13`.
+    pub name: String,
+    /// How often its level changed while it was an output.
+    pub edges: u64,
+}
+
+/// The time from one interrupt of the ADC's DMA stream to the next, or several such stretches taken together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Block {
+    /// Instructions of the whole image, with its interrupts.
+    pub instructions: u64,
+    /// Scans of the ADC in the same time.
+    pub scans: u64,
+}
+
+impl Block {
+    /// Instructions for each scan of the ADC.
+    pub fn instructions_per_scan(&self) -> f64 {
+        self.instructions as f64 / self.scans as f64
+    }
+}

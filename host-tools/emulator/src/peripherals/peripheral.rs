@@ -1,0 +1,86 @@
+//! What all models have in common.
+
+use std::collections::BTreeSet;
+
+use super::clock::Clocks;
+
+/// A peripheral: registers, interrupt lines, and a clock.
+///
+/// An offset is the distance of a word from the first address of the peripheral. Times are virtual, in ns
+/// since power-up, and never go back.
+pub trait Peripheral {
+    /// Reads a register, as the processor or the DMA does.
+    ///
+    /// # Errors
+    /// The model has no such register.
+    fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister>;
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// The model has no such register.
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister>;
+
+    /// Resets the registers. What comes from outside goes on: levels on pins, bytes on a line, the supply.
+    /// Counts and notes stay too.
+    fn reset(&mut self, now: u64);
+
+    /// The clock tree has changed.
+    fn set_clocks(&mut self, _clocks: &Clocks, _now: u64) {}
+
+    /// The level of an interrupt line. `output` is the number of the line within this peripheral, from 0 on.
+    fn interrupt(&self, _output: usize) -> bool {
+        false
+    }
+
+    /// When a line will rise, or the machine will be reset, if no register is accessed. This time may be too
+    /// early, but never too late. What other peripherals do is left out.
+    fn next_interrupt(&self) -> Option<u64> {
+        None
+    }
+
+    /// Whether a register takes data. A narrow write to it stands for itself; elsewhere it keeps the rest of
+    /// the word, which has to be read for that.
+    fn is_data(&self, _offset: u32) -> bool {
+        false
+    }
+
+    /// What the firmware asked for that the model does not do.
+    fn notes(&self) -> &Notes {
+        static NONE: Notes = Notes(BTreeSet::new());
+        &NONE
+    }
+}
+
+/// There is no such register in the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NoRegister;
+
+/// What the firmware asked of a peripheral that its model does not do.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Notes(BTreeSet<&'static str>);
+
+impl Notes {
+    /// Takes a note. The same note is kept once.
+    pub(crate) fn note(&mut self, what: &'static str) {
+        self.0.insert(what);
+    }
+
+    pub(crate) fn note_if(&mut self, asked: bool, what: &'static str) {
+        if asked {
+            self.note(what);
+        }
+    }
+
+    /// Takes notes from a table of registers, bits and notes: those for which one of the bits is written.
+    pub(crate) fn note_bits(&mut self, table: &[(u32, u32, &'static str)], offset: u32, value: u32) {
+        for (register, bits, what) in table {
+            self.note_if(*register == offset && value & bits != 0, what);
+        }
+    }
+
+    /// In alphabetical order.
+    pub fn iter(&self) -> impl Iterator<Item = &'static str> + '_ {
+        self.0.iter().copied()
+    }
+}

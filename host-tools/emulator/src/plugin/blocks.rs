@@ -1,0 +1,69 @@
+//! Instructions of each block: from one interrupt of the ADC's DMA stream to the next.
+
+use super::count::Counters;
+use crate::outcome::{Block, Instructions};
+
+/// What the blocks of a run have cost so far.
+pub(super) struct Blocks {
+    pub(super) counters: &'static Counters,
+    /// The labels whose functions make a block a working one.
+    work: Vec<usize>,
+    /// Instructions of the whole image, and of those functions, when the block began. Nothing before the
+    /// first one.
+    began: Option<[u64; 2]>,
+    worst: Option<Block>,
+    working: Option<Block>,
+    idle: Option<Block>,
+}
+
+impl Blocks {
+    pub(super) fn new(counters: &'static Counters, work: Vec<usize>) -> Self {
+        Self {
+            counters,
+            work,
+            began: None,
+            worst: None,
+            working: None,
+            idle: None,
+        }
+    }
+
+    /// The processor was reset: the next block has the start-up in it, and is not counted.
+    pub(super) fn restart(&mut self) {
+        self.began = None;
+    }
+
+    /// A block of this many scans ends, and the next one begins. One of no scans is not counted.
+    pub(super) fn end(&mut self, scans: u64) {
+        let now = [self.counters.total(), self.counters.labelled(&self.work)];
+        let Some(began) = self.began.replace(now).filter(|_| scans > 0) else {
+            return;
+        };
+        let block = Block {
+            instructions: now[0] - began[0],
+            scans,
+        };
+        let worst = self.worst.get_or_insert(block);
+        if block.instructions_per_scan() > worst.instructions_per_scan() {
+            *worst = block;
+        }
+        let alike = match now[1] > began[1] {
+            true => &mut self.working,
+            false => &mut self.idle,
+        };
+        let alike = alike.get_or_insert_default();
+        alike.instructions += block.instructions;
+        alike.scans += block.scans;
+    }
+
+    /// Everything that was counted.
+    pub(super) fn instructions(&self) -> Instructions {
+        Instructions {
+            total: self.counters.total(),
+            functions: self.counters.functions(),
+            worst_block: self.worst,
+            working: self.working,
+            idle: self.idle,
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! What QEMU calls: the plugin's entry, and the callbacks for memory, time, resets and instructions.
+//!
+//! # Safety
+//!
+//! QEMU holds its big lock in the callbacks for memory, timers and reset, and at the end of machine creation.
+//! The callbacks for translation and instructions run without it. They touch only counters, which are
+//! atomics, and [`Sites`], which has its own lock, and never the overlay.
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::path::Path;
+use std::ptr::null_mut;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+use super::count::{Counters, Site, Sites};
+use super::overlay::Overlay;
+use super::qemu::{
+    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, Notifier, Ops, PRIORITY, Pointer, QEMU_CLOCK_VIRTUAL, Qemu,
+    SCALE_NS, SPARE_LINE, ValidAccess, exit, room, say, symbol,
+};
+use super::self_test::self_test;
+use crate::exchange::SELF_TEST_STATUS;
+use crate::memory::{CCM, FLASH};
+
+static QEMU: OnceLock<Qemu> = OnceLock::new();
+static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
+static COUNTERS: OnceLock<(&'static Counters, Mutex<Sites>)> = OnceLock::new();
+static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
+
+/// The overlay and QEMU. Both are set before QEMU calls back, but for the moment in which it sets up its
+/// memory: `None`.
+fn running() -> Option<(MutexGuard<'static, Overlay>, &'static Qemu)> {
+    let overlay = OVERLAY.get()?.lock().unwrap_or_else(PoisonError::into_inner);
+    Some((overlay, QEMU.get()?))
+}
+
+static OPS: Ops = ops(on_write, false);
+/// QEMU reads flash as memory. Only stores come here.
+static FLASH_OPS: Ops = ops(on_store, true);
+
+/// What QEMU calls for accesses of 1 to 4 bytes.
+const fn ops(write: extern "C" fn(Pointer, u64, u64, u32), unaligned: bool) -> Ops {
+    const fn sizes(unaligned: bool) -> AccessSizes {
+        AccessSizes {
+            min: 1,
+            max: 4,
+            unaligned,
+        }
+    }
+    Ops {
+        read: on_read,
+        write,
+        read_with_attrs: 0,
+        write_with_attrs: 0,
+        endianness: DEVICE_LITTLE_ENDIAN,
+        valid: ValidAccess {
+            sizes: sizes(unaligned),
+            accepts: 0,
+        },
+        implemented: sizes(unaligned),
+    }
+}
+
+/// QEMU loads a plugin only if this is QEMU's own interface version. The host makes a copy of this file in
+/// which it is.
+#[unsafe(no_mangle)]
+#[allow(non_upper_case_globals)]
+pub(super) static qemu_plugin_version: c_int = 1;
+
+/// Called by QEMU once, before it makes the machine. Arguments are `name=value`.
+///
+/// # Safety
+/// For QEMU to call.
+#[unsafe(no_mangle)]
+pub(super) unsafe extern "C" fn qemu_plugin_install(
+    id: u64,
+    _info: *const c_void,
+    argc: c_int,
+    argv: *const *const c_char,
+) -> c_int {
+    let count = usize::try_from(argc).unwrap_or(0);
+    let argument = |i: usize| {
+        // SAFETY: QEMU gives `argc` terminated strings.
+        unsafe { CStr::from_ptr(*argv.add(i)) }
+            .to_string_lossy()
+            .into_owned()
+    };
+    match install(id, &(0..count).map(argument).collect::<Vec<_>>()) {
+        Ok(()) => 0,
+        Err(line) => {
+            say(&line);
+            -1
+        }
+    }
+}
+
+fn install(id: u64, arguments: &[String]) -> Result<(), String> {
+    let folder = arguments.iter().find_map(|a| a.strip_prefix("run="));
+    let folder = folder.ok_or("the plugin needs the argument run=DIRECTORY, with a run description in it")?;
+    let functions = Functions::find().map_err(|name| {
+        format!(
+            "this QEMU does not export {name}; Debian's and Ubuntu's qemu-system-arm 7.2 or newer do, static builds do not"
+        )
+    })?;
+    let overlay = Overlay::new(Path::new(folder))?;
+    let counters = overlay.counters();
+    let functions = FUNCTIONS.get_or_init(|| functions);
+    OVERLAY.get_or_init(|| Mutex::new(overlay));
+    let notifier = Box::leak(Box::new(Notifier {
+        notify: on_machine_ready,
+        node: [0; 2],
+    }));
+    // SAFETY: the notifier is never freed.
+    unsafe { (functions.qemu_add_machine_init_done_notifier)(notifier) };
+    if let Some(counters) = counters {
+        COUNTERS.get_or_init(|| (counters, Mutex::default()));
+        // SAFETY: `id` is what QEMU gave to this plugin.
+        unsafe { (functions.qemu_plugin_register_vcpu_tb_trans_cb)(id, on_translate, null_mut()) };
+    }
+    Ok(())
+}
+
+extern "C" fn on_machine_ready(_: *mut Notifier, _: Pointer) {
+    let Some(functions) = FUNCTIONS.get() else { return };
+    let qemu = match lay_over(functions) {
+        Ok(qemu) => qemu,
+        Err(line) => exit(SELF_TEST_STATUS, &line),
+    };
+    if let Err(line) = self_test(QEMU.get_or_init(|| qemu)) {
+        exit(SELF_TEST_STATUS, &line);
+    }
+}
+
+/// Lays our regions over the machine, and finds what the overlay needs of QEMU.
+fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
+    let none = null_mut();
+    // SAFETY: QEMU's functions as it uses them itself when it makes a machine; names are terminated and
+    // static, the regions and the timer are never freed, and callbacks get the address of the region's start
+    // as their argument.
+    unsafe {
+        let system = (f.get_system_memory)();
+        let container = (f.object_resolve_path)(c"armv7m-container[0]".as_ptr(), null_mut());
+        let processor = (f.object_resolve_path_type)(c"".as_ptr(), c"armv7m".as_ptr(), null_mut());
+        if container.is_null() || processor.is_null() {
+            return Err("this machine has no ARMv7-M processor; run it with -M netduinoplus2".into());
+        }
+        for (parent, start, size) in [
+            (system, 0x4000_0000, 0x2000_0000),
+            (system, 0x1fff_7800, 0x400),
+            (container, 0xe000_1000, 0x1000),
+            (container, 0xe004_2000, 0x400),
+        ] {
+            let region = room();
+            (f.memory_region_init_io)(
+                region,
+                none,
+                &raw const OPS,
+                start as Pointer,
+                c"stm32f405".as_ptr(),
+                size,
+            );
+            (f.memory_region_add_subregion_overlap)(parent, start, region, PRIORITY);
+        }
+        if !(f.memory_region_present)(system, CCM.start.into()) {
+            let region = room();
+            (f.memory_region_init_ram)(region, none, c"stm32f405.ccm".as_ptr(), CCM.len() as u64, none);
+            (f.memory_region_add_subregion_overlap)(system, CCM.start.into(), region, PRIORITY);
+        }
+        // QEMU's own flash cannot be written. Flash is also seen at 0, where the processor looks for its
+        // vectors.
+        let (flash, bytes) = (room(), FLASH.len() as u64);
+        let start = FLASH.start as Pointer;
+        let name = c"stm32f405.flash".as_ptr();
+        (f.memory_region_init_rom_device)(flash, none, &raw const FLASH_OPS, start, name, bytes, none);
+        (f.memory_region_add_subregion_overlap)(system, FLASH.start.into(), flash, PRIORITY);
+        let alias = room();
+        (f.memory_region_init_alias)(alias, none, c"stm32f405.boot".as_ptr(), flash, 0, bytes);
+        (f.memory_region_add_subregion_overlap)(system, 0, alias, PRIORITY);
+        let timer = room();
+        (f.timer_init_full)(timer, none, QEMU_CLOCK_VIRTUAL, SCALE_NS, 0, on_timer, none);
+        (f.qemu_register_reset)(on_reset, none);
+        let request = (f.qemu_allocate_irq)(on_reset_request, none, 0);
+        (f.qdev_connect_gpio_out_named)(processor, c"SYSRESETREQ".as_ptr(), 0, request);
+        let interrupts = (0..=SPARE_LINE)
+            .map(|n| (f.qdev_get_gpio_in)(processor, n as c_int))
+            .collect();
+        let address_space = symbol("address_space_memory\0")?;
+        Ok(Qemu {
+            functions: f,
+            address_space,
+            timer,
+            interrupts,
+            reset_requested: AtomicBool::new(false),
+        })
+    }
+}
+
+extern "C" fn on_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
+    let address = start as u32 + offset as u32;
+    running().map_or(0, |(mut overlay, qemu)| overlay.read(address, bytes, qemu).into())
+}
+
+extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
+    let address = start as u32 + offset as u32;
+    if let Some((mut overlay, qemu)) = running() {
+        overlay.write(address, bytes, value as u32, qemu);
+    }
+}
+
+extern "C" fn on_store(start: Pointer, offset: u64, value: u64, bytes: u32) {
+    let address = start as u32 + offset as u32;
+    if let Some((mut overlay, qemu)) = running() {
+        overlay.store(address, bytes, value as u32, qemu);
+    }
+}
+
+extern "C" fn on_timer(_: Pointer) {
+    if let Some((mut overlay, qemu)) = running() {
+        overlay.wake(qemu);
+    }
+}
+
+/// The firmware wrote SYSRESETREQ.
+extern "C" fn on_reset_request(_: Pointer, _number: c_int, level: c_int) {
+    if let Some(qemu) = QEMU.get().filter(|_| level != 0) {
+        qemu.request_reset();
+    }
+}
+
+extern "C" fn on_reset(_: Pointer) {
+    if let Some((mut overlay, qemu)) = running() {
+        qemu.reset_requested.store(false, Relaxed);
+        overlay.reset(qemu);
+    }
+}
+
+/// Up to plugin interface 6 the arguments are the plugin's number and the block. From 7 on they are the block
+/// and what was given at registration, which is null here. In this calling convention an additional argument
+/// at registration does no harm.
+extern "C" fn on_translate(first: Pointer, second: Pointer) {
+    let block = if second.is_null() { first } else { second };
+    let (Some((counters, sites)), Some(f)) = (COUNTERS.get(), FUNCTIONS.get()) else {
+        return;
+    };
+    let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
+    // SAFETY: the block and its instructions are QEMU's for the time of this call; a site is never freed.
+    unsafe {
+        for i in 0..(f.qemu_plugin_tb_n_insns)(block) {
+            let instruction = (f.qemu_plugin_tb_get_insn)(block, i);
+            let address = (f.qemu_plugin_insn_vaddr)(instruction) as u32;
+            let site = sites
+                .get(address, counters)
+                .map_or(null_mut(), |s| (&raw const *s).cast_mut().cast());
+            (f.qemu_plugin_register_vcpu_insn_exec_cb)(instruction, on_instruction, 0, site);
+        }
+    }
+}
+
+extern "C" fn on_instruction(_processor: u32, site: Pointer) {
+    // SAFETY: the pointer is null or to a site that `on_translate` leaked.
+    let site = unsafe { site.cast::<Site>().as_ref() };
+    if let Some((counters, _)) = COUNTERS.get() {
+        counters.executed(site);
+    }
+}

@@ -1,0 +1,133 @@
+//! What comes out of the machine while it runs.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use super::blocks::Blocks;
+use super::qemu::{self, Qemu};
+use crate::exchange;
+use crate::machine::Board;
+use crate::memory::{CCM, SRAM};
+
+/// What comes out of the machine while it runs.
+pub(super) struct Recorder {
+    uart: BufWriter<File>,
+    uart_times: BufWriter<File>,
+    rtt: File,
+    /// Only where instructions are counted.
+    pub(super) blocks: Option<Blocks>,
+    /// What stood in flash before it was overwritten.
+    flash_before: Vec<(u32, Vec<u8>)>,
+}
+
+impl Recorder {
+    /// Begins the files of the run.
+    ///
+    /// # Errors
+    /// One line: which file cannot be made.
+    pub(super) fn new(folder: &Path, blocks: Option<Blocks>) -> Result<Self, String> {
+        let create = |name: &str| {
+            let odd = |e: std::io::Error| format!("run directory {}: {name}: {e}", folder.display());
+            File::create(folder.join(name)).map_err(odd)
+        };
+        Ok(Self {
+            uart: BufWriter::new(create(exchange::UART)?),
+            uart_times: BufWriter::new(create(exchange::UART_TIMES)?),
+            rtt: create(exchange::RTT)?,
+            blocks,
+            flash_before: Vec::new(),
+        })
+    }
+
+    /// Puts what was said so far into the files.
+    pub(super) fn flush(&mut self, log: &[u8]) {
+        written(self.rtt.write_all(log));
+        written(self.uart.flush());
+        written(self.uart_times.flush());
+    }
+
+    /// Brings back what was overwritten in flash.
+    pub(super) fn restore_flash(&mut self, qemu: &Qemu) {
+        while let Some((address, bytes)) = self.flash_before.pop() {
+            qemu.poke(address, &bytes);
+        }
+    }
+}
+
+/// The machine's outside: QEMU and the recorder.
+pub(super) struct Outside<'a>(pub(super) &'a Qemu, pub(super) &'a mut Recorder);
+
+impl Board for Outside<'_> {
+    fn read_memory(&mut self, address: u32, bytes: &mut [u8]) {
+        self.0.read_memory(address, bytes);
+    }
+
+    fn write_memory(&mut self, address: u32, bytes: &[u8]) {
+        self.0.write_memory(address, bytes);
+    }
+
+    fn overwrite_flash(&mut self, address: u32, bytes: &[u8]) {
+        let mut before = vec![0; bytes.len()];
+        self.0.read_memory(address, &mut before);
+        self.1.flash_before.push((address, before));
+        self.0.poke(address, bytes);
+    }
+
+    fn flash_changed(&mut self, address: u32, bytes: &[u8]) {
+        self.0.poke(address, bytes);
+    }
+
+    fn stall(&mut self, stalled: bool) {
+        match stalled {
+            true => self.0.halt(),
+            false => self.0.go_on(),
+        }
+    }
+
+    fn lose_memory(&mut self) {
+        for ram in [SRAM, CCM] {
+            self.0.write_memory(ram.start, &noise(ram.len()));
+        }
+    }
+
+    fn set_interrupt(&mut self, number: usize, level: bool) {
+        self.0.set_interrupt(number, level);
+    }
+
+    fn sent(&mut self, byte: u8, at: u64) {
+        written(self.1.uart.write_all(&[byte]));
+        written(self.1.uart_times.write_all(&at.to_le_bytes()));
+    }
+
+    fn acquired(&mut self, scans: u64) {
+        if let Some(blocks) = &mut self.1.blocks {
+            blocks.end(scans);
+        }
+    }
+
+    fn reset_wanted(&mut self) {
+        self.0.halt();
+        self.0.request_reset();
+    }
+}
+
+/// What RAM holds after power-up. On silicon this is unknown. Here it is the same in every run.
+fn noise(bytes: usize) -> Vec<u8> {
+    // Xorshift (Marsaglia 2003), its first triple.
+    let mut state = 0x2545_f491_u32;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        state
+    };
+    (0..bytes).map(|_| (next() >> 16) as u8).collect()
+}
+
+/// A full disk ends the run: half a record would look like a whole one.
+pub(super) fn written(result: std::io::Result<()>) {
+    if let Err(e) = result {
+        qemu::exit(1, &format!("cannot write the run's files: {e}"));
+    }
+}

@@ -1,0 +1,64 @@
+//! Tests that QEMU does what the overlay rests on, so that a QEMU that differs gives a clear line and not a
+//! wrong result.
+
+use super::qemu::{Qemu, SPARE_LINE};
+use crate::memory::{CCM, FLASH};
+
+/// Tests, before the first instruction, our registers as QEMU's memory and the processor see them, and the
+/// added RAM. The reset that follows removes what this leaves behind.
+pub(super) fn self_test(qemu: &Qemu) -> Result<(), String> {
+    const FLASH_ACR: u32 = 0x4002_3c00;
+    const DWT_CTRL: u32 = 0xe000_1000;
+
+    let word = |address: u32| {
+        let mut bytes = [0; 4];
+        qemu.read_memory(address, &mut bytes);
+        u32::from_le_bytes(bytes)
+    };
+    let check = |what: &str, found: u32, expected: u32| {
+        let differs = || format!("{what} is {found:#010x} and not {expected:#010x}");
+        (found == expected).then_some(()).ok_or_else(differs)
+    };
+    qemu.poke(FLASH.start, &vec![0xff; FLASH.len()]);
+    check("a word of erased flash", word(FLASH.end - 4), u32::MAX)?;
+    check(
+        "the same word seen at 0",
+        word((FLASH.end - FLASH.start) - 4),
+        u32::MAX,
+    )?;
+    qemu.write_memory(FLASH_ACR, &5u32.to_le_bytes());
+    check("FLASH_ACR after a write", word(FLASH_ACR), 5)?;
+    qemu.write_memory(FLASH_ACR, &0u32.to_le_bytes());
+    for (address, value) in [
+        (CCM.start, 0x5a5a_a5a5u32),
+        (CCM.end - 4, 0x1234_5678),
+        (CCM.start, 0),
+    ] {
+        qemu.write_memory(address, &value.to_le_bytes());
+        check("a word of CCM RAM after a write", word(address), value)?;
+    }
+    check(
+        "DWT_CTRL seen by the processor",
+        qemu.processor_word(DWT_CTRL) & 0xf000_0000,
+        0x4000_0000,
+    )?;
+    Ok(())
+}
+
+/// Tests that an interrupt line that is raised is pending. The interrupt controller must have been reset
+/// before.
+pub(super) fn interrupt_test(qemu: &Qemu) -> Result<(), String> {
+    /// Set-pending bits of interrupts 64 to 95.
+    const NVIC_ISPR2: u32 = 0xe000_e208;
+    let pending = || (qemu.processor_word(NVIC_ISPR2) >> (SPARE_LINE - 64)) & 1 == 1;
+    let before = pending();
+    qemu.set_interrupt(SPARE_LINE, true);
+    let raised = pending();
+    qemu.set_interrupt(SPARE_LINE, false);
+    match (before, raised) {
+        (false, true) => Ok(()),
+        _ => Err(format!(
+            "an interrupt line was pending {before} before it was raised and {raised} after"
+        )),
+    }
+}

@@ -1,0 +1,28 @@
+//! What is run on the bench: options that `bead emulate` and `bead accuracy` share.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::bench::emulation::find_image;
+use crate::cli::failure::Failure;
+
+/// Scenario, bead and image.
+#[derive(Debug, Args)]
+pub(crate) struct BenchOptions {
+    /// The scenario, a TOML file in SI units.
+    pub(crate) scenario: PathBuf,
+    /// The bead that senses: one with an intruder.
+    #[arg(long, value_name = "N")]
+    pub(crate) bead: usize,
+    /// The flash image [default: as `cargo xtask build` leaves it].
+    #[arg(long, value_name = "ELF")]
+    firmware: Option<PathBuf>,
+}
+
+impl BenchOptions {
+    /// The image: as given, or as built.
+    pub(crate) fn image(&self) -> Result<PathBuf, Failure> {
+        Ok(find_image(self.firmware.as_deref())?)
+    }
+}

@@ -1,0 +1,126 @@
+//! The pictures of a strike: what was sensed and estimated, and what is left when the simulation is
+//! subtracted.
+
+use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+
+use crate::comparison::strike::{AbsorbedPoint, SensedPoint, Traces};
+
+/// Force, acceleration and absorbed energy of a strike over one time axis.
+pub fn strike_chart(traces: &Traces) -> Chart {
+    let sensed = |points: &[SensedPoint], y_label: &str, [simulated, sensed]: [&str; 2]| {
+        let of = |value: fn(&SensedPoint) -> f64| points.iter().map(move |point| (point.time, value(point)));
+        let curves = vec![
+            series(
+                simulated,
+                Ink::Chain,
+                Mark::Broad,
+                of(|point| point.simulated),
+                1.0,
+            ),
+            series(sensed, Ink::Sensed, Mark::Dots, of(|point| point.sensed), 1.0),
+        ];
+        Panel::new(y_label, curves).height(165)
+    };
+    let chain = traces.f64_samples[1]
+        .iter()
+        .map(|point| (point.time, point.chain));
+    let [measured, predicted] = traces
+        .device
+        .each_ref()
+        .map(|curve| curve.iter().map(|point| (point.time, point.estimate)));
+    let absorbed = vec![
+        series("", Ink::Chain, Mark::Broad, chain, 1e9),
+        series(
+            "A, measured by the acceleration",
+            Ink::Measured,
+            Mark::Rings,
+            measured,
+            1e9,
+        ),
+        series(
+            "B, predicted from the force",
+            Ink::Predicted,
+            Mark::Discs,
+            predicted,
+            1e9,
+        ),
+    ];
+    over_time(
+        traces,
+        "Force and acceleration that the bead senses, and the energy that its intruder absorbs, over time",
+        vec![
+            sensed(&traces.force, "force (N)", ["simulated", "sensed by the bead"]),
+            sensed(&traces.acceleration, "acceleration (m/s²)", ["", ""]),
+            Panel::new("absorbed energy (nJ)", absorbed).height(230),
+        ],
+    )
+}
+
+/// The same three, the simulation subtracted.
+pub fn residual_chart(traces: &Traces) -> Chart {
+    let residual = |points: &[SensedPoint], name: &str, y_label: &str, scale: f64| {
+        let off = points
+            .iter()
+            .map(|point| (point.time, point.sensed - point.simulated));
+        Panel::new(y_label, vec![series(name, Ink::Sensed, Mark::Dots, off, scale)]).height(140)
+    };
+    let last = traces.f64_samples[1].last().map_or(1.0, |last| last.chain);
+    let mut absorbed = Vec::new();
+    for (which, ink, estimate, device) in [
+        (0, Ink::Measured, "A", Mark::Rings),
+        (1, Ink::Predicted, "B", Mark::Discs),
+    ] {
+        for (by, mark, curves) in [
+            ("f64", Mark::Dashed, &traces.f64_samples),
+            ("replay", Mark::Line, &traces.replay),
+            ("bead", device, &traces.device),
+        ] {
+            let error = |point: &AbsorbedPoint| (point.time, point.estimate - point.chain);
+            let points = curves[which].iter().map(error);
+            absorbed.push(series(
+                &format!("{estimate}, {by}"),
+                ink,
+                mark,
+                points,
+                100.0 / last,
+            ));
+        }
+    }
+    over_time(
+        traces,
+        "What remains of force, acceleration and absorbed energy when the simulation is subtracted",
+        vec![
+            residual(&traces.force, "sensed − simulated force", "force (mN)", 1e3),
+            residual(
+                &traces.acceleration,
+                "sensed − simulated acceleration",
+                "acceleration (m/s²)",
+                1.0,
+            ),
+            Panel::new("energy (% of final)", absorbed).height(230),
+        ],
+    )
+}
+
+/// A chart of a page's width over the time of the window.
+fn over_time(traces: &Traces, description: &str, panels: Vec<Panel>) -> Chart {
+    let range = match (traces.force.first(), traces.force.last()) {
+        (Some(first), Some(last)) => first.time * 1e3..last.time * 1e3,
+        _ => 0.0..1.0,
+    };
+    Chart {
+        description: description.to_owned(),
+        width: WIDTH,
+        ..Chart::new(Axis::new("time since the striker hit (ms)", range), panels)
+    }
+}
+
+/// A curve over milliseconds, its values scaled to the axis.
+fn series(name: &str, ink: Ink, mark: Mark, points: impl Iterator<Item = (f64, f64)>, scale: f64) -> Series {
+    Series {
+        name: name.to_owned(),
+        ink,
+        mark,
+        points: points.map(|(time, value)| (time * 1e3, value * scale)).collect(),
+    }
+}

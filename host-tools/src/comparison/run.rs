@@ -1,0 +1,468 @@
+//! What a run of the image came to: its frames, strikes and faults, and whether they are as they must be.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use bead_wire::{FaultCause, Message, Status};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::bench::emulation::{Emulation, InstructionsPerSample, Ran};
+use crate::bench::faults::Planned;
+use crate::bench::sensed::Truth;
+use crate::comparison::replay::replay;
+use crate::recording::frames::Frame;
+use crate::recording::strikes::{RecordedStrike, assemble};
+
+/// What a run came to, as in the JSON of `bead emulate`. SI units.
+#[derive(Debug, Serialize)]
+pub struct RunReport {
+    /// Frames received, lost, corrupt, and dropped by the bead.
+    pub frames: FrameCounts,
+    /// ADC overruns, by the bead or by the converter: the greater count.
+    pub overruns: u64,
+    /// Resets after power-up.
+    pub resets: usize,
+    /// The strikes.
+    pub strikes: Vec<MeasuredStrike>,
+    /// Beads that part meet again: weaker waves that came after a strike's window and were measured as well.
+    pub echoes: Vec<MeasuredStrike>,
+    /// The faults of the fault file.
+    pub provoked: Vec<ProvokedFault>,
+    /// The faults that the bead reported.
+    pub faults: Vec<ReportedFault>,
+    /// The last health frame.
+    pub health: Option<Value>,
+    /// What a sample cost.
+    pub instructions_per_sample: InstructionsPerSample,
+    /// Instructions that fit between two samples.
+    pub instructions_available: f64,
+    /// Scans beyond a rail: force, acceleration.
+    pub saturated: [usize; 2],
+    /// Registers that the image touched and no model knows.
+    pub unknown_registers: Vec<String>,
+    /// The recording that was left.
+    pub recording: Option<PathBuf>,
+}
+
+/// A fault of the fault file, and whether the bead reported it.
+#[derive(Debug, Serialize)]
+pub struct ProvokedFault {
+    /// The fault.
+    #[serde(flatten)]
+    pub fault: Planned,
+    /// What the bead is to report; none if it is to notice nothing.
+    pub cause: Option<FaultCause>,
+    /// Whether it did.
+    pub reported: bool,
+}
+
+/// A fault that the bead reported.
+#[derive(Debug, Serialize)]
+#[expect(missing_docs, reason = "the fields are those of the frame and its header")]
+pub struct ReportedFault {
+    pub sample_index: u64,
+    pub cause: FaultCause,
+    pub boot: u32,
+    pub detail: String,
+}
+
+/// What became of the frames.
+#[derive(Debug, Serialize)]
+pub struct FrameCounts {
+    /// Frames received.
+    pub received: u64,
+    /// Frames that the sequence numbers miss.
+    pub lost: u64,
+    /// Runs of bytes that are no frame.
+    pub corrupt: u64,
+    /// Frames that the bead could not send, by why.
+    pub dropped_by_cause: BTreeMap<&'static str, u64>,
+}
+
+/// A strike as the bead measured it, beside the truth. SI units.
+#[derive(Debug, Serialize)]
+pub struct MeasuredStrike {
+    /// Sample index of the trigger.
+    pub sample_index: u64,
+    /// Highest force, N.
+    pub peak_force: f64,
+    /// Estimate A, J.
+    pub absorbed_measured: f64,
+    /// Estimate B, J.
+    pub absorbed_predicted: f64,
+    /// Names of the flags that are set.
+    pub flags: Vec<&'static str>,
+    /// What the full chain says of the strike; none for an echo.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<Truth>,
+    /// Whether replay gives every bit.
+    pub replay_identical: bool,
+    /// Where replay differs first.
+    #[serde(skip)]
+    pub first_difference: Option<String>,
+}
+
+impl MeasuredStrike {
+    fn of(strike: &RecordedStrike, truth: Option<Truth>) -> Self {
+        let replay = replay(strike);
+        Self {
+            sample_index: strike.said.trigger_index,
+            peak_force: strike.said.peak_force.newtons(),
+            absorbed_measured: strike.said.absorbed_measured.joules(),
+            absorbed_predicted: strike.said.absorbed_predicted.joules(),
+            flags: strike.said.flags.names().collect(),
+            truth,
+            replay_identical: replay.identical(),
+            first_difference: replay.first_difference,
+        }
+    }
+}
+
+impl RunReport {
+    /// What a run of `emulation` came to. Every strike is replayed.
+    pub fn of(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Self {
+        let Ran {
+            frames,
+            counters,
+            report: measured,
+            ..
+        } = ran;
+        let statuses = last_statuses(&frames);
+        let counted =
+            |count: fn(&Status) -> u32| statuses.iter().map(|status| u64::from(count(status))).sum();
+        let truth = &emulation.truth;
+        let mut begun = None;
+        let (mut strikes, mut echoes) = (Vec::new(), Vec::new());
+        let reported = reported(&frames);
+        let is_health = |frame: &&Frame| matches!(frame.message, Message::Health(_));
+        let health = frames.iter().rev().find(is_health).map(Frame::body);
+        for strike in assemble(frames, Some(emulation.settings)) {
+            let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
+            // After a reset the indices begin anew and do not tell which strike it was.
+            if measured.resets == 0 && begun.is_some() && begun == before {
+                echoes.push(MeasuredStrike::of(&strike, None));
+            } else {
+                strikes.push(MeasuredStrike::of(&strike, Some(truth.truth)));
+            }
+        }
+        Self {
+            frames: FrameCounts {
+                received: counters.frames,
+                lost: counters.lost,
+                corrupt: counters.rejected.total(),
+                dropped_by_cause: BTreeMap::from([
+                    ("queue_full", counted(|status| status.frames_dropped_queue_full)),
+                    ("too_long", counted(|status| status.frames_dropped_too_long)),
+                ]),
+            },
+            // What the bead noticed and what the converter saw must be the same.
+            overruns: measured.overruns.max(counted(|status| status.overruns)),
+            resets: measured.resets,
+            strikes,
+            echoes,
+            provoked: answered(&emulation.faults, &reported),
+            faults: reported,
+            health,
+            instructions_per_sample: measured.instructions_per_sample,
+            instructions_available: measured.instructions_available,
+            saturated: measured.saturated,
+            unknown_registers: measured.unknown_registers,
+            recording,
+        }
+    }
+
+    /// The strikes and their echoes.
+    pub fn measured(&self) -> impl Iterator<Item = &MeasuredStrike> {
+        self.strikes.iter().chain(&self.echoes)
+    }
+
+    /// Whether all is as it must be after `struck` strikes.
+    ///
+    /// # Errors
+    /// The gravest check that said no, in one line.
+    pub fn verdict(&self, struck: u32) -> Result<(), String> {
+        if let Some(what) = self
+            .measured()
+            .find_map(|strike| strike.first_difference.as_ref())
+        {
+            return Err(format!("replay differs: {what}"));
+        }
+        if !self.provoked.is_empty() {
+            return self.verdict_on_faults(struck as usize);
+        }
+        let FrameCounts { lost, corrupt, .. } = self.frames;
+        let seen = self.strikes.len();
+        let checks = [
+            (
+                lost + corrupt == 0,
+                format!("{lost} frames were lost and {corrupt} corrupt; see `bead decode` of the recording"),
+            ),
+            (
+                self.overruns == 0,
+                format!(
+                    "{} overruns: the image is too slow for its sample rate",
+                    self.overruns
+                ),
+            ),
+            (
+                self.resets == 0,
+                format!("the image reset {} times; its fault frames say why", self.resets),
+            ),
+            (
+                seen == struck as usize,
+                format!(
+                    "{seen} of {struck} strikes were seen; strikes closer than a window, or below the trigger, are not"
+                ),
+            ),
+        ];
+        first_no(checks)
+    }
+
+    /// With faults: each is reported, none is made up, and all that was lost is counted.
+    fn verdict_on_faults(&self, struck: usize) -> Result<(), String> {
+        let silent = |provoked: &&ProvokedFault| provoked.cause.is_some() && !provoked.reported;
+        if let Some(ProvokedFault { fault, .. }) = self.provoked.iter().find(silent) {
+            return Err(format!(
+                "{} at {} s was not reported",
+                fault.kind.name(),
+                fault.at
+            ));
+        }
+        let count = |causes: &[FaultCause]| {
+            self.faults
+                .iter()
+                .filter(|fault| causes.contains(&fault.cause))
+                .count()
+        };
+        let provoked = self.provoked.iter().filter(|provoked| provoked.reported).count();
+        // A strike that a fault cut, and the end of a condition, follow from a fault.
+        let reported = self.faults.len() - count(&[FaultCause::StrikeCut, FaultCause::Recovered]);
+        let resets = self
+            .provoked
+            .iter()
+            .filter(|provoked| provoked.fault.resets())
+            .count();
+        // A converter whose DMA stream stopped overruns as well.
+        let overruns = count(&[FaultCause::AdcOverrun, FaultCause::DmaError]);
+        let FrameCounts { lost, corrupt, .. } = self.frames;
+        let dropped: u64 = self.frames.dropped_by_cause.values().sum();
+        let known = self.strikes.len() + count(&[FaultCause::StrikeCut]);
+        let checks = [
+            (
+                reported == provoked,
+                format!("{reported} faults were reported where {provoked} were provoked"),
+            ),
+            (
+                self.resets == resets,
+                format!(
+                    "the image reset {} times where {resets} faults end in a reset",
+                    self.resets
+                ),
+            ),
+            (
+                self.overruns == overruns as u64,
+                format!(
+                    "{} overruns where {overruns} follow from what was reported",
+                    self.overruns
+                ),
+            ),
+            (
+                // A reset cuts the frame that is being sent, and takes what waits with it.
+                lost == dropped && corrupt <= resets as u64,
+                format!(
+                    "{lost} frames were lost and {corrupt} corrupt where the bead dropped {dropped} and {resets} resets cut one each at most"
+                ),
+            ),
+            (
+                resets > 0 || known >= struck,
+                format!("{known} of {struck} strikes were measured or reported as cut"),
+            ),
+        ];
+        first_no(checks)
+    }
+}
+
+/// The first check that does not hold.
+fn first_no<const N: usize>(checks: [(bool, String); N]) -> Result<(), String> {
+    match checks.into_iter().find(|(holds, _)| !holds) {
+        Some((_, why)) => Err(why),
+        None => Ok(()),
+    }
+}
+
+/// The last status of every boot: its counts are since the reset. Power-up counts boots anew, but time too.
+fn last_statuses(frames: &[Frame]) -> Vec<Status> {
+    let mut last: Vec<(u8, Status)> = Vec::new();
+    for frame in frames {
+        let Message::Status(status) = &frame.message else {
+            continue;
+        };
+        let same_boot = |(boot, before): &&mut (u8, Status)| {
+            *boot == frame.header.boot && before.uptime_ms <= status.uptime_ms
+        };
+        match last.last_mut().filter(same_boot) {
+            Some((_, before)) => *before = *status,
+            None => last.push((frame.header.boot, *status)),
+        }
+    }
+    last.into_iter().map(|(_, status)| status).collect()
+}
+
+fn reported(frames: &[Frame]) -> Vec<ReportedFault> {
+    let faults = frames.iter().filter_map(|frame| match &frame.message {
+        Message::Fault(fault) => Some(ReportedFault {
+            sample_index: frame.header.sample_index,
+            cause: fault.cause,
+            boot: fault.boot,
+            detail: fault.detail.as_str().to_owned(),
+        }),
+        _ => None,
+    });
+    faults.collect()
+}
+
+/// Which faults of the fault file the bead reported. The first report of a cause answers the first fault that
+/// has it.
+fn answered(planned: &[Planned], reported: &[ReportedFault]) -> Vec<ProvokedFault> {
+    let mut in_time = planned.to_vec();
+    in_time.sort_by(|a, b| a.at.total_cmp(&b.at));
+    let mut open: Vec<FaultCause> = reported.iter().map(|fault| fault.cause).collect();
+    let answer = |fault: Planned| {
+        let cause = fault.cause();
+        let at = open.iter().position(|reported| Some(*reported) == cause);
+        ProvokedFault {
+            fault,
+            cause,
+            reported: at.map(|at| open.remove(at)).is_some(),
+        }
+    };
+    in_time.into_iter().map(answer).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn the_json_has_the_keys_of_the_contract() {
+        let report = RunReport {
+            frames: FrameCounts {
+                received: 27,
+                lost: 0,
+                corrupt: 0,
+                dropped_by_cause: BTreeMap::from([("queue_full", 0)]),
+            },
+            overruns: 0,
+            resets: 0,
+            echoes: Vec::new(),
+            provoked: Vec::new(),
+            faults: Vec::new(),
+            health: None,
+            strikes: vec![MeasuredStrike {
+                sample_index: 2144,
+                peak_force: 6.0,
+                absorbed_measured: 8e-7,
+                absorbed_predicted: 8e-7,
+                flags: vec!["force_railed"],
+                truth: Some(Truth {
+                    peak_force: 6.0,
+                    absorbed: 8e-7,
+                }),
+                replay_identical: true,
+                first_difference: None,
+            }],
+            instructions_per_sample: InstructionsPerSample {
+                observer: Some(1.0),
+                reduced_chain: Some(2.0),
+                window: Some(6.0),
+                framing: Some(7.0),
+                trigger: Some(8.0),
+                total: Some(3.0),
+                worst_block: Some(4.0),
+                idle: Some(9.0),
+                run: 5.0,
+            },
+            instructions_available: 1250.0,
+            saturated: [0, 0],
+            unknown_registers: Vec::new(),
+            recording: None,
+        };
+        let printed = serde_json::to_value(&report).unwrap();
+        let contract = json!({
+            "frames": {"received": 27, "lost": 0, "corrupt": 0, "dropped_by_cause": {"queue_full": 0}},
+            "overruns": 0,
+            "resets": 0,
+            "strikes": [{
+                "sample_index": 2144,
+                "peak_force": 6.0,
+                "absorbed_measured": 8e-7,
+                "absorbed_predicted": 8e-7,
+                "flags": ["force_railed"],
+                "truth": {"peak_force": 6.0, "absorbed": 8e-7},
+                "replay_identical": true,
+            }],
+            "instructions_per_sample":
+                {"observer": 1.0, "reduced_chain": 2.0, "window": 6.0, "framing": 7.0, "trigger": 8.0,
+                 "total": 3.0, "worst_block": 4.0, "idle": 9.0, "run": 5.0},
+        });
+        for (key, value) in contract.as_object().unwrap() {
+            assert_eq!(&printed[key], value, "{key}");
+        }
+    }
+
+    #[test]
+    fn what_a_check_says_no_to_is_the_gravest() {
+        let strike = |first_difference: Option<&str>| MeasuredStrike {
+            sample_index: 0,
+            peak_force: 0.0,
+            absorbed_measured: 0.0,
+            absorbed_predicted: 0.0,
+            flags: Vec::new(),
+            truth: None,
+            replay_identical: first_difference.is_none(),
+            first_difference: first_difference.map(str::to_owned),
+        };
+        let report = |lost, overruns, resets, strikes| RunReport {
+            frames: FrameCounts {
+                received: 9,
+                lost,
+                corrupt: 0,
+                dropped_by_cause: BTreeMap::new(),
+            },
+            overruns,
+            resets,
+            strikes,
+            echoes: Vec::new(),
+            provoked: Vec::new(),
+            faults: Vec::new(),
+            health: None,
+            instructions_per_sample: InstructionsPerSample {
+                observer: None,
+                reduced_chain: None,
+                window: None,
+                framing: None,
+                trigger: None,
+                total: None,
+                worst_block: None,
+                idle: None,
+                run: 0.0,
+            },
+            instructions_available: 1250.0,
+            saturated: [0, 0],
+            unknown_registers: Vec::new(),
+            recording: None,
+        };
+        let says = |report: RunReport| match report.verdict(1) {
+            Ok(()) => "passed".to_owned(),
+            Err(why) => why,
+        };
+        assert_eq!(says(report(0, 0, 0, vec![strike(None)])), "passed");
+        assert!(says(report(1, 2, 3, vec![strike(Some("strike 0: x"))])).starts_with("replay differs"));
+        assert!(says(report(1, 2, 3, vec![strike(None)])).starts_with("1 frames were lost"));
+        assert!(says(report(0, 2, 3, vec![strike(None)])).starts_with("2 overruns"));
+        assert!(says(report(0, 0, 3, vec![strike(None)])).starts_with("the image reset 3 times"));
+        assert!(says(report(0, 0, 0, Vec::new())).starts_with("0 of 1 strikes"));
+    }
+}

@@ -1,0 +1,100 @@
+//! Whether a recording agrees with the simulation: what must hold of its strikes, and of the run as a whole.
+
+use bead_wire::{Counters, Status};
+
+use crate::bench::emulation::EmulatorReport;
+use crate::comparison::strike::{StrikeComparison, percent};
+
+/// Part of the core that work on a strike may take.
+const BUSY_MOST: f64 = 0.75;
+
+/// What must hold of the run as a whole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Soundness {
+    /// Frames lost.
+    pub lost: u64,
+    /// Runs of bytes that are no frame.
+    pub corrupt: u64,
+    /// ADC overruns, by the bead or by the emulated converter.
+    pub overruns: u64,
+    /// Of an emulated run: instructions a sample while a strike was measured, and how many fit.
+    pub instructions: Option<(f64, f64)>,
+}
+
+impl Soundness {
+    /// From the counts of a recording, the last status in it, and the emulator's report if it has one.
+    pub fn of(counters: &Counters, status: Option<&Status>, emulator: Option<&EmulatorReport>) -> Self {
+        let told = status.map_or(0, |status| status.overruns.into());
+        Self {
+            lost: counters.lost,
+            corrupt: counters.rejected.total(),
+            overruns: emulator.map_or(told, |emulator| emulator.overruns.max(told)),
+            instructions: emulator.and_then(|emulator| {
+                let total = emulator.instructions_per_sample.total?;
+                Some((total, emulator.instructions_available))
+            }),
+        }
+    }
+
+    /// What is checked, its value, its goal, and whether that is met.
+    pub fn rows(&self) -> Vec<(&'static str, String, String, bool)> {
+        let counts = [
+            ("frames lost", self.lost),
+            ("frames corrupt", self.corrupt),
+            ("overruns", self.overruns),
+        ];
+        let counts = counts.map(|(name, count)| (name, count.to_string(), "0".to_owned(), count == 0));
+        let cost = self.instructions.map(|(total, available)| {
+            let most = BUSY_MOST * available;
+            let name = "instructions a sample";
+            (name, format!("{total:.1}"), format!("{most:.1}"), total <= most)
+        });
+        counts.into_iter().chain(cost).collect()
+    }
+}
+
+/// The first check that said no, gravest first.
+pub fn failure(strikes: &[StrikeComparison], soundness: &Soundness) -> Option<String> {
+    if let Some(what) = strikes.iter().find_map(|strike| strike.first_difference.as_ref()) {
+        return Some(format!("replay differs: {what}"));
+    }
+    let &Soundness {
+        lost,
+        corrupt,
+        overruns,
+        instructions,
+    } = soundness;
+    if lost + corrupt > 0 {
+        return Some(format!("{lost} frames were lost and {corrupt} corrupt"));
+    }
+    if overruns > 0 {
+        return Some(format!("{overruns} overruns: samples are missing"));
+    }
+    if let Some((total, available)) = instructions.filter(|(total, fit)| *total > BUSY_MOST * fit) {
+        return Some(format!(
+            "a sample of a strike costs {total:.0} instructions, more than {:.0} % of the {available:.0} that fit",
+            BUSY_MOST * 100.0
+        ));
+    }
+    strikes.iter().find_map(|strike| {
+        let estimates = [
+            (
+                "A",
+                strike.deviation.absorbed_measured,
+                strike.goal.absorbed_measured,
+            ),
+            (
+                "B",
+                strike.deviation.absorbed_predicted,
+                strike.goal.absorbed_predicted,
+            ),
+        ];
+        let (name, off, goal) = estimates.into_iter().find(|(_, off, goal)| off.abs() > *goal)?;
+        Some(format!(
+            "strike {}: {name} is {} off the full chain, more than its goal of {:.1} %; see docs/accuracy.md",
+            strike.strike,
+            percent(off),
+            goal * 100.0
+        ))
+    })
+}
