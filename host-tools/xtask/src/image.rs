@@ -6,28 +6,9 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 
 use crate::step::Stop;
 
-/// What `memory.x` gives an image: the flash below the sectors of the settings, and the SRAM.
-const FLASH: Memory = Memory {
-    start: 0x0800_0000,
-    bytes: 640 * 1024,
-};
-const RAM: Memory = Memory {
-    start: 0x2000_0000,
-    bytes: 128 * 1024,
-};
-
-struct Memory {
-    start: u32,
-    bytes: u32,
-}
-
-impl Memory {
-    fn holds(&self, address: u32) -> bool {
-        address
-            .checked_sub(self.start)
-            .is_some_and(|offset| offset < self.bytes)
-    }
-}
+/// Where the flash ends and the RAM begins: between them lies what the image does not use for what is loaded.
+const FLASH_END: u32 = 0x1000_0000;
+const RAM: u32 = 0x2000_0000;
 
 /// What an image takes, in bytes.
 #[derive(Debug, PartialEq, Eq)]
@@ -58,10 +39,10 @@ impl Size {
                 continue;
             }
             // Loaded from flash and, for initialised variables, copied to RAM at start: counted in both.
-            if FLASH.holds(segment.p_paddr(endian)) {
+            if segment.p_paddr(endian) < FLASH_END {
                 size.flash += segment.p_filesz(endian);
             }
-            if RAM.holds(segment.p_vaddr(endian)) {
+            if segment.p_vaddr(endian) >= RAM {
                 size.ram += segment.p_memsz(endian);
             }
         }
@@ -71,14 +52,10 @@ impl Size {
 
 impl std::fmt::Display for Size {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kib = |bytes: u32| f64::from(bytes) / 1024.0;
+        let [flash, ram] = [self.flash, self.ram].map(|bytes| f64::from(bytes) / 1024.0);
         write!(
             f,
-            "{:.1} KiB of {:.0} KiB flash, {:.1} KiB of {:.0} KiB RAM (the stack has the rest)",
-            kib(self.flash),
-            kib(FLASH.bytes),
-            kib(self.ram),
-            kib(RAM.bytes)
+            "{flash:.1} KiB of flash and {ram:.1} KiB of RAM; the stack has the rest of it"
         )
     }
 }

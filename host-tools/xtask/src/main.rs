@@ -1,7 +1,7 @@
 //! `cargo xtask`: the commands that build, show and check the whole workspace.
 //!
-//! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. `demo` ends with the status
-//! of the `bead` command that ended it.
+//! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. If a `bead` command of `demo`
+//! fails, `demo` ends with its status.
 
 mod book;
 mod checks;
@@ -216,6 +216,13 @@ fn test(steps: &Steps) -> Result<(), Stop> {
     steps.run_quietly("the paper's figures, and every check of them", &draw)?;
     let rows = checks::compare(&steps.root.join("docs/checks.md"), &steps.root.join(&table))?;
     steps.announce(&format!("docs/checks.md tells the same in {rows} lines"));
+    let again = Line::new("cargo build --release --message-format json").words(DEMO);
+    let told = steps.read("the demo finds all compiled", &again)?;
+    if let Some(stale) = told.lines().find(|line| line.contains("\"fresh\":false")) {
+        return Err(Stop::failed(format!(
+            "the demo would compile anew what the tests use with other features: {stale}"
+        )));
+    }
     steps.announce(&format!("all checks pass, after {}", steps.elapsed()));
     Ok(())
 }

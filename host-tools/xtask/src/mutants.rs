@@ -1,9 +1,9 @@
-//! Whether the checks of the figures would notice wrong physics: each mutant is the simulator with one mistake in it, and
-//! some check must break.
+//! Whether the checks of the figures would notice wrong physics. Each mutant is the simulator with one mistake in it, and
+//! at least one check must fail on it.
 //!
 //! # Design
-//! The workspace is copied to target/mutants and the mistakes are made there, one after another, by replacing text that must
-//! stand in the file exactly once: a mutant that no longer fits the source stops the run instead of testing nothing.
+//! The workspace is copied to target/mutants. The mistakes are made there, one after another, by replacing text that must
+//! stand in the file exactly once. A mutant that no longer fits the source stops the run instead of testing nothing.
 
 use std::path::Path;
 use std::process::Command;
@@ -192,7 +192,7 @@ fn read(path: &Path) -> Result<String, Stop> {
         .map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))
 }
 
-/// Writes a file, unless it says that already: what did not change need not be compiled again.
+/// Writes a file unless its text is there already: a file that does not change is not compiled again.
 fn write(path: &Path, text: &str) -> Result<(), Stop> {
     if std::fs::read_to_string(path).is_ok_and(|old| old == text) {
         return Ok(());

@@ -1,8 +1,8 @@
-//! What the workspace needs on this machine: looked for first, installed if missing, said before it is done.
+//! What the workspace needs on this machine. xtask looks for it, says what is missing, and installs it.
 //!
 //! # Design
-//! Everything is found by asking for it (`rustc --print`, `qemu-system-arm --version`), not by remembering that it was
-//! installed: a second run finds all in place, changes nothing and says so in one line.
+//! xtask asks each program for itself (`rustc --print`, `qemu-system-arm --version`) and does not remember what it
+//! installed. So a second run finds all in place, changes nothing and says so in one line.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -24,7 +24,7 @@ pub(crate) enum Need {
     Check,
 }
 
-/// Finds what `need` asks for and installs what is missing.
+/// Looks for what `need` asks for and installs what is missing.
 ///
 /// # Errors
 /// Status 3 with the one command to type, where this machine does not let xtask install it.
@@ -98,7 +98,7 @@ fn qemu(steps: &Steps) -> Result<Version, Stop> {
     })?;
     let version = Version::parse(&said).ok_or_else(|| {
         Stop::missing(format!(
-            "`qemu-system-arm --version` says no version that can be read: {said}"
+            "`qemu-system-arm --version` says no version that xtask can read: {said}"
         ))
     })?;
     if version < QEMU_OLDEST {

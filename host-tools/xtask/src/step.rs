@@ -1,7 +1,7 @@
-//! Commands, said before they are run.
+//! Commands, printed before they run.
 //!
 //! # Design
-//! What is printed is what runs: a newcomer learns the commands by watching, and can repeat the one that failed.
+//! What is printed is what runs. A newcomer learns the commands by watching, and can repeat the one that failed.
 //! Commands run in the root of the workspace, whatever directory `cargo xtask` was called from.
 
 use std::ffi::OsStr;
@@ -140,16 +140,16 @@ impl Steps {
         eprintln!("[{:>7}] {title}", clock(self.start.elapsed()));
     }
 
-    /// Announces and runs one command; its output is passed on.
+    /// Announces and runs one command, and passes on its output.
     ///
     /// # Errors
     /// The command cannot be started or ends with another status than 0. The status of a command other than cargo is
-    /// passed on, so that `cargo xtask demo` ends as the `bead` command did that ended it.
+    /// passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
     pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
         self.run_into(title, line, Stdio::inherit())
     }
 
-    /// As [`Steps::run`], without what the command prints as its result.
+    /// As [`Steps::run`], without the command's standard output.
     ///
     /// # Errors
     /// As [`Steps::run`].
@@ -161,6 +161,20 @@ impl Steps {
         let mut command = self.command(title, line);
         let status = command.stdout(result).status();
         self.ended(title, line, status)
+    }
+
+    /// As [`Steps::run`]; gives what the command prints on standard output.
+    ///
+    /// # Errors
+    /// As [`Steps::run`].
+    pub(crate) fn read(&self, title: &str, line: &Line) -> Result<String, Stop> {
+        let output = self.command(title, line).stderr(Stdio::inherit()).output();
+        let (status, text) = match output {
+            Ok(output) => (Ok(output.status), output.stdout),
+            Err(error) => (Err(error), Vec::new()),
+        };
+        self.ended(title, line, status)?;
+        Ok(String::from_utf8_lossy(&text).into_owned())
     }
 
     /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What the second
@@ -278,6 +292,13 @@ mod tests {
             .run("no such program", &Line::new("no-such-program-here"))
             .unwrap_err();
         assert_eq!(stop.status, MISSING);
+    }
+
+    #[test]
+    fn what_a_command_prints_can_be_read() {
+        let steps = Steps::start().unwrap();
+        assert_eq!(steps.read("says", &Line::new("echo a b")).unwrap(), "a b\n");
+        assert!(steps.read("fails", &Line::new("sh -c false")).is_err());
     }
 
     #[test]

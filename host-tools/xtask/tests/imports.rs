@@ -29,8 +29,9 @@ const fn package(name: &'static str, knows: &'static [&'static str]) -> Package 
 
 /// Which crate knows which. A new crate gets its row here.
 const WORKSPACE: &[Package] = &[
-    package("bead-model", &[]),
-    package("bead-wire", &[]),
+    package("bead-crc", &[]),
+    package("bead-model", &["bead-crc"]),
+    package("bead-wire", &["bead-crc"]),
     package("bead-store", &[]),
     package("hertz-chain", &[]),
     package("stm32f405-qemu", &[]),
@@ -38,7 +39,13 @@ const WORKSPACE: &[Package] = &[
     package("bead-telemetry", &["bead-model", "bead-wire"]),
     package(
         "bead-firmware",
-        &["bead-model", "bead-wire", "bead-store", "bead-telemetry"],
+        &[
+            "bead-crc",
+            "bead-model",
+            "bead-wire",
+            "bead-store",
+            "bead-telemetry",
+        ],
     ),
     package("hertz-figures", &["hertz-chain"]),
     Package {
@@ -51,6 +58,7 @@ const WORKSPACE: &[Package] = &[
 ];
 /// All that the host's programs may use.
 const HOST: &[&str] = &[
+    "bead-crc",
     "bead-model",
     "bead-wire",
     "bead-store",

@@ -138,7 +138,7 @@ fn a_user_with_sudo_that_asks_nothing_gets_qemu() {
 }
 
 #[test]
-fn who_may_not_install_is_told_the_command_of_this_system() {
+fn a_user_who_may_not_install_is_told_the_command_of_this_system() {
     let commands = [
         ("apt-get", "sudo apt-get install -y"),
         ("dnf", "sudo dnf install"),
