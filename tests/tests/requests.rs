@@ -171,6 +171,7 @@ fn each_request_is_answered_with_what_it_asks_for() {
         Message::Status(status),
         Message::Health(health),
         Message::Link(link),
+        ..,
     ] = answers[1][..]
     else {
         panic!("{:?}", answers[1]);
@@ -383,7 +384,7 @@ fn counters_are_reset_and_what_identifies_a_strike_is_not() {
     requests.request(0.09, &Request::Status);
     requests.request(0.1, &Request::ResetCounters);
     let answered = requests.run();
-    let [.., Message::Status(status), _, Message::Link(link)] = answered.heard.answered(0)[..] else {
+    let [Message::Status(status), _, Message::Link(link), ..] = answered.heard.answered(0)[..] else {
         panic!("no status");
     };
     assert_eq!((status.overruns, link.rejected_cobs), (1, 1));
