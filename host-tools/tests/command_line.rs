@@ -1,4 +1,4 @@
-//! The command line as scripts see it: exit status, one line of why, keys of JSON.
+//! The command line as scripts see it: exit status, one line of reason, keys of JSON.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -90,7 +90,7 @@ impl Sink for Bead {
     }
 }
 
-/// A recording of the paper's strike, its stream changed by `spoil`.
+/// A recording of the paper's strike. `spoil` changes its stream.
 fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
     let (scenario, text) = load_scenario(Path::new(SCENARIO)).unwrap();
     let solution = simulate_with_ring_down(&scenario).unwrap();
@@ -280,7 +280,7 @@ fn simulate_writes_nothing_when_it_fails() {
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 0);
 }
 
-/// The paper's strike on so few beads that a search takes no second.
+/// The paper's strike on a few beads: a search takes less than a second.
 fn short_scenario(directory: &TempDir) -> String {
     let text = fs::read_to_string(SCENARIO).unwrap();
     let path = directory.path().join("short.toml");
@@ -504,7 +504,7 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
     let untimed = untimed.to_str().unwrap();
     refused(&["clock", untimed], 2, &["has a receive time", "record again"]);
 
-    // The same bytes, a millisecond apart each frame.
+    // The same bytes, one frame each millisecond.
     let timed = directory.path().join("timed.mcap");
     let mut writer = Writer::create(&timed, &About::default()).unwrap();
     let pieces = Recording::open(Path::new(untimed)).unwrap().pieces().unwrap();
@@ -667,7 +667,7 @@ fn a_run_that_cannot_start_leaves_nothing_behind() {
 #[test]
 fn figures_are_the_program_beside_this_one_with_its_arguments_and_its_status() {
     let built = Path::new(env!("CARGO_BIN_EXE_bead"));
-    // Of its own name there: a link that leads back would find the programs that were built.
+    // A hard link: through a symbolic one the program would find what was built beside it.
     let directory = tempfile::tempdir_in(built.parent().unwrap()).unwrap();
     let [bead, figures] = ["bead", "bead-figures"].map(|name| directory.path().join(name));
     fs::hard_link(built, &bead).unwrap();

@@ -83,7 +83,7 @@ fn strike(sequence: u32) -> Vec<u8> {
     )
 }
 
-/// A strike as a bead sends it over a bad line: a frame is damaged, another one never comes.
+/// A strike over a bad line: one frame is damaged, another never comes.
 fn stream() -> Vec<u8> {
     let mut damaged = waveform(1);
     let middle = damaged.len() / 2;
@@ -94,7 +94,7 @@ fn stream() -> Vec<u8> {
 
 /// A pseudo-terminal in place of a serial line: the bead's end of it, and the path of the computer's.
 ///
-/// Not serialport's, whose bead's end is inherited by every recorder and so is never closed.
+/// serialport's own pair does not serve: every recorder inherits the bead's end, which is then never closed.
 fn line() -> (File, String) {
     use pty::OpenptFlags;
     let bead = pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
@@ -117,13 +117,13 @@ fn bead(directory: &TempDir, arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs a recorder to its end by itself: exit status and standard error.
+/// Runs a recorder that ends by itself: exit status and standard error.
 fn run(directory: &TempDir, arguments: &[&str]) -> (i32, String) {
     let Output { status, stderr, .. } = bead(directory, arguments).output().unwrap();
     (status.code().unwrap(), String::from_utf8(stderr).unwrap())
 }
 
-/// A recorder that runs. Dropped before it ends, as by a test that fails, it is killed.
+/// A running recorder. If a failing test drops it before it ends, it is killed.
 struct Running {
     child: Child,
     stdout: BufReader<ChildStdout>,
@@ -145,7 +145,7 @@ impl Running {
         }
     }
 
-    /// Waits for a strike's line, or for the recorder's end: what was sent before it has been received.
+    /// Waits for a strike's line, or for the recorder's end. All that was sent before has then been received.
     fn line(&mut self) -> String {
         let mut line = String::new();
         self.stdout.read_line(&mut line).unwrap();
@@ -167,20 +167,20 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It has ended, as it should, or there is nothing better to do.
+        // It may have ended already. If it cannot be killed, nothing better can be done.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// What is in a whole recording.
+/// The content of a whole recording.
 fn recorded(path: &Path) -> Recording {
     let recording = Recording::open(path).unwrap();
     assert_eq!(recording.state, State::Whole);
     recording
 }
 
-/// Holds a recording against the bytes that were sent, which it keeps as what stood between the delimiters.
+/// Compares a recording with the bytes that were sent: it keeps what stood between the delimiters.
 fn assert_holds(recording: &Recording, sent: &[u8]) {
     let sent: Vec<&[u8]> = sent
         .split(|&byte| byte == 0)
@@ -200,7 +200,7 @@ fn files(directory: &TempDir) -> Vec<String> {
         .collect()
 }
 
-/// A refusal: its exit status, its one line on standard error, and nothing else anywhere.
+/// A refusal: its exit status, one line on standard error, and no other output.
 fn refusal(directory: &TempDir, arguments: &[&str]) -> (i32, String) {
     let before = files(directory);
     let Output {
@@ -226,7 +226,7 @@ fn a_recording_over_a_pty_holds_every_byte_sent_corrupt_ones_included() {
         "strike 1 at 0.01032 s: 1.500 N, -1.0 to +5.0 m/s², absorbed 830.00 nJ measured, 812.00 nJ predicted, \
          acceleration_railed\n"
     );
-    // Cut short by the end of the recording, and kept all the same.
+    // A frame that the end of the recording cuts short is kept too.
     let tail = &waveform(5)[..50];
     bead.write_all(tail).unwrap();
     std::thread::sleep(Duration::from_millis(500));
@@ -242,7 +242,8 @@ fn a_recording_over_a_pty_holds_every_byte_sent_corrupt_ones_included() {
     assert_eq!(files(&directory), ["a.mcap"]);
     let recording = recorded(&directory.path().join("a.mcap"));
     assert_holds(&recording, &[&stream(), tail].concat());
-    // Every run has its time, to the second that this test takes; the tail, which no delimiter ended, has none.
+    // Every run has its time, to the second that this test takes. The tail has none, as no delimiter ended
+    // it.
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
     let pieces: Vec<_> = recording.pieces().unwrap().collect();
     let (tail, whole) = pieces.split_last().unwrap();
@@ -378,7 +379,7 @@ fn a_recorder_that_is_killed_in_a_silence_leaves_all_that_it_received() {
     let mut running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
     bead.write_all(&stream()).unwrap();
     assert!(running.line().starts_with("strike 1 "));
-    // Silence follows: what came must not wait for more to come.
+    // Silence follows. What came must not wait for more.
     let partial = directory.path().join("a.mcap.partial");
     let started = Instant::now();
     while Recording::open(&partial).unwrap().runs == 0 && started.elapsed() < Duration::from_secs(30) {

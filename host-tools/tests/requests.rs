@@ -10,7 +10,8 @@ use std::thread;
 
 use bead_wire::{Block, Header, MAX_FRAME, Message, Outcome, Reply, RequestDecoder, Settings, encode};
 
-/// Runs `bead` with `--port` at a socket, whose other end does `peer` with what it reads, until `bead` hangs up.
+/// Runs `bead` with `--port` at a socket. The other end answers what it reads with `peer`, until `bead` hangs
+/// up.
 fn at(mut peer: impl FnMut(&[u8]) -> Vec<u8> + Send, arguments: impl FnOnce(&Path) -> Vec<String>) -> Output {
     let folder = tempfile::tempdir().unwrap();
     let socket = folder.path().join("bead.sock");
@@ -20,7 +21,7 @@ fn at(mut peer: impl FnMut(&[u8]) -> Vec<u8> + Send, arguments: impl FnOnce(&Pat
             let (mut stream, _) = listener.accept().unwrap();
             let mut buffer = [0; 4096];
             while let Ok(length @ 1..) = stream.read(&mut buffer) {
-                // Who hung up meanwhile reads no more.
+                // A program that hung up meanwhile reads no more.
                 let _ = stream.write_all(&peer(&buffer[..length]));
             }
         });
@@ -56,7 +57,7 @@ fn frame(sequence: u32, message: &Message) -> Vec<u8> {
     encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
 }
 
-/// A bead that gives each request the same outcome; what it was asked is its number.
+/// A bead that gives each request the same outcome, under the request's number.
 fn replying(outcome: Outcome, detail: &'static str) -> impl FnMut(&[u8]) -> Vec<u8> {
     let mut decoder = RequestDecoder::new();
     let mut sequence = 0;
@@ -94,7 +95,7 @@ fn a_bead_that_says_nothing_gets_one_line_and_status_3_after_three_tries() {
         said.contains("no reply") && said.contains("nothing came at all"),
         "{said}"
     );
-    // Each time the same, under the same number.
+    // Each copy is the same, under the same number.
     let third = heard.len() / 3;
     assert!(third > 0 && heard.chunks(third).all(|request| request == &heard[..third]));
     assert_eq!(heard.len(), 3 * third);
@@ -125,7 +126,7 @@ fn a_reply_to_somebody_else_is_not_taken_for_ours() {
     let mut peer = replying(Outcome::Done, "");
     let output = at(
         move |bytes| {
-            // The number of another.
+            // The number of another request.
             let mut other = RequestDecoder::new();
             let mut said = Vec::new();
             for &byte in bytes {

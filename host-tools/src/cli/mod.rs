@@ -44,7 +44,8 @@ enum Command {
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
     /// Send a bead a request: status, identity, self-test, arm, raw samples, reboot.
-    Command(command::Arguments),
+    #[command(name = "command")]
+    Request(command::Arguments),
     /// Read, write and show a bead's settings.
     Settings(settings::Arguments),
     /// Print the frames of a recording or of raw bytes, one JSON object a line.
@@ -73,7 +74,7 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
-            Command::Command(arguments) => command::run(&arguments),
+            Command::Request(arguments) => command::run(&arguments),
             Command::Settings(arguments) => settings::run(&arguments),
             Command::Decode(arguments) => decode::run(&arguments),
             Command::Replay(arguments) => replay::run(&arguments),

@@ -1,4 +1,4 @@
-//! What a run of the image came to: its frames, strikes and faults, and whether they are as they must be.
+//! The result of a run of the image: its frames, strikes and faults, and whether they are as they must be.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -14,7 +14,7 @@ use crate::comparison::replay::replay;
 use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
 
-/// What a run came to, as in the JSON of `bead emulate`. SI units.
+/// The result of a run, as in the JSON of `bead emulate`. SI units.
 #[derive(Debug, Serialize)]
 pub struct RunReport {
     /// Frames received, lost, corrupt, and dropped by the bead.
@@ -25,7 +25,8 @@ pub struct RunReport {
     pub resets: usize,
     /// The strikes.
     pub strikes: Vec<MeasuredStrike>,
-    /// Beads that part meet again: weaker waves that came after a strike's window and were measured as well.
+    /// Weaker waves that came after a strike's window and were measured as well: beads that parted meet
+    /// again.
     pub echoes: Vec<MeasuredStrike>,
     /// The faults of the fault file.
     pub provoked: Vec<ProvokedFault>,
@@ -51,7 +52,7 @@ pub struct ProvokedFault {
     /// The fault.
     #[serde(flatten)]
     pub fault: Planned,
-    /// What the bead is to report; none if it is to notice nothing.
+    /// What the bead must report; none if it must not notice.
     pub cause: Option<FaultCause>,
     /// Whether it did.
     pub reported: bool,
@@ -76,7 +77,7 @@ pub struct FrameCounts {
     pub lost: u64,
     /// Runs of bytes that are no frame.
     pub corrupt: u64,
-    /// Frames that the bead could not send, by why.
+    /// Frames that the bead could not send, by cause.
     pub dropped_by_cause: BTreeMap<&'static str, u64>,
 }
 
@@ -120,7 +121,7 @@ impl MeasuredStrike {
 }
 
 impl RunReport {
-    /// What a run of `emulation` came to. Every strike is replayed.
+    /// The result of a run of `emulation`. Every strike is replayed.
     pub fn of(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Self {
         let Ran {
             frames,
@@ -156,7 +157,7 @@ impl RunReport {
                     ("too_long", counted(|status| status.frames_dropped_too_long)),
                 ]),
             },
-            // What the bead noticed and what the converter saw must be the same.
+            // The bead must have noticed what the converter saw.
             overruns: measured.overruns.max(counted(|status| status.overruns)),
             resets: measured.resets,
             strikes,
@@ -243,7 +244,7 @@ impl RunReport {
             .iter()
             .filter(|provoked| provoked.fault.resets())
             .count();
-        // A converter whose DMA stream stopped overruns as well.
+        // A converter whose DMA stream stops also overruns.
         let overruns = count(&[FaultCause::AdcOverrun, FaultCause::DmaError]);
         let FrameCounts { lost, corrupt, .. } = self.frames;
         let dropped: u64 = self.frames.dropped_by_cause.values().sum();
@@ -291,7 +292,8 @@ fn first_no<const N: usize>(checks: [(bool, String); N]) -> Result<(), String> {
     }
 }
 
-/// The last status of every boot: its counts are since the reset. Power-up counts boots anew, but time too.
+/// The last status of every boot, as counts begin at the reset. After power-up the number of the boot begins
+/// again, and so does the time.
 fn last_statuses(frames: &[Frame]) -> Vec<Status> {
     let mut last: Vec<(u8, Status)> = Vec::new();
     for frame in frames {

@@ -189,8 +189,8 @@ impl Table {
         self.ensure("poisson", value, fits, "no Poisson's ratio", advice)
     }
 
-    /// Notes in `taken`, which has an entry for each bead of the chain, that `beads` belong to table `index` of their
-    /// kind. `belongs` and `advice` answer a bead that belongs to an earlier one.
+    /// Notes in `taken`, which has an entry for each bead of the chain, that `beads` belong to table `index`
+    /// of their kind. `belongs` and `advice` answer a bead that belongs to an earlier one.
     fn beads(
         &self,
         beads: &[usize],

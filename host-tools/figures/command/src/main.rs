@@ -29,7 +29,8 @@ Examples:
 #[derive(Debug, Parser)]
 #[command(name = "bead figures", bin_name = "bead figures", version, after_help = AFTER_HELP)]
 struct Arguments {
-    /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; every figure without a name.
+    /// The figures, as the paper numbers them, such as 2a, or 2 for all of Fig. 2; every figure without a
+    /// name.
     names: Vec<String>,
     /// Where the files go; made if it is not there.
     #[arg(long, value_name = "DIR", default_value = "figures")]

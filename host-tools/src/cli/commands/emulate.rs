@@ -52,7 +52,7 @@ pub(crate) struct Arguments {
     /// Leave the recording and the settings block in this directory, which is made if it is missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// How often the chain is struck.
+    /// Number of strikes.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     strikes: u32,
     /// Time from strike to strike, s.
@@ -141,7 +141,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     report.verdict(arguments.strikes).map_err(Failure::Verdict)
 }
 
-/// The run that is asked for: settings, stimulus, faults, clock and sync edges.
+/// Prepares the run: settings, stimulus, faults, clock and sync edges.
 fn prepare(arguments: &Arguments, scenario: &Scenario, progress: &ProgressBar) -> Result<Emulation, Failure> {
     let front_end = arguments.front_end.front_end()?;
     let faults = match &arguments.faults {

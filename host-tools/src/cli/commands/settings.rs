@@ -4,9 +4,12 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use bead_model::calibration::Channel;
+use bead_model::sensor::Sensor;
 use bead_model::settings::{Settings, VERSION};
 use bead_wire::{Block, MAX_BLOCK, Message, Outcome, Reply, Request};
 use clap::{Args, Subcommand};
+use fixed::types::extra::LeEqU32;
 use serde_json::json;
 
 use crate::cli::failure::{Blame, Failure};
@@ -173,86 +176,55 @@ fn table(settings: &Settings) -> String {
     } = settings;
     let rate = f64::from(*sample_rate_hz);
     let samples = |count: u16| format!("{count} samples ({:.2} ms)", f64::from(count) / rate * 1e3);
-    // The slope is g f_s (1/ω_p - δ) / 2; the sensitive channel has no delay δ.
-    let lead = |per_code: f64, slope: f64| 2.0 * slope / per_code / rate;
-    let pole = |lead: f64| match lead > 0.0 {
-        true => format!("{:.1} kHz", 1e-3 / (std::f64::consts::TAU * lead)),
-        false => "none".to_owned(),
-    };
-    let newton: f64 = force.sensitive.per_code.to_num();
-    let newton_wide: f64 = force.wide.per_code.to_num();
-    let mps2: f64 = acceleration.sensitive.per_code.to_num();
-    let mps2_wide: f64 = acceleration.wide.per_code.to_num();
-    let force_lead = lead(newton, force.sensitive.slope.to_num());
-    let force_wide_lead = lead(newton_wide, force.wide.slope.to_num());
-    let acceleration_lead = lead(mps2, acceleration.sensitive.slope.to_num());
-    let acceleration_wide_lead = lead(mps2_wide, acceleration.wide.slope.to_num());
-    let later = |sensitive: f64, wide: f64| format!("{:.3} µs", (sensitive - wide) * 1e6);
     let part = |part: f64| format!("{:.1} %", part * 100.0);
     let number = |value: f64| format!("{value:.6e}");
-    let rows = [
-        (
-            "name",
-            match name.as_str() {
-                "" => "-".to_owned(),
-                name => name.to_owned(),
-            },
-        ),
+    let gram = |kilogram: f32| format!("{:.4} g", kilogram * 1e3);
+    let threshold = f64::from(window.threshold) * force.sensitive.per_code.to_num::<f64>();
+    let relaxation = chain.relaxation.to_num::<f64>() * 2.0 / 3.0 / rate;
+    let name = if name.as_str().is_empty() {
+        "-"
+    } else {
+        name.as_str()
+    };
+    let mut rows = vec![
+        ("name", name.to_owned()),
         ("address", address.to_string()),
         ("sample rate", format!("{rate} Hz")),
-        ("bead with its intruder, M", format!("{:.4} g", bead.mass * 1e3)),
-        ("intruder, m", format!("{:.4} g", bead.intruder_mass * 1e3)),
-        (
-            "in front of the force sensor",
-            format!("{:.4} g", bead.front_mass * 1e3),
-        ),
+        ("bead with its intruder, M", gram(bead.mass)),
+        ("intruder, m", gram(bead.intruder_mass)),
+        ("in front of the force sensor", gram(bead.front_mass)),
         ("its springs, k", format!("{:.4e} N/m", bead.stiffness)),
         ("its damping, c", format!("{:.4} N·s/m", bead.damping)),
         ("contacts, κ", format!("{:.5e} N/m^1.5", bead.contact_stiffness)),
         ("contacts, τ", format!("{:.3} µs", bead.relaxation * 1e6)),
-        ("force, a code", format!("{:.6} mN", newton * 1e3)),
-        ("force, pole", pole(force_lead)),
-        (
-            "force, a code at the low gain",
-            format!("{:.6} mN", newton_wide * 1e3),
-        ),
-        (
-            "force, low gain sampled later by",
-            later(force_lead, force_wide_lead),
-        ),
-        ("acceleration, a code", format!("{mps2:.6} m/s²")),
-        ("acceleration, pole", pole(acceleration_lead)),
-        (
-            "acceleration, a code at the low gain",
-            format!("{mps2_wide:.6} m/s²"),
-        ),
-        (
-            "acceleration, low gain sampled later by",
-            later(acceleration_lead, acceleration_wide_lead),
-        ),
+    ];
+    let names = [
+        "force, a code",
+        "force, pole",
+        "force, a code at the low gain",
+        "force, low gain sampled later by",
+    ];
+    rows.extend(names.into_iter().zip(sensor(force, rate, 1e3, "mN")));
+    let names = [
+        "acceleration, a code",
+        "acceleration, pole",
+        "acceleration, a code at the low gain",
+        "acceleration, low gain sampled later by",
+    ];
+    rows.extend(names.into_iter().zip(sensor(acceleration, rate, 1.0, "m/s²")));
+    let rise = format!("{} codes ({:.1} mN)", window.threshold, threshold * 1e3);
+    let [frequency, decay]: [f64; 2] = [ringing.frequency.to_num(), ringing.decay.to_num()];
+    rows.extend([
         ("window", samples(window.length)),
         ("before and with the trigger", samples(window.history)),
-        (
-            "trigger, rise",
-            format!(
-                "{} codes ({:.1} mN)",
-                window.threshold,
-                f64::from(window.threshold) * newton * 1e3
-            ),
-        ),
+        ("trigger, rise", rise),
         ("trigger, within", samples(window.lookback)),
         ("A, weight at the start", number(observer.start.to_num())),
         ("A, weight at the end", number(observer.end.to_num())),
-        (
-            "A, energy",
-            format!("{} nJ/(m/s²)²", number(observer.energy.to_num())),
-        ),
+        ("A, energy", number(observer.energy.to_num()) + " nJ/(m/s²)²"),
         (
             "B, relaxation of the contacts",
-            format!(
-                "{:.3} µs",
-                chain.relaxation.to_num::<f64>() * 2.0 / 3.0 / rate * 1e6
-            ),
+            format!("{:.3} µs", relaxation * 1e6),
         ),
         ("B, contact", number(chain.contact.to_num())),
         ("B, incoming force", number(chain.incoming.to_num())),
@@ -260,27 +232,42 @@ fn table(settings: &Settings) -> String {
         ("B, damping", number(chain.damping.to_num())),
         ("B, intruder", number(chain.intruder.to_num())),
         ("B, gate", format!("{:.3} mN", chain.gate.to_num::<f64>() * 1e3)),
-        ("B, energy", format!("{} nJ", number(chain.energy.to_num()))),
+        ("B, energy", number(chain.energy.to_num()) + " nJ"),
         (
             "incident wave of 1 N",
             format!("{:.4} nJ", incident.to_num::<f64>()),
         ),
         ("A and B are told to differ from", part(disagreement.to_num())),
-        (
-            "the intruder rings at",
-            format!("{:.1} Hz", ringing.frequency.to_num::<f64>()),
-        ),
+        ("the intruder rings at", format!("{frequency:.1} Hz")),
         (
             "and is told to have drifted from",
             part(ringing.frequency_tolerance.to_num()),
         ),
-        (
-            "its ringing dies away with",
-            format!("{:.1} /s", ringing.decay.to_num::<f64>()),
-        ),
+        ("its ringing dies away with", format!("{decay:.1} /s")),
         ("and so from", part(ringing.decay_tolerance.to_num())),
-    ];
-    output::table("setting |", rows.map(|(name, value)| [name.to_owned(), value]))
+    ]);
+    let rows = rows.into_iter().map(|(name, value)| [name.to_owned(), value]);
+    output::table("setting |", rows)
+}
+
+/// Of a sensor: a code at the high gain, the pole, a code at the low gain, and how much later that is sampled. `scale` is
+/// the shown unit in the sensor's.
+fn sensor<F: LeEqU32>(sensor: &Sensor<F>, rate: f64, scale: f64, unit: &str) -> [String; 4] {
+    let channels = [&sensor.sensitive, &sensor.wide];
+    // The slope is g f_s (1/ω_p - δ) / 2; the sensitive channel has no delay δ.
+    let lead =
+        |channel: &Channel<F>| 2.0 * channel.slope.to_num::<f64>() / channel.per_code.to_num::<f64>() / rate;
+    let [early, late] = channels.map(lead);
+    let code = |channel: &Channel<F>| {
+        let per_code: f64 = channel.per_code.to_num();
+        format!("{:.6} {unit}", per_code * scale)
+    };
+    let [code, wide_code] = channels.map(code);
+    let pole = match early > 0.0 {
+        true => format!("{:.1} kHz", 1e-3 / (std::f64::consts::TAU * early)),
+        false => "none".to_owned(),
+    };
+    [code, pole, wide_code, format!("{:.3} µs", (early - late) * 1e6)]
 }
 
 #[cfg(test)]
