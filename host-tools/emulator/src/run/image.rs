@@ -27,14 +27,8 @@ impl Image {
     /// # Errors
     /// [`RunError::ImageMissing`] and [`RunError::NotArmElf`].
     pub(super) fn read(path: &Path) -> Result<Self, RunError> {
-        let bytes = std::fs::read(path).map_err(|source| RunError::ImageMissing {
-            path: path.into(),
-            source,
-        })?;
-        let not_arm = |reason: String| RunError::NotArmElf {
-            path: path.into(),
-            reason,
-        };
+        let bytes = std::fs::read(path).map_err(|source| RunError::ImageMissing(path.into(), source))?;
+        let not_arm = |reason: String| RunError::NotArmElf(path.into(), reason);
         let elf = object::File::parse(&*bytes).map_err(|e| not_arm(e.to_string()))?;
         if elf.format() != object::BinaryFormat::Elf || elf.architecture() != object::Architecture::Arm {
             return Err(not_arm(format!(
@@ -78,9 +72,7 @@ impl Image {
         wanted: &[(String, String)],
     ) -> Result<(Vec<String>, Vec<FunctionRange>), RunError> {
         if !wanted.is_empty() && self.functions.is_empty() {
-            return Err(RunError::NoSymbols {
-                path: self.path.clone(),
-            });
+            return Err(RunError::NoSymbols(self.path.clone()));
         }
         let mut labels: Vec<String> = Vec::new();
         // A set, since two patterns of a label may find the same function, or a function may have two names

@@ -25,10 +25,7 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
     if let Some(named) = named.or_else(|| std::env::var_os("STM32F405_QEMU_OVERLAY").map(PathBuf::from)) {
         return match named.is_file() {
             true => Ok(named),
-            false => Err(RunError::OverlayMissing {
-                file,
-                looked: vec![named],
-            }),
+            false => Err(RunError::OverlayMissing(file, vec![named])),
         };
     }
     let folder = std::env::current_exe()
@@ -48,7 +45,7 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
         .map(|l| l.join(&file))
         .filter(|p| p.is_file())
         .max_by_key(built);
-    found.ok_or(RunError::OverlayMissing { file, looked })
+    found.ok_or(RunError::OverlayMissing(file, looked))
 }
 
 /// The overlay's bytes with its `qemu_plugin_version` set. QEMU loads only what was built for its own
@@ -57,10 +54,7 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
 /// # Errors
 /// [`RunError::OverlayOdd`].
 pub(super) fn with_version(path: &Path, version: i32) -> Result<Vec<u8>, RunError> {
-    let odd = |reason: String| RunError::OverlayOdd {
-        path: path.into(),
-        reason,
-    };
+    let odd = |reason: String| RunError::OverlayOdd(path.into(), reason);
     let mut bytes = std::fs::read(path).map_err(|e| odd(e.to_string()))?;
     let at = version_offset(&bytes).map_err(odd)?;
     bytes
