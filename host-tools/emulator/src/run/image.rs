@@ -13,14 +13,9 @@ use crate::exchange::FunctionRange;
 pub(super) struct Image {
     path: PathBuf,
     pub(super) bytes: Vec<u8>,
-    functions: Vec<Function>,
+    /// Demangled name, first address, bytes.
+    functions: Vec<(String, u32, u32)>,
     pub(super) rtt: Option<u32>,
-}
-
-struct Function {
-    name: String,
-    start: u32,
-    size: u32,
 }
 
 impl Image {
@@ -43,13 +38,13 @@ impl Image {
         for symbol in elf.symbols() {
             let Ok(name) = symbol.name() else { continue };
             match symbol.kind() {
-                object::SymbolKind::Text if symbol.size() > 0 => functions.push(Function {
+                object::SymbolKind::Text if symbol.size() > 0 => functions.push((
                     // The alternate form leaves the hash out.
-                    name: format!("{:#}", rustc_demangle::demangle(name)),
+                    format!("{:#}", rustc_demangle::demangle(name)),
                     // Bit 0 of a function's address says Thumb.
-                    start: symbol.address() as u32 & !1,
-                    size: symbol.size() as u32,
-                }),
+                    symbol.address() as u32 & !1,
+                    symbol.size() as u32,
+                )),
                 _ if name == "_SEGGER_RTT" => rtt = Some(symbol.address() as u32),
                 _ => {}
             }
@@ -83,12 +78,10 @@ impl Image {
                 labels.push(label.clone());
                 labels.len() - 1
             });
-            for f in self
-                .functions
-                .iter()
-                .filter(|f| f.name.contains(pattern.as_str()))
-            {
-                ranges.insert((index, f.start, f.start + f.size));
+            for (name, start, bytes) in &self.functions {
+                if name.contains(pattern) {
+                    ranges.insert((index, *start, start + bytes));
+                }
             }
         }
         let ranges = ranges
