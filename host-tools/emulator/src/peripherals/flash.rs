@@ -186,15 +186,11 @@ impl Flash {
 
     /// Changes the bits for whose number `done` is true. Returns the addresses of the operation.
     fn change(&mut self, running: Running, mut done: impl FnMut(u32) -> bool) -> Range<u32> {
-        let FlashOperation {
-            address,
-            bytes,
-            erase,
-            ..
-        } = running.operation;
+        let operation = running.operation;
+        let (address, bytes) = (operation.address, operation.bytes);
         let first = (address - WRITABLE.start) as usize;
         for (n, byte) in self.contents[first..][..bytes as usize].iter_mut().enumerate() {
-            let wanted = match erase {
+            let wanted = match operation.erase {
                 true => 0xff,
                 false => *byte & running.value.to_le_bytes()[n],
             };
