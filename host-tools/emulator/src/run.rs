@@ -43,15 +43,10 @@ impl Run {
         let outcome = process::run(&qemu, &overlay, &folder, &command, self.timeout)?;
         let rtt = folder.read(exchange::RTT)?;
         let times = folder.read(exchange::UART_TIMES)?;
+        let times = times.as_chunks().0.iter().map(|time| u64::from_le_bytes(*time));
         Ok(Outcome {
             uart: folder.read(exchange::UART)?,
-            uart_ns: times
-                .as_chunks()
-                .0
-                .iter()
-                .copied()
-                .map(u64::from_le_bytes)
-                .collect(),
+            uart_ns: times.collect(),
             log: log::decode(&self.elf, &image.bytes, &rtt)?,
             rtt,
             flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
@@ -109,11 +104,8 @@ impl Run {
                 "the sample period is 0 ns; give the time from row to row of the stimulus".into(),
             );
         }
-        if let Some(row) = self
-            .stimulus
-            .iter()
-            .position(|row| row.iter().any(|code| *code > 4095))
-        {
+        let too_high = |row: &[u16; 4]| row.iter().any(|code| *code > 4095);
+        if let Some(row) = self.stimulus.iter().position(too_high) {
             return refused(format!(
                 "stimulus row {row} is {:?}; codes of the 12-bit ADC are 0..=4095",
                 self.stimulus[row]

@@ -222,14 +222,8 @@ fn describe(folder: &Path) -> Result<Description<'static>, String> {
 /// The rows of the stimulus.
 fn rows(folder: &Path) -> Result<Vec<[u16; 4]>, String> {
     let bytes = read(folder, exchange::STIMULUS)?;
-    let codes: Vec<u16> = bytes
-        .as_chunks()
-        .0
-        .iter()
-        .copied()
-        .map(u16::from_le_bytes)
-        .collect();
-    Ok(codes.as_chunks().0.to_vec())
+    let row = |row: &[[u8; 2]; 4]| row.map(u16::from_le_bytes);
+    Ok(bytes.as_chunks().0.as_chunks().0.iter().map(row).collect())
 }
 
 /// The frequency of a crystal that is off by `ppm`, in whole Hz. At 8 MHz that is an eighth of a ppm.

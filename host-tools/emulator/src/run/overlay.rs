@@ -28,11 +28,9 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
             false => Err(RunError::OverlayMissing(file, vec![named])),
         };
     }
-    let folder = std::env::current_exe()
-        .ok()
-        .and_then(|exe| exe.parent().map(Path::to_path_buf));
-    let folder = folder.unwrap_or_else(|| PathBuf::from("."));
-    let mut looked = vec![folder.clone(), folder.join("deps")];
+    let exe = std::env::current_exe().unwrap_or_default();
+    let folder = exe.parent().unwrap_or(Path::new("."));
+    let mut looked = vec![folder.into(), folder.join("deps")];
     looked.extend(folder.parent().map(Path::to_path_buf));
     // If the overlay is built only as a dependency, cargo leaves an old build beside the executable.
     let built = |path: &PathBuf| {
