@@ -24,7 +24,7 @@ impl Oscillator {
         coupling / (coupling - self.mass * omega * omega)
     }
 
-    /// Force k x + c x' of spring and damper, N, at a distance from the host in m that grows by `rate` in m/s.
+    /// Force k x + c x' of spring and damper, N. `distance` is x, in m from the host; `rate` is x', in m/s.
     #[inline]
     pub(crate) fn pull(&self, distance: f64, rate: f64) -> f64 {
         self.stiffness * distance + self.damping * rate

@@ -111,7 +111,8 @@ fn solitary(lab: &Lab) -> Result<Figure, Error> {
         "c / F^(1/6), farthest, κ = M = 1":
             farthest(|found| found.speed_from_force, SPEED_FROM_FORCE) => near(SPEED_FROM_FORCE, 1e-5);
         "c / v^(1/5), farthest, κ = M = 1":
-            farthest(|found| found.speed_from_velocity, SPEED_FROM_VELOCITY) => near(SPEED_FROM_VELOCITY, 1e-5);
+            farthest(|found| found.speed_from_velocity, SPEED_FROM_VELOCITY)
+            => near(SPEED_FROM_VELOCITY, 1e-5);
         "kinetic share of the energy, farthest":
             farthest(|found| found.kinetic_share, KINETIC_SHARE) => near(KINETIC_SHARE, 1e-6);
     ];
