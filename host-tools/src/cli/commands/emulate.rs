@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use anyhow::ensure;
 use bead_wire::Message;
 use clap::Args;
 use hertz_chain::Scenario;
@@ -90,35 +91,32 @@ const LEAD_IN: f64 = 0.02;
 
 impl Arguments {
     /// Refuses values that no run can have.
-    fn check(&self) -> Result<(), Failure> {
-        if !(self.interval.is_finite() && self.interval > 0.0) {
-            let interval = self.interval;
-            return Err(Failure::input(format!("--interval {interval}: give a time in s")));
-        }
-        let too_short = |period: &f64| period.is_nan() || *period < SYNC_LEAST;
-        if let Some(period) = self.sync_period.filter(too_short) {
-            return Err(Failure::input(format!(
+    fn check(&self) -> anyhow::Result<()> {
+        let (interval, ppm) = (self.interval, self.clock_ppm);
+        ensure!(
+            interval.is_finite() && interval > 0.0,
+            "--interval {interval}: give a time in s"
+        );
+        if let Some(period) = self.sync_period {
+            ensure!(
+                period >= SYNC_LEAST,
                 "--sync-period {period}: give s, at least {SYNC_LEAST}"
-            )));
+            );
         }
-        let ppm = self.clock_ppm;
-        if ppm.is_nan() || ppm.abs() >= 1000.0 {
-            return Err(Failure::input(format!(
-                "--clock-ppm {ppm}: a crystal is off by less than 1000 ppm"
-            )));
+        ensure!(
+            ppm.abs() < 1000.0,
+            "--clock-ppm {ppm}: a crystal is off by less than 1000 ppm"
+        );
+        if let Some(out) = &self.out {
+            let is_file = out.exists() && !out.is_dir();
+            ensure!(!is_file, "--out {} is a file; give a directory", out.display());
         }
-        match &self.out {
-            Some(out) if out.exists() && !out.is_dir() => Err(Failure::input(format!(
-                "--out {} is a file; give a directory",
-                out.display()
-            ))),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    arguments.check()?;
+    arguments.check().map_err(Failure::Input)?;
     let (scenario, text) = load_scenario(&arguments.bench.scenario)?;
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let emulation = prepare(arguments, &scenario, &progress)?;
@@ -138,12 +136,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let report = RunReport::of(&emulation, ran, recording);
     output::print(arguments.format, &report, || table(&report))?;
-    report.verdict(arguments.strikes).map_err(Failure::Verdict)
+    let verdict = report.verdict(arguments.strikes);
+    verdict.map_err(|why| Failure::Verdict(why.to_string()))
 }
 
 /// Prepares the run: settings, stimulus, faults, clock and sync edges.
 fn prepare(arguments: &Arguments, scenario: &Scenario, progress: &ProgressBar) -> Result<Emulation, Failure> {
-    let front_end = arguments.front_end.front_end()?;
+    let front_end = arguments.front_end.front_end().map_err(Failure::Input)?;
     let faults = match &arguments.faults {
         Some(path) => faults::load(path)?,
         None => Vec::new(),

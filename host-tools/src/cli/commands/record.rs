@@ -13,6 +13,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use std::{panic, thread};
 
+use anyhow::ensure;
 use bead_wire::{Arrival, Counters, Fault, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
@@ -66,7 +67,7 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
-    let out = arguments.recording(started)?;
+    let out = arguments.recording(started).map_err(Failure::Input)?;
     let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
     let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
     let mut recorder = Recorder::new(arguments, &out, started)?;
@@ -94,11 +95,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         printed,
         ..
     } = recorder;
-    let partial = writer.partial_path().to_owned();
-    let counters = kept.and_then(|()| writer.finish()).map_err(|error| {
-        let partial = partial.display();
-        Failure::input(format!("{error}; what came before is kept in {partial}"))
-    })?;
+    let partial = writer.partial_path().display().to_string();
+    let kept = kept.and_then(|()| writer.finish());
+    let counters =
+        kept.map_err(|error| Failure::input(format!("{error}; what came before is kept in {partial}")))?;
 
     let result = format!("{}: {}", out.display(), summary(&counters, strikes, seconds));
     if let Err(reason) = heard {
@@ -122,21 +122,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 impl Arguments {
     /// The name of the recording. No other file has it, unless it may be replaced.
-    fn recording(&self, started: DateTime<Utc>) -> Result<PathBuf, Failure> {
+    fn recording(&self, started: DateTime<Utc>) -> anyhow::Result<PathBuf> {
         let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
         let out = self.out.clone().unwrap_or_else(named);
-        if out.is_dir() {
-            return Err(Failure::input(format!(
-                "{} is a directory; give --out a file's name",
-                out.display()
-            )));
-        }
-        if out.exists() && !self.force {
-            return Err(Failure::input(format!(
-                "{} is there already; give another --out, or --force to replace it",
-                out.display()
-            )));
-        }
+        let name = out.display();
+        ensure!(!out.is_dir(), "{name} is a directory; give --out a file's name");
+        ensure!(
+            self.force || !out.exists(),
+            "{name} is there already; give another --out, or --force to replace it"
+        );
         Ok(out)
     }
 }
@@ -281,20 +275,14 @@ fn strike_line(frame: &Frame, strike: &Strike) -> String {
         strike.absorbed_measured.joules() * 1e9,
         strike.absorbed_predicted.joules() * 1e9,
     );
-    for name in strike.flags.names() {
-        line.push_str(", ");
-        line.push_str(name);
-    }
+    line.extend(strike.flags.names().flat_map(|name| [", ", name]));
     line
 }
 
 fn fault_line(fault: &Fault) -> String {
-    let mut line = format!("fault in boot {}: {}", fault.boot, fault.cause);
-    if !fault.detail.as_str().is_empty() {
-        line.push_str(", ");
-        line.push_str(fault.detail.as_str());
-    }
-    line
+    let detail = fault.detail.as_str();
+    let separator = if detail.is_empty() { "" } else { ", " };
+    format!("fault in boot {}: {}{separator}{detail}", fault.boot, fault.cause)
 }
 
 fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
