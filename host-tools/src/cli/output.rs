@@ -105,27 +105,20 @@ pub fn either(holds: bool, yes: &str, no: &str) -> String {
 
 /// A spinner on standard error that names the step under way; silent when standard error is not a terminal.
 pub fn spinner(step: impl Into<String>) -> ProgressBar {
-    let bar = ProgressBar::new_spinner();
-    if !io::stderr().is_terminal() {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-        return bar;
-    }
-    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
-        bar.set_style(style);
-    }
-    bar.set_message(step.into());
-    bar.enable_steady_tick(Duration::from_millis(100));
-    bar
+    shown(ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}").with_message(step.into())
 }
 
 /// A progress bar of `steps` steps on standard error; silent when standard error is not a terminal.
 pub fn progress(steps: u64) -> ProgressBar {
-    let bar = ProgressBar::new(steps);
+    shown(ProgressBar::new(steps), "{bar:24} {pos}/{len} {elapsed} {msg}")
+}
+
+fn shown(bar: ProgressBar, template: &str) -> ProgressBar {
     if !io::stderr().is_terminal() {
         bar.set_draw_target(ProgressDrawTarget::hidden());
         return bar;
     }
-    if let Ok(style) = ProgressStyle::with_template("{bar:24} {pos}/{len} {elapsed} {msg}") {
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     bar.enable_steady_tick(Duration::from_millis(100));
