@@ -298,7 +298,7 @@ fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
 
 /// How the bead's clock runs since its last restart, if the recording is long enough to tell.
 fn clock_line(tracker: &Tracker) -> Option<String> {
-    let fit = tracker.segments().last()?.fit()?;
+    let fit = tracker.segments.last()?.fit()?;
     let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
     let seconds = fit.span;
     Some(format!(
