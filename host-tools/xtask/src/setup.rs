@@ -58,11 +58,8 @@ fn rust(steps: &Steps, need: Need) -> Result<String, Stop> {
         }
     }
     if need == Need::Check {
-        for (component, probe) in [
-            ("rustfmt", "cargo fmt --version"),
-            ("clippy", "cargo clippy --version"),
-        ] {
-            if output(probe).is_none() {
+        for (component, command) in [("rustfmt", "fmt"), ("clippy", "clippy")] {
+            if output(&format!("cargo {command} --version")).is_none() {
                 steps.announce(&format!("set-up: {component} is missing: rustup installs it"));
                 rustup(steps, &format!("rustup component add {component}"))?;
             }
@@ -116,18 +113,14 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
         (true, true) => "",
         (false, true) if output("sudo -n true").is_some() => "sudo -n ",
         _ => {
-            return Err(Stop::missing(format!(
-                "QEMU's qemu-system-arm is missing. {}",
-                advice()
-            )));
+            let what = format!("QEMU's qemu-system-arm is missing. {}", advice());
+            return Err(Stop::missing(what));
         }
     };
     steps.announce("set-up: QEMU's qemu-system-arm is missing: apt installs it with the libraries it needs, some 100 MB on disk");
     // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the install decides.
-    if let Err(stop) = steps.run(
-        "set-up: package index",
-        &Line::new(&format!("{become_root}apt-get update -q")),
-    ) {
+    let update = Line::new(&format!("{become_root}apt-get update -q"));
+    if let Err(stop) = steps.run("set-up: package index", &update) {
         eprintln!("{}", stop.message);
     }
     let install = format!(
@@ -136,12 +129,8 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
     steps
         .run("set-up: QEMU", &Line::new(&install))
         .map_err(|stop| Stop::missing(stop.message))?;
-    match find("qemu-system-arm") {
-        Some(_) => Ok(()),
-        None => Err(Stop::missing(
-            "apt installed QEMU, and yet no qemu-system-arm is in PATH",
-        )),
-    }
+    let missing = || Stop::missing("apt installed QEMU, and yet no qemu-system-arm is in PATH");
+    find("qemu-system-arm").map(drop).ok_or_else(missing)
 }
 
 /// The one command that installs QEMU here.

@@ -23,22 +23,18 @@ pub(crate) const MISSING: u8 = 3;
 
 impl Stop {
     pub(crate) fn failed(message: impl Into<String>) -> Self {
-        Stop {
-            message: message.into(),
-            status: 1,
-        }
+        let message = message.into();
+        Stop { message, status: 1 }
     }
 
     pub(crate) fn missing(message: impl Into<String>) -> Self {
-        Stop {
-            message: message.into(),
-            status: MISSING,
-        }
+        let (message, status) = (message.into(), MISSING);
+        Stop { message, status }
     }
 }
 
 /// One command as a person would type it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Line {
     words: Vec<String>,
     env: Vec<(String, String)>,
@@ -47,16 +43,12 @@ pub(crate) struct Line {
 impl Line {
     /// A command whose words hold no spaces; [`Line::arg`] adds one that may.
     pub(crate) fn new(words: &str) -> Self {
-        Line {
-            words: Vec::new(),
-            env: Vec::new(),
-        }
-        .words(words)
+        Line::default().words(words)
     }
 
     /// A command that starts with a path.
     pub(crate) fn program(path: impl AsRef<OsStr>) -> Self {
-        Line::new("").arg(path)
+        Line::default().arg(path)
     }
 
     /// Adds words that hold no spaces.
@@ -87,10 +79,8 @@ impl Line {
 
 impl fmt::Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let env = self
-            .env
-            .iter()
-            .map(|(name, value)| format!("{name}={}", quoted(value)));
+        let env = self.env.iter();
+        let env = env.map(|(name, value)| format!("{name}={}", quoted(value)));
         let words = self.words.iter().map(|word| quoted(word));
         f.write_str(&env.chain(words).collect::<Vec<_>>().join(" "))
     }
@@ -99,10 +89,9 @@ impl fmt::Display for Line {
 /// A word as a shell would need it.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
+    match !word.is_empty() && word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
     }
 }
 
@@ -216,21 +205,15 @@ impl Steps {
 
     /// Whether a command has ended well.
     fn ended(&self, title: &str, line: &Line, status: io::Result<ExitStatus>) -> Result<(), Stop> {
-        let repeat = format!(
-            "To repeat this step alone, in {}:\n    {line}",
-            self.root.display()
-        );
-        let status = status.map_err(|error| {
-            Stop::missing(format!(
-                "\"{title}\" could not start `{}`: {error}.\n{repeat}",
-                line.words[0]
-            ))
-        })?;
+        let (root, program) = (self.root.display(), &line.words[0]);
+        let repeat = format!("To repeat this step alone, in {root}:\n    {line}");
+        let cannot = |error| format!("\"{title}\" could not start `{program}`: {error}.\n{repeat}");
+        let status = status.map_err(|error| Stop::missing(cannot(error)))?;
         if status.success() {
             return Ok(());
         }
         let code = match status.code() {
-            Some(code) if line.words[0] != "cargo" => u8::try_from(code).unwrap_or(1),
+            Some(code) if program != "cargo" => u8::try_from(code).unwrap_or(1),
             _ => 1,
         };
         Err(Stop {
@@ -247,10 +230,9 @@ impl Steps {
 
 fn clock(time: Duration) -> String {
     let seconds = time.as_secs();
-    if seconds < 60 {
-        format!("{:.1} s", time.as_secs_f64())
-    } else {
-        format!("{}:{:02}", seconds / 60, seconds % 60)
+    match seconds {
+        0..60 => format!("{:.1} s", time.as_secs_f64()),
+        _ => format!("{}:{:02}", seconds / 60, seconds % 60),
     }
 }
 
