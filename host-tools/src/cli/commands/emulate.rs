@@ -1,6 +1,5 @@
 //! `bead emulate`: the flash image in QEMU on what a bead would sense.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -21,7 +20,7 @@ use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::front_end_options::FrontEndOptions;
 use crate::cli::output::{self, Format};
-use crate::comparison::run::{FrameCounts, MeasuredStrike, RunReport};
+use crate::comparison::run::{MeasuredStrike, RunReport};
 use crate::line::port::Address;
 use crate::recording::file::{About, Part, Writer};
 
@@ -63,12 +62,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "S")]
     sync_period: Option<f64>,
     /// How fast the bead's crystal is, ppm; below 0 for a slow one.
-    #[arg(
-        long,
-        value_name = "PPM",
-        default_value_t = 0.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "PPM", default_value = "0", allow_negative_numbers = true)]
     clock_ppm: f64,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
     #[arg(long, value_name = "F.toml")]
@@ -196,17 +190,15 @@ fn record(
         Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
         _ => None,
     });
+    let notes = [
+        ("bead", arguments.bench.bead.to_string()),
+        ("scenario", arguments.bench.scenario.display().to_string()),
+    ];
     let about = About {
         source: "bead emulate".to_owned(),
         firmware,
         sample_rate_hz: SAMPLE_RATE_HZ,
-        notes: BTreeMap::from([
-            ("bead".to_owned(), arguments.bench.bead.to_string()),
-            (
-                "scenario".to_owned(),
-                arguments.bench.scenario.display().to_string(),
-            ),
-        ]),
+        notes: notes.map(|(name, value)| (name.to_owned(), value)).into(),
     };
     let json = |part: Part, result: serde_json::Result<String>| {
         result.or_input(|| format!("cannot write {} of {}", part.name(), path.display()))
@@ -275,19 +267,14 @@ fn strikes(report: &RunReport) -> String {
 }
 
 fn counts(report: &RunReport) -> String {
-    let FrameCounts {
-        received,
-        lost,
-        corrupt,
-        dropped_by_cause,
-    } = &report.frames;
+    let frames = &report.frames;
     let row = |name: &str, count: u64| [name.to_owned(), count.to_string()];
     let mut rows = vec![
-        row("received", *received),
-        row("lost", *lost),
-        row("corrupt", *corrupt),
+        row("received", frames.received),
+        row("lost", frames.lost),
+        row("corrupt", frames.corrupt),
     ];
-    for (cause, count) in dropped_by_cause {
+    for (cause, count) in &frames.dropped_by_cause {
         let cause = cause.replace('_', " ");
         rows.push(row(&format!("dropped by the bead, {cause}"), *count));
     }

@@ -213,23 +213,17 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
         if other.check().is_err() {
             continue;
         }
-        let strikes = optimum
-            .strikes
-            .iter()
-            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE))
-            .collect::<Result<Vec<_>, _>>()?;
+        let again = |strike: &Remaining| remaining(&other, strike.speed, Accuracy::REFERENCE);
+        let strikes = optimum.strikes.iter().map(again).collect::<Result<Vec<_>, _>>()?;
+        let shares: Vec<_> = strikes.iter().map(|strike| strike.share).collect();
         compared.push(Compared {
             name,
             mass: total_mass(&other.intruders),
-            share: search.aim.of(&shares(&strikes)),
+            share: search.aim.of(&shares),
             strikes,
         });
     }
     Ok(compared)
-}
-
-fn shares(strikes: &[Remaining]) -> Vec<f64> {
-    strikes.iter().map(|strike| strike.share).collect()
 }
 
 fn total_mass(intruders: &[Intruder]) -> f64 {
@@ -278,16 +272,14 @@ fn table(scenario: &Scenario, search: &Search, optimum: &Optimum, compared: &[Co
     };
     let grams = |mass: f64| format!("{:.3}", mass * 1e3);
     let row = |name: &str, together: String, share: f64| [name.to_owned(), together, percent(share)];
-    let mut rows: Vec<_> = compared
-        .iter()
+    let others = compared.iter();
+    let mut rows: Vec<_> = others
         .map(|other| row(other.name, grams(other.mass), other.share))
         .collect();
     rows.push(row("best that are all alike", String::new(), optimum.share_alike));
     rows.push(row("best", grams(total_mass(&optimum.intruders)), optimum.share));
-    parts.push(output::table(
-        &format!("intruders | together (g) | {remains}"),
-        rows,
-    ));
+    let header = format!("intruders | together (g) | {remains}");
+    parts.push(output::table(&header, rows));
     parts.push(remarks(optimum).join("\n"));
     parts.join("\n\n")
 }
@@ -298,16 +290,9 @@ fn intruders(search: &Search, optimum: &Optimum) -> String {
         format!("{:.3}{}", value / unit, if bound { "*" } else { "" })
     };
     let rows = optimum.intruders.iter().enumerate().map(|(index, intruder)| {
-        let &Intruder {
-            mass,
-            stiffness,
-            damping,
-            ..
-        } = intruder;
-        let of_injected = optimum
-            .strikes
-            .iter()
-            .map(|strike| strike.intruders[index].of_injected);
+        let (mass, stiffness, damping) = (intruder.mass, intruder.stiffness, intruder.damping);
+        let strikes = optimum.strikes.iter();
+        let of_injected = strikes.map(|strike| strike.intruders[index].of_injected);
         let absorbed = of_injected.sum::<f64>() / optimum.strikes.len() as f64;
         [
             search.hosts[index].to_string(),
@@ -319,10 +304,8 @@ fn intruders(search: &Search, optimum: &Optimum) -> String {
             percent(absorbed),
         ]
     });
-    output::table(
-        "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)",
-        rows,
-    )
+    let header = "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)";
+    output::table(header, rows)
 }
 
 fn remarks(optimum: &Optimum) -> Vec<String> {
@@ -344,12 +327,7 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
             "The far end has a part in this: give the chain more beads, or the run less time.".to_owned(),
         );
     }
-    let within = optimum
-        .strikes
-        .iter()
-        .map(|strike| strike.within)
-        .fold(0.0, f64::max);
-    if within > 0.01 {
+    if optimum.strikes.iter().any(|strike| strike.within > 0.01) {
         remarks.push("Energy is still between the hosts: in a longer run more of it is absorbed.".to_owned());
     }
     remarks
