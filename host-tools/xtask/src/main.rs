@@ -130,12 +130,9 @@ fn image(steps: &Steps) -> PathBuf {
 /// Builds the flash image, and beside it the host's packages in `packages`.
 fn build(steps: &Steps, packages: &str) -> Result<(), Stop> {
     let firmware = format!("cargo build --profile firmware --target {TARGET} -p bead-firmware");
-    let [host, firmware] =
-        [&format!("cargo build --release {packages}"), &firmware].map(|line| Line::new(line));
-    steps.run_both(
-        ("build the host tools", &host),
-        ("and the flash image", &firmware),
-    )?;
+    let firmware = ("and the flash image", &Line::new(&firmware));
+    let host = Line::new("cargo build --release").words(packages);
+    steps.run_both(("build the host tools", &host), firmware)?;
     let size = Size::of(&steps.root.join(image(steps)))?;
     steps.announce(&format!("the image {} takes {size}", image(steps).display()));
     Ok(())

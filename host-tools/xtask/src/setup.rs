@@ -5,7 +5,6 @@
 //! installed. So a second run finds all in place, changes nothing and says so in one line.
 
 use std::path::PathBuf;
-use std::process::Command;
 
 use crate::step::{Line, Steps, Stop};
 
@@ -36,9 +35,8 @@ pub(crate) fn setup(steps: &Steps, need: Need) -> Result<(), Stop> {
         ));
     }
     let qemu = qemu(steps)?;
-    steps.announce(&format!(
-        "set-up: {rust} with {TARGET}, QEMU {qemu}, a C compiler: all in place"
-    ));
+    let found = format!("{rust} with {TARGET}, QEMU {qemu}, a C compiler");
+    steps.announce(&format!("set-up: {found}: all in place"));
     Ok(())
 }
 
@@ -93,11 +91,8 @@ fn qemu(steps: &Steps) -> Result<Version, Stop> {
     let said = output("qemu-system-arm --version").ok_or_else(|| {
         Stop::missing("`qemu-system-arm --version` fails: run it by hand to see why, or reinstall QEMU")
     })?;
-    let version = Version::parse(&said).ok_or_else(|| {
-        Stop::missing(format!(
-            "`qemu-system-arm --version` says no version that xtask can read: {said}"
-        ))
-    })?;
+    let unread = || format!("`qemu-system-arm --version` says no version that xtask can read: {said}");
+    let version = Version::parse(&said).ok_or_else(|| Stop::missing(unread()))?;
     if version < QEMU_OLDEST {
         return Err(Stop::missing(format!(
             "QEMU {version} is too old: {QEMU_OLDEST} or later is needed (Debian 12, Ubuntu 24.04, Fedora 38 or later have it)"
@@ -167,11 +162,9 @@ fn find(program: &str) -> Option<PathBuf> {
 
 /// What a command prints on standard output, trimmed; `None` if it fails.
 fn output(line: &str) -> Option<String> {
-    let mut words = line.split_whitespace();
-    let out = Command::new(words.next()?).args(words).output().ok()?;
-    out.status
-        .success()
-        .then(|| String::from_utf8_lossy(&out.stdout).trim().to_owned())
+    let out = Line::new(line).command().output().ok()?;
+    let said = String::from_utf8_lossy(&out.stdout);
+    out.status.success().then(|| said.trim().to_owned())
 }
 
 /// Major and minor.
