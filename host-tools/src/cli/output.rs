@@ -85,7 +85,8 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "give seconds, more than 0".to_owned())
 }
 
-/// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's cells.
+/// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's
+/// cells.
 pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<Item = R>) -> String {
     let mut table = Table::new();
     table

@@ -71,7 +71,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     for strike in recorded.by_ref() {
         progress.set_message(format!("comparing strike {}", strikes.len() + 1));
         let mut comparison = chain.compare(&strike);
-        // The figures show the first strike that was received whole; the curves of others would fill the memory.
+        // The figures show the first strike that was received whole; the curves of others would fill the
+        // memory.
         if drawn {
             comparison.traces = None;
         }
@@ -120,17 +121,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), Failure> {
-    let Some(traces) = strikes.iter().find_map(|strike| strike.traces.as_ref()) else {
-        return Err(Failure::input(
-            "no strike was received whole, so there is nothing to draw",
-        ));
-    };
-    fs::create_dir_all(directory).or_input(|| {
-        format!(
-            "cannot make the directory {}; give --figures another",
-            directory.display()
-        )
-    })?;
+    let mut traces = strikes.iter().filter_map(|strike| strike.traces.as_ref());
+    let nothing = || Failure::input("no strike was received whole, so there is nothing to draw");
+    let traces = traces.next().ok_or_else(nothing)?;
+    let shown = directory.display().to_string();
+    fs::create_dir_all(directory)
+        .or_input(|| format!("cannot make the directory {shown}; give --figures another"))?;
     for (name, chart) in [
         ("strike.svg", strike_chart(traces)),
         ("residuals.svg", residual_chart(traces)),
@@ -159,10 +155,8 @@ fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
         row.extend([goal, output::either(met, "met", "missed")]);
         rows.push(row);
     }
-    output::table(
-        "| device | replay | f64, same samples | f64 chain | device off by | goal |",
-        rows,
-    )
+    let header = "| device | replay | f64, same samples | f64 chain | device off by | goal |";
+    output::table(header, rows)
 }
 
 fn cells(row: Row) -> Vec<String> {

@@ -87,20 +87,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     });
     recorder.progress.finish_and_clear();
     let seconds = recorder.opened.elapsed().as_secs_f64();
-    let Recorder {
-        writer,
-        strikes,
-        tracker,
-        from_the_future,
-        printed,
-        ..
-    } = recorder;
-    let partial = writer.partial_path().display().to_string();
-    let kept = kept.and_then(|()| writer.finish());
+    let partial = recorder.writer.partial_path().display().to_string();
+    let kept = kept.and_then(|()| recorder.writer.finish());
     let counters =
         kept.map_err(|error| Failure::input(format!("{error}; what came before is kept in {partial}")))?;
 
-    let result = format!("{}: {}", out.display(), summary(&counters, strikes, seconds));
+    let result = format!(
+        "{}: {}",
+        out.display(),
+        summary(&counters, recorder.strikes, seconds)
+    );
     if let Err(reason) = heard {
         return Err(Failure::device(format!(
             "{} went away ({reason}): all that came before is in {result}; plug it in or start it again, and record \
@@ -110,14 +106,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let lines = [
         Some(result),
-        clock_line(&tracker),
+        clock_line(&recorder.tracker),
         advice(&counters).map(str::to_owned),
-        from_the_future,
+        recorder.from_the_future,
     ];
     for line in lines.into_iter().flatten() {
         eprintln!("bead: {line}");
     }
-    printed
+    recorder.printed
 }
 
 impl Arguments {

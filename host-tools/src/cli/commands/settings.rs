@@ -178,11 +178,9 @@ fn table(settings: &Settings) -> String {
     let relaxation = chain.relaxation.to_num::<f64>() * 2.0 / 3.0 / rate;
     let relaxation = format!("{:.3} µs", relaxation * 1e6);
     let incident = format!("{:.4} nJ", incident.to_num::<f64>());
+    let name = output::either(name.as_str().is_empty(), "-", name.as_str());
     let mut rows = vec![
-        (
-            "name",
-            output::either(name.as_str().is_empty(), "-", name.as_str()),
-        ),
+        ("name", name),
         ("address", address.to_string()),
         ("sample rate", format!("{rate} Hz")),
         ("bead with its intruder, M", gram(bead.mass)),
@@ -237,8 +235,8 @@ fn table(settings: &Settings) -> String {
     output::table("setting |", rows)
 }
 
-/// Of a sensor: a code at the high gain, the pole, a code at the low gain, and how much later that is sampled. `scale` is
-/// the shown unit in the sensor's.
+/// Of a sensor: a code at the high gain, the pole, a code at the low gain, and how much later that is
+/// sampled. `scale` is the shown unit in the sensor's.
 fn sensor<F: LeEqU32>(sensor: &Sensor<F>, rate: f64, scale: f64, unit: &str) -> [String; 4] {
     let channels = [&sensor.sensitive, &sensor.wide];
     // The slope is g f_s (1/ω_p - δ) / 2; the sensitive channel has no delay δ.
