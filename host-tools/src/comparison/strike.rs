@@ -386,7 +386,8 @@ impl FullChain {
         let acceleration = self.beside(&acceleration, acceleration_at, rate, |s| {
             s.intruder_acceleration(self.bead).unwrap_or(0.0)
         });
-        // Energies of A and B after samples, `offset` seconds off the force. A uses the acceleration, a skew later.
+        // Energies of A and B after samples, `offset` seconds off the force. A uses the acceleration, a skew
+        // later.
         let along = |offset: f64, energies: Vec<(usize, [f64; 2])>| {
             [0, 1].map(|which| {
                 let offset = if which == 0 { offset + SCAN_SKEW } else { offset };

@@ -25,8 +25,8 @@ pub(crate) fn read(path: &Path) -> Result<String, Stop> {
     fs::read_to_string(path).map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))
 }
 
-/// Writes a file and the folders that it needs, unless its bytes are there already: cargo does not compile a file again
-/// that did not change.
+/// Writes a file and the folders that it needs, unless its bytes are there already: cargo does not compile a
+/// file again that did not change.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if fs::read(path).is_ok_and(|old| old == bytes) {
         return Ok(());

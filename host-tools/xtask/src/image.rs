@@ -61,7 +61,8 @@ impl std::fmt::Display for Size {
 mod tests {
     use super::*;
 
-    /// An ELF file with nothing but program headers of PT_LOAD: (virtual, physical address, bytes in file, in memory).
+    /// An ELF file with nothing but program headers of PT_LOAD: (virtual, physical address, bytes in file, in
+    /// memory).
     fn elf(segments: &[[u32; 4]]) -> Vec<u8> {
         let mut file = b"\x7fELF\x01\x01\x01".to_vec();
         file.resize(16, 0);

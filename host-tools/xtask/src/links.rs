@@ -1,8 +1,8 @@
 //! Every link of the documentation leads somewhere.
 //!
 //! # Design
-//! Links inside the repository are checked, files and headings alike; the web is not, since a check that needs the web
-//! fails for reasons that are not the project's.
+//! Links inside the repository are checked, files and headings alike; the web is not, since a check that
+//! needs the web fails for reasons that are not the project's.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

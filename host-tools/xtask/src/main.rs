@@ -1,7 +1,7 @@
 //! `cargo xtask`: the commands that build, show and check the whole workspace.
 //!
-//! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. If a `bead` command of `demo`
-//! fails, `demo` ends with its status.
+//! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. If a `bead`
+//! command of `demo` fails, `demo` ends with its status.
 
 mod book;
 mod checks;
@@ -119,7 +119,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are none of them.
+/// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are
+/// none of them.
 const DEMO: &str = "-p bead -p stm32f405-qemu";
 
 /// The flash image.

@@ -1,9 +1,10 @@
-//! Whether the checks of the figures would notice wrong physics. Each mutant is the simulator with one mistake in it, and
-//! at least one check must fail on it.
+//! Whether the checks of the figures would notice wrong physics. Each mutant is the simulator with one
+//! mistake in it, and at least one check must fail on it.
 //!
 //! # Design
-//! The workspace is copied to target/mutants. The mistakes are made there, one after another, by replacing text that must
-//! stand in the file exactly once. A mutant that no longer fits the source stops the run instead of testing nothing.
+//! The workspace is copied to target/mutants. The mistakes are made there, one after another, by replacing
+//! text that must stand in the file exactly once. A mutant that no longer fits the source stops the run
+//! instead of testing nothing.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,8 +1,8 @@
 //! What the workspace needs on this machine. xtask looks for it, says what is missing, and installs it.
 //!
 //! # Design
-//! xtask asks each program for itself (`rustc --print`, `qemu-system-arm --version`) and does not remember what it
-//! installed. So a second run finds all in place, changes nothing and says so in one line.
+//! xtask asks each program for itself (`rustc --print`, `qemu-system-arm --version`) and does not remember
+//! what it installed. So a second run finds all in place, changes nothing and says so in one line.
 
 use std::path::PathBuf;
 
@@ -113,7 +113,8 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
         }
     };
     steps.announce("set-up: QEMU's qemu-system-arm is missing: apt installs it with the libraries it needs, some 100 MB on disk");
-    // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the install decides.
+    // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the install
+    // decides.
     let update = Line::new(&format!("{become_root}apt-get update -q"));
     if let Err(stop) = steps.run("set-up: package index", &update) {
         eprintln!("{}", stop.message);

@@ -1,8 +1,8 @@
 //! Commands, printed before they run.
 //!
 //! # Design
-//! What is printed is what runs. A newcomer learns the commands by watching, and can repeat the one that failed.
-//! Commands run in the root of the workspace, whatever directory `cargo xtask` was called from.
+//! What is printed is what runs. A newcomer learns the commands by watching, and can repeat the one that
+//! failed. Commands run in the root of the workspace, whatever directory `cargo xtask` was called from.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -110,7 +110,8 @@ impl Steps {
     pub(crate) fn start() -> Result<Self, Stop> {
         let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
         let root = manifest.ancestors().nth(2).unwrap_or(manifest).to_owned();
-        // Cargo has put this program into <target>/release: that honours CARGO_TARGET_DIR and cargo's configuration.
+        // Cargo has put this program into <target>/release: that honours CARGO_TARGET_DIR and cargo's
+        // configuration.
         let program =
             std::env::current_exe().map_err(|error| Stop::failed(format!("where is xtask? {error}")))?;
         let target = program.ancestors().nth(2).unwrap_or(&root).to_owned();
@@ -132,8 +133,8 @@ impl Steps {
     /// Announces and runs one command, and passes on its output.
     ///
     /// # Errors
-    /// The command cannot be started or ends with another status than 0. The status of a command other than cargo is
-    /// passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
+    /// The command cannot be started or ends with another status than 0. The status of a command other than
+    /// cargo is passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
     pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
         self.run_into(title, line, Stdio::inherit())
     }
@@ -166,8 +167,8 @@ impl Steps {
         Ok(String::from_utf8_lossy(&text).into_owned())
     }
 
-    /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What the second
-    /// one says is kept, and told only if it fails.
+    /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What
+    /// the second one says is kept, and told only if it fails.
     ///
     /// # Errors
     /// As [`Steps::run`], of the first one that fails.
