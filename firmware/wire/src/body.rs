@@ -9,7 +9,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::units::Unit;
+use crate::unit::Unit;
 
 /// One field's value, as a reader meets it.
 #[derive(Clone, Copy)]

@@ -21,6 +21,7 @@ mod request;
 mod sequence;
 mod table;
 mod text;
+mod unit;
 mod units;
 
 pub use body::{Body, Field, FieldDoc, Fields, Named, Parts, Value};
@@ -44,4 +45,5 @@ pub use payload::{BufferTooSmall, VERSION};
 pub use request::{ANY, Heard, MAX_REQUEST, Request, RequestCounters, RequestDecoder, encode_request};
 pub use sequence::{Arrival, REORDER};
 pub use text::{Block, BlockTooLong, MAX_BLOCK, Text};
-pub use units::{Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples, Unit};
+pub use unit::Unit;
+pub use units::{Acceleration, Decay, Energy, Force, Fraction, Frequency, Impulse, Samples};

@@ -5,32 +5,8 @@
 //! unit of a field is its type: it is stated here once, for code, JSON and documentation.
 
 use crate::body::{Field, Value};
+use crate::unit::Unit;
 use serde::{Deserialize, Serialize};
-
-/// What one bit of a quantity is worth.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unit {
-    /// SI unit.
-    pub symbol: &'static str,
-    /// End of a field's name in JSON, such as `_n` for newtons.
-    pub suffix: &'static str,
-    /// Size of one bit in the SI unit, or, if [`per_sample`](Self::per_sample), in the SI unit over a sample
-    /// period.
-    pub resolution: f64,
-    /// Whether the time in the unit is counted in sample periods: then the value in SI needs the sample rate.
-    pub per_sample: bool,
-}
-
-impl Unit {
-    /// The value of `bits` in the SI unit; `None` if it needs the sample rate, in Hz, and none is given.
-    pub fn si(&self, bits: i64, sample_rate_hz: Option<u32>) -> Option<f64> {
-        let value = bits as f64 * self.resolution;
-        match self.per_sample {
-            false => Some(value),
-            true => sample_rate_hz.map(|rate| value / f64::from(rate)),
-        }
-    }
-}
 
 /// Sixteen bits behind the binary point.
 const FRACTION_16: f64 = 1.0 / (1u32 << 16) as f64;
