@@ -8,8 +8,8 @@
 //! |---|---|
 //! | [`cli`] | the command line: commands, options, output, exit statuses |
 //! | [`comparison`] | replay, estimates in f64, a strike held against the simulation, the report page |
-//! | [`bench`] | what a bead senses, its front end, the image in QEMU, faults |
-//! | [`line`] | ports, and conversations with a bead |
+//! | [`mod@bench`] | what a bead senses, its front end, the image in QEMU, faults |
+//! | [`mod@line`] | ports, and conversations with a bead |
 //! | [`recording`] | files of received bytes, their frames, strikes and clocks |
 
 pub mod bench;

@@ -48,7 +48,7 @@ fn windows_of(length: u16) -> Vec<u8> {
 
 fn write(block: &[u8]) -> Request {
     Request::WriteSettings {
-        block: Block::try_from(block).unwrap(),
+        block: Block::try_from(block).expect("the blocks of these tests fit a frame"),
     }
 }
 

@@ -218,16 +218,16 @@ fn two_beads_with_clocks_that_differ_tell_when_one_strike_reached_each() {
     println!("{alignment:?}");
     assert_eq!(alignment.edges_in_common, 15);
     let apart = ((1.0 - 29.875e-6) / (1.0 + 60.125e-6) - 1.0) * 1e6;
-    let within = alignment.drift_uncertainty_ppm.unwrap();
+    let within = alignment.alignment.drift_uncertainty_ppm.unwrap();
     assert!(
-        (alignment.drift_ppm - apart).abs() < within.max(5e-3),
+        (alignment.alignment.drift_ppm - apart).abs() < within.max(5e-3),
         "{} for {apart}",
-        alignment.drift_ppm
+        alignment.alignment.drift_ppm
     );
     assert!(
-        alignment.residual_max_s < 2.0 / CLOCKS,
+        alignment.alignment.residual_max_s < 2.0 / CLOCKS,
         "{}",
-        alignment.residual_max_s
+        alignment.alignment.residual_max_s
     );
     // Index 0 of each is a sample period before its first triggered scan.
     let started = |early: f64, ppm: f64| -early - 1e-5 / (1.0 + ppm * 1e-6);

@@ -1,4 +1,4 @@
-//! What a bit of a physical quantity is worth.
+//! What the bits of a quantity are worth.
 
 /// What one bit of a quantity is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,19 +22,5 @@ impl Unit {
             false => Some(value),
             true => sample_rate_hz.map(|rate| value / f64::from(rate)),
         }
-    }
-}
-
-pub(crate) const fn unit(
-    symbol: &'static str,
-    suffix: &'static str,
-    resolution: f64,
-    per_sample: bool,
-) -> Unit {
-    Unit {
-        symbol,
-        suffix,
-        resolution,
-        per_sample,
     }
 }

@@ -5,7 +5,7 @@
 //! unit of a field is its type: it is stated here once, for code, JSON and documentation.
 
 use crate::body::{Field, Value};
-use crate::unit::{Unit, unit};
+use crate::unit::Unit;
 use serde::{Deserialize, Serialize};
 
 /// Sixteen bits behind the binary point.
@@ -57,6 +57,15 @@ macro_rules! quantities {
             }
         }
     )*};
+}
+
+const fn unit(symbol: &'static str, suffix: &'static str, resolution: f64, per_sample: bool) -> Unit {
+    Unit {
+        symbol,
+        suffix,
+        resolution,
+        per_sample,
+    }
 }
 
 quantities! {

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::solution::{Snapshot, Solution};
+use crate::model::HostedIntruder;
+use crate::solution::Solution;
 
 /// The energy that one intruder has taken by some time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -27,7 +28,8 @@ impl Solution {
         let snapshot = self.at(t);
         let striker = self.model().striker_energy();
         let injected = striker - snapshot.energies().striker;
-        let of = |snapshot: &Snapshot<'_>, bead: usize| {
+        let of = |intruder: &HostedIntruder| {
+            let bead = intruder.bead;
             let region = snapshot.region(bead..=bead);
             Absorption {
                 bead,
@@ -37,10 +39,6 @@ impl Solution {
                 of_injected: region.intruder_dissipated / injected,
             }
         };
-        self.model()
-            .intruders()
-            .iter()
-            .map(|intruder| of(&snapshot, intruder.bead))
-            .collect()
+        self.model().intruders().iter().map(of).collect()
     }
 }

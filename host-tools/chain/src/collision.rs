@@ -61,13 +61,10 @@ impl Collision {
 
     /// Speeds of both bodies afterwards, m/s, with a coefficient of restitution `e` (1 is elastic).
     pub fn speeds_after(&self, e: f64) -> [f64; 2] {
-        let common = self.speed * self.striker / (self.striker + self.target);
-        let relative = e * self.speed;
         let mass = self.striker + self.target;
-        [
-            common - relative * self.target / mass,
-            common + relative * self.striker / mass,
-        ]
+        let common = self.speed * self.striker / mass;
+        let relative = e * self.speed;
+        [-self.target, self.striker].map(|part| common + relative * part / mass)
     }
 
     /// Part of the energy that an elastic collision hands over, 4 r / (1 + r)² with r the ratio of the

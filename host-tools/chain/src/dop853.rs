@@ -135,12 +135,9 @@ impl Stepper {
                 std::mem::swap(&mut self.state, &mut self.candidate);
                 self.time = if last { stop } else { self.time + h };
                 let growth = (SAFETY * error.powf(-1.0 / 8.0)).clamp(0.2, if rejected { 1.0 } else { 10.0 });
+                let next = h * growth;
                 // A step that `stop` cut short does not tell how long the next may be.
-                let next = if last {
-                    (h * growth).max(self.step)
-                } else {
-                    h * growth
-                };
+                let next = if last { next.max(self.step) } else { next };
                 self.step = next.min(self.longest);
                 return Ok(());
             }
@@ -162,12 +159,8 @@ impl Stepper {
     fn error(&self, h: f64) -> f64 {
         let mut greatest = 0.0_f64;
         for index in 0..self.state.len() {
-            let sum = |row: &[(usize, f64)]| {
-                row.iter()
-                    .map(|&(s, w)| w * self.stages.rates[s][index])
-                    .sum::<f64>()
-            };
-            let (fifth, third) = (sum(E5), sum(E3));
+            let part = |&(s, w): &(usize, f64)| w * self.stages.rates[s][index];
+            let [fifth, third] = [E5, E3].map(|row| row.iter().map(part).sum::<f64>());
             let both = fifth * fifth + 0.01 * third * third;
             let size = self.state[index].abs().max(self.candidate[index].abs());
             let allowed = self.absolute[index] + self.relative * size;
@@ -246,15 +239,15 @@ impl Dense {
     }
 }
 
-/// Where `f` changes sign between `a` and `b`, to the last bit. Halving is slow but always ends.
-pub(crate) fn crossing(mut a: f64, mut b: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
-    let positive = f(a) > 0.0;
+/// Where `holds` turns between `a` and `b`, to the last bit. Halving is slow but always ends.
+pub(crate) fn crossing(mut a: f64, mut b: f64, mut holds: impl FnMut(f64) -> bool) -> f64 {
+    let first = holds(a);
     loop {
         let middle = 0.5 * (a + b);
         if middle <= a || middle >= b {
             return b;
         }
-        if (f(middle) > 0.0) == positive {
+        if holds(middle) == first {
             a = middle
         } else {
             b = middle

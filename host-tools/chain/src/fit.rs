@@ -61,11 +61,8 @@ where
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        let distance = |i| (self.distance)(&self.parameters, i).0;
-        Some(DVector::from_iterator(
-            self.points,
-            (0..self.points).map(distance),
-        ))
+        let distance = |i, _| (self.distance)(&self.parameters, i).0;
+        Some(DVector::from_fn(self.points, distance))
     }
 
     fn jacobian(&self) -> Option<nalgebra::OMatrix<f64, Dyn, Const<P>>> {

@@ -14,8 +14,6 @@
 //! Each step is integrated by Gauss and Legendre's five points over the dense output. That is exact to the
 //! order of the method itself.
 
-use std::ops::{AddAssign, Sub};
-
 use crate::model::Model;
 use crate::quantity::Inside;
 use crate::solution::Solution;
@@ -32,22 +30,13 @@ pub struct Passed {
     pub lost: f64,
 }
 
-impl AddAssign for Passed {
-    fn add_assign(&mut self, other: Self) {
-        self.impulse += other.impulse;
-        self.energy += other.energy;
-        self.lost += other.lost;
-    }
-}
-
-impl Sub for Passed {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
+impl Passed {
+    /// The sum with `factor` times another.
+    fn plus(self, factor: f64, other: Self) -> Self {
         Self {
-            impulse: self.impulse - other.impulse,
-            energy: self.energy - other.energy,
-            lost: self.lost - other.lost,
+            impulse: self.impulse + factor * other.impulse,
+            energy: self.energy + factor * other.energy,
+            lost: self.lost + factor * other.lost,
         }
     }
 }
@@ -76,7 +65,8 @@ impl Solution {
             // between.
             let open = |knot: usize| unloaded && self.model().overlap(self.state(knot), contact).0 <= 0.0;
             if !(open(step) && open(step + 1)) {
-                sum += integrate(&mut Inside::new(self, step), contact, ends[0], ends[1]);
+                let inside = &mut Inside::new(self, step);
+                sum = sum.plus(1.0, integrate(inside, contact, ends[0], ends[1]));
             }
             passed.push(sum);
         }
@@ -94,19 +84,13 @@ impl Flow<'_> {
     /// # Panics
     /// If a time is not within 0 to [`Solution::end`].
     pub fn between(&self, from: f64, to: f64) -> Passed {
-        self.until(to) - self.until(from)
+        self.until(to).plus(-1.0, self.until(from))
     }
 
     fn until(&self, t: f64) -> Passed {
         let step = self.solution.step_at(t);
-        let mut passed = self.passed[step];
-        passed += integrate(
-            &mut Inside::new(self.solution, step),
-            self.contact,
-            self.solution.times[step],
-            t,
-        );
-        passed
+        let (inside, start) = (&mut Inside::new(self.solution, step), self.solution.times[step]);
+        self.passed[step].plus(1.0, integrate(inside, self.contact, start, t))
     }
 }
 
@@ -124,12 +108,7 @@ fn integrate(inside: &mut Inside<'_>, contact: usize, from: f64, to: f64) -> Pas
     let mut sum = Passed::default();
     for (place, weight) in GAUSS {
         let (model, y) = inside.at(middle + half * place);
-        let rate = rate(model, y, contact);
-        sum += Passed {
-            impulse: half * weight * rate.impulse,
-            energy: half * weight * rate.energy,
-            lost: half * weight * rate.lost,
-        };
+        sum = sum.plus(half * weight, rate(model, y, contact));
     }
     sum
 }

@@ -24,7 +24,7 @@ mod symmetry;
 
 use crate::dop853::System;
 use crate::oscillator::Oscillator;
-use crate::scenario::{ContactForce, Intruder, Material, Scenario, Sphere};
+use crate::scenario::{ContactForce, Material, Scenario, Sphere};
 
 /// One contact: it joins bodies j-1 and j. The contact after the last bead joins that bead and the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -186,19 +186,16 @@ impl Model {
             contacts.push(Contact::new(theta, curvature, relaxation, load));
         }
 
-        let hosted = |intruder: &Intruder| {
-            let oscillator = intruder.oscillator();
-            let hosts = intruder.beads.iter();
-            hosts
-                .map(move |&bead| HostedIntruder { bead, oscillator })
-                .collect::<Vec<_>>()
-        };
-        let mut intruders: Vec<_> = scenario.intruders.iter().flat_map(hosted).collect();
-        intruders.sort_by_key(|intruder| intruder.bead);
+        let mut intruders = Vec::new();
         let mut shells = masses.clone();
-        for intruder in &intruders {
-            shells[intruder.bead] -= intruder.oscillator.mass;
+        for intruder in &scenario.intruders {
+            let oscillator = intruder.oscillator();
+            for &bead in &intruder.beads {
+                intruders.push(HostedIntruder { bead, oscillator });
+                shells[bead] -= oscillator.mass;
+            }
         }
+        intruders.sort_by_key(|intruder| intruder.bead);
         let clipped = scenario.chain.contact_force == ContactForce::Clipped;
         Self {
             radii: bodies.iter().map(|body| body.radius).collect(),
@@ -284,11 +281,8 @@ impl Model {
     pub(crate) fn change(&self, y: &[f64], j: usize) -> (f64, f64) {
         let (displacement, rest) = y.split_at(self.masses.len());
         // The wall does not move.
-        let after = |of: &[f64]| if j < self.masses.len() { of[j] } else { 0.0 };
-        (
-            displacement[j - 1] - after(displacement),
-            rest[j - 1] - after(rest),
-        )
+        let difference = |of: &[f64]| of[j - 1] - if j < self.masses.len() { of[j] } else { 0.0 };
+        (difference(displacement), difference(rest))
     }
 
     /// Overlap of contact `j` (from 1) and its rate.
@@ -382,13 +376,11 @@ impl Model {
             .iter()
             .map(|intruder| {
                 let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
-                let Oscillator {
-                    mass,
-                    stiffness,
-                    damping,
-                } = intruder.oscillator;
-                let reduced = mass * shell / host;
-                (stiffness / reduced).sqrt().max(damping / reduced)
+                let oscillator = intruder.oscillator;
+                let reduced = oscillator.mass * shell / host;
+                (oscillator.stiffness / reduced)
+                    .sqrt()
+                    .max(oscillator.damping / reduced)
             })
             .chain(loaded)
             .fold(0.0, f64::max)
@@ -475,16 +467,12 @@ impl System for Model {
         for (i, intruder) in self.intruders.iter().enumerate() {
             let x = y[layout.relative(i)];
             let x_rate = y[layout.relative_velocity(i)];
-            let Oscillator {
-                mass,
-                stiffness,
-                damping,
-            } = intruder.oscillator;
-            let pull = stiffness * x + damping * x_rate;
+            let oscillator = &intruder.oscillator;
+            let pull = oscillator.pull(x, x_rate);
             acceleration[intruder.bead] += pull;
             rest[layout.relative(i) - base] = x_rate;
-            rest[layout.relative_velocity(i) - base] = -pull / mass;
-            rest[layout.intruder_loss(i) - base] = damping * x_rate * x_rate;
+            rest[layout.relative_velocity(i) - base] = -pull / oscillator.mass;
+            rest[layout.intruder_loss(i) - base] = oscillator.damping * x_rate * x_rate;
         }
         rest[layout.contact_loss() - base] = loss;
         for (acceleration, shell) in acceleration.iter_mut().zip(&self.shells) {
@@ -563,18 +551,10 @@ impl Model {
     /// Σ M V over the bodies, intruders at their own velocity, kg·m/s.
     pub(crate) fn momentum(&self, y: &[f64]) -> f64 {
         let layout = self.layout();
-        let bodies: f64 = self
-            .masses
-            .iter()
-            .enumerate()
-            .map(|(n, mass)| mass * y[layout.velocity(n)])
-            .sum();
-        let intruders: f64 = self
-            .intruders
-            .iter()
-            .enumerate()
-            .map(|(i, intruder)| intruder.oscillator.mass * y[layout.relative_velocity(i)])
-            .sum();
+        let body = |n: usize| self.masses[n] * y[layout.velocity(n)];
+        let intruder = |i: usize| self.intruders[i].oscillator.mass * y[layout.relative_velocity(i)];
+        let bodies: f64 = (0..layout.bodies).map(body).sum();
+        let intruders: f64 = (0..layout.intruders).map(intruder).sum();
         bodies + intruders
     }
 }
@@ -590,16 +570,9 @@ impl Model {
     /// Absolute acceleration u'' of an intruder.
     pub(crate) fn intruder_acceleration(&self, y: &[f64], intruder: usize) -> f64 {
         let layout = self.layout();
-        let Oscillator {
-            mass,
-            stiffness,
-            damping,
-        } = self.intruders[intruder].oscillator;
-        let (x, x_rate) = (
-            y[layout.relative(intruder)],
-            y[layout.relative_velocity(intruder)],
-        );
-        -(stiffness * x + damping * x_rate) / mass
+        let oscillator = &self.intruders[intruder].oscillator;
+        let (x, x_rate) = (layout.relative(intruder), layout.relative_velocity(intruder));
+        -oscillator.pull(y[x], y[x_rate]) / oscillator.mass
     }
 
     /// The scale of each component of the state.
@@ -625,14 +598,10 @@ impl Model {
             return 0.0;
         }
         let (_, acceleration) = self.overlap(dy, j);
-        let Contact {
-            stiffness,
-            relaxation,
-            ..
-        } = self.contacts[j - 1];
+        let contact = &self.contacts[j - 1];
         let root = overlap.sqrt();
-        let viscous = relaxation * (0.5 * approach * approach / root + root * acceleration);
-        1.5 * stiffness * (root * approach + viscous)
+        let viscous = contact.relaxation * (0.5 * approach * approach / root + root * acceleration);
+        1.5 * contact.stiffness * (root * approach + viscous)
     }
 
     /// Rate of [`Energies::chain`] where the state changes by `dy`.

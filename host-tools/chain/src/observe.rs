@@ -181,26 +181,22 @@ impl Solution {
             .map(|contact| self.peak(Quantity::ForceBeyond(contact), GREATEST))
             .collect();
         let forces = || {
-            (1..)
-                .zip(&peaks)
-                .map(|(contact, peak)| load(contact) + peak.value)
+            peaks
+                .iter()
+                .zip(1..)
+                .map(|(peak, contact)| load(contact) + peak.value)
         };
         let least = NO_FORCE * forces().fold(0.0, f64::max);
-        peaks
-            .iter()
-            .zip(forces())
-            .zip(1..)
-            .filter(|((_, force), _)| *force > least)
-            .map(|((peak, force), contact)| {
-                let reached = peak.value > least;
-                ContactPeak {
-                    contact,
-                    force,
-                    time: if reached { peak.time } else { 0.0 },
-                    fwhm: self.width(contact, peak).filter(|_| reached),
-                }
+        let of = |((contact, peak), force): ((usize, &Peak), f64)| {
+            let reached = peak.value > least;
+            (force > least).then(|| ContactPeak {
+                contact,
+                force,
+                time: if reached { peak.time } else { 0.0 },
+                fwhm: self.width(contact, peak).filter(|_| reached),
             })
-            .collect()
+        };
+        (1..).zip(&peaks).zip(forces()).filter_map(of).collect()
     }
 
     /// The greatest value of a quantity, or its least value where `sign` is [`LEAST`].
@@ -241,7 +237,7 @@ impl Solution {
                 if rises(step) && !rises(step + 1) {
                     let mut inside = Inside::new(self, step);
                     let (from, to) = (self.times[step], self.times[step + 1]);
-                    let time = crossing(from, to, |t| sign * inside.rate(quantity, t));
+                    let time = crossing(from, to, |t| sign * inside.rate(quantity, t) > 0.0);
                     consider(sign * inside.value(quantity, time), time);
                 }
             }
@@ -261,9 +257,8 @@ impl Solution {
         let fall = (peak.knot..=self.summary_end).find(below)?;
         let through = |step: usize| {
             let mut inside = Inside::new(self, step);
-            crossing(self.times[step], self.times[step + 1], |t| {
-                inside.value(quantity, t) - half
-            })
+            let (from, to) = (self.times[step], self.times[step + 1]);
+            crossing(from, to, |t| inside.value(quantity, t) > half)
         };
         Some(through(fall - 1) - through(rise))
     }

@@ -24,6 +24,12 @@ impl Oscillator {
         coupling / (coupling - self.mass * omega * omega)
     }
 
+    /// Force k x + c x' of spring and damper, N. `distance` is x, in m from the host; `rate` is x', in m/s.
+    #[inline]
+    pub(crate) fn pull(&self, distance: f64, rate: f64) -> f64 {
+        self.stiffness * distance + self.damping * rate
+    }
+
     /// √(k/m) / 2π, Hz.
     pub fn natural_frequency(&self) -> f64 {
         (self.stiffness / self.mass).sqrt() / TAU

@@ -111,11 +111,8 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
     }
     let time = |i: usize| signal.interval * i as f64;
     let energy: f64 = values.iter().map(|value| value * value).sum();
-    let moment: f64 = values
-        .iter()
-        .enumerate()
-        .map(|(i, value)| time(i) * value * value)
-        .sum();
+    let timed = values.iter().enumerate();
+    let moment: f64 = timed.map(|(i, value)| time(i) * value * value).sum();
     if moment == 0.0 {
         return Err(FitError::NoEnd);
     }

@@ -98,12 +98,8 @@ impl Solution {
     }
 
     pub(crate) fn pulses_of(&self, flow: &Flow<'_>, contact: usize, search: &PulseSearch) -> Vec<Pulse> {
-        let trace = Trace::new(
-            self,
-            Quantity::ForceBeyond(contact),
-            search.from,
-            search.to.min(self.end()),
-        );
+        let (force, end) = (Quantity::ForceBeyond(contact), search.to.min(self.end()));
+        let trace = Trace::new(self, force, search.from, end);
         let peaks = trace.peaks(search);
         let load = self.model().contact(contact).load;
         (0..peaks.len())
@@ -139,16 +135,10 @@ impl Solution {
             earlier.contact != later.contact,
             "a speed takes pulses at two contacts"
         );
-        let (near, far) = (
-            earlier.contact.min(later.contact),
-            earlier.contact.max(later.contact),
-        );
-        let way: f64 = (near..far).map(|bead| 2.0 * self.model().radius(bead)).sum();
-        let sign = if earlier.contact < later.contact {
-            1.0
-        } else {
-            -1.0
-        };
+        let (from, to) = (earlier.contact, later.contact);
+        let beads = from.min(to)..from.max(to);
+        let way: f64 = beads.map(|bead| 2.0 * self.model().radius(bead)).sum();
+        let sign = if from < to { 1.0 } else { -1.0 };
         sign * way / (later.time - earlier.time)
     }
 }
@@ -190,19 +180,19 @@ impl<'a> Trace<'a> {
         }
     }
 
-    /// Where `f` of the motion changes sign between points `before` and `before + 1`.
-    fn root(&self, before: usize, mut f: impl FnMut(&mut Inside<'_>, f64) -> f64) -> f64 {
+    /// Where `holds` of the motion turns between points `before` and `before + 1`.
+    fn root(&self, before: usize, mut holds: impl FnMut(&mut Inside<'_>, f64) -> bool) -> f64 {
         let mut inside = Inside::new(self.solution, self.points[before].step);
         let (from, to) = (self.points[before].time, self.points[before + 1].time);
-        crossing(from, to, |t| f(&mut inside, t))
+        crossing(from, to, |t| holds(&mut inside, t))
     }
 
     fn turn(&self, before: usize) -> f64 {
-        self.root(before, |inside, t| inside.rate(self.quantity, t))
+        self.root(before, |inside, t| inside.rate(self.quantity, t) > 0.0)
     }
 
     fn passage(&self, before: usize, level: f64) -> f64 {
-        self.root(before, |inside, t| inside.value(self.quantity, t) - level)
+        self.root(before, |inside, t| inside.value(self.quantity, t) > level)
     }
 
     pub(crate) fn peaks(&self, search: &PulseSearch) -> Vec<Peak> {
@@ -233,12 +223,8 @@ impl<'a> Trace<'a> {
                 .filter(|(_, fall)| *fall < search.fall)
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             let Some((i, _)) = shallow else { return peaks };
-            let lower = if peaks[i].value < peaks[i + 1].value {
-                i
-            } else {
-                i + 1
-            };
-            peaks.remove(lower);
+            let lower = peaks[i].value < peaks[i + 1].value;
+            peaks.remove(if lower { i } else { i + 1 });
         }
     }
 

@@ -43,7 +43,8 @@ impl Sweep {
         let (sin, cos) = (TAU * (self.from + 0.5 * chirp * t) * t).sin_cos();
         let omega = TAU * (self.from + chirp * t);
         let ramp = 0.05 * self.duration;
-        let (edge, sign) = if t < 0.5 * self.duration {
+        let rising = t < 0.5 * self.duration;
+        let (edge, sign) = if rising {
             (t, 1.0)
         } else {
             (self.duration - t, -1.0)
@@ -70,13 +71,8 @@ struct Driven {
 impl System for Driven {
     fn rate(&self, y: &[f64], rate: &mut [f64]) {
         let (host, host_rate) = self.sweep.motion(y[2]);
-        let Oscillator {
-            mass,
-            stiffness,
-            damping,
-        } = self.oscillator;
         rate[0] = y[1];
-        rate[1] = (stiffness * (host - y[0]) + damping * (host_rate - y[1])) / mass;
+        rate[1] = self.oscillator.pull(host - y[0], host_rate - y[1]) / self.oscillator.mass;
         rate[2] = 1.0;
     }
 }
@@ -112,10 +108,8 @@ impl Oscillator {
         };
         let count = ((sweep.duration + 28.0 / slowest) / interval).ceil() as usize;
 
-        let driven = Driven {
-            oscillator: *self,
-            sweep: *sweep,
-        };
+        let (oscillator, sweep) = (*self, *sweep);
+        let driven = Driven { oscillator, sweep };
         let speed = TAU * sweep.to * sweep.amplitude;
         let floor = vec![1e-14 * sweep.amplitude, 1e-14 * speed, 1.0];
         let mut stepper = Stepper::new(&driven, vec![0.0; 3], 1e-13, floor, interval);
@@ -145,13 +139,8 @@ impl Oscillator {
 impl Shaken {
     /// h = û/Û at some frequencies in Hz. The sweep should have gone through them.
     pub fn response(&self, frequencies: &[f64]) -> Vec<(f64, Complex64)> {
-        let (host, mass) = (
-            Spectrum::of(&self.host, Taper::None),
-            Spectrum::of(&self.mass, Taper::None),
-        );
-        frequencies
-            .iter()
-            .map(|&f| (f, mass.at(f) / host.at(f)))
-            .collect()
+        let [host, mass] = [&self.host, &self.mass].map(|signal| Spectrum::of(signal, Taper::None));
+        let h = |&f: &f64| (f, mass.at(f) / host.at(f));
+        frequencies.iter().map(h).collect()
     }
 }

@@ -31,21 +31,14 @@ impl Accuracy {
     };
 
     fn check(self) -> Result<(), InputError> {
-        let Self {
-            tolerance,
-            longest_step,
-        } = self;
-        let (what, range) = if !(1e-14..=1e-3).contains(&tolerance) {
-            (format!("tolerance {tolerance}"), "1e-14 (rounding) to 1e-3")
-        } else if !(longest_step > 0.0 && longest_step <= 1.0) {
-            (
-                format!("longest_step {longest_step}"),
-                "a part above 0 and at most 1",
-            )
+        let (key, value, range) = if !(1e-14..=1e-3).contains(&self.tolerance) {
+            ("tolerance", self.tolerance, "1e-14 (rounding) to 1e-3")
+        } else if !(self.longest_step > 0.0 && self.longest_step <= 1.0) {
+            ("longest_step", self.longest_step, "a part above 0 and at most 1")
         } else {
             return Ok(());
         };
-        let what = format!("{what} is out of range");
+        let what = format!("{key} {value} is out of range");
         Err(InputError::at("accuracy", what, format!("give {range}")))
     }
 }
@@ -128,14 +121,11 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         return Err(InputError::at("duration", what, "give a number above zero").into());
     }
     options.accuracy.check()?;
-    let Accuracy {
-        tolerance,
-        longest_step,
-    } = options.accuracy;
+    let tolerance = options.accuracy.tolerance;
 
     let model = Model::new(scenario);
     let floor = model.scales().into_iter().map(|scale| 0.01 * tolerance * scale);
-    let longest = longest_step * model.shortest_contact();
+    let longest = options.accuracy.longest_step * model.shortest_contact();
     // The method is stable for steps of up to some 6 of the shortest time constants. A run takes at least
     // that many.
     let fewest_steps = end * (1.0 / longest).max(model.fastest_rate() / 6.0);
@@ -153,14 +143,14 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         while stepper.time < stop {
             let time = stepper.time;
             advance(&mut stepper, &model, stop).map_err(|_| SimulateError::Stuck { time })?;
-            times.push(stepper.time);
+            let time = stepper.time;
+            times.push(time);
             states.extend_from_slice(&stepper.state);
             if states.len() > MOST_VALUES {
-                let time = stepper.time;
                 return Err(SimulateError::TooLong { time, end });
             }
             if times.len().is_multiple_of(64) {
-                progress(stepper.time / end);
+                progress(time / end);
             }
         }
         if stop == covered {
@@ -197,14 +187,9 @@ fn advance(stepper: &mut Stepper, model: &Model, stop: f64) -> Result<(), Stuck>
     let kink = turning
         .iter()
         .map(|&j| {
-            let before = model.limited(&state, j);
             crossing(start, end, |t| {
                 dense.at(t, &mut inside);
-                if model.limited(&inside, j) == before {
-                    1.0
-                } else {
-                    -1.0
-                }
+                model.limited(&inside, j)
             })
         })
         .fold(end, f64::min);

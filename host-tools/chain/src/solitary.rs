@@ -94,16 +94,9 @@ impl Solution {
             to: later.to,
             ..PulseSearch::default()
         };
-        let velocity = Trace::new(
-            self,
-            Quantity::Velocity(later.contact - 1),
-            search.from,
-            search.to,
-        )
-        .peaks(&search)
-        .iter()
-        .map(|peak| peak.value)
-        .fold(0.0, f64::max);
+        let velocity = Quantity::Velocity(later.contact - 1);
+        let peaks = Trace::new(self, velocity, search.from, search.to).peaks(&search);
+        let velocity = peaks.iter().map(|peak| peak.value).fold(0.0, f64::max);
 
         // The share repeats from bead to bead, so equal intervals over whole beads converge faster than any
         // power.

@@ -110,29 +110,21 @@ impl Spectrum {
     /// The transform at any frequency in Hz, in units of the signal times s.
     pub fn at(&self, frequency: f64) -> Complex64 {
         let turn = -std::f64::consts::TAU * frequency;
-        let sum: Complex64 = self
-            .signal
-            .values
-            .iter()
-            .enumerate()
-            .map(|(i, value)| Complex64::from_polar(*value, turn * self.signal.time(i)))
-            .sum();
-        sum * self.signal.interval
+        let signal = &self.signal;
+        let wave = |(i, value): (usize, &f64)| Complex64::from_polar(*value, turn * signal.time(i));
+        let sum: Complex64 = signal.values.iter().enumerate().map(wave).sum();
+        sum * signal.interval
     }
 
     /// The -3 dB frequency, Hz: the first above the greatest magnitude at which the magnitude has fallen to
     /// 1/√2 of it. None if it never does.
     pub fn half_power_frequency(&self) -> Option<f64> {
-        let (top, greatest) = self
-            .values
-            .iter()
-            .map(|value| value.norm())
-            .enumerate()
-            .max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let norms = self.values.iter().map(|value| value.norm());
+        let (top, greatest) = norms.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
         let level = greatest * std::f64::consts::FRAC_1_SQRT_2;
         let below = (top..self.values.len()).find(|&i| self.values[i].norm() < level)?;
         let (from, to) = (self.step * (below - 1) as f64, self.step * below as f64);
-        Some(crate::dop853::crossing(from, to, |f| self.at(f).norm() - level))
+        Some(crate::dop853::crossing(from, to, |f| self.at(f).norm() > level))
     }
 
     /// Energy of the signal between two frequencies in Hz, 2 ∫ |S|² df, in units of the signal squared times
@@ -146,11 +138,8 @@ impl Spectrum {
         // |S|² is a sum of cosines, one for each lag of the autocorrelation, and each is integrated by its
         // closed form.
         let length = 2 * (self.values.len() - 1);
-        let mut powers: Vec<_> = self
-            .values
-            .iter()
-            .map(|value| Complex64::from(value.norm_sqr()))
-            .collect();
+        let power = |value: &Complex64| Complex64::from(value.norm_sqr());
+        let mut powers: Vec<_> = self.values.iter().map(power).collect();
         let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(length);
         let mut correlation = transform.make_output_vec();
         transform

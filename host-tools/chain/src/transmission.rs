@@ -19,11 +19,8 @@ impl TransmissionFit {
     /// Fits points (n, E). None with fewer than three points, with a single n, or with an energy that is not
     /// positive.
     pub fn of(points: &[(usize, f64)]) -> Option<Self> {
-        if points.len() < 3
-            || !points
-                .iter()
-                .all(|(_, energy)| energy.is_finite() && *energy > 0.0)
-        {
+        let fits = |(_, energy): &(usize, f64)| energy.is_finite() && *energy > 0.0;
+        if points.len() < 3 || !points.iter().all(fits) {
             return None;
         }
         let count = points.len() as f64;

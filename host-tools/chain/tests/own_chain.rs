@@ -16,13 +16,13 @@ fn it_absorbs_what_the_page_says() {
     let micro = |joule: f64, digits: usize| format!("{:.digits$} µJ", 1e6 * joule);
     let page = PAGE.split_whitespace().collect::<Vec<_>>().join(" ");
     for said in [
-        format!("Of the {} that the striker", micro(energy.striker_initial, 1)),
+        format!("`own-chain.toml` brings {}.", micro(energy.striker_initial, 1)),
         format!("absorb {}", micro(energy.dissipated_intruders, 3)),
         format!("{} in bead 6", micro(six.dissipated, 3)),
         format!("{} in bead 8", micro(eight.dissipated, 3)),
         format!("{} in bead 9", micro(nine.dissipated, 3)),
-        format!("{} are lost in contacts", micro(energy.dissipated_contacts, 1)),
-        format!("{} are still in the intruders", micro(energy.intruders_final, 1)),
+        format!("The contacts lose {}.", micro(energy.dissipated_contacts, 1)),
+        format!("the intruders still hold {}.", micro(energy.intruders_final, 1)),
     ] {
         assert!(page.contains(&said), "the page does not say: {said}");
     }

@@ -10,12 +10,14 @@
 //! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin sees whether both are
 //! of the same build: an older shared object is refused, not misread.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
-use crate::given::{Fault, PinInput, Poke, UartInput};
+use crate::given::Run;
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 6;
+pub(crate) const FORMAT: u32 = 7;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
@@ -36,27 +38,17 @@ pub(crate) const SELF_TEST_STATUS: i32 = 86;
 /// Every line that the overlay prints on standard error starts with this.
 pub(crate) const LINE_PREFIX: &str = "stm32f405-qemu: ";
 
-/// What to run, host to plugin.
+/// What to run, host to plugin. The fields of `run` that only the host needs are left out.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Description {
+pub(crate) struct Description<'a> {
     pub(crate) format: u32,
-    pub(crate) sample_period_ns: u64,
-    pub(crate) tail_ns: u64,
-    pub(crate) sampling_deadline_ns: u64,
-    pub(crate) hse_hz: u32,
-    pub(crate) hse_ppm: f64,
-    pub(crate) uid: [u8; 12],
+    pub(crate) run: Cow<'a, Run>,
     /// Address of the RTT control block, if the image has one.
     pub(crate) rtt: Option<u32>,
-    pub(crate) count_instructions: bool,
     pub(crate) functions: Vec<FunctionRange>,
     pub(crate) labels: Vec<String>,
     /// The labels whose functions make a block a working one.
     pub(crate) work: Vec<usize>,
-    pub(crate) uart_input: Vec<UartInput>,
-    pub(crate) pin_inputs: Vec<PinInput>,
-    pub(crate) pokes: Vec<Poke>,
-    pub(crate) faults: Vec<Fault>,
 }
 
 /// A function of the image that belongs to a label: addresses `[start, end)`.

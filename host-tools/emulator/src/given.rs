@@ -1,6 +1,104 @@
 //! What a run is given.
 
+use std::path::PathBuf;
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
+
+/// One run of an image: what it is given, and when it ends. Its serialised form is what QEMU's side needs of
+/// it, without the image, the stimulus, the blocks in flash and the programs.
+///
+/// ```no_run
+/// use stm32f405_qemu::Run;
+///
+/// let mut run = Run::new("target/thumbv7em-none-eabihf/release/firmware");
+/// run.stimulus = (0..1000u16).map(|i| [i, 2048, 0, 0]).collect();
+/// let outcome = run.execute()?;
+/// println!("{} bytes from USART1", outcome.uart.len());
+/// # Ok::<(), stm32f405_qemu::RunError>(())
+/// ```
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Run {
+    /// The image, unchanged: what would be flashed.
+    #[serde(skip)]
+    pub elf: PathBuf,
+    /// Codes that ADC1 converts, 0..=4095: channels 0 to 3. The first externally triggered scan reads row 0.
+    /// Scans from `i` periods later on read row `i`. The last row stays. Scans that software starts before
+    /// that read row 0.
+    #[serde(skip)]
+    pub stimulus: Vec<[u16; 4]>,
+    /// Time from row to row, in ns.
+    pub sample_period_ns: u64,
+    /// Blocks in flash beside the image (settings, for example), each with its address. Where neither a block
+    /// nor the image has anything, flash is erased. [`Outcome::flash`](crate::Outcome::flash) is such a block:
+    /// with it a run goes on where another ended.
+    #[serde(skip)]
+    pub flash: Vec<(u32, Vec<u8>)>,
+    /// Which functions to count: a label and a part of a demangled path, for example `("observer",
+    /// "bead_model::observer::")`. A label may be given more than once.
+    pub functions: Vec<(String, String)>,
+    /// The labels whose functions make a block a working one
+    /// ([`Instructions::working`](crate::Instructions::working)).
+    pub work: Vec<String>,
+    /// Whether to count instructions. This costs QEMU about half of its speed. Turn it off for long runs.
+    pub count_instructions: bool,
+    /// How long the run goes on after the last row, in ns of virtual time.
+    pub tail_ns: u64,
+    /// When to give up, in ns of virtual time, if the first externally triggered scan has not come.
+    pub sampling_deadline_ns: u64,
+    /// When to give up in real time.
+    pub timeout: Duration,
+    /// The QEMU to run. `None` for the one that `STM32F405_QEMU` names, else `qemu-system-arm` from `PATH`.
+    #[serde(skip)]
+    pub qemu: Option<PathBuf>,
+    /// The overlay to load. `None` to look for it where the README says.
+    #[serde(skip)]
+    pub overlay: Option<PathBuf>,
+    /// Crystal on the HSE pins, in Hz.
+    pub hse_hz: u32,
+    /// How far the crystal is off, in ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
+    /// stimulus follow it. All other times here are true ones.
+    pub hse_ppm: f64,
+    /// The 96-bit unique device identifier (RM0090 section 39.1).
+    pub uid: [u8; 12],
+    /// Bytes for the USART1 receiver.
+    pub uart_input: Vec<UartInput>,
+    /// Levels on pins.
+    pub pin_inputs: Vec<PinInput>,
+    /// Writes over guest memory, to provoke faults.
+    pub pokes: Vec<Poke>,
+    /// Faults on demand.
+    pub faults: Vec<Fault>,
+}
+
+impl Run {
+    /// A run of an image with all inputs at mid-scale, 10 µs for each sample, 10 ms long. Instructions are
+    /// counted.
+    pub fn new(elf: impl Into<PathBuf>) -> Self {
+        Self {
+            elf: elf.into(),
+            stimulus: vec![[2048; 4]],
+            sample_period_ns: 10_000,
+            flash: Vec::new(),
+            functions: Vec::new(),
+            work: Vec::new(),
+            count_instructions: true,
+            tail_ns: 10_000_000,
+            sampling_deadline_ns: 2_000_000_000,
+            timeout: Duration::from_secs(120),
+            qemu: None,
+            overlay: None,
+            hse_hz: 8_000_000,
+            hse_ppm: 0.0,
+            uid: *b"\x31\x00\x24\x00\x0dQ943489",
+            uart_input: Vec::new(),
+            pin_inputs: Vec::new(),
+            pokes: Vec::new(),
+            faults: Vec::new(),
+        }
+    }
+}
 
 /// Bytes for the USART1 receiver, sent back to back at its own baud rate.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -133,8 +133,7 @@ impl Machine {
     /// Plays everything up to `now` and sets the interrupt lines.
     pub fn advance(&mut self, now: u64, board: &mut impl Board) {
         self.play(now, board);
-        self.transfers.flush(board);
-        self.lines.settle(&self.chip, board);
+        self.deliver(board);
     }
 
     /// Makes something fail.
@@ -162,8 +161,7 @@ impl Machine {
                 }
             }
         }
-        self.transfers.flush(board);
-        self.lines.settle(&self.chip, board);
+        self.deliver(board);
     }
 
     /// When an interrupt line will rise, or the first scan may come, if no register is accessed. Call
@@ -282,6 +280,11 @@ impl Machine {
         if self.chip.units.flash.busy() {
             board.stall(true);
         }
+        self.deliver(board);
+    }
+
+    /// Brings memory and the interrupt lines up to the state of the models.
+    fn deliver(&mut self, board: &mut impl Board) {
         self.transfers.flush(board);
         self.lines.settle(&self.chip, board);
     }

@@ -42,7 +42,7 @@ pub struct Outcome {
 }
 
 /// Executed instructions. Each takes 8 ns of virtual time. A processor in WFI executes none.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Instructions {
     /// By the whole image.

@@ -73,22 +73,20 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
                 }
                 continue;
             }
-            let mut what = check.what.clone();
-            if let Some(paper) = check.paper {
-                what.push_str(&format!(" (the paper: {paper})"));
-            }
-            push_row(&mut text, outcome.name, &what, check);
+            push_row(&mut text, outcome.name, &what_of(check), check);
         }
     }
     for law in laws {
-        push_row(
-            &mut text,
-            "all",
-            &format!("{}, worst of every run", law.law.unwrap_or_default()),
-            law,
-        );
+        let what = format!("{}, worst of every run", law.law.unwrap_or_default());
+        push_row(&mut text, "all", &what, law);
     }
     text
+}
+
+/// What a check measures, with what the paper says instead.
+fn what_of(check: &Check) -> String {
+    let paper = check.paper.map(|says| format!(" (the paper: {says})"));
+    format!("{}{}", check.what, paper.unwrap_or_default())
 }
 
 fn push_row(text: &mut String, figure: &str, what: &str, check: &Check) {
@@ -121,14 +119,9 @@ pub fn html(outcomes: &[Outcome]) -> String {
             if outcome.animated { "gif" } else { "svg" },
         ));
         for check in &outcome.checks {
-            let paper = check
-                .paper
-                .map(|says| format!(" (the paper: {says})"))
-                .unwrap_or_default();
             push(format_args!(
-                "<tr><td>{}{}</td><td>{}</td><td>{}</td><td class=\"{}\">{}</td></tr>",
-                escape(&check.what),
-                escape(&paper),
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"{}\">{}</td></tr>",
+                escape(&what_of(check)),
                 escape(&with_unit(number(check.value), check.unit)),
                 escape(&with_unit(expectation(check), check.unit)),
                 if check.pass { "pass" } else { "fail" },

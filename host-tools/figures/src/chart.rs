@@ -373,8 +373,7 @@ impl Chart {
         let x_range = (x.scale.place(x.range.0), x.scale.place(x.range.1));
         let y_range = panel.y_extent(x.range);
         let inner = self.width - Y_LABELS_WIDTH - MARGIN - RIGHT;
-        let x_ticks = ticks(x.scale, x_range, (inner / 75).max(3) as usize);
-        let y_ticks = ticks(panel.y_scale, y_range, (panel.height / 32).clamp(3, 8) as usize);
+        let rows = (panel.height / 32).clamp(3, 8) as usize;
         let mut chart = ChartBuilder::on(&plot)
             .margin_top(px(6))
             .margin_right(px(RIGHT))
@@ -383,14 +382,8 @@ impl Chart {
             .x_label_area_size(if labelled { px(X_LABELS_HEIGHT) } else { 0 })
             .y_label_area_size(px(Y_LABELS_WIDTH))
             .build_cartesian_2d(
-                Ticked {
-                    range: x_range,
-                    ticks: x_ticks,
-                },
-                Ticked {
-                    range: y_range,
-                    ticks: y_ticks,
-                },
+                Ticked::new(x.scale, x_range, (inner / 75).max(3) as usize),
+                Ticked::new(panel.y_scale, y_range, rows),
             )?;
         let ticks = (FONT, px(TICKS)).into_font().color(&FAINT);
         let title = (FONT, px(TITLES)).into_font().color(&TEXT);
@@ -405,12 +398,13 @@ impl Chart {
             .x_desc(if labelled { x.label.as_str() } else { "" })
             .y_desc(panel.y_label.as_str())
             .x_labels(10)
-            .y_labels((panel.height / 32).clamp(3, 8) as usize)
+            .y_labels(rows)
             .x_label_formatter(&|v| x.scale.label(*v))
             .y_label_formatter(&|v| panel.y_scale.label(*v))
             .draw()?;
         for series in &panel.series {
-            let colour = series.ink.colour();
+            let style = series.style();
+            let circle = |radius| move |point| Circle::new(point, px(radius), style);
             let points = series
                 .points
                 .iter()
@@ -419,37 +413,26 @@ impl Chart {
                 .map(|(at, value)| (x.scale.place(at), panel.y_scale.place(value)))
                 .filter(|(_, value)| value.is_finite());
             match series.mark {
-                Mark::Broad => {
-                    chart.draw_series(LineSeries::new(points, colour.stroke_width(px(BROAD))))?;
-                }
-                Mark::Line => {
-                    chart.draw_series(LineSeries::new(points, colour.stroke_width(px(THIN))))?;
-                }
-                Mark::Dashed => {
-                    chart.draw_series(DashedLineSeries::new(
-                        points,
-                        px(6),
-                        px(4),
-                        colour.stroke_width(px(THIN)),
-                    ))?;
-                }
-                Mark::Dots => {
-                    chart.draw_series(points.map(|point| Circle::new(point, px(DOT), colour.filled())))?;
-                }
-                Mark::Rings => {
-                    chart.draw_series(points.map(|point| Circle::new(point, px(RING), ring(colour))))?;
-                }
-                Mark::Discs => {
-                    chart.draw_series(points.map(|point| Circle::new(point, px(DISC), colour.filled())))?;
-                }
-            }
+                Mark::Broad | Mark::Line => chart.draw_series(LineSeries::new(points, style)),
+                Mark::Dashed => chart.draw_series(DashedLineSeries::new(points, px(6), px(4), style)),
+                Mark::Dots => chart.draw_series(points.map(circle(DOT))),
+                Mark::Rings => chart.draw_series(points.map(circle(RING))),
+                Mark::Discs => chart.draw_series(points.map(circle(DISC))),
+            }?;
         }
         Ok(())
     }
 }
 
-fn ring(colour: RGBColor) -> ShapeStyle {
-    colour.stroke_width(px(THIN))
+impl Series {
+    fn style(&self) -> ShapeStyle {
+        let colour = self.ink.colour();
+        match self.mark {
+            Mark::Broad => colour.stroke_width(px(BROAD)),
+            Mark::Line | Mark::Dashed | Mark::Rings => colour.stroke_width(px(THIN)),
+            Mark::Dots | Mark::Discs => colour.filled(),
+        }
+    }
 }
 
 /// The legend above the axes, where it hides no data. It takes as many rows as it needs.
@@ -492,31 +475,23 @@ impl<'a> Legend<'a> {
         DB::ErrorType: 'static,
     {
         let at = |pixels: u32| px(pixels) as i32;
-        let style = TextStyle::from((FONT, px(TICKS)).into_font())
+        let text = TextStyle::from((FONT, px(TICKS)).into_font())
             .color(&TEXT)
             .pos(Pos::new(HPos::Left, VPos::Center));
         for &(series, x, row) in &self.entries {
             let (x, middle) = (at(x), at(LEGEND_HEIGHT / 2 + 3 + row * LEGEND_ROW));
-            let colour = series.ink.colour();
-            let line = [(x, middle), (x + at(24), middle)];
+            let place = |pixels: u32| (x + at(pixels), middle);
+            let line = |from: u32, to: u32| PathElement::new([place(from), place(to)], series.style());
+            let circle = |radius: u32| Circle::new(place(12), px(radius), series.style());
             match series.mark {
-                Mark::Broad => area.draw(&PathElement::new(line, colour.stroke_width(px(BROAD))))?,
-                Mark::Line => area.draw(&PathElement::new(line, colour.stroke_width(px(THIN))))?,
-                Mark::Dashed => {
-                    for start in [x, x + at(9), x + at(18)] {
-                        let dash = [(start, middle), (start + at(6), middle)];
-                        area.draw(&PathElement::new(dash, colour.stroke_width(px(THIN))))?;
-                    }
-                }
-                Mark::Dots => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
-                Mark::Rings => area.draw(&Circle::new((x + at(12), middle), px(RING), ring(colour)))?,
-                Mark::Discs => area.draw(&Circle::new((x + at(12), middle), px(DISC), colour.filled()))?,
+                Mark::Broad | Mark::Line => area.draw(&line(0, 24))?,
+                Mark::Dashed => [0, 9, 18]
+                    .iter()
+                    .try_for_each(|&start| area.draw(&line(start, start + 6)))?,
+                Mark::Dots | Mark::Discs => area.draw(&circle(DISC))?,
+                Mark::Rings => area.draw(&circle(RING))?,
             }
-            area.draw(&Text::new(
-                series.name.as_str(),
-                (x + at(30), middle),
-                style.clone(),
-            ))?;
+            area.draw(&Text::new(series.name.as_str(), place(30), text.clone()))?;
         }
         Ok(())
     }
@@ -557,6 +532,13 @@ struct Ticked {
     ticks: Vec<f64>,
 }
 
+impl Ticked {
+    fn new(scale: Scale, range: (f64, f64), most: usize) -> Self {
+        let ticks = ticks(scale, range, most);
+        Self { range, ticks }
+    }
+}
+
 impl Ranged for Ticked {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
@@ -588,11 +570,8 @@ fn ticks(scale: Scale, (low, high): (f64, f64), most: usize) -> Vec<f64> {
     }
     if scale == Scale::Log {
         let apart = (decades.clone().count() - 1).div_ceil(most).max(1) as i32;
-        return decades
-            .filter(|decade| decade % apart == 0)
-            .map(f64::from)
-            .filter(inside)
-            .collect();
+        let kept = decades.filter(|decade| decade % apart == 0).map(f64::from);
+        return kept.filter(inside).collect();
     }
     let rough = (high - low) / most as f64;
     let decade = 10_f64.powf(rough.log10().floor());
@@ -640,18 +619,11 @@ fn label(value: f64) -> String {
 
 /// Text escaped for HTML and SVG, for content and for attributes.
 pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            other => out.push(other),
-        }
-    }
-    out
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+        .replace('\'', "&#39;")
 }
 
 #[cfg(test)]

@@ -62,6 +62,11 @@ pub(crate) fn over_time(
         .collect()
 }
 
+/// The force of a contact over `span` (s), N, against time in ms.
+pub(crate) fn force_over_time(solution: &Solution, span: &Range<f64>, contact: usize) -> Vec<(f64, f64)> {
+    over_time(solution, span.clone(), |at| at.force(contact))
+}
+
 /// Time in ms from a span in s.
 pub(crate) fn time_axis(span: Range<f64>) -> Axis {
     Axis::new("time since the strike (ms)", span.start * 1e3..span.end * 1e3)

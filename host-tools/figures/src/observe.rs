@@ -66,14 +66,31 @@ pub(crate) fn half_power(spectrum: &Spectrum) -> f64 {
     spectrum.half_power_frequency().unwrap_or(f64::NAN)
 }
 
+/// The least and the greatest of some positive values.
+pub(crate) fn extremes(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    let wider = |(low, high): (f64, f64), value| (low.min(value), high.max(value));
+    values.into_iter().fold((f64::INFINITY, 0.0), wider)
+}
+
 /// Greatest value over least.
 pub(crate) fn ratio(values: impl IntoIterator<Item = f64>) -> f64 {
-    let (low, high) = values
-        .into_iter()
-        .fold((f64::INFINITY, 0.0_f64), |(low, high), value| {
-            (low.min(value), high.max(value))
-        });
+    let (low, high) = extremes(values);
     high / low
+}
+
+/// The ordinates of a curve.
+pub(crate) fn ordinates(points: &[(f64, f64)]) -> Vec<f64> {
+    points.iter().map(|point| point.1).collect()
+}
+
+/// The greatest ordinate of a curve.
+pub(crate) fn greatest(points: &[(f64, f64)]) -> f64 {
+    ordinates(points).into_iter().fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The last ordinate of a curve.
+pub(crate) fn last(points: &[(f64, f64)]) -> f64 {
+    points.last().map_or(f64::NAN, |point| point.1)
 }
 
 /// The least factor from one value to the next. It is above 1 if the values grow all along.

@@ -83,9 +83,7 @@ const MOMENTUM: f64 = 1e-12;
 impl Plan {
     /// Whether `name` is the name of the figure or of its plate.
     pub(crate) fn goes_by(&self, name: &str) -> bool {
-        [self.name, self.plate()]
-            .iter()
-            .any(|own| own.eq_ignore_ascii_case(name))
+        self.name.eq_ignore_ascii_case(name) || self.plate().eq_ignore_ascii_case(name)
     }
 
     /// The plate of the figure: the number that it shares with other figures, which share its runs.
@@ -106,20 +104,15 @@ impl Plan {
         let mut figure = (self.draw)(lab)?;
         figure.chart.description = format!("Figure {}: {}", self.name, self.title);
         if let Some(worst) = lab.worst() {
-            for (law, off, bound) in [
-                (
-                    "energy balance as a part of the striker's energy",
-                    worst.balance,
-                    BALANCE,
-                ),
-                ("momentum as a part of the striker's", worst.momentum, MOMENTUM),
-            ] {
-                let runs = if worst.runs == 1 { "run" } else { "runs" };
+            let runs = if worst.runs == 1 { "run" } else { "runs" };
+            let law = |law: &'static str, off: f64, bound: f64| {
                 let what = format!("{law}, worst of {} {runs}", worst.runs);
-                figure
-                    .checks
-                    .push(Check::at_most(what, "", off, bound).of_law(law));
-            }
+                Check::at_most(what, "", off, bound).of_law(law)
+            };
+            let energy = "energy balance as a part of the striker's energy";
+            let momentum = "momentum as a part of the striker's";
+            figure.checks.push(law(energy, worst.balance, BALANCE));
+            figure.checks.push(law(momentum, worst.momentum, MOMENTUM));
         }
         Ok(figure)
     }

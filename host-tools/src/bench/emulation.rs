@@ -44,35 +44,26 @@ const CRYSTAL_HZ: f64 = 8e6;
 /// # Errors
 /// The image is not there; the message says how to build it.
 pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
-    if let Some(path) = given {
-        return match path.is_file() {
-            true => Ok(path.to_owned()),
-            false => Err(BenchError::Unfit(format!(
+    // This program lies in the target directory itself, unless it was installed.
+    let program = env::current_exe().unwrap_or_default();
+    let here = env::current_dir().unwrap_or_default();
+    let built_with = program.ancestors().map(|folder| folder.join(IMAGE));
+    let above = here.ancestors().map(|folder| folder.join("target").join(IMAGE));
+    let found = match given {
+        Some(path) => path.is_file().then(|| path.to_owned()),
+        None => built_with.chain(above).find(|path| path.is_file()),
+    };
+    found.ok_or_else(|| {
+        BenchError::Unfit(match given {
+            Some(path) => format!(
                 "--firmware {}: there is no such file; build the image with `cargo xtask build`",
                 path.display()
-            ))),
-        };
-    }
-    // This program lies in the target directory itself, unless it was installed.
-    let program = env::current_exe().ok();
-    let built_with = program
-        .iter()
-        .flat_map(|path| path.ancestors())
-        .map(Path::to_owned);
-    let here = env::current_dir().ok();
-    let above = here
-        .iter()
-        .flat_map(|path| path.ancestors())
-        .map(|folder| folder.join("target"));
-    built_with
-        .chain(above)
-        .map(|folder| folder.join(IMAGE))
-        .find(|path| path.is_file())
-        .ok_or_else(|| {
-            BenchError::Unfit(format!(
+            ),
+            None => format!(
                 "the image {IMAGE} was not found in a target directory here or above; build it with `cargo xtask build`, or name one with --firmware"
-            ))
+            ),
         })
+    })
 }
 
 /// The truth of a run, as attached to its recording.
@@ -272,18 +263,12 @@ impl Emulation {
                 solution.end()
             )));
         }
-        let codes = front_end.digitise(
-            &mut Sensed::new(solution, bead, timing),
-            timing.scans(solution.end() + TAIL),
-            seed,
-        );
+        let mut sensed = Sensed::new(solution, bead, timing);
+        let codes = front_end.digitise(&mut sensed, timing.scans(solution.end() + TAIL), seed);
         let truth = RunTruth {
             bead,
             truth: Truth::of(scenario, solution, bead)?,
-            // Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
-            starts: (0..timing.strikes)
-                .map(|number| 1.0 + timing.start(number) * f64::from(SAMPLE_RATE_HZ))
-                .collect(),
+            starts: timing.starts(1.0),
             front_end: *front_end,
             seed,
             clock_ppm: 0.0,
@@ -320,9 +305,7 @@ impl Emulation {
         let scans = self.timing.scans(solution.end() + TAIL);
         self.codes = front_end.digitise(&mut sensed, scans, seed);
         self.truth.clock_ppm = ppm;
-        self.truth.starts = (0..self.timing.strikes)
-            .map(|number| 1.0 + self.timing.start(number) * rate * f64::from(SAMPLE_RATE_HZ))
-            .collect();
+        self.truth.starts = self.timing.starts(rate);
         self
     }
 
@@ -395,10 +378,8 @@ impl Emulation {
         real_seconds: f64,
     ) -> Result<EmulatorReport, BenchError> {
         let Some(sampling) = &outcome.sampling else {
-            let last = outcome
-                .log
-                .last()
-                .map_or_else(|| "nothing".to_owned(), ToString::to_string);
+            let last = outcome.log.last().map(ToString::to_string);
+            let last = last.as_deref().unwrap_or("nothing");
             return Err(BenchError::Mute(format!(
                 "{} never started to sample in {:.1} s; the last that it logged: {last}",
                 self.image.display(),

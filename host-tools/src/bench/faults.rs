@@ -142,17 +142,9 @@ impl Planned {
 
     /// Whether it ends in a reset.
     pub fn resets(&self) -> bool {
-        let reported = matches!(
-            self.cause(),
-            Some(
-                FaultCause::DmaError
-                    | FaultCause::Panic
-                    | FaultCause::HardFault
-                    | FaultCause::Watchdog
-                    | FaultCause::StackOverflow
-            )
-        );
-        reported || self.kind == Kind::PowerCut
+        use FaultCause::{DmaError, HardFault, Panic, StackOverflow, Watchdog};
+        let fatal = |cause| matches!(cause, DmaError | Panic | HardFault | Watchdog | StackOverflow);
+        self.cause().is_some_and(fatal) || self.kind == Kind::PowerCut
     }
 
     fn found(&self) -> bool {
@@ -186,10 +178,8 @@ impl Planned {
                 let rows = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
                 let from = rows(self.at);
                 let many = self.duration.map_or(usize::MAX, rows);
-                let Some(columns) = self.kind.columns() else {
-                    return;
-                };
-                let Some(&stuck) = run.stimulus.get(from) else {
+                let stuck = run.stimulus.get(from).copied();
+                let Some((columns, stuck)) = self.kind.columns().zip(stuck) else {
                     return;
                 };
                 let codes = match self.kind {
@@ -284,13 +274,8 @@ impl Entry {
             _ => "at, kind",
         };
         for (key, value) in [("duration", duration), ("volts", volts)] {
-            let what = format!("{name} has no such key");
-            ensure(
-                value.is_none() || keys.contains(key),
-                key,
-                &what,
-                &format!("it has {keys}"),
-            )?;
+            let (what, advice) = (format!("{name} has no such key"), format!("it has {keys}"));
+            ensure(value.is_none() || keys.contains(key), key, &what, &advice)?;
         }
 
         let advice = "give s after the first scan, such as 0.012";
@@ -306,12 +291,8 @@ impl Entry {
         let lasts = duration.is_none_or(|s| s > 0.0 && s < 1e6);
         ensure(lasts, "duration", "not a time above zero", "give s, such as 0.25")?;
         let advice = "give 1.8 to 3.6, such as 2.7";
-        ensure(
-            volts.is_some() || kind != Kind::Supply,
-            "volts",
-            "missing",
-            advice,
-        )?;
+        let given = volts.is_some() || kind != Kind::Supply;
+        ensure(given, "volts", "missing", advice)?;
         let works = volts.is_none_or(|v| VOLTS.contains(&v));
         ensure(works, "volts", "not a voltage that the part works at", advice)?;
         Ok(Planned {

@@ -145,6 +145,21 @@ impl Sensor {
         }
     }
 
+    /// Both channels' codes and how often each lay beyond a rail: as [`convert`], the wide channel a
+    /// conversion later.
+    fn convert(
+        &self,
+        mut signal: impl FnMut(f64) -> f64,
+        scans: usize,
+        seed: Option<u64>,
+        [sensitive, wide]: [u64; 2],
+    ) -> [(Vec<u16>, usize); 2] {
+        [
+            convert(&self.sensitive, &mut signal, scans, seed, sensitive),
+            convert(&self.wide, |t| signal(t + CONVERSION), scans, seed, wide),
+        ]
+    }
+
     /// Both channels, in the order of their conversion.
     pub fn channels_mut(&mut self) -> [&mut Channel; 2] {
         [&mut self.sensitive, &mut self.wide]
@@ -235,24 +250,11 @@ impl FrontEnd {
     ///
     /// `seed` fixes the noise; `None` leaves it out. The same arguments give the same codes.
     pub fn digitise(&self, stimulus: &mut impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
-        let Sensor { sensitive, wide } = &self.force;
-        let (force, _) = convert(sensitive, |t| stimulus.force(t), scans, seed, 0);
-        let (force_wide, force_saturated) = convert(wide, |t| stimulus.force(t + CONVERSION), scans, seed, 2);
-        let Sensor { sensitive, wide } = &self.acceleration;
-        let (acceleration, _) = convert(
-            sensitive,
-            |t| stimulus.acceleration(t + SCAN_SKEW),
-            scans,
-            seed,
-            1,
-        );
-        let (acceleration_wide, acceleration_saturated) = convert(
-            wide,
-            |t| stimulus.acceleration(t + SCAN_SKEW + CONVERSION),
-            scans,
-            seed,
-            3,
-        );
+        let force_at = |t: f64| stimulus.force(t);
+        let [(force, _), (force_wide, force_saturated)] = self.force.convert(force_at, scans, seed, [0, 2]);
+        let acceleration_at = |t: f64| stimulus.acceleration(t + SCAN_SKEW);
+        let [(acceleration, _), (acceleration_wide, acceleration_saturated)] =
+            self.acceleration.convert(acceleration_at, scans, seed, [1, 3]);
         Digitised {
             scans: (0..scans)
                 .map(|i| [force[i], force_wide[i], acceleration[i], acceleration_wide[i]])

@@ -21,14 +21,11 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     let model = solution.model();
     let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
         let with: Vec<String> = model.intruders().iter().map(|one| one.bead.to_string()).collect();
-        return Err(BenchError::Unfit(if with.is_empty() {
-            format!("--bead {bead}: no bead of this scenario has an intruder; add an [[intruder]] to it")
-        } else {
-            format!(
-                "--bead {bead}: this bead has no intruder; give one of: {}",
-                with.join(", ")
-            )
-        }));
+        let what = match with.is_empty() {
+            true => "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
+            false => format!("this bead has no intruder; give one of: {}", with.join(", ")),
+        };
+        return Err(BenchError::Unfit(format!("--bead {bead}: {what}")));
     };
     if bead + 1 == model.bodies() {
         return Err(BenchError::Unfit(format!(
@@ -168,6 +165,13 @@ impl Timing {
         self.lead_in + f64::from(number) * self.interval + phase / f64::from(SAMPLE_RATE_HZ)
     }
 
+    /// When each strike begins, as a sample index with a fraction, by a clock with `rate` seconds in a true
+    /// second. Row 0 of the stimulus is converted by the first trigger, whose scan has the index 1.
+    pub fn starts(&self, rate: f64) -> Vec<f64> {
+        let index = |number| 1.0 + self.start(number) * rate * f64::from(SAMPLE_RATE_HZ);
+        (0..self.strikes).map(index).collect()
+    }
+
     /// Scans from power-up to the end of the last strike; a strike takes `long` seconds.
     pub fn scans(&self, long: f64) -> usize {
         let last = self.strikes.saturating_sub(1);
@@ -205,12 +209,10 @@ impl<'a> Sensed<'a> {
         let number = (guess as u32).min(self.timing.strikes.checked_sub(1)?);
         // A strike starts up to one sample after its place in the row. Until then the strike before still
         // counts.
-        let start = self.timing.start(number);
-        let start = if time < start && number > 0 {
-            self.timing.start(number - 1)
-        } else {
-            start
-        };
+        let mut start = self.timing.start(number);
+        if time < start && number > 0 {
+            start = self.timing.start(number - 1);
+        }
         Some(time - start).filter(|since| (0.0..=self.solution.end()).contains(since))
     }
 }

@@ -1,9 +1,9 @@
 //! The front end as options of a command.
 
+use anyhow::ensure;
 use clap::{Args, ValueEnum};
 
 use crate::bench::front_end::FrontEnd;
-use crate::cli::failure::Failure;
 
 /// Whether the front end is noisy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -79,38 +79,34 @@ impl FrontEndOptions {
     ///
     /// # Errors
     /// A value that no front end has.
-    pub(crate) fn front_end(&self) -> Result<FrontEnd, Failure> {
-        let not_negative = |name: &str, value: Option<f64>, unit: &str| match value {
-            Some(value) if !(value.is_finite() && value >= 0.0) => Err(Failure::input(format!(
-                "{name} {value}: give 0 or more, in {unit}"
-            ))),
-            value => Ok(value),
-        };
-        let positive = |name: &str, value: Option<f64>, unit: &str| match value {
-            Some(value) if !(value.is_finite() && value > 0.0) => Err(Failure::input(format!(
-                "{name} {value}: give more than 0, in {unit}"
-            ))),
-            value => Ok(value),
+    pub(crate) fn front_end(&self) -> anyhow::Result<FrontEnd> {
+        let not_negative = |name: &str, value: f64, unit: &str| {
+            let holds = value.is_finite() && value >= 0.0;
+            ensure!(holds, "{name} {value}: give 0 or more, in {unit}");
+            Ok(())
         };
         let mut front_end = self.sensors.front_end();
         let FrontEnd { force, acceleration } = &mut front_end;
+        let (acceleration_span, wide_span) = (self.acceleration_span, self.wide_acceleration_span);
         for (channel, name, span, unit) in [
             (&mut force.sensitive, "--force-span", self.force_span, "N"),
             (&mut force.wide, "--wide-force-span", self.wide_force_span, "N"),
             (
                 &mut acceleration.sensitive,
                 "--acceleration-span",
-                self.acceleration_span,
+                acceleration_span,
                 "m/s²",
             ),
             (
                 &mut acceleration.wide,
                 "--wide-acceleration-span",
-                self.wide_acceleration_span,
+                wide_span,
                 "m/s²",
             ),
         ] {
-            if let Some(span) = positive(name, span, unit)? {
+            if let Some(span) = span {
+                let holds = span.is_finite() && span > 0.0;
+                ensure!(holds, "{name} {span}: give more than 0, in {unit}");
                 *channel = channel.with_span(span);
             }
         }
@@ -123,13 +119,15 @@ impl FrontEndOptions {
                 "m/s² rms",
             ),
         ] {
-            if let Some(rms) = not_negative(name, rms, unit)? {
+            if let Some(rms) = rms {
+                not_negative(name, rms, unit)?;
                 sensor.sensitive.noise_rms = rms;
                 // The sensor's own noise is in both channels.
                 sensor.wide.noise_rms = sensor.wide.noise_rms.max(rms);
             }
         }
-        if let Some(hz) = not_negative("--pole", self.pole, "Hz")? {
+        if let Some(hz) = self.pole {
+            not_negative("--pole", hz, "Hz")?;
             for channel in front_end.channels_mut() {
                 channel.pole_hz = (hz > 0.0).then_some(hz);
             }

@@ -49,7 +49,12 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 /// # Errors
 /// As [`print_json`].
 pub fn print_line(text: &str) -> Result<(), Failure> {
-    match writeln!(io::stdout().lock(), "{text}") {
+    written(writeln!(io::stdout().lock(), "{text}"))
+}
+
+/// What writing to standard output gave. A reader that has gone away is not an error.
+pub(crate) fn written(result: io::Result<()>) -> Result<(), Failure> {
+    match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => other.or_input(|| "cannot write to standard output"),
     }
@@ -80,7 +85,8 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "give seconds, more than 0".to_owned())
 }
 
-/// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's cells.
+/// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's
+/// cells.
 pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<Item = R>) -> String {
     let mut table = Table::new();
     table
@@ -105,27 +111,20 @@ pub fn either(holds: bool, yes: &str, no: &str) -> String {
 
 /// A spinner on standard error that names the step under way; silent when standard error is not a terminal.
 pub fn spinner(step: impl Into<String>) -> ProgressBar {
-    let bar = ProgressBar::new_spinner();
-    if !io::stderr().is_terminal() {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-        return bar;
-    }
-    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
-        bar.set_style(style);
-    }
-    bar.set_message(step.into());
-    bar.enable_steady_tick(Duration::from_millis(100));
-    bar
+    shown(ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}").with_message(step.into())
 }
 
 /// A progress bar of `steps` steps on standard error; silent when standard error is not a terminal.
 pub fn progress(steps: u64) -> ProgressBar {
-    let bar = ProgressBar::new(steps);
+    shown(ProgressBar::new(steps), "{bar:24} {pos}/{len} {elapsed} {msg}")
+}
+
+fn shown(bar: ProgressBar, template: &str) -> ProgressBar {
     if !io::stderr().is_terminal() {
         bar.set_draw_target(ProgressDrawTarget::hidden());
         return bar;
     }
-    if let Ok(style) = ProgressStyle::with_template("{bar:24} {pos}/{len} {elapsed} {msg}") {
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     bar.enable_steady_tick(Duration::from_millis(100));

@@ -25,10 +25,9 @@ pub fn lead(samples: &[f64], in_samples: f64) -> Vec<f64> {
             let near = (at(i + 1) - at(i - 1)) / 2.0;
             let far = (at(i + 2) - at(i - 2)) / 4.0;
             // Where a channel is only known in part, the two nearest samples must do.
-            let slope = if far.is_nan() {
-                near
-            } else {
-                (4.0 * near - far) / 3.0
+            let slope = match far.is_nan() {
+                true => near,
+                false => (4.0 * near - far) / 3.0,
             };
             at(i) + in_samples * slope
         })
@@ -74,16 +73,8 @@ pub fn predicted(bead: &Bead, force: &[f64], rate_hz: f64) -> Vec<f64> {
         for substep in 0..SUBSTEPS {
             let phase = substep as f64 / SUBSTEPS as f64;
             let half = 0.5 / SUBSTEPS as f64;
-            state = runge_kutta(
-                bead,
-                &state,
-                step,
-                [
-                    cubic(points, phase),
-                    cubic(points, phase + half),
-                    cubic(points, phase + 2.0 * half),
-                ],
-            );
+            let phases = [phase, phase + half, phase + 2.0 * half];
+            state = runge_kutta(bead, &state, step, phases.map(|phase| cubic(points, phase)));
         }
     }
     energies
@@ -124,22 +115,17 @@ fn rate(bead: &Bead, state: &State, incoming: f64) -> State {
     let mut push = incoming;
     let suspension = bead.stiffness * y[INTRUDER] + bead.damping * y[INTRUDER + 1];
     for body in 0..BODIES {
-        let outgoing = if body + 1 < BODIES {
-            contact_force(
-                bead,
-                y[body] - y[body + 1],
-                y[BODIES + body] - y[BODIES + body + 1],
-            )
-        } else {
-            0.0
+        let velocity = BODIES + body;
+        let outgoing = match body + 1 {
+            BODIES => 0.0,
+            next => contact_force(bead, y[body] - y[next], y[velocity] - y[velocity + 1]),
         };
-        let (mass, spring) = if body == 0 {
-            (bead.mass - bead.intruder_mass, suspension)
-        } else {
-            (bead.mass, 0.0)
+        let (mass, spring) = match body {
+            0 => (bead.mass - bead.intruder_mass, suspension),
+            _ => (bead.mass, 0.0),
         };
-        rate.0[body] = y[BODIES + body];
-        rate.0[BODIES + body] = (push - outgoing + spring) / mass;
+        rate.0[body] = y[velocity];
+        rate.0[velocity] = (push - outgoing + spring) / mass;
         push = outgoing;
     }
     rate.0[INTRUDER] = y[INTRUDER + 1];

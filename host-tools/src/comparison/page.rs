@@ -8,6 +8,7 @@ use hertz_figures::error::Error;
 use crate::bench::emulation::EmulatorReport;
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::strike::{StrikeComparison, percent};
+use crate::recording::json::hex;
 
 /// What the page shows.
 #[derive(Debug)]
@@ -91,11 +92,8 @@ impl Page<'_> {
             None => ("pass", "Every check passed"),
             Some(why) => ("fail", why),
         };
-        let title = if self.title.is_empty() {
-            "A strike"
-        } else {
-            self.title
-        };
+        let title = Some(self.title).filter(|title| !title.is_empty());
+        let title = title.unwrap_or("A strike");
         let head = format!(
             "<p class=\"above\">Bead {} · {}</p><h1>{}</h1><p><span class=\"verdict {class}\">{}</span></p>",
             self.bead,
@@ -109,24 +107,15 @@ impl Page<'_> {
         let identical = self.strikes.iter().filter(|strike| strike.replay_identical);
         let gone = self.counters.lost + self.counters.rejected.total();
         let absorbed = strike.f64_chain.absorbed_measured * 1e9;
+        let identical = format!("{} of {}", identical.count(), self.strikes.len());
+        let gone = format!("{gone} of {}", self.counters.frames + self.counters.lost);
+        let off = strike.deviation;
         let tiles = [
             (format!("{absorbed:.1} nJ"), "absorbed, by the full simulation"),
-            (
-                percent(strike.deviation.absorbed_measured),
-                "A, measured by the acceleration",
-            ),
-            (
-                percent(strike.deviation.absorbed_predicted),
-                "B, predicted from the force",
-            ),
-            (
-                format!("{} of {}", identical.count(), self.strikes.len()),
-                "strikes replayed bit for bit",
-            ),
-            (
-                format!("{gone} of {}", self.counters.frames + self.counters.lost),
-                "frames lost or corrupt",
-            ),
+            (percent(off.absorbed_measured), "A, measured by the acceleration"),
+            (percent(off.absorbed_predicted), "B, predicted from the force"),
+            (identical, "strikes replayed bit for bit"),
+            (gone, "frames lost or corrupt"),
         ];
         let tiles = tiles.map(|(value, what)| format!("<div><b>{value}</b><span>{what}</span></div>"));
         format!("{head}<div class=\"key\">{}</div>", tiles.concat())
@@ -189,21 +178,21 @@ impl Page<'_> {
             return String::new();
         };
         let available = emulator.instructions_available;
-        let rows = emulator.instructions_per_sample.rows().map(|(name, count)| {
-            let Some(count) = count else {
-                return String::new();
-            };
+        let rows = emulator.instructions_per_sample.rows().into_iter();
+        let known = rows.filter_map(|(name, count)| Some((name, count?)));
+        let row = |(name, count): (&str, f64)| {
             let part = count / available * 100.0;
             format!(
                 "<tr><td>{name}</td><td>{count:.0}</td><td>{part:.1} %</td><td style=\"width:45%\">\
                  <div class=\"bar\"><i style=\"width:{:.1}%\"></i></div></td></tr>",
                 part.clamp(0.0, 100.0)
             )
-        });
+        };
+        let rows: String = known.map(row).collect();
         format!(
             "<h2>What it costs</h2><p>Instructions for each sample. The emulator executes {available:.0} in a sample \
              period; the core at 168 MHz has 1680 cycles.</p><div class=\"scroll\"><table><tbody>{}</tbody></table></div>",
-            rows.concat()
+            rows
         )
     }
 
@@ -221,30 +210,26 @@ impl Page<'_> {
     }
 
     fn received(&self) -> Vec<Fact> {
-        let Counters {
-            frames,
-            bytes,
-            lost,
-            rejected,
-            ..
-        } = self.counters;
         let noise = self.strikes.first().map(|strike| {
             let noise = format!("{:.1} mN rms", strike.force_noise * 1e3);
             ("force noise before the strike", noise)
         });
-        let refused = rejected.total();
-        let frames = format!("{frames} received in {bytes} bytes, {lost} lost, {refused} refused");
+        let frames = format!(
+            "{} received in {} bytes, {} lost, {} refused",
+            self.counters.frames,
+            self.counters.bytes,
+            self.counters.lost,
+            self.counters.rejected.total()
+        );
         noise.into_iter().chain([("frames", frames)]).collect()
     }
 
     fn log(&self) -> String {
-        match self.emulator {
-            Some(emulator) if !emulator.log.is_empty() => {
-                let log = escape(&emulator.log.join("\n"));
-                format!("<h2>The image’s own log</h2><pre>{log}</pre>")
-            }
-            _ => String::new(),
-        }
+        let log = self.emulator.map(|emulator| &emulator.log);
+        log.filter(|log| !log.is_empty()).map_or_else(String::new, |log| {
+            let log = escape(&log.join("\n"));
+            format!("<h2>The image’s own log</h2><pre>{log}</pre>")
+        })
     }
 }
 
@@ -252,31 +237,21 @@ impl Page<'_> {
 type Fact = (&'static str, String);
 
 fn of_identity(identity: &Identity) -> Vec<Fact> {
-    let Identity {
-        firmware,
-        git,
-        uid,
-        boot,
-        reset_cause,
-        sample_rate_hz,
-        channels,
-    } = identity;
-    let causes = reset_cause.names().collect::<Vec<_>>().join(", ");
+    let causes: Vec<_> = identity.reset_cause.names().collect();
+    let (channels, rate) = (identity.channels, identity.sample_rate_hz);
     vec![
-        ("firmware", format!("{firmware} ({git})")),
-        ("device", uid.iter().map(|byte| format!("{byte:02x}")).collect()),
-        ("boot", format!("{boot}, reset by {causes}")),
-        ("sampling", format!("{channels} channels at {sample_rate_hz} Hz")),
+        ("firmware", format!("{} ({})", identity.firmware, identity.git)),
+        ("device", hex(&identity.uid)),
+        (
+            "boot",
+            format!("{}, reset by {}", identity.boot, causes.join(", ")),
+        ),
+        ("sampling", format!("{channels} channels at {rate} Hz")),
     ]
 }
 
 fn of_settings(settings: &Settings) -> Vec<Fact> {
-    let Settings {
-        force,
-        acceleration,
-        window,
-        ..
-    } = settings;
+    let (force, acceleration, window) = (&settings.force, &settings.acceleration, &settings.window);
     let per_code = force.sensitive.per_code.to_num::<f64>();
     let ms = |samples: u16| f64::from(samples) / f64::from(settings.sample_rate_hz) * 1e3;
     let window = format!(
@@ -298,11 +273,11 @@ fn of_settings(settings: &Settings) -> Vec<Fact> {
 
 fn of_status(status: &Status) -> Vec<Fact> {
     let source = match status.settings_source {
-        SettingsSource::Stored => "flash, written over the link".to_owned(),
-        SettingsSource::Flash => "flash, put there by a probe".to_owned(),
-        SettingsSource::BuiltIn => "the image: flash has none".to_owned(),
-        SettingsSource::FlashRefused => "the image: those in flash were refused".to_owned(),
-        SettingsSource::Unknown(number) => format!("source {number}, of a later version"),
+        SettingsSource::Stored => "flash, written over the link",
+        SettingsSource::Flash => "flash, put there by a probe",
+        SettingsSource::BuiltIn => "the image: flash has none",
+        SettingsSource::FlashRefused => "the image: those in flash were refused",
+        SettingsSource::Unknown(number) => &format!("source {number}, of a later version"),
     };
     let acquisition = format!(
         "{} samples in epoch {}, {} overruns, {} blocks dropped",
@@ -313,7 +288,7 @@ fn of_status(status: &Status) -> Vec<Fact> {
         status.frames_dropped_queue_full, status.frames_dropped_too_long
     );
     vec![
-        ("settings came from", source),
+        ("settings came from", source.to_owned()),
         ("acquisition", acquisition),
         ("frames dropped by the bead", dropped),
         ("least free stack", format!("{} bytes", status.stack_free_min)),

@@ -9,40 +9,33 @@ use crate::comparison::strike::{AbsorbedPoint, SensedPoint, Traces};
 pub fn strike_chart(traces: &Traces) -> Chart {
     let sensed = |points: &[SensedPoint], y_label: &str, [simulated, sensed]: [&str; 2]| {
         let of = |value: fn(&SensedPoint) -> f64| points.iter().map(move |point| (point.time, value(point)));
+        let (chain, bead) = (of(|point| point.simulated), of(|point| point.sensed));
         let curves = vec![
-            series(
-                simulated,
-                Ink::Chain,
-                Mark::Broad,
-                of(|point| point.simulated),
-                1.0,
-            ),
-            series(sensed, Ink::Sensed, Mark::Dots, of(|point| point.sensed), 1.0),
+            series(simulated, Ink::Chain, Mark::Broad, chain, 1.0),
+            series(sensed, Ink::Sensed, Mark::Dots, bead, 1.0),
         ];
         Panel::new(y_label, curves).height(165)
     };
-    let chain = traces.f64_samples[1]
-        .iter()
-        .map(|point| (point.time, point.chain));
-    let [measured, predicted] = traces
-        .device
-        .each_ref()
-        .map(|curve| curve.iter().map(|point| (point.time, point.estimate)));
+    let estimate = |name: &str, ink, mark, curve: &[AbsorbedPoint]| {
+        let points = curve.iter().map(|point| (point.time, point.estimate));
+        series(name, ink, mark, points, 1e9)
+    };
+    let chain = traces.f64_samples[1].iter();
+    let chain = chain.map(|point| (point.time, point.chain));
+    let [measured, predicted] = &traces.device;
     let absorbed = vec![
         series("", Ink::Chain, Mark::Broad, chain, 1e9),
-        series(
+        estimate(
             "A, measured by the acceleration",
             Ink::Measured,
             Mark::Rings,
             measured,
-            1e9,
         ),
-        series(
+        estimate(
             "B, predicted from the force",
             Ink::Predicted,
             Mark::Discs,
             predicted,
-            1e9,
         ),
     ];
     over_time(
@@ -59,9 +52,8 @@ pub fn strike_chart(traces: &Traces) -> Chart {
 /// The same three, the simulation subtracted.
 pub fn residual_chart(traces: &Traces) -> Chart {
     let residual = |points: &[SensedPoint], name: &str, y_label: &str, scale: f64| {
-        let off = points
-            .iter()
-            .map(|point| (point.time, point.sensed - point.simulated));
+        let off = |point: &SensedPoint| (point.time, point.sensed - point.simulated);
+        let off = points.iter().map(off);
         Panel::new(y_label, vec![series(name, Ink::Sensed, Mark::Dots, off, scale)]).height(140)
     };
     let last = traces.f64_samples[1].last().map_or(1.0, |last| last.chain);
@@ -77,26 +69,18 @@ pub fn residual_chart(traces: &Traces) -> Chart {
         ] {
             let error = |point: &AbsorbedPoint| (point.time, point.estimate - point.chain);
             let points = curves[which].iter().map(error);
-            absorbed.push(series(
-                &format!("{estimate}, {by}"),
-                ink,
-                mark,
-                points,
-                100.0 / last,
-            ));
+            let name = format!("{estimate}, {by}");
+            absorbed.push(series(&name, ink, mark, points, 100.0 / last));
         }
     }
+    let (force, acceleration) = (&traces.force, &traces.acceleration);
+    let name = "sensed − simulated acceleration";
     over_time(
         traces,
         "What remains of force, acceleration and absorbed energy when the simulation is subtracted",
         vec![
-            residual(&traces.force, "sensed − simulated force", "force (mN)", 1e3),
-            residual(
-                &traces.acceleration,
-                "sensed − simulated acceleration",
-                "acceleration (m/s²)",
-                1.0,
-            ),
+            residual(force, "sensed − simulated force", "force (mN)", 1e3),
+            residual(acceleration, name, "acceleration (m/s²)", 1.0),
             Panel::new("energy (% of final)", absorbed).height(230),
         ],
     )

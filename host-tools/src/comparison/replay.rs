@@ -93,14 +93,11 @@ fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> 
 
 /// The first field of a body in which device and replay differ.
 fn differs(what: &str, device: &dyn Fields, replay: &dyn Fields) -> Option<String> {
-    let ours = bits(replay);
-    bits(device)
-        .into_iter()
-        .zip(ours)
-        .find(|(device, replay)| device != replay)
-        .map(|((field, device), (_, replay))| {
-            format!("{field} of the {what} frame: device {device:#x}, replay {replay:#x}")
-        })
+    let mut pairs = bits(device).into_iter().zip(bits(replay));
+    let ((field, device), (_, replay)) = pairs.find(|(device, replay)| device != replay)?;
+    Some(format!(
+        "{field} of the {what} frame: device {device:#x}, replay {replay:#x}"
+    ))
 }
 
 /// Every field of a body, by name, as bits. A missing group differs from every present one.
@@ -114,11 +111,8 @@ fn bits(body: &dyn Fields) -> Vec<(String, i128)> {
         Value::Set { bits, .. } => all.push((name.into(), bits.into())),
         Value::Group(None) => all.push((name.into(), i128::MIN)),
         Value::Group(Some(group)) => {
-            all.extend(
-                bits(group)
-                    .into_iter()
-                    .map(|(field, bits)| (format!("{name}.{field}"), bits)),
-            );
+            let named = |(field, bits)| (format!("{name}.{field}"), bits);
+            all.extend(bits(group).into_iter().map(named));
         }
         // The results of a strike have none of these.
         Value::Text(_) | Value::Bytes(_) | Value::Scans(_) => {}

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use anyhow::{bail, ensure};
 use bead_wire::{FaultCause, Message, Status};
 use serde::Serialize;
 use serde_json::Value;
@@ -182,60 +183,45 @@ impl RunReport {
     ///
     /// # Errors
     /// The gravest check that said no, in one line.
-    pub fn verdict(&self, struck: u32) -> Result<(), String> {
+    pub fn verdict(&self, struck: u32) -> anyhow::Result<()> {
         if let Some(what) = self
             .measured()
             .find_map(|strike| strike.first_difference.as_ref())
         {
-            return Err(format!("replay differs: {what}"));
+            bail!("replay differs: {what}");
         }
         if !self.provoked.is_empty() {
             return self.verdict_on_faults(struck as usize);
         }
         let FrameCounts { lost, corrupt, .. } = self.frames;
-        let seen = self.strikes.len();
-        let checks = [
-            (
-                lost + corrupt == 0,
-                format!("{lost} frames were lost and {corrupt} corrupt; see `bead decode` of the recording"),
-            ),
-            (
-                self.overruns == 0,
-                format!(
-                    "{} overruns: the image is too slow for its sample rate",
-                    self.overruns
-                ),
-            ),
-            (
-                self.resets == 0,
-                format!("the image reset {} times; its fault frames say why", self.resets),
-            ),
-            (
-                seen == struck as usize,
-                format!(
-                    "{seen} of {struck} strikes were seen; strikes closer than a window, or below the trigger, are not"
-                ),
-            ),
-        ];
-        first_no(checks)
+        let (overruns, resets, seen) = (self.overruns, self.resets, self.strikes.len());
+        ensure!(
+            lost + corrupt == 0,
+            "{lost} frames were lost and {corrupt} corrupt; see `bead decode` of the recording"
+        );
+        ensure!(
+            overruns == 0,
+            "{overruns} overruns: the image is too slow for its sample rate"
+        );
+        ensure!(
+            resets == 0,
+            "the image reset {resets} times; its fault frames say why"
+        );
+        ensure!(
+            seen == struck as usize,
+            "{seen} of {struck} strikes were seen; strikes closer than a window, or below the trigger, are not"
+        );
+        Ok(())
     }
 
     /// With faults: each is reported, none is made up, and all that was lost is counted.
-    fn verdict_on_faults(&self, struck: usize) -> Result<(), String> {
+    fn verdict_on_faults(&self, struck: usize) -> anyhow::Result<()> {
         let silent = |provoked: &&ProvokedFault| provoked.cause.is_some() && !provoked.reported;
         if let Some(ProvokedFault { fault, .. }) = self.provoked.iter().find(silent) {
-            return Err(format!(
-                "{} at {} s was not reported",
-                fault.kind.name(),
-                fault.at
-            ));
+            bail!("{} at {} s was not reported", fault.kind.name(), fault.at);
         }
-        let count = |causes: &[FaultCause]| {
-            self.faults
-                .iter()
-                .filter(|fault| causes.contains(&fault.cause))
-                .count()
-        };
+        let causes = || self.faults.iter().map(|fault| fault.cause);
+        let count = |wanted: &[FaultCause]| causes().filter(|cause| wanted.contains(cause)).count();
         let provoked = self.provoked.iter().filter(|provoked| provoked.reported).count();
         // A strike that a fault cut, and the end of a condition, follow from a fault.
         let reported = self.faults.len() - count(&[FaultCause::StrikeCut, FaultCause::Recovered]);
@@ -249,46 +235,30 @@ impl RunReport {
         let FrameCounts { lost, corrupt, .. } = self.frames;
         let dropped: u64 = self.frames.dropped_by_cause.values().sum();
         let known = self.strikes.len() + count(&[FaultCause::StrikeCut]);
-        let checks = [
-            (
-                reported == provoked,
-                format!("{reported} faults were reported where {provoked} were provoked"),
-            ),
-            (
-                self.resets == resets,
-                format!(
-                    "the image reset {} times where {resets} faults end in a reset",
-                    self.resets
-                ),
-            ),
-            (
-                self.overruns == overruns as u64,
-                format!(
-                    "{} overruns where {overruns} follow from what was reported",
-                    self.overruns
-                ),
-            ),
-            (
-                // A reset cuts the frame that is being sent, and takes what waits with it.
-                lost == dropped && corrupt <= resets as u64,
-                format!(
-                    "{lost} frames were lost and {corrupt} corrupt where the bead dropped {dropped} and {resets} resets cut one each at most"
-                ),
-            ),
-            (
-                resets > 0 || known >= struck,
-                format!("{known} of {struck} strikes were measured or reported as cut"),
-            ),
-        ];
-        first_no(checks)
-    }
-}
-
-/// The first check that does not hold.
-fn first_no<const N: usize>(checks: [(bool, String); N]) -> Result<(), String> {
-    match checks.into_iter().find(|(holds, _)| !holds) {
-        Some((_, why)) => Err(why),
-        None => Ok(()),
+        ensure!(
+            reported == provoked,
+            "{reported} faults were reported where {provoked} were provoked"
+        );
+        ensure!(
+            self.resets == resets,
+            "the image reset {} times where {resets} faults end in a reset",
+            self.resets
+        );
+        ensure!(
+            self.overruns == overruns as u64,
+            "{} overruns where {overruns} follow from what was reported",
+            self.overruns
+        );
+        // A reset cuts the frame that is being sent, and takes what waits with it.
+        ensure!(
+            lost == dropped && corrupt <= resets as u64,
+            "{lost} frames were lost and {corrupt} corrupt where the bead dropped {dropped} and {resets} resets cut one each at most"
+        );
+        ensure!(
+            resets > 0 || known >= struck,
+            "{known} of {struck} strikes were measured or reported as cut"
+        );
+        Ok(())
     }
 }
 
@@ -458,7 +428,7 @@ mod tests {
         };
         let says = |report: RunReport| match report.verdict(1) {
             Ok(()) => "passed".to_owned(),
-            Err(why) => why,
+            Err(why) => why.to_string(),
         };
         assert_eq!(says(report(0, 0, 0, vec![strike(None)])), "passed");
         assert!(says(report(1, 2, 3, vec![strike(Some("strike 0: x"))])).starts_with("replay differs"));

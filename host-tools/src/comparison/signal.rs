@@ -51,22 +51,17 @@ fn channel<F: LeEqU32>(codes: &[f64], channel: &Channel<F>) -> Vec<f64> {
 
 /// Noise of the force before the strike, N rms.
 pub(crate) fn force_noise(strike: &RecordedStrike) -> f64 {
-    let quiet = strike
-        .scans
-        .iter()
-        .take(usize::from(BASELINE))
-        .map(|scan| f64::from(scan.sensitive[0]));
+    let quiet = strike.scans.iter().take(usize::from(BASELINE));
+    let quiet = quiet.map(|scan| f64::from(scan.sensitive[0]));
     let count = quiet.clone().count().max(1) as f64;
     let mean = quiet.clone().sum::<f64>() / count;
     let codes = (quiet.map(|code| (code - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let per_code = strike
-        .settings
-        .map_or(0.0, |settings| settings.force.sensitive.per_code.to_num::<f64>());
-    codes * per_code
+    let per_code = strike.settings.map(|settings| settings.force.sensitive.per_code);
+    codes * per_code.map_or(0.0, |per_code| per_code.to_num())
 }
 
-/// The force as estimate B of the bead takes it, N; `noise` is the force's noise, N rms. The bead uses forces from the
-/// foot of the wave on. After some weak forces in a row it takes them for noise.
+/// The force as estimate B of the bead takes it, N; `noise` is the force's noise, N rms. The bead uses forces
+/// from the foot of the wave on. After some weak forces in a row it takes them for noise.
 pub(crate) fn gated(force: &[f64], settings: &Settings, noise: f64) -> Vec<f64> {
     let gate = f64::max(settings.chain.gate.to_num(), 3.0 * noise);
     let foot = usize::from(settings.window.noise_end());
@@ -76,11 +71,8 @@ pub(crate) fn gated(force: &[f64], settings: &Settings, noise: f64) -> Vec<f64> 
         .map(|(sample, &force)| {
             let quiet = sample >= foot && force.abs() < gate;
             silent = if quiet { silent + 1 } else { 0 };
-            if sample < foot || silent > FOOT {
-                0.0
-            } else {
-                force
-            }
+            let is_wave = sample >= foot && silent <= FOOT;
+            if is_wave { force } else { 0.0 }
         })
         .collect()
 }

@@ -21,10 +21,11 @@ use crate::comparison::replay::{Replay, replay};
 use crate::comparison::signal::{force_noise, gated, least, sensed};
 use crate::recording::strikes::RecordedStrike;
 
-/// Goal for estimate A against the full chain.
-pub const GOAL_A: f64 = 2e-3;
-/// Goal for estimate B against the full chain.
-pub const GOAL_B: f64 = 5e-3;
+/// Goals for the two estimates against the full chain.
+const GOAL: Goal = Goal {
+    absorbed_measured: 2e-3,
+    absorbed_predicted: 5e-3,
+};
 
 /// What one side says of a strike, SI units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -119,38 +120,23 @@ impl StrikeComparison {
     pub fn rows(&self) -> [Row; 3] {
         let row = |name, of: fn(&Values) -> f64, scale: f64, digits: usize, goal| {
             let cell = |values: Values| format!("{:.digits$}", of(&values) * scale);
+            let sides = [
+                Some(self.device),
+                self.replay,
+                self.f64_samples,
+                Some(self.f64_chain),
+            ];
             Row {
                 name,
-                cells: [
-                    Some(self.device),
-                    self.replay,
-                    self.f64_samples,
-                    Some(self.f64_chain),
-                ]
-                .map(|values| values.map(cell)),
+                cells: sides.map(|values| values.map(cell)),
                 off: of(&self.deviation),
                 goal,
             }
         };
-        let Goal {
-            absorbed_measured,
-            absorbed_predicted,
-        } = self.goal;
+        let goals = [self.goal.absorbed_measured, self.goal.absorbed_predicted].map(Some);
         [
-            row(
-                "A, measured (nJ)",
-                |v| v.absorbed_measured,
-                1e9,
-                3,
-                Some(absorbed_measured),
-            ),
-            row(
-                "B, predicted (nJ)",
-                |v| v.absorbed_predicted,
-                1e9,
-                3,
-                Some(absorbed_predicted),
-            ),
+            row("A, measured (nJ)", |v| v.absorbed_measured, 1e9, 3, goals[0]),
+            row("B, predicted (nJ)", |v| v.absorbed_predicted, 1e9, 3, goals[1]),
             row("peak force (N)", |v| v.peak_force, 1.0, 5, None),
         ]
     }
@@ -292,10 +278,8 @@ impl FullChain {
         let physics = bead_of(&solution, bead)?;
         let truth = Truth::of(scenario, &solution, bead)?;
         let peaks = solution.summary().peak_force;
-        let peak_time = peaks
-            .iter()
-            .find(|peak| peak.contact == bead)
-            .map_or(0.0, |peak| peak.time);
+        let peak = peaks.iter().find(|peak| peak.contact == bead);
+        let peak_time = peak.map_or(0.0, |peak| peak.time);
         Ok(Self {
             bead,
             physics,
@@ -321,13 +305,9 @@ impl FullChain {
         };
         let deviation = device.relative_to(&f64_chain);
         let traces = self.traces(strike, &replay);
-        let goal = Goal {
-            absorbed_measured: GOAL_A,
-            absorbed_predicted: GOAL_B,
-        };
         let pass = replay.identical()
-            && deviation.absorbed_measured.abs() <= goal.absorbed_measured
-            && deviation.absorbed_predicted.abs() <= goal.absorbed_predicted;
+            && deviation.absorbed_measured.abs() <= GOAL.absorbed_measured
+            && deviation.absorbed_predicted.abs() <= GOAL.absorbed_predicted;
         StrikeComparison {
             strike: strike.said.strike,
             sample_index: strike.said.trigger_index,
@@ -348,7 +328,7 @@ impl FullChain {
             }),
             f64_chain,
             deviation,
-            goal,
+            goal: GOAL,
             force_noise: force_noise(strike),
             flags: strike.said.flags.names().collect(),
             shape: self.shape(strike, traces.as_ref()),
@@ -373,15 +353,12 @@ impl FullChain {
         let pulses = self.solution.pulses(self.bead, &PulseSearch::default());
         let pulse = pulses.into_iter().max_by(|a, b| a.force.total_cmp(&b.force))?;
         let decay = 0.5 * damping / reduced;
+        let flow = self.solution.flow(self.bead);
         Some(ShapeComparison {
             device,
             f64_chain: ShapeValues {
                 width: pulse.fwhm?,
-                impulse: self
-                    .solution
-                    .flow(self.bead)
-                    .between(window[0], window[1])
-                    .impulse,
+                impulse: flow.between(window[0], window[1]).impulse,
                 ring_frequency: (stiffness / reduced - decay * decay).max(0.0).sqrt() / std::f64::consts::TAU,
                 ring_decay: decay,
                 stiffness,
@@ -409,7 +386,8 @@ impl FullChain {
         let acceleration = self.beside(&acceleration, acceleration_at, rate, |s| {
             s.intruder_acceleration(self.bead).unwrap_or(0.0)
         });
-        // Energies of A and B after samples, `offset` seconds off the force. A uses the acceleration, a skew later.
+        // Energies of A and B after samples, `offset` seconds off the force. A uses the acceleration, a skew
+        // later.
         let along = |offset: f64, energies: Vec<(usize, [f64; 2])>| {
             [0, 1].map(|which| {
                 let offset = if which == 0 { offset + SCAN_SKEW } else { offset };
@@ -427,11 +405,7 @@ impl FullChain {
             })
         };
         let f64_samples = measured.iter().zip(&predicted).map(|(a, b)| [*a, *b]).enumerate();
-        let replayed = replay
-            .energies
-            .iter()
-            .map(|(a, b)| [a.joules(), b.joules()])
-            .enumerate();
+        let replayed = replay.energies.iter().map(|(a, b)| [a.joules(), b.joules()]);
         let told = strike.chunks.iter().map(|chunk| {
             let energies = [chunk.absorbed_measured, chunk.absorbed_predicted];
             (chunk.end - 1, energies.map(|energy| energy.joules()))
@@ -443,7 +417,7 @@ impl FullChain {
             force,
             acceleration,
             f64_samples: along(0.0, f64_samples.collect()),
-            replay: along(half, replayed.collect()),
+            replay: along(half, replayed.enumerate().collect()),
             device: along(half, told.collect()),
         })
     }
@@ -456,20 +430,26 @@ impl FullChain {
         rate: f64,
         quantity: impl Fn(&Snapshot<'_>) -> f64,
     ) -> Vec<SensedPoint> {
+        let mut simulated = self.during(quantity);
+        let place = |(i, &sensed): (usize, &f64)| {
+            let time = start + i as f64 / rate;
+            let simulated = simulated(time);
+            SensedPoint {
+                time,
+                sensed,
+                simulated,
+            }
+        };
+        samples.iter().enumerate().map(place).collect()
+    }
+
+    /// A quantity of the chain over time; 0 outside the chain's run.
+    fn during(&self, quantity: impl Fn(&Snapshot<'_>) -> f64) -> impl FnMut(f64) -> f64 {
         let mut sampler = self.solution.sampler();
-        samples
-            .iter()
-            .enumerate()
-            .map(|(i, &sensed)| {
-                let time = start + i as f64 / rate;
-                let inside = (0.0..=self.solution.end()).contains(&time);
-                SensedPoint {
-                    time,
-                    sensed,
-                    simulated: if inside { quantity(&sampler.at(time)) } else { 0.0 },
-                }
-            })
-            .collect()
+        move |time| match (0.0..=self.solution.end()).contains(&time) {
+            true => quantity(&sampler.at(time)),
+            false => 0.0,
+        }
     }
 
     /// Time since the striker hit of the window's first sample: where the squared distance of sensed and
@@ -481,19 +461,11 @@ impl FullChain {
         // The pulse and what follows at once. Later waves are small and would cost time.
         let near = peak.saturating_sub(40)..(peak + 80).min(force.len());
         let distance = |start: f64| -> f64 {
-            let mut sampler = self.solution.sampler();
-            near.clone()
-                .map(|i| {
-                    let t = start + i as f64 / rate;
-                    let inside = (0.0..=self.solution.end()).contains(&t);
-                    let simulated = if inside {
-                        sampler.at(t).force(self.bead)
-                    } else {
-                        0.0
-                    };
-                    (force[i] - simulated).powi(2)
-                })
-                .sum()
+            let mut simulated = self.during(|s| s.force(self.bead));
+            let squares = near
+                .clone()
+                .map(|i| (force[i] - simulated(start + i as f64 / rate)).powi(2));
+            squares.sum()
         };
         let guess = self.peak_time - peak as f64 / rate;
         least(guess - 2.0 / rate, guess + 2.0 / rate, distance)

@@ -58,36 +58,25 @@ pub fn failure(strikes: &[StrikeComparison], soundness: &Soundness) -> Option<St
     if let Some(what) = strikes.iter().find_map(|strike| strike.first_difference.as_ref()) {
         return Some(format!("replay differs: {what}"));
     }
-    let &Soundness {
-        lost,
-        corrupt,
-        overruns,
-        instructions,
-    } = soundness;
+    let (lost, corrupt, overruns) = (soundness.lost, soundness.corrupt, soundness.overruns);
     if lost + corrupt > 0 {
         return Some(format!("{lost} frames were lost and {corrupt} corrupt"));
     }
     if overruns > 0 {
         return Some(format!("{overruns} overruns: samples are missing"));
     }
-    if let Some((total, available)) = instructions.filter(|(total, fit)| *total > BUSY_MOST * fit) {
+    let busy = |(total, available): &(f64, f64)| *total > BUSY_MOST * available;
+    if let Some((total, available)) = soundness.instructions.filter(busy) {
         return Some(format!(
             "a sample of a strike costs {total:.0} instructions, more than {:.0} % of the {available:.0} that fit",
             BUSY_MOST * 100.0
         ));
     }
     strikes.iter().find_map(|strike| {
+        let (off, goal) = (&strike.deviation, &strike.goal);
         let estimates = [
-            (
-                "A",
-                strike.deviation.absorbed_measured,
-                strike.goal.absorbed_measured,
-            ),
-            (
-                "B",
-                strike.deviation.absorbed_predicted,
-                strike.goal.absorbed_predicted,
-            ),
+            ("A", off.absorbed_measured, goal.absorbed_measured),
+            ("B", off.absorbed_predicted, goal.absorbed_predicted),
         ];
         let (name, off, goal) = estimates.into_iter().find(|(_, off, goal)| off.abs() > *goal)?;
         Some(format!(

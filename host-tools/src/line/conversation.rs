@@ -12,7 +12,7 @@ use std::{io, process};
 use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Reply, Request, encode_request};
 
 use crate::line::port::{Address, Port, PortError};
-use crate::recording::frames::{Frame, Item, Reader};
+use crate::recording::frames::{Frame, Reader};
 
 /// How often a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
@@ -178,11 +178,9 @@ impl Conversation {
                 .port
                 .read(&mut buffer)
                 .map_err(|source| gone(format!("{} went away", self.address), source))?;
-            self.reader.feed(&buffer[..length], None, |item| {
-                if let Item::Frame(frame) = item {
-                    self.behind.push_back(frame);
-                }
-            });
+            let behind = &mut self.behind;
+            self.reader
+                .feed(&buffer[..length], None, |item| behind.extend(item.frame()));
         }
     }
 

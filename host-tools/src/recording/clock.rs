@@ -24,7 +24,7 @@
 //! A restart of a bead begins a new [`Segment`]. A new epoch does not, as the sample index goes on.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use bead_wire::{Arrival, Message};
 use serde::Serialize;
@@ -99,7 +99,8 @@ pub struct Segment {
 /// Sorts what a bead sends into segments, frame by frame. It keeps four frames a second.
 #[derive(Debug, Clone, Default)]
 pub struct Tracker {
-    segments: Vec<Segment>,
+    /// The segments so far, in order.
+    pub segments: Vec<Segment>,
 }
 
 /// Whether a frame is the first of a segment.
@@ -135,11 +136,6 @@ impl Tracker {
         }
         Ok(tracker)
     }
-
-    /// The segments so far, in order.
-    pub fn segments(&self) -> &[Segment] {
-        &self.segments
-    }
 }
 
 impl Segment {
@@ -154,10 +150,8 @@ impl Segment {
                 // This is nearer to when the frame was made than the header's index, which moves by blocks.
                 position = sync.position();
                 self.missed = self.missed.max(sync.missed);
-                self.edges.push(Edge {
-                    number: sync.edge,
-                    position,
-                });
+                let number = sync.edge;
+                self.edges.push(Edge { number, position });
             }
             Message::Shape(shape) => self.struck.push(Struck {
                 strike: shape.strike,
@@ -202,6 +196,18 @@ impl Segment {
 
     fn seconds(&self, position: f64) -> Option<f64> {
         Some(position / f64::from(self.sample_rate_hz?))
+    }
+
+    /// The strikes of this segment, at `place`, on the time that `reference` makes of the bead's own.
+    fn arrivals(&self, place: &Place, reference: impl Fn(f64) -> f64) -> Vec<StrikeArrival> {
+        let arrival = |struck: &Struck| {
+            Some(StrikeArrival {
+                place: place.clone(),
+                strike: struck.strike,
+                arrival_s: reference(self.seconds(struck.position)?),
+            })
+        };
+        self.struck.iter().filter_map(arrival).collect()
     }
 }
 
@@ -291,22 +297,25 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 /// One bead's clock against another's, by edges that both saw.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Alignment {
     /// Own and reference time of each edge in common, in s.
+    #[serde(skip)]
     pairs: Vec<(f64, f64)>,
+    #[serde(skip)]
     mean: (f64, f64),
     /// Reference seconds in an own second, less one.
+    #[serde(skip)]
     slope: f64,
     /// How fast the own clock is against the reference's, ppm.
     pub drift_ppm: f64,
     /// Two standard errors of the drift, from the residuals of the edges; none for two edges, which have no
     /// residual.
-    pub uncertainty_ppm: Option<f64>,
+    pub drift_uncertainty_ppm: Option<f64>,
     /// Root mean square of the residuals of the edges, s.
-    pub residual_rms: f64,
+    pub residual_rms_s: f64,
     /// Greatest residual of an edge, s.
-    pub residual_max: f64,
+    pub residual_max_s: f64,
 }
 
 impl Alignment {
@@ -335,18 +344,13 @@ impl Alignment {
         let error = (pairs.len() > 2).then(|| (squares / (count - 2.0) / square).sqrt());
         Some(Self {
             drift_ppm: (1.0 / (1.0 + slope) - 1.0) * 1e6,
-            uncertainty_ppm: error.map(|error| 2.0 * error * 1e6),
-            residual_rms: (squares / count).sqrt(),
-            residual_max: left.iter().map(|left| left.abs()).fold(0.0, f64::max),
+            drift_uncertainty_ppm: error.map(|error| 2.0 * error * 1e6),
+            residual_rms_s: (squares / count).sqrt(),
+            residual_max_s: left.iter().map(|left| left.abs()).fold(0.0, f64::max),
             pairs,
             mean,
             slope,
         })
-    }
-
-    /// Edges in common.
-    pub fn edges(&self) -> usize {
-        self.pairs.len()
     }
 
     /// Reference time of an own time, in s: straight between the edges on both sides of it, and on the line
@@ -438,20 +442,17 @@ pub struct ClockReport {
 
 /// A bead's clock against the reference's.
 #[derive(Debug, Clone, Serialize)]
-#[expect(
-    missing_docs,
-    reason = "the fields are those of `Alignment`, units in their names"
-)]
 pub struct AlignmentReport {
+    /// Where the bead was recorded.
     #[serde(flatten)]
     pub place: Place,
+    /// Number of edges that both saw.
     pub edges_in_common: usize,
     /// Reference time of the bead's sample index 0.
     pub offset_s: f64,
-    pub drift_ppm: f64,
-    pub drift_uncertainty_ppm: Option<f64>,
-    pub residual_rms_s: f64,
-    pub residual_max_s: f64,
+    /// How its clock runs.
+    #[serde(flatten)]
+    pub alignment: Alignment,
 }
 
 /// A strike on the reference's time.
@@ -475,9 +476,13 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     for path in paths {
         let received = Received::open(path)?;
         let tracker = Tracker::of(&received.recording)?;
+        let place = |boot| Place {
+            recording: path.clone(),
+            boot,
+        };
         let segments = tracker.segments.into_iter().enumerate();
         let fitted: Vec<_> = segments
-            .filter_map(|(boot, segment)| Some((place(path, boot), segment.fit()?, segment)))
+            .filter_map(|(boot, segment)| Some((place(boot), segment.fit()?, segment)))
             .collect();
         if fitted.is_empty() {
             return Err(RecordingError::Clock(format!(
@@ -502,7 +507,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
         return Ok(report);
     };
     report.reference = Some(reference.clone());
-    report.strikes.extend(struck(reference, base, |own| own));
+    report.strikes = base.arrivals(reference, |own| own);
     for recording in others {
         let mut aligned = 0;
         for (place, _, segment) in recording {
@@ -510,17 +515,13 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
                 continue;
             };
             aligned += 1;
-            report
-                .strikes
-                .extend(struck(place, segment, |own| alignment.reference(own)));
+            let arrivals = segment.arrivals(place, |own| alignment.reference(own));
+            report.strikes.extend(arrivals);
             report.alignments.push(AlignmentReport {
                 place: place.clone(),
-                edges_in_common: alignment.edges(),
+                edges_in_common: alignment.pairs.len(),
                 offset_s: alignment.reference(0.0),
-                drift_ppm: alignment.drift_ppm,
-                drift_uncertainty_ppm: alignment.uncertainty_ppm,
-                residual_rms_s: alignment.residual_rms,
-                residual_max_s: alignment.residual_max,
+                alignment,
             });
         }
         if aligned == 0 {
@@ -533,13 +534,6 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     }
     report.strikes.sort_by(|a, b| a.arrival_s.total_cmp(&b.arrival_s));
     Ok(report)
-}
-
-fn place(path: &Path, boot: usize) -> Place {
-    Place {
-        recording: path.to_owned(),
-        boot,
-    }
 }
 
 fn clock_report((place, fit, segment): &(Place, Fit, Segment)) -> ClockReport {
@@ -556,20 +550,6 @@ fn clock_report((place, fit, segment): &(Place, Fit, Segment)) -> ClockReport {
         edges: segment.edges.len(),
         edges_missed: segment.missed,
     }
-}
-
-fn struck<'a>(
-    place: &'a Place,
-    segment: &'a Segment,
-    reference: impl Fn(f64) -> f64 + 'a,
-) -> impl Iterator<Item = StrikeArrival> + 'a {
-    segment.struck.iter().filter_map(move |struck| {
-        Some(StrikeArrival {
-            place: place.clone(),
-            strike: struck.strike,
-            arrival_s: reference(segment.seconds(struck.position)?),
-        })
-    })
 }
 
 #[cfg(test)]
@@ -746,7 +726,7 @@ mod tests {
         let reference = edges(1.0 - 12.11e-6, 0.2, 1.0, 60);
         let alignment = Alignment::through(own.into_iter().zip(reference).collect()).unwrap();
         let expected = ((1.0 + 30.37e-6) / (1.0 - 12.11e-6) - 1.0) * 1e6;
-        let uncertainty = alignment.uncertainty_ppm.unwrap();
+        let uncertainty = alignment.drift_uncertainty_ppm.unwrap();
         assert!(
             (alignment.drift_ppm - expected).abs() < uncertainty,
             "{alignment:?}"
@@ -754,9 +734,9 @@ mod tests {
         assert!(uncertainty < 2e-4, "{uncertainty}");
         // Two counters of 11.9 ns steps: √(2/12) of one, rms.
         assert!(
-            (3e-9..7e-9).contains(&alignment.residual_rms),
+            (3e-9..7e-9).contains(&alignment.residual_rms_s),
             "{}",
-            alignment.residual_rms
+            alignment.residual_rms_s
         );
         for true_time in [0.01, 17.3, 58.99] {
             let mapped = alignment.reference((true_time + 0.7) * (1.0 + 30.37e-6));
@@ -771,7 +751,7 @@ mod tests {
         let wander = |time: f64| time + 1.6e-6 * (time * std::f64::consts::TAU / 20.0).sin();
         let pairs: Vec<(f64, f64)> = (0..60).map(|n| (wander(f64::from(n)), f64::from(n))).collect();
         let alignment = Alignment::through(pairs).unwrap();
-        assert!(alignment.residual_max > 1e-6, "the line does not follow");
+        assert!(alignment.residual_max_s > 1e-6, "the line does not follow");
         let off = alignment.reference(wander(30.4)) - 30.4;
         assert!(off.abs() < 25e-9, "{off}");
     }

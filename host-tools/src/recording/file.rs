@@ -63,22 +63,17 @@ impl About {
         let mut map = self.notes.clone();
         map.insert("source".into(), self.source.clone());
         map.insert("sample_rate_hz".into(), self.sample_rate_hz.to_string());
-        map.extend(
-            self.firmware
-                .clone()
-                .map(|firmware| ("firmware".into(), firmware)),
-        );
+        let firmware = self.firmware.clone();
+        map.extend(firmware.map(|firmware| ("firmware".into(), firmware)));
         map
     }
 
     fn from_map(mut map: BTreeMap<String, String>) -> Self {
+        let rate = map.remove("sample_rate_hz").and_then(|hz| hz.parse().ok());
         Self {
             source: map.remove("source").unwrap_or_default(),
             firmware: map.remove("firmware"),
-            sample_rate_hz: map
-                .remove("sample_rate_hz")
-                .and_then(|hz| hz.parse().ok())
-                .unwrap_or(0),
+            sample_rate_hz: rate.unwrap_or(0),
             notes: map,
         }
     }
@@ -182,6 +177,25 @@ pub enum RecordingError {
     },
 }
 
+impl RecordingError {
+    /// The system refused to do `action` on `path`.
+    fn refused(action: &'static str, path: &Path) -> impl Fn(io::Error) -> Self {
+        move |source| Self::File {
+            action,
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// The library failed to write `path`.
+    fn unwritten(path: &Path) -> impl Fn(McapError) -> Self {
+        move |source| Self::Write {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}
+
 /// Writes a recording while it comes.
 ///
 /// Dropped before [`finish`](Self::finish), it leaves a readable file under its temporary name.
@@ -205,10 +219,7 @@ impl Writer {
     /// The directory cannot be written to.
     pub fn create(path: &Path, about: &About) -> Result<Self, RecordingError> {
         let (file, partial) = create_partial(path)?;
-        let failed = |source| RecordingError::Write {
-            path: partial.clone(),
-            source,
-        };
+        let failed = RecordingError::unwritten(&partial);
         let mut mcap = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK))
@@ -216,19 +227,19 @@ impl Writer {
             .disable_seeking(true)
             .library(concat!("bead ", env!("CARGO_PKG_VERSION")))
             .create(BufWriter::new(file))
-            .map_err(failed)?;
-        mcap.write_metadata(&Metadata {
-            name: METADATA.into(),
-            metadata: about.to_map(),
-        })
-        .map_err(failed)?;
-        let layout = BTreeMap::from([("version".into(), bead_wire::VERSION.to_string())]);
-        let channel = mcap.add_channel(0, TOPIC, ENCODING, &layout).map_err(failed)?;
-        let plain = BTreeMap::new();
-        let received = mcap
-            .add_channel(0, RECEIVED, RECEIVED_ENCODING, &plain)
-            .map_err(failed)?;
-        mcap.flush().map_err(failed)?;
+            .map_err(&failed)?;
+        let mut begin = || {
+            mcap.write_metadata(&Metadata {
+                name: METADATA.into(),
+                metadata: about.to_map(),
+            })?;
+            let layout = BTreeMap::from([("version".into(), bead_wire::VERSION.to_string())]);
+            let channel = mcap.add_channel(0, TOPIC, ENCODING, &layout)?;
+            let received = mcap.add_channel(0, RECEIVED, RECEIVED_ENCODING, &BTreeMap::new())?;
+            mcap.flush()?;
+            Ok((channel, received))
+        };
+        let (channel, received) = begin().map_err(failed)?;
         Ok(Self {
             path: path.to_owned(),
             partial,
@@ -259,8 +270,9 @@ impl Writer {
             media_type: part.media_type().into(),
             data: data.into(),
         };
-        let written = self.mcap.attach(&attachment);
-        written.map_err(|source| self.failed(source))
+        self.mcap
+            .attach(&attachment)
+            .map_err(RecordingError::unwritten(&self.partial))
     }
 
     /// Records bytes as received, the last of them at `received_ns`, the host's time in ns since 1970, if it
@@ -305,31 +317,30 @@ impl Writer {
     /// Records when the piece with the end of the last run was received.
     fn write_time(&mut self, received_ns: u64) -> Result<(), RecordingError> {
         let last = self.written.wrapping_sub(1);
-        let header = MessageHeader {
-            channel_id: self.received,
-            sequence: last,
-            log_time: self.clock.log,
-            publish_time: self.clock.bead,
-        };
         let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
-        let written = self.mcap.write_to_known_channel(&header, &data);
-        written.map_err(|source| self.failed(source))
+        self.message(self.received, last, &data)
     }
 
     fn end_run(&mut self) -> Result<(), RecordingError> {
         if self.run.is_empty() {
             return Ok(());
         }
+        let run = std::mem::take(&mut self.run);
+        let number = self.written;
+        self.written = number.wrapping_add(1);
+        self.message(self.channel, number, &run)
+    }
+
+    fn message(&mut self, channel_id: u16, sequence: u32, data: &[u8]) -> Result<(), RecordingError> {
         let header = MessageHeader {
-            channel_id: self.channel,
-            sequence: self.written,
+            channel_id,
+            sequence,
             log_time: self.clock.log,
             publish_time: self.clock.bead,
         };
-        let written = self.mcap.write_to_known_channel(&header, &self.run);
-        self.written = self.written.wrapping_add(1);
-        self.run.clear();
-        written.map_err(|source| self.failed(source))
+        self.mcap
+            .write_to_known_channel(&header, data)
+            .map_err(RecordingError::unwritten(&self.partial))
     }
 
     /// Gives all whole messages to the system. After that a crash of this program cannot lose them.
@@ -338,8 +349,9 @@ impl Writer {
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<(), RecordingError> {
         self.flushed = Instant::now();
-        let flushed = self.mcap.flush();
-        flushed.map_err(|source| self.failed(source))
+        self.mcap
+            .flush()
+            .map_err(RecordingError::unwritten(&self.partial))
     }
 
     /// Counts of what was received so far, and of what was lost.
@@ -358,38 +370,17 @@ impl Writer {
     /// The file cannot be written or renamed; what is there stays under its temporary name.
     pub fn finish(mut self) -> Result<Counters, RecordingError> {
         self.end_run()?;
-        if let Err(source) = self.mcap.finish() {
-            return Err(self.failed(source));
-        }
-        let Self {
-            path,
-            partial,
-            mcap,
-            reader,
-            ..
-        } = self;
-        let file = mcap.into_inner().into_inner().map_err(|error| error.into_error());
+        let finished = self.mcap.finish();
+        finished.map_err(RecordingError::unwritten(&self.partial))?;
+        let file = self.mcap.into_inner().into_inner();
         // The file must be on disk before it has its name: after a power cut no name may stand for an empty
         // file.
-        file.and_then(|file| file.sync_all())
-            .map_err(|source| RecordingError::File {
-                action: "write",
-                path: partial.clone(),
-                source,
-            })?;
-        fs::rename(&partial, &path).map_err(|source| RecordingError::File {
-            action: "rename the recording to",
-            path,
-            source,
-        })?;
-        Ok(*reader.counters())
-    }
-
-    fn failed(&self, source: McapError) -> RecordingError {
-        RecordingError::Write {
-            path: self.partial.clone(),
-            source,
-        }
+        file.map_err(|error| error.into_error())
+            .and_then(|file| file.sync_all())
+            .map_err(RecordingError::refused("write", &self.partial))?;
+        fs::rename(&self.partial, &self.path)
+            .map_err(RecordingError::refused("rename the recording to", &self.path))?;
+        Ok(*self.reader.counters())
     }
 }
 
@@ -399,22 +390,15 @@ fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
     let mut attempt = 1u32;
     loop {
         let mut partial = path.as_os_str().to_owned();
-        partial.push(if attempt == 1 {
-            ".partial".to_owned()
-        } else {
-            format!(".{attempt}.partial")
-        });
+        match attempt {
+            1 => partial.push(".partial"),
+            _ => partial.push(format!(".{attempt}.partial")),
+        }
         let partial = PathBuf::from(partial);
         match File::create_new(&partial) {
             Ok(file) => return Ok((file, partial)),
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => attempt += 1,
-            Err(source) => {
-                return Err(RecordingError::File {
-                    action: "create",
-                    path: partial,
-                    source,
-                });
-            }
+            Err(error) => return Err(RecordingError::refused("create", &partial)(error)),
         }
     }
 }
@@ -436,12 +420,9 @@ impl Clock {
         if let Arrival::Restart { .. } = arrival {
             self.reset = self.log;
         }
-        let time = u128::from(sample_index) * 1_000_000_000 / u128::from(self.sample_rate_hz.max(1));
-        self.bead = if self.sample_rate_hz == 0 {
-            0
-        } else {
-            u64::try_from(time).unwrap_or(u64::MAX)
-        };
+        let ns = u128::from(sample_index) * 1_000_000_000;
+        let time = ns.checked_div(u128::from(self.sample_rate_hz)).unwrap_or(0);
+        self.bead = u64::try_from(time).unwrap_or(u64::MAX);
         self.log = self.log.max(self.reset.saturating_add(self.bead));
     }
 }
@@ -581,18 +562,12 @@ struct Walk {
 
 impl Walk {
     fn open(path: &Path) -> Result<Self, RecordingError> {
-        let failed = |source| RecordingError::File {
-            action: "read",
-            path: path.to_owned(),
-            source,
-        };
-        let mut file = File::open(path).map_err(failed)?;
+        let failed = RecordingError::refused("read", path);
+        let mut file = File::open(path).map_err(&failed)?;
         let mut head = Vec::new();
-        let magic = mcap::MAGIC.len();
-        file.by_ref()
-            .take(magic as u64)
-            .read_to_end(&mut head)
-            .map_err(failed)?;
+        let magic = mcap::MAGIC.len() as u64;
+        let read = file.by_ref().take(magic).read_to_end(&mut head);
+        read.map_err(&failed)?;
         if head.is_empty() {
             return Err(RecordingError::Empty(path.to_owned()));
         }
@@ -610,7 +585,7 @@ impl Walk {
         Ok(Self {
             file,
             reader: LinearReader::new_with_options(options),
-            next: magic as u64,
+            next: magic,
             runs_whole: false,
             damage: None,
             state: State::Whole,
@@ -652,9 +627,8 @@ impl Walk {
                     .seek(SeekFrom::Start(self.next))
                     .and_then(|_| self.file.by_ref().take(RECORD_MOST as u64).read_to_end(&mut tail));
                 found.cut_chunk(&tail);
-                self.state = State::CutShort {
-                    runs_whole: self.runs_whole,
-                };
+                let runs_whole = self.runs_whole;
+                self.state = State::CutShort { runs_whole };
             }
             Some(Err(error)) => self.state = State::Damaged(error.to_string()),
         }
@@ -689,9 +663,9 @@ impl Found {
     fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
         match mcap::parse_record(opcode, data).map_err(|error| error.to_string())? {
             Record::Chunk { header, .. } if !header.compression.is_empty() => {
+                let by = header.compression;
                 return Err(format!(
-                    "chunks are compressed with {}: run `mcap decompress` on it",
-                    header.compression
+                    "chunks are compressed with {by}: run `mcap decompress` on it"
                 ));
             }
             Record::Chunk { data, .. } => return self.records(&data),
@@ -705,10 +679,8 @@ impl Found {
                 let last = u32::from_le_bytes(*last);
                 // The time of a piece is the time of every run that ended in it: the runs after the last run
                 // of the piece before.
-                self.release(
-                    |number| last.wrapping_sub(number) < 1 << 31,
-                    Some(u64::from_le_bytes(received_ns)),
-                );
+                let received_ns = Some(u64::from_le_bytes(received_ns));
+                self.release(|number| last.wrapping_sub(number) < 1 << 31, received_ns);
             }
             Record::Message { header, data } if Some(header.channel_id) == self.channel => {
                 let mut run = data.into_owned();

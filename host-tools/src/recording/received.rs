@@ -46,16 +46,10 @@ impl Received {
 
     /// Why there was no strike in what was heard: the check that was asked for has nothing to check.
     pub fn no_strike<I: Iterator<Item = Piece>>(&self, heard: &LastSaid<I>) -> RecordingError {
-        let path = self.path.clone();
-        match &heard.from_the_future {
-            Some(who) => RecordingError::FromTheFuture {
-                path,
-                who: who.clone(),
-            },
-            None => RecordingError::NoStrike {
-                path,
-                frames: heard.counters().frames,
-            },
+        let (path, frames) = (self.path.clone(), heard.counters().frames);
+        match heard.from_the_future.clone() {
+            Some(who) => RecordingError::FromTheFuture { path, who },
+            None => RecordingError::NoStrike { path, frames },
         }
     }
 
@@ -79,8 +73,10 @@ impl Received {
 /// Frames on their way, and the last identity and status among them.
 pub struct LastSaid<I> {
     frames: Frames<I>,
-    identity: Option<Identity>,
-    status: Option<Status>,
+    /// The last identity so far.
+    pub identity: Option<Identity>,
+    /// The last status so far.
+    pub status: Option<Status>,
     /// See [`Frame::from_the_future`].
     from_the_future: Option<String>,
 }
@@ -99,16 +95,6 @@ impl<I: Iterator<Item = Piece>> LastSaid<I> {
     /// What was received so far, refused and lost.
     pub fn counters(&self) -> &Counters {
         self.frames.counters()
-    }
-
-    /// The last identity so far.
-    pub fn identity(&self) -> Option<&Identity> {
-        self.identity.as_ref()
-    }
-
-    /// The last status so far.
-    pub fn status(&self) -> Option<&Status> {
-        self.status.as_ref()
     }
 }
 

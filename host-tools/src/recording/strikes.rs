@@ -257,8 +257,7 @@ impl Boot {
     /// The last settings before a frame. If those frames are all lost, the first settings after it, as
     /// settings rarely change. Settings before these are forgotten.
     fn settings_before(&mut self, sequence: u32) -> Option<Settings> {
-        let before = self.settings.range(..sequence).next_back();
-        if let Some((&told, &settings)) = before {
+        if let Some((&told, &settings)) = self.settings.range(..sequence).next_back() {
             self.settings = self.settings.split_off(&told);
             return Some(settings);
         }

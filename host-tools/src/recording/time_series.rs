@@ -5,6 +5,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use anyhow::Context;
 use hertz_chain::{Scenario, Snapshot, Solution};
 use parquet::basic::Compression;
 use parquet::data_type::DoubleType;
@@ -36,54 +37,41 @@ pub enum TimeSeriesError {
 /// Rows held in memory at a time.
 const ROW_GROUP: usize = 8192;
 
-struct Column {
-    name: String,
-    value: Box<dyn Fn(&Snapshot<'_>) -> f64>,
-}
+/// A column: its name, and its value at a time.
+type Column = (String, Box<dyn Fn(&Snapshot<'_>) -> f64>);
 
-impl Column {
-    fn new(name: impl Into<String>, value: impl Fn(&Snapshot<'_>) -> f64 + 'static) -> Self {
-        Self {
-            name: name.into(),
-            value: Box::new(value),
-        }
-    }
+fn column(name: impl Into<String>, value: impl Fn(&Snapshot<'_>) -> f64 + 'static) -> Column {
+    (name.into(), Box::new(value))
 }
 
 fn columns(solution: &Solution) -> Vec<Column> {
     let model = solution.model();
-    let mut columns = vec![Column::new("time_s", |s| s.time())];
+    let mut columns = vec![column("time_s", |s| s.time())];
     for contact in 1..=model.contacts() {
-        columns.push(Column::new(format!("contact_{contact}_force_N"), move |s| {
-            s.force(contact)
-        }));
+        let name = format!("contact_{contact}_force_N");
+        columns.push(column(name, move |s| s.force(contact)));
     }
     for body in 0..model.bodies() {
-        columns.push(Column::new(format!("body_{body}_displacement_m"), move |s| {
-            s.displacement(body)
-        }));
-        columns.push(Column::new(format!("body_{body}_velocity_m_per_s"), move |s| {
-            s.velocity(body)
-        }));
+        let name = |quantity: &str| format!("body_{body}_{quantity}");
+        columns.extend([
+            column(name("displacement_m"), move |s| s.displacement(body)),
+            column(name("velocity_m_per_s"), move |s| s.velocity(body)),
+        ]);
     }
     for bead in model.intruders().iter().map(|intruder| intruder.bead) {
-        let of = move |value: Option<f64>| value.unwrap_or(f64::NAN);
-        columns.push(Column::new(
-            format!("bead_{bead}_intruder_displacement_m"),
-            move |s| of(s.intruder_displacement(bead)),
-        ));
-        columns.push(Column::new(
-            format!("bead_{bead}_intruder_acceleration_m_per_s2"),
-            move |s| of(s.intruder_acceleration(bead)),
-        ));
-        columns.push(Column::new(
-            format!("bead_{bead}_intruder_dissipated_J"),
-            move |s| of(s.intruder_dissipated(bead)),
-        ));
+        let mut add = |quantity: &str, value: fn(&Snapshot<'_>, usize) -> Option<f64>| {
+            let name = format!("bead_{bead}_intruder_{quantity}");
+            columns.push(column(name, move |s| value(s, bead).unwrap_or(f64::NAN)));
+        };
+        add("displacement_m", |s, bead| s.intruder_displacement(bead));
+        add("acceleration_m_per_s2", |s, bead| s.intruder_acceleration(bead));
+        add("dissipated_J", |s, bead| s.intruder_dissipated(bead));
     }
-    columns.push(Column::new("striker_energy_J", |s| s.energies().striker));
-    columns.push(Column::new("chain_energy_J", |s| s.energies().chain));
-    columns.push(Column::new("intruders_energy_J", |s| s.energies().intruders));
+    columns.extend([
+        column("striker_energy_J", |s| s.energies().striker),
+        column("chain_energy_J", |s| s.energies().chain),
+        column("intruders_energy_J", |s| s.energies().intruders),
+    ]);
     columns
 }
 
@@ -106,13 +94,11 @@ pub fn write(
     let rows = (rows * (1.0 + 1e-12)).floor() as usize + 1;
     let columns = columns(solution);
     Ok(write_whole(path, |file| {
-        let fields: String = columns
+        let fields = columns
             .iter()
-            .map(|c| format!("REQUIRED DOUBLE {}; ", c.name))
-            .collect();
-        let schema = Arc::new(parse_message_type(&format!(
-            "message time_series {{ {fields} }}"
-        ))?);
+            .map(|(name, _)| format!("REQUIRED DOUBLE {name}; "));
+        let fields: String = fields.collect();
+        let schema = parse_message_type(&format!("message time_series {{ {fields} }}"))?;
         let metadata = vec![
             KeyValue::new("title".to_owned(), scenario.title.clone()),
             KeyValue::new("scenario".to_owned(), serde_json::to_string(scenario)?),
@@ -122,21 +108,17 @@ pub fn write(
             .set_compression(Compression::SNAPPY)
             .set_key_value_metadata(Some(metadata))
             .build();
-        let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties))?;
+        let mut writer = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))?;
         let mut sampler = solution.sampler();
         for first in (0..rows).step_by(ROW_GROUP) {
             let snapshots: Vec<Snapshot<'_>> = (first..rows.min(first + ROW_GROUP))
                 .map(|row| sampler.at((row as f64 / rate_hz).min(solution.end())))
                 .collect();
             let mut group = writer.next_row_group()?;
-            for column in &columns {
-                let values: Vec<f64> = snapshots
-                    .iter()
-                    .map(|snapshot| (column.value)(snapshot))
-                    .collect();
-                let mut out = group
-                    .next_column()?
-                    .ok_or_else(|| anyhow::anyhow!("the schema has too few columns"))?;
+            for (_, value) in &columns {
+                let values: Vec<f64> = snapshots.iter().map(value).collect();
+                let out = group.next_column()?;
+                let mut out = out.context("the schema has too few columns")?;
                 out.typed::<DoubleType>().write_batch(&values, None, None)?;
                 out.close()?;
             }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::files::{below, write};
 use crate::step::{Line, Steps, Stop};
 
 const MDBOOK: &str = "mdbook --version 0.5.4 --locked --no-default-features --features search";
@@ -17,42 +18,28 @@ pub(crate) fn render(steps: &Steps) -> Result<(), Stop> {
     let mdbook = tools.join("bin/mdbook");
     if !steps.root.join(&mdbook).exists() {
         steps.announce("mdBook is missing: cargo compiles it into target/tools, which takes some minutes");
-        let install = Line::new("cargo install")
-            .words(MDBOOK)
-            .words("--root")
-            .arg(&tools);
+        let install = Line::new(&format!("cargo install {MDBOOK} --root")).arg(&tools);
         steps.run("mdBook", &install)?;
     }
     let [pages, book] = ["book-pages", "book"].map(|name| steps.target.join(name));
     gather(&steps.root.join("docs"), &pages)
         .map_err(|error| Stop::failed(format!("cannot copy the pages to {}: {error}", pages.display())))?;
-    let build = Line::program(mdbook)
-        .words("build")
-        .arg(&pages)
-        .words("--dest-dir")
-        .arg(&book);
-    steps.run("the book", &build)?;
-    steps.announce(&format!(
-        "done. The book: {}",
-        steps.built("book/index.html").display()
-    ));
+    let build = Line::program(mdbook).words("build").arg(&pages);
+    steps.run("the book", &build.words("--dest-dir").arg(&book))?;
+    let index = steps.built("book/index.html");
+    steps.announce(&format!("done. The book: {}", index.display()));
     Ok(())
 }
 
 /// Copies the folder of pages. Links that leave it lead to the repository on the web.
 fn gather(from: &Path, to: &Path) -> std::io::Result<()> {
-    std::fs::create_dir_all(to)?;
-    for entry in std::fs::read_dir(from)? {
-        let path = entry?.path();
-        let goal = to.join(path.file_name().unwrap_or_default());
-        if path.is_dir() {
-            gather(&path, &goal)?;
-        } else if path.extension().is_some_and(|extension| extension == "md") {
-            let text = std::fs::read_to_string(&path)?;
-            std::fs::write(goal, text.replace("](../", &format!("]({SOURCE}")))?;
-        } else {
-            std::fs::copy(&path, &goal)?;
+    for path in below(from, &|_| true)? {
+        let mut bytes = std::fs::read(&path)?;
+        if path.extension().is_some_and(|extension| extension == "md") {
+            let text = String::from_utf8_lossy(&bytes);
+            bytes = text.replace("](../", &format!("]({SOURCE}")).into_bytes();
         }
+        write(&to.join(path.strip_prefix(from).unwrap_or(&path)), &bytes)?;
     }
     Ok(())
 }

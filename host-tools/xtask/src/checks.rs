@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::files::read;
 use crate::step::Stop;
 
 /// A value that is this small is an error or a rounding, which differs from computer to computer.
@@ -14,10 +15,6 @@ const DIFFERENCE: f64 = 1e-4;
 /// # Errors
 /// A file that cannot be read, a row that is in one table alone, or a value that is another.
 pub(crate) fn compare(book: &Path, fresh: &Path) -> Result<usize, Stop> {
-    let read = |path: &Path| {
-        std::fs::read_to_string(path)
-            .map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))
-    };
     let (book_text, fresh_text) = (read(book)?, read(fresh)?);
     let rows = fresh_text.lines().count();
     let differs = |line: &str| {
@@ -30,11 +27,8 @@ pub(crate) fn compare(book: &Path, fresh: &Path) -> Result<usize, Stop> {
     if book_text.lines().count() != rows {
         return Err(differs("the number of rows"));
     }
-    match book_text
-        .lines()
-        .zip(fresh_text.lines())
-        .find(|(one, other)| !same(one, other))
-    {
+    let mut pairs = book_text.lines().zip(fresh_text.lines());
+    match pairs.find(|(one, other)| !same(one, other)) {
         Some((_, line)) => Err(differs(line)),
         None => Ok(rows),
     }
@@ -43,22 +37,14 @@ pub(crate) fn compare(book: &Path, fresh: &Path) -> Result<usize, Stop> {
 /// Whether two rows say the same: word for word, but for the value.
 fn same(one: &str, other: &str) -> bool {
     const VALUE: usize = 3;
-    let cells = |row: &'_ str| row.split(" | ").map(str::to_owned).collect::<Vec<_>>();
-    let (one, other) = (cells(one), cells(other));
+    let [one, other] = [one, other].map(|row| row.split(" | ").collect::<Vec<_>>());
+    let mut pairs = (1..).zip(one.iter().zip(&other));
     one.len() == other.len()
-        && one
-            .iter()
-            .zip(&other)
-            .enumerate()
-            .all(|(cell, (one, other))| one == other || cell + 1 == VALUE && near(one, other))
+        && pairs.all(|(cell, (one, other))| one == other || cell == VALUE && near(one, other))
 }
 
 fn near(one: &str, other: &str) -> bool {
-    let number = |cell: &str| {
-        cell.split(' ')
-            .next()
-            .and_then(|number| number.parse::<f64>().ok())
-    };
+    let number = |cell: &str| cell.split(' ').next()?.parse::<f64>().ok();
     let (Some(a), Some(b)) = (number(one), number(other)) else {
         return false;
     };

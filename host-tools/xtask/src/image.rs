@@ -32,12 +32,9 @@ impl Size {
 
     fn of_elf(bytes: &[u8]) -> Result<Size, object::Error> {
         let elf: ElfFile32<'_> = ElfFile32::parse(bytes)?;
-        let mut size = Size { flash: 0, ram: 0 };
-        for segment in elf.elf_program_headers() {
-            let endian = elf.endian();
-            if segment.p_type(endian) != object::elf::PT_LOAD {
-                continue;
-            }
+        let (mut size, endian) = (Size { flash: 0, ram: 0 }, elf.endian());
+        let segments = elf.elf_program_headers().iter();
+        for segment in segments.filter(|segment| segment.p_type(endian) == object::elf::PT_LOAD) {
             // Loaded from flash and, for initialised variables, copied to RAM at start: counted in both.
             if segment.p_paddr(endian) < FLASH_END {
                 size.flash += segment.p_filesz(endian);
@@ -64,7 +61,8 @@ impl std::fmt::Display for Size {
 mod tests {
     use super::*;
 
-    /// An ELF file with nothing but program headers of PT_LOAD: (virtual, physical address, bytes in file, in memory).
+    /// An ELF file with nothing but program headers of PT_LOAD: (virtual, physical address, bytes in file, in
+    /// memory).
     fn elf(segments: &[[u32; 4]]) -> Vec<u8> {
         let mut file = b"\x7fELF\x01\x01\x01".to_vec();
         file.resize(16, 0);

@@ -1,12 +1,13 @@
 //! Every link of the documentation leads somewhere.
 //!
 //! # Design
-//! Links inside the repository are checked, files and headings alike; the web is not, since a check that needs the web
-//! fails for reasons that are not the project's.
+//! Links inside the repository are checked, files and headings alike; the web is not, since a check that
+//! needs the web fails for reasons that are not the project's.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use crate::files::below;
 use crate::step::Stop;
 
 /// Checks all Markdown files under `root`; the number of links that it followed.
@@ -14,8 +15,7 @@ use crate::step::Stop;
 /// # Errors
 /// The links that lead nowhere, one a line, with file and line number.
 pub(crate) fn check(root: &Path) -> Result<usize, Stop> {
-    let mut pages = HashMap::new();
-    collect(root, &mut pages).map_err(|error| Stop::failed(format!("{}: {error}", root.display())))?;
+    let pages = pages(root).map_err(|error| Stop::failed(format!("{}: {error}", root.display())))?;
     let mut followed = 0;
     let mut broken = Vec::new();
     for (page, text) in &pages {
@@ -33,29 +33,24 @@ pub(crate) fn check(root: &Path) -> Result<usize, Stop> {
     broken.extend(unlisted(&root.join("docs"), &pages));
     broken.sort();
     if broken.is_empty() {
-        Ok(followed)
-    } else {
-        Err(Stop::failed(format!(
-            "links that lead nowhere:\n{}",
-            broken.join("\n")
-        )))
+        return Ok(followed);
     }
+    let broken = broken.join("\n");
+    Err(Stop::failed(format!("links that lead nowhere:\n{broken}")))
 }
 
-fn collect(dir: &Path, pages: &mut HashMap<PathBuf, String>) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(dir)? {
-        let path = entry?.path();
+/// The Markdown files below `root`, with their text.
+fn pages(root: &Path) -> std::io::Result<HashMap<PathBuf, String>> {
+    let keep = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if path.is_dir() {
+        match path.is_dir() {
             // Build directories hold the pages of others; they are marked so (bford.info/cachedir).
-            if !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists() {
-                collect(&path, pages)?;
-            }
-        } else if name.ends_with(".md") {
-            pages.insert(path.clone(), std::fs::read_to_string(&path)?);
+            true => !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists(),
+            false => name.ends_with(".md"),
         }
-    }
-    Ok(())
+    };
+    let with_text = |path: PathBuf| Ok((path.clone(), std::fs::read_to_string(path)?));
+    below(root, &keep)?.into_iter().map(with_text).collect()
 }
 
 /// The pages of the book that its summary does not list, and so nobody finds.
@@ -71,20 +66,18 @@ fn unlisted(docs: &Path, pages: &HashMap<PathBuf, String>) -> Vec<String> {
         .collect()
 }
 
-fn follow(page: &Path, link: &str, pages: &HashMap<PathBuf, String>) -> Result<(), String> {
-    let (file, heading) = link
-        .split_once('#')
-        .map_or((link, None), |(file, heading)| (file, Some(heading)));
-    let target = if file.is_empty() {
-        page.to_owned()
-    } else {
-        let joined = page.parent().unwrap_or(page).join(file);
-        joined.canonicalize().map_err(|_| "no such file".to_owned())?
+fn follow(page: &Path, link: &str, pages: &HashMap<PathBuf, String>) -> Result<(), &'static str> {
+    let (file, heading) = match link.split_once('#') {
+        Some((file, heading)) => (file, Some(heading)),
+        None => (link, None),
+    };
+    let beside = page.parent().unwrap_or(page).join(file);
+    let target = match file {
+        "" => page.to_owned(),
+        _ => beside.canonicalize().map_err(|_| "no such file")?,
     };
     match (heading, pages.get(&target)) {
-        (Some(heading), Some(text)) if !slugs(text).any(|slug| slug == heading) => {
-            Err("no such heading".into())
-        }
+        (Some(heading), Some(text)) if !slugs(text).any(|slug| slug == heading) => Err("no such heading"),
         _ => Ok(()),
     }
 }
@@ -106,13 +99,9 @@ fn links(text: &str) -> impl Iterator<Item = (usize, String)> {
     prose(text).flat_map(|(number, line)| {
         // In code spans `](` is code: every second piece between backticks.
         let spoken: String = line.split('`').step_by(2).collect::<Vec<_>>().join("`");
-        let targets: Vec<_> = spoken
-            .split("](")
-            .skip(1)
-            .filter_map(|rest| rest.split_once(')'))
-            .map(|(target, _)| (number, target.split_whitespace().next().unwrap_or("").to_owned()))
-            .collect();
-        targets
+        let targets = spoken.split("](").skip(1).filter_map(|rest| rest.split_once(')'));
+        let first = |(target, _): (&str, &str)| target.split_whitespace().next().unwrap_or("").to_owned();
+        targets.map(|target| (number, first(target))).collect::<Vec<_>>()
     })
 }
 
@@ -121,11 +110,8 @@ fn slugs(text: &str) -> impl Iterator<Item = String> {
     prose(text)
         .filter(|(_, line)| line.starts_with('#'))
         .map(|(_, line)| {
-            let kept = line
-                .trim_start_matches('#')
-                .trim()
-                .chars()
-                .filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+            let heading = line.trim_start_matches('#').trim().chars();
+            let kept = heading.filter(|c| c.is_alphanumeric() || " -_".contains(*c));
             kept.map(|c| if c == ' ' { '-' } else { c })
                 .flat_map(char::to_lowercase)
                 .collect()

@@ -1,10 +1,11 @@
 //! `cargo xtask`: the commands that build, show and check the whole workspace.
 //!
-//! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. If a `bead` command of `demo`
-//! fails, `demo` ends with its status.
+//! Exit status: 0 done; 1 a check or a build failed; 3 something is missing on this machine. If a `bead`
+//! command of `demo` fails, `demo` ends with its status.
 
 mod book;
 mod checks;
+mod files;
 mod image;
 mod links;
 mod mutants;
@@ -106,9 +107,8 @@ fn main() -> ExitCode {
         cli = cli.subcommand(Command::new(name).about(about).after_help(more));
     }
     let matches = cli.get_matches();
-    let task = TASKS
-        .iter()
-        .find(|(name, ..)| matches.subcommand_name() == Some(name));
+    let mut tasks = TASKS.iter();
+    let task = tasks.find(|(name, ..)| matches.subcommand_name() == Some(name));
     let run = |&(.., run): &Task| run(&Steps::start()?);
     match task.map_or(Ok(()), run) {
         Ok(()) => ExitCode::SUCCESS,
@@ -119,7 +119,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are none of them.
+/// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are
+/// none of them.
 const DEMO: &str = "-p bead -p stm32f405-qemu";
 
 /// The flash image.
@@ -129,14 +130,10 @@ fn image(steps: &Steps) -> PathBuf {
 
 /// Builds the flash image, and beside it the host's packages in `packages`.
 fn build(steps: &Steps, packages: &str) -> Result<(), Stop> {
-    let firmware = Line::new(&format!(
-        "cargo build --profile firmware --target {TARGET} -p bead-firmware"
-    ));
+    let firmware = format!("cargo build --profile firmware --target {TARGET} -p bead-firmware");
+    let firmware = ("and the flash image", &Line::new(&firmware));
     let host = Line::new("cargo build --release").words(packages);
-    steps.run_both(
-        ("build the host tools", &host),
-        ("and the flash image", &firmware),
-    )?;
+    steps.run_both(("build the host tools", &host), firmware)?;
     let size = Size::of(&steps.root.join(image(steps)))?;
     steps.announce(&format!("the image {} takes {size}", image(steps).display()));
     Ok(())
@@ -153,15 +150,10 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
         .arg(image(steps))
         .words("--out")
         .arg(steps.built("demo"));
-    steps.run(
-        "a striker hits the chain; the flash image senses it inside bead 8, in QEMU",
-        &emulate,
-    )?;
-    let replay = bead("replay").arg(&recording);
-    steps.run(
-        "the recorded samples, through the same fixed-point code on this computer",
-        &replay,
-    )?;
+    let title = "a striker hits the chain; the flash image senses it inside bead 8, in QEMU";
+    steps.run(title, &emulate)?;
+    let title = "the recorded samples, through the same fixed-point code on this computer";
+    steps.run(title, &bead("replay").arg(&recording))?;
     let compare = bead("compare")
         .arg(&recording)
         .words(&format!("--scenario {scenario} --report"))
@@ -196,10 +188,8 @@ fn test(steps: &Steps) -> Result<(), Stop> {
     let bare = format!(
         "cargo check --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
     );
-    steps.run(
-        "the shared crates without their default features",
-        &Line::new(&bare),
-    )?;
+    let title = "the shared crates without their default features";
+    steps.run(title, &Line::new(&bare))?;
     // The figures' checks are left to the next step, which draws as well.
     let tests = format!(
         "cargo test --release --workspace --exclude bead-firmware -- --skip {}",

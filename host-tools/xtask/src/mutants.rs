@@ -1,19 +1,26 @@
-//! Whether the checks of the figures would notice wrong physics. Each mutant is the simulator with one mistake in it, and
-//! at least one check must fail on it.
+//! Whether the checks of the figures would notice wrong physics. Each mutant is the simulator with one
+//! mistake in it, and at least one check must fail on it.
 //!
 //! # Design
-//! The workspace is copied to target/mutants. The mistakes are made there, one after another, by replacing text that must
-//! stand in the file exactly once. A mutant that no longer fits the source stops the run instead of testing nothing.
+//! The workspace is copied to target/mutants. The mistakes are made there, one after another, by replacing
+//! text that must stand in the file exactly once. A mutant that no longer fits the source stops the run
+//! instead of testing nothing.
 
 use std::path::Path;
 use std::process::Command;
 
+use crate::files::{below, read, write};
 use crate::step::{Steps, Stop};
 
 /// Where all the physics is.
 const MODEL: &str = "host-tools/chain/src/model.rs";
 /// The test of all checks of all figures.
 pub(crate) const TEST: &str = "every_check_of_every_figure_passes";
+
+/// How the model computes the force of viscosity, contact by contact.
+const VISCOUS: &str = "1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate";
+/// How the model's step computes it.
+const VISCOUS_IN_STEP: &str = "let viscous = 1.5 * contact.relaxation * stiffness * approach;";
 
 struct Mutant {
     mistake: &'static str,
@@ -42,25 +49,19 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         mistake: "no viscosity: τ left out",
         changes: &[
-            (
-                "1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate",
-                "0.0 * rate",
-            ),
-            (
-                "let viscous = 1.5 * contact.relaxation * stiffness * approach;",
-                "let viscous = 0.0 * stiffness * approach;",
-            ),
+            (VISCOUS, "0.0 * rate"),
+            (VISCOUS_IN_STEP, "let viscous = 0.0 * stiffness * approach;"),
         ],
     },
     Mutant {
         mistake: "viscosity without its 3/2",
         changes: &[
             (
-                "1.5 * self.relaxation * self.stiffness * overlap.sqrt() * rate",
+                VISCOUS,
                 "self.relaxation * self.stiffness * overlap.sqrt() * rate",
             ),
             (
-                "let viscous = 1.5 * contact.relaxation * stiffness * approach;",
+                VISCOUS_IN_STEP,
                 "let viscous = contact.relaxation * stiffness * approach;",
             ),
         ],
@@ -104,15 +105,19 @@ const MUTANTS: &[Mutant] = &[
 /// A mutant that no check notices, or that does not fit the source or does not compile.
 pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
     let copy = steps.target.join("mutants");
-    copy_tree(&steps.root, &copy)?;
+    let failed = |error| {
+        Stop::failed(format!(
+            "cannot copy the workspace to {}: {error}",
+            copy.display()
+        ))
+    };
+    copy_tree(&steps.root, &copy).map_err(&failed)?;
     let path = copy.join(MODEL);
     let sound = read(&path)?;
     steps.announce("without a mistake every check must pass");
     if let Some(broken) = broken_checks(steps, &copy)? {
-        return Err(Stop::failed(format!(
-            "checks fail without a mutant: {}",
-            broken.join("; ")
-        )));
+        let broken = broken.join("; ");
+        return Err(Stop::failed(format!("checks fail without a mutant: {broken}")));
     }
     let mut survivors = Vec::new();
     for mutant in MUTANTS {
@@ -126,7 +131,7 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
             }
             text = text.replace(from, to);
         }
-        write(&path, &text)?;
+        write(&path, text.as_bytes()).map_err(&failed)?;
         match broken_checks(steps, &copy)? {
             Some(broken) => {
                 let checks = if broken.len() == 1 { "check" } else { "checks" };
@@ -138,30 +143,21 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
             None => survivors.push(mutant.mistake),
         }
     }
-    write(&path, &sound)?;
+    write(&path, sound.as_bytes()).map_err(failed)?;
     if survivors.is_empty() {
         steps.announce(&format!("all {} mistakes are noticed", MUTANTS.len()));
         return Ok(());
     }
-    Err(Stop::failed(format!(
-        "no check notices: {}",
-        survivors.join("; ")
-    )))
+    let survivors = survivors.join("; ");
+    Err(Stop::failed(format!("no check notices: {survivors}")))
 }
 
 /// The checks that fail in a copy of the workspace; none if all pass.
 fn broken_checks(steps: &Steps, copy: &Path) -> Result<Option<Vec<String>>, Stop> {
     // The library's own test, so that no program with a mistake in it is left where programs are built.
     let output = Command::new("cargo")
-        .args([
-            "test",
-            "--release",
-            "--quiet",
-            "-p",
-            "hertz-figures",
-            "--lib",
-            TEST,
-        ])
+        .args("test --release --quiet -p hertz-figures --lib".split(' '))
+        .arg(TEST)
         .current_dir(copy)
         .env("CARGO_TARGET_DIR", &steps.target)
         .output()
@@ -177,57 +173,26 @@ fn broken_checks(steps: &Steps, copy: &Path) -> Result<Option<Vec<String>>, Stop
         .take_while(|line| line.contains(", expected "))
         .map(str::to_owned)
         .collect();
-    if checks.is_empty() && !told.contains(TEST) {
-        let why = String::from_utf8_lossy(&output.stderr);
-        return Err(Stop::failed(format!("the mutant does not compile:\n{why}")));
+    match checks.is_empty() {
+        false => Ok(Some(checks)),
+        true if told.contains(TEST) => Ok(Some(vec!["a figure that could not be drawn at all".to_owned()])),
+        true => {
+            let why = String::from_utf8_lossy(&output.stderr);
+            Err(Stop::failed(format!("the mutant does not compile:\n{why}")))
+        }
     }
-    if checks.is_empty() {
-        return Ok(Some(vec!["a figure that could not be drawn at all".to_owned()]));
-    }
-    Ok(Some(checks))
-}
-
-fn read(path: &Path) -> Result<String, Stop> {
-    std::fs::read_to_string(path)
-        .map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))
-}
-
-/// Writes a file unless its text is there already: a file that does not change is not compiled again.
-fn write(path: &Path, text: &str) -> Result<(), Stop> {
-    if std::fs::read_to_string(path).is_ok_and(|old| old == text) {
-        return Ok(());
-    }
-    std::fs::write(path, text)
-        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", path.display())))
 }
 
 /// Copies what is source: no hidden entries but cargo's, nothing built.
-fn copy_tree(from: &Path, to: &Path) -> Result<(), Stop> {
-    let failed = |error: std::io::Error| {
-        Stop::failed(format!(
-            "cannot copy {} to {}: {error}",
-            from.display(),
-            to.display()
-        ))
-    };
-    std::fs::create_dir_all(to).map_err(failed)?;
-    for entry in std::fs::read_dir(from).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        let name = entry.file_name();
+fn copy_tree(from: &Path, to: &Path) -> std::io::Result<()> {
+    let is_source = |path: &Path| {
+        let name = path.file_name().unwrap_or_default();
         let hidden = name.to_string_lossy().starts_with('.') && name != ".cargo";
-        if hidden || name == "target" || name == "figures" && from.join("Cargo.lock").exists() {
-            continue;
-        }
-        let (source, goal) = (entry.path(), to.join(&name));
-        if entry.file_type().map_err(failed)?.is_dir() {
-            copy_tree(&source, &goal)?;
-            continue;
-        }
-        let bytes = std::fs::read(&source).map_err(failed)?;
-        if std::fs::read(&goal).is_ok_and(|old| old == bytes) {
-            continue;
-        }
-        std::fs::write(&goal, bytes).map_err(failed)?;
+        !hidden && name != "target" && path != from.join("figures")
+    };
+    for path in below(from, &is_source)? {
+        let goal = to.join(path.strip_prefix(from).unwrap_or(&path));
+        write(&goal, &std::fs::read(path)?)?;
     }
     Ok(())
 }

@@ -1,11 +1,10 @@
 //! What the workspace needs on this machine. xtask looks for it, says what is missing, and installs it.
 //!
 //! # Design
-//! xtask asks each program for itself (`rustc --print`, `qemu-system-arm --version`) and does not remember what it
-//! installed. So a second run finds all in place, changes nothing and says so in one line.
+//! xtask asks each program for itself (`rustc --print`, `qemu-system-arm --version`) and does not remember
+//! what it installed. So a second run finds all in place, changes nothing and says so in one line.
 
 use std::path::PathBuf;
-use std::process::Command;
 
 use crate::step::{Line, Steps, Stop};
 
@@ -36,9 +35,8 @@ pub(crate) fn setup(steps: &Steps, need: Need) -> Result<(), Stop> {
         ));
     }
     let qemu = qemu(steps)?;
-    steps.announce(&format!(
-        "set-up: {rust} with {TARGET}, QEMU {qemu}, a C compiler: all in place"
-    ));
+    let found = format!("{rust} with {TARGET}, QEMU {qemu}, a C compiler");
+    steps.announce(&format!("set-up: {found}: all in place"));
     Ok(())
 }
 
@@ -58,11 +56,8 @@ fn rust(steps: &Steps, need: Need) -> Result<String, Stop> {
         }
     }
     if need == Need::Check {
-        for (component, probe) in [
-            ("rustfmt", "cargo fmt --version"),
-            ("clippy", "cargo clippy --version"),
-        ] {
-            if output(probe).is_none() {
+        for (component, command) in [("rustfmt", "fmt"), ("clippy", "clippy")] {
+            if output(&format!("cargo {command} --version")).is_none() {
                 steps.announce(&format!("set-up: {component} is missing: rustup installs it"));
                 rustup(steps, &format!("rustup component add {component}"))?;
             }
@@ -96,11 +91,8 @@ fn qemu(steps: &Steps) -> Result<Version, Stop> {
     let said = output("qemu-system-arm --version").ok_or_else(|| {
         Stop::missing("`qemu-system-arm --version` fails: run it by hand to see why, or reinstall QEMU")
     })?;
-    let version = Version::parse(&said).ok_or_else(|| {
-        Stop::missing(format!(
-            "`qemu-system-arm --version` says no version that xtask can read: {said}"
-        ))
-    })?;
+    let unread = || format!("`qemu-system-arm --version` says no version that xtask can read: {said}");
+    let version = Version::parse(&said).ok_or_else(|| Stop::missing(unread()))?;
     if version < QEMU_OLDEST {
         return Err(Stop::missing(format!(
             "QEMU {version} is too old: {QEMU_OLDEST} or later is needed (Debian 12, Ubuntu 24.04, Fedora 38 or later have it)"
@@ -116,18 +108,15 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
         (true, true) => "",
         (false, true) if output("sudo -n true").is_some() => "sudo -n ",
         _ => {
-            return Err(Stop::missing(format!(
-                "QEMU's qemu-system-arm is missing. {}",
-                advice()
-            )));
+            let what = format!("QEMU's qemu-system-arm is missing. {}", advice());
+            return Err(Stop::missing(what));
         }
     };
     steps.announce("set-up: QEMU's qemu-system-arm is missing: apt installs it with the libraries it needs, some 100 MB on disk");
-    // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the install decides.
-    if let Err(stop) = steps.run(
-        "set-up: package index",
-        &Line::new(&format!("{become_root}apt-get update -q")),
-    ) {
+    // An index that cannot be refreshed (one dead source among many) may still hold QEMU: the install
+    // decides.
+    let update = Line::new(&format!("{become_root}apt-get update -q"));
+    if let Err(stop) = steps.run("set-up: package index", &update) {
         eprintln!("{}", stop.message);
     }
     let install = format!(
@@ -136,12 +125,8 @@ fn install_qemu(steps: &Steps) -> Result<(), Stop> {
     steps
         .run("set-up: QEMU", &Line::new(&install))
         .map_err(|stop| Stop::missing(stop.message))?;
-    match find("qemu-system-arm") {
-        Some(_) => Ok(()),
-        None => Err(Stop::missing(
-            "apt installed QEMU, and yet no qemu-system-arm is in PATH",
-        )),
-    }
+    let missing = || Stop::missing("apt installed QEMU, and yet no qemu-system-arm is in PATH");
+    find("qemu-system-arm").map(drop).ok_or_else(missing)
 }
 
 /// The one command that installs QEMU here.
@@ -178,11 +163,9 @@ fn find(program: &str) -> Option<PathBuf> {
 
 /// What a command prints on standard output, trimmed; `None` if it fails.
 fn output(line: &str) -> Option<String> {
-    let mut words = line.split_whitespace();
-    let out = Command::new(words.next()?).args(words).output().ok()?;
-    out.status
-        .success()
-        .then(|| String::from_utf8_lossy(&out.stdout).trim().to_owned())
+    let out = Line::new(line).command().output().ok()?;
+    let said = String::from_utf8_lossy(&out.stdout);
+    out.status.success().then(|| said.trim().to_owned())
 }
 
 /// Major and minor.

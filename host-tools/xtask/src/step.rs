@@ -1,8 +1,8 @@
 //! Commands, printed before they run.
 //!
 //! # Design
-//! What is printed is what runs. A newcomer learns the commands by watching, and can repeat the one that failed.
-//! Commands run in the root of the workspace, whatever directory `cargo xtask` was called from.
+//! What is printed is what runs. A newcomer learns the commands by watching, and can repeat the one that
+//! failed. Commands run in the root of the workspace, whatever directory `cargo xtask` was called from.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -23,22 +23,18 @@ pub(crate) const MISSING: u8 = 3;
 
 impl Stop {
     pub(crate) fn failed(message: impl Into<String>) -> Self {
-        Stop {
-            message: message.into(),
-            status: 1,
-        }
+        let message = message.into();
+        Stop { message, status: 1 }
     }
 
     pub(crate) fn missing(message: impl Into<String>) -> Self {
-        Stop {
-            message: message.into(),
-            status: MISSING,
-        }
+        let (message, status) = (message.into(), MISSING);
+        Stop { message, status }
     }
 }
 
 /// One command as a person would type it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Line {
     words: Vec<String>,
     env: Vec<(String, String)>,
@@ -47,16 +43,12 @@ pub(crate) struct Line {
 impl Line {
     /// A command whose words hold no spaces; [`Line::arg`] adds one that may.
     pub(crate) fn new(words: &str) -> Self {
-        Line {
-            words: Vec::new(),
-            env: Vec::new(),
-        }
-        .words(words)
+        Line::default().words(words)
     }
 
     /// A command that starts with a path.
     pub(crate) fn program(path: impl AsRef<OsStr>) -> Self {
-        Line::new("").arg(path)
+        Line::default().arg(path)
     }
 
     /// Adds words that hold no spaces.
@@ -87,10 +79,8 @@ impl Line {
 
 impl fmt::Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let env = self
-            .env
-            .iter()
-            .map(|(name, value)| format!("{name}={}", quoted(value)));
+        let env = self.env.iter();
+        let env = env.map(|(name, value)| format!("{name}={}", quoted(value)));
         let words = self.words.iter().map(|word| quoted(word));
         f.write_str(&env.chain(words).collect::<Vec<_>>().join(" "))
     }
@@ -99,10 +89,9 @@ impl fmt::Display for Line {
 /// A word as a shell would need it.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
+    match !word.is_empty() && word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
     }
 }
 
@@ -121,7 +110,8 @@ impl Steps {
     pub(crate) fn start() -> Result<Self, Stop> {
         let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
         let root = manifest.ancestors().nth(2).unwrap_or(manifest).to_owned();
-        // Cargo has put this program into <target>/release: that honours CARGO_TARGET_DIR and cargo's configuration.
+        // Cargo has put this program into <target>/release: that honours CARGO_TARGET_DIR and cargo's
+        // configuration.
         let program =
             std::env::current_exe().map_err(|error| Stop::failed(format!("where is xtask? {error}")))?;
         let target = program.ancestors().nth(2).unwrap_or(&root).to_owned();
@@ -143,8 +133,8 @@ impl Steps {
     /// Announces and runs one command, and passes on its output.
     ///
     /// # Errors
-    /// The command cannot be started or ends with another status than 0. The status of a command other than cargo is
-    /// passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
+    /// The command cannot be started or ends with another status than 0. The status of a command other than
+    /// cargo is passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
     pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
         self.run_into(title, line, Stdio::inherit())
     }
@@ -177,8 +167,8 @@ impl Steps {
         Ok(String::from_utf8_lossy(&text).into_owned())
     }
 
-    /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What the second
-    /// one says is kept, and told only if it fails.
+    /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What
+    /// the second one says is kept, and told only if it fails.
     ///
     /// # Errors
     /// As [`Steps::run`], of the first one that fails.
@@ -216,21 +206,15 @@ impl Steps {
 
     /// Whether a command has ended well.
     fn ended(&self, title: &str, line: &Line, status: io::Result<ExitStatus>) -> Result<(), Stop> {
-        let repeat = format!(
-            "To repeat this step alone, in {}:\n    {line}",
-            self.root.display()
-        );
-        let status = status.map_err(|error| {
-            Stop::missing(format!(
-                "\"{title}\" could not start `{}`: {error}.\n{repeat}",
-                line.words[0]
-            ))
-        })?;
+        let (root, program) = (self.root.display(), &line.words[0]);
+        let repeat = format!("To repeat this step alone, in {root}:\n    {line}");
+        let cannot = |error| format!("\"{title}\" could not start `{program}`: {error}.\n{repeat}");
+        let status = status.map_err(|error| Stop::missing(cannot(error)))?;
         if status.success() {
             return Ok(());
         }
         let code = match status.code() {
-            Some(code) if line.words[0] != "cargo" => u8::try_from(code).unwrap_or(1),
+            Some(code) if program != "cargo" => u8::try_from(code).unwrap_or(1),
             _ => 1,
         };
         Err(Stop {
@@ -247,10 +231,9 @@ impl Steps {
 
 fn clock(time: Duration) -> String {
     let seconds = time.as_secs();
-    if seconds < 60 {
-        format!("{:.1} s", time.as_secs_f64())
-    } else {
-        format!("{}:{:02}", seconds / 60, seconds % 60)
+    match seconds {
+        0..60 => format!("{:.1} s", time.as_secs_f64()),
+        _ => format!("{}:{:02}", seconds / 60, seconds % 60),
     }
 }
 

@@ -102,16 +102,13 @@ pub fn optimise(
     let mut longer = scenario;
     longer.chain.beads = (2 * longer.chain.beads).min(MOST_BEADS);
     let longer = problem.strikes(&longer, Accuracy::REFERENCE)?;
-    let far_end = strikes
-        .iter()
-        .zip(&longer)
-        .map(|(strike, longer)| (strike.share - longer.share).abs())
-        .fold(0.0, f64::max);
+    let shares: Vec<f64> = strikes.iter().map(|strike| strike.share).collect();
+    let pairs = shares.iter().zip(&longer);
+    let changes = pairs.map(|(share, longer)| (share - longer.share).abs());
+    let far_end = changes.fold(0.0, f64::max);
     Ok(Optimum {
         intruders,
-        share: search
-            .aim
-            .of(&strikes.iter().map(|strike| strike.share).collect::<Vec<_>>()),
+        share: search.aim.of(&shares),
         strikes,
         share_searched: best.value,
         share_alike,

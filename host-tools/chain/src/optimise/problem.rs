@@ -98,13 +98,8 @@ impl Problem<'_> {
     /// The best of intruders all alike, on a grid.
     pub(super) fn coarse(&self, spent: &mut usize) -> Result<Tried, SimulateError> {
         let [masses, stiffnesses, dampings] = COARSE;
-        let Search {
-            mass,
-            stiffness,
-            damping,
-            ..
-        } = self.search;
-        let heaviest = mass[1].min(self.search.total_mass / self.hosts.len() as f64);
+        let search = self.search;
+        let heaviest = search.mass[1].min(search.total_mass / self.hosts.len() as f64);
         // Between the bounds, ends left out.
         let inside = |[low, high]: [f64; 2], index: usize, count: usize| {
             low * (high / low).powf((index as f64 + 0.5) / count as f64)
@@ -114,9 +109,9 @@ impl Problem<'_> {
             for j in 0..stiffnesses {
                 for k in 0..dampings {
                     designs.push(vec![[
-                        (heaviest * 0.5f64.powi(i as i32)).max(mass[0]),
-                        inside(*stiffness, j, stiffnesses),
-                        inside(*damping, k, dampings),
+                        (heaviest * 0.5f64.powi(i as i32)).max(search.mass[0]),
+                        inside(search.stiffness, j, stiffnesses),
+                        inside(search.damping, k, dampings),
                     ]]);
                 }
             }

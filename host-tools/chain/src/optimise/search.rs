@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::model::Model;
-use crate::scenario::{InputError, Scenario};
+use crate::scenario::{InputError, Scenario, Table};
 use crate::simulate::{Accuracy, SimulateError};
 
 /// The input of a search. [`Search::new`] sets bounds that suit the chain.
@@ -119,40 +119,23 @@ fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), InputError> {
         let advice = format!("name at least one bead from 1 to {beads}, such as 7-16");
         return Err(InputError::at("hosts", "names no bead", advice));
     }
-    for (index, bead) in hosts.iter().enumerate() {
-        if !(1..=beads).contains(bead) {
-            let advice = format!("beads are counted from 1 to {beads} (chain.beads)");
-            return Err(InputError::at(
-                "hosts",
-                format!("bead {bead} is not in the chain"),
-                advice,
-            ));
-        }
-        if hosts[..index].contains(bead) {
-            let what = format!("bead {bead} is named twice");
-            return Err(InputError::at("hosts", what, "name each bead once"));
-        }
+    let mut taken = vec![None; beads];
+    for &host in hosts {
+        Table::root().claim("hosts", host, 0, &mut taken)?;
     }
     Ok(())
 }
 
 fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), InputError> {
-    if !(total.is_finite() && total > 0.0) {
-        let what = format!("{total} is not a positive number");
-        let advice = "give a number above zero in kg, such as 0.037";
-        return Err(InputError::at("total_mass", what, advice));
-    }
+    Table::root().positive("total_mass", total, "kg", "0.037")?;
     let (bead, host) = lightest(scenario, hosts);
     let count = hosts.len();
     let most = host * count as f64;
     if total >= most {
         let what =
             format!("{total} kg in {count} hosts leaves bead {bead}, of {host:.3e} kg, nothing but intruder");
-        return Err(InputError::at(
-            "total_mass",
-            what,
-            format!("give less than {most:.3} kg"),
-        ));
+        let advice = format!("give less than {most:.3} kg");
+        return Err(InputError::at("total_mass", what, advice));
     }
     Ok(())
 }
@@ -173,11 +156,8 @@ impl Search {
         ] {
             if !(low.is_finite() && high.is_finite() && low > 0.0 && low < high) {
                 let what = format!("{low} to {high} is no range to search");
-                return Err(InputError::at(
-                    key,
-                    what,
-                    "give two positive numbers, the lesser first",
-                ));
+                let advice = "give two positive numbers, the lesser first";
+                return Err(InputError::at(key, what, advice));
             }
         }
         let (bead, host) = lightest(scenario, &self.hosts);
@@ -192,21 +172,16 @@ impl Search {
                 format!("{count} hosts of at least {least} kg are more than the total mass of {total} kg");
             return Err(InputError::at("mass", what, "let the least mass be less"));
         }
-        if let Some(speed) = self
-            .speeds
-            .iter()
-            .find(|speed| !(speed.is_finite() && **speed > 0.0))
-        {
+        let fits = |speed: &f64| speed.is_finite() && *speed > 0.0;
+        if let Some(speed) = self.speeds.iter().find(|speed| !fits(speed)) {
             let what = format!("{speed} is not a positive number");
             let advice = "give numbers above zero in m/s, such as 0.45";
             return Err(InputError::at("speeds", what, advice));
         }
         let fewest = COARSE.iter().product::<usize>();
         if self.evaluations < fewest {
-            let what = format!(
-                "{} are too few: the first, coarse search takes {fewest}",
-                self.evaluations
-            );
+            let most = self.evaluations;
+            let what = format!("{most} are too few: the first, coarse search takes {fewest}");
             return Err(InputError::at("evaluations", what, "give 1000 or more"));
         }
         Ok(())

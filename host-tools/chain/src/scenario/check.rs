@@ -132,10 +132,10 @@ const DENSITY: &str = "1775.0";
 const YOUNG: &str = "4.5e9";
 
 /// The table whose values are being checked, as a prefix of its keys. Values that are left out are in order.
-struct Table(String);
+pub(crate) struct Table(String);
 
 impl Table {
-    fn root() -> Self {
+    pub(crate) fn root() -> Self {
         Self(String::new())
     }
 
@@ -166,7 +166,7 @@ impl Table {
         }
     }
 
-    fn positive(
+    pub(crate) fn positive(
         &self,
         key: &str,
         value: impl Into<Option<f64>>,
@@ -199,26 +199,41 @@ impl Table {
         belongs: &str,
         advice: &str,
     ) -> Result<(), InputError> {
-        let count = taken.len();
         if beads.is_empty() {
-            let advice = format!("name at least one from 1 to {count}, or leave the table out");
+            let advice = format!(
+                "name at least one from 1 to {}, or leave the table out",
+                taken.len()
+            );
             return Err(self.error("beads", "names no bead".to_owned(), advice));
         }
         for &bead in beads {
-            if bead < 1 || bead > count {
-                let advice = format!("beads are counted from 1 to {count} (chain.beads)");
-                return Err(self.error("beads", format!("bead {bead} is not in the chain"), advice));
-            }
-            if let Some(other) = taken[bead - 1].replace(index) {
-                return Err(if other == index {
-                    let what = format!("bead {bead} is named twice");
-                    self.error("beads", what, "name each bead once")
-                } else {
-                    let what = format!("bead {bead} {belongs}[{}]", other + 1);
-                    self.error("beads", what, advice)
-                });
+            if let Some(other) = self.claim("beads", bead, index, taken)? {
+                let what = format!("bead {bead} {belongs}[{}]", other + 1);
+                return Err(self.error("beads", what, advice));
             }
         }
         Ok(())
+    }
+
+    /// Notes in `taken` that `bead` belongs to table `index`, and gives the other table that it belongs to.
+    /// Refuses a bead that is not in the chain, and one that the table names twice.
+    pub(crate) fn claim(
+        &self,
+        key: &str,
+        bead: usize,
+        index: usize,
+        taken: &mut [Option<usize>],
+    ) -> Result<Option<usize>, InputError> {
+        let count = taken.len();
+        if bead < 1 || bead > count {
+            let advice = format!("beads are counted from 1 to {count} (chain.beads)");
+            return Err(self.error(key, format!("bead {bead} is not in the chain"), advice));
+        }
+        let other = taken[bead - 1].replace(index);
+        if other == Some(index) {
+            let what = format!("bead {bead} is named twice");
+            return Err(self.error(key, what, "name each bead once"));
+        }
+        Ok(other)
     }
 }

@@ -159,12 +159,8 @@ impl<'a> TomlFile<'a> {
             };
             // The innermost key there; of an array and its only entry, which have the same place, the entry.
             let holds = |key: &&Key| place(key).start <= span.start && span.end <= place(key).end;
-            let innermost = self
-                .keys
-                .iter()
-                .rev()
-                .filter(holds)
-                .min_by_key(|key| place(key).len());
+            let holding = self.keys.iter().rev().filter(holds);
+            let innermost = holding.min_by_key(|key| place(key).len());
             let path = innermost.map_or("", |key| &key.path);
             self.place_at(span.start, InputError::at(path, what, advice))
         })

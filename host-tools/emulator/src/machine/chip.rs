@@ -1,10 +1,11 @@
 //! The peripherals as one device: registers behind clock gates, and what one peripheral does to another.
 
+use std::mem::take;
+
 use super::stimulus::Stimulus;
 use super::table::{Row, TABLE, Units, locate};
 use super::wiring::REFERENCE;
 use crate::outcome::ResetCause;
-use crate::peripherals::adc::TriggerSource;
 use crate::peripherals::clock::Clocks;
 use crate::peripherals::{NoRegister, signature};
 
@@ -103,9 +104,9 @@ impl Chip {
         }
         self.units.rcc.backup_domain_open = self.units.pwr.backup_domain_open();
         for master in 0..self.units.tim.len() {
-            if self.units.tim[master].take_trigger_now() {
+            if take(&mut self.units.tim[master].trigger_now) {
                 self.start_slaves(master, now);
-                if self.trigger_timer() == Some(master) {
+                if self.units.adc.trigger_timer() == Some(master) {
                     self.trigger_converter(now);
                 }
             }
@@ -137,14 +138,6 @@ impl Chip {
         }
     }
 
-    /// The timer that starts scans: TIM2 is 0.
-    pub(super) fn trigger_timer(&self) -> Option<usize> {
-        match self.units.adc.trigger_source()? {
-            TriggerSource::Tim2 => Some(0),
-            TriggerSource::Tim3 => Some(1),
-        }
-    }
-
     /// The converter's trigger comes.
     pub(super) fn trigger_converter(&mut self, at: u64) {
         self.units.adc.trigger(at);
@@ -165,7 +158,7 @@ impl Chip {
 
     /// If a scan has just started, the inputs carry what belongs to it.
     fn note_scan(&mut self, at: u64, external: bool) {
-        if self.units.adc.take_scan_started() {
+        if take(&mut self.units.adc.scan_started) {
             self.scans += 1;
             self.stimulus.begin_scan(at, external);
         }

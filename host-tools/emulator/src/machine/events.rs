@@ -39,7 +39,9 @@ pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
         started.min_by_key(|(at, _)| *at),
         at(levels.next(chip), Event::Level),
         at(units.adc.next_conversion(), Event::Converted),
-        chip.trigger_timer()
+        units
+            .adc
+            .trigger_timer()
             .and_then(|t| at(tim[t].trigger(0), Event::Triggered(t))),
         at(units.usart1.next_sent(), Event::Sent),
         at(units.usart1.next_received(), Event::Received),

@@ -29,14 +29,14 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
 fn first_scan(chip: &Chip) -> Option<u64> {
     match chip.stimulus.sampling() {
         Some(_) => None,
-        None => chip.units.tim[chip.trigger_timer()?].trigger(0),
+        None => chip.units.tim[chip.units.adc.trigger_timer()?].trigger(0),
     }
 }
 
 /// When the ADC will next raise a line: its own, or the line of the DMA stream that serves it.
 fn acquisition(chip: &Chip) -> Option<u64> {
     let (adc, dma) = (&chip.units.adc, &chip.units.dma[DMA2]);
-    let trigger = |n: u64| chip.trigger_timer().and_then(|t| chip.units.tim[t].trigger(n));
+    let trigger = |n: u64| adc.trigger_timer().and_then(|t| chip.units.tim[t].trigger(n));
     if adc.blocked() {
         return None;
     }

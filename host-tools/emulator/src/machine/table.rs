@@ -12,23 +12,11 @@
 
 use std::ops::Range;
 
-use crate::peripherals::Peripheral;
-use crate::peripherals::adc::Adc;
-use crate::peripherals::clock::HSI_HZ;
-use crate::peripherals::dbgmcu::Dbgmcu;
-use crate::peripherals::dma::Dma;
-use crate::peripherals::dwt::Dwt;
-use crate::peripherals::exti::Exti;
-use crate::peripherals::flash::Flash;
-use crate::peripherals::gpio::Gpio;
-use crate::peripherals::iwdg::Iwdg;
-use crate::peripherals::pwr::Pwr;
 use crate::peripherals::rcc::Bus::{self, Ahb1, Apb1, Apb2};
-use crate::peripherals::rcc::Rcc;
-use crate::peripherals::signature::Signature;
-use crate::peripherals::syscfg::Syscfg;
-use crate::peripherals::tim::Tim;
-use crate::peripherals::usart::Usart;
+use crate::peripherals::{
+    Peripheral, adc::Adc, clock::HSI_HZ, dbgmcu::Dbgmcu, dma::Dma, dwt::Dwt, exti::Exti, flash::Flash,
+    gpio::Gpio, iwdg::Iwdg, pwr::Pwr, rcc::Rcc, signature::Signature, syscfg::Syscfg, tim::Tim, usart::Usart,
+};
 
 /// The interrupt lines of DMA2's streams.
 pub(super) const DMA2_LINES: [usize; 8] = [56, 57, 58, 59, 60, 68, 69, 70];

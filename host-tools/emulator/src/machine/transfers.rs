@@ -19,7 +19,7 @@ pub(super) struct Transfers {
 impl Transfers {
     /// Serves the requests that stand.
     pub(super) fn serve(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
-        if chip.units.adc.dma_request()
+        if chip.units.adc.request
             && let Some(stream) = chip.units.dma[DMA2].serving(&ADC1_REQUEST)
         {
             self.fetch_conversion(chip, stream, now, board);

@@ -12,7 +12,7 @@
 
 use super::clock::{self, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
-use super::register::field;
+use super::register::{field, index};
 
 const AWD: u32 = 1 << 0;
 const EOC: u32 = 1 << 1;
@@ -44,15 +44,6 @@ const UNMODELLED: [(u32, u32, &str); 5] = [
     (0x304, 0x1f, "CCR.MULTI: dual and triple modes are not modelled"),
 ];
 
-/// Which timer output starts a regular scan (CR2.EXTSEL, section 13.13.4).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TriggerSource {
-    /// TRGO of TIM2.
-    Tim2,
-    /// TRGO of TIM3.
-    Tim3,
-}
-
 /// A scan under way.
 #[derive(Debug, Clone, Copy)]
 struct Scan {
@@ -77,10 +68,12 @@ pub struct Adc {
     dr: u32,
     ccr: u32,
     scan: Option<Scan>,
-    scan_started: bool,
+    /// A scan has started. Whoever looks clears it.
+    pub scan_started: bool,
     /// DR holds data that was not read yet.
     unread: bool,
-    request: bool,
+    /// A DMA request stands.
+    pub request: bool,
     /// The DMA has made its last transfer while DDS was clear: no more requests until DMA is set anew.
     requests_ended: bool,
     /// How often OVR was set.
@@ -100,14 +93,15 @@ impl Adc {
         }
     }
 
-    /// What starts a scan from outside. `None` if nothing does.
-    pub fn trigger_source(&self) -> Option<TriggerSource> {
+    /// The timer (TIM2 is 0) whose TRGO starts regular scans (CR2.EXTSEL, section 13.13.4). `None` if nothing
+    /// from outside does.
+    pub fn trigger_timer(&self) -> Option<usize> {
         if self.cr2 & ADON == 0 || field(self.cr2, 28, 2) == 0 {
             return None;
         }
         match field(self.cr2, 24, 4) {
-            0b0110 => Some(TriggerSource::Tim2),
-            0b1000 => Some(TriggerSource::Tim3),
+            0b0110 => Some(0),
+            0b1000 => Some(1),
             _ => None,
         }
     }
@@ -126,11 +120,6 @@ impl Adc {
         self.sr & OVR != 0 && self.cr2 & DMA != 0
     }
 
-    /// Whether a scan has started since this was last asked.
-    pub fn take_scan_started(&mut self) -> bool {
-        std::mem::take(&mut self.scan_started)
-    }
-
     fn start(&mut self, now: u64) {
         self.sr |= STRT;
         self.scan_started = true;
@@ -143,10 +132,9 @@ impl Adc {
 
     /// Conversions in a scan: SQR1.L + 1, or one without CR1.SCAN.
     pub fn scan_length(&self) -> u32 {
-        if self.cr1 & SCAN == 0 {
-            1
-        } else {
-            field(self.sqr[0], 20, 4) + 1
+        match self.cr1 & SCAN {
+            0 => 1,
+            _ => field(self.sqr[0], 20, 4) + 1,
         }
     }
 
@@ -234,10 +222,9 @@ impl Adc {
             }
         } else {
             let code = u32::from(code) >> (12 - self.bits());
-            self.dr = if self.cr2 & ALIGN == 0 {
-                code
-            } else {
-                code << (16 - self.bits()) & 0xffff
+            self.dr = match self.cr2 & ALIGN {
+                0 => code,
+                _ => code << (16 - self.bits()) & 0xffff,
             };
             self.unread = true;
             self.request = self.requests_dma();
@@ -273,11 +260,6 @@ impl Adc {
         self.cr2 & DMA != 0 && !self.requests_ended
     }
 
-    /// Whether a DMA request stands.
-    pub fn dma_request(&self) -> bool {
-        self.request
-    }
-
     /// DR is read, by the processor or the DMA: the data is fetched and EOC clears (section 13.13.1).
     pub fn take_data(&mut self) -> u32 {
         self.unread = false;
@@ -305,7 +287,7 @@ impl Adc {
         self.cr2 = value & 0x3f7f_0f03;
         let external = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
         self.notes.note_if(
-            external && self.trigger_source().is_none(),
+            external && self.trigger_timer().is_none(),
             "CR2.EXTSEL: only TIM2 and TIM3 TRGO are modelled",
         );
         if self.cr2 & ADON == 0 {
@@ -322,10 +304,10 @@ impl Peripheral for Adc {
             0x00 => self.sr,
             0x04 => self.cr1,
             0x08 => self.cr2,
-            0x0c | 0x10 => self.smpr[(offset as usize - 0x0c) / 4],
-            0x14..=0x20 if offset.is_multiple_of(4) => self.jofr[(offset as usize - 0x14) / 4],
-            0x24 | 0x28 => self.thresholds[(offset as usize - 0x24) / 4],
-            0x2c | 0x30 | 0x34 => self.sqr[(offset as usize - 0x2c) / 4],
+            0x0c | 0x10 => self.smpr[index(offset, 0x0c)],
+            0x14..=0x20 if offset.is_multiple_of(4) => self.jofr[index(offset, 0x14)],
+            0x24 | 0x28 => self.thresholds[index(offset, 0x24)],
+            0x2c | 0x30 | 0x34 => self.sqr[index(offset, 0x2c)],
             0x38 => self.jsqr,
             0x4c => self.take_data(),
             // CSR: ADC1's flags; ADC2 and ADC3 are not modelled.
@@ -340,21 +322,15 @@ impl Peripheral for Adc {
         match offset {
             // rc_w0.
             0x00 => self.sr &= value | !(AWD | EOC | STRT | OVR | 0b1100),
-            0x04 => {
-                self.cr1 = value & 0x07c0_ffff;
-            }
+            0x04 => self.cr1 = value & 0x07c0_ffff,
             0x08 => self.write_cr2(value, now),
-            0x0c | 0x10 => self.smpr[(offset as usize - 0x0c) / 4] = value & 0x3fff_ffff,
-            0x14..=0x20 if offset.is_multiple_of(4) => {
-                self.jofr[(offset as usize - 0x14) / 4] = value & 0xfff
-            }
-            0x24 | 0x28 => self.thresholds[(offset as usize - 0x24) / 4] = value & 0xfff,
-            0x2c | 0x30 | 0x34 => self.sqr[(offset as usize - 0x2c) / 4] = value & 0x3fff_ffff,
+            0x0c | 0x10 => self.smpr[index(offset, 0x0c)] = value & 0x3fff_ffff,
+            0x14..=0x20 if offset.is_multiple_of(4) => self.jofr[index(offset, 0x14)] = value & 0xfff,
+            0x24 | 0x28 => self.thresholds[index(offset, 0x24)] = value & 0xfff,
+            0x2c | 0x30 | 0x34 => self.sqr[index(offset, 0x2c)] = value & 0x3fff_ffff,
             0x38 => self.jsqr = value & 0x003f_ffff,
             0x4c | 0x300 => {}
-            0x304 => {
-                self.ccr = value & 0x00c3_ef1f;
-            }
+            0x304 => self.ccr = value & 0x00c3_ef1f,
             _ => return Err(NoRegister),
         }
         Ok(())
@@ -362,12 +338,10 @@ impl Peripheral for Adc {
 
     /// The counts go on.
     fn reset(&mut self, _now: u64) {
-        let notes = std::mem::take(&mut self.notes);
-        let (overruns, triggers_ignored) = (self.overruns, self.triggers_ignored);
         *self = Self {
-            notes,
-            overruns,
-            triggers_ignored,
+            notes: std::mem::take(&mut self.notes),
+            overruns: self.overruns,
+            triggers_ignored: self.triggers_ignored,
             ..Self::new(self.pclk2)
         };
     }
@@ -453,15 +427,12 @@ mod tests {
 
     #[test]
     fn the_trigger_source_is_the_timer_that_extsel_names_while_the_adc_is_on() {
-        assert_eq!(scanning(BY_TIM3).trigger_source(), Some(TriggerSource::Tim3));
-        assert_eq!(
-            scanning(0b01 << 28 | 0b0110 << 24).trigger_source(),
-            Some(TriggerSource::Tim2)
-        );
-        assert_eq!(scanning(0b1000 << 24).trigger_source(), None, "EXTEN is 0");
+        assert_eq!(scanning(BY_TIM3).trigger_timer(), Some(1));
+        assert_eq!(scanning(0b01 << 28 | 0b0110 << 24).trigger_timer(), Some(0));
+        assert_eq!(scanning(0b1000 << 24).trigger_timer(), None, "EXTEN is 0");
         let mut adc = scanning(BY_TIM3);
         adc.write(CR2, BY_TIM3, 0).unwrap();
-        assert_eq!(adc.trigger_source(), None, "ADON is 0");
+        assert_eq!(adc.trigger_timer(), None, "ADON is 0");
     }
 
     #[test]
@@ -469,11 +440,11 @@ mod tests {
         let mut adc = scanning(BY_TIM3 | DMA | DDS | EOCS);
         adc.trigger(0);
         adc.finish(1, 3_239);
-        assert!(adc.dma_request());
+        assert!(adc.request);
         adc.finish(2, 6_477);
         assert_eq!(adc.read(SR, 0).unwrap() & OVR, OVR);
         assert_eq!(
-            (adc.overruns, adc.dma_request(), adc.next_conversion()),
+            (adc.overruns, adc.request, adc.next_conversion()),
             (1, false, None)
         );
         adc.trigger(10_000);
@@ -493,7 +464,7 @@ mod tests {
             adc.take_data();
             adc.dma_ended();
             adc.finish(2, 6_477);
-            assert_eq!(adc.dma_request(), request, "DDS {dds:#x}");
+            assert_eq!(adc.request, request, "DDS {dds:#x}");
         }
     }
 

@@ -98,21 +98,17 @@ impl Dma {
     /// The stream that serves a request: the first of these that is enabled and listens to its channel. The
     /// pairs of stream and channel are from the request mapping (tables 42 and 43).
     pub fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
-        mapping
-            .iter()
-            .find(|(s, channel)| self.ready(*s, *channel))
-            .map(|(s, _)| *s)
-    }
-
-    fn ready(&self, stream: usize, channel: u32) -> bool {
-        let s = &self.streams[stream];
-        s.cr & EN != 0 && s.ndtr > 0 && field(s.cr, 25, 3) == channel
+        let listens = |(stream, channel): &&(usize, u32)| {
+            let s = &self.streams[*stream];
+            s.running() && field(s.cr, 25, 3) == *channel
+        };
+        mapping.iter().find(listens).map(|(stream, _)| *stream)
     }
 
     /// What the stream moves at its next request. `None` if it is stopped.
     pub fn beat(&self, stream: usize) -> Option<Beat> {
         let s = &self.streams[stream];
-        if s.cr & EN == 0 || s.ndtr == 0 {
+        if !s.running() {
             return None;
         }
         let bytes = 1 << field(s.cr, 11, 2).min(2);
@@ -164,7 +160,7 @@ impl Dma {
     /// up.
     pub fn beats_to_interrupt(&self, stream: usize) -> Option<u32> {
         let s = &self.streams[stream];
-        if s.cr & EN == 0 || s.ndtr == 0 || self.interrupt(stream) {
+        if !s.running() || self.interrupt(stream) {
             return None;
         }
         let done = s.total - s.ndtr;
@@ -212,6 +208,10 @@ impl Dma {
 }
 
 impl Stream {
+    fn running(&self) -> bool {
+        self.cr & EN != 0 && self.ndtr > 0
+    }
+
     fn direction(&self) -> Direction {
         match field(self.cr, 6, 2) {
             0b00 => Direction::ToMemory,

@@ -65,6 +65,15 @@ fn sector(number: u32) -> Option<(u32, u32)> {
     })
 }
 
+fn operation(at_ns: u64, address: u32, bytes: u32, erase: bool) -> FlashOperation {
+    FlashOperation {
+        at_ns,
+        address,
+        bytes,
+        erase,
+    }
+}
+
 fn erase_ns(bytes: u32, psize: u32) -> u64 {
     let times = match bytes >> 10 {
         16 => ERASE_MS[0],
@@ -186,15 +195,11 @@ impl Flash {
 
     /// Changes the bits for whose number `done` is true. Returns the addresses of the operation.
     fn change(&mut self, running: Running, mut done: impl FnMut(u32) -> bool) -> Range<u32> {
-        let FlashOperation {
-            address,
-            bytes,
-            erase,
-            ..
-        } = running.operation;
+        let operation = running.operation;
+        let (address, bytes) = (operation.address, operation.bytes);
         let first = (address - WRITABLE.start) as usize;
         for (n, byte) in self.contents[first..][..bytes as usize].iter_mut().enumerate() {
-            let wanted = match erase {
+            let wanted = match operation.erase {
                 true => 0xff,
                 false => *byte & running.value.to_le_bytes()[n],
             };
@@ -207,25 +212,17 @@ impl Flash {
         address..address + bytes
     }
 
+    /// Begins an operation that takes `ns`.
     fn begin(&mut self, operation: FlashOperation, value: u32, ns: u64) {
         let now = operation.at_ns;
         self.operations.push(operation);
-        let mut power_goes_ns = None;
-        self.cuts.retain_mut(|cut| match cut.after.checked_sub(1) {
-            Some(after) => {
-                cut.after = after;
-                true
-            }
-            None => {
-                power_goes_ns = Some(now + ns * u64::from(cut.percent.min(100)) / 100);
-                false
-            }
-        });
+        let due = self.cuts.extract_if(.., |cut| cut.after == 0).last();
+        self.cuts.iter_mut().for_each(|cut| cut.after -= 1);
         self.running = Some(Running {
             operation,
             value,
             ends_ns: now + ns,
-            power_goes_ns,
+            power_goes_ns: due.map(|cut| now + ns * u64::from(cut.percent.min(100)) / 100),
         });
     }
 
@@ -265,13 +262,7 @@ impl Flash {
             );
             self.refuse(WRPERR);
         } else {
-            let operation = FlashOperation {
-                at_ns: now,
-                address,
-                bytes,
-                erase: false,
-            };
-            self.begin(operation, value, PROGRAM_NS);
+            self.begin(operation(now, address, bytes, false), value, PROGRAM_NS);
         }
     }
 
@@ -280,14 +271,8 @@ impl Flash {
         let sector = sector(field(self.cr, 3, 4));
         match (self.cr & (SER | MER), sector) {
             (SER, Some((address, bytes))) if WRITABLE.contains(&address) => {
-                let operation = FlashOperation {
-                    at_ns: now,
-                    address,
-                    bytes,
-                    erase: true,
-                };
-                self.begin(operation, u32::MAX, erase_ns(bytes, field(self.cr, 8, 2)));
-                return;
+                let ns = erase_ns(bytes, field(self.cr, 8, 2));
+                return self.begin(operation(now, address, bytes, true), u32::MAX, ns);
             }
             (SER, Some(_)) => {
                 self.notes.note(

@@ -30,11 +30,10 @@ impl Default for Iwdg {
 impl Peripheral for Iwdg {
     fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
-            0x00 => 0,
+            // KR reads as 0. SR: no update is in progress.
+            0x00 | 0x0c => 0,
             0x04 => self.prescaler,
             0x08 => self.reload,
-            // SR: no update is in progress.
-            0x0c => 0,
             _ => return Err(NoRegister),
         })
     }

@@ -1,7 +1,7 @@
 //! Power control (RM0090 section 5.4). The regulator is ready at once. The supply has the voltage that is set
 //! from outside, and the programmable voltage detector compares it with its threshold.
 
-use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::peripheral::{NoRegister, Peripheral};
 use super::register::{bit, field};
 
 const VOS: u32 = 1 << 14;
@@ -31,7 +31,6 @@ pub struct Pwr {
     supply_mv: u32,
     /// The detector's comparator: the supply is below the threshold.
     below: bool,
-    notes: Notes,
 }
 
 impl Default for Pwr {
@@ -41,7 +40,6 @@ impl Default for Pwr {
             csr: 0,
             supply_mv: GOOD_MV,
             below: false,
-            notes: Notes::default(),
         }
     }
 }
@@ -96,14 +94,9 @@ impl Peripheral for Pwr {
     /// The supply stays.
     fn reset(&mut self, _now: u64) {
         *self = Self {
-            notes: std::mem::take(&mut self.notes),
             supply_mv: self.supply_mv,
             ..Self::default()
         };
-    }
-
-    fn notes(&self) -> &Notes {
-        &self.notes
     }
 }
 

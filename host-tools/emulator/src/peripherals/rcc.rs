@@ -5,7 +5,7 @@
 
 use super::clock::{Clocks, HSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
-use super::register::{bit, field};
+use super::register::{bit, field, index};
 use crate::outcome::ResetCause;
 
 /// Reset flags in CSR (section 7.3.21).
@@ -28,15 +28,15 @@ const PLLI2SON: u32 = 1 << 26;
 /// Each ready flag of CR stands one bit above its enable.
 const ON_BITS: u32 = HSION | HSEON | PLLON | PLLI2SON;
 
-/// A bus with its own enable and reset registers.
+/// A bus with its own enable and reset registers: their number within each row of registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bus {
     /// AHB1.
-    Ahb1,
+    Ahb1 = 0,
     /// APB1.
-    Apb1,
+    Apb1 = 4,
     /// APB2.
-    Apb2,
+    Apb2 = 5,
 }
 
 /// RCC's registers.
@@ -130,12 +130,12 @@ impl Rcc {
 
     /// Whether the clock of a peripheral is on: its bit in the bus's enable register.
     pub fn enabled(&self, bus: Bus, n: u32) -> bool {
-        bit(self.enable[group(bus)], n)
+        bit(self.enable[bus as usize], n)
     }
 
     /// Whether the firmware holds a peripheral in reset.
     pub fn held_in_reset(&self, bus: Bus, n: u32) -> bool {
-        bit(self.reset[group(bus)], n)
+        bit(self.reset[bus as usize], n)
     }
 
     fn write_cr(&mut self, value: u32) {
@@ -178,18 +178,6 @@ impl Rcc {
     }
 }
 
-fn index(offset: u32, base: u32) -> usize {
-    ((offset - base) / 4) as usize
-}
-
-fn group(bus: Bus) -> usize {
-    match bus {
-        Bus::Ahb1 => 0,
-        Bus::Apb1 => 4,
-        Bus::Apb2 => 5,
-    }
-}
-
 impl Peripheral for Rcc {
     fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
@@ -226,10 +214,8 @@ impl Peripheral for Rcc {
                 self.notes.note("BDCR written with PWR_CR.DBP clear: ignored");
             }
             // BDRST resets all of the backup domain but itself.
-            0x70 => {
-                let reset = bit(value, 16);
-                self.bdcr = if reset { 1 << 16 } else { value & 0x0000_8305 };
-            }
+            0x70 if bit(value, 16) => self.bdcr = 1 << 16,
+            0x70 => self.bdcr = value & 0x0000_8305,
             0x74 => {
                 let kept = if value & RMVF != 0 { 0 } else { RESET_FLAGS };
                 self.csr = (self.csr & kept) | (value & 1);

@@ -15,7 +15,7 @@
 
 use super::clock::{self, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
-use super::register::{bit, field};
+use super::register::{bit, field, index};
 
 const CEN: u32 = 1 << 0;
 const UDIS: u32 = 1 << 1;
@@ -58,8 +58,8 @@ pub struct Tim {
     origin_count: u32,
     /// Flags have been filled in up to this tick from the origin.
     seen: u64,
-    /// UG or an enable was written, and the trigger output passes it on at once.
-    trigger_now: bool,
+    /// UG or an enable was written, and TRGO passes it on at once. Whoever passes it on clears this.
+    pub trigger_now: bool,
     notes: Notes,
 }
 
@@ -158,9 +158,8 @@ impl Tim {
 
     /// Whether an edge at this input would raise the interrupt line.
     pub fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
-        let raises = |channel: &usize| bit(self.dier, 1 + *channel as u32);
-        let mut captured = (0..CHANNELS).filter(|channel| self.captures(*channel, input, rising));
-        !self.interrupt(0) && captured.any(|channel| raises(&channel))
+        let raises = |channel| self.captures(channel, input, rising) && bit(self.dier, 1 + channel as u32);
+        !self.interrupt(0) && (0..CHANNELS).any(raises)
     }
 
     /// Whether an edge at any input could raise the interrupt line.
@@ -212,11 +211,6 @@ impl Tim {
         Some(self.time_of(first + n * self.period()))
     }
 
-    /// Whether the last write to a register made TRGO pulse. This is told once.
-    pub fn take_trigger_now(&mut self) -> bool {
-        std::mem::take(&mut self.trigger_now)
-    }
-
     fn write_cr1(&mut self, value: u32, now: u64) {
         let count = self.count(now);
         let was_enabled = self.cr1 & CEN != 0;
@@ -258,14 +252,11 @@ impl Tim {
     /// Compare values without preload (CCMRx.OCxPE is 0) take effect at once.
     fn load_unbuffered(&mut self) {
         for channel in 0..CHANNELS {
-            if self.is_input(channel) || !self.preloads(channel) {
+            let preloads = bit(self.ccmr[channel / 2], 3 + 8 * (channel as u32 % 2));
+            if self.is_input(channel) || !preloads {
                 self.ccr[channel].load();
             }
         }
-    }
-
-    fn preloads(&self, channel: usize) -> bool {
-        bit(self.ccmr[channel / 2], 3 + 8 * (channel as u32 % 2))
     }
 
     fn has_pending_load(&self) -> bool {
@@ -282,13 +273,6 @@ impl Tim {
         self.origin_ns = now;
         self.origin_count = count;
         self.seen = 0;
-    }
-
-    /// As [`Self::start_afresh`], but the part of the tick that has passed is kept, since only the period
-    /// changes.
-    fn start_afresh_within_tick(&mut self, now: u64, count: u32) {
-        let tick = self.time_of(self.ticks(now));
-        self.start_afresh(if self.counting() { tick } else { now }, count);
     }
 
     // Ticks from the origin.
@@ -313,13 +297,13 @@ impl Tim {
 
     /// Ticks to the first update. A counter beyond the period runs on to its end.
     fn first_update(&self) -> u64 {
-        let count = u64::from(self.origin_count);
-        let end = if self.origin_count <= self.arr.active {
-            self.period()
-        } else {
+        let beyond = self.origin_count > self.arr.active;
+        let end = if beyond {
             u64::from(self.max) + 1
+        } else {
+            self.period()
         };
-        end - count
+        end - u64::from(self.origin_count)
     }
 
     fn count(&self, now: u64) -> u32 {
@@ -333,7 +317,11 @@ impl Tim {
 
     /// The first update after tick `n`.
     fn update_after(&self, n: u64) -> u64 {
-        let first = self.first_update();
+        self.repeated_after(self.first_update(), n)
+    }
+
+    /// The first tick after `n` of those that are whole periods from `first` on.
+    fn repeated_after(&self, first: u64, n: u64) -> u64 {
         match n.checked_sub(first) {
             None => first,
             Some(past) => first + (past / self.period() + 1) * self.period(),
@@ -353,11 +341,7 @@ impl Tim {
         {
             return ahead;
         }
-        let first = first_update + u64::from(compare);
-        match n.checked_sub(first) {
-            None => first,
-            Some(past) => first + (past / self.period() + 1) * self.period(),
-        }
+        self.repeated_after(first_update + u64::from(compare), n)
     }
 
     /// Sets the flags of ticks after `seen` up to `to`.
@@ -384,13 +368,13 @@ impl Peripheral for Tim {
             0x0c => self.dier,
             0x10 => self.sr,
             0x14 => 0,
-            0x18 | 0x1c => self.ccmr[(offset as usize - 0x18) / 4],
+            0x18 | 0x1c => self.ccmr[index(offset, 0x18)],
             0x20 => self.ccer,
             0x24 => self.count(now),
             0x28 => self.psc.written,
             0x2c => self.arr.written,
             0x34..=0x40 if offset.is_multiple_of(4) => {
-                let channel = (offset as usize - 0x34) / 4;
+                let channel = index(offset, 0x34);
                 // Reading what was captured clears its flag (section 18.4.5).
                 if self.is_input(channel) {
                     self.sr &= !(2 << channel);
@@ -406,9 +390,7 @@ impl Peripheral for Tim {
         self.advance(now);
         match offset {
             0x00 => self.write_cr1(value, now),
-            0x04 => {
-                self.cr2 = value & 0xf8;
-            }
+            0x04 => self.cr2 = value & 0xf8,
             0x08 => {
                 self.smcr = value & 0xfff7;
                 let started = matches!((field(value, 0, 3), field(value, 4, 3)), (0b110, 0b000..=0b011));
@@ -417,14 +399,12 @@ impl Peripheral for Tim {
                     "SMCR: of the slave modes only the start by another timer is modelled, of the external clocks none",
                 );
             }
-            0x0c => {
-                self.dier = value & 0x5f5f;
-            }
+            0x0c => self.dier = value & 0x5f5f,
             // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
             0x10 => self.sr &= value,
             0x14 => self.generate(value, now),
             0x18 | 0x1c => {
-                self.ccmr[(offset as usize - 0x18) / 4] = value & 0xffff;
+                self.ccmr[index(offset, 0x18)] = value & 0xffff;
                 for half in [value, value >> 8] {
                     self.notes.note_if(
                         half & 3 != 0 && half & 0xfc != 0,
@@ -450,11 +430,13 @@ impl Peripheral for Tim {
                 self.arr.written = value & self.max;
                 if self.cr1 & ARPE == 0 {
                     self.arr.load();
-                    self.start_afresh_within_tick(now, count);
+                    // Only the period changes: the part of the tick that has passed is kept.
+                    let tick = self.time_of(self.ticks(now));
+                    self.start_afresh(if self.counting() { tick } else { now }, count);
                 }
             }
             0x34..=0x40 if offset.is_multiple_of(4) => {
-                let channel = (offset as usize - 0x34) / 4;
+                let channel = index(offset, 0x34);
                 // What was captured cannot be written (section 18.4.13).
                 if !self.is_input(channel) {
                     self.ccr[channel].written = value & self.max;
@@ -468,9 +450,8 @@ impl Peripheral for Tim {
 
     /// The clock stays.
     fn reset(&mut self, _now: u64) {
-        let notes = std::mem::take(&mut self.notes);
         *self = Self {
-            notes,
+            notes: std::mem::take(&mut self.notes),
             ..Self::new(32 - self.max.leading_zeros(), self.hz)
         };
     }

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 
 use super::clock::{self, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
-use super::register::field;
+use super::register::{field, index};
 
 const ORE: u32 = 1 << 3;
 const IDLE: u32 = 1 << 4;
@@ -179,12 +179,8 @@ impl Usart {
 
     fn next_byte(&self) -> Option<u64> {
         let starts = self.input.front()?.not_before_ns.max(self.input_seen_ns);
-        Some(starts.saturating_add(self.frame_ns_or_none()))
-    }
-
-    /// A receiver without a baud rate loses bytes at once.
-    fn frame_ns_or_none(&self) -> u64 {
-        if self.brr == 0 { 0 } else { self.frame_ns() }
+        // Without a baud rate a frame takes no time: the receiver loses bytes at once.
+        Some(starts.saturating_add(self.frame_ns()))
     }
 
     /// What [`Self::next_received`] announced has come.
@@ -247,7 +243,7 @@ impl Peripheral for Usart {
             }
             0x04 => self.take_data(),
             0x08 => self.brr,
-            0x0c | 0x10 | 0x14 => self.cr[(offset as usize - 0x0c) / 4],
+            0x0c | 0x10 | 0x14 => self.cr[index(offset, 0x0c)],
             0x18 => self.gtpr,
             _ => return Err(NoRegister),
         })
@@ -267,12 +263,8 @@ impl Peripheral for Usart {
                 self.cr[0] = value & 0xffff;
                 self.load_shift_register(now);
             }
-            0x10 => {
-                self.cr[1] = value & 0x7f6f;
-            }
-            0x14 => {
-                self.cr[2] = value & 0xfff;
-            }
+            0x10 => self.cr[1] = value & 0x7f6f,
+            0x14 => self.cr[2] = value & 0xfff,
             0x18 => self.gtpr = value & 0xffff,
             _ => return Err(NoRegister),
         }
@@ -281,10 +273,9 @@ impl Peripheral for Usart {
 
     /// The frame under way is cut. What the other side still sends goes on.
     fn reset(&mut self, _now: u64) {
-        let (notes, input) = (std::mem::take(&mut self.notes), std::mem::take(&mut self.input));
         *self = Self {
-            notes,
-            input,
+            notes: std::mem::take(&mut self.notes),
+            input: std::mem::take(&mut self.input),
             input_seen_ns: self.input_seen_ns,
             stalled_until_ns: self.stalled_until_ns,
             ..Self::new(self.pclk)
@@ -293,14 +284,9 @@ impl Peripheral for Usart {
 
     fn interrupt(&self, _output: usize) -> bool {
         let [cr1, _, cr3] = self.cr;
-        let enabled = (cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE))
-            | if cr1 & RXNEIE != 0 || (cr3 & EIE != 0 && cr3 & DMAR != 0) {
-                ORE
-            } else {
-                0
-            };
+        let overrun = cr1 & RXNEIE != 0 || (cr3 & EIE != 0 && cr3 & DMAR != 0);
         // The enables of TXE, TC, RXNE and IDLE have the bit numbers of their flags.
-        self.sr & enabled != 0
+        self.sr & cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE) != 0 || (overrun && self.sr & ORE != 0)
     }
 
     fn next_interrupt(&self) -> Option<u64> {

@@ -11,9 +11,7 @@ pub(super) struct Blocks {
     /// Instructions of the whole image, and of those functions, when the block began. Nothing before the
     /// first one.
     began: Option<[u64; 2]>,
-    worst: Option<Block>,
-    working: Option<Block>,
-    idle: Option<Block>,
+    ended: Instructions,
 }
 
 impl Blocks {
@@ -22,9 +20,7 @@ impl Blocks {
             counters,
             work,
             began: None,
-            worst: None,
-            working: None,
-            idle: None,
+            ended: Instructions::default(),
         }
     }
 
@@ -43,13 +39,13 @@ impl Blocks {
             instructions: now[0] - began[0],
             scans,
         };
-        let worst = self.worst.get_or_insert(block);
+        let worst = self.ended.worst_block.get_or_insert(block);
         if block.instructions_per_scan() > worst.instructions_per_scan() {
             *worst = block;
         }
         let alike = match now[1] > began[1] {
-            true => &mut self.working,
-            false => &mut self.idle,
+            true => &mut self.ended.working,
+            false => &mut self.ended.idle,
         };
         let alike = alike.get_or_insert_default();
         alike.instructions += block.instructions;
@@ -61,9 +57,7 @@ impl Blocks {
         Instructions {
             total: self.counters.total(),
             functions: self.counters.functions(),
-            worst_block: self.worst,
-            working: self.working,
-            idle: self.idle,
+            ..self.ended.clone()
         }
     }
 }

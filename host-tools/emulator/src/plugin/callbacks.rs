@@ -198,20 +198,30 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
 
 extern "C" fn on_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
     let address = start as u32 + offset as u32;
-    running().map_or(0, |(mut overlay, qemu)| overlay.read(address, bytes, qemu).into())
+    running().map_or(0, |(mut overlay, qemu)| {
+        overlay
+            .access(qemu, |machine, now, outside| {
+                machine.read(address, bytes, now, outside)
+            })
+            .into()
+    })
 }
 
 extern "C" fn on_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
     let address = start as u32 + offset as u32;
     if let Some((mut overlay, qemu)) = running() {
-        overlay.write(address, bytes, value as u32, qemu);
+        overlay.access(qemu, |machine, now, outside| {
+            machine.write(address, bytes, value as u32, now, outside);
+        });
     }
 }
 
 extern "C" fn on_store(start: Pointer, offset: u64, value: u64, bytes: u32) {
     let address = start as u32 + offset as u32;
     if let Some((mut overlay, qemu)) = running() {
-        overlay.store(address, bytes, value as u32, qemu);
+        overlay.access(qemu, |machine, now, outside| {
+            machine.store(address, bytes, value as u32, now, outside);
+        });
     }
 }
 

@@ -52,11 +52,8 @@ impl Counters {
     /// What the instruction at an address counts for. `None` if only for the total.
     pub(super) fn site(&self, address: u32) -> Option<Site> {
         let mut site = Site::default();
-        for f in self
-            .functions
-            .iter()
-            .filter(|f| (f.start..f.end).contains(&address))
-        {
+        let around = |f: &&FunctionRange| (f.start..f.end).contains(&address);
+        for f in self.functions.iter().filter(around) {
             if !site.labels.contains(&f.label) {
                 site.labels.push(f.label);
             }

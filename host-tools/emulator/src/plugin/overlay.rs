@@ -20,7 +20,7 @@ const RTT_PERIOD_NS: u64 = 100_000;
 /// One run, seen from inside QEMU.
 pub(super) struct Overlay {
     machine: Machine,
-    description: Description,
+    description: Description<'static>,
     folder: PathBuf,
     recorder: Recorder,
     /// In order of time.
@@ -41,20 +41,15 @@ impl Overlay {
     /// One line: what is wrong with the directory.
     pub(super) fn new(folder: &Path) -> Result<Self, String> {
         let description = describe(folder)?;
-        let hse_hz = off_by(description.hse_hz, description.hse_ppm);
-        let stimulus = Stimulus::new(rows(folder)?, description.sample_period_ns);
-        let machine = Machine::new(
-            hse_hz,
-            description.uid,
-            stimulus.on_clock(hse_hz, description.hse_hz),
-            &description.uart_input,
-            &description.pin_inputs,
-        );
-        let mut pokes = description.pokes.clone();
+        let run = &description.run;
+        let hse_hz = off_by(run.hse_hz, run.hse_ppm);
+        let stimulus = Stimulus::new(rows(folder)?, run.sample_period_ns).on_clock(hse_hz, run.hse_hz);
+        let machine = Machine::new(hse_hz, run.uid, stimulus, &run.uart_input, &run.pin_inputs);
+        let mut pokes = run.pokes.clone();
         pokes.sort_by_key(|poke| poke.at_ns);
-        let mut faults = description.faults.clone();
+        let mut faults = run.faults.clone();
         faults.sort_by_key(|fault| fault.at_ns);
-        let blocks = description.count_instructions.then(|| {
+        let blocks = run.count_instructions.then(|| {
             let counters = Counters::new(&description.labels, description.functions.clone());
             // Kept for the life of QEMU: its callbacks point there.
             Blocks::new(Box::leak(Box::new(counters)), description.work.clone())
@@ -79,28 +74,12 @@ impl Overlay {
         Some(self.recorder.blocks.as_ref()?.counters)
     }
 
-    /// The processor reads.
-    pub(super) fn read(&mut self, address: u32, bytes: u32, qemu: &Qemu) -> u32 {
-        self.access(qemu, |machine, now, outside| {
-            machine.read(address, bytes, now, outside)
-        })
-    }
-
-    /// The processor writes.
-    pub(super) fn write(&mut self, address: u32, bytes: u32, value: u32, qemu: &Qemu) {
-        self.access(qemu, |machine, now, outside| {
-            machine.write(address, bytes, value, now, outside)
-        });
-    }
-
-    /// The processor stores to flash.
-    pub(super) fn store(&mut self, address: u32, bytes: u32, value: u32, qemu: &Qemu) {
-        self.access(qemu, |machine, now, outside| {
-            machine.store(address, bytes, value, now, outside)
-        });
-    }
-
-    fn access<T>(&mut self, qemu: &Qemu, access: impl FnOnce(&mut Machine, u64, &mut Outside<'_>) -> T) -> T {
+    /// The processor reads, writes or stores to flash: `access` says it to the machine.
+    pub(super) fn access<T>(
+        &mut self,
+        qemu: &Qemu,
+        access: impl FnOnce(&mut Machine, u64, &mut Outside<'_>) -> T,
+    ) -> T {
         let now = qemu.now();
         let result = access(&mut self.machine, now, &mut Outside(qemu, &mut self.recorder));
         self.after(now, false, qemu);
@@ -133,7 +112,7 @@ impl Overlay {
                 .fail(fault.kind, now, &mut Outside(qemu, &mut self.recorder));
         }
         self.after(now, true, qemu);
-        if self.ends_at().is_some_and(|end| end <= now) {
+        if self.ends_at() <= now {
             self.end(now, qemu);
         }
     }
@@ -172,13 +151,12 @@ impl Overlay {
         qemu.wake_at(now);
     }
 
-    /// When the run is over, as far as known: some time after the stimulus, or at a deadline if sampling has
+    /// When the run is over: some time after the stimulus, or at a deadline if sampling has
     /// not begun.
-    fn ends_at(&self) -> Option<u64> {
-        match self.machine.stimulus().ends_at() {
-            Some(end) => Some(end.saturating_add(self.description.tail_ns)),
-            None => Some(self.description.sampling_deadline_ns),
-        }
+    fn ends_at(&self) -> u64 {
+        let run = &self.description.run;
+        let end = self.machine.stimulus().ends_at();
+        end.map_or(run.sampling_deadline_ns, |end| end.saturating_add(run.tail_ns))
     }
 
     fn after(&mut self, now: u64, look_at_log: bool, qemu: &Qemu) {
@@ -190,18 +168,11 @@ impl Overlay {
             self.rtt_looked_at_ns = now;
         }
         let poke = self.pokes.front().map(|poke| poke.at_ns);
-        let next = [
-            self.machine.next_interrupt(),
-            poke,
-            self.next_fault(),
-            self.ends_at(),
-        ]
-        .into_iter()
-        .flatten()
-        .min();
-        if let Some(next) = next {
-            qemu.wake_at(next.max(now + 1));
-        }
+        let next = [self.machine.next_interrupt(), poke, self.next_fault()]
+            .into_iter()
+            .flatten();
+        let next = next.fold(self.ends_at(), u64::min);
+        qemu.wake_at(next.max(now + 1));
     }
 
     fn drain_log(&mut self, qemu: &Qemu) {
@@ -236,7 +207,7 @@ fn odd(folder: &Path, name: &str, why: String) -> String {
 }
 
 /// The run's description.
-fn describe(folder: &Path) -> Result<Description, String> {
+fn describe(folder: &Path) -> Result<Description<'static>, String> {
     let odd = |e: serde_json::Error| odd(folder, exchange::DESCRIPTION, e.to_string());
     let json: serde_json::Value =
         serde_json::from_slice(&read(folder, exchange::DESCRIPTION)?).map_err(odd)?;
@@ -251,14 +222,8 @@ fn describe(folder: &Path) -> Result<Description, String> {
 /// The rows of the stimulus.
 fn rows(folder: &Path) -> Result<Vec<[u16; 4]>, String> {
     let bytes = read(folder, exchange::STIMULUS)?;
-    let codes: Vec<u16> = bytes
-        .as_chunks()
-        .0
-        .iter()
-        .copied()
-        .map(u16::from_le_bytes)
-        .collect();
-    Ok(codes.as_chunks().0.to_vec())
+    let row = |row: &[[u8; 2]; 4]| row.map(u16::from_le_bytes);
+    Ok(bytes.as_chunks().0.as_chunks().0.iter().map(row).collect())
 }
 
 /// The frequency of a crystal that is off by `ppm`, in whole Hz. At 8 MHz that is an eighth of a ppm.

@@ -196,18 +196,10 @@ impl Qemu {
         unsafe { (self.functions.qemu_set_irq)(self.interrupts[number], c_int::from(level)) }
     }
 
-    /// Stops the processor until [`Self::go_on`], an interrupt that it takes, or a reset. While nothing runs,
-    /// virtual time goes straight to the next timer.
-    pub(super) fn halt(&self) {
-        self.interrupt_processor(HALT);
-    }
-
-    /// Ends [`Self::halt`].
-    pub(super) fn go_on(&self) {
-        self.interrupt_processor(GO_ON);
-    }
-
-    fn interrupt_processor(&self, request: c_int) {
+    /// Stops the processor until it is told to go on, an interrupt that it takes, or a reset. While nothing
+    /// runs, virtual time goes straight to the next timer.
+    pub(super) fn stall(&self, stalled: bool) {
+        let request = if stalled { HALT } else { GO_ON };
         // SAFETY: processor 0 exists once the machine is made; the request is one of QEMU's.
         unsafe { (self.functions.cpu_interrupt)((self.functions.qemu_get_cpu)(0), request) }
     }

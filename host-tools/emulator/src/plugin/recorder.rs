@@ -79,10 +79,7 @@ impl Board for Outside<'_> {
     }
 
     fn stall(&mut self, stalled: bool) {
-        match stalled {
-            true => self.0.halt(),
-            false => self.0.go_on(),
-        }
+        self.0.stall(stalled);
     }
 
     fn lose_memory(&mut self) {
@@ -107,7 +104,7 @@ impl Board for Outside<'_> {
     }
 
     fn reset_wanted(&mut self) {
-        self.0.halt();
+        self.0.stall(true);
         self.0.request_reset();
     }
 }

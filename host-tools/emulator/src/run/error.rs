@@ -1,128 +1,70 @@
 //! Why a run failed. Each error is one line: what failed, why, and what to do next.
 
 use std::path::PathBuf;
+use std::process::ExitStatus;
 use std::time::Duration;
 
 /// Why [`Run::execute`](crate::Run::execute) gave no outcome.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
-    /// The image cannot be read.
-    #[error("cannot read the firmware image {}: {source}; build it first or name another", path.display())]
-    ImageMissing {
-        /// The image.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file is not an ELF for a 32-bit ARM.
-    #[error("{} is not an ARM ELF file ({reason}); give the image that the thumbv7em build made", path.display())]
-    NotArmElf {
-        /// The image.
-        path: PathBuf,
-        /// What was found instead.
-        reason: String,
-    },
-    /// Functions were asked for by name, and the image has no symbols.
-    #[error("{} has no symbol table, so functions cannot be counted by name; build it without strip", path.display())]
-    NoSymbols {
-        /// The image.
-        path: PathBuf,
-    },
-    /// The image's defmt records cannot be read.
-    #[error("the log of {} cannot be decoded: {reason}; build the image with a defmt that this decoder knows", path.display())]
-    Log {
-        /// The image.
-        path: PathBuf,
-        /// What the decoder said.
-        reason: String,
-    },
+    /// The image at this path cannot be read.
+    #[error("cannot read the firmware image {path}: {1}; build it first or name another", path = .0.display())]
+    ImageMissing(PathBuf, #[source] std::io::Error),
+    /// The file at this path is not an ELF for a 32-bit ARM, but this.
+    #[error("{path} is not an ARM ELF file ({1}); give the image that the thumbv7em build made", path = .0.display())]
+    NotArmElf(PathBuf, String),
+    /// Functions were asked for by name, and the image at this path has no symbols.
+    #[error("{path} has no symbol table, so functions cannot be counted by name; build it without strip", path = .0.display())]
+    NoSymbols(PathBuf),
+    /// The defmt records of the image at this path cannot be read, for the reason that the decoder gave.
+    #[error("the log of {path} cannot be decoded: {1}; build the image with a defmt that this decoder knows", path = .0.display())]
+    Log(PathBuf, String),
     /// The run asks for something impossible.
     #[error("{0}")]
     Input(String),
-    /// QEMU was not found.
+    /// There is no QEMU of this name.
     #[error(
-        "{program} was not found; install it with `apt-get install qemu-system-arm` (Debian or Ubuntu), or set STM32F405_QEMU to its path"
+        "{0} was not found; install it with `apt-get install qemu-system-arm` (Debian or Ubuntu), or set STM32F405_QEMU to its path"
     )]
-    QemuMissing {
-        /// What was tried.
-        program: String,
-    },
-    /// QEMU runs, but its version cannot be read.
+    QemuMissing(String),
+    /// The QEMU of this name runs, but the first line that it says has no version in it.
     #[error(
-        "`{program} --version` said {said:?}, which is no QEMU version; set STM32F405_QEMU to a qemu-system-arm of 7.2 or newer"
+        "`{0} --version` said {1:?}, which is no QEMU version; set STM32F405_QEMU to a qemu-system-arm of 7.2 or newer"
     )]
-    QemuVersion {
-        /// What was run.
-        program: String,
-        /// Its first line.
-        said: String,
-    },
-    /// The shared object that QEMU loads is not where it is looked for.
+    QemuVersion(String, String),
+    /// The shared object of this name, which QEMU loads, is in none of these places.
     #[error(
-        "the overlay {file} was not found in {}; build it with `cargo build -p stm32f405-qemu`, or set STM32F405_QEMU_OVERLAY to its path",
-        list(looked)
+        "the overlay {0} was not found in {looked}; build it with `cargo build -p stm32f405-qemu`, or set STM32F405_QEMU_OVERLAY to its path",
+        looked = list(.1)
     )]
-    OverlayMissing {
-        /// Its file name.
-        file: String,
-        /// Where it was looked for.
-        looked: Vec<PathBuf>,
-    },
-    /// The file found is not the overlay.
-    #[error("{} is not a usable overlay: {reason}; build it again with `cargo build -p stm32f405-qemu`", path.display())]
-    OverlayOdd {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// QEMU refused the overlay, or the overlay refused QEMU.
-    #[error("QEMU cannot load the overlay: {line}")]
-    OverlayRefused {
-        /// The first line that says why.
-        line: String,
-    },
-    /// The overlay does not fit the inside of this QEMU.
+    OverlayMissing(String, Vec<PathBuf>),
+    /// The file at this path is not the overlay, for this reason.
+    #[error("{path} is not a usable overlay: {1}; build it again with `cargo build -p stm32f405-qemu`", path = .0.display())]
+    OverlayOdd(PathBuf, String),
+    /// QEMU refused the overlay, or the overlay refused QEMU: the first line that says why.
+    #[error("QEMU cannot load the overlay: {0}")]
+    OverlayRefused(String),
+    /// The overlay does not fit the inside of this QEMU: the check that failed.
     #[error(
-        "the overlay does not fit this QEMU: {line}; Debian's and Ubuntu's qemu-system-arm 7.2, 10.0 and 11.1 are known to work"
+        "the overlay does not fit this QEMU: {0}; Debian's and Ubuntu's qemu-system-arm 7.2, 10.0 and 11.1 are known to work"
     )]
-    SelfTest {
-        /// Which check failed.
-        line: String,
-    },
-    /// The processor locked up: a fault inside the fault handler, or no image at the reset vector.
+    SelfTest(String),
+    /// The processor locked up: a fault inside the fault handler, or no image at the reset vector. QEMU said
+    /// this.
     #[error(
-        "the guest locked up: {line}; a fault was raised inside the HardFault handler, or the image has no vector table"
+        "the guest locked up: {0}; a fault was raised inside the HardFault handler, or the image has no vector table"
     )]
-    GuestLockup {
-        /// What QEMU said.
-        line: String,
-    },
-    /// QEMU ended without a report.
-    #[error("QEMU ended with {status}: {line}")]
-    Qemu {
-        /// Its exit status.
-        status: String,
-        /// The first line on its standard error.
-        line: String,
-    },
-    /// The run took too long in real time.
-    #[error("the run was stopped after {} s of real time{}; give it a longer timeout, or look for a loop without WFI", timeout.as_secs_f64(), seen(*uart_bytes))]
-    Timeout {
-        /// The limit.
-        timeout: Duration,
-        /// Bytes that the image had sent by then.
-        uart_bytes: u64,
-    },
-    /// The run's temporary files.
-    #[error("{what}: {source}")]
-    Io {
-        /// What was being done, with the path.
-        what: String,
-        /// Why it failed.
-        source: std::io::Error,
-    },
+    GuestLockup(String),
+    /// QEMU ended without a report: its exit status, and the first line on its standard error.
+    #[error("QEMU ended with {0}: {1}")]
+    Qemu(ExitStatus, String),
+    /// The run took longer than this in real time. The number is the bytes that the image had sent by then.
+    #[error("the run was stopped after {limit} s of real time{sent}; give it a longer timeout, or look for a loop without WFI", limit = .0.as_secs_f64(), sent = seen(*.1))]
+    Timeout(Duration, u64),
+    /// The run's temporary files: what was being done, and why it failed.
+    #[error("{0}: {1}")]
+    Io(&'static str, #[source] std::io::Error),
 }
 
 fn list(paths: &[PathBuf]) -> String {
@@ -140,10 +82,6 @@ fn seen(uart_bytes: u64) -> String {
     }
 }
 
-pub(super) fn io(what: &str) -> impl Fn(std::io::Error) -> RunError + use<> {
-    let what = what.to_string();
-    move |source| RunError::Io {
-        what: what.clone(),
-        source,
-    }
+pub(super) fn io(what: &'static str) -> impl Fn(std::io::Error) -> RunError {
+    move |source| RunError::Io(what, source)
 }

@@ -13,28 +13,17 @@ use crate::exchange::FunctionRange;
 pub(super) struct Image {
     path: PathBuf,
     pub(super) bytes: Vec<u8>,
-    functions: Vec<Function>,
+    /// Demangled name, first address, bytes.
+    functions: Vec<(String, u32, u32)>,
     pub(super) rtt: Option<u32>,
-}
-
-struct Function {
-    name: String,
-    start: u32,
-    size: u32,
 }
 
 impl Image {
     /// # Errors
     /// [`RunError::ImageMissing`] and [`RunError::NotArmElf`].
     pub(super) fn read(path: &Path) -> Result<Self, RunError> {
-        let bytes = std::fs::read(path).map_err(|source| RunError::ImageMissing {
-            path: path.into(),
-            source,
-        })?;
-        let not_arm = |reason: String| RunError::NotArmElf {
-            path: path.into(),
-            reason,
-        };
+        let bytes = std::fs::read(path).map_err(|source| RunError::ImageMissing(path.into(), source))?;
+        let not_arm = |reason: String| RunError::NotArmElf(path.into(), reason);
         let elf = object::File::parse(&*bytes).map_err(|e| not_arm(e.to_string()))?;
         if elf.format() != object::BinaryFormat::Elf || elf.architecture() != object::Architecture::Arm {
             return Err(not_arm(format!(
@@ -49,13 +38,13 @@ impl Image {
         for symbol in elf.symbols() {
             let Ok(name) = symbol.name() else { continue };
             match symbol.kind() {
-                object::SymbolKind::Text if symbol.size() > 0 => functions.push(Function {
+                object::SymbolKind::Text if symbol.size() > 0 => functions.push((
                     // The alternate form leaves the hash out.
-                    name: format!("{:#}", rustc_demangle::demangle(name)),
+                    format!("{:#}", rustc_demangle::demangle(name)),
                     // Bit 0 of a function's address says Thumb.
-                    start: symbol.address() as u32 & !1,
-                    size: symbol.size() as u32,
-                }),
+                    symbol.address() as u32 & !1,
+                    symbol.size() as u32,
+                )),
                 _ if name == "_SEGGER_RTT" => rtt = Some(symbol.address() as u32),
                 _ => {}
             }
@@ -78,9 +67,7 @@ impl Image {
         wanted: &[(String, String)],
     ) -> Result<(Vec<String>, Vec<FunctionRange>), RunError> {
         if !wanted.is_empty() && self.functions.is_empty() {
-            return Err(RunError::NoSymbols {
-                path: self.path.clone(),
-            });
+            return Err(RunError::NoSymbols(self.path.clone()));
         }
         let mut labels: Vec<String> = Vec::new();
         // A set, since two patterns of a label may find the same function, or a function may have two names
@@ -91,12 +78,10 @@ impl Image {
                 labels.push(label.clone());
                 labels.len() - 1
             });
-            for f in self
-                .functions
-                .iter()
-                .filter(|f| f.name.contains(pattern.as_str()))
-            {
-                ranges.insert((index, f.start, f.start + f.size));
+            for (name, start, bytes) in &self.functions {
+                if name.contains(pattern) {
+                    ranges.insert((index, *start, start + bytes));
+                }
             }
         }
         let ranges = ranges

@@ -15,10 +15,7 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
     if bytes.is_empty() {
         return Ok(Vec::new());
     }
-    let refused = |reason: String| RunError::Log {
-        path: path.into(),
-        reason,
-    };
+    let refused = |reason: String| RunError::Log(path.into(), reason);
     let Some(table) = Table::parse(elf).map_err(|e| refused(e.to_string()))? else {
         let plain = |text: &str| LogLine {
             level: None,

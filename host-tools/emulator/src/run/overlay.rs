@@ -25,17 +25,12 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
     if let Some(named) = named.or_else(|| std::env::var_os("STM32F405_QEMU_OVERLAY").map(PathBuf::from)) {
         return match named.is_file() {
             true => Ok(named),
-            false => Err(RunError::OverlayMissing {
-                file,
-                looked: vec![named],
-            }),
+            false => Err(RunError::OverlayMissing(file, vec![named])),
         };
     }
-    let folder = std::env::current_exe()
-        .ok()
-        .and_then(|exe| exe.parent().map(Path::to_path_buf));
-    let folder = folder.unwrap_or_else(|| PathBuf::from("."));
-    let mut looked = vec![folder.clone(), folder.join("deps")];
+    let exe = std::env::current_exe().unwrap_or_default();
+    let folder = exe.parent().unwrap_or(Path::new("."));
+    let mut looked = vec![folder.into(), folder.join("deps")];
     looked.extend(folder.parent().map(Path::to_path_buf));
     // If the overlay is built only as a dependency, cargo leaves an old build beside the executable.
     let built = |path: &PathBuf| {
@@ -48,7 +43,7 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
         .map(|l| l.join(&file))
         .filter(|p| p.is_file())
         .max_by_key(built);
-    found.ok_or(RunError::OverlayMissing { file, looked })
+    found.ok_or(RunError::OverlayMissing(file, looked))
 }
 
 /// The overlay's bytes with its `qemu_plugin_version` set. QEMU loads only what was built for its own
@@ -57,10 +52,7 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
 /// # Errors
 /// [`RunError::OverlayOdd`].
 pub(super) fn with_version(path: &Path, version: i32) -> Result<Vec<u8>, RunError> {
-    let odd = |reason: String| RunError::OverlayOdd {
-        path: path.into(),
-        reason,
-    };
+    let odd = |reason: String| RunError::OverlayOdd(path.into(), reason);
     let mut bytes = std::fs::read(path).map_err(|e| odd(e.to_string()))?;
     let at = version_offset(&bytes).map_err(odd)?;
     bytes

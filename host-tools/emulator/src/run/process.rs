@@ -55,14 +55,10 @@ fn start(
         .stdout(Stdio::null())
         .stderr(stderr)
         .spawn()
-        .map_err(|_| RunError::QemuMissing {
-            program: qemu.program.to_string_lossy().into_owned(),
-        })?;
+        .map_err(|_| RunError::QemuMissing(qemu.program.to_string_lossy().into_owned()))?;
     let Some(status) = wait(child, timeout)? else {
-        return Err(RunError::Timeout {
-            timeout,
-            uart_bytes: folder.path(exchange::UART).metadata().map_or(0, |m| m.len()),
-        });
+        let sent = folder.path(exchange::UART).metadata().map_or(0, |m| m.len());
+        return Err(RunError::Timeout(timeout, sent));
     };
     let stderr = std::fs::read(folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;
     Ok(Ended {
@@ -81,33 +77,20 @@ impl Ended {
     /// What the overlay reports, or why there is no report.
     fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
         if let Ok(json) = std::fs::read(folder.path(exchange::OUTCOME)) {
-            return serde_json::from_slice(&json).map_err(|e| RunError::Qemu {
-                status: self.status.to_string(),
-                line: format!("its report cannot be read ({e})"),
-            });
+            return serde_json::from_slice(&json)
+                .map_err(|e| RunError::Qemu(self.status, format!("its report cannot be read ({e})")));
         }
         let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
         let ours = first(LINE_PREFIX).map(|l| l.replace(LINE_PREFIX, ""));
-        let any = || {
-            self.stderr
-                .lines()
-                .next()
-                .unwrap_or("it said nothing")
-                .to_string()
-        };
+        let any = || first("").unwrap_or_else(|| "it said nothing".into());
         Err(if self.status.code() == Some(SELF_TEST_STATUS) {
-            RunError::SelfTest {
-                line: ours.unwrap_or_else(any),
-            }
+            RunError::SelfTest(ours.unwrap_or_else(any))
         } else if let Some(line) = first("Lockup") {
-            RunError::GuestLockup { line }
+            RunError::GuestLockup(line)
         } else if let Some(line) = ours.or_else(|| first("plugin")) {
-            RunError::OverlayRefused { line }
+            RunError::OverlayRefused(line)
         } else {
-            RunError::Qemu {
-                status: self.status.to_string(),
-                line: any(),
-            }
+            RunError::Qemu(self.status, any())
         })
     }
 }

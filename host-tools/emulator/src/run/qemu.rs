@@ -10,8 +10,7 @@ use super::error::RunError;
 #[derive(Debug, Clone)]
 pub(super) struct FoundQemu {
     pub(super) program: OsString,
-    major: u32,
-    minor: u32,
+    version: (u32, u32),
 }
 
 impl FoundQemu {
@@ -29,20 +28,11 @@ impl FoundQemu {
             .arg("--version")
             .stdin(Stdio::null())
             .output()
-            .map_err(|_| RunError::QemuMissing {
-                program: shown.clone(),
-            })?;
+            .map_err(|_| RunError::QemuMissing(shown.clone()))?;
         let text = String::from_utf8_lossy(&output.stdout);
         let first = text.lines().next().unwrap_or_default();
-        let (major, minor) = version(first).ok_or_else(|| RunError::QemuVersion {
-            program: shown,
-            said: first.into(),
-        })?;
-        Ok(Self {
-            program,
-            major,
-            minor,
-        })
+        let version = version(first).ok_or_else(|| RunError::QemuVersion(shown, first.into()))?;
+        Ok(Self { program, version })
     }
 
     /// The plugin interface version of this QEMU, as far as it is known.
@@ -50,7 +40,7 @@ impl FoundQemu {
     /// 7.2, 10.0 and 11.1 were tried. The rest follows QEMU's release notes. QEMU takes a range of versions.
     /// If it refuses this one, it names the nearest that it takes: [`wanted_version`].
     pub(super) fn plugin_version(&self) -> i32 {
-        match (self.major, self.minor) {
+        match self.version {
             (..=8, _) => 1,
             (9, 0) => 2,
             (9, 1) => 3,
@@ -99,15 +89,11 @@ mod tests {
 
     #[test]
     fn the_plugin_version_follows_the_qemu_found() {
-        let of = |major, minor| {
-            FoundQemu {
-                program: OsString::new(),
-                major,
-                minor,
-            }
-            .plugin_version()
+        let of = |version| {
+            let program = OsString::new();
+            FoundQemu { program, version }.plugin_version()
         };
-        assert_eq!((of(7, 2), of(10, 0), of(11, 1)), (1, 4, 7));
+        assert_eq!((of((7, 2)), of((10, 0)), of((11, 1))), (1, 4, 7));
     }
 
     #[test]

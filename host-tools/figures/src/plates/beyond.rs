@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::chart::{Axis, Chart, Panel};
 use crate::check::checks;
-use crate::curve::{dashed, discs, dotted, geometric, guide, line, over_time};
+use crate::curve::{dashed, discs, dotted, force_over_time, geometric, guide, line};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{peak, ratio};
@@ -51,15 +51,12 @@ fn restitution(lab: &Lab) -> Result<Figure, Error> {
             .map(|&alpha| Ok((alpha, rebound(lab, alpha, force)?.1)))
             .collect::<Result<Vec<(f64, f64)>, Error>>()
     };
-    let (printed, clipped) = (
-        simulated(ContactForce::Printed)?,
-        simulated(ContactForce::Clipped)?,
-    );
+    let printed = simulated(ContactForce::Printed)?;
+    let clipped = simulated(ContactForce::Clipped)?;
     let (collision, _) = rebound(lab, 1e-3, ContactForce::Printed)?;
     let series = |alpha: f64| collision.restitution(alpha / collision.viscosity(1.0));
-    let curve = geometric(1e-3, 0.3, 100)
-        .into_iter()
-        .map(|alpha| (alpha, series(alpha)));
+    let fine = geometric(1e-3, 0.3, 100).into_iter();
+    let curve = fine.map(|alpha| (alpha, series(alpha))).collect();
     let farthest = printed
         .iter()
         .filter(|(alpha, _)| *alpha < 0.05)
@@ -68,23 +65,18 @@ fn restitution(lab: &Lab) -> Result<Figure, Error> {
     // With the second and third terms known, the first follows from one weakly viscous collision.
     let (alpha, e) = printed[0];
     let first = (1.0 - e) / alpha + 1.79610 * alpha - 1.76473 * alpha * alpha;
-    Ok(Figure::new(
-        Chart::new(
-            Axis::log("α = τ (κ/μ)^(2/5) V^(1/5)", 1e-3..0.3),
-            vec![Panel::new(
-                "coefficient of restitution",
-                vec![
-                    line("series to α⁴", 0, curve.collect()),
-                    discs("simulated", 1, printed),
-                    dashed("never pulling", 2, clipped),
-                ],
-            )],
-        ),
-        checks![
-            "first coefficient of e = 1 - C₁ α + C₂ α² - …": first => near(1.730_173, 1e-6);
-            "simulated from the series, over its own error 1e-9 + 1.8 α⁵": farthest => at_most(1.0);
-        ],
-    ))
+    let checks = checks![
+        "first coefficient of e = 1 - C₁ α + C₂ α² - …": first => near(1.730_173, 1e-6);
+        "simulated from the series, over its own error 1e-9 + 1.8 α⁵": farthest => at_most(1.0);
+    ];
+    let curves = vec![
+        line("series to α⁴", 0, curve),
+        discs("simulated", 1, printed),
+        dashed("never pulling", 2, clipped),
+    ];
+    let panel = Panel::new("coefficient of restitution", curves);
+    let axis = Axis::log("α = τ (κ/μ)^(2/5) V^(1/5)", 1e-3..0.3);
+    Ok(Figure::new(Chart::new(axis, vec![panel]), checks))
 }
 
 fn solitary(lab: &Lab) -> Result<Figure, Error> {
@@ -96,57 +88,42 @@ fn solitary(lab: &Lab) -> Result<Figure, Error> {
         let mut scenario = strike(50, ELASTIC, 0.011 * (0.45 / speed).powf(0.2));
         scenario.striker.velocity = speed;
         let run = lab.run(&scenario)?;
-        let first = |contact| {
-            run.solution
-                .pulses(contact, &PulseSearch::default())
-                .into_iter()
-                .next()
-        };
-        let (Some(early), Some(late)) = (first(30), first(36)) else {
+        let [early, late] = [30, 36].map(|contact| run.solution.pulses(contact, &PulseSearch::default()));
+        let (Some(early), Some(late)) = (early.first(), late.first()) else {
             return Err(Error::Missing("no pulse passes contacts 30 and 36".to_owned()));
         };
-        let found = run.solution.solitary_invariants(&early, &late);
-        let wave = run.solution.speed(&early, &late);
+        let found = run.solution.solitary_invariants(early, late);
+        let wave = run.solution.speed(early, late);
         points.push((late.force, wave));
         unit = wave / late.force.powf(1.0 / 6.0) / found.speed_from_force;
         invariants.push(found);
     }
     let through = |factor: f64| -> Vec<(f64, f64)> {
+        let speed = |force: f64| factor * unit * force.powf(1.0 / 6.0);
         let forces = geometric(0.3, 300.0, 30).into_iter();
-        forces
-            .map(|force| (force, factor * unit * force.powf(1.0 / 6.0)))
-            .collect()
+        forces.map(|force| (force, speed(force))).collect()
     };
     let farthest = |of: fn(&hertz_chain::solitary::Invariants) -> f64, expected: f64| {
         let off = invariants.iter().map(|found| of(found) - expected);
         off.fold(0.0_f64, |far, off| if off.abs() > far.abs() { off } else { far }) + expected
     };
-    let (from_force, from_velocity, kinetic) = (
-        farthest(|found| found.speed_from_force, SPEED_FROM_FORCE),
-        farthest(|found| found.speed_from_velocity, SPEED_FROM_VELOCITY),
-        farthest(|found| found.kinetic_share, KINETIC_SHARE),
-    );
-    Ok(Figure::new(
-        Chart::new(
-            Axis::log("highest force (N)", 0.3..300.0),
-            vec![
-                Panel::new(
-                    "speed of the wave (m/s)",
-                    vec![
-                        line("0.90552 F^(1/6)", 0, through(SPEED_FROM_FORCE)),
-                        dashed("long waves: √0.8 F^(1/6)", 2, through(0.8_f64.sqrt())),
-                        discs("simulated", 1, points.clone()),
-                    ],
-                )
-                .log(),
-            ],
-        ),
-        checks![
-            "c / F^(1/6), farthest, κ = M = 1": from_force => near(SPEED_FROM_FORCE, 1e-5);
-            "c / v^(1/5), farthest, κ = M = 1": from_velocity => near(SPEED_FROM_VELOCITY, 1e-5);
-            "kinetic share of the energy, farthest": kinetic => near(KINETIC_SHARE, 1e-6);
-        ],
-    ))
+    let checks = checks![
+        "c / F^(1/6), farthest, κ = M = 1":
+            farthest(|found| found.speed_from_force, SPEED_FROM_FORCE) => near(SPEED_FROM_FORCE, 1e-5);
+        "c / v^(1/5), farthest, κ = M = 1":
+            farthest(|found| found.speed_from_velocity, SPEED_FROM_VELOCITY)
+            => near(SPEED_FROM_VELOCITY, 1e-5);
+        "kinetic share of the energy, farthest":
+            farthest(|found| found.kinetic_share, KINETIC_SHARE) => near(KINETIC_SHARE, 1e-6);
+    ];
+    let curves = vec![
+        line("0.90552 F^(1/6)", 0, through(SPEED_FROM_FORCE)),
+        dashed("long waves: √0.8 F^(1/6)", 2, through(0.8_f64.sqrt())),
+        discs("simulated", 1, points),
+    ];
+    let panel = Panel::new("speed of the wave (m/s)", curves).log();
+    let axis = Axis::log("highest force (N)", 0.3..300.0);
+    Ok(Figure::new(Chart::new(axis, vec![panel]), checks))
 }
 
 fn scaling(lab: &Lab) -> Result<Figure, Error> {
@@ -162,62 +139,42 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
             lab.run(&with(scenario, intruder([8], MASS, stiffness, damping)))
         })
         .collect::<Result<Vec<Arc<Run>>, Error>>()?;
-    let scaled = |run: &Run, speed: f64| -> Vec<(f64, f64)> {
-        over_time(&run.solution, 0.0..run.solution.end(), |at| at.force(CONTACT))
+    let struck = || runs.iter().zip(speeds);
+    let scaled = |(run, speed): (&Arc<Run>, f64)| -> Vec<(f64, f64)> {
+        force_over_time(&run.solution, &(0.0..run.solution.end()), CONTACT)
             .into_iter()
             .map(|(time, force)| (time * speed.powf(0.2), force / speed.powf(1.2)))
             .collect()
     };
-    let curves: Vec<Vec<(f64, f64)>> = runs
-        .iter()
-        .zip(speeds)
-        .map(|(run, speed)| scaled(run, speed))
-        .collect();
+    let curves: Vec<Vec<(f64, f64)>> = struck().map(scaled).collect();
     let whole = peak(&runs[2], CONTACT);
     let farthest = curves
         .iter()
-        .flat_map(|curve| {
-            curve
-                .iter()
-                .zip(&curves[2])
-                .map(|(one, other)| (one.1 - other.1).abs())
-        })
+        .flat_map(|curve| curve.iter().zip(&curves[2]))
+        .map(|(one, other)| (one.1 - other.1).abs())
         .fold(0.0, f64::max)
         / whole;
     let per_speed = |of: fn(&Run) -> f64, power: f64| {
-        ratio(
-            runs.iter()
-                .zip(speeds)
-                .map(|(run, speed)| of(run) / speed.powf(power)),
-        ) - 1.0
+        ratio(struck().map(|(run, speed)| of(run) / speed.powf(power))) - 1.0
     };
-    let series = curves
-        .iter()
-        .zip(speeds)
-        .enumerate()
-        .map(|(place, (curve, speed))| {
-            let name = format!("{speed} m/s");
-            // A few points of each curve, shifted from curve to curve, so that all curves are seen.
-            let some = curve.iter().skip(8 * place).step_by(40).copied().collect();
-            discs(name, place, some)
-        });
-    let mut all = vec![guide("", curves[2].clone())];
-    all.extend(series);
-    Ok(Figure::new(
-        Chart::new(
-            Axis::new("t V^(1/5) (ms (m/s)^(1/5))", 3.0..6.0),
-            vec![Panel::new("F / V^(6/5) (N (s/m)^(6/5))", all)],
-        ),
-        checks![
-            "curves apart, of the highest": farthest => at_most(2e-11);
-            "F ~ V^(6/5): highest force at contact 20, greatest over least, less 1":
-                per_speed(|run| peak(run, CONTACT), 1.2) => at_most(1e-11);
-            "t ~ V^(-1/5): its time, greatest over least, less 1":
-                per_speed(|run| run.summary.peak_force[CONTACT - 1].time, -0.2) => at_most(1e-9);
-            "E ~ V²: energy absorbed, greatest over least, less 1":
-                per_speed(|run| run.summary.energy.dissipated_intruders, 2.0) => at_most(1e-11);
-        ],
-    ))
+    let mut series = vec![guide("", curves[2].clone())];
+    for (place, (curve, speed)) in curves.iter().zip(speeds).enumerate() {
+        // A few points of each curve, shifted from curve to curve, so that all curves are seen.
+        let some = curve.iter().skip(8 * place).step_by(40).copied().collect();
+        series.push(discs(format!("{speed} m/s"), place, some));
+    }
+    let checks = checks![
+        "curves apart, of the highest": farthest => at_most(2e-11);
+        "F ~ V^(6/5): highest force at contact 20, greatest over least, less 1":
+            per_speed(|run| peak(run, CONTACT), 1.2) => at_most(1e-11);
+        "t ~ V^(-1/5): its time, greatest over least, less 1":
+            per_speed(|run| run.summary.peak_force[CONTACT - 1].time, -0.2) => at_most(1e-9);
+        "E ~ V²: energy absorbed, greatest over least, less 1":
+            per_speed(|run| run.summary.energy.dissipated_intruders, 2.0) => at_most(1e-11);
+    ];
+    let panel = Panel::new("F / V^(6/5) (N (s/m)^(6/5))", series);
+    let axis = Axis::new("t V^(1/5) (ms (m/s)^(1/5))", 3.0..6.0);
+    Ok(Figure::new(Chart::new(axis, vec![panel]), checks))
 }
 
 /// One effort: evaluations, and the errors of the peak forces, of the energies, and of the energy balance.
@@ -229,12 +186,11 @@ struct Effort {
 }
 
 fn at(scenario: &Scenario, tolerance: f64, longest_step: f64) -> Result<Solution, Error> {
-    let accuracy = Accuracy {
-        tolerance,
-        longest_step,
-    };
     let options = Options {
-        accuracy,
+        accuracy: Accuracy {
+            tolerance,
+            longest_step,
+        },
         ..Options::default()
     };
     Ok(simulate_with(scenario, &options)?)
@@ -273,10 +229,8 @@ fn efforts(scenario: &Scenario) -> Result<Vec<Effort>, Error> {
 }
 
 fn convergence(_: &Lab) -> Result<Figure, Error> {
-    let viscous = with(
-        strike(16, VISCOUS, 0.004),
-        intruder([8], MASS, STIFFNESS, DAMPING),
-    );
+    let intruder = intruder([8], MASS, STIFFNESS, DAMPING);
+    let viscous = with(strike(16, VISCOUS, 0.004), intruder);
     let elastic = strike(38, ELASTIC, 0.006);
     let mut panels = Vec::new();
     let mut checks = Vec::new();
@@ -287,10 +241,8 @@ fn convergence(_: &Lab) -> Result<Figure, Error> {
         let efforts = efforts(&scenario)?;
         let of = |value: fn(&Effort) -> f64| -> Vec<(f64, f64)> {
             // An error of 0 would have no place on a logarithmic axis.
-            efforts
-                .iter()
-                .map(|effort| (effort.evaluations, value(effort).max(1e-16)))
-                .collect()
+            let point = |effort: &Effort| (effort.evaluations, value(effort).max(1e-16));
+            efforts.iter().map(point).collect()
         };
         let best = &efforts[0];
         checks.extend(checks![
@@ -303,16 +255,12 @@ fn convergence(_: &Lab) -> Result<Figure, Error> {
             dotted("energies", 1, of(|effort| effort.energy)),
             dotted("balance", 2, of(|effort| effort.balance)),
         ];
-        panels.push(
-            Panel::new("relative error", curves.concat())
-                .log()
-                .range(1e-16, 1e-3)
-                .height(200)
-                .over(Axis::log(format!("evaluations ({name})"), 3e3..2e4)),
-        );
+        let panel = Panel::new("relative error", curves.concat())
+            .log()
+            .range(1e-16, 1e-3);
+        let axis = Axis::log(format!("evaluations ({name})"), 3e3..2e4);
+        panels.push(panel.height(200).over(axis));
     }
-    Ok(Figure::new(
-        Chart::new(Axis::log("evaluations", 3e3..2e4), panels),
-        checks,
-    ))
+    let axis = Axis::log("evaluations", 3e3..2e4);
+    Ok(Figure::new(Chart::new(axis, panels), checks))
 }

@@ -45,47 +45,38 @@ fn collisions(lab: &Lab) -> Result<Vec<Met>, Error> {
         .collect()
 }
 
+fn by_speed(met: &[Met], value: impl Fn(&Met) -> f64) -> Vec<(f64, f64)> {
+    met.iter().map(|met| (met.collision.speed, value(met))).collect()
+}
+
+fn speed_axis() -> Axis {
+    Axis::log("speed (m/s)", 0.05..5.0)
+}
+
 fn farthest(met: &[Met], ratio: impl Fn(&Met) -> f64) -> f64 {
     met.iter().map(|met| (ratio(met) - 1.0).abs()).fold(0.0, f64::max)
 }
 
 fn duration(lab: &Lab) -> Result<Figure, Error> {
     let met = collisions(lab)?;
-    let of = |value: fn(&Met) -> f64| -> Vec<(f64, f64)> {
-        met.iter()
-            .map(|met| (met.collision.speed, 1e3 * value(met)))
-            .collect()
-    };
+    let of = |value: fn(&Met) -> f64| by_speed(&met, |met| 1e3 * value(met));
     let checks = checks![
         "simulated from eq. (9), farthest part":
             farthest(&met, |met| met.time / met.collision.duration()) => at_most(3e-10);
         "time of contact at 0.5 m/s", "µs": 1e6 * met[4].time => close(124.385, 1e-5);
     ];
-    Ok(Figure::new(
-        Chart::new(
-            Axis::log("speed (m/s)", 0.05..5.0),
-            vec![
-                Panel::new(
-                    "time of contact (ms)",
-                    vec![
-                        line("eq. (9)", 0, of(|met| met.collision.duration())),
-                        discs("simulated", 1, of(|met| met.time)),
-                    ],
-                )
-                .log(),
-            ],
-        ),
-        checks,
-    ))
+    let curves = vec![
+        line("eq. (9)", 0, of(|met| met.collision.duration())),
+        discs("simulated", 1, of(|met| met.time)),
+    ];
+    let panel = Panel::new("time of contact (ms)", curves).log();
+    Ok(Figure::new(Chart::new(speed_axis(), vec![panel]), checks))
 }
 
 fn force(lab: &Lab) -> Result<Figure, Error> {
     let met = collisions(lab)?;
     // The paper prints (5/4)^(7/5) for (5/4)^(3/5).
     let printed = 1.25_f64.powf(0.8);
-    let of = |value: &dyn Fn(&Met) -> f64| -> Vec<(f64, f64)> {
-        met.iter().map(|met| (met.collision.speed, value(met))).collect()
-    };
     let checks = checks![
         "simulated from eq. (10) with (5/4)^(3/5), farthest part":
             farthest(&met, |met| met.force / met.collision.greatest_force()) => at_most(1e-12);
@@ -93,31 +84,15 @@ fn force(lab: &Lab) -> Result<Figure, Error> {
             printed * met[4].collision.greatest_force() / met[4].force
             => close(1.195, 1e-3), paper "1: the printed factor is (5/4)^(7/5)";
     ];
-    Ok(Figure::new(
-        Chart::new(
-            Axis::log("speed (m/s)", 0.05..5.0),
-            vec![
-                Panel::new(
-                    "highest force (N)",
-                    vec![
-                        line(
-                            "eq. (10), corrected",
-                            0,
-                            of(&|met| met.collision.greatest_force()),
-                        ),
-                        dashed(
-                            "as printed",
-                            2,
-                            of(&|met| printed * met.collision.greatest_force()),
-                        ),
-                        discs("simulated", 1, of(&|met| met.force)),
-                    ],
-                )
-                .log(),
-            ],
-        ),
-        checks,
-    ))
+    let corrected = by_speed(&met, |met| met.collision.greatest_force());
+    let as_printed = by_speed(&met, |met| printed * met.collision.greatest_force());
+    let curves = vec![
+        line("eq. (10), corrected", 0, corrected),
+        dashed("as printed", 2, as_printed),
+        discs("simulated", 1, by_speed(&met, |met| met.force)),
+    ];
+    let panel = Panel::new("highest force (N)", curves).log();
+    Ok(Figure::new(Chart::new(speed_axis(), vec![panel]), checks))
 }
 
 /// Shares in %, one for each ratio of masses.
@@ -149,10 +124,8 @@ fn transfer(lab: &Lab) -> Result<Figure, Error> {
     };
     let at = |points: &[(f64, f64)], ratio: f64| {
         let nearest = |point: &&(f64, f64)| (point.0 / ratio).ln().abs();
-        points
-            .iter()
-            .min_by(|a, b| nearest(a).total_cmp(&nearest(b)))
-            .map_or(f64::NAN, |point| point.1)
+        let found = points.iter().min_by(|a, b| nearest(a).total_cmp(&nearest(b)));
+        found.map_or(f64::NAN, |point| point.1)
     };
     let equal = shares(lab, 1, 2.5e-3, &[1.0])?[0].1;
     let checks = checks![
@@ -163,22 +136,14 @@ fn transfer(lab: &Lab) -> Result<Figure, Error> {
             farthest(&chain, 2.0) => at_least(0.12), paper "energy transfer as in a collision of two";
         "chain, r = 2", "%": at(&chain, 2.0) => at_least(99.99);
     ];
-    let curve = geometric(0.02, 20.0, 200)
-        .into_iter()
-        .map(|ratio| (ratio, binary(ratio)));
-    Ok(Figure::new(
-        Chart::new(
-            Axis::log("striker's mass over a bead's", 0.02..20.0),
-            vec![Panel::new(
-                "energy handed over (%)",
-                vec![
-                    guide("4r/(1+r)²", curve.collect()),
-                    discs("one bead", 0, one),
-                    discs("40 beads", 1, chain.clone()),
-                    line("", 1, chain),
-                ],
-            )],
-        ),
-        checks,
-    ))
+    let fine = geometric(0.02, 20.0, 200).into_iter();
+    let curves = vec![
+        guide("4r/(1+r)²", fine.map(|ratio| (ratio, binary(ratio))).collect()),
+        discs("one bead", 0, one),
+        discs("40 beads", 1, chain.clone()),
+        line("", 1, chain),
+    ];
+    let panel = Panel::new("energy handed over (%)", curves);
+    let axis = Axis::log("striker's mass over a bead's", 0.02..20.0);
+    Ok(Figure::new(Chart::new(axis, vec![panel]), checks))
 }

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use hertz_chain::ContactForce;
 
 use crate::chart::{Chart, Panel};
-use crate::check::checks;
-use crate::curve::{dashed, guide, line, over_time, time_axis};
+use crate::check::{Check, checks};
+use crate::curve::{dashed, force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
-use crate::observe::peak;
+use crate::observe::{greatest, last, peak};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, STIFFNESS, VISCOUS, intruder, strike, with};
 
@@ -42,8 +42,8 @@ fn forces(run: &Run, contacts: std::ops::RangeInclusive<usize>) -> Chart {
         .enumerate()
         .map(|(place, contact)| {
             let word = if place == 0 { "contact " } else { "" };
-            let force = over_time(&run.solution, span.clone(), |at| at.force(contact));
-            line(format!("{word}{contact}"), place, force)
+            let name = format!("{word}{contact}");
+            line(name, place, force_over_time(&run.solution, &span, contact))
         })
         .collect();
     Chart::new(time_axis(span), vec![Panel::new("contact force (N)", curves)])
@@ -55,12 +55,10 @@ fn forces_without(lab: &Lab) -> Result<Figure, Error> {
     scenario.chain.contact_force = ContactForce::Clipped;
     let clipped = lab.run(&scenario)?;
     let expected = [6.6016, 6.4822, 6.3834, 6.2967, 6.2173, 6.1425];
-    let mut checks = Vec::new();
-    for (contact, force) in (6..=11).zip(expected) {
-        checks.extend(
-            checks!["highest force at contact {contact}", "N": peak(&run, contact) => close(force, 1e-3);],
-        );
-    }
+    let row = |(contact, force)| -> Vec<Check> {
+        checks!["highest force at contact {contact}", "N": peak(&run, contact) => close(force, 1e-3);]
+    };
+    let mut checks: Vec<Check> = (6..=11).zip(expected).flat_map(row).collect();
     let more = 100.0 * (peak(&clipped, 11) / peak(&run, 11) - 1.0);
     checks.extend(checks![
         "force at contact 11 where parting beads may not pull: more by", "%": more => close(0.129_781, 0.02);
@@ -71,15 +69,13 @@ fn forces_without(lab: &Lab) -> Result<Figure, Error> {
 fn forces_with(lab: &Lab) -> Result<Figure, Error> {
     let (plain, run) = (without(lab)?, with_intruder(lab)?);
     let loss = |contact: usize| 100.0 * (1.0 - peak(&run, contact) / peak(&plain, contact));
-    Ok(Figure::new(
-        forces(&run, 6..=12),
-        checks![
-            "loss of force by the intruder at contact 7", "%": loss(7) => at_most(0.01);
-            "loss of force at contact 8, the host's left", "%": loss(8) => close(0.84155, 1e-3);
-            "loss of force at contact 9, the host's right", "%": loss(9) => close(3.03985, 1e-3);
-            "loss of force at contact 12", "%": loss(12) => close(1.37682, 1e-3);
-        ],
-    ))
+    let checks = checks![
+        "loss of force by the intruder at contact 7", "%": loss(7) => at_most(0.01);
+        "loss of force at contact 8, the host's left", "%": loss(8) => close(0.84155, 1e-3);
+        "loss of force at contact 9, the host's right", "%": loss(9) => close(3.03985, 1e-3);
+        "loss of force at contact 12", "%": loss(12) => close(1.37682, 1e-3);
+    ];
+    Ok(Figure::new(forces(&run, 6..=12), checks))
 }
 
 /// Times at which `value` rises through zero within the points.
@@ -106,19 +102,16 @@ fn acceleration(lab: &Lab) -> Result<Figure, Error> {
     let periods = crossings.len().saturating_sub(1) as f64;
     let seen = periods / (crossings.last().unwrap_or(&0.0) - crossings.first().unwrap_or(&0.0)) * 1e3;
     let summary = run.summary.intruders[0];
+    let checks = checks![
+        "highest acceleration", "m/s²": summary.acceleration_max => close(133.23, 1e-3);
+        "lowest acceleration", "m/s²": summary.acceleration_min => close(-194.33, 1e-3);
+        "ringing after the pulse, against the free host's", "Hz": seen => close(ringing, 0.02);
+    ];
+    let curves = vec![line("", 0, points), guide("", vec![(1.4, 0.0), (4.0, 0.0)])];
+    let panel = Panel::new("intruder acceleration (m/s²)", curves);
     Ok(Figure::new(
-        Chart::new(
-            time_axis(1.4e-3..DURATION),
-            vec![Panel::new(
-                "intruder acceleration (m/s²)",
-                vec![line("", 0, points), guide("", vec![(1.4, 0.0), (4.0, 0.0)])],
-            )],
-        ),
-        checks![
-            "highest acceleration", "m/s²": summary.acceleration_max => close(133.23, 1e-3);
-            "lowest acceleration", "m/s²": summary.acceleration_min => close(-194.33, 1e-3);
-            "ringing after the pulse, against the free host's", "Hz": seen => close(ringing, 0.02);
-        ],
+        Chart::new(time_axis(1.4e-3..DURATION), vec![panel]),
+        checks,
     ))
 }
 
@@ -129,38 +122,31 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
     };
     let before = micro(&plain, |e| e.chain_as_printed);
     let after = micro(&run, |e| e.chain_as_printed);
-    let consistent = micro(&run, |e| e.chain + e.intruders);
-    let loss = |with: &[(f64, f64)]| -> Vec<(f64, f64)> {
-        let pairs = before.iter().zip(with);
-        pairs
-            .filter(|((time, _), _)| *time > 0.5)
-            .map(|((time, without), (_, with))| (*time, 100.0 * (1.0 - with / without)))
-            .collect()
-    };
-    let dip = loss(&after).iter().map(|(_, loss)| *loss).fold(0.0, f64::max);
+    let pairs = before.iter().zip(&after);
+    let lost: Vec<(f64, f64)> = pairs
+        .filter(|((time, _), _)| *time > 0.5)
+        .map(|((time, without), (_, with))| (*time, 100.0 * (1.0 - with / without)))
+        .collect();
+    let (dip, lasting) = (greatest(&lost), last(&lost));
     let dissipated = 1e9 * run.summary.energy.dissipated_intruders;
-    let lasting = loss(&after).last().map_or(f64::NAN, |(_, loss)| *loss);
-    let chart = Chart::new(
-        time_axis(0.5e-3..DURATION),
-        vec![
-            Panel::new(
-                "energy of the chain (µJ)",
-                vec![
-                    line("without", 0, before.clone()),
-                    line("with intruder", 1, after),
-                    dashed("with, and intruder's", 2, consistent.clone()),
-                ],
-            ),
-            Panel::new("intruder (µJ)", vec![line("", 3, micro(&run, |e| e.intruders))]),
-        ],
-    );
+    let checks = checks![
+        "deepest dip of the chain's energy", "%":
+            dip => close(3.58, 2e-3), paper "nearly 4 %, read as what is lost";
+        "lasting loss of the chain's energy", "%": lasting => near(1.30949, 1e-4), paper "nearly 4 %";
+        "energy lost in the intruder's damper", "nJ": dissipated => close(828.976, 1e-4);
+    ];
+    let chain = vec![
+        line("without", 0, before),
+        line("with intruder", 1, after),
+        dashed("with, and intruder's", 2, micro(&run, |e| e.chain + e.intruders)),
+    ];
+    let intruder = vec![line("", 3, micro(&run, |e| e.intruders))];
+    let panels = vec![
+        Panel::new("energy of the chain (µJ)", chain),
+        Panel::new("intruder (µJ)", intruder),
+    ];
     Ok(Figure::new(
-        chart,
-        checks![
-            "deepest dip of the chain's energy", "%":
-                dip => close(3.58, 2e-3), paper "nearly 4 %, read as what is lost";
-            "lasting loss of the chain's energy", "%": lasting => near(1.30949, 1e-4), paper "nearly 4 %";
-            "energy lost in the intruder's damper", "nJ": dissipated => close(828.976, 1e-4);
-        ],
+        Chart::new(time_axis(0.5e-3..DURATION), panels),
+        checks,
     ))
 }

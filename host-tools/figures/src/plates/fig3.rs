@@ -8,7 +8,7 @@ use crate::check::checks;
 use crate::curve::{guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
-use crate::observe::{half_power, magnitudes, spectrum};
+use crate::observe::{greatest, half_power, magnitudes, spectrum};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, intruder, strike, with};
 
@@ -39,19 +39,14 @@ fn run(lab: &Lab, stiffness: f64) -> Result<Arc<Run>, Error> {
 
 /// How far the intruder runs ahead of its host, m.
 fn overshoot(run: &Run) -> f64 {
-    over_time(&run.solution, 0.0..DURATION, |at| {
+    greatest(&over_time(&run.solution, 0.0..DURATION, |at| {
         at.intruder_displacement(HOST).unwrap_or(f64::NAN)
-    })
-    .iter()
-    .map(|(_, ahead)| *ahead)
-    .fold(f64::NEG_INFINITY, f64::max)
+    }))
 }
 
 fn motion(lab: &Lab, which: usize) -> Result<Figure, Error> {
-    let runs = STIFFNESSES
-        .map(|stiffness| run(lab, stiffness))
-        .into_iter()
-        .collect::<Result<Vec<_>, _>>()?;
+    let runs = STIFFNESSES.map(|stiffness| run(lab, stiffness));
+    let runs = runs.into_iter().collect::<Result<Vec<_>, _>>()?;
     let [soft, medium, stiff] = [0, 1, 2].map(|n| 1e6 * overshoot(&runs[n]));
     let this = &runs[which];
     let span = 1.2e-3..3.6e-3;
@@ -84,14 +79,10 @@ fn motion(lab: &Lab, which: usize) -> Result<Figure, Error> {
             ]
         }
     };
+    let curves = vec![line("host", 0, of(false)), line("intruder", 1, of(true))];
+    let panel = Panel::new("displacement (µm)", curves);
     Ok(Figure::new(
-        Chart::new(
-            time_axis(span.clone()),
-            vec![Panel::new(
-                "displacement (µm)",
-                vec![line("host", 0, of(false)), line("intruder", 1, of(true))],
-            )],
-        ),
+        Chart::new(time_axis(span.clone()), vec![panel]),
         checks,
     ))
 }
@@ -119,31 +110,21 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
             100.0 * of(at.energies()) / start
         })
     };
-    let injection = Panel::new(
-        "of the striker's (%)",
-        vec![
-            line("chain", 4, share(|e| e.chain)),
-            line("striker", 5, share(|e| e.striker)),
-        ],
-    )
-    .height(180)
-    .over(time_axis(0.0..0.4e-3));
+    let shares = vec![
+        line("chain", 4, share(|e| e.chain)),
+        line("striker", 5, share(|e| e.striker)),
+    ];
     let injected = 100.0 * plain.summary.energy.chain_final / start;
-    Ok(Figure::new(
-        Chart::new(
-            time_axis(span),
-            vec![
-                Panel::new("energy of the chain (µJ)", curves).over(time_axis(1.2e-3..4.5e-3)),
-                injection,
-            ],
-        ),
-        checks![
-            "absorbed for good at k = 10⁵", "%": losses[1] => close(4.79, 2e-3);
-            "absorbed for good at k = 10⁷", "%": losses[2] => at_most(1e-3);
-            "absorbed for good at k = 10³, of that at 10⁵": losses[0] / losses[1] => at_most(0.6);
-            "of the striker's energy into the chain", "%": injected => close(21.2, 1e-3);
-        ],
-    ))
+    let checks = checks![
+        "absorbed for good at k = 10⁵", "%": losses[1] => close(4.79, 2e-3);
+        "absorbed for good at k = 10⁷", "%": losses[2] => at_most(1e-3);
+        "absorbed for good at k = 10³, of that at 10⁵": losses[0] / losses[1] => at_most(0.6);
+        "of the striker's energy into the chain", "%": injected => close(21.2, 1e-3);
+    ];
+    let chain = Panel::new("energy of the chain (µJ)", curves).over(time_axis(span.clone()));
+    let injection = Panel::new("of the striker's (%)", shares).height(180);
+    let panels = vec![chain, injection.over(time_axis(0.0..0.4e-3))];
+    Ok(Figure::new(Chart::new(time_axis(span.clone()), panels), checks))
 }
 
 fn responses(lab: &Lab) -> Result<Figure, Error> {
@@ -157,28 +138,19 @@ fn responses(lab: &Lab) -> Result<Figure, Error> {
         let points = frequencies.iter().map(|frequency| {
             let omega = TAU * frequency;
             let (spring, damper) = (stiffness, omega * DAMPING);
-            let carried = f64::hypot(spring, damper);
-            (
-                *frequency,
-                carried / f64::hypot(spring - MASS * omega * omega, damper),
-            )
+            let left = f64::hypot(spring - MASS * omega * omega, damper);
+            (*frequency, f64::hypot(spring, damper) / left)
         });
         let name = format!("k = 10{} N/m", ["³", "⁵", "⁷"][place]);
         curves.push(line(name, place, points.collect()));
     }
     let resonance = (STIFFNESSES[1] / MASS).sqrt() / TAU;
-    Ok(Figure::new(
-        Chart::new(
-            Axis::new("frequency (Hz)", 0.0..3000.0),
-            vec![
-                Panel::new("response, pulse (relative)", curves)
-                    .log()
-                    .range(1e-2, 10.0),
-            ],
-        ),
-        checks![
-            "pulse down by 3 dB at", "Hz": half => near(900.0, 60.0);
-            "resonance at k = 10⁵, of that frequency": resonance / half => at_most(1.0);
-        ],
-    ))
+    let checks = checks![
+        "pulse down by 3 dB at", "Hz": half => near(900.0, 60.0);
+        "resonance at k = 10⁵, of that frequency": resonance / half => at_most(1.0);
+    ];
+    let panel = Panel::new("response, pulse (relative)", curves);
+    let panels = vec![panel.log().range(1e-2, 10.0)];
+    let axis = Axis::new("frequency (Hz)", 0.0..3000.0);
+    Ok(Figure::new(Chart::new(axis, panels), checks))
 }

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 
 use crate::chart::{Axis, Chart, Panel};
 use crate::check::{Check, checks};
-use crate::curve::{dotted, geometric, line, over_time, time_axis};
+use crate::curve::{dotted, force_over_time, geometric, line, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
-use crate::observe::{peak, summit};
+use crate::observe::{greatest, peak, summit};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
 
@@ -42,7 +42,7 @@ pub(crate) fn run(lab: &Lab, intruder: Intruder) -> Result<Arc<Run>, Error> {
 pub(crate) fn force_panels(runs: &[(String, Arc<Run>)]) -> Chart {
     let of = |contact: usize, y_range: Option<(f64, f64)>, span: std::ops::Range<f64>| {
         let curves = runs.iter().enumerate().map(|(place, (name, run))| {
-            let force = over_time(&run.solution, span.clone(), |at| at.force(contact));
+            let force = force_over_time(&run.solution, &span, contact);
             let named = contact == NEAR && y_range.is_none();
             line(if named { name } else { "" }, place, force)
         });
@@ -82,7 +82,7 @@ fn forces(lab: &Lab) -> Result<Figure, Error> {
 }
 
 /// How the incident wave is shared out for each of these intruders in the host.
-pub(crate) fn splits(lab: &Lab, intruders: &[Intruder]) -> Result<Vec<Arc<Split>>, Error> {
+pub(crate) fn splits(lab: &Lab, intruders: &[Intruder]) -> Result<Vec<Split>, Error> {
     intruders
         .par_iter()
         .map(|intruder| {
@@ -90,26 +90,23 @@ pub(crate) fn splits(lab: &Lab, intruders: &[Intruder]) -> Result<Vec<Arc<Split>
             let split = lab.keep("split", &scenario, |run| {
                 run.solution.split(NEAR, FAR, &PulseSearch::default())
             })?;
-            match split.as_ref() {
-                Some(split) => Ok(Arc::new(split.clone())),
-                None => Err(Error::Missing("no pulse passes contacts 10 and 25".to_owned())),
-            }
+            (*split)
+                .clone()
+                .ok_or_else(|| Error::Missing("no pulse passes contacts 10 and 25".to_owned()))
         })
         .collect()
 }
 
 /// A part of the incident energy in %, for each value of the sweep.
-pub(crate) fn share(values: &[f64], splits: &[Arc<Split>], of: impl Fn(&Split) -> f64) -> Vec<(f64, f64)> {
-    let percent = |split: &Arc<Split>| 100.0 * of(split) / split.incident.energy;
+pub(crate) fn share(values: &[f64], splits: &[Split], of: impl Fn(&Split) -> f64) -> Vec<(f64, f64)> {
+    let percent = |split: &Split| 100.0 * of(split) / split.incident.energy;
     values.iter().copied().zip(splits.iter().map(percent)).collect()
 }
 
-fn sweep(lab: &Lab) -> Result<(Vec<f64>, Vec<Arc<Split>>), Error> {
+fn sweep(lab: &Lab) -> Result<(Vec<f64>, Vec<Split>), Error> {
     let stiffnesses = geometric(1e3, 1e7, 41);
-    let intruders: Vec<Intruder> = stiffnesses
-        .iter()
-        .map(|&stiffness| intruder([HOST], MASS, stiffness, DAMPING))
-        .collect();
+    let of = |&stiffness: &f64| intruder([HOST], MASS, stiffness, DAMPING);
+    let intruders: Vec<Intruder> = stiffnesses.iter().map(of).collect();
     let splits = splits(lab, &intruders)?;
     Ok((stiffnesses, splits))
 }
@@ -120,52 +117,31 @@ fn near_optimum(what: &str, stiffness: f64) -> Check {
     Check::near(what, "decades", decades, 0.0, 1.3_f64.log10())
 }
 
-fn closure(splits: &[Arc<Split>]) -> Check {
+fn closure(splits: &[Split]) -> Check {
     let rest = splits
         .iter()
         .map(|split| split.rest.abs() / split.incident.energy)
         .fold(0.0, f64::max);
-    Check::at_most(
-        "energy still between the contacts, of the incident",
-        "",
-        rest,
-        2e-5,
-    )
+    let what = "energy still between the contacts, of the incident";
+    Check::at_most(what, "", rest, 2e-5)
 }
 
 fn reflected(lab: &Lab) -> Result<Figure, Error> {
     let (stiffnesses, splits) = sweep(lab)?;
     let points = share(&stiffnesses, &splits, |split| split.reflected);
+    let low = points[0].1 / greatest(&points);
     let checks = vec![
         near_optimum("most is reflected at k, decades from 10⁵ N/m", summit(&points)),
-        Check::at_most(
-            "reflected at 10³, of the most",
-            "",
-            points[0].1 / greatest(&points),
-            0.42,
-        )
-        .but_paper("a large reflection at low k"),
+        Check::at_most("reflected at 10³, of the most", "", low, 0.42)
+            .but_paper("a large reflection at low k"),
         closure(&splits),
     ];
-    Ok(Figure::new(
-        by_stiffness(vec![Panel::new(
-            "reflected (% of incident)",
-            dotted("", 0, points).into(),
-        )]),
-        checks,
-    ))
+    let panel = Panel::new("reflected (% of incident)", dotted("", 0, points).into());
+    Ok(Figure::new(by_stiffness(vec![panel]), checks))
 }
 
 fn by_stiffness(panels: Vec<Panel>) -> Chart {
     Chart::new(Axis::log("stiffness k (N/m)", 1e3..1e7), panels)
-}
-
-/// The greatest ordinate.
-pub(crate) fn greatest(points: &[(f64, f64)]) -> f64 {
-    points
-        .iter()
-        .map(|(_, value)| *value)
-        .fold(f64::NEG_INFINITY, f64::max)
 }
 
 fn transmitted(lab: &Lab) -> Result<Figure, Error> {
@@ -173,22 +149,15 @@ fn transmitted(lab: &Lab) -> Result<Figure, Error> {
     let secondary = share(&stiffnesses, &splits, |split| split.secondary);
     let main = share(&stiffnesses, &splits, |split| split.main.energy);
     let lost: Vec<(f64, f64)> = main.iter().map(|(k, main)| (*k, -main)).collect();
+    let (most, least) = (summit(&secondary), summit(&lost));
     let checks = vec![
-        near_optimum(
-            "most goes into secondary waves at k, decades from 10⁵ N/m",
-            summit(&secondary),
-        ),
-        near_optimum(
-            "least stays in the main wave at k, decades from 10⁵ N/m",
-            summit(&lost),
-        ),
+        near_optimum("most goes into secondary waves at k, decades from 10⁵ N/m", most),
+        near_optimum("least stays in the main wave at k, decades from 10⁵ N/m", least),
         closure(&splits),
     ];
-    Ok(Figure::new(
-        by_stiffness(vec![
-            Panel::new("secondary (% of incident)", dotted("", 0, secondary).into()),
-            Panel::new("main wave (% of incident)", dotted("", 1, main).into()),
-        ]),
-        checks,
-    ))
+    let panels = vec![
+        Panel::new("secondary (% of incident)", dotted("", 0, secondary).into()),
+        Panel::new("main wave (% of incident)", dotted("", 1, main).into()),
+    ];
+    Ok(Figure::new(by_stiffness(panels), checks))
 }

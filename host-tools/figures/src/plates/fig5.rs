@@ -8,7 +8,7 @@ use crate::check::checks;
 use crate::curve::{discs, dotted, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::Lab;
-use crate::observe::least_growth;
+use crate::observe::{extremes, last, least_growth};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, MASS, OPTIMUM, intruder, strike, with};
 
@@ -72,26 +72,20 @@ fn over_the_run(lab: &Lab) -> Result<Figure, Error> {
             Ok((*kept).clone())
         })
         .collect::<Result<Vec<_>, Error>>()?;
-    let last = |n: usize| curves[n].last().map_or(f64::NAN, |point| point.1);
-    let lasts: Vec<f64> = (0..counts.len()).map(|n| last(n) / last(0)).collect();
+    let whole = last(&curves[0]);
+    let lasts: Vec<f64> = curves.iter().map(|curve| last(curve) / whole).collect();
     let falls: Vec<f64> = lasts.iter().map(|part| 1.0 / part).collect();
     let checks = checks![
-        "energy of the chain without intruders", "µJ": last(0) => close(65.38903, 1e-4);
+        "energy of the chain without intruders", "µJ": whole => close(65.38903, 1e-4);
         "each more intruders leave less: least factor": least_growth(&falls) => at_least(1.04);
         "left by ten intruders", "%":
             100.0 * lasts[4] => near(62.46, 0.01), paper "ten intruders are enough to absorb the energy";
     ];
-    let series = curves
-        .into_iter()
-        .zip(counts)
-        .enumerate()
-        .map(|(place, (points, n))| line(format!("n = {n}"), place, points))
-        .collect();
+    let named = curves.into_iter().zip(counts).enumerate();
+    let series = named.map(|(place, (points, n))| line(format!("n = {n}"), place, points));
+    let panel = Panel::new("energy of the chain (µJ)", series.collect());
     Ok(Figure::new(
-        Chart::new(
-            time_axis(1e-3..DURATION),
-            vec![Panel::new("energy of the chain (µJ)", series)],
-        ),
+        Chart::new(time_axis(1e-3..DURATION), vec![panel]),
         checks,
     ))
 }
@@ -110,30 +104,25 @@ fn by_mass(lab: &Lab) -> Result<Figure, Error> {
         series.push(discs(format!("{} g", mass * 1e3), place, percent(&points)));
     }
     let light = fits[0];
-    series.push(guide(
-        format!("Tⁿ, T = {:.4}", light.transmission),
-        [0, MOST]
-            .map(|n| {
-                (
-                    n as f64,
-                    100.0 * light.initial * light.transmission.powi(n as i32),
-                )
-            })
-            .to_vec(),
-    ));
+    let name = format!("Tⁿ, T = {:.4}", light.transmission);
+    let power = |n: usize| 100.0 * light.initial * light.transmission.powi(n as i32);
+    let ends = [0, MOST].map(|n| (n as f64, power(n)));
+    series.push(guide(name, ends.to_vec()));
     let heaviest = fits[MASSES.len() - 1];
+    let checks = checks![
+        "left by the first intruder of 2.7 g", "%": first => close(96.752_912, 1e-6);
+        "transmission of one intruder of 2.7 g": light.transmission => close(0.9693, 1e-3);
+        "scatter of ln E about Tⁿ, 2.7 g": light.residual => at_most(0.003);
+        "scatter at 20 g over that at 2.7 g": heaviest.residual / light.residual => at_least(10.0);
+    ];
     Ok(Figure::new(
-        Chart::new(
-            Axis::new("intruders n", 0.0..MOST as f64),
-            vec![Panel::new("energy left (%)", series).log()],
-        ),
-        checks![
-            "left by the first intruder of 2.7 g", "%": first => close(96.752_912, 1e-6);
-            "transmission of one intruder of 2.7 g": light.transmission => close(0.9693, 1e-3);
-            "scatter of ln E about Tⁿ, 2.7 g": light.residual => at_most(0.003);
-            "scatter at 20 g over that at 2.7 g": heaviest.residual / light.residual => at_least(10.0);
-        ],
+        by_count(Panel::new("energy left (%)", series).log()),
+        checks,
     ))
+}
+
+fn by_count(panel: Panel) -> Chart {
+    Chart::new(Axis::new("intruders n", 0.0..MOST as f64), vec![panel])
 }
 
 fn fit(points: &[(usize, f64)]) -> Result<TransmissionFit, Error> {
@@ -150,21 +139,15 @@ fn by_speed(lab: &Lab) -> Result<Figure, Error> {
         at_ten.push(100.0 * points[5].1);
         series.extend(dotted(format!("{speed} m/s"), place, percent(&points)));
     }
-    let (low, high) = at_ten
-        .iter()
-        .fold((f64::INFINITY, 0.0_f64), |(low, high), &value| {
-            (low.min(value), high.max(value))
-        });
+    let (low, high) = extremes(at_ten);
+    let checks = checks![
+        "spread of what ten intruders leave, over two decades of speed", "points":
+            high - low => at_most(10.0);
+        "least that ten intruders leave", "%":
+            low => at_least(55.8), paper "ten intruders are enough to absorb the energy";
+    ];
     Ok(Figure::new(
-        Chart::new(
-            Axis::new("intruders n", 0.0..MOST as f64),
-            vec![Panel::new("energy left (%)", series)],
-        ),
-        checks![
-            "spread of what ten intruders leave, over two decades of speed", "points":
-                high - low => at_most(10.0);
-            "least that ten intruders leave", "%":
-                low => at_least(55.8), paper "ten intruders are enough to absorb the energy";
-        ],
+        by_count(Panel::new("energy left (%)", series)),
+        checks,
     ))
 }

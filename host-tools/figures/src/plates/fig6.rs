@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::chart::{Axis, Chart, Panel, Series};
 use crate::check::{Check, checks};
-use crate::curve::{dashed, line, over_time, time_axis};
+use crate::curve::{dashed, force_over_time, line, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{
@@ -26,17 +26,17 @@ const BY_SIZE: &str = "45 beads, τ = 0, striker 203 GPa, 0.45 m/s, R = 4.5 to 1
 
 plans! {
     "6a": "force at the striker, by its modulus";
-        BY_MODULUS => |lab| at_striker(lab, &MODULUS, 0.6e-3, modulus_time),
+        BY_MODULUS => |lab| forces(lab, &MODULUS, 1, 0.0..0.6e-3, modulus_time),
     "6b": "force at the striker, by its speed";
-        BY_SPEED => |lab| at_striker(lab, &SPEED, 0.3e-3, speed_time),
+        BY_SPEED => |lab| forces(lab, &SPEED, 1, 0.0..0.3e-3, speed_time),
     "6c": "force at the striker, by its size";
-        BY_SIZE => |lab| at_striker(lab, &SIZE, 2.5e-3, size_time),
+        BY_SIZE => |lab| forces(lab, &SIZE, 1, 0.0..2.5e-3, size_time),
     "6d": "force at contact 30, by the striker's modulus";
-        BY_MODULUS => |lab| at_far(lab, &MODULUS, 6.5e-3..8.5e-3, modulus_force),
+        BY_MODULUS => |lab| forces(lab, &MODULUS, FAR, 6.5e-3..8.5e-3, modulus_force),
     "6e": "force at contact 30, by the striker's speed";
-        BY_SPEED => |lab| at_far(lab, &SPEED, 4e-3..10.5e-3, speed_force),
+        BY_SPEED => |lab| forces(lab, &SPEED, FAR, 4e-3..10.5e-3, speed_force),
     "6f": "force at contact 30, by the striker's size";
-        BY_SIZE => |lab| at_far(lab, &SIZE, 4e-3..9e-3, size_force),
+        BY_SIZE => |lab| forces(lab, &SIZE, FAR, 4e-3..9e-3, size_force),
     "6g": "spectrum at contact 30, by the striker's modulus";
         BY_MODULUS => |lab| far_spectrum(lab, &MODULUS, modulus_spectrum),
     "6h": "spectrum at contact 30, by the striker's speed";
@@ -83,14 +83,6 @@ impl Family {
 
 type Checks = fn(&[Arc<Run>]) -> Vec<Check>;
 
-fn at_striker(lab: &Lab, family: &Family, until: f64, checks: Checks) -> Result<Figure, Error> {
-    forces(lab, family, 1, 0.0..until, checks)
-}
-
-fn at_far(lab: &Lab, family: &Family, span: std::ops::Range<f64>, checks: Checks) -> Result<Figure, Error> {
-    forces(lab, family, FAR, span, checks)
-}
-
 fn forces(
     lab: &Lab,
     family: &Family,
@@ -99,25 +91,15 @@ fn forces(
     checks: Checks,
 ) -> Result<Figure, Error> {
     let runs = family.runs(lab)?;
-    let curves = runs
-        .iter()
-        .zip(family.values)
-        .enumerate()
-        .map(|(place, (run, value))| {
-            line(
-                (family.name)(value),
-                place,
-                over_time(&run.solution, span.clone(), |at| at.force(contact)),
-            )
-        });
+    let named = runs.iter().zip(family.values).enumerate();
+    let curve = |(place, (run, value)): (usize, (&Arc<Run>, f64))| {
+        let force = force_over_time(&run.solution, &span, contact);
+        line((family.name)(value), place, force)
+    };
+    let label = format!("force at contact {contact} (N)");
+    let panel = Panel::new(label, named.map(curve).collect());
     Ok(Figure::new(
-        Chart::new(
-            time_axis(span.clone()),
-            vec![Panel::new(
-                format!("force at contact {contact} (N)"),
-                curves.collect(),
-            )],
-        ),
+        Chart::new(time_axis(span.clone()), vec![panel]),
         checks(&runs),
     ))
 }
@@ -135,13 +117,9 @@ fn far_spectrum(lab: &Lab, family: &Family, checks: Checks) -> Result<Figure, Er
             });
         }
     }
-    Ok(Figure::new(
-        Chart::new(
-            Axis::new("frequency (Hz)", 0.0..3000.0),
-            vec![Panel::new("force spectrum (mN·s)", curves).log()],
-        ),
-        checks(&runs),
-    ))
+    let panel = Panel::new("force spectrum (mN·s)", curves).log();
+    let axis = Axis::new("frequency (Hz)", 0.0..3000.0);
+    Ok(Figure::new(Chart::new(axis, vec![panel]), checks(&runs)))
 }
 
 fn modulus_time(runs: &[Arc<Run>]) -> Vec<Check> {
@@ -194,10 +172,8 @@ fn speed_force(runs: &[Arc<Run>]) -> Vec<Check> {
 }
 
 fn size_force(runs: &[Arc<Run>]) -> Vec<Check> {
-    let pulses: Vec<f64> = runs
-        .iter()
-        .map(|run| train(&run.solution, FAR).len() as f64)
-        .collect();
+    let count = |run: &Arc<Run>| train(&run.solution, FAR).len() as f64;
+    let pulses: Vec<f64> = runs.iter().map(count).collect();
     checks![
         "pulses from the striker of 4.5 mm": pulses[0] => near(1.0, 0.0);
         "pulses from the striker of 19 mm": pulses[3] => at_least(4.0);
@@ -208,14 +184,12 @@ fn size_force(runs: &[Arc<Run>]) -> Vec<Check> {
 
 /// The -3 dB frequency of the first pulse, Hz.
 fn frequencies(runs: &[Arc<Run>]) -> Vec<f64> {
-    runs.iter()
-        .map(|run| {
-            let first = train(&run.solution, FAR).into_iter().next();
-            first.map_or(f64::NAN, |pulse| {
-                half_power(&pulse_spectrum(&run.solution, &pulse))
-            })
-        })
-        .collect()
+    let of_first = |run: &Arc<Run>| {
+        let pulses = train(&run.solution, FAR);
+        let spectrum = pulses.first().map(|pulse| pulse_spectrum(&run.solution, pulse));
+        spectrum.map_or(f64::NAN, |spectrum| half_power(&spectrum))
+    };
+    runs.iter().map(of_first).collect()
 }
 
 fn modulus_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {

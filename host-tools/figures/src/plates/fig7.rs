@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::chart::{Chart, Panel};
 use crate::check::checks;
-use crate::curve::{guide, line, over_time, time_axis};
+use crate::curve::{force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{least_growth, train};
@@ -63,18 +63,14 @@ fn energy(lab: &Lab, which: usize) -> Result<Figure, Error> {
     let curve = |of: fn(hertz_chain::Energies) -> f64| {
         over_time(&run.solution, 0.0..until, |at| share(of(at.energies())))
     };
+    let curves = vec![
+        line("chain", 0, curve(|e| e.chain)),
+        line("striker", 1, curve(|e| e.striker)),
+        guide("two bodies", vec![(0.0, binary), (until * 1e3, binary)]),
+    ];
+    let panel = Panel::new("of the striker's energy (%)", curves);
     Ok(Figure::new(
-        Chart::new(
-            time_axis(0.0..until),
-            vec![Panel::new(
-                "of the striker's energy (%)",
-                vec![
-                    line("chain", 0, curve(|e| e.chain)),
-                    line("striker", 1, curve(|e| e.striker)),
-                    guide("two bodies", vec![(0.0, binary), (until * 1e3, binary)]),
-                ],
-            )],
-        ),
+        Chart::new(time_axis(0.0..until), vec![panel]),
         checks,
     ))
 }
@@ -101,12 +97,7 @@ fn force(lab: &Lab, which: usize) -> Result<Figure, Error> {
             ]
         }
     };
-    let points = over_time(&run.solution, span.clone(), |at| at.force(FAR));
-    Ok(Figure::new(
-        Chart::new(
-            time_axis(span),
-            vec![Panel::new("force at contact 30 (N)", vec![line("", 0, points)])],
-        ),
-        checks,
-    ))
+    let points = force_over_time(&run.solution, &span, FAR);
+    let panel = Panel::new("force at contact 30 (N)", vec![line("", 0, points)]);
+    Ok(Figure::new(Chart::new(time_axis(span), vec![panel]), checks))
 }

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use hertz_chain::{Intruder, PulseSearch, Split};
 
-use super::fig4::{HOST, force_panels, greatest, run, share, splits};
+use super::fig4::{HOST, force_panels, run, share, splits};
 use crate::chart::{Axis, Chart, Panel};
 use crate::check::{Check, checks};
 use crate::curve::{dotted, geometric, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
-use crate::observe::{least_growth, peak, summit};
+use crate::observe::{greatest, last, least_growth, ordinates, peak, summit};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, MASS, OPTIMUM, intruder};
 
@@ -105,29 +105,18 @@ const DAMPINGS: Family = Family {
     },
 };
 
-fn ordinates(points: &[(f64, f64)]) -> Vec<f64> {
-    points.iter().map(|point| point.1).collect()
-}
-
 fn least_fall(points: &[(f64, f64)]) -> f64 {
-    least_growth(&points.iter().rev().map(|point| point.1).collect::<Vec<_>>())
-}
-
-fn last(points: &[(f64, f64)]) -> f64 {
-    points.last().map_or(f64::NAN, |point| point.1)
+    let mut values = ordinates(points);
+    values.reverse();
+    least_growth(&values)
 }
 
 fn sweep(lab: &Lab, family: &Family) -> Result<Shares, Error> {
     let values = (family.values)();
     let intruders: Vec<Intruder> = values.iter().map(|&value| (family.intruder)(value)).collect();
     let splits = splits(lab, &intruders)?;
-    let of = |part: fn(&Split) -> f64| -> Vec<(f64, f64)> {
-        let points = share(&values, &splits, part);
-        points
-            .into_iter()
-            .map(|(value, share)| (value / family.unit, share))
-            .collect()
-    };
+    let values: Vec<f64> = values.iter().map(|value| value / family.unit).collect();
+    let of = |part: fn(&Split) -> f64| share(&values, &splits, part);
     Ok(Shares {
         reflected: of(|split| split.reflected),
         secondary: of(|split| split.secondary),
@@ -142,10 +131,10 @@ fn forces(lab: &Lab, family: &Family) -> Result<Figure, Error> {
         .iter()
         .map(|(name, value)| Ok(((*name).to_owned(), run(lab, (family.intruder)(*value))?)))
         .collect::<Result<Vec<(String, Arc<Run>)>, Error>>()?;
-    let absorbed: Vec<f64> = runs
+    let absorbed = runs
         .iter()
-        .map(|(_, run)| run.summary.energy.dissipated_intruders)
-        .collect();
+        .map(|(_, run)| run.summary.energy.dissipated_intruders);
+    let absorbed: Vec<f64> = absorbed.collect();
     let main: Vec<f64> = runs.iter().map(|(_, run)| 1.0 / peak(run, 25)).collect();
     let checks = if family.unit < 1.0 {
         checks![
@@ -176,11 +165,8 @@ fn shift(lab: &Lab, mass: f64, beads: [usize; 2]) -> Result<Figure, Error> {
     let seen = solution.at(between).displacement(beads[0]) - solution.at(before).displacement(beads[0]);
     let span: Range<f64> = before..13e-3;
     let curves = beads.iter().enumerate().map(|(place, &bead)| {
-        line(
-            format!("bead {bead}"),
-            place,
-            over_time(solution, span.clone(), |at| 1e6 * at.displacement(bead)),
-        )
+        let motion = over_time(solution, span.clone(), |at| 1e6 * at.displacement(bead));
+        line(format!("bead {bead}"), place, motion)
     });
     let curves: Vec<_> = curves.collect();
     let before_host = beads[0] < HOST;
@@ -206,10 +192,8 @@ fn shift(lab: &Lab, mass: f64, beads: [usize; 2]) -> Result<Figure, Error> {
             "least speed after the main wave: never backwards", "mm/s": 1e3 * backwards => at_least(-0.1);
         ]
     });
-    Ok(Figure::new(
-        Chart::new(time_axis(span), vec![Panel::new("displacement (µm)", curves)]),
-        checks,
-    ))
+    let panel = Panel::new("displacement (µm)", curves);
+    Ok(Figure::new(Chart::new(time_axis(span), vec![panel]), checks))
 }
 
 fn strongest(run: &Run, contact: usize) -> Option<hertz_chain::Pulse> {

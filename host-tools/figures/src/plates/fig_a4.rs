@@ -3,15 +3,15 @@
 
 use std::sync::Arc;
 
-use hertz_chain::Pulse;
+use hertz_chain::{Pulse, Snapshot};
 use rayon::prelude::*;
 
-use crate::chart::{Axis, Chart, Panel, Series};
+use crate::chart::{Axis, Chart, Panel};
 use crate::check::checks;
 use crate::curve::{line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
-use crate::observe::{least_growth, train};
+use crate::observe::{least_growth, ordinates, train};
 use crate::plan::{Figure, plans};
 use crate::setting::{DAMPING, ELASTIC, OPTIMUM, intruder, strike, with};
 
@@ -33,41 +33,26 @@ plans! {
 }
 
 fn scenario(mass: f64) -> hertz_chain::Scenario {
-    with(
-        strike(46, ELASTIC, DURATION),
-        intruder(HOSTS, mass, OPTIMUM, DAMPING),
-    )
+    let intruder = intruder(HOSTS, mass, OPTIMUM, DAMPING);
+    with(strike(46, ELASTIC, DURATION), intruder)
 }
 
 /// Force over time at every contact. Each curve stands one step above the one before.
 fn waterfall(run: &Run, title: &str) -> Chart {
     let span = 1.5e-3..DURATION;
-    let curves: Vec<Series> = CONTACTS
-        .map(|contact| {
-            let host = HOSTS.contains(&contact);
-            let place = usize::from(host);
-            let name = match contact {
-                10 => title.to_owned(),
-                15 => "at a host's left".to_owned(),
-                _ => String::new(),
-            };
-            line(
-                name,
-                place,
-                over_time(&run.solution, span.clone(), |at| {
-                    contact as f64 + at.force(contact) / STEP
-                }),
-            )
-        })
-        .collect();
-    Chart::new(
-        time_axis(span),
-        vec![
-            Panel::new(format!("contact + force / {STEP} N"), curves)
-                .range(9.5, 33.0)
-                .height(420),
-        ],
-    )
+    let curve = |contact: usize| {
+        let name = match contact {
+            10 => title,
+            15 => "at a host's left",
+            _ => "",
+        };
+        let place = usize::from(HOSTS.contains(&contact));
+        let stepped = |at: &Snapshot<'_>| contact as f64 + at.force(contact) / STEP;
+        line(name, place, over_time(&run.solution, span.clone(), stepped))
+    };
+    let label = format!("contact + force / {STEP} N");
+    let panel = Panel::new(label, CONTACTS.map(curve).collect()).range(9.5, 33.0);
+    Chart::new(time_axis(span.clone()), vec![panel.height(420)])
 }
 
 /// Force of the first pulse and of the strongest after it.
@@ -78,11 +63,7 @@ fn first_and_second(pulses: &[Pulse]) -> (f64, f64) {
 
 fn still(lab: &Lab, which: usize) -> Result<Figure, Error> {
     let run = lab.run(&scenario(MASSES[which]))?;
-    let trains: Vec<Vec<Pulse>> = [16, 18, 20, 22, 24]
-        .iter()
-        .map(|&contact| train(&run.solution, contact))
-        .collect();
-    let pairs: Vec<(f64, f64)> = trains.iter().map(|pulses| first_and_second(pulses)).collect();
+    let pairs = [16, 18, 20, 22, 24].map(|contact| first_and_second(&train(&run.solution, contact)));
     let behind = train(&run.solution, 26);
     let (main, second) = first_and_second(&behind);
     let checks = match which {
@@ -91,8 +72,7 @@ fn still(lab: &Lab, which: usize) -> Result<Figure, Error> {
             "main wave at contact 26", "N": main => at_least(7.8);
         ],
         1 => {
-            let mains: Vec<f64> = pairs.iter().map(|pair| 1.0 / pair.0).collect();
-            let seconds: Vec<f64> = pairs.iter().map(|pair| pair.1).collect();
+            let (mains, seconds) = (pairs.map(|pair| 1.0 / pair.0), pairs.map(|pair| pair.1));
             checks![
                 "main wave, least fall every two hosts": least_growth(&mains) => at_least(1.05);
                 "secondary wave, least growth every two hosts": least_growth(&seconds) => at_least(1.05);
@@ -103,10 +83,8 @@ fn still(lab: &Lab, which: usize) -> Result<Figure, Error> {
             "secondary over main wave at contact 26": second / main => at_least(1.1);
         ],
     };
-    Ok(Figure::new(
-        waterfall(&run, &format!("m = {} g", 1e3 * MASSES[which])),
-        checks,
-    ))
+    let title = format!("m = {} g", 1e3 * MASSES[which]);
+    Ok(Figure::new(waterfall(&run, &title), checks))
 }
 
 fn animation(lab: &Lab) -> Result<Figure, Error> {
@@ -114,34 +92,23 @@ fn animation(lab: &Lab) -> Result<Figure, Error> {
     let frames = masses
         .par_iter()
         .map(|&mass| {
-            let kept = lab.keep("waterfall", &scenario(mass), |run| {
-                let after = run.summary.energy.dissipated_intruders / run.solution.injection().energy;
-                (
-                    waterfall(&run, &format!("m = {:.1} g", 1e3 * mass)),
-                    100.0 * after,
-                )
-            })?;
-            Ok(kept)
+            lab.keep("waterfall", &scenario(mass), |run| {
+                let absorbed = run.summary.energy.dissipated_intruders / run.solution.injection().energy;
+                let title = format!("m = {:.1} g", 1e3 * mass);
+                (waterfall(&run, &title), 100.0 * absorbed)
+            })
         })
         .collect::<Result<Vec<Arc<(Chart, f64)>>, Error>>()?;
-    let absorbed: Vec<(f64, f64)> = masses
-        .iter()
-        .zip(&frames)
-        .map(|(mass, frame)| (1e3 * mass, frame.1))
-        .collect();
-    let light: Vec<f64> = absorbed.iter().take(10).map(|point| point.1).collect();
+    let pairs = masses.iter().zip(&frames);
+    let absorbed: Vec<(f64, f64)> = pairs.map(|(mass, frame)| (1e3 * mass, frame.1)).collect();
     let checks = checks![
-        "absorbed, least growth from mass to mass up to 5 g": least_growth(&light) => at_least(1.0);
+        "absorbed, least growth from mass to mass up to 5 g":
+            least_growth(&ordinates(&absorbed[..10])) => at_least(1.0);
     ];
+    let panel = Panel::new("absorbed (% of injected)", vec![line("", 0, absorbed)]);
+    let axis = Axis::new("intruder's mass m (g)", 0.0..25.0);
     Ok(Figure {
-        chart: Chart::new(
-            Axis::new("intruder's mass m (g)", 0.0..25.0),
-            vec![Panel::new(
-                "absorbed (% of injected)",
-                vec![line("", 0, absorbed)],
-            )],
-        ),
-        checks,
         frames: frames.iter().map(|frame| frame.0.clone()).collect(),
+        ..Figure::new(Chart::new(axis, vec![panel]), checks)
     })
 }

@@ -6,7 +6,7 @@ use hertz_chain::Scenario;
 
 use crate::chart::{Axis, Chart, Panel};
 use crate::check::checks;
-use crate::curve::{dashed, line, over_time, time_axis};
+use crate::curve::{dashed, force_over_time, line, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{half_power, least_growth, magnitudes, peak, pulse_spectrum, ratio, train};
@@ -38,22 +38,14 @@ fn four_hosts(lab: &Lab) -> Result<Figure, Error> {
         let (before, after) = (lab.run(&plain)?, lab.run(&with(plain, hosts))?);
         losses.push(100.0 * (1.0 - peak(&after, CONTACT) / peak(&before, CONTACT)));
         let span = 1.4e-3..3.4e-3;
-        let force = |run: &Run| over_time(&run.solution, span.clone(), |at| at.force(CONTACT));
-        panels.push(
-            Panel::new(
-                "force (N)",
-                vec![
-                    dashed(
-                        format!("R = {} mm, no intruders", 1e3 * radius),
-                        place,
-                        force(&before),
-                    ),
-                    line("four intruders", place, force(&after)),
-                ],
-            )
-            .height(150)
-            .over(time_axis(span.clone())),
-        );
+        let force = |run: &Run| force_over_time(&run.solution, &span, CONTACT);
+        let name = format!("R = {} mm, no intruders", 1e3 * radius);
+        let curves = vec![
+            dashed(name, place, force(&before)),
+            line("four intruders", place, force(&after)),
+        ];
+        let panel = Panel::new("force (N)", curves).height(150);
+        panels.push(panel.over(time_axis(span)));
     }
     let checks = checks![
         "loss of force, least growth from size to size": least_growth(&losses) => at_least(1.3);
@@ -93,32 +85,25 @@ fn forces(lab: &Lab) -> Result<Figure, Error> {
     let runs = runs(lab)?;
     let span = 0.5e-3..12e-3;
     let panels = runs.iter().enumerate().map(|(place, (name, run))| {
-        let force = |contact| over_time(&run.solution, span.clone(), |at| at.force(contact));
-        Panel::new(
-            "force (N)",
-            vec![
-                line(format!("{name}: contact {NEAR}"), place, force(NEAR)),
-                dashed(format!("contact {FAR}"), place, force(FAR)),
-            ],
-        )
-        .height(130)
+        let force = |contact| force_over_time(&run.solution, &span, contact);
+        let curves = vec![
+            line(format!("{name}: contact {NEAR}"), place, force(NEAR)),
+            dashed(format!("contact {FAR}"), place, force(FAR)),
+        ];
+        Panel::new("force (N)", curves).height(130)
     });
-    let pulses: Vec<f64> = runs
-        .iter()
-        .map(|(_, run)| train(&run.solution, FAR).len() as f64)
-        .collect();
+    let pulses = |run: usize| train(&runs[run].1.solution, FAR).len() as f64;
     let checks = checks![
-        "pulses from steel, R = 4.5 mm": pulses[0] => near(1.0, 0.0);
-        "pulses from the polymer ball": pulses[3] => at_least(3.0);
+        "pulses from steel, R = 4.5 mm": pulses(0) => near(1.0, 0.0);
+        "pulses from the polymer ball": pulses(3) => at_least(3.0);
     ];
-    Ok(Figure::new(
-        Chart::new(time_axis(span.clone()), panels.collect()),
-        checks,
-    ))
+    let chart = Chart::new(time_axis(span.clone()), panels.collect());
+    Ok(Figure::new(chart, checks))
 }
 
 fn spectra(lab: &Lab) -> Result<Figure, Error> {
     let runs = runs(lab)?;
+    let axis = Axis::new("frequency (Hz)", 0.0..3000.0);
     let mut panels = Vec::new();
     let mut frequencies = Vec::new();
     for contact in [NEAR, FAR] {
@@ -133,22 +118,16 @@ fn spectra(lab: &Lab) -> Result<Figure, Error> {
             let name = if contact == NEAR { name.as_str() } else { "" };
             curves.push(line(name, place, magnitudes(&spectrum, 3000.0, 1.0 / whole)));
         }
-        panels.push(
-            Panel::new(format!("contact {contact}: |S| / impulse"), curves)
-                .log()
-                .range(1e-3, 1.5)
-                .height(200)
-                .over(Axis::new("frequency (Hz)", 0.0..3000.0)),
-        );
+        let panel = Panel::new(format!("contact {contact}: |S| / impulse"), curves);
+        panels.push(panel.log().range(1e-3, 1.5).height(200).over(axis.clone()));
     }
     let (near, far) = frequencies.split_at(runs.len());
     // A wave's clock runs with F^(1/6). At contact 6 the polymer's pulses have not parted yet.
-    let scaled =
-        |frequencies: &[f64], contact: usize| {
-            ratio(frequencies.iter().zip(&runs).map(|(frequency, (_, run))| {
-                frequency / train(&run.solution, contact)[0].force.powf(1.0 / 6.0)
-            }))
-        };
+    let force = |run: &Run, contact| train(&run.solution, contact)[0].force;
+    let scaled = |frequencies: &[f64], contact: usize| {
+        let pairs = frequencies.iter().zip(&runs);
+        ratio(pairs.map(|(frequency, (_, run))| frequency / force(run, contact).powf(1.0 / 6.0)))
+    };
     let checks = checks![
         "-3 dB frequency at contact 6, stiff: greatest over least":
             ratio(near[..3].to_vec()) => at_most(1.5), paper "does not vary significantly with radius";
@@ -157,8 +136,5 @@ fn spectra(lab: &Lab) -> Result<Figure, Error> {
             ratio(far.to_vec()) => at_most(1.5), paper "nearly insensitive to modulus and mass";
         "the same over F^(1/6)": scaled(far, FAR) => at_most(1.001);
     ];
-    Ok(Figure::new(
-        Chart::new(Axis::new("frequency (Hz)", 0.0..3000.0), panels),
-        checks,
-    ))
+    Ok(Figure::new(Chart::new(axis, panels), checks))
 }

@@ -74,28 +74,16 @@ fn response(lab: &Lab) -> Result<Figure, Error> {
         "k from the ring-down", "N/m": rung.stiffness => close(STIFFNESS, 1e-9);
         "c from the ring-down", "N·s/m": rung.damping => close(DAMPING, 1e-9);
     ];
-    Ok(Figure::new(
-        Chart::new(
-            Axis::new("frequency (Hz)", 100.0..2500.0),
-            vec![
-                Panel::new(
-                    "|h| = |û/Û|",
-                    vec![discs("swept, 2 % noise", 0, measured), line("fit", 1, curve)],
-                )
-                .over(Axis::new("frequency (Hz)", 100.0..2500.0)),
-                ring,
-            ],
-        ),
-        checks,
-    ))
+    let axis = Axis::new("frequency (Hz)", 100.0..2500.0);
+    let curves = vec![discs("swept, 2 % noise", 0, measured), line("fit", 1, curve)];
+    let panel = Panel::new("|h| = |û/Û|", curves).over(axis.clone());
+    Ok(Figure::new(Chart::new(axis, vec![panel, ring]), checks))
 }
 
 /// One bead alone, struck: it flies free and its intruder rings in it.
 fn ring_down(lab: &Lab) -> Result<(Panel, OscillatorFit), Error> {
-    let run = lab.run(&with(
-        strike(1, VISCOUS, 0.02),
-        intruder([1], MASS, STIFFNESS, DAMPING),
-    ))?;
+    let intruder = intruder([1], MASS, STIFFNESS, DAMPING);
+    let run = lab.run(&with(strike(1, VISCOUS, 0.02), intruder))?;
     let solution = &run.solution;
     let pulses = solution.pulses(1, &PulseSearch::default());
     let free = pulses.last().map_or(0.0, |pulse| pulse.to) + 1e-4;

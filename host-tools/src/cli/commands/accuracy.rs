@@ -108,10 +108,8 @@ impl Errors {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    for (name, values, unit) in [
-        ("--radii", &arguments.radii, "m"),
-        ("--speeds", &arguments.speeds, "m/s"),
-    ] {
+    let (radii, speeds) = (&arguments.radii, &arguments.speeds);
+    for (name, values, unit) in [("--radii", radii, "m"), ("--speeds", speeds, "m/s")] {
         if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value > 0.0)) {
             return Err(Failure::input(format!(
                 "{name} {value}: give more than 0, in {unit}"
@@ -120,11 +118,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let image = arguments.bench.image()?;
     let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
-    let grid: Vec<(f64, f64)> = arguments
-        .radii
-        .iter()
-        .flat_map(|&radius| arguments.speeds.iter().map(move |&speed| (radius, speed)))
-        .collect();
+    let row = |&radius: &f64| speeds.iter().map(move |&speed| (radius, speed));
+    let grid: Vec<(f64, f64)> = radii.iter().flat_map(row).collect();
     let progress = output::progress(grid.len() as u64);
     let cells: Vec<Cell> = grid
         .par_iter()
@@ -175,10 +170,8 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
     };
     let ((weak, peak_force), (strong, _)) = (errors(Sensors::Weak)?, errors(Sensors::Strong)?);
     let summary = solution.summary();
-    let intruder = summary
-        .intruders
-        .iter()
-        .find(|intruder| intruder.bead == arguments.bench.bead);
+    let mut intruders = summary.intruders.iter();
+    let intruder = intruders.find(|intruder| intruder.bead == arguments.bench.bead);
     Ok(Cell {
         radius: scenario.striker.radius,
         speed: scenario.striker.velocity,
@@ -211,13 +204,10 @@ fn errors(run: &Emulation, frames: Vec<Frame>) -> Errors {
         let worst = errors.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
         ((squares / errors.len() as f64).sqrt(), worst.unwrap_or(f64::NAN))
     };
-    let (a, b) = (
-        of(&|said| said.absorbed_measured),
-        of(&|said| said.absorbed_predicted),
-    );
-    let flags = measured
-        .iter()
-        .fold(StrikeFlags::NONE, |flags, strike| flags.with(strike.said.flags));
+    let a = of(&|said| said.absorbed_measured);
+    let b = of(&|said| said.absorbed_predicted);
+    let flags = measured.iter().map(|strike| strike.said.flags);
+    let flags = flags.fold(StrikeFlags::NONE, StrikeFlags::with);
     Errors {
         strikes: measured.len(),
         rms: [a.0, b.0],
@@ -232,12 +222,8 @@ fn shown(errors: &Errors, estimate: usize) -> String {
     if errors.flags.contains(&railed) {
         return "railed".to_owned();
     }
-    let percent = |part: f64| 100.0 * part;
-    format!(
-        "{:.2} ({:+.2})",
-        percent(errors.rms[estimate]),
-        percent(errors.worst[estimate])
-    )
+    let [rms, worst] = [errors.rms, errors.worst].map(|parts| 100.0 * parts[estimate]);
+    format!("{rms:.2} ({worst:+.2})")
 }
 
 fn row(cell: &Cell) -> [String; 8] {

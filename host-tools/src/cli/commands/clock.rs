@@ -88,9 +88,10 @@ fn table(report: &ClockComparison) -> String {
     };
     let nano = |seconds: f64| format!("{:.1}", seconds * 1e9);
     let alignments = report.alignments.iter().map(|alignment| {
-        let [ppm, within] = match alignment.drift_uncertainty_ppm {
-            None => [format!("{:.4}", alignment.drift_ppm), "-".to_owned()],
-            uncertainty => drift(alignment.drift_ppm, uncertainty),
+        let of = &alignment.alignment;
+        let [ppm, within] = match of.drift_uncertainty_ppm {
+            None => [format!("{:.4}", of.drift_ppm), "-".to_owned()],
+            uncertainty => drift(of.drift_ppm, uncertainty),
         };
         [
             named(&alignment.place),
@@ -98,8 +99,8 @@ fn table(report: &ClockComparison) -> String {
             format!("{:.9}", alignment.offset_s),
             ppm,
             within,
-            nano(alignment.residual_rms_s),
-            nano(alignment.residual_max_s),
+            nano(of.residual_rms_s),
+            nano(of.residual_max_s),
         ]
     });
     let header = format!(

@@ -142,14 +142,11 @@ fn rows<const N: usize>(objects: [&Value; N]) -> String {
 
 fn self_test(common: &Common) -> Result<(), Failure> {
     let answer = common.line.open()?.request_done(&Request::SelfTest)?;
-    let checks: Vec<_> = answer
-        .frames
-        .iter()
-        .filter_map(|frame| match &frame.message {
-            Message::SelfTest(test) => Some(*test),
-            _ => None,
-        })
-        .collect();
+    let check = |frame: &Frame| match frame.message {
+        Message::SelfTest(test) => Some(test),
+        _ => None,
+    };
+    let checks: Vec<_> = answer.frames.iter().filter_map(check).collect();
     if checks.is_empty() {
         return Err(Failure::device(
             "the bead tested itself, but what it found was lost on the way; ask again",
@@ -162,18 +159,15 @@ fn self_test(common: &Common) -> Result<(), Failure> {
         };
         output::table("check | | found", checks.iter().map(row))
     })?;
-    let failed: Vec<_> = checks
-        .iter()
-        .filter(|test| !test.passed)
-        .map(|test| test.check.to_string())
-        .collect();
-    match failed.is_empty() {
-        true => Ok(()),
-        false => Err(Failure::Verdict(format!(
-            "the self-test failed: {}; docs/protocol.md says what each check looks at",
-            failed.join(", ")
-        ))),
+    let failed = checks.iter().filter(|test| !test.passed);
+    let failed: Vec<_> = failed.map(|test| test.check.to_string()).collect();
+    if failed.is_empty() {
+        return Ok(());
     }
+    Err(Failure::Verdict(format!(
+        "the self-test failed: {}; docs/protocol.md says what each check looks at",
+        failed.join(", ")
+    )))
 }
 
 /// What a check found, in words.
@@ -226,26 +220,13 @@ fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(),
     let received: usize = pieces.iter().map(|piece| piece.codes.len()).sum();
     let sent = after.raw_sent - before.raw_sent;
     let dropped = after.raw_dropped - before.raw_dropped;
-    let summary = json!({
-        "scans": sent + dropped,
-        "received": received,
-        "dropped_by_bead": dropped,
-        "lost": sent.saturating_sub(received as u64),
-    });
+    let (scans, lost) = (sent + dropped, sent.saturating_sub(received as u64));
+    let summary = json!({ "scans": scans, "received": received, "dropped_by_bead": dropped, "lost": lost });
     let text = format!(
-        "{received} of {} scans received; {dropped} did not fit the line, {} were lost on it",
-        sent + dropped,
-        sent.saturating_sub(received as u64)
+        "{received} of {scans} scans received; {dropped} did not fit the line, {lost} were lost on it"
     );
     if out == std::path::Path::new("-") {
-        match write(&mut std::io::stdout().lock()) {
-            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-                return Err(Failure::input(format!(
-                    "cannot write to standard output: {error}"
-                )));
-            }
-            _ => {}
-        }
+        output::written(write(&mut std::io::stdout().lock()))?;
         eprintln!("bead: {text}");
         return Ok(());
     }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use serde::Serialize;
+use serde_json::json;
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::{load_scenario, only_host};
@@ -49,18 +49,6 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
-#[derive(Serialize)]
-struct Comparison<'a> {
-    bead: usize,
-    strikes: &'a [StrikeComparison],
-    frames_lost: u64,
-    frames_corrupt: u64,
-    overruns: u64,
-    instructions_per_sample: Option<f64>,
-    pass: bool,
-    failure: Option<&'a str>,
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (scenario, _) = load_scenario(&arguments.scenario)?;
     let received = Received::open(&arguments.recording)?;
@@ -83,7 +71,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     for strike in recorded.by_ref() {
         progress.set_message(format!("comparing strike {}", strikes.len() + 1));
         let mut comparison = chain.compare(&strike);
-        // The figures show the first strike that was received whole; the curves of others would fill the memory.
+        // The figures show the first strike that was received whole; the curves of others would fill the
+        // memory.
         if drawn {
             comparison.traces = None;
         }
@@ -97,7 +86,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(received.no_strike(heard).into());
     }
 
-    let soundness = Soundness::of(heard.counters(), heard.status(), emulator.as_ref());
+    let soundness = Soundness::of(heard.counters(), heard.status.as_ref(), emulator.as_ref());
     let failure = failure(&strikes, &soundness);
     let page = Page {
         title: &scenario.title,
@@ -106,8 +95,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         strikes: &strikes,
         failure: failure.as_deref(),
         counters: heard.counters(),
-        identity: heard.identity(),
-        status: heard.status(),
+        identity: heard.identity.as_ref(),
+        status: heard.status.as_ref(),
         settings: settings.as_ref(),
         emulator: emulator.as_ref(),
     };
@@ -117,32 +106,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(directory) = &arguments.figures {
         write_figures(directory, &strikes)?;
     }
-    let result = Comparison {
-        bead,
-        strikes: &strikes,
-        frames_lost: soundness.lost,
-        frames_corrupt: soundness.corrupt,
-        overruns: soundness.overruns,
-        instructions_per_sample: soundness.instructions.map(|(total, _)| total),
-        pass: failure.is_none(),
-        failure: failure.as_deref(),
-    };
+    let result = json!({
+        "bead": bead,
+        "strikes": &strikes,
+        "frames_lost": soundness.lost,
+        "frames_corrupt": soundness.corrupt,
+        "overruns": soundness.overruns,
+        "instructions_per_sample": soundness.instructions.map(|(total, _)| total),
+        "pass": failure.is_none(),
+        "failure": &failure,
+    });
     output::print(arguments.format, &result, || table(&strikes, &soundness))?;
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }
 
 fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), Failure> {
-    let Some(traces) = strikes.iter().find_map(|strike| strike.traces.as_ref()) else {
-        return Err(Failure::input(
-            "no strike was received whole, so there is nothing to draw",
-        ));
-    };
-    fs::create_dir_all(directory).or_input(|| {
-        format!(
-            "cannot make the directory {}; give --figures another",
-            directory.display()
-        )
-    })?;
+    let mut traces = strikes.iter().filter_map(|strike| strike.traces.as_ref());
+    let nothing = || Failure::input("no strike was received whole, so there is nothing to draw");
+    let traces = traces.next().ok_or_else(nothing)?;
+    let shown = directory.display().to_string();
+    fs::create_dir_all(directory)
+        .or_input(|| format!("cannot make the directory {shown}; give --figures another"))?;
     for (name, chart) in [
         ("strike.svg", strike_chart(traces)),
         ("residuals.svg", residual_chart(traces)),
@@ -155,10 +139,8 @@ fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), F
 fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
     let mut rows = Vec::new();
     for strike in strikes {
-        rows.push(vec![format!(
-            "strike {}, sample {}",
-            strike.strike, strike.sample_index
-        )]);
+        let (number, sample) = (strike.strike, strike.sample_index);
+        rows.push(vec![format!("strike {number}, sample {sample}")]);
         rows.extend(strike.rows().map(cells));
         let replay = output::either(strike.replay_identical, "identical", "differ");
         rows.push(vec!["  bits of device and replay".to_owned(), replay]);
@@ -168,29 +150,21 @@ fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
         }
     }
     for (name, value, goal, met) in soundness.rows() {
-        let [name, blank] = [name, ""].map(str::to_owned);
-        let blanks = vec![blank; 4];
-        rows.push(
-            [
-                vec![name, value],
-                blanks,
-                vec![goal, output::either(met, "met", "missed")],
-            ]
-            .concat(),
-        );
+        let mut row = vec![name.to_owned(), value];
+        row.resize(6, String::new());
+        row.extend([goal, output::either(met, "met", "missed")]);
+        rows.push(row);
     }
-    output::table(
-        "| device | replay | f64, same samples | f64 chain | device off by | goal |",
-        rows,
-    )
+    let header = "| device | replay | f64, same samples | f64 chain | device off by | goal |";
+    output::table(header, rows)
 }
 
 fn cells(row: Row) -> Vec<String> {
     let met = row.met().map(|met| output::either(met, "met", "missed"));
     let goal = row.goal.map(|goal| format!("{:.1} %", goal * 100.0));
-    let name = format!("  {}", row.name);
-    let sides = row.cells.map(|cell| cell.unwrap_or_else(|| "-".to_owned()));
     let off = format!("{:+.3} %", row.off * 100.0);
-    let judged = vec![off, goal.unwrap_or_default(), met.unwrap_or_default()];
-    [vec![name], sides.to_vec(), judged].concat()
+    let mut cells = vec![format!("  {}", row.name)];
+    cells.extend(row.cells.map(|cell| cell.unwrap_or_else(|| "-".to_owned())));
+    cells.extend([off, goal.unwrap_or_default(), met.unwrap_or_default()]);
+    cells
 }

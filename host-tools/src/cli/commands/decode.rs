@@ -57,10 +57,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 match input.read(&mut buffer) {
                     Ok(0) => return None,
                     Ok(length) => {
-                        return Some(Piece {
-                            bytes: buffer[..length].to_vec(),
-                            received_ns: None,
-                        });
+                        let bytes = buffer[..length].to_vec();
+                        let received_ns = None;
+                        return Some(Piece { bytes, received_ns });
                     }
                     Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                     Err(error) => {
@@ -80,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let recording = Received::open(path)?.recording;
     let tracker = Tracker::of(&recording)?;
-    let fits: Vec<_> = tracker.segments().iter().map(|segment| segment.fit()).collect();
+    let fits: Vec<_> = tracker.segments.iter().map(|segment| segment.fit()).collect();
     print(path, recording.frames()?, &fits)
 }
 

@@ -1,9 +1,9 @@
 //! `bead emulate`: the flash image in QEMU on what a bead would sense.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use anyhow::ensure;
 use bead_wire::Message;
 use clap::Args;
 use hertz_chain::Scenario;
@@ -20,7 +20,7 @@ use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::front_end_options::FrontEndOptions;
 use crate::cli::output::{self, Format};
-use crate::comparison::run::{FrameCounts, MeasuredStrike, RunReport};
+use crate::comparison::run::{MeasuredStrike, RunReport};
 use crate::line::port::Address;
 use crate::recording::file::{About, Part, Writer};
 
@@ -62,12 +62,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "S")]
     sync_period: Option<f64>,
     /// How fast the bead's crystal is, ppm; below 0 for a slow one.
-    #[arg(
-        long,
-        value_name = "PPM",
-        default_value_t = 0.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "PPM", default_value = "0", allow_negative_numbers = true)]
     clock_ppm: f64,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
     #[arg(long, value_name = "F.toml")]
@@ -90,35 +85,32 @@ const LEAD_IN: f64 = 0.02;
 
 impl Arguments {
     /// Refuses values that no run can have.
-    fn check(&self) -> Result<(), Failure> {
-        if !(self.interval.is_finite() && self.interval > 0.0) {
-            let interval = self.interval;
-            return Err(Failure::input(format!("--interval {interval}: give a time in s")));
-        }
-        let too_short = |period: &f64| period.is_nan() || *period < SYNC_LEAST;
-        if let Some(period) = self.sync_period.filter(too_short) {
-            return Err(Failure::input(format!(
+    fn check(&self) -> anyhow::Result<()> {
+        let (interval, ppm) = (self.interval, self.clock_ppm);
+        ensure!(
+            interval.is_finite() && interval > 0.0,
+            "--interval {interval}: give a time in s"
+        );
+        if let Some(period) = self.sync_period {
+            ensure!(
+                period >= SYNC_LEAST,
                 "--sync-period {period}: give s, at least {SYNC_LEAST}"
-            )));
+            );
         }
-        let ppm = self.clock_ppm;
-        if ppm.is_nan() || ppm.abs() >= 1000.0 {
-            return Err(Failure::input(format!(
-                "--clock-ppm {ppm}: a crystal is off by less than 1000 ppm"
-            )));
+        ensure!(
+            ppm.abs() < 1000.0,
+            "--clock-ppm {ppm}: a crystal is off by less than 1000 ppm"
+        );
+        if let Some(out) = &self.out {
+            let is_file = out.exists() && !out.is_dir();
+            ensure!(!is_file, "--out {} is a file; give a directory", out.display());
         }
-        match &self.out {
-            Some(out) if out.exists() && !out.is_dir() => Err(Failure::input(format!(
-                "--out {} is a file; give a directory",
-                out.display()
-            ))),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    arguments.check()?;
+    arguments.check().map_err(Failure::Input)?;
     let (scenario, text) = load_scenario(&arguments.bench.scenario)?;
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let emulation = prepare(arguments, &scenario, &progress)?;
@@ -138,12 +130,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let report = RunReport::of(&emulation, ran, recording);
     output::print(arguments.format, &report, || table(&report))?;
-    report.verdict(arguments.strikes).map_err(Failure::Verdict)
+    let verdict = report.verdict(arguments.strikes);
+    verdict.map_err(|why| Failure::Verdict(why.to_string()))
 }
 
 /// Prepares the run: settings, stimulus, faults, clock and sync edges.
 fn prepare(arguments: &Arguments, scenario: &Scenario, progress: &ProgressBar) -> Result<Emulation, Failure> {
-    let front_end = arguments.front_end.front_end()?;
+    let front_end = arguments.front_end.front_end().map_err(Failure::Input)?;
     let faults = match &arguments.faults {
         Some(path) => faults::load(path)?,
         None => Vec::new(),
@@ -197,17 +190,15 @@ fn record(
         Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
         _ => None,
     });
+    let notes = [
+        ("bead", arguments.bench.bead.to_string()),
+        ("scenario", arguments.bench.scenario.display().to_string()),
+    ];
     let about = About {
         source: "bead emulate".to_owned(),
         firmware,
         sample_rate_hz: SAMPLE_RATE_HZ,
-        notes: BTreeMap::from([
-            ("bead".to_owned(), arguments.bench.bead.to_string()),
-            (
-                "scenario".to_owned(),
-                arguments.bench.scenario.display().to_string(),
-            ),
-        ]),
+        notes: notes.map(|(name, value)| (name.to_owned(), value)).into(),
     };
     let json = |part: Part, result: serde_json::Result<String>| {
         result.or_input(|| format!("cannot write {} of {}", part.name(), path.display()))
@@ -276,19 +267,14 @@ fn strikes(report: &RunReport) -> String {
 }
 
 fn counts(report: &RunReport) -> String {
-    let FrameCounts {
-        received,
-        lost,
-        corrupt,
-        dropped_by_cause,
-    } = &report.frames;
+    let frames = &report.frames;
     let row = |name: &str, count: u64| [name.to_owned(), count.to_string()];
     let mut rows = vec![
-        row("received", *received),
-        row("lost", *lost),
-        row("corrupt", *corrupt),
+        row("received", frames.received),
+        row("lost", frames.lost),
+        row("corrupt", frames.corrupt),
     ];
-    for (cause, count) in dropped_by_cause {
+    for (cause, count) in &frames.dropped_by_cause {
         let cause = cause.replace('_', " ");
         rows.push(row(&format!("dropped by the bead, {cause}"), *count));
     }

@@ -9,6 +9,7 @@ use hertz_chain::{
     optimise, remaining,
 };
 use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -117,19 +118,6 @@ const PAPER: [(&str, f64); 2] = [
     ("paper, its best k: 3.7 g, 100 kN/m, 12 N·s/m", 1e5),
 ];
 
-/// The result, as printed in JSON.
-#[derive(Serialize)]
-struct SearchReport {
-    hosts: Vec<usize>,
-    total_mass: f64,
-    mass: [f64; 2],
-    stiffness: [f64; 2],
-    damping: [f64; 2],
-    aim: Aim,
-    optimum: Optimum,
-    compared: Vec<Compared>,
-}
-
 /// Other intruders under the same strikes.
 #[derive(Serialize)]
 struct Compared {
@@ -158,17 +146,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
         output::write_bytes(out, text)?;
     }
-    let report = SearchReport {
-        hosts: search.hosts,
-        total_mass: search.total_mass,
-        mass: search.mass,
-        stiffness: search.stiffness,
-        damping: search.damping,
-        aim: search.aim,
-        optimum,
-        compared,
-    };
-    output::print(arguments.format, &report, || table(&scenario, &report))
+    let report = json!({
+        "hosts": &search.hosts,
+        "total_mass": search.total_mass,
+        "mass": search.mass,
+        "stiffness": search.stiffness,
+        "damping": search.damping,
+        "aim": search.aim,
+        "optimum": &optimum,
+        "compared": &compared,
+    });
+    output::print(arguments.format, &report, || {
+        table(&scenario, &search, &optimum, &compared)
+    })
 }
 
 fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure> {
@@ -223,23 +213,17 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
         if other.check().is_err() {
             continue;
         }
-        let strikes = optimum
-            .strikes
-            .iter()
-            .map(|strike| remaining(&other, strike.speed, Accuracy::REFERENCE))
-            .collect::<Result<Vec<_>, _>>()?;
+        let again = |strike: &Remaining| remaining(&other, strike.speed, Accuracy::REFERENCE);
+        let strikes = optimum.strikes.iter().map(again).collect::<Result<Vec<_>, _>>()?;
+        let shares: Vec<_> = strikes.iter().map(|strike| strike.share).collect();
         compared.push(Compared {
             name,
             mass: total_mass(&other.intruders),
-            share: search.aim.of(&shares(&strikes)),
+            share: search.aim.of(&shares),
             strikes,
         });
     }
     Ok(compared)
-}
-
-fn shares(strikes: &[Remaining]) -> Vec<f64> {
-    strikes.iter().map(|strike| strike.share).collect()
 }
 
 fn total_mass(intruders: &[Intruder]) -> f64 {
@@ -251,7 +235,7 @@ fn percent(share: f64) -> String {
     format!("{:.2}", 100.0 * share)
 }
 
-fn table(scenario: &Scenario, report: &SearchReport) -> String {
+fn table(scenario: &Scenario, search: &Search, optimum: &Optimum, compared: &[Compared]) -> String {
     let mut parts = Vec::new();
     if !scenario.title.is_empty() {
         parts.push(scenario.title.clone());
@@ -259,14 +243,13 @@ fn table(scenario: &Scenario, report: &SearchReport) -> String {
     let range = |[low, high]: [f64; 2], unit: f64| format!("{:.3} to {:.3}", low / unit, high / unit);
     parts.push(format!(
         "Searched: m {} g, {} g together; k {} kN/m; c {} N·s/m. * is at such a bound.",
-        range(report.mass, 1e-3),
-        report.total_mass * 1e3,
-        range(report.stiffness, 1e3),
-        range(report.damping, 1.0),
+        range(search.mass, 1e-3),
+        search.total_mass * 1e3,
+        range(search.stiffness, 1e3),
+        range(search.damping, 1.0),
     ));
-    parts.push(intruders(report));
+    parts.push(intruders(search, optimum));
 
-    let optimum = &report.optimum;
     let strikes = optimum.strikes.iter().map(|strike| {
         [
             strike.speed.to_string(),
@@ -282,60 +265,47 @@ fn table(scenario: &Scenario, report: &SearchReport) -> String {
         "strike (m/s) | injected (µJ) | remains (%) | before hosts | within | after | lost in contacts";
     parts.push(output::table(header, strikes));
 
-    let remains = match (report.aim, optimum.strikes.len()) {
+    let remains = match (search.aim, optimum.strikes.len()) {
         (_, 1) => "remains (%)",
         (Aim::Worst, _) => "remains, worst (%)",
         _ => "remains, mean (%)",
     };
     let grams = |mass: f64| format!("{:.3}", mass * 1e3);
     let row = |name: &str, together: String, share: f64| [name.to_owned(), together, percent(share)];
-    let compared = &report.compared;
-    let mut rows: Vec<_> = compared
-        .iter()
+    let others = compared.iter();
+    let mut rows: Vec<_> = others
         .map(|other| row(other.name, grams(other.mass), other.share))
         .collect();
     rows.push(row("best that are all alike", String::new(), optimum.share_alike));
     rows.push(row("best", grams(total_mass(&optimum.intruders)), optimum.share));
-    parts.push(output::table(
-        &format!("intruders | together (g) | {remains}"),
-        rows,
-    ));
+    let header = format!("intruders | together (g) | {remains}");
+    parts.push(output::table(&header, rows));
     parts.push(remarks(optimum).join("\n"));
     parts.join("\n\n")
 }
 
-fn intruders(report: &SearchReport) -> String {
-    let optimum = &report.optimum;
+fn intruders(search: &Search, optimum: &Optimum) -> String {
     let figure = |value: f64, unit: f64, [low, high]: [f64; 2]| {
         let bound = value < low * 1.001 || value > high * 0.999;
         format!("{:.3}{}", value / unit, if bound { "*" } else { "" })
     };
     let rows = optimum.intruders.iter().enumerate().map(|(index, intruder)| {
-        let &Intruder {
-            mass,
-            stiffness,
-            damping,
-            ..
-        } = intruder;
-        let of_injected = optimum
-            .strikes
-            .iter()
-            .map(|strike| strike.intruders[index].of_injected);
+        let (mass, stiffness, damping) = (intruder.mass, intruder.stiffness, intruder.damping);
+        let strikes = optimum.strikes.iter();
+        let of_injected = strikes.map(|strike| strike.intruders[index].of_injected);
         let absorbed = of_injected.sum::<f64>() / optimum.strikes.len() as f64;
         [
-            report.hosts[index].to_string(),
-            figure(mass, 1e-3, report.mass),
-            figure(stiffness, 1e3, report.stiffness),
-            figure(damping, 1.0, report.damping),
+            search.hosts[index].to_string(),
+            figure(mass, 1e-3, search.mass),
+            figure(stiffness, 1e3, search.stiffness),
+            figure(damping, 1.0, search.damping),
             format!("{:.0}", (stiffness / mass).sqrt() / std::f64::consts::TAU),
             format!("{:.3}", damping / (2.0 * (stiffness * mass).sqrt())),
             percent(absorbed),
         ]
     });
-    output::table(
-        "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)",
-        rows,
-    )
+    let header = "bead | m (g) | k (kN/m) | c (N·s/m) | f0 (Hz) | ζ | absorbed (%)";
+    output::table(header, rows)
 }
 
 fn remarks(optimum: &Optimum) -> Vec<String> {
@@ -357,12 +327,7 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
             "The far end has a part in this: give the chain more beads, or the run less time.".to_owned(),
         );
     }
-    let within = optimum
-        .strikes
-        .iter()
-        .map(|strike| strike.within)
-        .fold(0.0, f64::max);
-    if within > 0.01 {
+    if optimum.strikes.iter().any(|strike| strike.within > 0.01) {
         remarks.push("Energy is still between the hosts: in a longer run more of it is absorbed.".to_owned());
     }
     remarks

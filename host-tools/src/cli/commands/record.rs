@@ -13,6 +13,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use std::{panic, thread};
 
+use anyhow::ensure;
 use bead_wire::{Arrival, Counters, Fault, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
@@ -66,7 +67,7 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
-    let out = arguments.recording(started)?;
+    let out = arguments.recording(started).map_err(Failure::Input)?;
     let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
     let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
     let mut recorder = Recorder::new(arguments, &out, started)?;
@@ -86,21 +87,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     });
     recorder.progress.finish_and_clear();
     let seconds = recorder.opened.elapsed().as_secs_f64();
-    let Recorder {
-        writer,
-        strikes,
-        tracker,
-        from_the_future,
-        printed,
-        ..
-    } = recorder;
-    let partial = writer.partial_path().to_owned();
-    let counters = kept.and_then(|()| writer.finish()).map_err(|error| {
-        let partial = partial.display();
-        Failure::input(format!("{error}; what came before is kept in {partial}"))
-    })?;
+    let partial = recorder.writer.partial_path().display().to_string();
+    let kept = kept.and_then(|()| recorder.writer.finish());
+    let counters =
+        kept.map_err(|error| Failure::input(format!("{error}; what came before is kept in {partial}")))?;
 
-    let result = format!("{}: {}", out.display(), summary(&counters, strikes, seconds));
+    let result = format!(
+        "{}: {}",
+        out.display(),
+        summary(&counters, recorder.strikes, seconds)
+    );
     if let Err(reason) = heard {
         return Err(Failure::device(format!(
             "{} went away ({reason}): all that came before is in {result}; plug it in or start it again, and record \
@@ -110,33 +106,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let lines = [
         Some(result),
-        clock_line(&tracker),
+        clock_line(&recorder.tracker),
         advice(&counters).map(str::to_owned),
-        from_the_future,
+        recorder.from_the_future,
     ];
     for line in lines.into_iter().flatten() {
         eprintln!("bead: {line}");
     }
-    printed
+    recorder.printed
 }
 
 impl Arguments {
     /// The name of the recording. No other file has it, unless it may be replaced.
-    fn recording(&self, started: DateTime<Utc>) -> Result<PathBuf, Failure> {
+    fn recording(&self, started: DateTime<Utc>) -> anyhow::Result<PathBuf> {
         let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
         let out = self.out.clone().unwrap_or_else(named);
-        if out.is_dir() {
-            return Err(Failure::input(format!(
-                "{} is a directory; give --out a file's name",
-                out.display()
-            )));
-        }
-        if out.exists() && !self.force {
-            return Err(Failure::input(format!(
-                "{} is there already; give another --out, or --force to replace it",
-                out.display()
-            )));
-        }
+        let name = out.display();
+        ensure!(!out.is_dir(), "{name} is a directory; give --out a file's name");
+        ensure!(
+            self.force || !out.exists(),
+            "{name} is there already; give another --out, or --force to replace it"
+        );
         Ok(out)
     }
 }
@@ -281,20 +271,14 @@ fn strike_line(frame: &Frame, strike: &Strike) -> String {
         strike.absorbed_measured.joules() * 1e9,
         strike.absorbed_predicted.joules() * 1e9,
     );
-    for name in strike.flags.names() {
-        line.push_str(", ");
-        line.push_str(name);
-    }
+    line.extend(strike.flags.names().flat_map(|name| [", ", name]));
     line
 }
 
 fn fault_line(fault: &Fault) -> String {
-    let mut line = format!("fault in boot {}: {}", fault.boot, fault.cause);
-    if !fault.detail.as_str().is_empty() {
-        line.push_str(", ");
-        line.push_str(fault.detail.as_str());
-    }
-    line
+    let detail = fault.detail.as_str();
+    let separator = if detail.is_empty() { "" } else { ", " };
+    format!("fault in boot {}: {}{separator}{detail}", fault.boot, fault.cause)
 }
 
 fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
@@ -310,7 +294,7 @@ fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
 
 /// How the bead's clock runs since its last restart, if the recording is long enough to tell.
 fn clock_line(tracker: &Tracker) -> Option<String> {
-    let fit = tracker.segments().last()?.fit()?;
+    let fit = tracker.segments.last()?.fit()?;
     let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
     let seconds = fit.span;
     Some(format!(

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -26,12 +27,6 @@ pub(crate) struct Arguments {
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
-}
-
-#[derive(Serialize)]
-struct ReplayReport {
-    identical: bool,
-    strikes: Vec<Strike>,
 }
 
 #[derive(Serialize)]
@@ -64,20 +59,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if strikes.is_empty() {
         return Err(received.no_strike(recorded.frames()).into());
     }
-    let report = ReplayReport {
-        identical: strikes.iter().all(|strike| strike.identical),
-        strikes,
-    };
-    output::print(arguments.format, &report, || table(&report))?;
-    let mut strikes = report.strikes.into_iter();
-    match strikes.find_map(|strike| strike.first_difference) {
+    let identical = strikes.iter().all(|strike| strike.identical);
+    let report = json!({ "identical": identical, "strikes": &strikes });
+    output::print(arguments.format, &report, || table(&strikes))?;
+    match strikes.into_iter().find_map(|strike| strike.first_difference) {
         None => Ok(()),
         Some(what) => Err(Failure::Verdict(format!("replay differs: {what}"))),
     }
 }
 
-fn table(report: &ReplayReport) -> String {
-    let rows = report.strikes.iter().map(|strike| {
+fn table(strikes: &[Strike]) -> String {
+    let rows = strikes.iter().map(|strike| {
         [
             strike.strike.to_string(),
             strike.sample_index.to_string(),

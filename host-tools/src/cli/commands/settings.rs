@@ -113,17 +113,12 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
     if reply.outcome == Outcome::StoreFull {
         reply = after_reboot(&mut bead, &request)?;
     }
-    match reply.outcome {
-        Outcome::Done => {
-            eprintln!(
-                "bead: the {} bytes of {} are stored and in force",
-                block.len(),
-                file.display()
-            );
-            Ok(())
-        }
-        _ => Err(refused(&reply).into()),
+    if reply.outcome != Outcome::Done {
+        return Err(refused(&reply).into());
     }
+    let (length, file) = (block.len(), file.display());
+    eprintln!("bead: the {length} bytes of {file} are stored and in force");
+    Ok(())
 }
 
 /// A bead makes room in a full store when it starts.
@@ -181,13 +176,11 @@ fn table(settings: &Settings) -> String {
     let gram = |kilogram: f32| format!("{:.4} g", kilogram * 1e3);
     let threshold = f64::from(window.threshold) * force.sensitive.per_code.to_num::<f64>();
     let relaxation = chain.relaxation.to_num::<f64>() * 2.0 / 3.0 / rate;
-    let name = if name.as_str().is_empty() {
-        "-"
-    } else {
-        name.as_str()
-    };
+    let relaxation = format!("{:.3} µs", relaxation * 1e6);
+    let incident = format!("{:.4} nJ", incident.to_num::<f64>());
+    let name = output::either(name.as_str().is_empty(), "-", name.as_str());
     let mut rows = vec![
-        ("name", name.to_owned()),
+        ("name", name),
         ("address", address.to_string()),
         ("sample rate", format!("{rate} Hz")),
         ("bead with its intruder, M", gram(bead.mass)),
@@ -213,6 +206,7 @@ fn table(settings: &Settings) -> String {
     ];
     rows.extend(names.into_iter().zip(sensor(acceleration, rate, 1.0, "m/s²")));
     let rise = format!("{} codes ({:.1} mN)", window.threshold, threshold * 1e3);
+    let drifted = part(ringing.frequency_tolerance.to_num());
     let [frequency, decay]: [f64; 2] = [ringing.frequency.to_num(), ringing.decay.to_num()];
     rows.extend([
         ("window", samples(window.length)),
@@ -222,10 +216,7 @@ fn table(settings: &Settings) -> String {
         ("A, weight at the start", number(observer.start.to_num())),
         ("A, weight at the end", number(observer.end.to_num())),
         ("A, energy", number(observer.energy.to_num()) + " nJ/(m/s²)²"),
-        (
-            "B, relaxation of the contacts",
-            format!("{:.3} µs", relaxation * 1e6),
-        ),
+        ("B, relaxation of the contacts", relaxation),
         ("B, contact", number(chain.contact.to_num())),
         ("B, incoming force", number(chain.incoming.to_num())),
         ("B, stiffness", number(chain.stiffness.to_num())),
@@ -233,16 +224,10 @@ fn table(settings: &Settings) -> String {
         ("B, intruder", number(chain.intruder.to_num())),
         ("B, gate", format!("{:.3} mN", chain.gate.to_num::<f64>() * 1e3)),
         ("B, energy", number(chain.energy.to_num()) + " nJ"),
-        (
-            "incident wave of 1 N",
-            format!("{:.4} nJ", incident.to_num::<f64>()),
-        ),
+        ("incident wave of 1 N", incident),
         ("A and B are told to differ from", part(disagreement.to_num())),
         ("the intruder rings at", format!("{frequency:.1} Hz")),
-        (
-            "and is told to have drifted from",
-            part(ringing.frequency_tolerance.to_num()),
-        ),
+        ("and is told to have drifted from", drifted),
         ("its ringing dies away with", format!("{decay:.1} /s")),
         ("and so from", part(ringing.decay_tolerance.to_num())),
     ]);
@@ -250,8 +235,8 @@ fn table(settings: &Settings) -> String {
     output::table("setting |", rows)
 }
 
-/// Of a sensor: a code at the high gain, the pole, a code at the low gain, and how much later that is sampled. `scale` is
-/// the shown unit in the sensor's.
+/// Of a sensor: a code at the high gain, the pole, a code at the low gain, and how much later that is
+/// sampled. `scale` is the shown unit in the sensor's.
 fn sensor<F: LeEqU32>(sensor: &Sensor<F>, rate: f64, scale: f64, unit: &str) -> [String; 4] {
     let channels = [&sensor.sensitive, &sensor.wide];
     // The slope is g f_s (1/ω_p - δ) / 2; the sensitive channel has no delay δ.

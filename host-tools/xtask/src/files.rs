@@ -1,0 +1,36 @@
+//! Files: all below a folder, read and written with errors that name them.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::step::Stop;
+
+/// All files below `dir`. A file or folder that `keep` refuses is left out.
+pub(crate) fn below(dir: &Path, keep: &dyn Fn(&Path) -> bool) -> io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(dir)? {
+        let path = entry?.path();
+        match keep(&path) {
+            true if path.is_dir() => files.extend(below(&path, keep)?),
+            true => files.push(path),
+            false => {}
+        }
+    }
+    Ok(files)
+}
+
+/// The text of a file.
+pub(crate) fn read(path: &Path) -> Result<String, Stop> {
+    fs::read_to_string(path).map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))
+}
+
+/// Writes a file and the folders that it needs, unless its bytes are there already: cargo does not compile a
+/// file again that did not change.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    if fs::read(path).is_ok_and(|old| old == bytes) {
+        return Ok(());
+    }
+    fs::create_dir_all(path.parent().unwrap_or(path))?;
+    fs::write(path, bytes)
+}
