@@ -114,7 +114,8 @@ fn title(kind: Kind) -> String {
 fn kinds() -> String {
     let row = |&kind: &Kind| {
         let about = plain(kind.about());
-        let sentence = about.split_inclusive(". ").next().unwrap().trim();
+        let paragraph = about.split("\n\n").next().unwrap();
+        let sentence = paragraph.split_inclusive(". ").next().unwrap().trim();
         let link = format!(
             "[`{0}`](#{1}-{2})",
             kind.name(),
