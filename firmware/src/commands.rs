@@ -14,7 +14,7 @@ use embassy_time::{Duration, Instant, Timer};
 use crate::settings::{self, Loaded, Refusal};
 use crate::storage;
 use crate::trace::Boot;
-use crate::{counters, estimate, outbox, raw, report, self_test};
+use crate::{counters, estimate, load, outbox, raw, report, self_test};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: Duration = Duration::from_millis(500);
@@ -53,7 +53,10 @@ impl Commands {
     async fn execute(&mut self, number: u16, request: Request) -> Answer {
         match request {
             Request::Identity => report::tell_identity(self.boot),
-            Request::Status => report::tell_status(),
+            Request::Status => {
+                report::tell_status();
+                load::tell();
+            }
             Request::ReadSettings => settings::tell(),
             Request::WriteSettings { block } => return self.write(block.bytes()).await,
             Request::EraseSettings => return self.erase().await,

@@ -15,7 +15,7 @@ use embassy_sync::zerocopy_channel::Receiver;
 use crate::block::Block;
 use crate::counters;
 use crate::health::Watch;
-use crate::{outbox, raw, report, settings};
+use crate::{load, outbox, raw, report, settings};
 
 /// Blocks between acquisition and estimation: 8 ms.
 pub(crate) const BLOCKS: usize = 4;
@@ -60,11 +60,13 @@ pub(crate) async fn estimate(
                 meter.restart();
             }
         }
-        if armed {
-            process_block(&settings, meter, block);
-        }
-        watch.look(block);
-        raw::offer(block);
+        load::count(|| {
+            if armed {
+                process_block(&settings, meter, block);
+            }
+            watch.look(block);
+            raw::offer(block);
+        });
         blocks.receive_done();
         counters::update(|c| {
             c.blocks_estimated = c.blocks_estimated.wrapping_add(1);

@@ -18,6 +18,7 @@ mod estimate;
 mod health;
 mod heartbeat;
 mod known_answer;
+mod load;
 mod outbox;
 mod port;
 mod priorities;
@@ -65,6 +66,7 @@ fn main() -> ! {
     let boot = BOOT.init(trace::begin());
     let mut core = cortex_m::Peripherals::take().expect("main runs once");
     stack::close_fence(&mut core.MPU);
+    load::begin(&mut core.DCB, &mut core.DWT);
     let p = embassy_stm32::init(clocks::config());
     supply::watch();
     defmt::info!(

@@ -14,6 +14,7 @@ pub(crate) mod fault;
 pub(crate) mod health;
 pub(crate) mod identity;
 pub(crate) mod link;
+pub(crate) mod load;
 pub(crate) mod raw;
 pub(crate) mod reply;
 pub(crate) mod self_test;
@@ -41,4 +42,5 @@ messages! {
     17 raw Raw,
     18 link Link,
     19 self_test SelfTest,
+    20 load Load,
 }

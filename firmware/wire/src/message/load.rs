@@ -1,0 +1,31 @@
+use crate::body::body;
+
+body! {
+    /// What the work on a block of samples costs, by the core's cycle counter.
+    ///
+    /// It is sent when a host asks for the status, and covers the blocks since the last time, or since the reset.
+    /// Interrupts that come meanwhile count too.
+    pub struct Load: Copy {
+        /// Blocks that the estimators took.
+        pub blocks: u32,
+        /// Cycles of the block that took longest.
+        pub worst_cycles: u32,
+        /// Cycles of a block on average; 0 without a block.
+        pub mean_cycles: u32,
+        /// Cycles from one block to the next: all that there are.
+        pub period_cycles: u32,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Load {
+    Load {
+        blocks: 500,
+        worst_cycles: 161_234,
+        mean_cycles: 20_001,
+        period_cycles: 336_000,
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str = "000a031402040302010c0b01020a01011107f403d2eb09a19c0180c114e870371a00";
