@@ -212,6 +212,35 @@ fn each_request_is_answered_with_what_it_asks_for() {
 }
 
 #[test]
+fn a_bead_says_what_a_block_costs_since_it_was_last_asked() {
+    // Strikes at 20 and 120 ms after the first scan, which comes some 17 ms after power-up.
+    let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
+    for at in [0.09, 0.12, 0.2] {
+        requests.request(at, &Request::Status);
+    }
+    let answered = requests.run();
+    let loads = [0, 1, 2].map(|number| {
+        let [.., Message::Load(load)] = answered.heard.answered(number)[..] else {
+            panic!("{:?}", answered.heard.answered(number));
+        };
+        *load
+    });
+    let [struck, quiet, again] = loads;
+    println!("{loads:?}");
+    // 2 ms at 168 MHz.
+    assert!(loads.iter().all(|load| load.period_cycles == 336_000));
+    // Blocks of 2 ms between the requests, one more or less.
+    assert!((14..=16).contains(&quiet.blocks), "{quiet:?}");
+    assert!((39..=41).contains(&again.blocks), "{again:?}");
+    for load in loads {
+        assert!(load.mean_cycles > 0 && load.mean_cycles <= load.worst_cycles);
+        assert!(load.worst_cycles < load.period_cycles, "no block is late");
+    }
+    // A strike costs what quiet does not: the estimators' some 360 instructions a sample.
+    assert!(struck.worst_cycles > 5 * quiet.worst_cycles && again.worst_cycles > 5 * quiet.worst_cycles);
+}
+
+#[test]
 fn a_self_test_names_what_fails() {
     // A force that never moves, and a supply that is too low.
     let mut run = paper(0, 0.1, Some(1));

@@ -4,7 +4,7 @@ mod ram;
 
 use std::sync::LazyLock;
 
-use bead::bench::emulation::Emulation;
+use bead::bench::emulation::{Emulation, SETTINGS_ADDRESS};
 use bead::comparison::replay::replay;
 use bead::recording::frames::Frame;
 use bead::recording::strikes::assemble;
@@ -180,7 +180,7 @@ fn each_way_of_being_no_valid_settings_is_refused_by_name_and_leaves_flash_alone
             forged(|bytes| bytes[4] = version as u8 + 1),
             Outcome::SettingsInvalid,
             format!(
-                "settings block of version {}, this program knows {version}",
+                "settings block of version {}, this program knows 3 to {version}",
                 version + 1
             ),
         ),
@@ -293,11 +293,59 @@ fn a_stored_block_that_this_image_does_not_know_is_refused_and_the_one_of_the_pr
     let refused = answered.heard.faults().next().expect("it is told");
     assert_eq!(
         (refused.cause, refused.detail.as_str()),
-        (FaultCause::SettingsRefused, "a block of another version")
+        (
+            FaultCause::SettingsRefused,
+            "a block of another version, which cannot be migrated: arm the bead by request"
+        )
     );
     assert_eq!(told(&answered.heard.frames), [&answered.block[..]]);
+    assert!(
+        !answered.heard.status().armed,
+        "its owner's bead measures with no other settings unasked"
+    );
     assert_eq!(answered.heard.status().settings_source, SettingsSource::Flash);
     assert_eq!(answered.outcome.flash_operations, [], "another image may know it");
+}
+
+/// A block as version 3 had it: without the address at its end.
+fn of_version_3(block: &[u8]) -> Vec<u8> {
+    let mut bytes = block[..block.len() - 5].to_vec();
+    bytes[4] = 3;
+    bytes[6] -= 1;
+    let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes);
+    bytes.extend(crc.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn a_strike_is_flagged_if_its_settings_are_not_the_owners_and_a_block_of_version_3_is_the_owners() {
+    let run = paper(1, 0.1, Some(1));
+    let measured = |flash: Vec<(u32, Vec<u8>)>| {
+        let mut requests = Requests::new(&run);
+        requests.machine.flash = flash;
+        let heard = requests.run().heard;
+        let strikes = assemble(heard.frames.clone(), None);
+        assert_eq!(strikes.len(), 1);
+        assert_eq!(replay(&strikes[0]).first_difference, None);
+        (
+            strikes[0].said.flags.has(StrikeFlags::SETTINGS_NOT_OWNERS),
+            strikes[0].said.absorbed_measured,
+            heard.status().settings_source,
+        )
+    };
+    let of = |block: Vec<u8>| vec![(SETTINGS_ADDRESS, block)];
+    let (flagged, energy, source) = measured(of(run.block.clone()));
+    assert_eq!((flagged, source), (false, SettingsSource::Flash));
+    assert_eq!(
+        measured(of(of_version_3(&run.block))),
+        (false, energy, SettingsSource::Flash)
+    );
+    let mut damaged = run.block.clone();
+    damaged[20] ^= 1;
+    let (flagged, _, source) = measured(of(damaged));
+    assert_eq!((flagged, source), (true, SettingsSource::FlashRefused));
+    let (flagged, _, source) = measured(Vec::new());
+    assert_eq!((flagged, source), (true, SettingsSource::BuiltIn));
 }
 
 #[test]
