@@ -65,12 +65,17 @@ impl Survived {
     /// The last strike is measured as any other: no flag, replayed bit for bit, of the samples that were put in, A and B
     /// within their usual error.
     fn assert_last_strike_is_measured(&self) {
+        self.assert_last_strike_is_measured_with(StrikeFlags::NONE);
+    }
+
+    /// The same, with these flags.
+    fn assert_last_strike_is_measured_with(&self, flags: StrikeFlags) {
         let strike = self
             .strikes
             .last()
             .expect("the strike after the fault is measured");
         assert_eq!(replay(strike).first_difference, None);
-        assert_eq!(strike.said.flags, StrikeFlags::NONE);
+        assert_eq!(strike.said.flags, flags);
         let absorbed = self.run.truth.truth.absorbed;
         let off = |energy: Energy| energy.joules() / absorbed - 1.0;
         let (a, b) = (
@@ -450,8 +455,8 @@ fn settings_that_are_damaged_are_refused_and_said_to_be_and_the_built_in_ones_me
         outcome,
         run,
     };
-    // The built-in bead is the paper's.
-    survived.assert_last_strike_is_measured();
+    // The built-in bead is the paper's, and not the owner's.
+    survived.assert_last_strike_is_measured_with(StrikeFlags::SETTINGS_NOT_OWNERS);
     assert_eq!(survived.causes(), [FaultCause::SettingsRefused]);
     assert_eq!(survived.details(), ["wrong checksum"]);
     assert_eq!(

@@ -91,6 +91,14 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
         };
         assert_eq!(write("other.settings"), (0, String::new()));
         assert_eq!(read("second.settings"), block(&other));
+        let arguments = ["settings", "write", &path("other.settings"), "--address", "9"];
+        assert_eq!(
+            bead(&[&arguments[..], &["--port", port, "--timeout", "20"]].concat()),
+            (0, String::new())
+        );
+        let addressed = Settings { address: 9, ..other };
+        assert_eq!(read("addressed.settings"), block(&addressed));
+        assert_eq!(write("other.settings"), (0, String::new()));
 
         fs::write(path("rate.settings"), block(&settings_at(50_000)))
             .unwrap_or_else(|error| panic!("{error}"));

@@ -13,7 +13,9 @@ use bead_model::settings::BLOCK_MAX;
 use bead_store::Store;
 use bead_tests::{Answered, Requests, paper, settings_at};
 use bead_wire::Message;
-use bead_wire::{Block, FaultCause, Outcome, Request, SettingsSource, StrikeFlags};
+use bead_wire::{
+    ANY, Block, FaultCause, MAX_REQUEST, Outcome, Request, SettingsSource, StrikeFlags, encode_request,
+};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use ram::{RANGE, Ram};
 use stm32f405_qemu::{Fault, FaultKind};
@@ -346,6 +348,26 @@ fn a_strike_is_flagged_if_its_settings_are_not_the_owners_and_a_block_of_version
     assert_eq!((flagged, source), (true, SettingsSource::FlashRefused));
     let (flagged, _, source) = measured(Vec::new());
     assert_eq!((flagged, source), (true, SettingsSource::BuiltIn));
+}
+
+#[test]
+fn a_bead_answers_its_own_address_and_every_beads_and_says_it_in_its_frames() {
+    let settings = Settings {
+        address: 7,
+        ..SHORT.settings
+    };
+    let mut requests = short();
+    requests.machine.flash = vec![(SETTINGS_ADDRESS, block(&settings))];
+    for (at, address, number) in [(0.05, 7, 100), (0.07, 8, 101), (0.09, ANY, 102)] {
+        let mut buffer = [0; MAX_REQUEST];
+        let sent = encode_request(address, number, &Request::Identity, &mut buffer);
+        requests.send(at, sent.expect("the buffer is long enough"));
+    }
+    let heard = requests.run().heard;
+    let replies = [100, 101, 102].map(|number| heard.replies(number).count());
+    assert_eq!(replies, [1, 0, 1]);
+    assert!(heard.frames.iter().all(|frame| frame.header.address == 7));
+    assert_eq!(heard.counters.lost, 0);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use bead_model::calibration::Channel;
 use bead_model::sensor::Sensor;
-use bead_model::settings::{Settings, VERSION};
+use bead_model::settings::{BLOCK_MAX, Settings, VERSION};
 use bead_wire::{Block, MAX_BLOCK, Message, Outcome, Reply, Request};
 use clap::{Args, Subcommand};
 use fixed::types::extra::LeEqU32;
@@ -55,6 +55,9 @@ enum Action {
         /// The settings.
         #[arg(value_name = "F.settings")]
         file: PathBuf,
+        /// Give the bead this address, 0 to 254, instead of the one in the file: it tells beads apart on a shared line.
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(..255))]
+        address: Option<u8>,
         #[command(flatten)]
         line: LineOptions,
     },
@@ -78,7 +81,7 @@ enum Action {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.action {
         Action::Read { line, out, format } => read(line, out.as_deref(), *format),
-        Action::Write { file, line } => write(file, line),
+        Action::Write { file, address, line } => write(file, *address, line),
         Action::Show { file, format } => {
             let block = load(file)?;
             print(&block, *format, || format!("{}: ", file.display()))
@@ -103,8 +106,11 @@ fn read(line: &LineOptions, out: Option<&Path>, format: Format) -> Result<(), Fa
     print(block.bytes(), format, || "the bead has a ".to_owned())
 }
 
-fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
-    let block = load(file)?;
+fn write(file: &Path, address: Option<u8>, line: &LineOptions) -> Result<(), Failure> {
+    let block = match address {
+        Some(address) => addressed(file, address)?,
+        None => load(file)?,
+    };
     let mut bead = line.open()?;
     let request = Request::WriteSettings {
         block: Block::try_from(&block[..]).or_input(|| "this is not a settings block")?,
@@ -119,6 +125,18 @@ fn write(file: &Path, line: &LineOptions) -> Result<(), Failure> {
     let (length, file) = (block.len(), file.display());
     eprintln!("bead: the {length} bytes of {file} are stored and in force");
     Ok(())
+}
+
+/// The settings of a file with another address.
+fn addressed(file: &Path, address: u8) -> Result<Vec<u8>, Failure> {
+    let name = file.display();
+    let refused = |error| Failure::input(format!("{name}: {error}"));
+    let settings = Settings::decode(&load(file)?).map_err(refused)?;
+    let mut block = [0; BLOCK_MAX];
+    let length = Settings { address, ..settings }
+        .encode(&mut block)
+        .map_err(refused)?;
+    Ok(block[..length].to_vec())
 }
 
 /// A bead makes room in a full store when it starts.
