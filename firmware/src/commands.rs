@@ -119,8 +119,8 @@ impl Commands {
     }
 }
 
-/// Puts settings in force. A bead that its old settings kept from looking for strikes begins to, and the other way
-/// round. Returns where the settings came from.
+/// Puts settings in force. A bead that its old settings kept from looking for strikes begins to, and the
+/// other way round. Returns where the settings came from.
 async fn put_in_force(loaded: Loaded) -> &'static str {
     let (arm, origin) = (loaded.arm(), loaded.origin());
     if arm != settings::arm() {

@@ -3,9 +3,9 @@
 //! # Design
 //! A task of any priority can put a message in, and never waits: a message that finds no room is dropped and
 //! counted. It takes a sequence number all the same, so the host sees the gap. The transmitter encodes the
-//! messages, at the lowest priority. A message is copied into the queue in a critical section, so that numbers
-//! and messages are in the same order. The section is about 390 instructions long, 4 to 6 µs: the copy alone
-//! is of some 290 bytes.
+//! messages, at the lowest priority. A message is copied into the queue in a critical section, so that
+//! numbers and messages are in the same order. The section is about 390 instructions long, 4 to 6 µs: the
+//! copy alone is of some 290 bytes.
 
 use bead_wire::Message;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -37,7 +37,8 @@ pub(crate) fn push(message: impl Into<Message>) {
     queue(message.into());
 }
 
-// Once in the image: a message is long to build, and it is built where the core should do something else quickly.
+// Once in the image: a message is long to build, and it is built where the core should do something else
+// quickly.
 #[inline(never)]
 fn queue(message: Message) {
     counters::update(|c| {

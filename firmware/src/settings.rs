@@ -6,10 +6,10 @@
 //! with their block is queued: each strike was measured with the settings of the last settings frame before
 //! it.
 //!
-//! Settings that this image cannot read are refused as a whole, and a fault frame says why. The bead then works
-//! with the next settings in order, and marks each strike that was measured with the built-in ones. A block of
-//! another version that cannot be migrated is intact: its owner's bead must not measure with other settings
-//! unasked, so it looks for strikes only when a host arms it.
+//! Settings that this image cannot read are refused as a whole, and a fault frame says why. The bead then
+//! works with the next settings in order, and marks each strike that was measured with the built-in ones. A
+//! block of another version that cannot be migrated is intact: its owner's bead must not measure with other
+//! settings unasked, so it looks for strikes only when a host arms it.
 
 use core::cell::RefCell;
 use core::slice;

@@ -32,7 +32,8 @@ pub fn scenario() -> PathBuf {
     workspace().join("docs/scenarios/paper-strike.toml")
 }
 
-/// Settings of the paper's bead that samples at another rate: the same numbers of samples, and right in themselves.
+/// Settings of the paper's bead that samples at another rate: the same numbers of samples, and right in
+/// themselves.
 ///
 /// # Panics
 /// There are none at that rate.
@@ -225,7 +226,8 @@ impl Requests {
         }
     }
 
-    /// Sends a request `at` s after power-up, or after what is still being sent; gives its number, counted from 0.
+    /// Sends a request `at` s after power-up, or after what is still being sent; gives its number, counted
+    /// from 0.
     ///
     /// # Panics
     /// It is no request that can be sent.

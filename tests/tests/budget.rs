@@ -6,8 +6,8 @@ use bead_tests::{Heard, image, paper, workspace};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Object, ObjectSymbol};
 
-/// A figure may differ from the table by this part of it: the margin for what another build path or commit name does
-/// to the compiler's choices. A gain is a difference too, so that the table stays true.
+/// A figure may differ from the table by this part of it: the margin for what another build path or commit
+/// name does to the compiler's choices. A gain is a difference too, so that the table stays true.
 const MARGIN: f64 = 0.03;
 /// Instructions a sample, all in all, while a strike is measured, and while none is.
 const TARGETS: [(&str, f64); 3] = [
@@ -30,7 +30,8 @@ fn committed(text: &str) -> Vec<(String, f64)> {
         .collect()
 }
 
-/// Bytes of flash and of RAM that an image's loaded segments take, and of stack below its start and above its fence.
+/// Bytes of flash and of RAM that an image's loaded segments take, and of stack below its start and above its
+/// fence.
 fn sizes(elf: &[u8]) -> [f64; 3] {
     let elf: ElfFile32<'_> = ElfFile32::parse(elf).expect("the image is an ELF file");
     let [mut flash, mut variables] = [0, 0];

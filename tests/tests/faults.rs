@@ -11,8 +11,8 @@ use bead_wire::Message;
 use bead_wire::{Energy, FaultCause, Health, SettingsSource, Standing, StrikeFlags};
 use stm32f405_qemu::{Outcome, Poke, ResetCause};
 
-/// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A reset from
-/// within pulls the pin as well.
+/// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A
+/// reset from within pulls the pin as well.
 const SOFTWARE: u8 = 1 << 4 | PIN;
 const WATCHDOG: u8 = 1 << 5 | PIN;
 const PIN: u8 = 1 << 2;
@@ -62,8 +62,8 @@ impl Survived {
         pin.map_or(0, |pin| pin.edges)
     }
 
-    /// The last strike is measured as any other: no flag, replayed bit for bit, of the samples that were put in, A and B
-    /// within their usual error.
+    /// The last strike is measured as any other: no flag, replayed bit for bit, of the samples that were put
+    /// in, A and B within their usual error.
     fn assert_last_strike_is_measured(&self) {
         self.assert_last_strike_is_measured_with(StrikeFlags::NONE);
     }
@@ -477,8 +477,8 @@ fn the_stack_that_was_never_used_is_counted_to_the_word() {
         );
         survived.heard.status().stack_free_min
     };
-    // Words that the stack never reaches are written, down to this one and none of them further from the next than the
-    // fence is wide: as if the stack had been there.
+    // Words that the stack never reaches are written, down to this one and none of them further from the next
+    // than the fence is wide: as if the stack had been there.
     let down_to = |address: u32| -> Vec<Poke> {
         let way = (address..START - 1_500).step_by(1_000);
         way.map(|address| Poke {

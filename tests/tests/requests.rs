@@ -1,4 +1,5 @@
-//! What a host requests of the image: done, or refused by name; and whatever it sends, strikes are measured as if it had not.
+//! What a host requests of the image: done, or refused by name; and whatever it sends, strikes are measured
+//! as if it had not.
 
 use std::sync::LazyLock;
 

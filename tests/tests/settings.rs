@@ -1,4 +1,5 @@
-//! Settings over the link: in force from the next strike on and after a reset, refused by name, and never half there.
+//! Settings over the link: in force from the next strike on and after a reset, refused by name, and never
+//! half there.
 
 mod ram;
 
@@ -415,7 +416,8 @@ fn nearly_full(block: &[u8]) -> (Vec<u8>, usize) {
     (store.into_flash().bytes, all - 3)
 }
 
-/// The start of the bead, three writes, a fourth, a reset, and what `then` asks 4 s later, when a sector has been erased.
+/// The start of the bead, three writes, a fourth, a reset, and what `then` asks 4 s later, when a sector has
+/// been erased.
 fn fill_and_reset(then: impl Fn(&mut Requests)) -> (Requests, usize) {
     let (store, taken) = nearly_full(&windows_of(300));
     let mut requests = short();

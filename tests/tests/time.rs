@@ -146,8 +146,8 @@ fn the_count_goes_on_where_32_bits_of_it_end() {
     assert_eq!(edges.iter().map(clocks).collect::<Vec<_>>(), expected);
 }
 
-/// A run of bead `bead`, its crystal fast by `ppm`, which was started `early` seconds before time 0; strikes and edges
-/// come at the same true times for all. Recorded into `folder`.
+/// A run of bead `bead`, its crystal fast by `ppm`, which was started `early` seconds before time 0; strikes
+/// and edges come at the same true times for all. Recorded into `folder`.
 fn recorded(
     folder: &Path,
     scenario: &Scenario,
@@ -191,7 +191,8 @@ fn two_beads_with_clocks_that_differ_tell_when_one_strike_reached_each() {
     let (scenario, _) = load_scenario(&file).unwrap();
     let solution = simulate_with_ring_down(&scenario).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    // Beads 7 and 10, 90 ppm apart: 0.3 ms over the run, three times what the wave takes from one to the other.
+    // Beads 7 and 10, 90 ppm apart: 0.3 ms over the run, three times what the wave takes from one to the
+    // other.
     let beads = [(7, 60.125, 0.05), (10, -29.875, 0.013)];
     let paths =
         beads.map(|(bead, ppm, early)| recorded(folder.path(), &scenario, &solution, bead, ppm, early));

@@ -72,8 +72,8 @@ pub struct Settings {
     pub disagreement: I16F16,
     /// How the intruder rings, and the tolerance outside of which a strike is flagged.
     pub ringing: Ringing,
-    /// Address of the bead: it tells beads apart on a shared line and in merged streams. 0 where nobody gave it one,
-    /// 254 at most.
+    /// Address of the bead: it tells beads apart on a shared line and in merged streams. 0 where nobody gave
+    /// it one, 254 at most.
     pub address: u8,
 }
 
@@ -128,7 +128,8 @@ impl Settings {
         Ok(end + 4)
     }
 
-    /// Reads the block at the start of `bytes`, which may be a whole flash sector. A block of version 3 is migrated.
+    /// Reads the block at the start of `bytes`, which may be a whole flash sector. A block of version 3 is
+    /// migrated.
     pub fn decode(bytes: &[u8]) -> Result<Self, SettingsError> {
         let header = bytes.get(..HEADER).ok_or(SettingsError::Truncated)?;
         if header.iter().all(|&byte| byte == 0xff) {

@@ -107,8 +107,8 @@ pub struct StrikeReport {
 }
 
 impl StrikeReport {
-    /// How far the highest force stands above the noise before the strike, in dB, within 0.001 dB. `None` without
-    /// noise, or if the force does not exceed it.
+    /// How far the highest force stands above the noise before the strike, in dB, within 0.001 dB. `None`
+    /// without noise, or if the force does not exceed it.
     pub fn signal_to_noise(&self) -> Option<f32> {
         let (peak, noise) = (self.peak_force, self.force_noise);
         let known = noise > Force::ZERO && peak > noise;
@@ -328,8 +328,8 @@ fn differ([a, b]: [Energy; 2], part: I16F16, noise: Energy) -> bool {
     apart << I16F16::FRAC_NBITS > greater * u128::from(part.to_bits().unsigned_abs())
 }
 
-/// Energy of the solitary wave whose peak force is `peak`: `e F^{5/3}`, with `e` in nJ/N^{5/3}. Within 1e-5, in
-/// f32, once a strike.
+/// Energy of the solitary wave whose peak force is `peak`: `e F^{5/3}`, with `e` in nJ/N^{5/3}. Within 1e-5,
+/// in f32, once a strike.
 ///
 /// `micromath`'s power is off by up to 18 % over 0.1 to 1000 N. It starts two Newton steps for the cube root.
 /// Every recorded strike has the bits of these steps, so another power function would end its replay.

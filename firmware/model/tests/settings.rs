@@ -1,4 +1,5 @@
-//! Settings blocks of other versions: a block of yesterday is migrated, and others are refused by their number.
+//! Settings blocks of other versions: a block of yesterday is migrated, and others are refused by their
+//! number.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::{Settings, SettingsError};

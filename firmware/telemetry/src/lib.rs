@@ -1,8 +1,9 @@
-//! The results of `bead-model` as the messages of `bead-wire`: once for the image, the replay on the host, and tests.
+//! The results of `bead-model` as the messages of `bead-wire`: once for the image, the replay on the host,
+//! and tests.
 //!
 //! # Design
-//! The model computes in fixed point and the wire carries the same bits. Both crates know nothing of each other; this
-//! one knows which quantity of the one becomes which field of the other.
+//! The model computes in fixed point and the wire carries the same bits. Both crates know nothing of each
+//! other; this one knows which quantity of the one becomes which field of the other.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -72,7 +73,8 @@ pub fn shape(report: &StrikeReport) -> Shape {
     }
 }
 
-/// The waveform frame of a piece of a window. The codes at the low gain travel only if they had a part in the estimates.
+/// The waveform frame of a piece of a window. The codes at the low gain travel only if they had a part in the
+/// estimates.
 pub fn waveform(chunk: &Chunk) -> Waveform {
     let scans = match chunk.loud {
         true => &chunk.scans[..],

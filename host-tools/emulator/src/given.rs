@@ -31,8 +31,8 @@ pub struct Run {
     /// Time from row to row, in ns.
     pub sample_period_ns: u64,
     /// Blocks in flash beside the image (settings, for example), each with its address. Where neither a block
-    /// nor the image has anything, flash is erased. [`Outcome::flash`](crate::Outcome::flash) is such a block:
-    /// with it a run goes on where another ended.
+    /// nor the image has anything, flash is erased. [`Outcome::flash`](crate::Outcome::flash) is such a
+    /// block: with it a run goes on where another ended.
     #[serde(skip)]
     pub flash: Vec<(u32, Vec<u8>)>,
     /// Which functions to count: a label and a part of a demangled path, for example `("observer",

@@ -69,8 +69,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         mistake: "M in place of M - m for a host, motion and energy alike",
         changes: &[(
-            "shells[intruder.bead] -= intruder.oscillator.mass;",
-            "shells[intruder.bead] -= 0.0 * intruder.oscillator.mass;",
+            "shells[bead] -= oscillator.mass;",
+            "shells[bead] -= 0.0 * oscillator.mass;",
         )],
     },
     Mutant {

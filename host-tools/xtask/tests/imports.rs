@@ -1,9 +1,10 @@
 //! Imports of the workspace point down: no circle between files, no arrow from a lower room to a higher one.
 //!
 //! # Design
-//! Paths are read from the source as tokens, so that those in macros and function bodies count as well as those after
-//! `use`. A path counts as an arrow to the file that *defines* its item: re-exports are followed, modules are only
-//! passed through. What stands under `cfg(test)` is not read, and neither are tests and examples.
+//! Paths are read from the source as tokens, so that those in macros and function bodies count as well as
+//! those after `use`. A path counts as an arrow to the file that *defines* its item: re-exports are followed,
+//! modules are only passed through. What stands under `cfg(test)` is not read, and neither are tests and
+//! examples.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
@@ -81,7 +82,8 @@ fn imports_of_the_workspace_point_down() {
 /// Checks the workspace in `root`; says how many files and arrows there are.
 ///
 /// # Errors
-/// The circles and the arrows up, with the lines that draw them; a crate or a room without its place in the table.
+/// The circles and the arrows up, with the lines that draw them; a crate or a room without its place in the
+/// table.
 fn check(root: &Path, packages: &[Package]) -> Result<String, String> {
     let source = Source::read(root, packages)?;
     let arrows = source.arrows();

@@ -3,8 +3,8 @@ use crate::body::body;
 body! {
     /// What the work on a block of samples costs, by the core's cycle counter.
     ///
-    /// It is sent when a host asks for the status, and covers the blocks since the last time, or since the reset.
-    /// Interrupts that come meanwhile count too.
+    /// It is sent when a host asks for the status, and covers the blocks since the last time, or since the
+    /// reset. Interrupts that come meanwhile count too.
     pub struct Load: Copy {
         /// Blocks that the estimators took.
         pub blocks: u32,

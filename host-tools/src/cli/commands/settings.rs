@@ -55,7 +55,8 @@ enum Action {
         /// The settings.
         #[arg(value_name = "F.settings")]
         file: PathBuf,
-        /// Give the bead this address, 0 to 254, instead of the one in the file: it tells beads apart on a shared line.
+        /// Give the bead this address, 0 to 254, instead of the one in the file: it tells beads apart on a
+        /// shared line.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(..255))]
         address: Option<u8>,
         #[command(flatten)]
