@@ -22,7 +22,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if !program.exists() {
         return Err(Failure::device(format!(
             "{} is not there; to build it: cargo build --release -p bead-figures (installed: cargo install --path \
-             host-tools/figures/command)",
+             host-tools/figures-command)",
             program.display()
         )));
     }
