@@ -21,6 +21,7 @@ mod events;
 mod forecast;
 mod levels;
 mod lines;
+pub mod registers;
 mod stimulus;
 mod table;
 mod transfers;

@@ -144,7 +144,7 @@ pub struct FlashOperation {
 /// It read as zero, and writes to it had no effect. On silicon the firmware may behave differently.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnknownRegister {
-    /// For example `SPI1+0x08`, or `USART1+0x00 (clock off)`.
+    /// For example `SPI1_SR`, or `USART1_SR (clock off)`.
     pub name: String,
     /// Address of the word.
     pub address: u32,

@@ -487,8 +487,8 @@ fn a_register_without_a_model_and_one_without_its_clock_are_recorded_by_name() {
     assert_eq!(
         seen,
         [
-            ("USART1+0x00 (clock off)", 0, 1, Some(0)),
-            ("SPI1+0x08", 1, 1, Some(7))
+            ("USART1_SR (clock off)", 0, 1, Some(0)),
+            ("SPI1_SR", 1, 1, Some(7))
         ]
     );
 }

