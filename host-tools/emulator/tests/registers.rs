@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
+use stm32f405_qemu::Run;
 use stm32f405_qemu::machine::registers::{self, Register};
-use stm32f405_qemu::machine::{Board, Machine, Stimulus};
+use stm32f405_qemu::machine::{Board, Machine};
 
 /// Nothing is outside.
 struct Nowhere;
@@ -32,8 +33,7 @@ struct Chip(Machine);
 
 impl Chip {
     fn new() -> Self {
-        let machine = Machine::new(8_000_000, [0; 12], Stimulus::new(Vec::new(), 1), &[], &[]);
-        let mut chip = Self(machine);
+        let mut chip = Self(Machine::new(Run::new("")));
         chip.reset();
         chip
     }
