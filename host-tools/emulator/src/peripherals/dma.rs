@@ -347,7 +347,9 @@ mod tests {
             assert_eq!(dma.read(0x00, 0), Ok(HTIF | TCIF));
         }
         let mut dma = started(0, 4, 0);
-        (0..4).for_each(|_| drop(dma.moved(0)));
+        for _ in 0..4 {
+            dma.moved(0);
+        }
         assert_eq!(dma.read(stream(0, 0x00), 0).unwrap() & EN, 0);
         assert_eq!(dma.beat(0), None);
     }
