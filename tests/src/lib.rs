@@ -249,10 +249,7 @@ impl Requests {
 
     /// Sends any bytes, as [`request`](Self::request) does.
     pub fn send(&mut self, at: f64, bytes: &[u8]) {
-        self.machine.uart_input.push(UartInput {
-            at_ns: (at * 1e9) as u64,
-            bytes: bytes.to_vec(),
-        });
+        self.machine.uart_input.push(UartInput::usart1((at * 1e9) as u64, bytes));
     }
 
     /// Runs the image.
