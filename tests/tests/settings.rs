@@ -83,7 +83,7 @@ fn settings_written_are_in_force_with_the_next_strike_and_after_a_reset() {
     let mut requests = Requests::new(&paper(4, 0.1, Some(1)));
     let new = windows_of(300);
     requests.request(0.1, &write(&new));
-    requests.request(0.2, &Request::Reboot);
+    requests.request(0.17, &Request::Reboot);
     requests.request(0.3, &Request::EraseSettings);
     requests.request(0.31, &Request::Status);
     let answered = requests.run();
