@@ -92,6 +92,12 @@ pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
     .unwrap_or_else(|failure| panic!("{failure}"))
 }
 
+/// What the emulator noted, but for flash that is read without prefetch and caches.
+pub fn beside_caches(unmodelled: &[String]) -> Vec<&str> {
+    let noted = unmodelled.iter().map(String::as_str);
+    noted.filter(|what| !what.contains("HCLK above 30 MHz")).collect()
+}
+
 /// What one run said.
 pub struct Heard {
     /// Bytes that left the bead's port.
