@@ -11,6 +11,7 @@
 
 mod acquire;
 mod block;
+mod built_in;
 mod clocks;
 mod commands;
 mod converter;
