@@ -84,7 +84,7 @@ impl Notes {
     /// Takes notes from a table of registers, bits and notes: those for which one of the bits is written.
     pub(crate) fn note_bits(&mut self, table: &[(u32, u32, &'static str)], offset: u32, value: u32) {
         for (register, bits, what) in table {
-            self.note_if(*register == offset && value & bits != 0, *what);
+            self.note_if(*register == offset && value & bits != 0, what);
         }
     }
 
