@@ -28,7 +28,7 @@ mod transfers;
 mod unknown;
 mod wiring;
 
-pub use board::{Board, INTERRUPTS, NMI};
+pub use board::{Board, INTERRUPTS, NMI, SYSTICK};
 pub use stimulus::Stimulus;
 
 use crate::given::{FaultKind, Run};
@@ -240,6 +240,7 @@ impl Machine {
         for tim in &mut self.chip.units.tim {
             tim.advance(now);
         }
+        self.chip.units.systick.advance(now);
     }
 
     fn happen(&mut self, event: Event, at: u64, board: &mut impl Board) {
@@ -297,7 +298,7 @@ impl Machine {
     /// Brings memory and the interrupt lines up to the state of the models.
     fn deliver(&mut self, board: &mut impl Board) {
         self.transfers.flush(board);
-        self.lines.settle(&self.chip, board);
+        self.lines.settle(&mut self.chip, board);
     }
 }
 

@@ -13,6 +13,7 @@
 
 pub mod adc;
 pub mod clock;
+pub mod core;
 pub mod dbgmcu;
 pub mod dma;
 pub mod dwt;
@@ -26,6 +27,7 @@ pub mod rcc;
 mod register;
 pub mod signature;
 pub mod syscfg;
+pub mod systick;
 pub mod tim;
 pub mod usart;
 

@@ -21,7 +21,7 @@ use super::qemu::{
 };
 use super::self_test::self_test;
 use crate::exchange::SELF_TEST_STATUS;
-use crate::memory::{CCM, FLASH};
+use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus};
 
 static QEMU: OnceLock<Qemu> = OnceLock::new();
 static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
@@ -35,12 +35,18 @@ fn running() -> Option<(MutexGuard<'static, Overlay>, &'static Qemu)> {
     Some((overlay, QEMU.get()?))
 }
 
-static OPS: Ops = ops(on_write, false);
+static OPS: Ops = ops(on_read, on_write, false);
 /// QEMU reads flash as memory. Only stores come here.
-static FLASH_OPS: Ops = ops(on_store, true);
+static FLASH_OPS: Ops = ops(on_read, on_store, true);
+/// Priorities of interrupts and exceptions.
+static PRIORITY_OPS: Ops = ops(on_priority_read, on_priority_write, true);
 
 /// What QEMU calls for accesses of 1 to 4 bytes.
-const fn ops(write: extern "C" fn(Pointer, u64, u64, u32), unaligned: bool) -> Ops {
+const fn ops(
+    read: extern "C" fn(Pointer, u64, u32) -> u64,
+    write: extern "C" fn(Pointer, u64, u64, u32),
+    unaligned: bool,
+) -> Ops {
     const fn sizes(unaligned: bool) -> AccessSizes {
         AccessSizes {
             min: 1,
@@ -49,14 +55,14 @@ const fn ops(write: extern "C" fn(Pointer, u64, u64, u32), unaligned: bool) -> O
         }
     }
     Ops {
-        read: on_read,
+        read,
         write,
         read_with_attrs: 0,
         write_with_attrs: 0,
         endianness: DEVICE_LITTLE_ENDIAN,
         valid: ValidAccess {
             sizes: sizes(unaligned),
-            accepts: 0,
+            accepts: on_accept,
         },
         implemented: sizes(unaligned),
     }
@@ -142,25 +148,35 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
         let system = (f.get_system_memory)();
         let container = (f.object_resolve_path)(c"armv7m-container[0]".as_ptr(), null_mut());
         let processor = (f.object_resolve_path_type)(c"".as_ptr(), c"armv7m".as_ptr(), null_mut());
-        if container.is_null() || processor.is_null() {
+        let nvic = (f.object_resolve_path)(c"nvic_sysregs[0]".as_ptr(), null_mut());
+        if container.is_null() || processor.is_null() || nvic.is_null() {
             return Err("this machine has no ARMv7-M processor; run it with -M netduinoplus2".into());
         }
-        for (parent, start, size) in [
-            (system, 0x4000_0000, 0x2000_0000),
-            (system, 0x1fff_7800, 0x400),
-            (container, 0xe000_1000, 0x1000),
-            (container, 0xe004_2000, 0x400),
+        for (parent, addresses, ops) in [
+            (system, PERIPHERALS, &OPS),
+            (system, NO_RAM, &OPS),
+            // The bootloader, factory words and option bytes.
+            (system, 0x1fff_0000..0x2000_0000, &OPS),
+            // ITM, DWT and FPB; SysTick; SCR; the debug registers; TPIU, ETM and DBGMCU.
+            (container, 0xe000_0000..0xe000_3000, &OPS),
+            (container, 0xe000_e010..0xe000_e020, &OPS),
+            (container, 0xe000_ed10..0xe000_ed14, &OPS),
+            (container, 0xe000_edf0..0xe000_ee00, &OPS),
+            (container, 0xe004_0000..0xe004_2400, &OPS),
+            (container, 0xe000_e400..0xe000_e500, &PRIORITY_OPS),
+            (container, 0xe000_ed18..0xe000_ed24, &PRIORITY_OPS),
         ] {
-            let region = room();
+            let (region, start, size) = (room(), addresses.start, addresses.len() as u64);
+            let name = c"stm32f405".as_ptr();
             (f.memory_region_init_io)(
                 region,
                 none,
-                &raw const OPS,
-                start as Pointer,
-                c"stm32f405".as_ptr(),
+                &raw const *ops,
+                start as usize as Pointer,
+                name,
                 size,
             );
-            (f.memory_region_add_subregion_overlap)(parent, start, region, PRIORITY);
+            (f.memory_region_add_subregion_overlap)(parent, start.into(), region, PRIORITY);
         }
         if !(f.memory_region_present)(system, CCM.start.into()) {
             let region = room();
@@ -186,6 +202,8 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             .map(|n| (f.qdev_get_gpio_in)(processor, n as c_int))
             .collect();
         let nmi = (f.qdev_get_gpio_in_named)(processor, c"NMI".as_ptr(), 0);
+        let controller = (f.object_resolve_path_type)(c"".as_ptr(), c"armv7m_nvic".as_ptr(), null_mut());
+        let systick = (f.qdev_get_gpio_in_named)(controller, c"systick-trigger".as_ptr(), 0);
         let address_space = symbol("address_space_memory\0")?;
         Ok(Qemu {
             functions: f,
@@ -193,8 +211,31 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             timer,
             interrupts,
             nmi,
+            systick,
+            nvic,
             reset_requested: AtomicBool::new(false),
         })
+    }
+}
+
+/// What this leaves out is a bus fault.
+extern "C" fn on_accept(start: Pointer, offset: u64, _bytes: u32, _write: bool, _attributes: u64) -> bool {
+    let address = start as usize as u32 + offset as u32;
+    !NO_RAM.contains(&address) && !is_beyond_every_bus(address)
+}
+
+/// The part has 4 bits of priority, the upper ones of each byte (RM0090 section 12.1.1). QEMU 7.2 has 8.
+const PRIORITY_BITS: u64 = 0xf0f0_f0f0;
+
+extern "C" fn on_priority_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
+    let address = start as usize as u32 + offset as u32;
+    QEMU.get().map_or(0, |qemu| qemu.read_nvic(address, bytes))
+}
+
+extern "C" fn on_priority_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
+    let address = start as usize as u32 + offset as u32;
+    if let Some(qemu) = QEMU.get() {
+        qemu.write_nvic(address, value & PRIORITY_BITS, bytes);
     }
 }
 

@@ -18,7 +18,7 @@ use std::ffi::{c_char, c_int, c_void};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use crate::exchange::LINE_PREFIX;
-use crate::machine::{INTERRUPTS, NMI};
+use crate::machine::{INTERRUPTS, NMI, SYSTICK};
 
 const _: () = assert!(SPARE_LINE >= INTERRUPTS);
 
@@ -51,6 +51,8 @@ functions! {
     memory_region_init_alias: fn(Pointer, Pointer, *const c_char, Pointer, u64, u64);
     memory_region_present: fn(Pointer, u64) -> bool;
     memory_region_add_subregion_overlap: fn(Pointer, u64, Pointer, c_int);
+    memory_region_dispatch_read: fn(Pointer, u64, *mut u64, c_int, u64) -> c_int;
+    memory_region_dispatch_write: fn(Pointer, u64, u64, c_int, u64) -> c_int;
     object_resolve_path: fn(*const c_char, *mut bool) -> Pointer;
     object_resolve_path_type: fn(*const c_char, *const c_char, *mut bool) -> Pointer;
     qdev_get_gpio_in: fn(Pointer, c_int) -> Pointer;
@@ -92,7 +94,7 @@ pub(super) struct Ops {
 #[repr(C)]
 pub(super) struct ValidAccess {
     pub(super) sizes: AccessSizes,
-    pub(super) accepts: usize,
+    pub(super) accepts: extern "C" fn(Pointer, u64, u32, bool, u64) -> bool,
 }
 
 #[repr(C)]
@@ -118,6 +120,8 @@ const SHUTDOWN_CAUSE_GUEST_RESET: c_int = 7;
 const HALT: c_int = 0x20;
 /// `CPU_INTERRUPT_EXITTB`: wakes the processor, and has no other effect.
 const GO_ON: c_int = 0x04;
+/// First address of the interrupt controller's region.
+const NVIC_START: u32 = 0xe000_e000;
 /// `MEMTXATTRS_UNSPECIFIED`.
 const UNSPECIFIED: u64 = 1;
 /// Above QEMU's own devices, which are at 0.
@@ -130,6 +134,9 @@ pub(super) struct Qemu {
     pub(super) timer: Pointer,
     pub(super) interrupts: Vec<Pointer>,
     pub(super) nmi: Pointer,
+    pub(super) systick: Pointer,
+    /// The registers of the interrupt controller, as QEMU's region.
+    pub(super) nvic: Pointer,
     pub(super) reset_requested: AtomicBool,
 }
 
@@ -194,10 +201,10 @@ impl Qemu {
     }
 
     pub(super) fn set_interrupt(&self, number: usize, level: bool) {
-        let line = if number == NMI {
-            self.nmi
-        } else {
-            self.interrupts[number]
+        let line = match number {
+            NMI => self.nmi,
+            SYSTICK => self.systick,
+            _ => self.interrupts[number],
         };
         // SAFETY: the line is an input of the NVIC, found by `lay_over`.
         unsafe { (self.functions.qemu_set_irq)(line, c_int::from(level)) }
@@ -225,6 +232,24 @@ impl Qemu {
             (self.functions.timer_del)(self.timer);
             (self.functions.qemu_system_reset_request)(SHUTDOWN_CAUSE_GUEST_RESET);
         }
+    }
+
+    /// Reads 1, 2 or 4 bytes of the interrupt controller's own registers, under whatever lies over them.
+    pub(super) fn read_nvic(&self, address: u32, bytes: u32) -> u64 {
+        let mut value = 0;
+        let (offset, size) = (u64::from(address - NVIC_START), bytes.trailing_zeros() as c_int);
+        let read = self.functions.memory_region_dispatch_read;
+        // SAFETY: the region is the controller's, found by `lay_over`; the size is given by its logarithm.
+        unsafe { read(self.nvic, offset, &raw mut value, size, UNSPECIFIED) };
+        value
+    }
+
+    /// Writes them.
+    pub(super) fn write_nvic(&self, address: u32, value: u64, bytes: u32) {
+        let (offset, size) = (u64::from(address - NVIC_START), bytes.trailing_zeros() as c_int);
+        let write = self.functions.memory_region_dispatch_write;
+        // SAFETY: as above.
+        unsafe { write(self.nvic, offset, value, size, UNSPECIFIED) };
     }
 
     /// Reads a word as the processor sees it, also of its private peripherals.
