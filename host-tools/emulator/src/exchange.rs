@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::given::Run;
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 8;
+pub(crate) const FORMAT: u32 = 9;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
@@ -30,6 +30,8 @@ pub(crate) const UART_TIMES: &str = "uart-times.bin";
 pub(crate) const RTT: &str = "rtt.bin";
 /// The run's outcome, without what the other files hold.
 pub(crate) const OUTCOME: &str = "outcome.json";
+/// What the image said by semihosting.
+pub(crate) const SEMIHOSTING: &str = "semihosting.txt";
 /// What flash sectors 10 and 11 hold at the end.
 pub(crate) const FLASH: &str = "flash.bin";
 
@@ -45,6 +47,10 @@ pub(crate) struct Description<'a> {
     pub(crate) run: Cow<'a, Run>,
     /// Address of the RTT control block, if the image has one.
     pub(crate) rtt: Option<u32>,
+    /// First addresses of the handlers of faults: vectors 3 to 6.
+    pub(crate) fault_handlers: Vec<u32>,
+    /// First addresses of the functions that a panic enters.
+    pub(crate) panic_functions: Vec<u32>,
     pub(crate) functions: Vec<FunctionRange>,
     pub(crate) labels: Vec<String>,
     /// The labels whose functions make a block a working one.

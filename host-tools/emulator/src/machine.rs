@@ -21,6 +21,7 @@ mod events;
 mod forecast;
 mod levels;
 mod lines;
+mod polls;
 pub mod registers;
 mod stimulus;
 mod table;
@@ -29,6 +30,7 @@ mod unknown;
 mod wiring;
 
 pub use board::{Board, INTERRUPTS, NMI, SYSTICK};
+pub(crate) use registers::name_of;
 pub use stimulus::Stimulus;
 
 use crate::given::{FaultKind, Run};
@@ -40,6 +42,7 @@ use crash::crash;
 use events::Event;
 use levels::Levels;
 use lines::Lines;
+use polls::Polls;
 use table::DMA2_LINES;
 use transfers::{Transfers, part};
 use unknown::UnknownRegisters;
@@ -53,6 +56,9 @@ pub struct Machine {
     transfers: Transfers,
     lines: Lines,
     unknown: UnknownRegisters,
+    polls: Polls,
+    /// The register without a model that the processor does nothing but read.
+    stuck: Option<u32>,
     /// The cause of a reset that was asked for and has not come yet.
     reset_wanted: Option<ResetCause>,
     resets: Vec<Reset>,
@@ -80,6 +86,8 @@ impl Machine {
             transfers: Transfers::default(),
             lines: Lines::default(),
             unknown: UnknownRegisters::default(),
+            polls: Polls::default(),
+            stuck: None,
             reset_wanted: None,
             resets: Vec::new(),
         }
@@ -103,8 +111,10 @@ impl Machine {
     pub fn read(&mut self, address: u32, bytes: u32, now: u64, board: &mut impl Board) -> u32 {
         self.play(now, board);
         let word = address & !3;
+        let polled = self.polls.accessed(word);
         let value = self.chip.read(word, now).unwrap_or_else(|unanswered| {
             self.unknown.read(word, unanswered.clock_off);
+            self.stuck = self.stuck.or(polled.filter(|polled| *polled == word));
             0
         });
         self.settle(board);
@@ -115,6 +125,7 @@ impl Machine {
     pub fn write(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Board) {
         self.play(now, board);
         let word = address & !3;
+        self.polls.accessed(word);
         let value = self.chip.widen(address, bytes, value, now);
         if let Err(unanswered) = self.chip.write(word, value, now) {
             self.unknown.written(word, unanswered.clock_off, value);
@@ -186,6 +197,16 @@ impl Machine {
         &self.chip.stimulus
     }
 
+    /// The register that the processor does nothing but read, if no model knows it.
+    pub fn stuck(&self) -> Option<String> {
+        self.stuck.map(registers::name)
+    }
+
+    /// Whether the watchdog runs. It resets an image that does nothing more.
+    pub fn watchdog_runs(&self) -> bool {
+        self.chip.units.iwdg.next_interrupt().is_some()
+    }
+
     /// What stands in [`WRITABLE`].
     pub fn flash(&self) -> &[u8] {
         self.chip.units.flash.contents()
@@ -210,11 +231,21 @@ impl Machine {
             resets: self.resets.clone(),
             unknown_registers: self.unknown.list(),
             unmodelled: self.chip.unmodelled(),
+            busy_with: self.polls.busy_with().map(registers::name),
+            never_came: self.never_came(),
             pins: self.pins(),
             flash_operations: units.flash.operations().to_vec(),
             virtual_ns: now,
             ..Outcome::default()
         }
+    }
+
+    /// Inputs that were to come.
+    fn never_came(&self) -> Vec<String> {
+        let levels = self.levels.left(&self.chip);
+        let bytes = self.chip.units.usart1.bytes_to_come();
+        let bytes = (bytes > 0).then(|| format!("{bytes} bytes for the receiver of USART1"));
+        levels.into_iter().chain(bytes).collect()
     }
 
     fn pins(&self) -> Vec<Pin> {

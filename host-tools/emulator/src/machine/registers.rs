@@ -7,6 +7,8 @@
 use std::fmt;
 use std::ops::Range;
 
+use crate::memory::PERIPHERALS;
+
 /// One register.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Register {
@@ -108,6 +110,12 @@ pub fn name(address: u32) -> String {
         || format!("{peripheral}+{:#04x}", address - start),
         |register| register.to_string(),
     )
+}
+
+/// The same for an address where a peripheral may be.
+pub(crate) fn name_of(address: u32) -> Option<String> {
+    let of_core = OTHERS.iter().any(|(range, _)| range.contains(&address));
+    (of_core || PERIPHERALS.contains(&address)).then(|| name(address))
 }
 
 #[cfg(test)]
