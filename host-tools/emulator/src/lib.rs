@@ -16,4 +16,6 @@ pub use outcome::{
     Block, FlashOperation, FunctionCount, Instructions, LogLine, Outcome, Pin, Reset, ResetCause, Sampling,
     UnknownRegister,
 };
+#[doc(hidden)]
+pub use run::carry;
 pub use run::{Function, RunError, functions};

@@ -19,6 +19,7 @@ use std::ffi::OsString;
 
 pub use error::RunError;
 pub use image::{Function, functions};
+pub use overlay::carry;
 
 use crate::ending::End;
 use crate::exchange::{self, Description, FORMAT};

@@ -122,6 +122,96 @@ fn an_image_that_waits_for_a_missing_peripheral_is_stopped_with_its_register() {
     assert_eq!(outcome.end, End::Stuck("RNG_SR".into()));
 }
 
+/// The program, run on an image: its exit status and what it said.
+fn program(image_name: &str, options: &[&str]) -> (Option<i32>, String) {
+    let image = image(image_name);
+    let began = Instant::now();
+    let ran = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"))
+        .args(options)
+        .arg(image)
+        .output()
+        .unwrap();
+    assert!(began.elapsed().as_secs() < 10, "it took {:?}", began.elapsed());
+    let said = [ran.stdout, ran.stderr].concat();
+    (ran.status.code(), String::from_utf8(said).unwrap())
+}
+
+#[test]
+fn the_program_ends_with_a_status_for_each_end_of_an_image() {
+    let until = ["--until", "line 999"];
+    for (image, options, status, words) in [
+        ("logs", &until[..], 0, "line 999"),
+        (
+            "logs",
+            &["--until", "line 1000"],
+            1,
+            "no line of the log contains \"line 1000\"",
+        ),
+        ("spins", &["--seconds", "0.01"], 0, "the image did not sample"),
+        ("panics", &[], 1, "the answer is 42"),
+        (
+            "faults",
+            &[],
+            1,
+            "the image stands in the handler of a fault: HardFault",
+        ),
+        ("polls", &[], 1, "busy with RNG_SR"),
+        ("polls", &["--nonsense"], 2, "usage"),
+        ("no-such-image", &[], 3, "cannot read the firmware image"),
+    ] {
+        let (found, said) = program(image, options);
+        assert_eq!(found, Some(status), "{image}: {said}");
+        assert!(said.contains(words), "{image}: {said}");
+    }
+}
+
+#[test]
+fn the_program_carries_the_overlay_wherever_it_is_put() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("elsewhere");
+    std::fs::copy(env!("CARGO_BIN_EXE_stm32f405-run"), &program).unwrap();
+    let ran = Command::new(program).arg(image("logs")).output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+}
+
+/// The processes whose parent is this one.
+fn children(parent: u32) -> Vec<String> {
+    let text = std::fs::read_to_string(format!("/proc/{parent}/task/{parent}/children"));
+    let text = text.unwrap_or_default();
+    text.split_whitespace().map(str::to_owned).collect()
+}
+
+#[test]
+fn qemu_ends_with_its_host_whatever_ends_the_host() {
+    let spins = image("spins");
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"))
+        .args(["--seconds", "100000"])
+        .arg(spins)
+        .spawn()
+        .unwrap();
+    let patience = Instant::now();
+    let of_qemu = |pid: &String| {
+        let name = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
+        // The run of `--version` is over by the time that the plugin's folder is an argument.
+        let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        name.starts_with("qemu") && line.contains("-plugin")
+    };
+    let qemu = loop {
+        if let Some(qemu) = children(host.id()).into_iter().find(of_qemu) {
+            break qemu;
+        }
+        assert!(patience.elapsed().as_secs() < 10, "QEMU was not started");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    };
+    // SIGKILL: the host gets no chance to do anything.
+    host.kill().unwrap();
+    host.wait().unwrap();
+    while of_qemu(&qemu) {
+        assert!(patience.elapsed().as_secs() < 20, "QEMU {qemu} goes on");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+}
+
 #[test]
 fn a_log_without_a_pause_is_whole() {
     for count_instructions in [false, true] {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::error::{RunError, io};
 use super::folder::Folder;
-use super::overlay;
+use super::overlay::{self, Overlay};
 use super::qemu::{FoundQemu, wanted_version};
 use crate::ending::{End, Place};
 use crate::exchange::{self, LINE_PREFIX, SELF_TEST_STATUS};
@@ -22,7 +22,7 @@ use crate::outcome::Outcome;
 /// QEMU or the overlay fails, or the run takes longer than `timeout`.
 pub(super) fn run(
     qemu: &FoundQemu,
-    overlay: &Path,
+    overlay: &Overlay,
     folder: &Folder,
     arguments: &[OsString],
     shift: u8,
