@@ -11,10 +11,10 @@ mod plugin;
 mod run;
 
 pub use ending::{End, Exception, Place};
-pub use given::{Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
+pub use given::{AnalogInput, Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
 pub use outcome::{
     Block, FlashOperation, FunctionCount, Instructions, LogLine, Outcome, Pin, Reset, ResetCause, Sampling,
-    UnknownRegister,
+    Uart, UnknownRegister,
 };
 #[doc(hidden)]
 pub use run::carry;

@@ -96,12 +96,6 @@ fn active_exception(qemu: &Qemu) -> u32 {
     qemu.read_nvic(ICSR, 4) as u32 & 0x1ff
 }
 
-/// Whether an interrupt is pending: a sleep then ends at once (ICSR.ISRPENDING and PENDSTSET, PENDSVSET).
-pub(super) fn interrupt_pending(qemu: &Qemu) -> bool {
-    const ICSR: u32 = 0xe000_ed04;
-    qemu.read_nvic(ICSR, 4) & (1 << 22 | 1 << 26 | 1 << 28) != 0
-}
-
 /// The exception whose handler begins, from the processor's registers as QEMU prints them. `None` if this is
 /// not the entry of a fault's handler.
 pub(super) fn exception(dump: &str, qemu: &Qemu) -> Option<Exception> {
