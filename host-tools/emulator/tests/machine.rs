@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use stm32f405_qemu::machine::{Board, Machine, NMI, WRITABLE};
+use stm32f405_qemu::machine::{Board, Machine, SYSTICK, WRITABLE};
 use stm32f405_qemu::{Fault, FaultKind, Outcome, PinInput, ResetCause, Run, Since, UartInput};
 
 const RCC: u32 = 0x4002_3800;
@@ -23,7 +23,7 @@ const DMA2_STREAM7: usize = 70;
 /// Memory, and a record of everything that came out.
 struct TestBoard {
     sram: Vec<u8>,
-    lines: [bool; NMI + 1],
+    lines: [bool; SYSTICK + 1],
     rises: BTreeMap<usize, Vec<u64>>,
     now: u64,
     uart: Vec<u8>,
@@ -116,7 +116,7 @@ impl Bench {
             machine: Machine::new(run),
             board: TestBoard {
                 sram: vec![0; 0x2_0000],
-                lines: [false; NMI + 1],
+                lines: [false; SYSTICK + 1],
                 rises: BTreeMap::new(),
                 now: 0,
                 uart: Vec::new(),
