@@ -9,6 +9,7 @@ pub(crate) const GPIOB: u32 = 0x4002_0400;
 pub(crate) const GPIOA: u32 = 0x4002_0000;
 pub(crate) const RCC: u32 = 0x4002_3800;
 pub(crate) const FLASH: u32 = 0x4002_3c00;
+pub(crate) const TIM2: u32 = 0x4000_0000;
 pub(crate) const TIM3: u32 = 0x4000_0400;
 pub(crate) const TIM5: u32 = 0x4000_0c00;
 pub(crate) const IWDG: u32 = 0x4000_3000;

@@ -1,6 +1,7 @@
 //! The peripherals together, driven by register writes as firmware would, without QEMU.
 
 mod bench;
+mod instances;
 
 use stm32f405_qemu::machine::WRITABLE;
 use stm32f405_qemu::{Fault, FaultKind, PinInput, ResetCause, Run, Since, UartInput};
@@ -436,8 +437,6 @@ fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
     assert_eq!(bench.outcome().resets[0].cause, ResetCause::Watchdog);
     assert_eq!(bench.read(FLASH + 0x0c), 0);
 }
-
-const TIM2: u32 = 0x4000_0000;
 
 /// TIM2 started by TIM3's first update, its channel 1 capturing rising edges of PA15 with an interrupt;
 /// samples at 100 kHz.
