@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::process::ExitStatus;
 use std::time::Duration;
 
-use super::image::Image;
 use crate::ending::Place;
 use crate::outcome::{Outcome, UnknownRegister};
 
@@ -93,10 +92,10 @@ impl RunError {
         }
     }
 
-    /// The same with the functions of the image around its addresses.
-    pub(super) fn with_functions(mut self, image: &Image) -> Self {
+    /// Lets `name` fill in the function around each address.
+    pub(super) fn with_functions(mut self, name: impl Fn(&mut Place)) -> Self {
         if let Self::GuestLockup(_, Some(places)) = &mut self {
-            places.iter_mut().for_each(|place| image.name(place));
+            places.iter_mut().for_each(name);
         }
         self
     }
