@@ -84,7 +84,7 @@ pub(crate) async fn idle() -> ! {
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
 fn process_block(settings: &Settings, meter: &mut Meter, block: &Block) {
-    meter.process(settings, block.first_index, block.scans(), &mut Telemetry);
+    meter.process_words(settings, block.first_index, block.codes.words(), &mut Telemetry);
 }
 
 /// Sends what the meter finds.

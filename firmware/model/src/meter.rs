@@ -1,6 +1,7 @@
 //! The strike meter: trigger, history before it, window, and the quiet that arms it again.
 
 use core::ops::Range;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use crate::layout::{HISTORY_MAX, PIECE};
 use crate::quantity::{Energy, Scan};
@@ -36,6 +37,19 @@ pub trait Sink {
     fn chunk(&mut self, chunk: &Chunk);
     /// A window is complete. This comes after its last chunk.
     fn report(&mut self, report: &StrikeReport);
+}
+
+/// Scans in memory that a DMA writes: two words each, force and acceleration, the code at the high gain in the
+/// lower half.
+pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + '_ {
+    let gains = |word: &AtomicU32| {
+        let word = word.load(Ordering::Relaxed);
+        [word as u16, (word >> 16) as u16]
+    };
+    words.iter().map(move |[force, acceleration]| {
+        let ([force, force_wide], [acceleration, acceleration_wide]) = (gains(force), gains(acceleration));
+        Scan::new([force, force_wide, acceleration, acceleration_wide])
+    })
 }
 
 /// Scans that [`Recent`] has room for. When it is full, the scans still needed are moved to the front: the
@@ -166,7 +180,7 @@ impl Meter {
         settings: &Settings,
         first_index: u64,
         scans: impl IntoIterator<IntoIter: ExactSizeIterator<Item = Scan>>,
-        sink: &mut impl Sink,
+        sink: &mut (impl Sink + ?Sized),
     ) {
         let mut scans = scans.into_iter();
         let mut quota = (scans.len() * 5 / 8).max(PIECE);
@@ -189,8 +203,26 @@ impl Meter {
         }
     }
 
+    /// As [`process`](Self::process), of scans in memory that a DMA writes ([`scans`]). It is compiled for speed
+    /// with this crate, whatever its caller is compiled for.
+    pub fn process_words(
+        &mut self,
+        settings: &Settings,
+        first_index: u64,
+        words: &[[AtomicU32; 2]],
+        sink: &mut dyn Sink,
+    ) {
+        self.process(settings, first_index, scans(words), sink);
+    }
+
     /// Takes some of the scans that wait. The first of them has the index `index`.
-    fn advance(&mut self, settings: &Settings, index: u64, quota: &mut usize, sink: &mut impl Sink) {
+    fn advance(
+        &mut self,
+        settings: &Settings,
+        index: u64,
+        quota: &mut usize,
+        sink: &mut (impl Sink + ?Sized),
+    ) {
         let new = self.recent.waiting();
         let scans = &self.recent.scans;
         self.recent.next = match &mut self.phase {
@@ -283,7 +315,7 @@ impl Measurement {
         settings: &Settings,
         scans: &[Scan],
         record: &mut WindowRecord,
-        sink: &mut impl Sink,
+        sink: &mut (impl Sink + ?Sized),
     ) -> usize {
         let Self { window, chunk } = self;
         let left = settings.window.length - window.samples();
