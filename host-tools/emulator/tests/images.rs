@@ -332,3 +332,53 @@ fn a_processor_that_waits_for_events_is_said_to_spin() {
         outcome.unmodelled
     );
 }
+
+#[test]
+fn a_log_of_text_that_waits_for_the_host_is_whole_also_beside_defmt() {
+    let outcome = result(&run_of("texts")).unwrap();
+    assert_eq!(outcome.verdict(), Ok(()));
+    assert_eq!(outcome.log.len(), 200);
+    assert_eq!(outcome.log[199].text, "a line of text, number 199");
+}
+
+#[test]
+fn beyond_the_parts_memory_there_is_a_bus_fault() {
+    let outcome = result(&run_of("edges-of-memory")).unwrap();
+    assert!(lines(&outcome)[0].starts_with("the last word is there"));
+    assert_eq!(outcome.end, End::Faulted, "{:?}", lines(&outcome));
+    assert_eq!(outcome.exceptions[0].address, Some(0x2002_0000));
+}
+
+#[test]
+fn what_never_came_is_listed() {
+    let mut run = run_of("logs");
+    run.pin_inputs = vec![PinInput {
+        pin: "PB7".into(),
+        since: Since::FirstScan,
+        changes_ns: vec![1, 2],
+    }];
+    run.faults = vec![Fault::after_power_up(1_000_000_000, FaultKind::AdcOverrun)];
+    let scans = ": there was no triggered scan to count from";
+    let outcome = result(&run).unwrap();
+    assert_eq!(
+        outcome.never_came,
+        [
+            format!("2 changes of the level on PB7{scans}"),
+            "fault AdcOverrun at 1.000000 s".into()
+        ]
+    );
+}
+
+#[test]
+fn a_run_that_is_stopped_says_where_the_image_was() {
+    let mut run = run_of("spins");
+    run.sampling_deadline_ns = u64::MAX;
+    run.timeout = std::time::Duration::from_millis(500);
+    let error = result(&run).unwrap_err();
+    let said = error.to_string();
+    assert!(matches!(error, RunError::Timeout(..)), "{said}");
+    assert!(
+        said.contains("(main)") || said.contains("__cortex_m_rt_main"),
+        "{said}"
+    );
+}
