@@ -3,7 +3,8 @@
 //! # Design
 //!
 //! Each image shows one thing that firmware does and that an emulator may get wrong. It logs what it saw, and
-//! ends with a breakpoint. The tests on the host say what it must have seen. The images use no peripheral
+//! ends with a breakpoint. To add one, put a file in `src/bin/`. One that uses embassy also gets its `[[bin]]` in
+//! `Cargo.toml`, and its name in the list of `tests/images.rs`, which builds them. The tests on the host say what it must have seen. The images use no peripheral
 //! crate: what they do to a register stands in them.
 #![no_std]
 
@@ -23,7 +24,10 @@ pub const APB2ENR: usize = RCC + 0x44;
 pub const NVIC_ISER: usize = 0xe000_e100;
 
 /// Reads a register.
-#[allow(unsafe_code, reason = "registers and memory by address are what the images are about")]
+#[allow(
+    unsafe_code,
+    reason = "registers and memory by address are what the images are about"
+)]
 pub fn read(address: usize) -> u32 {
     // SAFETY: a word that exists, or a bus fault, which is then what the image shows.
     unsafe { core::ptr::with_exposed_provenance::<u32>(address).read_volatile() }
