@@ -23,7 +23,10 @@ pub const APB2ENR: usize = RCC + 0x44;
 pub const NVIC_ISER: usize = 0xe000_e100;
 
 /// Reads a register.
-#[allow(unsafe_code, reason = "registers and memory by address are what the images are about")]
+#[allow(
+    unsafe_code,
+    reason = "registers and memory by address are what the images are about"
+)]
 pub fn read(address: usize) -> u32 {
     // SAFETY: a word that exists, or a bus fault, which is then what the image shows.
     unsafe { core::ptr::with_exposed_provenance::<u32>(address).read_volatile() }

@@ -41,8 +41,14 @@ fn main() -> ! {
     let before = (read(SYST_CVR), read(DWT_CYCCNT));
     cortex_m::asm::delay(100_000);
     let after = (read(SYST_CVR), read(DWT_CYCCNT));
-    let (ticks, cycles) = (before.0.wrapping_sub(after.0) & 0x00ff_ffff, after.1.wrapping_sub(before.1));
-    defmt::info!("SysTick as fast as CYCCNT: {}", ticks.abs_diff(cycles) < 10 && cycles > 10_000);
+    let (ticks, cycles) = (
+        before.0.wrapping_sub(after.0) & 0x00ff_ffff,
+        after.1.wrapping_sub(before.1),
+    );
+    defmt::info!(
+        "SysTick as fast as CYCCNT: {}",
+        ticks.abs_diff(cycles) < 10 && cycles > 10_000
+    );
 
     defmt::info!("trace port ready: {}", read(ITM_STIM0) & 1 == 1);
     done();
