@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use stm32f405_qemu::{End, Outcome, Run, RunError};
+use stm32f405_qemu::{AnalogInput, End, Outcome, Run, RunError, Since, UartInput};
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
 /// compiled once.
@@ -20,7 +20,16 @@ fn image(name: &str) -> PathBuf {
         // The others would miss the vectors that embassy's device brings.
         for what in [
             &["--bins"][..],
-            &["--features", "embassy", "--bin", "default-time-driver"],
+            &[
+                "--features",
+                "embassy",
+                "--bin",
+                "default-time-driver",
+                "--bin",
+                "ports",
+                "--bin",
+                "converters",
+            ],
         ] {
             let built = Command::new(env!("CARGO"))
                 .current_dir(&workspace)
@@ -73,6 +82,70 @@ fn an_image_on_embassys_default_time_driver_comes_through() {
     assert!(matches!(outcome.end, End::Breakpoint(_)), "{:?}", outcome.end);
     // It goes high at first, and then toggles.
     assert_eq!(outcome.pins.iter().map(|pin| pin.edges).sum::<u64>(), 1 + 5);
+}
+
+#[test]
+fn ports_echo_by_interrupt_and_talk_over_a_wire_by_dma() {
+    let mut run = run_of("ports");
+    run.uart_input = vec![UartInput {
+        port: "USART3".into(),
+        at_ns: 10_000_000,
+        bytes: b"echo".to_vec(),
+    }];
+    run.wires = vec![("PA2".into(), "PC7".into())];
+    let [outcome, again] = [(); 2].map(|()| result(&run).unwrap());
+    assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
+    assert_eq!(lines(&outcome), ["received b\"over a wire\""]);
+    let sent: Vec<_> = outcome
+        .uarts
+        .iter()
+        .map(|uart| (&*uart.port, &uart.bytes[..]))
+        .collect();
+    assert_eq!(sent, [("USART2", &b"over a wire"[..]), ("USART3", b"echo")]);
+    assert!(
+        outcome.unknown_registers.is_empty(),
+        "{:?}",
+        outcome.unknown_registers
+    );
+    assert_eq!(
+        (outcome.uarts, outcome.virtual_ns),
+        (again.uarts, again.virtual_ns)
+    );
+}
+
+#[test]
+fn the_advanced_timer_a_capture_over_a_wire_and_the_other_converters_work_as_embassys_users_know_them() {
+    let analog = |pin: &str, code: u16| AnalogInput {
+        pin: pin.into(),
+        since: Since::PowerUp,
+        period_ns: 1,
+        codes: vec![code],
+    };
+    let mut run = run_of("converters");
+    run.wires = vec![("PC0".into(), "PB6".into())];
+    run.analog_inputs = vec![analog("PC4", 444), analog("PC1", 111), analog("PC2", 222)];
+    let outcome = result(&run).unwrap();
+    assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
+    let lines = lines(&outcome);
+    assert_eq!(lines[0], "a period of 1600 clocks");
+    // By a clock of 32 768 Hz, from one to the next of which is 30 us.
+    let apart: u32 = lines[1].split(' ').next().unwrap().parse().unwrap();
+    assert!(apart.abs_diff(20_000) <= 70, "{apart}");
+    assert_eq!(
+        lines[2..],
+        ["ADC2 reads 444 at PC4", "ADC3 reads [111, 222, 111, 222]"]
+    );
+    assert!(
+        outcome.unknown_registers.is_empty(),
+        "{:?}",
+        outcome.unknown_registers
+    );
+    let outputs = "TIM1 CCER: complementary outputs move no pin";
+    assert!(
+        outcome.unmodelled.iter().any(|note| note == outputs),
+        "{:?}",
+        outcome.unmodelled
+    );
 }
 
 #[test]
