@@ -14,7 +14,7 @@ use embassy_time::{Duration, Instant, Timer};
 use crate::settings::{self, Loaded, Refusal};
 use crate::storage;
 use crate::trace::Boot;
-use crate::{counters, estimate, load, outbox, raw, report, self_test};
+use crate::{counters, estimate, load, outbox, raw, report, self_test, supply};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: Duration = Duration::from_millis(500);
@@ -96,6 +96,9 @@ impl Commands {
 
     /// Checks new settings, stores them, reads them back and puts them in force.
     async fn write(&mut self, block: &[u8]) -> Answer {
+        if supply::is_low() {
+            return supply_low();
+        }
         let loaded = match settings::judge(block) {
             Ok(loaded) => loaded,
             Err(Refusal::Invalid(why)) => return Answer(Outcome::SettingsInvalid, why),
@@ -110,6 +113,9 @@ impl Commands {
 
     /// Erases the stored settings and puts the next ones in force.
     async fn erase(&mut self) -> Answer {
+        if supply::is_low() {
+            return supply_low();
+        }
         if let Err(error) = self.store.clear() {
             return not_stored(error);
         }
@@ -146,6 +152,14 @@ fn not_understood(cause: Cause) -> Answer {
         _ => Outcome::Body,
     };
     Answer(outcome, Detail::new(format_args!("{cause}")))
+}
+
+/// Flash that is written while the supply is low may keep something else.
+fn supply_low() -> Answer {
+    Answer(
+        Outcome::FlashFailed,
+        "the supply is below 2.93 V: nothing was written; try again when it is good".into(),
+    )
 }
 
 fn not_stored(error: StoreError) -> Answer {

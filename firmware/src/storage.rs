@@ -21,7 +21,15 @@ const _: () = assert!(
     "a block that a request carries fits the store"
 );
 
-/// Opens the store. It may take seconds, so it is called before acquisition begins.
-pub(crate) fn open(flash: Peri<'static, peripherals::FLASH>) -> (SettingsStore, Opened) {
-    Store::open(Flash::new_blocking(flash), RANGE)
+/// Opens the store. It may take seconds, so it is called before acquisition begins. With a supply that is not
+/// good it erases nothing: what reads wrongly now may be whole.
+pub(crate) fn open(
+    flash: Peri<'static, peripherals::FLASH>,
+    supply_is_good: bool,
+) -> (SettingsStore, Opened) {
+    let flash = Flash::new_blocking(flash);
+    match supply_is_good {
+        true => Store::open(flash, RANGE),
+        false => (Store::open_as_it_is(flash, RANGE), Opened::default()),
+    }
 }

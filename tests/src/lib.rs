@@ -20,6 +20,9 @@ pub const HOST: usize = 8;
 /// Quiet before the first strike, s.
 pub const LEAD_IN: f64 = 0.02;
 
+/// How long a start waits for the supply before it does anything, s.
+pub const SUPPLY_WAIT: f64 = 0.0202;
+
 /// The root of the workspace.
 pub fn workspace() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -90,12 +93,6 @@ pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
         &image(),
     )
     .unwrap_or_else(|failure| panic!("{failure}"))
-}
-
-/// What the emulator noted, but for flash that is read without prefetch and caches.
-pub fn beside_caches(unmodelled: &[String]) -> Vec<&str> {
-    let noted = unmodelled.iter().map(String::as_str);
-    noted.filter(|what| !what.contains("HCLK above 30 MHz")).collect()
 }
 
 /// What one run said.
@@ -232,8 +229,8 @@ impl Requests {
         }
     }
 
-    /// Sends a request `at` s after power-up, or after what is still being sent; gives its number, counted
-    /// from 0.
+    /// Sends a request `at` s after the start that follows [`SUPPLY_WAIT`], or after what is still being sent;
+    /// gives its number, counted from 0.
     ///
     /// # Panics
     /// It is no request that can be sent.
@@ -249,10 +246,8 @@ impl Requests {
 
     /// Sends any bytes, as [`request`](Self::request) does.
     pub fn send(&mut self, at: f64, bytes: &[u8]) {
-        self.machine.uart_input.push(UartInput {
-            at_ns: (at * 1e9) as u64,
-            bytes: bytes.to_vec(),
-        });
+        let at_ns = ((SUPPLY_WAIT + at) * 1e9) as u64;
+        self.machine.uart_input.push(UartInput::usart1(at_ns, bytes));
     }
 
     /// Runs the image.
@@ -269,7 +264,7 @@ impl Requests {
         }
     }
 
-    /// When the image takes the first scan, s after power-up. No request changes that.
+    /// When the image takes the first scan, in the time of [`request`](Self::request). No request changes that.
     ///
     /// # Panics
     /// QEMU fails, or the image never samples.
@@ -277,7 +272,7 @@ impl Requests {
         let mut quick = self.machine.clone();
         quick.stimulus.truncate(1);
         let outcome = quick.execute().unwrap_or_else(|error| panic!("{error}"));
-        outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9
+        outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9 - SUPPLY_WAIT
     }
 }
 
