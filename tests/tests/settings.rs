@@ -311,11 +311,12 @@ fn a_stored_block_that_this_image_does_not_know_is_refused_and_the_one_of_the_pr
     assert_eq!(answered.outcome.flash_operations, [], "another image may know it");
 }
 
-/// A block as version 3 had it: without the address at its end.
+/// A block as version 3 had it: without the address and the powers of two at its end.
 fn of_version_3(block: &[u8]) -> Vec<u8> {
-    let mut bytes = block[..block.len() - 5].to_vec();
+    const SINCE: usize = 7;
+    let mut bytes = block[..block.len() - 4 - SINCE].to_vec();
     bytes[4] = 3;
-    bytes[6] -= 1;
+    bytes[6] -= SINCE as u8;
     let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes);
     bytes.extend(crc.to_le_bytes());
     bytes

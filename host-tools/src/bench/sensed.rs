@@ -68,13 +68,13 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<Stri
     }
     let samples = bead_of(solution, bead).ok()?.pulse_width(1.0) * f64::from(SAMPLE_RATE_HZ);
     (samples < LONG_STEPS).then(|| {
-        // Fitted to the errors of spheres from 5 to 40 mm: `cargo test -p bead-model --test spheres`.
+        // Fitted to the worst errors in docs/spheres.md, and of heavier intruders.
         let steps = 3.9 / samples;
         format!(
             "a wave of 1 m/s is {samples:.1} samples wide at bead {bead}: A is off by up to {:.1} %, B by up to {:.1} %; from \
-             {LONG_STEPS} samples on, by less than 0.1 and 0.5 %",
-            0.34 * steps.powf(3.5),
-            1.7 * steps.powf(3.5),
+             {LONG_STEPS} samples on, by less than 0.2 and 1 %",
+            0.7 * steps.powf(3.6),
+            2.2 * steps.powf(2.3),
         )
     })
 }
