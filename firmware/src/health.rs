@@ -12,6 +12,8 @@
 //! with less noise looks stuck, and is reported as stuck. A sensor is stuck or railed if one of its two
 //! channels is.
 
+use core::sync::atomic::Ordering;
+
 use bead_wire::{FaultCause, Health, Standing};
 
 use crate::block::{Block, CHANNELS};
@@ -204,8 +206,9 @@ impl Watch {
         // A word holds both channels of a sensor.
         let mut any = [0u32; SENSORS];
         let mut all = [u32::MAX; SENSORS];
-        for scan in block.codes.pairs().step_by(STEP) {
+        for scan in block.codes.words().iter().step_by(STEP) {
             for ((any, all), word) in any.iter_mut().zip(&mut all).zip(scan) {
+                let word = word.load(Ordering::Relaxed);
                 *any |= word;
                 *all &= word;
             }

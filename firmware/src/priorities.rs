@@ -17,7 +17,7 @@ use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 
-use crate::converter;
+use crate::{converter, port};
 
 static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 static ESTIMATE: InterruptExecutor = InterruptExecutor::new();
@@ -45,6 +45,11 @@ pub(crate) fn start() -> Spawners {
 #[interrupt]
 fn DMA2_STREAM0() {
     converter::on_interrupt();
+}
+
+#[interrupt]
+fn DMA2_STREAM2() {
+    port::on_interrupt();
 }
 
 #[interrupt]
