@@ -103,12 +103,21 @@ impl Observer {
     /// symbol.
     #[inline(never)]
     pub fn process(&self, powers: u8, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {
+        match powers {
+            0 => self.run::<0>(state, accelerations),
+            _ => self.run::<1>(state, accelerations),
+        }
+    }
+
+    /// [`Observer::process`] for a number of powers that the compiler knows.
+    #[inline(always)]
+    fn run<const POWERS: u32>(&self, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {
         let [start, end] = [self.start, self.end].map(I0F32::to_bits);
         let [mut held, mut left] = [state.held, state.left].map(SensedAcceleration::to_bits);
         let mut squares = 0;
         for acceleration in accelerations {
             let acceleration = acceleration.to_bits();
-            held += high_rounded(start, left) + high_rounded(end, (acceleration - held) << powers);
+            held += high_rounded(start, left) + high_rounded(end, (acceleration - held) << POWERS);
             left = acceleration - held;
             squares += square(left);
         }

@@ -326,11 +326,14 @@ fn row_of(cell: &Cell) -> [String; 7] {
 
 /// What a table has room for: the least diameter, or else the last part of the message.
 fn short(why: &str) -> &str {
-    let mut parts = why.split(": ");
-    let small = parts.nth(1).and_then(|rest| rest.split(" of this").next());
+    let small = why
+        .split(": ")
+        .nth(1)
+        .and_then(|rest| rest.split(" of this").next());
+    let last = why.rsplit(": ").next();
     small
         .filter(|rest| rest.ends_with("at least"))
-        .or(parts.next_back())
+        .or(last)
         .unwrap_or(why)
 }
 
