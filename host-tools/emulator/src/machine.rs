@@ -33,7 +33,7 @@ mod wiring;
 pub use board::{Board, INTERRUPTS, NMI, SYSTICK};
 pub(crate) use registers::name_of;
 pub use stimulus::Stimulus;
-pub(crate) use wiring::{USARTS, pin};
+pub(crate) use wiring::{USARTS, interrupt_name, pin};
 
 use crate::given::{FaultKind, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};

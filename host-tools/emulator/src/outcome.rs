@@ -28,6 +28,9 @@ pub struct Outcome {
     pub rtt: Vec<u8>,
     /// Virtual time of an instruction, in ns.
     pub instruction_ns: u32,
+    /// The interrupts that the processor took, by the vectors at the beginning of flash. A handler that several
+    /// vectors share is not counted.
+    pub interrupts: Vec<Interrupt>,
     /// Executed instructions. `None` if they were not counted.
     pub instructions: Option<Instructions>,
     /// The externally triggered scans. `None` if the image never sampled.
@@ -157,6 +160,17 @@ pub struct FunctionCount {
     /// How many functions of the image have the label. 0 means that the compiler inlined them all, or that
     /// the pattern has a mistake.
     pub symbols: usize,
+}
+
+/// How often the processor took an interrupt.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Interrupt {
+    /// Its number as an exception: interrupt line 0 is 16, SysTick 15.
+    pub exception: usize,
+    /// For example `USART1`, `TIM1_UP_TIM10` or `SysTick`.
+    pub name: String,
+    /// How often.
+    pub taken: u64,
 }
 
 /// What left the transmitter of a USART by a pin.

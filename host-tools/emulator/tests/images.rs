@@ -107,9 +107,22 @@ fn ports_echo_by_interrupt_and_talk_over_a_wire_by_dma() {
         "{:?}",
         outcome.unknown_registers
     );
+    let taken = |name: &str| {
+        let interrupts = outcome.interrupts.iter();
+        let of_name = interrupts.filter(|interrupt| interrupt.name == name);
+        of_name.map(|interrupt| interrupt.taken).sum::<u64>()
+    };
+    // Each byte is received, and its echo's register gets free.
+    assert!((8..=16).contains(&taken("USART3")), "{:?}", outcome.interrupts);
     assert_eq!(
-        (outcome.uarts, outcome.virtual_ns),
-        (again.uarts, again.virtual_ns)
+        (taken("DMA1_STREAM6"), taken("USART2")),
+        (1, 0),
+        "{:?}",
+        outcome.interrupts
+    );
+    assert_eq!(
+        (&outcome.uarts, &outcome.interrupts, outcome.virtual_ns),
+        (&again.uarts, &again.interrupts, again.virtual_ns)
     );
 }
 

@@ -133,6 +133,9 @@ fn tell(outcome: &Outcome) {
     for what in &outcome.never_came {
         println!("never came: {what}");
     }
+    for interrupt in &outcome.interrupts {
+        println!("{} interrupted {} times", interrupt.name, interrupt.taken);
+    }
     for pin in &outcome.pins {
         println!("{} moved {} times", pin.name, pin.edges);
     }
