@@ -9,6 +9,7 @@ mod outcome;
 pub mod peripherals;
 mod plugin;
 mod run;
+mod vcd;
 
 pub use ending::{End, Exception, Place};
 pub use given::{AnalogInput, Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};

@@ -277,6 +277,9 @@ pub struct Pin {
     pub name: String,
     /// How often its level changed while it was an output.
     pub edges: u64,
+    /// When it changed, in ns since power-up, and its level from then on. Empty unless the run was told to
+    /// record them ([`Run::record_pins`](crate::Run::record_pins)).
+    pub changes: Vec<(u64, bool)>,
 }
 
 /// The time from one interrupt of the ADC's DMA stream to the next, or several such stretches taken together.

@@ -76,12 +76,36 @@ fn lines(outcome: &Outcome) -> Vec<&str> {
 
 #[test]
 fn an_image_on_embassys_default_time_driver_comes_through() {
-    let outcome = result(&run_of("default-time-driver")).unwrap();
+    let mut run = run_of("default-time-driver");
+    run.record_pins = true;
+    let outcome = result(&run).unwrap();
     assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
     assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
     assert!(matches!(outcome.end, End::Breakpoint(_)), "{:?}", outcome.end);
     // It goes high at first, and then toggles.
     assert_eq!(outcome.pins.iter().map(|pin| pin.edges).sum::<u64>(), 1 + 5);
+    // And every 10 ms: by a clock of 32 768 Hz, from one to the next of which is 31 us.
+    let [light] = &outcome.pins[..] else {
+        panic!("{:?}", outcome.pins)
+    };
+    let apart: Vec<u64> = light
+        .changes
+        .windows(2)
+        .map(|pair| pair[1].0 - pair[0].0)
+        .collect();
+    assert_eq!(apart.len(), 5);
+    assert!(
+        apart.iter().all(|ns| ns.abs_diff(10_000_000) < 100_000),
+        "{apart:?}"
+    );
+    assert_eq!(
+        outcome
+            .vcd()
+            .lines()
+            .filter(|line| line.starts_with(['0', '1']))
+            .count(),
+        1 + 6
+    );
 }
 
 #[test]
