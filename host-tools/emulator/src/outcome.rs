@@ -63,6 +63,9 @@ pub struct Outcome {
     pub flash: (u32, Vec<u8>),
     /// Words that the firmware programmed and sectors that it erased, in order.
     pub flash_operations: Vec<FlashOperation>,
+    /// How long the processor had each clock: HCLK in Hz and ns of virtual time. 0 Hz is a clock that stands
+    /// still, in STOP or STANDBY or without a crystal.
+    pub hclk_ns: Vec<(u32, u64)>,
     /// Virtual time at the end, in ns since power-up.
     pub virtual_ns: u64,
 }
@@ -115,6 +118,27 @@ impl Outcome {
             .flat_map(|e| [e.pc.as_mut(), e.lr.as_mut()]);
         let places = of_faults.chain([at_end, self.stopped_at.as_mut()]);
         places.flatten().for_each(name);
+    }
+
+    /// A sentence, if the processor had for more than a tenth of the time a clock whose cycle is longer than an
+    /// instruction takes here. The least shift that fits is said.
+    pub(crate) fn faster_than_the_core(&self) -> Option<String> {
+        let cycle_ns = |hz: u32| 1e9 / f64::from(hz);
+        let slow = |(hz, _): &&(u32, u64)| *hz > 0 && cycle_ns(*hz) > f64::from(self.instruction_ns);
+        let slow: Vec<_> = self.hclk_ns.iter().filter(slow).collect();
+        let ns: u64 = slow.iter().map(|(_, ns)| ns).sum();
+        let slowest = slow.iter().map(|(hz, _)| *hz).min()?;
+        let shift = cycle_ns(slowest).log2().ceil();
+        (ns > self.virtual_ns / 10).then(|| {
+            format!(
+                "processor an instruction takes {} ns, less than a cycle, for {:.3} of {:.3} s (HCLK down to {:.3} MHz): \
+                 faster than the core can be; Run::shift {shift} is not",
+                self.instruction_ns,
+                ns as f64 * 1e-9,
+                self.virtual_ns as f64 * 1e-9,
+                f64::from(slowest) * 1e-6
+            )
+        })
     }
 
     /// Where the processor was at the end and what it did there, as a part of a sentence.
@@ -235,6 +259,8 @@ pub enum ResetCause {
     Software,
     /// The independent watchdog ran out.
     Watchdog,
+    /// STANDBY has ended, by a rising edge on WKUP (PA0).
+    Standby,
     /// [`FaultKind::PowerCut`](crate::FaultKind::PowerCut) or
     /// [`FaultKind::PowerCutInFlash`](crate::FaultKind::PowerCutInFlash).
     PowerCut,

@@ -93,7 +93,8 @@ impl Gpio {
         (field(self.moder, 2 * pin as u32, 2) == 0b10).then_some(function)
     }
 
-    fn input(&self) -> u32 {
+    /// The levels of the port as IDR has them.
+    pub fn input(&self) -> u32 {
         (0..16).fold(0, |levels, pin| {
             let n = pin as usize;
             let wired = self.by_wire[n].or(self.wired[n]).is_some();

@@ -22,7 +22,7 @@ use super::overlay::{Entries, Overlay};
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
     QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess, exit, leave, log_moved,
-    log_seen, room, say, symbol, take_no_signals,
+    log_seen, room, say, symbol, take_no_signals, wait_for_event,
 };
 use super::self_test::self_test;
 use crate::ending::End;
@@ -32,6 +32,12 @@ use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram
 static QEMU: OnceLock<Qemu> = OnceLock::new();
 static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
 static COUNTERS: OnceLock<(&'static Counters, Mutex<Sites>)> = OnceLock::new();
+/// Thumb's WFI and WFE, narrow, and wide with the second halfword above the first.
+const WFI: u32 = 0xbf30;
+const WFE: u32 = 0xbf20;
+const WFI_WIDE: u32 = 0x8003_f3af;
+const WFE_WIDE: u32 = 0x8002_f3af;
+
 static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
 static ENTRIES: OnceLock<Entries> = OnceLock::new();
 
@@ -354,6 +360,11 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             if entries.faults.contains(&address) {
                 watch(instruction, on_fault, READS_REGISTERS, null_mut());
             }
+            match QEMU.get().map(|qemu| qemu.instruction(address)) {
+                Some(WFI | WFI_WIDE) => watch(instruction, on_wait_for_interrupt, NO_REGISTERS, null_mut()),
+                Some(WFE | WFE_WIDE) => watch(instruction, on_wait_for_event, NO_REGISTERS, null_mut()),
+                _ => {}
+            }
             if entries.panics.contains(&address) {
                 watch(instruction, on_panic, NO_REGISTERS, null_mut());
             }
@@ -397,6 +408,19 @@ extern "C" fn on_fault(_processor: u32, _: Pointer) {
     {
         saw(Sight::Exception(exception));
     }
+}
+
+extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
+    let Some((overlay, qemu)) = running() else { return };
+    let deep = overlay.sleeps_deep();
+    drop(overlay);
+    if deep && !fate::interrupt_pending(qemu) {
+        saw(Sight::DeepSleep);
+    }
+}
+
+extern "C" fn on_wait_for_event(_processor: u32, _: Pointer) {
+    wait_for_event();
 }
 
 extern "C" fn on_panic(_processor: u32, _: Pointer) {

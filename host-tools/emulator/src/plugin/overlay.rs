@@ -149,6 +149,11 @@ impl Overlay {
         }
     }
 
+    /// Whether WFI is STOP or STANDBY now.
+    pub(super) fn sleeps_deep(&self) -> bool {
+        self.machine.sleeps_deep()
+    }
+
     /// A callback saw something in the middle of a block. Time for it comes at the end of that block.
     pub(super) fn saw(&mut self, sight: Sight, qemu: &Qemu) {
         self.fate.sights.push(sight);
@@ -169,6 +174,7 @@ impl Overlay {
                     }
                 }
                 Sight::Panic => self.fate.panic(now),
+                Sight::DeepSleep => self.machine.sleep(now, &mut Outside(qemu, &mut self.recorder)),
             }
         }
         if self.fate.doom_at().is_some_and(|at| at <= now)
@@ -313,6 +319,7 @@ impl Overlay {
         if std::mem::replace(&mut self.ended, true) {
             return false;
         }
+        let waits = "processor WFE does not wait here: the time that it waits is counted as instructions";
         let mut outcome = Outcome {
             end,
             instructions: self.recorder.blocks.as_ref().map(Blocks::instructions),
@@ -323,6 +330,9 @@ impl Overlay {
             ..self.machine.outcome(now)
         };
         outcome.never_came.extend(self.never_came());
+        outcome
+            .unmodelled
+            .extend(qemu::waited_for_event().then(|| waits.into()));
         let json = serde_json::to_vec(&outcome).expect("a plain struct has a JSON form");
         let file = |name: &str| self.folder.join(name);
         written(std::fs::write(file(exchange::FLASH), self.machine.flash()));
