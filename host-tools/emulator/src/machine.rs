@@ -34,7 +34,7 @@ mod wiring;
 pub use board::{Board, INTERRUPTS, NMI, SYSTICK};
 pub(crate) use registers::name_of;
 pub use stimulus::Stimulus;
-pub(crate) use wiring::{USARTS, pin};
+pub(crate) use wiring::{USARTS, interrupt_name, pin};
 
 use crate::given::{FaultKind, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
@@ -90,6 +90,9 @@ impl Machine {
             let usart = USARTS.iter().position(|name| *name == input.port);
             let usart = usart.unwrap_or_else(|| panic!("there is no USART {:?}", input.port));
             chip.units.usart[usart].feed(input.at_ns, &input.bytes);
+        }
+        for port in &mut chip.units.gpio {
+            port.records = run.record_pins;
         }
         let pin = |name: &str| wiring::pin(name).unwrap_or_else(|| panic!("there is no pin {name:?}"));
         let wires = run.wires.iter().map(|wire| [pin(&wire.0), pin(&wire.1)]);
@@ -290,8 +293,9 @@ impl Machine {
     fn pins(&self) -> Vec<Pin> {
         let ports = self.chip.units.gpio.iter().zip('A'..='I');
         let pins = ports.flat_map(|(port, letter)| {
-            let pins = port.edges.iter().enumerate();
-            pins.map(move |(number, edges)| Pin {
+            let pins = port.edges.iter().zip(&port.changes).enumerate();
+            pins.map(move |(number, (edges, changes))| Pin {
+                changes: changes.clone(),
                 name: format!("P{letter}{number}"),
                 edges: *edges,
             })

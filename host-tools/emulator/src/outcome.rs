@@ -28,6 +28,9 @@ pub struct Outcome {
     pub rtt: Vec<u8>,
     /// Virtual time of an instruction, in ns.
     pub instruction_ns: u32,
+    /// The interrupts that the processor took, by the vectors at the beginning of flash. A handler that several
+    /// vectors share is not counted.
+    pub interrupts: Vec<Interrupt>,
     /// Executed instructions. `None` if they were not counted.
     pub instructions: Option<Instructions>,
     /// The externally triggered scans. `None` if the image never sampled.
@@ -183,6 +186,17 @@ pub struct FunctionCount {
     pub symbols: usize,
 }
 
+/// How often the processor took an interrupt.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Interrupt {
+    /// Its number as an exception: interrupt line 0 is 16, SysTick 15.
+    pub exception: usize,
+    /// For example `USART1`, `TIM1_UP_TIM10` or `SysTick`.
+    pub name: String,
+    /// How often.
+    pub taken: u64,
+}
+
 /// What left the transmitter of a USART by a pin.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -289,6 +303,9 @@ pub struct Pin {
     pub name: String,
     /// How often its level changed while it was an output.
     pub edges: u64,
+    /// When it changed, in ns since power-up, and its level from then on. Empty unless the run was told to
+    /// record them ([`Run::record_pins`](crate::Run::record_pins)).
+    pub changes: Vec<(u64, bool)>,
 }
 
 /// The time from one interrupt of the ADC's DMA stream to the next, or several such stretches taken together.

@@ -78,12 +78,36 @@ fn lines(outcome: &Outcome) -> Vec<&str> {
 
 #[test]
 fn an_image_on_embassys_default_time_driver_comes_through() {
-    let outcome = result(&run_of("default-time-driver")).unwrap();
+    let mut run = run_of("default-time-driver");
+    run.record_pins = true;
+    let outcome = result(&run).unwrap();
     assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
     assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
     assert!(matches!(outcome.end, End::Breakpoint(_)), "{:?}", outcome.end);
     // It goes high at first, and then toggles.
     assert_eq!(outcome.pins.iter().map(|pin| pin.edges).sum::<u64>(), 1 + 5);
+    // And every 10 ms: by a clock of 32 768 Hz, from one to the next of which is 31 us.
+    let [light] = &outcome.pins[..] else {
+        panic!("{:?}", outcome.pins)
+    };
+    let apart: Vec<u64> = light
+        .changes
+        .windows(2)
+        .map(|pair| pair[1].0 - pair[0].0)
+        .collect();
+    assert_eq!(apart.len(), 5);
+    assert!(
+        apart.iter().all(|ns| ns.abs_diff(10_000_000) < 100_000),
+        "{apart:?}"
+    );
+    assert_eq!(
+        outcome
+            .vcd()
+            .lines()
+            .filter(|line| line.starts_with(['0', '1']))
+            .count(),
+        1 + 6
+    );
 }
 
 #[test]
@@ -109,9 +133,22 @@ fn ports_echo_by_interrupt_and_talk_over_a_wire_by_dma() {
         "{:?}",
         outcome.unknown_registers
     );
+    let taken = |name: &str| {
+        let interrupts = outcome.interrupts.iter();
+        let of_name = interrupts.filter(|interrupt| interrupt.name == name);
+        of_name.map(|interrupt| interrupt.taken).sum::<u64>()
+    };
+    // Each byte is received, and its echo's register gets free.
+    assert!((8..=16).contains(&taken("USART3")), "{:?}", outcome.interrupts);
     assert_eq!(
-        (outcome.uarts, outcome.virtual_ns),
-        (again.uarts, again.virtual_ns)
+        (taken("DMA1_STREAM6"), taken("USART2")),
+        (1, 0),
+        "{:?}",
+        outcome.interrupts
+    );
+    assert_eq!(
+        (&outcome.uarts, &outcome.interrupts, outcome.virtual_ns),
+        (&again.uarts, &again.interrupts, again.virtual_ns)
     );
 }
 

@@ -12,11 +12,12 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::count::{Counters, Site, Sites};
 use super::fate::{self, Sight};
+use super::handlers;
 use super::overlay::{Entries, Overlay};
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
@@ -367,6 +368,10 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             if entries.panics.contains(&address) {
                 watch(instruction, on_panic, NO_REGISTERS, null_mut());
             }
+            if let Some(count) = handlers::count_at(address) {
+                let count = (&raw const *count).cast_mut().cast();
+                watch(instruction, on_handler, NO_REGISTERS, count);
+            }
             if let Some((counters, sites)) = COUNTERS.get() {
                 let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
                 let site = sites
@@ -386,6 +391,14 @@ extern "C" fn on_block(_processor: u32, start: Pointer) {
         && overlay.drain_log(qemu)
     {
         log_seen(offset);
+    }
+}
+
+/// A handler begins.
+extern "C" fn on_handler(_processor: u32, count: Pointer) {
+    // SAFETY: the pointer is to a count that is never freed.
+    if let Some(count) = unsafe { count.cast::<AtomicU64>().as_ref() } {
+        count.fetch_add(1, Relaxed);
     }
 }
 

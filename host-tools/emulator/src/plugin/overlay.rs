@@ -8,7 +8,7 @@ use super::count::Counters;
 use super::fate::{Fate, Sight};
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, Recorder, written};
-use super::{rtt, self_test};
+use super::{handlers, rtt, self_test};
 use crate::ending::{End, Exception};
 use crate::exchange::{self, Description, FORMAT, SELF_TEST_STATUS};
 use crate::given::{Fault, Poke, Run, Since};
@@ -113,6 +113,15 @@ impl Overlay {
             if let Err(line) = self_test::interrupt_test(qemu) {
                 qemu::exit(SELF_TEST_STATUS, &line);
             }
+            let mut vectors = [0; 4 * handlers::VECTORS];
+            qemu.read_memory(FLASH.start, &mut vectors);
+            let (vectors, _) = vectors.as_chunks();
+            handlers::find(
+                &vectors
+                    .iter()
+                    .map(|word| u32::from_le_bytes(*word))
+                    .collect::<Vec<_>>(),
+            );
             // Takes over what QEMU has loaded there.
             let mut contents = vec![0; WRITABLE.len()];
             qemu.read_memory(WRITABLE.start, &mut contents);
@@ -316,6 +325,7 @@ impl Overlay {
             instructions: self.recorder.blocks.as_ref().map(Blocks::instructions),
             exceptions: std::mem::take(&mut self.fate.exceptions),
             panics: std::mem::take(&mut self.fate.panics),
+            interrupts: handlers::taken(),
             stopped_at: qemu::last_block().map(Into::into),
             ..self.machine.outcome(now)
         };
