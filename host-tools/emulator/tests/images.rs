@@ -494,3 +494,44 @@ fn a_run_that_is_stopped_says_where_the_image_was() {
         "{said}"
     );
 }
+
+#[test]
+fn an_image_calls_the_host_only_if_it_may() {
+    let mut run = run_of("semihosts");
+    let refused = result(&run).unwrap();
+    assert_eq!(refused.end, End::Faulted);
+    let said = refused.verdict().unwrap_err();
+    assert!(
+        said.contains("a semihosting call, which Run::semihosting lets through"),
+        "{said}"
+    );
+    run.semihosting = true;
+    let outcome = result(&run).unwrap();
+    assert_eq!(
+        (outcome.end.clone(), outcome.semihosting.as_str()),
+        (End::Exited(7), "hello, host\n")
+    );
+    assert!(outcome.verdict().unwrap_err().contains("status 7"));
+    let (status, said) = program("semihosts", &["--semihosting"]);
+    assert_eq!(status, Some(1), "{said}");
+    assert!(said.contains("hello, host"), "{said}");
+}
+
+#[test]
+fn a_run_that_ends_early_ends_at_the_same_instruction_every_time() {
+    for name in ["panics", "faults", "texts", "sleeps"] {
+        let [a, b] = [(); 2].map(|()| {
+            let mut run = run_of(name);
+            run.count_instructions = true;
+            let outcome = result(&run).unwrap();
+            (
+                outcome.end,
+                outcome.virtual_ns,
+                outcome.instructions,
+                outcome.exceptions,
+                outcome.rtt,
+            )
+        });
+        assert_eq!(a, b, "{name}");
+    }
+}
