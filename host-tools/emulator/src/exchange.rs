@@ -22,8 +22,8 @@ pub(crate) const FORMAT: u32 = 10;
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
 pub(crate) const STIMULUS: &str = "stimulus.bin";
-/// What left the USARTs, a file for each: USART1 is `sent0.bin`. A record for each frame, little-endian: u64, the
-/// virtual time in ns at which it had left, and u16, its data bits.
+/// What left the USARTs, a file for each: USART1 is `sent0.bin`. A record for each frame, little-endian: u64,
+/// the virtual time in ns at which it had left, and u16, its data bits.
 pub(crate) fn sent(usart: usize) -> String {
     format!("sent{usart}.bin")
 }

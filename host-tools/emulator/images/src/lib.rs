@@ -3,11 +3,11 @@
 //! # Design
 //!
 //! Each image shows one thing that firmware does and that an emulator may get wrong. It logs what it saw, and
-//! ends with a breakpoint. The tests on the host say what it must have seen. The images use no peripheral crate:
-//! what they do to a register stands in them.
+//! ends with a breakpoint. The tests on the host say what it must have seen. The images use no peripheral
+//! crate: what they do to a register stands in them.
 //!
-//! To add one, put a file in `src/bin/`. One that uses embassy also gets its `[[bin]]` in `Cargo.toml`, and its name
-//! in the list of `tests/images.rs`, which builds them.
+//! To add one, put a file in `src/bin/`. One that uses embassy also gets its `[[bin]]` in `Cargo.toml`, and
+//! its name in the list of `tests/images.rs`, which builds them.
 #![no_std]
 
 use core::panic::PanicInfo;

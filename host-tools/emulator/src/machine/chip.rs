@@ -6,11 +6,11 @@ use std::mem::take;
 use super::stimulus::Stimulus;
 use super::table::{Row, TABLE, Units, locate};
 use super::wires::Wires;
-use super::wiring::{self, ADCS, BATTERY, Pin, REFERENCE, TEMPERATURE, USARTS};
+use super::wiring::{self, ADCS};
 use crate::outcome::ResetCause;
+use crate::peripherals::NoRegister;
 use crate::peripherals::clock::Clocks;
 use crate::peripherals::dma::STREAMS;
-use crate::peripherals::{NoRegister, signature};
 
 /// How deep the part sleeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -169,66 +169,11 @@ impl Chip {
         }
     }
 
-    /// Puts the levels that outputs drive on the pins at the other ends of wires.
-    fn drive_wires(&mut self, now: u64) {
-        let driven = |(from, to): (Pin, Pin)| (to, self.units.gpio[from.0].driven(from.1));
-        let levels: Vec<_> = self.wires.ends().map(driven).collect();
-        for (pin, level) in levels {
-            if let Some(high) = self.units.gpio[pin.0].drive_by_wire(pin.1, level) {
-                self.level_changed(pin, high, now);
-            }
-        }
-    }
-
-    /// The level on a pin has changed, from outside or by a wire.
-    pub(super) fn level_changed(&mut self, pin: Pin, high: bool, at: u64) {
-        if let Some((tim, input)) = self.timer_input(pin) {
-            self.units.tim[tim].edge(input, high, at);
-        }
-        self.sense_lines(at);
-        self.sense_wake_up_pin(pin, high);
-    }
-
-    /// Passes the levels on pins, and the voltage detector's, on to EXTI.
-    pub(super) fn sense_lines(&mut self, now: u64) {
-        /// The line of the voltage detector.
-        const DETECTOR: usize = 16;
-        let units = &mut self.units;
-        let watched = units.exti.watched();
-        let level = |line: usize| match line {
-            0..DETECTOR => units
-                .gpio
-                .get(units.syscfg.port(line))
-                .map_or(0, |port| port.input() >> line & 1),
-            _ => u32::from(units.pwr.supply_low()),
-        };
-        let levels = (watched != 0).then(|| {
-            let lines = (0..=DETECTOR).filter(|line| watched >> line & 1 == 1);
-            lines.fold(0, |levels, line| levels | level(line) << line)
-        });
-        units.exti.input(levels);
-        if take(&mut units.exti.edge_came) {
-            self.wake_from_stop(now);
-        }
-    }
-
-    /// Whether a change of the level on a pin would come through EXTI, or wake the part.
-    pub(super) fn listens_to(&self, pin: Pin, high: bool) -> bool {
-        let units = &self.units;
-        (units.syscfg.port(pin.1) == pin.0 && units.exti.listens(pin.1, high)) || self.waits_for(pin, high)
-    }
-
     /// How long HCLK had each frequency.
     pub(super) fn hclk_ns(&self, now: u64) -> Vec<(u32, u64)> {
         let mut times = self.hclk_ns.clone();
         *times.entry(self.clocks.hclk).or_default() += now.saturating_sub(self.hclk_since_ns);
         times.into_iter().filter(|(_, ns)| *ns > 0).collect()
-    }
-
-    /// The timer and its input that a pin leads to, as the pin is set.
-    pub(super) fn timer_input(&self, pin: Pin) -> Option<(usize, usize)> {
-        let function = self.units.gpio[pin.0].alternate(pin.1)?;
-        wiring::timer_input(pin, function)
     }
 
     /// Notes the streams that were just enabled for a request that no model makes.
@@ -270,101 +215,6 @@ impl Chip {
                 self.units.tim[slave].start(now);
             }
         }
-    }
-
-    /// The timer whose TRGO starts the scans of a converter.
-    pub(super) fn converter_trigger(&self, adc: usize) -> Option<usize> {
-        wiring::converter_trigger(self.units.adc.converters[adc].external_trigger()?)
-    }
-
-    /// The trigger output of a timer pulses: converters that listen to it start.
-    pub(super) fn trigger_converters(&mut self, tim: usize, at: u64) {
-        for adc in 0..ADCS.len() {
-            if self.converter_trigger(adc) == Some(tim) {
-                self.units.adc.converters[adc].trigger(at);
-                self.note_scan(adc, at, true);
-            }
-        }
-    }
-
-    /// The conversion under way ends.
-    pub(super) fn convert(&mut self, adc: usize, at: u64) {
-        if let Some(channel) = self.units.adc.converters[adc].converting() {
-            let code = self.code(adc, channel, at);
-            self.units.adc.converters[adc].finish(code, at);
-            self.note_scan(adc, at, false);
-        }
-    }
-
-    /// The code of a channel: of an input of the part's own, which only ADC1 has, or of a pin.
-    fn code(&mut self, adc: usize, channel: u32, at: u64) -> u16 {
-        /// At 25 °C, in mV: typical, DocID022152 table of the temperature sensor.
-        const TEMPERATURE_MV: u32 = 760;
-        let supply = self.units.pwr.supply().max(1);
-        let of_supply = |millivolts: u32| (4095 * millivolts / supply).min(4095) as u16;
-        let (sensors, battery) = (self.units.adc.sensors_on(), self.units.adc.battery_on());
-        match (adc, channel) {
-            (0, TEMPERATURE) if sensors => of_supply(TEMPERATURE_MV),
-            // The converter compares the reference with the supply.
-            (0, REFERENCE) if sensors => (signature::REFERENCE_CODE * 3300 / supply).min(4095) as u16,
-            // VBAT is taken to come from the same supply; half of it is measured.
-            (0, BATTERY) if battery => of_supply(supply / 2),
-            _ => self.stimulus.code(adc, channel, at),
-        }
-    }
-
-    /// If a scan has just started, the inputs carry what belongs to it.
-    fn note_scan(&mut self, adc: usize, at: u64, external: bool) {
-        if take(&mut self.units.adc.converters[adc].scan_started) {
-            if external {
-                self.sampler.get_or_insert(adc);
-            }
-            let samples = self.sampler.is_none_or(|sampler| sampler == adc);
-            self.scans += u64::from(samples);
-            self.stimulus.begin_scan(adc, at, external && samples);
-        }
-    }
-
-    /// The pin of these that a USART is connected to, as the pins are set.
-    fn connected(&self, pins: &[(Pin, u32)]) -> Option<Pin> {
-        let is_set =
-            |(pin, function): &&(Pin, u32)| self.units.gpio[pin.0].alternate(pin.1) == Some(*function);
-        pins.iter().find(is_set).map(|(pin, _)| *pin)
-    }
-
-    /// A frame has left a transmitter. Returns its data if it also left the part, by a pin. Wires carry it to
-    /// receivers.
-    pub(super) fn sent(&mut self, usart: usize, at: u64) -> Option<u16> {
-        let frame = self.units.usart[usart].sent()?;
-        let Some(pin) = self.connected(wiring::transmitters(usart)) else {
-            self.units.usart[usart]
-                .note("CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part");
-            return None;
-        };
-        let others: Vec<Pin> = self.wires.from(pin).collect();
-        for to in 0..USARTS.len() {
-            let at_wire = self
-                .connected(wiring::receivers(to))
-                .is_some_and(|pin| others.contains(&pin));
-            if at_wire {
-                self.units.usart[to].arrive(frame, at);
-            }
-        }
-        Some(frame.data)
-    }
-
-    /// A byte from outside has come to a receiver, or its line is idle.
-    pub(super) fn received(&mut self, usart: usize, at: u64) {
-        let pin = self.connected(wiring::receivers(usart));
-        // Another frame may be on its way over a wire.
-        let busy = pin.is_some_and(|pin| {
-            let mut senders = (0..USARTS.len()).filter(|from| self.units.usart[*from].is_sending());
-            senders.any(|from| {
-                let from = self.connected(wiring::transmitters(from));
-                from.is_some_and(|from| self.wires.from(from).any(|to| to == pin))
-            })
-        });
-        self.units.usart[usart].receive(at, pin.is_some(), busy);
     }
 
     /// What was asked of modelled peripherals that the models do not do.

@@ -8,6 +8,7 @@ const GPIOC: u32 = 0x4002_0800;
 const TIM1: u32 = 0x4001_0000;
 const TIM8: u32 = 0x4001_0400;
 const TIM12: u32 = 0x4000_1800;
+const EXTI: u32 = 0x4001_3c00;
 const ADC3: u32 = 0x4001_2200;
 const ADC_CCR: u32 = 0x4001_2304;
 const DMA1: u32 = 0x4002_6000;
@@ -528,4 +529,26 @@ fn copies_between_memories_leave_direct_mode_and_cannot_be_circular_or_of_dma1()
     assert!(!copied && notes[0].contains("cannot be circular"), "{notes:?}");
     let (copied, _, notes) = started(DMA1, 0);
     assert!(!copied && notes[0].contains("DMA1 cannot copy"), "{notes:?}");
+}
+
+#[test]
+fn a_wire_leads_an_output_to_an_external_interrupt() {
+    let mut bench = with_wires(&[("PC0", "PC1")]);
+    // Line 1 of port C, both edges.
+    for (register, value) in [
+        (0x4001_3808, 2 << 4),
+        (EXTI, 2),
+        (EXTI + 0x08, 2),
+        (EXTI + 0x0c, 2),
+    ] {
+        bench.write(register, value);
+    }
+    bench.write(GPIOC, 0b01);
+    let mut pending = Vec::new();
+    for level in [1, 1, 0] {
+        bench.write(GPIOC + 0x14, level);
+        pending.push((bench.board.lines[7], bench.read(EXTI + 0x14)));
+        bench.write(EXTI + 0x14, 2);
+    }
+    assert_eq!(pending, [(true, 2), (false, 0), (true, 2)]);
 }

@@ -1,0 +1,48 @@
+//! The USARTs' frames on their way: out of the part, in, and over wires.
+
+use super::chip::Chip;
+use super::wiring::{self, Pin, USARTS};
+
+impl Chip {
+    /// The pin of these that a USART is connected to, as the pins are set.
+    pub(super) fn connected(&self, pins: &[(Pin, u32)]) -> Option<Pin> {
+        let is_set =
+            |(pin, function): &&(Pin, u32)| self.units.gpio[pin.0].alternate(pin.1) == Some(*function);
+        pins.iter().find(is_set).map(|(pin, _)| *pin)
+    }
+
+    /// A frame has left a transmitter. Returns its data if it also left the part, by a pin. Wires carry it to
+    /// receivers.
+    pub(super) fn sent(&mut self, usart: usize, at: u64) -> Option<u16> {
+        let frame = self.units.usart[usart].sent()?;
+        let Some(pin) = self.connected(wiring::transmitters(usart)) else {
+            self.units.usart[usart]
+                .note("CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part");
+            return None;
+        };
+        let others: Vec<Pin> = self.wires.from(pin).collect();
+        for to in 0..USARTS.len() {
+            let at_wire = self
+                .connected(wiring::receivers(to))
+                .is_some_and(|pin| others.contains(&pin));
+            if at_wire {
+                self.units.usart[to].arrive(frame, at);
+            }
+        }
+        Some(frame.data)
+    }
+
+    /// A byte from outside has come to a receiver, or its line is idle.
+    pub(super) fn received(&mut self, usart: usize, at: u64) {
+        let pin = self.connected(wiring::receivers(usart));
+        // Another frame may be on its way over a wire.
+        let busy = pin.is_some_and(|pin| {
+            let mut senders = (0..USARTS.len()).filter(|from| self.units.usart[*from].is_sending());
+            senders.any(|from| {
+                let from = self.connected(wiring::transmitters(from));
+                from.is_some_and(|from| self.wires.from(from).any(|to| to == pin))
+            })
+        });
+        self.units.usart[usart].receive(at, pin.is_some(), busy);
+    }
+}

@@ -1,0 +1,62 @@
+//! The converters at work: triggers, conversions, and the codes that they find.
+
+use std::mem::take;
+
+use super::chip::Chip;
+use super::wiring::{self, ADCS, BATTERY, REFERENCE, TEMPERATURE};
+use crate::peripherals::signature;
+
+impl Chip {
+    /// The timer whose TRGO starts the scans of a converter.
+    pub(super) fn converter_trigger(&self, adc: usize) -> Option<usize> {
+        wiring::converter_trigger(self.units.adc.converters[adc].external_trigger()?)
+    }
+
+    /// The trigger output of a timer pulses: converters that listen to it start.
+    pub(super) fn trigger_converters(&mut self, tim: usize, at: u64) {
+        for adc in 0..ADCS.len() {
+            if self.converter_trigger(adc) == Some(tim) {
+                self.units.adc.converters[adc].trigger(at);
+                self.note_scan(adc, at, true);
+            }
+        }
+    }
+
+    /// The conversion under way ends.
+    pub(super) fn convert(&mut self, adc: usize, at: u64) {
+        if let Some(channel) = self.units.adc.converters[adc].converting() {
+            let code = self.code(adc, channel, at);
+            self.units.adc.converters[adc].finish(code, at);
+            self.note_scan(adc, at, false);
+        }
+    }
+
+    /// The code of a channel: of an input of the part's own, which only ADC1 has, or of a pin.
+    pub(super) fn code(&mut self, adc: usize, channel: u32, at: u64) -> u16 {
+        /// At 25 °C, in mV: typical, DocID022152 table of the temperature sensor.
+        const TEMPERATURE_MV: u32 = 760;
+        let supply = self.units.pwr.supply().max(1);
+        let of_supply = |millivolts: u32| (4095 * millivolts / supply).min(4095) as u16;
+        let (sensors, battery) = (self.units.adc.sensors_on(), self.units.adc.battery_on());
+        match (adc, channel) {
+            (0, TEMPERATURE) if sensors => of_supply(TEMPERATURE_MV),
+            // The converter compares the reference with the supply.
+            (0, REFERENCE) if sensors => (signature::REFERENCE_CODE * 3300 / supply).min(4095) as u16,
+            // VBAT is taken to come from the same supply; half of it is measured.
+            (0, BATTERY) if battery => of_supply(supply / 2),
+            _ => self.stimulus.code(adc, channel, at),
+        }
+    }
+
+    /// If a scan has just started, the inputs carry what belongs to it.
+    pub(super) fn note_scan(&mut self, adc: usize, at: u64, external: bool) {
+        if take(&mut self.units.adc.converters[adc].scan_started) {
+            if external {
+                self.sampler.get_or_insert(adc);
+            }
+            let samples = self.sampler.is_none_or(|sampler| sampler == adc);
+            self.scans += u64::from(samples);
+            self.stimulus.begin_scan(adc, at, external && samples);
+        }
+    }
+}
