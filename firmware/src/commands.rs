@@ -7,7 +7,7 @@
 //! may be repeated.
 
 use bead_store::StoreError;
-use bead_wire::{ANY, Cause, Detail, Heard, Link, Outcome, Reply, Request};
+use bead_wire::{ANY, Cause, Detail, Heard, Outcome, Reply, Request};
 use cortex_m::peripheral::SCB;
 use embassy_time::{Duration, Instant, Timer};
 
@@ -82,10 +82,7 @@ impl Commands {
                     report::tell_link();
                 }
             }
-            Request::ResetCounters => {
-                counters::reset();
-                counters::update_link(|link| *link = Link::default());
-            }
+            Request::ResetCounters => counters::reset(),
             Request::Reboot => {
                 reply(number, Answer::done());
                 reboot().await
@@ -104,8 +101,10 @@ impl Commands {
         if let Err(error) = self.store.write(block) {
             return not_stored(error);
         }
-        put_in_force(loaded).await;
-        Answer::done()
+        match put_in_force(loaded).await {
+            true => Answer::done(),
+            false => no_samples(),
+        }
     }
 
     /// Erases the stored settings and puts the next ones in force.
@@ -114,25 +113,32 @@ impl Commands {
             return not_stored(error);
         }
         let loaded = settings::beneath(None);
-        let origin = put_in_force(loaded).await;
-        Answer(Outcome::Done, origin.into())
+        let origin = loaded.origin();
+        match put_in_force(loaded).await {
+            true => Answer(Outcome::Done, origin.into()),
+            false => no_samples(),
+        }
     }
 }
 
 /// Puts settings in force. A bead that its old settings kept from looking for strikes begins to, and the
-/// other way round. Returns where the settings came from.
-async fn put_in_force(loaded: Loaded) -> &'static str {
+/// other way round. Returns whether they are in force.
+async fn put_in_force(loaded: Loaded) -> bool {
     let (arm, origin) = (loaded.arm(), loaded.origin());
     if arm != settings::arm() {
         estimate::arm(arm);
     }
-    settings::change(loaded).await;
     defmt::info!("settings: {=str}", origin);
-    origin
+    settings::change(loaded).await
+}
+
+/// Settings are stored, and no block of samples came with which they could take effect.
+fn no_samples() -> Answer {
+    Answer(Outcome::Done, "stored; in force as soon as samples come".into())
 }
 
 fn reply(request: u16, Answer(outcome, detail): Answer) {
-    outbox::push(Reply {
+    outbox::tell(Reply {
         request,
         outcome,
         detail,
@@ -163,6 +169,8 @@ fn not_stored(error: StoreError) -> Answer {
 
 /// Resets the bead when all frames that wait have left, or after [`DRAIN`].
 async fn reboot() -> ! {
+    // Or strikes would go on to fill the outbox.
+    estimate::arm(false);
     let deadline = Instant::now() + DRAIN;
     while counters::snapshot().frames_waiting > 0 && Instant::now() < deadline {
         Timer::after(Duration::from_millis(1)).await;

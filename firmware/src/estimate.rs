@@ -8,11 +8,11 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
-use bead_wire::{FaultCause, Standing, StrikeFlags};
+use bead_wire::{FaultCause, Gap, Standing, StrikeFlags};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::zerocopy_channel::Receiver;
 
-use crate::block::Block;
+use crate::block::{Block, SCANS_PER_BLOCK};
 use crate::counters;
 use crate::health::Watch;
 use crate::{load, outbox, raw, report, settings};
@@ -39,10 +39,17 @@ pub(crate) async fn estimate(
     let mut epoch = 0;
     let mut watch = Watch::new();
     let mut armed = true;
+    let mut next_index = 0;
+    let mut passed_over = 0;
     loop {
         let block = blocks.receive().await;
         if block.epoch != epoch {
             epoch = block.epoch;
+            outbox::tell(Gap {
+                epoch,
+                first_index: next_index,
+                end_index: block.first_index,
+            });
             let cut = meter.is_measuring();
             meter.restart();
             if cut {
@@ -50,6 +57,11 @@ pub(crate) async fn estimate(
                 report::fault(FaultCause::StrikeCut, "samples of its window were lost");
             }
         }
+        next_index = block.first_index + SCANS_PER_BLOCK as u64;
+        // Strikes without end would keep settings and the owner's word out, and fill the line with pieces of
+        // windows. So there is a time at which none is measured, and no window begins that finds no room.
+        let room = bead_telemetry::room_for_window(&settings);
+        meter.pass_over(settings::is_offered() || !ARMED.load(Ordering::Relaxed) || outbox::room() < room);
         if !meter.is_measuring() {
             let before = armed;
             armed = ARMED.load(Ordering::Relaxed);
@@ -65,7 +77,7 @@ pub(crate) async fn estimate(
                 process_block(&settings, meter, block);
             }
             watch.look(block);
-            raw::offer(block);
+            raw::offer(block, room);
         });
         blocks.receive_done();
         counters::update(|c| {
@@ -73,6 +85,10 @@ pub(crate) async fn estimate(
             c.strikes = meter.strikes();
             c.armed = armed && meter.is_armed();
         });
+        if meter.passed_over() != passed_over {
+            counters::update_guard(|guard| guard.strikes_passed_over += meter.passed_over() - passed_over);
+            passed_over = meter.passed_over();
+        }
     }
 }
 

@@ -84,7 +84,7 @@ fn main() -> ! {
         );
     }
     let (mut store, opened) = storage::open(p.FLASH);
-    let loaded = settings::load(&mut store, opened);
+    let loaded = settings::load(&mut store, opened, boot.failed);
     let (settings, refused) = (loaded.settings, loaded.refused);
     estimate::arm(loaded.arm());
     defmt::info!("settings: {=str}", loaded.origin());

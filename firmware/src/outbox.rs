@@ -1,76 +1,108 @@
-//! The queue of messages that wait to be sent.
+//! The frames that wait to be sent.
 //!
 //! # Design
 //! A task of any priority can put a message in, and never waits: a message that finds no room is dropped and
-//! counted. It takes a sequence number all the same, so the host sees the gap. The transmitter encodes the
-//! messages, at the lowest priority. A message is copied into the queue in a critical section, so that
-//! numbers and messages are in the same order. The section is about 390 instructions long, 4 to 6 µs: the
-//! copy alone is of some 290 bytes.
+//! counted. It takes a sequence number all the same, so the host sees the gap. A message is packed first and
+//! then copied into a ring of bytes in a critical section, so that numbers and frames are in the same order.
+//! The section is some 200 instructions long for the longest frame, 2 to 3 µs. CRC and COBS are the
+//! transmitter's work, at the lowest priority.
+//!
+//! **Room is kept for replies.** What comes in bulk leaves [`KEPT`] bytes free: waveforms, strikes, raw scans
+//! and edges. Replies, what a request asks for, what is told every second and faults may use them. So a bead
+//! answers whatever its settings, its sensors and its line make it send. While a frame can leave, that room
+//! becomes free again within 10 ms, since nothing in bulk may take it.
 
-use bead_wire::Message;
+use core::cell::RefCell;
+
+use bead_wire::{Header, Message, Packed, Queue, taken};
+use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
-use embassy_time::{Duration, Timer};
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Timer, with_timeout};
 
-use crate::{counters, trace};
+use crate::{counters, settings, trace};
 
-/// Most messages that wait: the windows of several strikes, about 23 records each.
-const DEPTH: usize = 128;
-/// Messages for which a raw stream leaves room.
-const CALM: usize = DEPTH / 2;
-/// Messages for which there must be room before a request is done. It is less than a raw stream leaves, so
-/// that a stream does not block requests.
-const ROOM: usize = DEPTH / 4;
+/// Bytes for frames that wait: the windows of four strikes, about 3.6 KB each.
+const SIZE: usize = 16 * 1024;
+/// Bytes that bulk leaves free: all that a request can ask for, and all that is told every second.
+const KEPT: usize = 2048;
+/// Bytes that must be free before a request is done, if it need not be done at once.
+const CALM: usize = SIZE / 4;
+/// How long a request waits for that.
+const PATIENCE: Duration = Duration::from_millis(20);
 
-/// A message with the fields of its frame's header.
-pub(crate) struct Queued {
-    pub(crate) sequence: u32,
-    /// Index of the newest scan when the message was made.
-    pub(crate) sample_index: u64,
-    pub(crate) message: Message,
+static QUEUE: Mutex<CriticalSectionRawMutex, RefCell<Queue<SIZE>>> = Mutex::new(RefCell::new(Queue::new()));
+/// A frame was put in.
+static FILLED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+
+/// Puts a message in that comes in bulk, or drops and counts it.
+pub(crate) fn push(message: impl Into<Message>) {
+    queue(&message.into(), KEPT);
 }
 
-static QUEUE: Channel<CriticalSectionRawMutex, Queued, DEPTH> = Channel::new();
-
-/// Puts a message in, or drops and counts it.
-pub(crate) fn push(message: impl Into<Message>) {
-    queue(message.into());
+/// Puts a message in that a host waits for, or that is rare. It may use the room that is kept.
+pub(crate) fn tell(message: impl Into<Message>) {
+    queue(&message.into(), 0);
 }
 
 // Once in the image: a message is long to build, and it is built where the core should do something else
 // quickly.
 #[inline(never)]
-fn queue(message: Message) {
+fn queue(message: &Message, keep: usize) {
+    let mut packed = Packed::new();
+    let header = Header {
+        address: settings::address(),
+        boot: trace::boot() as u8,
+        sequence: 0,
+        sample_index: 0,
+    };
+    let whole = packed.pack(&header, message).is_ok();
     counters::update(|c| {
-        let queued = Queued {
-            sequence: c.frames,
-            sample_index: c.newest_index,
-            message,
-        };
+        packed.stamp(c.frames, c.newest_index);
         c.frames = c.frames.wrapping_add(1);
-        match QUEUE.try_send(queued) {
-            Ok(()) => {
-                c.frames_waiting += 1;
-                trace::keep_waiting(c.frames_waiting);
-            }
-            Err(_) => c.frames_dropped_queue_full += 1,
+        if !whole {
+            c.frames_dropped_too_long += 1;
+        } else if QUEUE.lock(|queue| queue.borrow_mut().push(&packed, keep)) {
+            c.frames_waiting += 1;
+            trace::keep_waiting(c.frames_waiting);
+        } else {
+            c.frames_dropped_queue_full += 1;
         }
     });
+    FILLED.signal(());
 }
 
-/// Whether more than half of the room is free: a raw stream leaves the other half to strikes.
-pub(crate) fn is_calm() -> bool {
-    QUEUE.free_capacity() > CALM
+/// Bytes that bulk may still take.
+pub(crate) fn room() -> usize {
+    free().saturating_sub(KEPT)
 }
 
-/// Waits until there is room for the frames of a request.
+/// Most bytes that a frame takes.
+pub(crate) const FRAME: usize = taken(Packed::MAX);
+
+fn free() -> usize {
+    QUEUE.lock(|queue| queue.borrow().free())
+}
+
+/// Waits until a request may be done. A host that sends requests without end shall not take the room that
+/// strikes need, so this waits for some of it. If it does not come in time, strikes are what takes it: then
+/// only the room for replies must be there, and it always comes.
 pub(crate) async fn calm() {
-    while QUEUE.free_capacity() < ROOM {
-        Timer::after(Duration::from_millis(1)).await;
+    let calm = async {
+        while free() < CALM {
+            Timer::after(Duration::from_millis(1)).await;
+        }
+    };
+    if with_timeout(PATIENCE, calm).await.is_err() {
+        while free() < KEPT / 2 {
+            Timer::after(Duration::from_millis(1)).await;
+        }
     }
 }
 
-/// Takes the oldest message out; waits for one.
-pub(crate) async fn next() -> Queued {
-    QUEUE.receive().await
+/// Moves the oldest frame into `packed`; waits for one.
+pub(crate) async fn next(packed: &mut Packed) {
+    while !QUEUE.lock(|queue| queue.borrow_mut().pop(packed)) {
+        FILLED.wait().await;
+    }
 }

@@ -58,7 +58,7 @@ requests! {
         duration_ms: u32,
     },
     /// Set counts to 0: in the status frame overruns, dropped blocks and dropped frames; in the health frame
-    /// and in the link frame all counts.
+    /// and in the link frame all counts; in the guard frame those of strikes and refusals.
     73 "reset counters" ResetCounters,
     /// Reply, send the frames that wait, and reset the bead.
     74 "reboot" Reboot,
