@@ -14,7 +14,7 @@ use embassy_sync::zerocopy_channel::Receiver;
 
 use crate::block::{Block, SCANS_PER_BLOCK};
 use crate::counters;
-use crate::health::Watch;
+use crate::health::{Stillness, Watch};
 use crate::{load, outbox, raw, report, settings};
 
 /// Blocks between acquisition and estimation: 8 ms.
@@ -38,6 +38,10 @@ pub(crate) async fn estimate(
 ) -> ! {
     let mut epoch = 0;
     let mut watch = Watch::new();
+    let mut telemetry = Telemetry {
+        history: settings.window.history,
+        stillness: Stillness::NONE,
+    };
     let mut armed = true;
     let mut next_index = 0;
     let mut passed_over = 0;
@@ -52,6 +56,7 @@ pub(crate) async fn estimate(
             });
             let cut = meter.is_measuring();
             meter.restart();
+            telemetry.stillness = Stillness::NONE;
             if cut {
                 counters::update(|c| c.health.strikes_cut += 1);
                 report::fault(FaultCause::StrikeCut, "samples of its window were lost");
@@ -67,6 +72,7 @@ pub(crate) async fn estimate(
             armed = ARMED.load(Ordering::Relaxed);
             if let Some(new) = settings::take() {
                 settings = new;
+                telemetry.history = settings.window.history;
                 meter.restart();
             } else if armed && !before {
                 meter.restart();
@@ -74,7 +80,7 @@ pub(crate) async fn estimate(
         }
         load::count(|| {
             if armed {
-                process_block(&settings, meter, block);
+                process_block(&settings, meter, block, &mut telemetry);
             }
             watch.look(block);
             raw::offer(block, room);
@@ -96,16 +102,22 @@ pub(crate) async fn estimate(
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
-fn process_block(settings: &Settings, meter: &mut Meter, block: &Block) {
-    meter.process(settings, block.first_index, block.scans(), &mut Telemetry);
+fn process_block(settings: &Settings, meter: &mut Meter, block: &Block, telemetry: &mut Telemetry) {
+    meter.process(settings, block.first_index, block.scans(), telemetry);
 }
 
 /// Sends what the meter finds.
-struct Telemetry;
+struct Telemetry {
+    /// Scans of a window up to the trigger.
+    history: u16,
+    /// Of the sensors in the window that is being measured.
+    stillness: Stillness,
+}
 
 impl Sink for Telemetry {
     fn chunk(&mut self, chunk: &Chunk) {
         outbox::push(bead_telemetry::waveform(chunk));
+        self.stillness.look(&chunk.scans, self.history);
     }
 
     fn report(&mut self, report: &StrikeReport) {
@@ -120,7 +132,12 @@ impl Sink for Telemetry {
             report.absorbed_predicted.to_num(),
             report.flags.bits(),
         );
+        let still = core::mem::replace(&mut self.stillness, Stillness::NONE).found();
+        if still {
+            counters::update_guard(|guard| guard.strikes_still += 1);
+        }
         let doubts = [
+            (still, StrikeFlags::SENSOR_STILL),
             (settings::are_not_owners(), StrikeFlags::SETTINGS_NOT_OWNERS),
             (
                 counters::snapshot().health.standing != Standing::NONE,

@@ -14,6 +14,7 @@
 
 use core::cell::RefCell;
 
+use bead_telemetry::{KEPT, OUTBOX};
 use bead_wire::{Header, Message, Packed, Queue, taken};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -22,16 +23,12 @@ use embassy_time::{Duration, Timer, with_timeout};
 
 use crate::{counters, settings, trace};
 
-/// Bytes for frames that wait: the windows of four strikes, about 3.6 KB each.
-const SIZE: usize = 16 * 1024;
-/// Bytes that bulk leaves free: all that a request can ask for, and all that is told every second.
-const KEPT: usize = 2048;
 /// Bytes that must be free before a request is done, if it need not be done at once.
-const CALM: usize = SIZE / 4;
+const CALM: usize = OUTBOX / 4;
 /// How long a request waits for that.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-static QUEUE: Mutex<CriticalSectionRawMutex, RefCell<Queue<SIZE>>> = Mutex::new(RefCell::new(Queue::new()));
+static QUEUE: Mutex<CriticalSectionRawMutex, RefCell<Queue<OUTBOX>>> = Mutex::new(RefCell::new(Queue::new()));
 /// A frame was put in.
 static FILLED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 

@@ -31,6 +31,12 @@ const _: () = {
     }
 };
 
+/// Bytes of the bead's outbox: the windows of four strikes, about 3.6 KB each.
+pub const OUTBOX: usize = 16 * 1024;
+/// Bytes of it that waveforms, strikes, raw scans and edges leave free: room for all that a request can ask
+/// for, and for all that is told every second.
+pub const KEPT: usize = 2048;
+
 /// Bytes of an outbox ([`bead_wire::Queue`]) that the frames of a window take at most, when every piece of it
 /// is loud.
 pub fn room_for_window(settings: &Settings) -> usize {
