@@ -1,15 +1,8 @@
-//! Hands the linker its scripts and the image its git version and built-in settings.
+//! Hands the linker its scripts and the image its git version.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
-
-#[path = "src/known_answer.rs"]
-mod known_answer;
-
-use bead_model::design::{Bead, Capture, FrontEnd, derive};
-use bead_model::settings::BLOCK_MAX;
-use bead_model::{Settings, WindowRecord};
 
 /// The sources of the image, from the workspace's root: a change in any of these makes a build "dirty".
 const SOURCES: [&str; 6] = [
@@ -32,7 +25,6 @@ fn main() {
     }
 
     link(root, &out);
-    built_in_settings(&out);
     println!("cargo::rustc-env=BEAD_GIT={}", git_version(root));
 }
 
@@ -44,25 +36,6 @@ fn link(root: &Path, out: &Path) {
             println!("cargo::rustc-link-arg-bins=-T{script}");
         }
     }
-}
-
-/// The settings of the paper's bead with the reference front end, for a bead without settings in flash.
-fn built_in_settings(out: &Path) {
-    let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default())
-        .expect("the paper's bead can be measured by the reference front end");
-    let mut block = [0; BLOCK_MAX];
-    let length = settings
-        .encode(&mut block)
-        .expect("BLOCK_MAX bytes take any settings block");
-    fs::write(out.join("settings.bin"), &block[..length]).expect("OUT_DIR can be written");
-
-    // The results that the self-test on the bead has to get with them.
-    let settings = Settings::decode(&block).expect("the block was just encoded");
-    let expected = format!(
-        "const EXPECTED: [i64; known_answer::RESULTS] = {:?};",
-        known_answer::results(&settings, &mut WindowRecord::new())
-    );
-    fs::write(out.join("known_answer.rs"), expected).expect("OUT_DIR can be written");
 }
 
 /// The commit that the image is built from, with `-dirty` if any of its sources differs; "unknown" without

@@ -1,88 +1,47 @@
 //! From the converter to blocks of scans with an index.
 //!
 //! # Design
-//! Each trigger of the [`SampleClock`] makes ADC1 convert four channels: each sensor at its high and at its
-//! low gain. DMA2 puts the codes into a ring of two blocks. The core is interrupted once a block, never once
-//! a sample. It has to take a block before the next is full: within [`SCANS_PER_BLOCK`] sample periods, 2 ms.
-//! So this task has the highest priority, and only copies a block out of the ring, by the driver.
+//! The [`Converter`] makes a scan at each trigger of the [`SampleClock`] and puts the codes into blocks. The
+//! core is interrupted once a block, never once a sample. It has to give the converter another block before
+//! the next is full: within [`SCANS_PER_BLOCK`] sample periods, 2 ms. So this task has the highest priority,
+//! and only passes blocks on. The estimators give each back when they have taken its scans.
 //!
-//! # Timing
-//! A conversion takes [`SAMPLE_TIME`] plus 12 ADC clocks (RM0090 section 13.5), 27 clocks at 21 MHz. All four
-//! take 5.14 µs of the period of 10 µs, and each is sampled [`CONVERSION_NS`] after the one before. A longer
-//! sample time means more skew. 15 clocks settle to a quarter of a code through up to 11.8 kΩ (DocID022152,
-//! equation 1: 14.5 / (21 MHz · 4 pF · ln 2^14) - 6 kΩ). The amplifiers that drive the pins, with their RC
-//! filters, are well below 1 kΩ.
+//! # The index
+//! The index of a scan is the number of its trigger. It is not assumed but counted: whenever a block is full,
+//! the scans since the start are compared with the triggers since then. At the first block of an epoch a
+//! difference is corrected and reported. Later it ends the epoch.
 //!
 //! # Errors
-//! When the ADC overruns, it stops its DMA requests, and the driver's `read` never returns: a deadline finds
-//! this. ADC and DMA are then set up anew, as RM0090 section 13.8.1 asks, by the same code as at start-up.
-//! Each start begins a new epoch, and so does each run of blocks that estimation had no room for. The indices
-//! of an epoch are consecutive.
+//! When the ADC overruns, it stops its DMA requests, and no block comes any more: a deadline finds this. ADC
+//! and DMA are then set up anew, as RM0090 section 13.8.1 asks, by the same code as at start-up. Each start
+//! begins a new epoch, and so does each run of blocks that estimation had no room for. The indices of an epoch
+//! are consecutive.
 
-use embassy_stm32::adc::{Adc, AdcChannel, SampleTime};
-use embassy_stm32::pac::{ADC1, adc::vals::Exten};
-use embassy_stm32::triggers::TIM3_TRGO;
-use embassy_stm32::{Peri, bind_interrupts, dma, peripherals};
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::zerocopy_channel::Sender;
+use embassy_stm32::adc::Adc;
 use embassy_time::{Duration, with_timeout};
 
 use bead_wire::FaultCause;
 
-use crate::block::{BLOCK_US, Block, CHANNELS, CODES, SCANS_PER_BLOCK};
-use crate::clocks::ADC_HZ;
-use crate::counters;
-use crate::report;
-use crate::sample_clock::{SAMPLE_RATE_HZ, SampleClock};
-use crate::supply;
-
-bind_interrupts!(struct Irqs {
-    DMA2_STREAM0 => dma::InterruptHandler<peripherals::DMA2_CH0>;
-});
-
-/// How long a channel is connected to the sampling capacitor.
-const SAMPLE_TIME: SampleTime = SampleTime::CYCLES15;
-/// One conversion, 1285 ns.
-pub(crate) const CONVERSION_NS: u32 = ((15 + 12) * 1_000_000_000u64 / ADC_HZ as u64) as u32;
-const _: () = assert!(
-    (CHANNELS as u64) * (CONVERSION_NS as u64) < 600_000_000 / SAMPLE_RATE_HZ as u64,
-    "a scan fits in six tenths of a period, as SampleClock::open counts on"
-);
+use crate::block::{BLOCK_US, Block, Codes, SCANS_PER_BLOCK};
+use crate::converter::{Converter, Lost, Scanning};
+use crate::sample_clock::SampleClock;
+use crate::{counters, handover, report, supply};
 
 /// Five blocks: much more than any delay of a running acquisition, and few samples lost if it has stopped.
 const DEADLINE: Duration = Duration::from_micros(5 * BLOCK_US as u64);
 
-/// The memory that the DMA fills round and round: two blocks.
-pub(crate) type Ring = [u16; 2 * CODES];
-
-/// The converter, its pins and its DMA stream.
-pub(crate) struct Inputs {
-    pub(crate) adc: Peri<'static, peripherals::ADC1>,
-    pub(crate) dma: Peri<'static, peripherals::DMA2_CH0>,
-    pub(crate) force: Peri<'static, peripherals::PA0>,
-    pub(crate) force_wide: Peri<'static, peripherals::PA1>,
-    pub(crate) acceleration: Peri<'static, peripherals::PA2>,
-    pub(crate) acceleration_wide: Peri<'static, peripherals::PA3>,
-}
-
 /// Acquires for ever, epoch after epoch.
 #[embassy_executor::task]
-pub(crate) async fn acquire(
-    mut inputs: Inputs,
-    mut clock: SampleClock,
-    ring: &'static mut Ring,
-    spill: &'static mut [u16; CODES],
-    blocks: Sender<'static, CriticalSectionRawMutex, Block>,
-) -> ! {
+pub(crate) async fn acquire(mut converter: Converter, mut clock: SampleClock) -> ! {
+    const TWO: &str = "there are blocks for the converter alone";
     let mut outlet = Outlet {
-        blocks,
-        spill,
-        spilling: false,
+        filling: handover::free().expect(TWO),
+        next: handover::free().expect(TWO),
         epoch: 0,
         losing: false,
     };
     loop {
-        let lost = epoch(&mut inputs, &mut clock, ring, &mut outlet).await;
+        let lost = epoch(&mut converter, &mut clock, &mut outlet).await;
         clock.close();
         outlet.epoch += 1;
         counters::update(|c| {
@@ -94,89 +53,77 @@ pub(crate) async fn acquire(
 }
 
 /// Acquires until samples are lost. Returns why.
-async fn epoch(
-    inputs: &mut Inputs,
-    clock: &mut SampleClock,
-    ring: &mut Ring,
-    outlet: &mut Outlet,
-) -> &'static str {
-    let mut adc = Adc::new(inputs.adc.reborrow());
+async fn epoch(converter: &mut Converter, clock: &mut SampleClock, outlet: &mut Outlet) -> &'static str {
+    const LATE: &str = "a block was not taken in time";
+    let (adc, channels) = converter.parts();
+    let mut adc = Adc::new(adc);
     supply::measure(&mut adc);
-    let mut adc = adc.into_ring_buffered(
-        inputs.dma.reborrow(),
-        ring,
-        Irqs,
-        [
-            inputs.force.reborrow().degrade_adc(),
-            inputs.force_wide.reborrow().degrade_adc(),
-            inputs.acceleration.reborrow().degrade_adc(),
-            inputs.acceleration_wide.reborrow().degrade_adc(),
-        ]
-        .map(|pin| (pin, SAMPLE_TIME))
-        .into_iter(),
-        TIM3_TRGO,
-        Exten::RISING_EDGE,
-    );
-    // `start` also starts a scan by software, and does not wait for the ADC to stabilise. This first scan of
-    // an epoch gets the index of the trigger before it, and is over when the next trigger comes. Only a meter
-    // that is not armed sees it.
-    adc.start();
-    let mut first_index = clock.open();
-    defmt::info!(
-        "acquiring from sample {=u64}, epoch {=u32}",
-        first_index,
-        outlet.epoch
-    );
+    let mut scanning = Scanning::begin(adc, channels, outlet.filling, outlet.next);
+    let mut index = clock.open() + 1;
+    defmt::info!("acquiring from sample {=u64}, epoch {=u32}", index, outlet.epoch);
 
+    let mut first = true;
     loop {
-        match with_timeout(DEADLINE, adc.read(outlet.room())).await {
-            Ok(Ok(_)) => {
-                outlet.hand_on(first_index);
-                first_index += SCANS_PER_BLOCK as u64;
-            }
-            Ok(Err(_)) => return "the ring was not emptied in time",
-            Err(_) if ADC1.sr().read().ovr() => return "the ADC overran",
+        match with_timeout(DEADLINE, scanning.filled()).await {
+            Ok(Ok(())) => {}
+            Ok(Err(Lost)) => return LATE,
+            Err(_) if scanning.overran() => return "the ADC overran",
             Err(_) => return "the ADC fell silent",
         }
+        // The index of the first scan of this block, by the triggers and the scans that there were.
+        let count = || clock.between_scans(|triggers| (triggers + 1).saturating_sub(scanning.waiting()));
+        let mut counted = count();
+        while first && counted.is_none() {
+            counted = count();
+        }
+        if let Some(counted) = counted.filter(|&counted| counted != index) {
+            if !first {
+                return "there were more or fewer scans than triggers";
+            }
+            index = counted;
+            report::fault(
+                FaultCause::IndexCorrected,
+                "the start made more or fewer scans than there were triggers",
+            );
+        }
+        first = false;
+        let next = handover::free();
+        if scanning.take(next).is_err() {
+            return LATE;
+        }
+        outlet.pass_on(index, next);
+        index += SCANS_PER_BLOCK as u64;
     }
 }
 
 /// The way of the blocks to the estimators. Acquisition never waits for them.
 struct Outlet {
-    blocks: Sender<'static, CriticalSectionRawMutex, Block>,
-    /// Room for a block that the estimators have no room for: its codes are lost.
-    spill: &'static mut [u16; CODES],
-    /// Whether the block that is being filled goes to `spill`.
-    spilling: bool,
+    /// The block that the converter fills.
+    filling: &'static Codes,
+    /// The block that it fills after that.
+    next: &'static Codes,
     epoch: u32,
     /// Whether the block before this one was lost.
     losing: bool,
 }
 
 impl Outlet {
-    /// Room for the codes of a block: in the next block, or in `spill` if the estimators have fallen behind.
-    fn room(&mut self) -> &mut [u16; CODES] {
-        self.spilling = self.blocks.try_send().is_none();
-        match self.blocks.try_send() {
-            Some(block) => &mut block.codes,
-            None => self.spill,
+    /// Hands on the block that is full, whose first scan has this index. The converter goes on with `next`. If
+    /// the estimators have given back none, the converter fills the same block once more: it is lost, and is
+    /// counted.
+    fn pass_on(&mut self, first_index: u64, next: Option<&'static Codes>) {
+        let full = core::mem::replace(&mut self.filling, self.next);
+        self.next = next.unwrap_or(full);
+        let taken = next.is_some();
+        if taken {
+            handover::hand_on(Block {
+                epoch: self.epoch,
+                first_index,
+                codes: full,
+            });
+        } else {
+            self.epoch += u32::from(!self.losing);
         }
-    }
-
-    /// Hands on the block whose codes are in [`room`](Self::room), or counts it as lost.
-    fn hand_on(&mut self, first_index: u64) {
-        let taken = match self.blocks.try_send() {
-            Some(block) if !self.spilling => {
-                block.epoch = self.epoch;
-                block.first_index = first_index;
-                self.blocks.send_done();
-                true
-            }
-            _ => {
-                self.epoch += u32::from(!self.losing);
-                false
-            }
-        };
         counters::update(|c| {
             c.newest_index = first_index + SCANS_PER_BLOCK as u64 - 1;
             c.samples += SCANS_PER_BLOCK as u64;

@@ -1,4 +1,6 @@
-//! Consecutive scans that go from acquisition to estimation as one.
+//! Consecutive scans that go from the converter to the estimators as one, without a copy.
+
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use bead_model::Scan;
 
@@ -13,25 +15,50 @@ pub(crate) const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
 /// Time that a block takes to fill, in µs.
 pub(crate) const BLOCK_US: u32 = SCANS_PER_BLOCK as u32 * 1_000_000 / SAMPLE_RATE_HZ;
 
+/// Words in a scan: one for each sensor, the high gain in the lower half.
+const WORDS: usize = CHANNELS / 2;
+
+/// Room for the codes of a block, as the converter gives them, scan after scan.
+///
+/// The DMA writes to it and the core reads it. So it is made of atomics: what they hold may change at any
+/// time, and a plain load reads one.
+pub(crate) struct Codes([AtomicU32; CODES / 2]);
+
+impl Codes {
+    /// All zeros.
+    pub(crate) const fn new() -> Self {
+        Self([const { AtomicU32::new(0) }; CODES / 2])
+    }
+
+    /// Where the DMA has to write.
+    pub(crate) fn address(&'static self) -> u32 {
+        self.0.as_ptr().expose_provenance() as u32
+    }
+
+    /// The scans, first to last: a word for each sensor.
+    pub(crate) fn pairs(&self) -> impl ExactSizeIterator<Item = [u32; WORDS]> + '_ {
+        let scans = self.0.as_chunks::<WORDS>().0.iter();
+        scans.map(|[force, acceleration]| [force, acceleration].map(|word| word.load(Ordering::Relaxed)))
+    }
+}
+
 /// Consecutive scans.
 pub(crate) struct Block {
     /// Changes where samples are missing before this block.
     pub(crate) epoch: u32,
     /// Index of the first scan.
     pub(crate) first_index: u64,
-    /// As the converter gave them, scan after scan.
-    pub(crate) codes: [u16; CODES],
+    pub(crate) codes: &'static Codes,
 }
 
 impl Block {
-    pub(crate) const EMPTY: Self = Self {
-        epoch: 0,
-        first_index: 0,
-        codes: [0; CODES],
-    };
-
     /// The scans, first to last.
     pub(crate) fn scans(&self) -> impl ExactSizeIterator<Item = Scan> + '_ {
-        self.codes.as_chunks().0.iter().map(|&codes| Scan::new(codes))
+        let gains = |word: u32| [word as u16, (word >> 16) as u16];
+        self.codes.pairs().map(move |[force, acceleration]| {
+            let ([force, force_wide], [acceleration, acceleration_wide]) =
+                (gains(force), gains(acceleration));
+            Scan::new([force, force_wide, acceleration, acceleration_wide])
+        })
     }
 }

@@ -6,14 +6,14 @@
 //! take the room that strikes need. A reply other than *done* means that nothing has changed. Every request
 //! may be repeated.
 
-use bead_store::StoreError;
+use bead_store::{Pace, StoreError};
 use bead_wire::{ANY, Cause, Detail, Heard, Outcome, Reply, Request};
 use cortex_m::peripheral::SCB;
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::settings::{self, Loaded, Refusal};
 use crate::storage;
-use crate::trace::Boot;
+use crate::trace::{self, Boot};
 use crate::{counters, estimate, load, outbox, raw, report, self_test};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
@@ -23,6 +23,8 @@ const DRAIN: Duration = Duration::from_millis(500);
 pub(crate) struct Commands {
     pub(crate) boot: &'static Boot,
     pub(crate) store: storage::SettingsStore,
+    /// Of the writes to it.
+    pub(crate) pace: Pace,
     /// Room for the window of a self-test.
     pub(crate) window: &'static mut bead_model::WindowRecord,
 }
@@ -98,6 +100,9 @@ impl Commands {
             Err(Refusal::Invalid(why)) => return Answer(Outcome::SettingsInvalid, why),
             Err(Refusal::SampleRate(why)) => return Answer(Outcome::SampleRate, why),
         };
+        if let Err(answer) = self.pace() {
+            return answer;
+        }
         if let Err(error) = self.store.write(block) {
             return not_stored(error);
         }
@@ -107,8 +112,27 @@ impl Commands {
         }
     }
 
+    /// Counts a write to the store, or refuses it.
+    fn pace(&mut self) -> Result<(), Answer> {
+        match self.pace.write(Instant::now().as_millis()) {
+            Ok(written) => {
+                trace::keep_written(written);
+                Ok(())
+            }
+            Err(wait_ms) => {
+                counters::update_guard(|guard| guard.refused_too_soon += 1);
+                let wait_s = wait_ms.div_ceil(1000);
+                let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
+                Err(Answer(Outcome::TooSoon, Detail::new(why)))
+            }
+        }
+    }
+
     /// Erases the stored settings and puts the next ones in force.
     async fn erase(&mut self) -> Answer {
+        if let Err(answer) = self.pace() {
+            return answer;
+        }
         if let Err(error) = self.store.clear() {
             return not_stored(error);
         }

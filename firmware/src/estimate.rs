@@ -2,23 +2,18 @@
 //!
 //! # Design
 //! `bead-model` does the work, at the middle priority: acquisition interrupts it, telemetry waits for it.
-//! There are 2 ms for a block. The channel holds [`BLOCKS`], so a burst of work may take [`BLOCKS`] times as
-//! long before a block is lost.
+//! There are 2 ms for a block. Four blocks may be on their way, so a burst of work may take four times as long
+//! before a block is lost.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
 use bead_wire::{FaultCause, Gap, Standing, StrikeFlags};
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::zerocopy_channel::Receiver;
 
 use crate::block::{Block, SCANS_PER_BLOCK};
 use crate::counters;
 use crate::health::{Stillness, Watch};
-use crate::{load, outbox, raw, report, settings};
-
-/// Blocks between acquisition and estimation: 8 ms.
-pub(crate) const BLOCKS: usize = 4;
+use crate::{handover, load, outbox, raw, report, settings};
 
 /// Whether the meter is to look for strikes.
 static ARMED: AtomicBool = AtomicBool::new(true);
@@ -31,11 +26,7 @@ pub(crate) fn arm(armed: bool) {
 
 /// Measures strikes for ever. `settings` hold until others are offered.
 #[embassy_executor::task]
-pub(crate) async fn estimate(
-    mut settings: Settings,
-    meter: &'static mut Meter,
-    mut blocks: Receiver<'static, CriticalSectionRawMutex, Block>,
-) -> ! {
+pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) -> ! {
     let mut epoch = 0;
     let mut watch = Watch::new();
     let mut telemetry = Telemetry {
@@ -46,7 +37,7 @@ pub(crate) async fn estimate(
     let mut next_index = 0;
     let mut passed_over = 0;
     loop {
-        let block = blocks.receive().await;
+        let block = handover::next().await;
         if block.epoch != epoch {
             epoch = block.epoch;
             outbox::tell(Gap {
@@ -80,12 +71,12 @@ pub(crate) async fn estimate(
         }
         load::count(|| {
             if armed {
-                process_block(&settings, meter, block, &mut telemetry);
+                process_block(&settings, meter, &block, &mut telemetry);
             }
-            watch.look(block);
-            raw::offer(block, room);
+            watch.look(&block);
+            raw::offer(&block, room);
         });
-        blocks.receive_done();
+        handover::give_back(block.codes);
         counters::update(|c| {
             c.blocks_estimated = c.blocks_estimated.wrapping_add(1);
             c.strikes = meter.strikes();

@@ -224,10 +224,8 @@ impl Watch {
         // A word holds both channels of a sensor.
         let mut any = [0u32; SENSORS];
         let mut all = [u32::MAX; SENSORS];
-        for scan in block.codes.as_chunks::<CHANNELS>().0.iter().step_by(STEP) {
-            let pairs = scan.as_chunks::<GAINS>().0;
-            for ((any, all), &[high, low]) in any.iter_mut().zip(&mut all).zip(pairs) {
-                let word = u32::from(high) | u32::from(low) << 16;
+        for scan in block.codes.pairs().step_by(STEP) {
+            for ((any, all), word) in any.iter_mut().zip(&mut all).zip(scan) {
                 *any |= word;
                 *all &= word;
             }

@@ -1,7 +1,7 @@
 //! A made-up window, and the results of the estimators for it.
 //!
-//! The results on the bead must be the same, bit for bit, as on the computer that built the image: `build.rs`
-//! is compiled with this file too.
+//! The results on the bead must be the same, bit for bit, as on any other computer: a test on the host is
+//! compiled with this file too, and holds the results in `built_in.rs`.
 
 use bead_model::{Scan, Settings, Window, WindowRecord};
 

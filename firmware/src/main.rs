@@ -11,10 +11,13 @@
 
 mod acquire;
 mod block;
+mod built_in;
 mod clocks;
 mod commands;
+mod converter;
 mod counters;
 mod estimate;
+mod handover;
 mod health;
 mod heartbeat;
 mod known_answer;
@@ -36,14 +39,12 @@ mod trace;
 mod transmit;
 mod watchdog;
 
-use acquire::{Inputs, Ring};
 use bead_model::Meter;
+use bead_store::Pace;
 use bead_wire::MAX_FRAME;
-use block::{Block, CODES};
 use commands::Commands;
+use converter::Converter;
 use defmt_rtt as _;
-use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::zerocopy_channel::Channel;
 use priorities::Spawners;
 use sample_clock::SampleClock;
 use static_cell::{ConstStaticCell, StaticCell};
@@ -53,10 +54,6 @@ use trace::Boot;
 #[cortex_m_rt::entry]
 fn main() -> ! {
     static BOOT: StaticCell<Boot> = StaticCell::new();
-    static RING: ConstStaticCell<Ring> = ConstStaticCell::new([0; _]);
-    static SPILL: ConstStaticCell<[u16; CODES]> = ConstStaticCell::new([0; _]);
-    static BLOCKS: ConstStaticCell<[Block; estimate::BLOCKS]> = ConstStaticCell::new([Block::EMPTY; _]);
-    static CHANNEL: StaticCell<Channel<'static, CriticalSectionRawMutex, Block>> = StaticCell::new();
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
     static WINDOW: ConstStaticCell<bead_model::WindowRecord> =
         ConstStaticCell::new(bead_model::WindowRecord::new());
@@ -90,14 +87,7 @@ fn main() -> ! {
     defmt::info!("settings: {=str}", loaded.origin());
     settings::begin(loaded);
 
-    let inputs = Inputs {
-        adc: p.ADC1,
-        dma: p.DMA2_CH0,
-        force: p.PA0,
-        force_wide: p.PA1,
-        acceleration: p.PA2,
-        acceleration_wide: p.PA3,
-    };
+    let converter = Converter::new(p.ADC1, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
     let (transmitter, receiver) =
@@ -105,9 +95,10 @@ fn main() -> ! {
     let commands = Commands {
         boot,
         store,
+        pace: Pace::new(trace::written()),
         window: WINDOW.take(),
     };
-    let (full, blocks) = CHANNEL.init(Channel::new(BLOCKS.take())).split();
+    handover::begin();
 
     const ONCE: &str = "each task is spawned once";
     let Spawners {
@@ -119,8 +110,8 @@ fn main() -> ! {
     rest.spawn(report::report(boot, refused.map(|refused| refused.why)).expect(ONCE));
     rest.spawn(receive::receive(receiver, commands).expect(ONCE));
     rest.spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
-    estimate.spawn(estimate::estimate(settings, METER.take(), blocks).expect(ONCE));
-    acquire.spawn(acquire::acquire(inputs, clock, RING.take(), SPILL.take(), full).expect(ONCE));
+    estimate.spawn(estimate::estimate(settings, METER.take()).expect(ONCE));
+    acquire.spawn(acquire::acquire(converter, clock).expect(ONCE));
     rest.spawn(sync::sync(edges).expect(ONCE));
     rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
     loop {

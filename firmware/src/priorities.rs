@@ -17,6 +17,8 @@ use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 
+use crate::converter;
+
 static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 static ESTIMATE: InterruptExecutor = InterruptExecutor::new();
 static REST: InterruptExecutor = InterruptExecutor::new();
@@ -38,6 +40,11 @@ pub(crate) fn start() -> Spawners {
         estimate: ESTIMATE.start(interrupt::CAN1_RX0),
         rest: REST.start(interrupt::CAN1_RX1),
     }
+}
+
+#[interrupt]
+fn DMA2_STREAM0() {
+    converter::on_interrupt();
 }
 
 #[interrupt]

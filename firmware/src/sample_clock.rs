@@ -36,6 +36,8 @@ const _: () = assert!(
 /// update and the driver's tick, and at least six tenths of a period, which is longer than a scan, before the
 /// next.
 const CALM: core::ops::RangeInclusive<u32> = PERIOD / 10..=PERIOD * 4 / 10;
+/// Counts at which a scan is over and neither the timer's update nor the driver's tick is near.
+const BETWEEN_SCANS: core::ops::RangeInclusive<u32> = PERIOD * 6 / 10..=PERIOD * 9 / 10;
 
 /// Starts the scans.
 pub(crate) struct SampleClock {
@@ -87,6 +89,18 @@ impl SampleClock {
                 return triggers;
             }
         }
+    }
+
+    /// What `count` makes of the number of triggers so far, if this is the time between a scan and the next
+    /// trigger.
+    pub(crate) fn between_scans<T>(&self, count: impl FnOnce(u64) -> T) -> Option<T> {
+        critical_section::with(|_| {
+            let started = self.started?;
+            if !BETWEEN_SCANS.contains(&u32::from(TIM3.cnt().read().cnt())) {
+                return None;
+            }
+            Some(count(Instant::now().as_ticks() - started))
+        })
     }
 
     /// Keeps the triggers from the ADC; the count goes on.

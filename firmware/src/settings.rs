@@ -25,10 +25,7 @@ use embassy_sync::signal::Signal;
 use embassy_time::{Duration, with_timeout};
 
 use crate::sample_clock::SAMPLE_RATE_HZ;
-use crate::{outbox, storage};
-
-/// The block that `build.rs` derives from the default bead.
-pub(crate) static BUILT_IN: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/settings.bin"));
+use crate::{built_in, outbox, storage};
 
 /// Bytes of the probe's sector. A block is much shorter; its header says how long it is.
 const SECTOR: usize = 128 * 1024;
@@ -160,8 +157,9 @@ pub(crate) fn beneath(refused: Option<Refused>) -> Loaded {
 
 fn built_in(refused: Option<Refused>) -> Loaded {
     Loaded {
-        settings: Settings::decode(BUILT_IN).expect("build.rs wrote the block with the same code"),
-        block: copy(BUILT_IN),
+        settings: Settings::decode(&built_in::SETTINGS)
+            .expect("a test decodes this block with the same code"),
+        block: copy(&built_in::SETTINGS),
         source: match refused {
             None => SettingsSource::BuiltIn,
             Some(_) => SettingsSource::FlashRefused,

@@ -96,7 +96,7 @@ pub(crate) fn proven() {
     change(|kept| kept.failed = 0);
 }
 
-/// Settings that were written lately, as [`storage`](crate::storage) counts them.
+/// Settings that were written lately, as [`bead_store::Pace`] counts them.
 pub(crate) fn written() -> u32 {
     Kept::load().map_or(0, |kept| kept.written)
 }

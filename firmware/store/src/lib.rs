@@ -15,6 +15,10 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
+mod pace;
 mod sectors;
 
 use core::ops::Range;
@@ -28,6 +32,7 @@ use sequential_storage::cache::page_pointers::ArrayPagePointers;
 use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
 
+pub use pace::{BURST, EVERY_MS, Pace};
 use sectors::{COUNT, SectorError, Sectors};
 
 /// Longest block, in bytes.

@@ -23,13 +23,16 @@ pub struct Run {
     /// The image, unchanged: what would be flashed.
     #[serde(skip)]
     pub elf: PathBuf,
-    /// Codes that ADC1 converts, 0..=4095: channels 0 to 3. The first externally triggered scan reads row 0.
-    /// Scans from `i` periods later on read row `i`. The last row stays. Scans that software starts before
-    /// that read row 0.
+    /// Codes that ADC1 converts, 0..=4095: channels 0 to 3. The first externally triggered scan reads row 0,
+    /// unless [`stimulus_since`](Self::stimulus_since) is power-up. Scans from `i` periods later on read row
+    /// `i`. The last row stays. Scans before row 0 begins read it too.
     #[serde(skip)]
     pub stimulus: Vec<[u16; 4]>,
     /// Time from row to row, in ns.
     pub sample_period_ns: u64,
+    /// When row 0 begins: with the first externally triggered scan, or at power-up. Choose power-up for an
+    /// image that starts its scans by software.
+    pub stimulus_since: Since,
     /// Blocks in flash beside the image (settings, for example), each with its address. Where neither a block
     /// nor the image has anything, flash is erased. [`Outcome::flash`](crate::Outcome::flash) is such a
     /// block: with it a run goes on where another ended.
@@ -60,6 +63,15 @@ pub struct Run {
     /// How far the crystal is off, in ppm: less than 1000 either way, in steps of 1 Hz. The rows of the
     /// stimulus follow it. All other times here are true ones.
     pub hse_ppm: f64,
+    /// QEMU's `-icount shift`: an instruction takes 2^`shift` ns of virtual time, 1 to 1024. `None` for what
+    /// `STM32F405_QEMU_SHIFT` says, else 3, which is 8 ns. At 4 (16 ns, 2.7 cycles at 168 MHz) the core is as
+    /// slow as one that waits for flash at every turn.
+    pub shift: Option<u8>,
+    /// Whether SWSTART starts a scan while CR2.EXTEN selects a trigger. RM0090 section 13.3 leaves both open.
+    pub software_scan_under_trigger: bool,
+    /// How long the DMA takes to fetch a byte that USART1 has received, in ns. If the processor reads the data
+    /// register meanwhile, the DMA never gets that byte.
+    pub receive_dma_latency_ns: u64,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],
     /// Bytes for the USART1 receiver.
@@ -80,6 +92,7 @@ impl Run {
             elf: elf.into(),
             stimulus: vec![[2048; 4]],
             sample_period_ns: 10_000,
+            stimulus_since: Since::FirstScan,
             flash: Vec::new(),
             functions: Vec::new(),
             work: Vec::new(),
@@ -91,11 +104,34 @@ impl Run {
             overlay: None,
             hse_hz: 8_000_000,
             hse_ppm: 0.0,
+            shift: None,
+            software_scan_under_trigger: true,
+            receive_dma_latency_ns: 0,
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
             pin_inputs: Vec::new(),
             pokes: Vec::new(),
             faults: Vec::new(),
+        }
+    }
+}
+
+/// What times are counted from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Since {
+    /// The first externally triggered scan.
+    #[default]
+    FirstScan,
+    /// Power-up, before the first instruction.
+    PowerUp,
+}
+
+impl Since {
+    /// The virtual time that is `ns` later. `None` while the first scan has not come.
+    pub(crate) fn plus(self, ns: u64, first_scan_ns: Option<u64>) -> Option<u64> {
+        match self {
+            Self::FirstScan => first_scan_ns.map(|first| first.saturating_add(ns)),
+            Self::PowerUp => Some(ns),
         }
     }
 }
@@ -109,13 +145,14 @@ pub struct UartInput {
     pub bytes: Vec<u8>,
 }
 
-/// A level on a pin from outside. It is low at first.
+/// A level on a pin from outside. It is low at first, from power-up on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PinInput {
     /// For example `PA15`.
     pub pin: String,
-    /// When the level changes: up, down, up and so on. Virtual times in ns after the first externally
-    /// triggered scan, in order.
+    /// What `changes_ns` are counted from.
+    pub since: Since,
+    /// When the level changes: up, down, up and so on. Virtual times in ns, in order.
     pub changes_ns: Vec<u64>,
 }
 
@@ -147,10 +184,41 @@ pub struct Poke {
 /// A fault on demand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
-    /// Virtual time, in ns after the first externally triggered scan.
+    /// What `at_ns` is counted from.
+    pub since: Since,
+    /// Virtual time, in ns.
     pub at_ns: u64,
     /// What fails.
     pub kind: FaultKind,
+}
+
+impl Fault {
+    /// A fault at a time after the first externally triggered scan.
+    pub fn after_first_scan(at_ns: u64, kind: FaultKind) -> Self {
+        let since = Since::FirstScan;
+        Self { since, at_ns, kind }
+    }
+
+    /// A fault at a time after power-up. At 0 it stands before the first instruction.
+    pub fn after_power_up(at_ns: u64, kind: FaultKind) -> Self {
+        let since = Since::PowerUp;
+        Self { since, at_ns, kind }
+    }
+
+    /// A supply that rises or falls evenly from power-up on: from one voltage to another, in mV, within
+    /// `for_ns`. In steps of 10 mV.
+    pub fn supply_ramp(from_mv: u32, to_mv: u32, for_ns: u64) -> impl Iterator<Item = Self> {
+        let steps = from_mv.abs_diff(to_mv).div_ceil(10).max(1);
+        (0..=steps).map(move |step| {
+            let part = |whole: u64| whole * u64::from(step) / u64::from(steps);
+            let change = part(from_mv.abs_diff(to_mv).into()) as u32;
+            let millivolts = match from_mv < to_mv {
+                true => from_mv + change,
+                false => from_mv - change,
+            };
+            Self::after_power_up(part(for_ns), FaultKind::Supply { millivolts })
+        })
+    }
 }
 
 /// What fails.
@@ -173,6 +241,13 @@ pub enum FaultKind {
         /// How long, in ns.
         for_ns: u64,
     },
+    /// The crystal stops, or never starts if this comes at power-up. With the clock security system on, the
+    /// processor gets an NMI and goes on with the internal oscillator (RM0090 section 7.2.7). Without it, a
+    /// processor that is clocked by the crystal stands still, and only the watchdog brings it back. A reset
+    /// does not bring the crystal back.
+    CrystalStops,
+    /// A crystal that has stopped can start again.
+    CrystalStarts,
     /// The supply has this voltage from now on; before, it has 3300 mV. Only the programmable voltage
     /// detector and the internal reference see it. Below 1.8 V silicon would not run.
     Supply {

@@ -9,9 +9,9 @@ pub mod peripherals;
 mod plugin;
 mod run;
 
-pub use given::{Fault, FaultKind, PinInput, Poke, Run, UartInput};
+pub use given::{Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
 pub use outcome::{
     Block, FlashOperation, FunctionCount, Instructions, LogLine, Outcome, Pin, Reset, ResetCause, Sampling,
     UnknownRegister,
 };
-pub use run::RunError;
+pub use run::{Function, RunError, functions};

@@ -21,16 +21,17 @@ mod events;
 mod forecast;
 mod levels;
 mod lines;
+pub mod registers;
 mod stimulus;
 mod table;
 mod transfers;
 mod unknown;
 mod wiring;
 
-pub use board::{Board, INTERRUPTS};
+pub use board::{Board, INTERRUPTS, NMI};
 pub use stimulus::Stimulus;
 
-use crate::given::{FaultKind, PinInput, UartInput};
+use crate::given::{FaultKind, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
 use crate::outcome::{Outcome, Pin, Reset, ResetCause};
 use crate::peripherals::{Peripheral, flash};
@@ -58,23 +59,23 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// After power-up. Has a crystal of `hse_hz`, a factory identifier, and inputs.
+    /// After power-up, with what a run gives to the part: its crystal, its identity, its inputs. Faults and
+    /// pokes come from outside, by [`Self::fail`] and the board.
     ///
     /// # Panics
     /// One of the pins does not exist.
-    pub fn new(
-        hse_hz: u32,
-        uid: [u8; 12],
-        stimulus: Stimulus,
-        uart_input: &[UartInput],
-        pin_inputs: &[PinInput],
-    ) -> Self {
-        let mut chip = Chip::new(hse_hz, uid, stimulus);
-        for input in uart_input {
+    pub fn new(run: Run) -> Self {
+        let hse_hz = off_by(run.hse_hz, run.hse_ppm);
+        let stimulus = Stimulus::new(run.stimulus, run.sample_period_ns, run.stimulus_since)
+            .on_clock(hse_hz, run.hse_hz);
+        let mut chip = Chip::new(hse_hz, run.uid, stimulus);
+        chip.units.adc.software_scan_under_trigger = run.software_scan_under_trigger;
+        chip.units.usart1.dma_latency_ns = run.receive_dma_latency_ns;
+        for input in &run.uart_input {
             chip.units.usart1.feed(input.at_ns, &input.bytes);
         }
         Self {
-            levels: Levels::new(pin_inputs, &mut chip),
+            levels: Levels::new(&run.pin_inputs, &mut chip),
             chip,
             transfers: Transfers::default(),
             lines: Lines::default(),
@@ -150,6 +151,14 @@ impl Machine {
             }
             FaultKind::TransmitterStalled { for_ns } => units.usart1.stall(now.saturating_add(for_ns)),
             FaultKind::Supply { millivolts } => units.pwr.set_supply(millivolts),
+            FaultKind::CrystalStops | FaultKind::CrystalStarts => {
+                units.rcc.set_crystal(kind == FaultKind::CrystalStarts);
+                let stood_still = self.chip.stands_still();
+                self.chip.pass_on(now);
+                if stood_still && !self.chip.stands_still() {
+                    board.stall(false);
+                }
+            }
             FaultKind::PowerCut => self.lose_power(board),
             FaultKind::PowerCutInFlash { after, percent } => units.flash.cut_power_in(after, percent),
             FaultKind::WildJump
@@ -161,7 +170,7 @@ impl Machine {
                 }
             }
         }
-        self.deliver(board);
+        self.settle(board);
     }
 
     /// When an interrupt line will rise, or the first scan may come, if no register is accessed. Call
@@ -249,6 +258,8 @@ impl Machine {
                 }
             }
             Event::Received => units.usart1.receive(at),
+            // The DMA is served after every event.
+            Event::Fetched => units.usart1.fetch_is_due(),
             Event::WatchdogOut => {
                 units.iwdg.reset(at);
                 self.reset_wanted.get_or_insert(ResetCause::Watchdog);
@@ -277,7 +288,7 @@ impl Machine {
     fn settle(&mut self, board: &mut impl Board) {
         // The next instruction is in flash. So is the one after an interrupt that wakes the processor in
         // spite of the stall.
-        if self.chip.units.flash.busy() {
+        if self.chip.stands_still() {
             board.stall(true);
         }
         self.deliver(board);
@@ -288,4 +299,9 @@ impl Machine {
         self.transfers.flush(board);
         self.lines.settle(&self.chip, board);
     }
+}
+
+/// The frequency of a crystal that is off by `ppm`, in whole Hz. At 8 MHz that is an eighth of a ppm.
+fn off_by(hz: u32, ppm: f64) -> u32 {
+    (f64::from(hz) * (1.0 + ppm * 1e-6)).round() as u32
 }

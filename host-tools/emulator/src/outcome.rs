@@ -16,6 +16,8 @@ pub struct Outcome {
     pub log: Vec<LogLine>,
     /// The same log as it came over RTT.
     pub rtt: Vec<u8>,
+    /// Virtual time of an instruction, in ns.
+    pub instruction_ns: u32,
     /// Executed instructions. `None` if they were not counted.
     pub instructions: Option<Instructions>,
     /// The externally triggered scans. `None` if the image never sampled.
@@ -41,7 +43,7 @@ pub struct Outcome {
     pub virtual_ns: u64,
 }
 
-/// Executed instructions. Each takes 8 ns of virtual time. A processor in WFI executes none.
+/// Executed instructions. A processor in WFI executes none.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Instructions {
@@ -144,7 +146,7 @@ pub struct FlashOperation {
 /// It read as zero, and writes to it had no effect. On silicon the firmware may behave differently.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnknownRegister {
-    /// For example `SPI1+0x08`, or `USART1+0x00 (clock off)`.
+    /// For example `SPI1_SR`, or `USART1_SR (clock off)`.
     pub name: String,
     /// Address of the word.
     pub address: u32,

@@ -18,6 +18,7 @@ use std::borrow::Cow;
 use std::ffi::OsString;
 
 pub use error::RunError;
+pub use image::{Function, functions};
 
 use crate::exchange::{self, Description, FORMAT};
 use crate::given::Run;
@@ -34,13 +35,14 @@ impl Run {
     /// See [`RunError`]. An image that never samples is not an error: then [`Outcome::sampling`] is `None`.
     pub fn execute(&self) -> Result<Outcome, RunError> {
         self.check()?;
+        let shift = self.shift()?;
         let image = Image::read(&self.elf)?;
         let description = self.describe(&image)?;
         let qemu = FoundQemu::find(self.qemu.as_deref())?;
         let overlay = overlay::find(self.overlay.as_deref())?;
         let folder = Folder::new()?;
         let command = self.command(&folder, &description)?;
-        let outcome = process::run(&qemu, &overlay, &folder, &command, self.timeout)?;
+        let outcome = process::run(&qemu, &overlay, &folder, &command, shift, self.timeout)?;
         let rtt = folder.read(exchange::RTT)?;
         let times = folder.read(exchange::UART_TIMES)?;
         let times = times.as_chunks().0.iter().map(|time| u64::from_le_bytes(*time));
@@ -50,7 +52,26 @@ impl Run {
             log: log::decode(&self.elf, &image.bytes, &rtt)?,
             rtt,
             flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
+            instruction_ns: 1 << shift,
             ..outcome
+        })
+    }
+
+    /// The shift of this run: as given, else from the environment, else 3.
+    ///
+    /// # Errors
+    /// [`RunError::Input`]: QEMU has no such shift.
+    pub fn shift(&self) -> Result<u8, RunError> {
+        const NAME: &str = "STM32F405_QEMU_SHIFT";
+        let (shift, said) = match (self.shift, std::env::var(NAME)) {
+            (Some(shift), _) => (Some(shift), shift.to_string()),
+            (None, Ok(text)) => (text.parse().ok(), text),
+            (None, Err(_)) => (Some(3), String::new()),
+        };
+        shift.filter(|shift| *shift <= 10).ok_or_else(|| {
+            RunError::Input(format!(
+                "the shift (Run::shift, {NAME}) is {said:?}; give 0 to 10, for 1 to 1024 ns an instruction"
+            ))
         })
     }
 

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use stm32f405_qemu::machine::{Board, INTERRUPTS, Machine, Stimulus, WRITABLE};
-use stm32f405_qemu::{FaultKind, Outcome, PinInput, ResetCause, UartInput};
+use stm32f405_qemu::machine::{Board, Machine, NMI, WRITABLE};
+use stm32f405_qemu::{Fault, FaultKind, Outcome, PinInput, ResetCause, Run, Since, UartInput};
 
 const RCC: u32 = 0x4002_3800;
 const FLASH: u32 = 0x4002_3c00;
@@ -23,7 +23,7 @@ const DMA2_STREAM7: usize = 70;
 /// Memory, and a record of everything that came out.
 struct TestBoard {
     sram: Vec<u8>,
-    lines: [bool; INTERRUPTS],
+    lines: [bool; NMI + 1],
     rises: BTreeMap<usize, Vec<u64>>,
     now: u64,
     uart: Vec<u8>,
@@ -99,12 +99,19 @@ impl Bench {
     }
 
     fn with_inputs(rows: Vec<[u16; 4]>, uart: &[UartInput], pins: &[PinInput]) -> Self {
-        let stimulus = Stimulus::new(rows, 10_000);
+        let mut run = Run::new("none");
+        run.stimulus = rows;
+        run.uart_input = uart.to_vec();
+        run.pin_inputs = pins.to_vec();
+        Self::of(run)
+    }
+
+    fn of(run: Run) -> Self {
         let mut bench = Self {
-            machine: Machine::new(8_000_000, *b"0123456789ab", stimulus, uart, pins),
+            machine: Machine::new(run),
             board: TestBoard {
                 sram: vec![0; 0x2_0000],
-                lines: [false; INTERRUPTS],
+                lines: [false; NMI + 1],
                 rises: BTreeMap::new(),
                 now: 0,
                 uart: Vec::new(),
@@ -117,8 +124,8 @@ impl Bench {
             },
             wakes: 0,
         };
-        // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states; clocks of all that is used.
-        bench.write(0x4002_3c00, 5);
+        // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states, caches; clocks of all that is used.
+        bench.write(0x4002_3c00, 0x705);
         bench.write(RCC, 1 << 16 | 0x83);
         bench.write(RCC + 0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24);
         bench.write(RCC, 1 << 24 | 1 << 16 | 0x83);
@@ -487,8 +494,8 @@ fn a_register_without_a_model_and_one_without_its_clock_are_recorded_by_name() {
     assert_eq!(
         seen,
         [
-            ("USART1+0x00 (clock off)", 0, 1, Some(0)),
-            ("SPI1+0x08", 1, 1, Some(7))
+            ("USART1_SR (clock off)", 0, 1, Some(0)),
+            ("SPI1_SR", 1, 1, Some(7))
         ]
     );
 }
@@ -496,7 +503,7 @@ fn a_register_without_a_model_and_one_without_its_clock_are_recorded_by_name() {
 #[test]
 fn a_channel_without_stimulus_and_too_few_wait_states_are_reported() {
     let mut bench = Bench::new(ramp(10));
-    bench.write(0x4002_3c00, 4);
+    bench.write(0x4002_3c00, 0x704);
     bench.start_acquisition(SRAM, 4);
     bench.write(ADC1 + 0x34, 5 << 5);
     bench.run(30_000, |_| {});
@@ -654,6 +661,7 @@ const TIM2: u32 = 0x4000_0000;
 fn capturing(changes_ns: &[u64]) -> Bench {
     let input = PinInput {
         pin: "PA15".into(),
+        since: Since::FirstScan,
         changes_ns: changes_ns.to_vec(),
     };
     let mut bench = Bench::with_inputs(vec![[0; 4]], &[], &[input]);
@@ -709,4 +717,128 @@ fn a_storm_of_edges_wakes_nobody_while_the_flag_stands() {
     // The first scan, and blocks of 16 scans.
     assert!(bench.wakes - before <= 1 + 6, "{}", bench.wakes - before);
     assert_eq!(bench.read(TIM2 + 0x10) & !1, 1 << 9 | 1 << 6 | 1 << 1);
+}
+
+#[test]
+fn a_software_scan_under_a_trigger_is_taken_or_ignored_as_the_run_says() {
+    let scans = |taken: bool| {
+        let mut run = Run::new("none");
+        run.stimulus = ramp(10);
+        run.software_scan_under_trigger = taken;
+        let mut bench = Bench::of(run);
+        bench.start_acquisition(SRAM, 64);
+        bench.write(ADC1 + 0x08, ADON_DMA_BY_TIM3 | 1 << 30);
+        bench.run(9_000, |_| {});
+        let by_software = bench.halfwords(SRAM, 2);
+        bench.run(19_000, |_| {});
+        (by_software, bench.halfwords(SRAM, 4))
+    };
+    // Row 0 is read by the software's scan and by the first triggered one.
+    assert_eq!(scans(true), (vec![0, 1000], vec![0, 1000, 0, 1000]));
+    assert_eq!(scans(false), (vec![0, 0], vec![0, 1000, 0, 0]));
+}
+
+/// USART1 at 1 Mbit/s that receives these bytes from 10 µs on, by DMA2 stream 2 into SRAM.
+fn receiving(bytes: &[u8], latency_ns: u64) -> Bench {
+    const STREAM2: u32 = DMA2 + 0x10 + 2 * 0x18;
+    let mut run = Run::new("none");
+    run.receive_dma_latency_ns = latency_ns;
+    run.uart_input = vec![UartInput {
+        at_ns: 10_000,
+        bytes: bytes.to_vec(),
+    }];
+    let mut bench = Bench::of(run);
+    bench.write(USART1 + 0x08, 84);
+    bench.write(USART1 + 0x14, 1 << 6);
+    bench.write(USART1 + 0x0c, 1 << 13 | 1 << 2);
+    bench.write(STREAM2 + 0x04, 64);
+    bench.write(STREAM2 + 0x08, USART1 + 0x04);
+    bench.write(STREAM2 + 0x0c, SRAM);
+    bench.write(STREAM2, 4 << 25 | 1 << 10 | 1 << 8 | 1);
+    bench
+}
+
+#[test]
+fn a_byte_that_the_processor_reads_before_a_late_dma_is_lost_to_it() {
+    // Bytes come at 20, 30 and 40 µs. The processor reads DR 1 µs after the second.
+    let heard = |latency_ns| {
+        let mut bench = receiving(b"abc", latency_ns);
+        bench.run(31_000, |_| {});
+        let read = bench.read(USART1 + 0x04);
+        bench.run(60_000, |_| {});
+        (bench.board.sram[..3].to_vec(), read)
+    };
+    assert_eq!(heard(0), (b"abc".to_vec(), u32::from(b'b')));
+    assert_eq!(heard(900), (b"abc".to_vec(), u32::from(b'b')));
+    assert_eq!(heard(1_100), (b"ac\0".to_vec(), u32::from(b'b')));
+    // A byte that finds the one before it not fetched is lost as well.
+    let mut bench = receiving(b"abc", 11_000);
+    bench.run(60_000, |_| {});
+    assert_eq!(bench.board.sram[..3], *b"ac\0");
+    assert_eq!(bench.read(USART1) >> 3 & 1, 1, "ORE");
+}
+
+#[test]
+fn a_supply_ramps_up_in_steps_of_10_mv_from_power_up_on() {
+    let ramp: Vec<_> = Fault::supply_ramp(1800, 3300, 15_000_000).collect();
+    assert_eq!(ramp.len(), 151);
+    let millivolts = |millivolts| FaultKind::Supply { millivolts };
+    assert_eq!(ramp[0], Fault::after_power_up(0, millivolts(1800)));
+    assert_eq!(ramp[75], Fault::after_power_up(7_500_000, millivolts(2550)));
+    assert_eq!(ramp[150], Fault::after_power_up(15_000_000, millivolts(3300)));
+    let down: Vec<_> = Fault::supply_ramp(3300, 3295, 1_000).collect();
+    assert_eq!(down[1], Fault::after_power_up(1_000, millivolts(3295)));
+}
+
+#[test]
+fn levels_and_rows_since_power_up_need_no_scan() {
+    let mut run = Run::new("none");
+    run.stimulus = ramp(3);
+    run.stimulus_since = Since::PowerUp;
+    run.pin_inputs = vec![PinInput {
+        pin: "PC7".into(),
+        since: Since::PowerUp,
+        changes_ns: vec![5_000, 8_000],
+    }];
+    let mut bench = Bench::of(run);
+    bench.write(RCC + 0x30, 1 << 2);
+    let mut levels = Vec::new();
+    for at in [4_999, 5_000, 7_999, 8_000] {
+        bench.run(at, |_| {});
+        levels.push(bench.read(0x4002_0810) >> 7 & 1);
+    }
+    assert_eq!(levels, [0, 1, 1, 0]);
+    // Scans by software, 15 and 25 µs after power-up.
+    bench.write(ADC1 + 0x08, 1);
+    for (at, code) in [(15_000, 1), (25_000, 2)] {
+        bench.run(at, |_| {});
+        bench.write(ADC1 + 0x08, 1 << 30 | 1);
+        bench.run(at + 9_000, |_| {});
+        assert_eq!(bench.read(ADC1 + 0x4c), code);
+    }
+    assert_eq!(bench.outcome().unmodelled, [""; 0]);
+}
+
+#[test]
+fn rows_that_no_triggered_scan_plays_are_said() {
+    let mut bench = Bench::new(ramp(3));
+    bench.write(ADC1 + 0x08, 1);
+    bench.write(ADC1 + 0x08, 1 << 30 | 1);
+    bench.run(100_000, |_| {});
+    let said = bench.outcome().unmodelled;
+    assert_eq!(said.len(), 1);
+    assert!(said[0].starts_with("ADC1 no triggered scan came"), "{said:?}");
+}
+
+#[test]
+fn a_core_above_30_mhz_without_prefetch_or_a_cache_is_noted_while_it_stays_so() {
+    let mut bench = Bench::new(Vec::new());
+    let mut said = |acr: u32| {
+        bench.write(FLASH, acr);
+        bench.outcome().unmodelled.len()
+    };
+    assert_eq!(
+        [0x705, 0x605, 0x505, 0x005, 0x705].map(&mut said),
+        [0, 1, 1, 3, 0]
+    );
 }

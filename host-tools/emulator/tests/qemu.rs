@@ -9,7 +9,9 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
-use stm32f405_qemu::{Fault, FaultKind, FlashOperation, Outcome, PinInput, Poke, ResetCause, Run, RunError};
+use stm32f405_qemu::{
+    Fault, FaultKind, FlashOperation, Outcome, PinInput, Poke, ResetCause, Run, RunError, Since, functions,
+};
 
 const FLASH: u32 = 0x0800_0000;
 const SRAM: u32 = 0x2000_0000;
@@ -232,18 +234,18 @@ fn instructions_are_counted_by_function_and_by_block() {
         (10, 10 * one_handler, 1)
     );
     assert_eq!((none.calls, none.instructions, none.symbols), (0, 0, 0));
-    // From one full ring to the next: half of the ring is a block too, and does not wake the processor.
+    // From one full ring to the next: the stream does not interrupt at the half.
     let worst = instructions.worst_block.unwrap();
-    assert_eq!(worst.scans, 4);
+    assert_eq!(worst.scans, 8);
     // The handler, and the branch and the WFI of the loop that it came back to.
     assert_eq!(worst.instructions, one_handler + 2);
-    // Every second block has the handler in it.
+    // Every block has the handler in it, and the last handler is in none.
     let working = instructions.working.unwrap();
     assert_eq!(
         (working.scans, working.instructions),
-        (10 * 4, 10 * (one_handler + 2))
+        (9 * 8, 9 * (one_handler + 2))
     );
-    // And no other has any.
+    // To an image without such a function every block is an idle one.
     let idle_of = |work: &str| {
         let outcome = run_acquiring(|run| {
             run.functions = vec![("none".into(), "no_such".into())];
@@ -251,8 +253,8 @@ fn instructions_are_counted_by_function_and_by_block() {
         });
         outcome.instructions.unwrap().idle
     };
-    assert_eq!(instructions.idle.map(|idle| idle.instructions), Some(0));
-    assert!(idle_of("none").unwrap().instructions >= working.instructions);
+    assert_eq!(instructions.idle, None);
+    assert_eq!(idle_of("none"), instructions.working);
     assert_eq!(
         run_acquiring(|run| run.count_instructions = false).instructions,
         None
@@ -297,7 +299,7 @@ fn unknown_registers_and_moved_pins_are_reported_by_name() {
         .iter()
         .map(|u| (u.name.as_str(), u.last_write))
         .collect();
-    assert_eq!(unknown, [("SPI1+0x08", Some(7))]);
+    assert_eq!(unknown, [("SPI1_SR", Some(7))]);
     let pins: Vec<_> = outcome.pins.iter().map(|p| (p.name.as_str(), p.edges)).collect();
     assert_eq!(pins, [("PC0", 1)]);
 }
@@ -338,10 +340,7 @@ fn a_firmware_that_resets_itself_is_counted_at_the_same_times_in_every_run() {
 #[test]
 fn an_overrun_on_demand_ends_the_samples_of_an_image_that_does_not_clear_it() {
     let outcome = run_acquiring(|run| {
-        run.faults = vec![Fault {
-            at_ns: 4_150_000,
-            kind: FaultKind::AdcOverrun,
-        }];
+        run.faults = vec![Fault::after_first_scan(4_150_000, FaultKind::AdcOverrun)];
     });
     // Five full rings had been sent.
     assert_eq!((outcome.overruns, outcome.uart.len()), (1, 5 * 32));
@@ -483,6 +482,7 @@ fn codes_beyond_the_adc_and_blocks_beyond_flash_are_refused() {
     let pin = refused(|run| {
         run.pin_inputs = vec![PinInput {
             pin: "PA16".into(),
+            since: Since::FirstScan,
             changes_ns: vec![],
         }];
     });
@@ -646,10 +646,10 @@ fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_a
         let mut bench = bench(&logging());
         bench.run.stimulus = vec![[0; 4]; 20];
         bench.run.sample_period_ns = 100_000;
-        bench.run.faults = vec![Fault {
-            at_ns: 0,
-            kind: FaultKind::PowerCutInFlash { after: 3, percent },
-        }];
+        bench.run.faults = vec![Fault::after_first_scan(
+            0,
+            FaultKind::PowerCutInFlash { after: 3, percent },
+        )];
         bench.run.execute().unwrap()
     };
     let [a, b] = [(); 2].map(|()| cut(50));
@@ -699,10 +699,7 @@ fn a_power_cut_at_a_time_loses_ram_and_a_reset_does_not() {
         );
         outcome.uart[4..].to_vec()
     };
-    let power_cut = Fault {
-        at_ns: 500_000,
-        kind: FaultKind::PowerCut,
-    };
+    let power_cut = Fault::after_first_scan(500_000, FaultKind::PowerCut);
     assert_eq!(sent_after(vec![], true), [1, 2, 3, 4]);
     let noise = sent_after(vec![power_cut], false);
     assert_eq!(noise.len(), 4);
@@ -740,6 +737,7 @@ fn edges_on_a_pin_wake_a_sleeping_image_that_captures_them_and_no_other() {
         bench.run.sample_period_ns = 100_000;
         bench.run.pin_inputs = vec![PinInput {
             pin: "PA15".into(),
+            since: Since::FirstScan,
             changes_ns: vec![50_000, 150_000, 250_000, 350_000, 450_000],
         }];
         bench.run.execute().unwrap()
@@ -776,4 +774,75 @@ fn a_crystal_that_is_off_makes_every_scan_earlier_and_each_has_its_row() {
     assert_eq!(sampled(&right), 162_000_000);
     assert_eq!(sampled(&off) - 2_000_000, 160_000_000 * 1_000_000 / 1_000_900);
     assert_eq!(off.unmodelled, [""; 0]);
+}
+
+/// Everything from the crystal of 8 MHz, with the clock security system or not.
+fn on_crystal(css: u32) -> [(u32, u32); 2] {
+    [(RCC, css << 19 | 1 << 16 | 0x83), (RCC + 0x08, 1)]
+}
+
+#[test]
+fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes_on() {
+    const IWDG: u32 = 0x4000_3000;
+    const NMI_VECTOR: u32 = 2;
+    let outcome = |css: u32| {
+        // The watchdog runs out after 1 ms. The NMI moves PC0 and clears CSSF.
+        let mut main = on_crystal(css).to_vec();
+        main.extend([(RCC + 0x30, 1 << 2), (0x4002_0800, 1)]);
+        main.extend([(IWDG, 0x5555), (IWDG + 0x08, 7), (IWDG, 0xcccc)]);
+        let handler = [(0x4002_0818, 1), (RCC + 0x0c, 1 << 23)];
+        let mut bench = bench(&image(&main, BRANCH_TO_SELF, &handler));
+        bench.run.pokes = vec![Poke {
+            at_ns: 0,
+            address: FLASH + 4 * NMI_VECTOR,
+            bytes: (HANDLER_AT | 1).to_le_bytes().to_vec(),
+        }];
+        bench.run.faults = vec![Fault::after_power_up(500_000, FaultKind::CrystalStops)];
+        bench.run.sampling_deadline_ns = 1_200_000;
+        bench.run.execute().unwrap()
+    };
+    let safe = outcome(1);
+    assert_eq!(safe.pins.iter().map(|pin| pin.edges).sum::<u64>(), 1);
+    assert_eq!(safe.unmodelled, [""; 0]);
+    let bare = outcome(0);
+    assert_eq!(bare.pins, []);
+    assert_eq!(bare.unmodelled.len(), 1, "{:?}", bare.unmodelled);
+    for outcome in [&safe, &bare] {
+        assert_eq!(outcome.resets.len(), 1);
+        assert_eq!(outcome.resets[0].cause, ResetCause::Watchdog);
+    }
+    // 1.2 ms of `b .` but for the time between the crystal's end and the watchdog's, half a millisecond.
+    let [safe, bare] = [safe, bare].map(|outcome| outcome.instructions.unwrap().total);
+    assert!((149_900..=150_010).contains(&safe), "{safe}");
+    assert!((safe - 64_000..safe - 62_000).contains(&bare), "{bare} of {safe}");
+}
+
+#[test]
+fn the_shift_says_how_long_an_instruction_takes() {
+    let total = |shift: Option<u8>| {
+        let mut bench = bench(&image(&[], BRANCH_TO_SELF, &[]));
+        bench.run.shift = shift;
+        bench.run.execute().unwrap().instructions.unwrap().total
+    };
+    let [eight, sixteen, thirty_two] = [3, 4, 5].map(|shift| total(Some(shift)));
+    assert_eq!(total(None), eight, "8 ns if nothing is said");
+    assert!((125_000..125_100).contains(&eight), "{eight} in 1 ms");
+    assert!(eight.abs_diff(2 * sixteen) < 100, "{sixteen}");
+    assert!(eight.abs_diff(4 * thirty_two) < 100, "{thirty_two}");
+    let mut bench = bench(&image(&[], SLEEP, &[]));
+    bench.run.shift = Some(11);
+    let refused = bench.run.execute().unwrap_err().to_string();
+    assert!(refused.contains("\"11\"; give 0 to 10"), "{refused}");
+}
+
+#[test]
+fn the_functions_of_an_image_are_found_by_a_part_of_their_name() {
+    let bench = bench(&image(&[], SLEEP, &[]));
+    let found = functions(&bench.run.elf, "andle").unwrap();
+    let found: Vec<_> = found
+        .iter()
+        .map(|f| (f.name.as_str(), f.address, f.bytes))
+        .collect();
+    assert_eq!(found, [("handler", HANDLER_AT, 20)]);
+    assert_eq!(functions(&bench.run.elf, "nothing").unwrap(), []);
 }

@@ -11,7 +11,7 @@ use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};
-use stm32f405_qemu::{Outcome, PinInput, Run};
+use stm32f405_qemu::{Outcome, PinInput, Run, Since};
 
 use crate::bench::error::BenchError;
 use crate::bench::faults::Planned;
@@ -27,9 +27,6 @@ const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
 /// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, as
 /// a sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
-/// Instructions between two samples at the emulator's 8 ns each. The core itself, at 168 MHz, has 1680
-/// cycles.
-pub const INSTRUCTIONS_A_SAMPLE: f64 = 1e9 / 8.0 / SAMPLE_RATE_HZ as f64;
 
 /// The pin of the sync input (`firmware/src/sync.rs`).
 const SYNC_PIN: &str = "PA15";
@@ -155,7 +152,7 @@ pub struct EmulatorReport {
     pub qemu: Option<String>,
     /// Instructions of each function, and of all.
     pub instructions_per_sample: InstructionsPerSample,
-    /// Instructions that fit between two samples here.
+    /// Instructions that fit between two samples here. The core itself, at 168 MHz, has 1680 cycles.
     pub instructions_available: f64,
     /// ADC overruns that the emulated converter saw.
     pub overruns: u64,
@@ -228,6 +225,8 @@ pub struct Emulation {
     pub truth: RunTruth,
     /// What is to fail.
     pub faults: Vec<Planned>,
+    /// How long an instruction takes: 2^`shift` ns. As `Run::shift`.
+    pub shift: Option<u8>,
     codes: Digitised,
     timing: Timing,
     image: PathBuf,
@@ -279,6 +278,7 @@ impl Emulation {
             block: block[..length].to_vec(),
             truth,
             faults: Vec::new(),
+            shift: None,
             codes,
             timing,
             image: image.to_owned(),
@@ -337,11 +337,13 @@ impl Emulation {
         .to_vec();
         run.work = ["observer", "reduced_chain"].map(str::to_owned).to_vec();
         run.tail_ns = 0;
+        run.shift = self.shift;
         run.hse_ppm = self.truth.clock_ppm;
         let ns = |seconds: f64| (seconds * 1e9).round() as u64;
         let pulse = |edge: &f64| [ns(*edge), ns(edge + SYNC_PULSE)];
         run.pin_inputs = vec![PinInput {
             pin: SYNC_PIN.to_owned(),
+            since: Since::FirstScan,
             changes_ns: self.truth.sync_edges.iter().flat_map(pulse).collect(),
         }];
         for fault in &self.faults {
@@ -418,7 +420,7 @@ impl Emulation {
                 idle: counted.idle.map(|blocks| blocks.instructions_per_scan()),
                 run: counted.total as f64 / sampling.scans.max(1) as f64,
             },
-            instructions_available: INSTRUCTIONS_A_SAMPLE,
+            instructions_available: 1e9 / f64::from(outcome.instruction_ns) / f64::from(SAMPLE_RATE_HZ),
             overruns: outcome.overruns,
             resets: outcome.resets.len(),
             scans: sampling.scans,

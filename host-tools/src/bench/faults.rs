@@ -154,7 +154,7 @@ impl Planned {
     /// Makes the fault happen in a run.
     pub fn provoke(&self, run: &mut Run) {
         let ns = |seconds: f64| (seconds * 1e9) as u64;
-        let mut fail = |at: f64, kind: FaultKind| run.faults.push(Fault { at_ns: ns(at), kind });
+        let mut fail = |at: f64, kind: FaultKind| run.faults.push(Fault::after_first_scan(ns(at), kind));
         match self.kind {
             Kind::AdcOverrun => fail(self.at, FaultKind::AdcOverrun),
             Kind::AdcDmaError => fail(self.at, FaultKind::AdcDmaError),
@@ -418,10 +418,8 @@ mod tests {
         let text = "[[fault]]\nat = 0.1\nkind = \"supply\"\nvolts = 2.7\nduration = 0.05\n";
         parse(text, "f.toml").unwrap()[0].provoke(&mut run);
         let expected = [(100_000_000, 2700), (150_000_000, 3300)];
-        let expected = expected.map(|(at_ns, millivolts)| Fault {
-            at_ns,
-            kind: FaultKind::Supply { millivolts },
-        });
+        let expected = expected
+            .map(|(at_ns, millivolts)| Fault::after_first_scan(at_ns, FaultKind::Supply { millivolts }));
         assert_eq!(run.faults, expected);
     }
 }

@@ -21,10 +21,11 @@
 //! least squares, gives the [`Alignment`]. Residuals above the counters' step of 12 ns are what the crystals
 //! did between edges.
 //!
-//! A restart of a bead begins a new [`Segment`]. A new epoch does not, as the sample index goes on.
+//! A restart of a bead begins a new [`Segment`]. A new epoch does not, as the sample index goes on. Beads that
+//! share a line are told apart by their address: each has segments of its own.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bead_wire::{Arrival, Message};
 use serde::Serialize;
@@ -77,6 +78,8 @@ pub struct Struck {
 /// What a bead sent between two resets.
 #[derive(Debug, Clone, Default)]
 pub struct Segment {
+    /// The address in the headers of its frames.
+    pub address: u8,
     /// The low byte of its boot number.
     pub boot: u8,
     /// The bead's unique device id; none before its identity came.
@@ -96,16 +99,36 @@ pub struct Segment {
     buckets: BTreeMap<u64, Point>,
 }
 
-/// Sorts what a bead sends into segments, frame by frame. It keeps four frames a second.
+/// Says to which segment a frame belongs, for frames in the order in which they were received.
 #[derive(Debug, Clone, Default)]
-pub struct Tracker {
-    /// The segments so far, in order.
-    pub segments: Vec<Segment>,
+pub struct Segments {
+    /// The current segment of each address.
+    current: BTreeMap<u8, usize>,
+    count: usize,
 }
 
-/// Whether a frame is the first of a segment.
-pub fn begins_segment(arrival: Arrival) -> bool {
-    matches!(arrival, Arrival::First | Arrival::Restart { .. })
+impl Segments {
+    /// The number of a frame's segment, from 0. A new number is the number of segments before it.
+    pub fn place(&mut self, frame: &Frame) -> usize {
+        let begins = matches!(frame.arrival, Arrival::First | Arrival::Restart { .. });
+        let address = frame.header.address;
+        match self.current.get(&address) {
+            Some(&segment) if !begins => segment,
+            _ => {
+                self.current.insert(address, self.count);
+                self.count += 1;
+                self.count - 1
+            }
+        }
+    }
+}
+
+/// Sorts what beads send into segments, frame by frame. It keeps four frames a second of each bead.
+#[derive(Debug, Clone, Default)]
+pub struct Tracker {
+    /// The segments so far, in the order in which they began.
+    pub segments: Vec<Segment>,
+    places: Segments,
 }
 
 impl Tracker {
@@ -114,15 +137,20 @@ impl Tracker {
         if frame.arrival == Arrival::Duplicate {
             return;
         }
-        if begins_segment(frame.arrival) || self.segments.is_empty() {
+        let place = self.places.place(frame);
+        if place == self.segments.len() {
             self.segments.push(Segment {
+                address: frame.header.address,
                 boot: frame.header.boot,
                 ..Segment::default()
             });
         }
-        if let Some(segment) = self.segments.last_mut() {
-            segment.push(frame);
-        }
+        self.segments[place].push(frame);
+    }
+
+    /// The current segment of each bead, by address.
+    pub fn current(&self) -> impl Iterator<Item = &Segment> {
+        self.places.current.values().map(|&place| &self.segments[place])
     }
 
     /// All that is in a recording.
@@ -398,23 +426,25 @@ fn common_edges(own: &Segment, reference: &Segment) -> Option<Vec<(f64, f64)>> {
 /// What `bead clock` finds: each recording against the host, and against the first.
 #[derive(Debug, Clone, Serialize)]
 pub struct ClockComparison {
-    /// One for each recording and boot.
+    /// One for each recording, bead and boot.
     pub clocks: Vec<ClockReport>,
-    /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: the first
-    /// recording's boot with most edges.
+    /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: of the first
+    /// bead in the first recording, the boot with most edges.
     pub reference: Option<Place>,
-    /// One for each other recording and boot that has two edges or more in common with the reference.
+    /// One for each boot of another bead that has two edges or more in common with the reference.
     pub alignments: Vec<AlignmentReport>,
     /// Strikes on the reference's time, in the order of their arrival.
     pub strikes: Vec<StrikeArrival>,
 }
 
-/// A recording and a boot in it.
+/// A recording, a bead in it and one of its boots.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Place {
     /// The recording.
     pub recording: PathBuf,
-    /// Which of the boots in it, from 0.
+    /// The bead's address.
+    pub address: u8,
+    /// Which of the bead's boots in the recording, from 0.
     pub boot: usize,
 }
 
@@ -467,68 +497,51 @@ pub struct StrikeArrival {
     pub arrival_s: f64,
 }
 
+/// A boot of a bead, and its clock against the host's.
+type Fitted = (Place, Fit, Segment);
+
 /// Reads recordings and finds how their clocks run.
 ///
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
 pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
-    let mut all = Vec::new();
+    let mut recordings = Vec::new();
     for path in paths {
-        let received = Received::open(path)?;
-        let tracker = Tracker::of(&received.recording)?;
-        let place = |boot| Place {
-            recording: path.clone(),
-            boot,
-        };
-        let segments = tracker.segments.into_iter().enumerate();
-        let fitted: Vec<_> = segments
-            .filter_map(|(boot, segment)| Some((place(boot), segment.fit()?, segment)))
-            .collect();
-        if fitted.is_empty() {
+        let beads = fitted(path)?;
+        if beads.is_empty() {
             return Err(RecordingError::Clock(format!(
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
                 path.display()
             )));
         }
-        all.push(fitted);
+        recordings.push(beads);
     }
-    let clocks = all.iter().flatten().map(clock_report).collect();
     let mut report = ClockComparison {
-        clocks,
+        clocks: recordings.iter().flatten().flatten().map(clock_report).collect(),
         reference: None,
         alignments: Vec::new(),
         strikes: Vec::new(),
     };
-    let [first, others @ ..] = &all[..] else {
+    let Some(([first, neighbours @ ..], others)) =
+        recordings.split_first().map(|(own, rest)| (&own[..], rest))
+    else {
         return Ok(report);
     };
     let most_edges = first.iter().max_by_key(|(_, _, segment)| segment.edges.len());
-    let Some((reference, _, base)) = most_edges.filter(|_| !others.is_empty()) else {
+    let alone = neighbours.is_empty() && others.is_empty();
+    let Some((reference, _, base)) = most_edges.filter(|_| !alone) else {
         return Ok(report);
     };
     report.reference = Some(reference.clone());
     report.strikes = base.arrivals(reference, |own| own);
+    // Beads that share a line may well have no sync input.
+    report.align(neighbours, base);
     for recording in others {
-        let mut aligned = 0;
-        for (place, _, segment) in recording {
-            let Some(alignment) = common_edges(segment, base).and_then(Alignment::through) else {
-                continue;
-            };
-            aligned += 1;
-            let arrivals = segment.arrivals(place, |own| alignment.reference(own));
-            report.strikes.extend(arrivals);
-            report.alignments.push(AlignmentReport {
-                place: place.clone(),
-                edges_in_common: alignment.pairs.len(),
-                offset_s: alignment.reference(0.0),
-                alignment,
-            });
-        }
-        if aligned == 0 {
+        if report.align(recording, base) == 0 {
             return Err(RecordingError::Clock(format!(
                 "{} and {} have fewer than two sync edges in common; wire both beads' PA15 to one source, and record them at the same time",
-                paths[0].display(),
-                recording[0].0.recording.display()
+                reference.recording.display(),
+                recording[0][0].0.recording.display()
             )));
         }
     }
@@ -536,7 +549,53 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     Ok(report)
 }
 
-fn clock_report((place, fit, segment): &(Place, Fit, Segment)) -> ClockReport {
+impl ClockComparison {
+    /// Puts beads on the time of `base`; gives the number of boots for which that was possible.
+    fn align(&mut self, beads: &[Vec<Fitted>], base: &Segment) -> usize {
+        let before = self.alignments.len();
+        for (place, _, segment) in beads.iter().flatten() {
+            let Some(alignment) = common_edges(segment, base).and_then(Alignment::through) else {
+                continue;
+            };
+            let arrivals = segment.arrivals(place, |own| alignment.reference(own));
+            self.strikes.extend(arrivals);
+            self.alignments.push(AlignmentReport {
+                place: place.clone(),
+                edges_in_common: alignment.pairs.len(),
+                offset_s: alignment.reference(0.0),
+                alignment,
+            });
+        }
+        self.alignments.len() - before
+    }
+}
+
+/// The boots of each bead in a recording, without those that have no receive times.
+fn fitted(path: &Path) -> Result<Vec<Vec<Fitted>>, RecordingError> {
+    let received = Received::open(path)?;
+    let mut beads = BTreeMap::<u8, Vec<Segment>>::new();
+    for segment in Tracker::of(&received.recording)?.segments {
+        beads.entry(segment.address).or_default().push(segment);
+    }
+    let boots = |(address, segments): (u8, Vec<Segment>)| -> Vec<Fitted> {
+        let place = |boot| Place {
+            recording: path.to_owned(),
+            address,
+            boot,
+        };
+        let segments = segments.into_iter().enumerate();
+        segments
+            .filter_map(|(boot, segment)| Some((place(boot), segment.fit()?, segment)))
+            .collect()
+    };
+    Ok(beads
+        .into_iter()
+        .map(boots)
+        .filter(|boots| !boots.is_empty())
+        .collect())
+}
+
+fn clock_report((place, fit, segment): &Fitted) -> ClockReport {
     ClockReport {
         place: place.clone(),
         uid: segment.uid.map(|uid| hex(&uid)),
@@ -774,5 +833,59 @@ mod tests {
         for (own, reference) in pairs {
             assert!((own / (1.0 + 25e-6) - reference / (1.0 - 25e-6)).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn two_beads_on_one_line_have_segments_of_their_own() {
+        let rate = |address| if address == 3 { 1.0 + 40e-6 } else { 1.0 - 25e-6 };
+        let mut tracker = Tracker::default();
+        let mut places = Segments::default();
+        let mut boots = [0u8; 2];
+        for n in 0..400u64 {
+            for (bead, address) in [3u8, 9].into_iter().enumerate() {
+                // The second bead restarts in the middle, and the first one does not notice.
+                let restart = n == 0 || address == 9 && n == 200;
+                boots[bead] += u8::from(restart && n > 0);
+                let after = if address == 9 && n >= 200 { n - 200 } else { n };
+                let index = ((after + 1) as f64 * 25_000.0 * rate(address)) as u64;
+                let frame = Frame {
+                    version: bead_wire::VERSION,
+                    header: bead_wire::Header {
+                        address,
+                        boot: boots[bead],
+                        sequence: n as u32,
+                        sample_index: index,
+                    },
+                    arrival: match (restart, n) {
+                        (true, 0) => Arrival::First,
+                        (true, _) => Arrival::Restart { lost: 0 },
+                        _ => Arrival::Next { lost: 0 },
+                    },
+                    sample_rate_hz: Some(100_000),
+                    received_ns: Some(1_700_000_000_000_000_000 + n * 250_000_000 + u64::from(address)),
+                    message: bead_wire::Health::default().into(),
+                };
+                let place = places.place(&frame);
+                tracker.push(&frame);
+                assert_eq!(tracker.segments[place].address, address);
+                tracker.segments[place].sample_rate_hz = Some(100_000);
+            }
+        }
+        let found: Vec<_> = tracker
+            .segments
+            .iter()
+            .map(|segment| (segment.address, segment.boot, segment.frames))
+            .collect();
+        assert_eq!(found, [(3, 0, 400), (9, 0, 200), (9, 1, 200)]);
+        for segment in &tracker.segments {
+            let fit = segment.fit().unwrap();
+            let off = fit.drift_ppm - (rate(segment.address) - 1.0) * 1e6;
+            assert!(off.abs() < 0.5, "address {}: off by {off} ppm", segment.address);
+        }
+        let current: Vec<_> = tracker
+            .current()
+            .map(|segment| (segment.address, segment.boot))
+            .collect();
+        assert_eq!(current, [(3, 0), (9, 1)]);
     }
 }

@@ -40,6 +40,8 @@ bits! {
         3 "acceleration_railed" ACCELERATION_RAILED,
         /// The supply is below its limit.
         4 "supply_low" SUPPLY_LOW,
+        /// The crystal does not run: there are no samples.
+        5 "crystal_failed" CRYSTAL_FAILED,
     }
 }
 

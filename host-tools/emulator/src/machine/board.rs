@@ -3,6 +3,9 @@
 /// Interrupt lines of the STM32F405 (RM0090 table 61).
 pub const INTERRUPTS: usize = 82;
 
+/// The number that stands for the processor's NMI input, after those of the interrupt lines.
+pub const NMI: usize = INTERRUPTS;
+
 /// What a machine needs of the outside.
 pub trait Board {
     /// Reads SRAM or flash.
@@ -17,7 +20,7 @@ pub trait Board {
     fn stall(&mut self, stalled: bool);
     /// The power was off: RAM loses what it held.
     fn lose_memory(&mut self);
-    /// An interrupt line of the NVIC changed its level.
+    /// An interrupt line of the NVIC, or [`NMI`], changed its level.
     fn set_interrupt(&mut self, number: usize, level: bool);
     /// A byte left the USART1 transmitter at this time.
     fn sent(&mut self, byte: u8, at: u64);

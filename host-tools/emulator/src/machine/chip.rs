@@ -84,6 +84,17 @@ impl Chip {
         (rest & !mask) | ((value << shift) & mask)
     }
 
+    /// When the first externally triggered scan came.
+    pub(super) fn first_scan_ns(&self) -> Option<u64> {
+        self.stimulus.sampling().map(|sampling| sampling.first_ns)
+    }
+
+    /// Whether the processor gets no instruction: flash is being written, or its clock has stopped. Interrupts
+    /// wait.
+    pub(super) fn stands_still(&self) -> bool {
+        self.units.flash.busy() || self.clocks.hclk == 0
+    }
+
     fn clocked(&self, address: u32) -> Result<(&'static Row, u32), Unanswered> {
         let (row, offset) = locate(address).ok_or(Unanswered { clock_off: false })?;
         match row.gate {
@@ -93,7 +104,7 @@ impl Chip {
     }
 
     /// Passes on what a write to one peripheral does to others.
-    fn pass_on(&mut self, now: u64) {
+    pub(super) fn pass_on(&mut self, now: u64) {
         self.hold_in_reset(now);
         let clocks = self.units.rcc.clocks();
         if clocks != self.clocks {
@@ -177,6 +188,9 @@ impl Chip {
         });
         let channels = self.stimulus.unmapped();
         let channels = channels.map(|n| format!("ADC1 channel {n} has no stimulus: it reads 0"));
-        notes.chain(channels).collect()
+        let silent = self.stimulus.never_began().then(|| {
+            "ADC1 no triggered scan came: the rows of the stimulus were not played, give them since power-up".into()
+        });
+        notes.chain(channels).chain(silent).collect()
     }
 }

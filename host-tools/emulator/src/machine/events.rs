@@ -19,6 +19,8 @@ pub(super) enum Event {
     Sent,
     /// A byte has reached USART1, or its line is idle.
     Received,
+    /// The DMA is about to fetch a byte that USART1 has received.
+    Fetched,
     /// The watchdog runs out.
     WatchdogOut,
     /// An operation of the flash ends, or is cut.
@@ -45,6 +47,7 @@ pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
             .and_then(|t| at(tim[t].trigger(0), Event::Triggered(t))),
         at(units.usart1.next_sent(), Event::Sent),
         at(units.usart1.next_received(), Event::Received),
+        at(units.usart1.next_fetch(), Event::Fetched),
         at(units.iwdg.next_interrupt(), Event::WatchdogOut),
         units
             .flash

@@ -11,7 +11,7 @@ use crate::peripherals::Peripheral;
 pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     let units = &chip.units;
     // While the processor stands still, interrupts wait.
-    if units.flash.busy() {
+    if chip.stands_still() {
         let flash = units.flash.next_interrupt();
         return flash.into_iter().chain(units.iwdg.next_interrupt()).min();
     }

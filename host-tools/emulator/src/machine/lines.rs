@@ -1,16 +1,16 @@
 //! The interrupt lines of the peripherals.
 
-use super::board::{Board, INTERRUPTS};
+use super::board::{Board, NMI};
 use super::chip::Chip;
 use super::table::TABLE;
 
 /// The levels that the board knows.
 #[derive(Debug, Clone)]
-pub(super) struct Lines([bool; INTERRUPTS]);
+pub(super) struct Lines([bool; NMI + 1]);
 
 impl Default for Lines {
     fn default() -> Self {
-        Self([false; INTERRUPTS])
+        Self([false; NMI + 1])
     }
 }
 
@@ -18,7 +18,7 @@ impl Lines {
     /// Tells the board which levels have changed.
     pub(super) fn settle(&mut self, chip: &Chip, board: &mut impl Board) {
         // The vectors are in flash: a line that rises now is served when flash can be read again.
-        if chip.units.flash.busy() {
+        if chip.stands_still() {
             return;
         }
         for row in TABLE {

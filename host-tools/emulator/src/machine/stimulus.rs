@@ -2,14 +2,16 @@
 
 use std::collections::BTreeSet;
 
+use crate::given::Since;
 use crate::outcome::Sampling;
 
 /// Codes at the pins of channels 0 to 3. There is a new row every period, from the first externally triggered
-/// scan on.
+/// scan or from power-up on.
 #[derive(Debug, Clone)]
 pub struct Stimulus {
     rows: Vec<[u16; 4]>,
     period_ns: u64,
+    since: Since,
     /// The crystal's frequency, and what it should be. A period is one of the machine's own clock.
     hz: u64,
     nominal_hz: u64,
@@ -20,10 +22,11 @@ pub struct Stimulus {
 
 impl Stimulus {
     /// Rows of the codes of channels 0 to 3. Without rows, all codes are 0.
-    pub fn new(rows: Vec<[u16; 4]>, period_ns: u64) -> Self {
+    pub fn new(rows: Vec<[u16; 4]>, period_ns: u64, since: Since) -> Self {
         Self {
             rows,
             period_ns,
+            since,
             hz: 1,
             nominal_hz: 1,
             sampling: None,
@@ -52,10 +55,9 @@ impl Stimulus {
             });
             sampling.scans += 1;
         }
-        let Some(sampling) = self.sampling else { return };
+        let Some(began) = self.began() else { return };
         // Times are whole ns, so a scan may seem to come up to 1 ns before its row.
-        let own_ns =
-            u128::from(now - sampling.first_ns + 1) * u128::from(self.hz) / u128::from(self.nominal_hz);
+        let own_ns = u128::from(now - began + 1) * u128::from(self.hz) / u128::from(self.nominal_hz);
         let row = own_ns / u128::from(self.period_ns);
         self.row = usize::try_from(row)
             .unwrap_or(usize::MAX)
@@ -75,12 +77,23 @@ impl Stimulus {
         self.sampling
     }
 
+    /// When row 0 began.
+    fn began(&self) -> Option<u64> {
+        self.since
+            .plus(0, self.sampling.map(|sampling| sampling.first_ns))
+    }
+
+    /// Whether there is more than one row, and none has been played.
+    pub(super) fn never_began(&self) -> bool {
+        self.rows.len() > 1 && self.began().is_none()
+    }
+
     /// When the last row ends.
     pub fn ends_at(&self) -> Option<u64> {
         let own_ns = self.rows.len() as u128 * u128::from(self.period_ns);
         let length = own_ns * u128::from(self.nominal_hz) / u128::from(self.hz);
         let length = u64::try_from(length).unwrap_or(u64::MAX);
-        self.sampling.map(|s| s.first_ns.saturating_add(length))
+        Some(self.began()?.saturating_add(length))
     }
 
     pub(super) fn unmapped(&self) -> impl Iterator<Item = u32> + '_ {
@@ -93,7 +106,11 @@ mod tests {
     use super::*;
 
     fn three_rows() -> Stimulus {
-        Stimulus::new(vec![[10, 11, 12, 13], [20, 21, 22, 23], [30, 31, 32, 33]], 10_000)
+        Stimulus::new(
+            vec![[10, 11, 12, 13], [20, 21, 22, 23], [30, 31, 32, 33]],
+            10_000,
+            Since::FirstScan,
+        )
     }
 
     #[test]
@@ -121,7 +138,7 @@ mod tests {
     fn rows_keep_to_the_scans_of_a_crystal_that_is_off() {
         let rows = (0..4000).map(|n| [n, 0, 0, 0]).collect();
         // 125 ppm: one row in 8000 more.
-        let mut stimulus = Stimulus::new(rows, 10_000).on_clock(8_001_000, 8_000_000);
+        let mut stimulus = Stimulus::new(rows, 10_000, Since::FirstScan).on_clock(8_001_000, 8_000_000);
         for scan in 0..4000u64 {
             let at = 777 + (scan * 10_000 * 8_000).div_ceil(8_001);
             stimulus.begin_scan(at, true);
@@ -148,6 +165,17 @@ mod tests {
         assert_eq!((stimulus.code(1), stimulus.sampling()), (11, None));
         stimulus.begin_scan(90_000, true);
         assert_eq!(stimulus.code(1), 11);
+    }
+
+    #[test]
+    fn rows_from_power_up_on_are_played_for_software_scans_too() {
+        let rows = (0..4).map(|n| [n, 0, 0, 0]).collect();
+        let mut stimulus = Stimulus::new(rows, 10_000, Since::PowerUp);
+        let read = [0, 15_000, 25_000].map(|at| {
+            stimulus.begin_scan(at, false);
+            stimulus.code(0)
+        });
+        assert_eq!((read, stimulus.ends_at()), ([0, 1, 2], Some(40_000)));
     }
 
     #[test]

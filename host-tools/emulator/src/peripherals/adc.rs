@@ -68,6 +68,8 @@ pub struct Adc {
     dr: u32,
     ccr: u32,
     scan: Option<Scan>,
+    /// Whether SWSTART starts a scan while EXTEN selects a trigger.
+    pub software_scan_under_trigger: bool,
     /// A scan has started. Whoever looks clears it.
     pub scan_started: bool,
     /// DR holds data that was not read yet.
@@ -89,6 +91,7 @@ impl Adc {
         Self {
             pclk2,
             thresholds: [0xfff, 0],
+            software_scan_under_trigger: true,
             ..Self::default()
         }
     }
@@ -167,7 +170,7 @@ impl Adc {
     /// When the conversion under way ends.
     pub fn next_conversion(&self) -> Option<u64> {
         self.scan
-            .map(|s| s.started_ns + self.cycles_ns(u64::from(s.cycles)))
+            .map(|s| s.started_ns.saturating_add(self.cycles_ns(u64::from(s.cycles))))
     }
 
     /// Whether channel 17 is the internal reference voltage (CCR.TSVREFE). Otherwise it floats.
@@ -193,21 +196,26 @@ impl Adc {
             let left = u64::from(length.saturating_sub(scan.rank)).max(1);
             if n < left {
                 let more = cycles(scan.rank + 1..scan.rank + 1 + n as u32);
-                return Some(scan.started_ns + self.cycles_ns(u64::from(scan.cycles) + more));
+                let whole = self.cycles_ns(u64::from(scan.cycles) + more);
+                return Some(scan.started_ns.saturating_add(whole));
             }
             n -= left;
             if self.cr2 & CONT != 0 {
                 let rest = u64::from(scan.cycles) + cycles(scan.rank + 1..length);
                 let whole = n / u64::from(length) * cycles(0..length);
                 let part = cycles(0..(n % u64::from(length)) as u32 + 1);
-                return Some(scan.started_ns + self.cycles_ns(rest + whole + part));
+                return Some(
+                    scan.started_ns
+                        .saturating_add(self.cycles_ns(rest + whole + part)),
+                );
             }
         }
         if self.blocked() {
             return None;
         }
         let start = trigger(n / u64::from(length))?;
-        Some(start + self.cycles_ns(cycles(0..(n % u64::from(length)) as u32 + 1)))
+        let scan = cycles(0..(n % u64::from(length)) as u32 + 1);
+        Some(start.saturating_add(self.cycles_ns(scan)))
     }
 
     /// Ends the conversion under way. `code` is what it found, in 12 bits.
@@ -290,9 +298,11 @@ impl Adc {
             external && self.trigger_timer().is_none(),
             "CR2.EXTSEL: only TIM2 and TIM3 TRGO are modelled",
         );
+        let software =
+            value & SWSTART != 0 && (field(self.cr2, 28, 2) == 0 || self.software_scan_under_trigger);
         if self.cr2 & ADON == 0 {
             self.scan = None;
-        } else if value & SWSTART != 0 && self.scan.is_none() && !self.blocked() {
+        } else if software && self.scan.is_none() && !self.blocked() {
             self.start(now);
         }
     }
@@ -324,10 +334,12 @@ impl Peripheral for Adc {
             0x00 => self.sr &= value | !(AWD | EOC | STRT | OVR | 0b1100),
             0x04 => self.cr1 = value & 0x07c0_ffff,
             0x08 => self.write_cr2(value, now),
-            0x0c | 0x10 => self.smpr[index(offset, 0x0c)] = value & 0x3fff_ffff,
+            0x0c => self.smpr[0] = value & 0x07ff_ffff,
+            0x10 => self.smpr[1] = value & 0x3fff_ffff,
             0x14..=0x20 if offset.is_multiple_of(4) => self.jofr[index(offset, 0x14)] = value & 0xfff,
             0x24 | 0x28 => self.thresholds[index(offset, 0x24)] = value & 0xfff,
-            0x2c | 0x30 | 0x34 => self.sqr[index(offset, 0x2c)] = value & 0x3fff_ffff,
+            0x2c => self.sqr[0] = value & 0x00ff_ffff,
+            0x30 | 0x34 => self.sqr[index(offset, 0x2c)] = value & 0x3fff_ffff,
             0x38 => self.jsqr = value & 0x003f_ffff,
             0x4c | 0x300 => {}
             0x304 => self.ccr = value & 0x00c3_ef1f,
@@ -342,6 +354,7 @@ impl Peripheral for Adc {
             notes: std::mem::take(&mut self.notes),
             overruns: self.overruns,
             triggers_ignored: self.triggers_ignored,
+            software_scan_under_trigger: self.software_scan_under_trigger,
             ..Self::new(self.pclk2)
         };
     }

@@ -26,8 +26,9 @@ impl Peripheral for Dbgmcu {
     fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 => {}
-            0x04 => self.cr = value,
-            0x08 | 0x0c => self.freeze[(offset as usize - 0x08) / 4] = value,
+            0x04 => self.cr = value & 0xe7,
+            0x08 => self.freeze[0] = value & 0x06e0_1dff,
+            0x0c => self.freeze[1] = value & 0x0007_0003,
             _ => return Err(NoRegister),
         }
         Ok(())

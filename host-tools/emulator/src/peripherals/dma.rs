@@ -56,7 +56,7 @@ pub struct Beat {
 /// What a beat completed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Half or all of the buffer is done: HTIF or TCIF was set.
+    /// A part of the buffer is done that the stream interrupts for: HTIF was set with HTIE, or TCIF with TCIE.
     pub block: bool,
     /// The stream has stopped.
     pub ended: bool,
@@ -144,7 +144,7 @@ impl Dma {
             }
         }
         Progress {
-            block: half || full,
+            block: half && s.cr & HTIE != 0 || full && s.cr & TCIE != 0,
             ended: s.cr & EN == 0,
         }
     }
@@ -337,13 +337,19 @@ mod tests {
 
     #[test]
     fn a_plain_stream_flags_half_and_full_and_stops() {
+        for (enabled, [half, full]) in [(0, [false; 2]), (TCIE, [false, true]), (HTIE | TCIE, [true; 2])] {
+            let mut dma = started(0, 4, enabled);
+            let progress: Vec<_> = (0..4).map(|_| dma.moved(0)).map(|p| (p.block, p.ended)).collect();
+            assert_eq!(
+                progress,
+                [(false, false), (half, false), (false, false), (full, true)]
+            );
+            assert_eq!(dma.read(0x00, 0), Ok(HTIF | TCIF));
+        }
         let mut dma = started(0, 4, 0);
-        let progress: Vec<_> = (0..4).map(|_| dma.moved(0)).map(|p| (p.block, p.ended)).collect();
-        assert_eq!(
-            progress,
-            [(false, false), (true, false), (false, false), (true, true)]
-        );
-        assert_eq!(dma.read(0x00, 0), Ok(HTIF | TCIF));
+        for _ in 0..4 {
+            dma.moved(0);
+        }
         assert_eq!(dma.read(stream(0, 0x00), 0).unwrap() & EN, 0);
         assert_eq!(dma.beat(0), None);
     }

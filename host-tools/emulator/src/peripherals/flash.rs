@@ -295,13 +295,31 @@ impl Flash {
     }
 
     /// With too few wait states for the processor's clock, silicon reads wrong words. Table 10 (for 2.7 V to
-    /// 3.6 V) asks for one more for every 30 MHz.
+    /// 3.6 V) asks for one more for every 30 MHz. Without prefetch and caches it waits at every turn: that is
+    /// noted only if it stays so, as firmware may well turn them on after it has written flash.
     fn check_latency(&mut self) {
         let needed = self.hclk.saturating_sub(1) / 30_000_000;
         self.notes.note_if(
             self.acr & 7 < needed,
             "ACR.LATENCY is below table 10 for this HCLK",
         );
+        // Section 3.5: from here on there are wait states, and these three hide most of them.
+        for (n, what) in [
+            (
+                8,
+                "ACR.PRFTEN is clear and HCLK above 30 MHz: silicon waits for flash more often",
+            ),
+            (
+                9,
+                "ACR.ICEN is clear and HCLK above 30 MHz: silicon waits for flash more often",
+            ),
+            (
+                10,
+                "ACR.DCEN is clear and HCLK above 30 MHz: silicon waits for flash more often",
+            ),
+        ] {
+            self.notes.keep_while(needed > 0 && !bit(self.acr, n), what);
+        }
     }
 
     /// KEYR: both keys in order open CR. Anything else shuts it until the next reset (section 3.6.1).
@@ -342,7 +360,8 @@ impl Peripheral for Flash {
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         match offset {
-            0x00 => self.acr = value & 0x1f07,
+            // ICRST reads as 0 (section 3.9.1).
+            0x00 => self.acr = value & 0x1707,
             0x04 => self.unlock(value),
             0x08 => {
                 if self.first_option_key_seen && value == OPTION_KEYS[1] {
@@ -450,10 +469,10 @@ mod tests {
             hclk: 168_000_000,
             ..Clocks::HSI
         };
-        flash.write(0x00, 5, 0).unwrap();
+        flash.write(0x00, 0x705, 0).unwrap();
         flash.set_clocks(&fast, 0);
-        assert_eq!((flash.read(0x00, 0), flash.notes.iter().count()), (Ok(5), 0));
-        flash.write(0x00, 4, 0).unwrap();
+        assert_eq!((flash.read(0x00, 0), flash.notes.iter().count()), (Ok(0x705), 0));
+        flash.write(0x00, 0x704, 0).unwrap();
         assert_eq!(flash.notes.iter().count(), 1);
     }
 

@@ -72,6 +72,14 @@ impl Notes {
         }
     }
 
+    /// Keeps a note for as long as it holds.
+    pub(crate) fn keep_while(&mut self, holds: bool, what: &'static str) {
+        match holds {
+            true => self.0.insert(what),
+            false => self.0.remove(what),
+        };
+    }
+
     /// Takes notes from a table of registers, bits and notes: those for which one of the bits is written.
     pub(crate) fn note_bits(&mut self, table: &[(u32, u32, &'static str)], offset: u32, value: u32) {
         for (register, bits, what) in table {

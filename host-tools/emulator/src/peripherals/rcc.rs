@@ -2,6 +2,10 @@
 //!
 //! Oscillators and PLLs are ready as soon as they are on. The clock tree follows what the firmware programs.
 //! So a wrong divider shows as a wrong sample rate or baud rate, as it would on silicon.
+//!
+//! A crystal that stops takes the PLL with it. If the processor is clocked by them, the clock security system
+//! puts it on the internal oscillator and raises an NMI (section 7.2.7). Without that system the clock is
+//! gone. On silicon a PLL without input may go on at some low frequency, which the manual does not give.
 
 use super::clock::{Clocks, HSI_HZ};
 use super::peripheral::{NoRegister, Notes, Peripheral};
@@ -23,10 +27,36 @@ const TOLERANCE: u32 = 1000;
 
 const HSION: u32 = 1 << 0;
 const HSEON: u32 = 1 << 16;
+const CSSON: u32 = 1 << 19;
 const PLLON: u32 = 1 << 24;
 const PLLI2SON: u32 = 1 << 26;
 /// Each ready flag of CR stands one bit above its enable.
 const ON_BITS: u32 = HSION | HSEON | PLLON | PLLI2SON;
+
+/// Writable bits of CR, PLLCFGR, CFGR (without SWS), SSCGR and PLLI2SCFGR (sections 7.3.1 to 7.3.3, 7.3.22,
+/// 7.3.23).
+const CR_BITS: u32 = 0x050d_00f9;
+const PLLCFGR_BITS: u32 = 0x0f43_7fff;
+/// A reserved bit that is set after reset and stays.
+const PLLCFGR_FIXED: u32 = 1 << 29;
+const CFGR_BITS: u32 = 0xffff_fcf3;
+const SSCGR_BITS: u32 = 0xcfff_ffff;
+const PLLI2SCFGR_BITS: u32 = 0x7000_7fc0;
+/// Bits of the reset and enable registers (sections 7.3.5 to 7.3.19) in a part without Ethernet, in the order
+/// of [`Rcc::reset`].
+const RESET_BITS: [u32; 6] = [0x2060_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5933];
+const ENABLE_BITS: [u32; 6] = [0x6074_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+const SLEEP_BITS: [u32; 6] = [0x6067_91ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+const SLEEP_AT_RESET: [u32; 6] = [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
+
+/// CR.HSICAL: what the factory found for the internal oscillator (section 7.3.1). It differs from part to part.
+const HSICAL: u32 = 0x77 << 8;
+
+/// Ready and failure flags of CIR (section 7.3.4): enables stand 8 bits higher, clear bits 16 bits.
+const READY_FLAGS: u32 = 0x3f;
+const CSSF: u32 = 1 << 7;
+const READY_ENABLES: u32 = READY_FLAGS << 8;
+const CLEAR_AT: u32 = 16;
 
 /// A bus with its own enable and reset registers: their number within each row of registers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +85,9 @@ pub struct Rcc {
     csr: u32,
     sscgr: u32,
     plli2scfgr: u32,
+    cir: u32,
+    /// The crystal does not swing.
+    crystal_stopped: bool,
     /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
     pub backup_domain_open: bool,
     notes: Notes,
@@ -65,10 +98,10 @@ impl Rcc {
     pub fn new(hse_hz: u32) -> Self {
         Self {
             hse_hz,
-            cr: 0x83,
+            cr: HSICAL | 0x83,
             pllcfgr: 0x2400_3010,
             enable: [0x0010_0000, 0, 0, 0, 0, 0],
-            enable_in_sleep: [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33],
+            enable_in_sleep: SLEEP_AT_RESET,
             csr: POWER_ON_FLAGS,
             plli2scfgr: 0x2000_3000,
             ..Self::default()
@@ -86,12 +119,62 @@ impl Rcc {
         }
     }
 
-    /// The clock tree as programmed.
+    /// The crystal stops, or can start again.
+    pub fn set_crystal(&mut self, works: bool) {
+        let ready = self.ready();
+        self.crystal_stopped = !works;
+        if !works && ready & HSEON != 0 && self.cr & CSSON != 0 {
+            self.cir |= CSSF;
+            // The PLL is turned off with the crystal if it is the system clock.
+            let of_system = match self.system_source {
+                0 => 0,
+                1 => HSEON,
+                _ if bit(self.pllcfgr, 22) => HSEON | PLLON,
+                _ => 0,
+            };
+            if of_system != 0 {
+                self.system_source = 0;
+                self.cfgr &= !3;
+                self.cr |= HSION;
+            }
+            self.cr &= !(HSEON | of_system);
+        }
+        self.flag_ready(ready);
+        self.notes.note_if(
+            self.clocks().sysclk == 0,
+            "the crystal stopped and with it the processor's clock: with CR.CSSON it would go on with HSI",
+        );
+    }
+
+    /// The enable bits of CR whose clock runs.
+    fn ready(&self) -> u32 {
+        let hse = self.cr & HSEON != 0 && !self.crystal_stopped;
+        let input = match bit(self.pllcfgr, 22) {
+            true => hse,
+            false => self.cr & HSION != 0,
+        };
+        let of_hse = if hse { 0 } else { HSEON };
+        let of_plls = if input { 0 } else { PLLON | PLLI2SON };
+        self.cr & ON_BITS & !of_hse & !of_plls
+    }
+
+    /// Sets the flags of what runs now and did not before, if their interrupts are on (section 7.3.4).
+    fn flag_ready(&mut self, before: u32) {
+        let started = self.ready() & !before;
+        // HSI is flag 2, HSE 3, PLL 4, PLLI2S 5.
+        let flags = [(HSION, 2), (HSEON, 3), (PLLON, 4), (PLLI2SON, 5)]
+            .iter()
+            .fold(0, |flags, (on, n)| flags | u32::from(started & on != 0) << n);
+        self.cir |= flags & (self.cir >> 8);
+    }
+
+    /// The clock tree as programmed. A clock that has stopped has 0 Hz.
     pub fn clocks(&self) -> Clocks {
         let sysclk = match self.system_source {
             0 => HSI_HZ,
-            1 => self.hse_hz,
-            _ => self.pll_hz(),
+            1 if self.ready() & HSEON != 0 => self.hse_hz,
+            2.. if self.ready() & PLLON != 0 => self.pll_hz(),
+            _ => 0,
         };
         // HPRE skips 32: 0b1000 divides by 2, 0b1011 by 16, 0b1100 by 64.
         let hclk = match field(self.cfgr, 4, 4) {
@@ -146,7 +229,9 @@ impl Rcc {
             _ => PLLON | if bit(self.pllcfgr, 22) { HSEON } else { HSION },
         };
         let turned_on = value & !self.cr;
-        self.cr = (value & !(ON_BITS << 1)) | held;
+        let ready = self.ready();
+        self.cr = HSICAL | (value & CR_BITS) | held;
+        self.flag_ready(ready);
         if turned_on & PLLON != 0 {
             let vco_input = self.pll_input_hz() / field(self.pllcfgr, 0, 6).max(1);
             let vco = u64::from(vco_input) * u64::from(field(self.pllcfgr, 6, 9));
@@ -164,11 +249,11 @@ impl Rcc {
         self.switch();
     }
 
-    /// The system clock follows SW once the source is ready. The hardware refuses a source that is off.
+    /// The system clock follows SW once the source is ready.
     fn switch(&mut self) {
         let wanted = self.cfgr & 3;
         let on = [HSION, HSEON, PLLON, 0][wanted as usize];
-        if self.cr & on != 0 {
+        if self.ready() & on != 0 {
             self.system_source = wanted;
         }
         self.notes.note_if(
@@ -181,9 +266,10 @@ impl Rcc {
 impl Peripheral for Rcc {
     fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
-            0x00 => self.cr | ((self.cr & ON_BITS) << 1),
+            0x00 => self.cr | (self.ready() << 1),
             0x04 => self.pllcfgr,
             0x08 => (self.cfgr & !0xc) | (self.system_source << 2),
+            0x0c => self.cir,
             0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)],
             0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)],
             0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)],
@@ -201,15 +287,28 @@ impl Peripheral for Rcc {
         match offset {
             0x00 => self.write_cr(value),
             // Writable with the PLL off only.
-            0x04 if self.cr & PLLON == 0 => self.pllcfgr = value,
+            0x04 if self.cr & PLLON == 0 => self.pllcfgr = PLLCFGR_FIXED | (value & PLLCFGR_BITS),
             0x04 => self.notes.note("PLLCFGR written while the PLL is on: ignored"),
             0x08 => {
-                self.cfgr = value & !0xc;
+                self.cfgr = value & CFGR_BITS;
                 self.switch();
             }
-            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => self.reset[index(offset, 0x10)] = value,
-            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => self.enable[index(offset, 0x30)] = value,
-            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => self.enable_in_sleep[index(offset, 0x50)] = value,
+            0x0c => {
+                let cleared = (value >> CLEAR_AT) & (READY_FLAGS | CSSF);
+                self.cir = (self.cir & (READY_FLAGS | CSSF) & !cleared) | (value & READY_ENABLES);
+            }
+            0x10 | 0x14 | 0x18 | 0x20 | 0x24 => {
+                let n = index(offset, 0x10);
+                self.reset[n] = value & RESET_BITS[n];
+            }
+            0x30 | 0x34 | 0x38 | 0x40 | 0x44 => {
+                let n = index(offset, 0x30);
+                self.enable[n] = value & ENABLE_BITS[n];
+            }
+            0x50 | 0x54 | 0x58 | 0x60 | 0x64 => {
+                let n = index(offset, 0x50);
+                self.enable_in_sleep[n] = (value & SLEEP_BITS[n]) | (SLEEP_AT_RESET[n] & !SLEEP_BITS[n]);
+            }
             0x70 if !self.backup_domain_open => {
                 self.notes.note("BDCR written with PWR_CR.DBP clear: ignored");
             }
@@ -220,8 +319,8 @@ impl Peripheral for Rcc {
                 let kept = if value & RMVF != 0 { 0 } else { RESET_FLAGS };
                 self.csr = (self.csr & kept) | (value & 1);
             }
-            0x80 => self.sscgr = value,
-            0x84 => self.plli2scfgr = value,
+            0x80 => self.sscgr = value & SSCGR_BITS,
+            0x84 => self.plli2scfgr = value & PLLI2SCFGR_BITS,
             0x8c => {}
             _ => return Err(NoRegister),
         }
@@ -233,9 +332,18 @@ impl Peripheral for Rcc {
         *self = Self {
             bdcr: self.bdcr,
             csr: self.csr & RESET_FLAGS,
+            crystal_stopped: self.crystal_stopped,
             notes: std::mem::take(&mut self.notes),
             ..Self::new(self.hse_hz)
         };
+    }
+
+    /// RCC's interrupt, and the NMI of the clock security system.
+    fn interrupt(&self, output: usize) -> bool {
+        match output {
+            0 => self.cir & (self.cir >> 8) & READY_FLAGS != 0,
+            _ => self.cir & CSSF != 0,
+        }
     }
 
     fn notes(&self) -> &Notes {
@@ -347,6 +455,63 @@ mod tests {
         assert_eq!(rcc.read(0x74, 0).unwrap(), IWDGRSTF | PINRSTF);
         reset(&mut rcc, ResetCause::PowerCut);
         assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS, "and none of before");
+    }
+
+    #[test]
+    fn a_crystal_that_never_starts_is_never_ready_and_nothing_switches_to_it() {
+        let mut rcc = Rcc::new(8_000_000);
+        rcc.set_crystal(false);
+        rcc.write(0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24, 0).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
+        rcc.write(0x08, 2, 0).unwrap();
+        assert_eq!(rcc.read(0x00, 0).unwrap() & (ON_BITS << 1), HSION << 1);
+        assert_eq!(
+            (rcc.read(0x08, 0).unwrap() & 0xc, rcc.clocks().sysclk),
+            (0, HSI_HZ)
+        );
+    }
+
+    #[test]
+    fn a_crystal_that_stops_gives_an_nmi_and_hsi_with_css_and_no_clock_without() {
+        let mut safe = at_168_mhz();
+        safe.write(0x00, 0x83 | HSEON | CSSON | PLLON, 0).unwrap();
+        safe.set_crystal(false);
+        assert_eq!((safe.clocks().sysclk, safe.interrupt(1)), (HSI_HZ, true));
+        assert_eq!(
+            safe.read(0x00, 0).unwrap() & ON_BITS,
+            HSION,
+            "HSE and PLL are off"
+        );
+        safe.write(0x0c, CSSF << CLEAR_AT, 0).unwrap();
+        assert!(!safe.interrupt(1));
+
+        let mut bare = at_168_mhz();
+        bare.set_crystal(false);
+        assert_eq!((bare.clocks().hclk, bare.interrupt(1)), (0, false));
+        assert_eq!(bare.notes.iter().count(), 1);
+        reset(&mut bare, ResetCause::Watchdog);
+        assert_eq!(bare.clocks().sysclk, HSI_HZ);
+        bare.write(0x00, 0x83 | HSEON, 0).unwrap();
+        assert_eq!(
+            bare.read(0x00, 0).unwrap() & (HSEON << 1),
+            0,
+            "it outlives a reset"
+        );
+    }
+
+    #[test]
+    fn a_clock_that_gets_ready_raises_its_flag_and_interrupt_if_asked_to() {
+        let mut rcc = Rcc::new(8_000_000);
+        rcc.write(0x0c, 1 << (8 + 3), 0).unwrap();
+        rcc.write(0x00, 0x83 | HSEON | PLLON, 0).unwrap();
+        assert_eq!(
+            rcc.read(0x0c, 0),
+            Ok(1 << (8 + 3) | 1 << 3),
+            "HSE's; PLL's is off"
+        );
+        assert!(rcc.interrupt(0));
+        rcc.write(0x0c, 1 << (16 + 3), 0).unwrap();
+        assert_eq!((rcc.read(0x0c, 0), rcc.interrupt(0)), (Ok(0), false));
     }
 
     #[test]

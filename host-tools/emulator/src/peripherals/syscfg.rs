@@ -26,7 +26,7 @@ impl Peripheral for Syscfg {
     fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         match offset {
             0x00 => self.memrmp = value & 3,
-            0x04 => self.pmc = value,
+            0x04 => self.pmc = value & 1 << 23,
             0x08 | 0x0c | 0x10 | 0x14 => self.exticr[(offset as usize - 0x08) / 4] = value & 0xffff,
             _ => return Err(NoRegister),
         }

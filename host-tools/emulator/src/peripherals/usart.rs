@@ -78,6 +78,10 @@ pub struct Usart {
     idle_at: Option<u64>,
     /// The flags that stood when SR was read: an access to DR then clears them.
     armed: u32,
+    /// How long the DMA takes to fetch a byte that was received, in ns.
+    pub dma_latency_ns: u64,
+    /// When the DMA will fetch the byte that was received. Nothing once that time has come.
+    fetch_at: Option<u64>,
     notes: Notes,
 }
 
@@ -97,6 +101,16 @@ impl Usart {
             byte: *byte,
             not_before_ns: at_ns,
         }));
+    }
+
+    /// When the DMA is about to fetch the byte that was received.
+    pub fn next_fetch(&self) -> Option<u64> {
+        self.fetch_at.filter(|_| self.cr[2] & DMAR != 0)
+    }
+
+    /// That time has come.
+    pub fn fetch_is_due(&mut self) {
+        self.fetch_at = None;
     }
 
     fn on(&self, part: u32) -> bool {
@@ -128,7 +142,7 @@ impl Usart {
         if let Some(data) = self.waiting.take() {
             self.shifting = Some(Frame {
                 data,
-                ends_ns: (now + self.frame_ns()).max(self.stalled_until_ns),
+                ends_ns: now.saturating_add(self.frame_ns()).max(self.stalled_until_ns),
             });
             self.sr |= TXE;
         }
@@ -167,7 +181,8 @@ impl Usart {
     /// When the `n`-th request from now (1 is the next) will be made, if each is served at once.
     pub fn transmit_request(&self, n: u64) -> Option<u64> {
         (self.cr[2] & DMAT != 0).then_some(())?;
-        self.shifting.map(|f| f.ends_ns + (n - 1) * self.frame_ns())
+        let more = (n - 1).saturating_mul(self.frame_ns());
+        self.shifting.map(|f| f.ends_ns.saturating_add(more))
     }
 
     // The receiver.
@@ -203,8 +218,9 @@ impl Usart {
         } else {
             self.received = u32::from(incoming.byte);
             self.sr |= RXNE;
+            self.fetch_at = (self.dma_latency_ns > 0).then(|| now.saturating_add(self.dma_latency_ns));
         }
-        self.idle_at = Some(now + self.frame_ns());
+        self.idle_at = Some(now.saturating_add(self.frame_ns()));
         if self.input.front().is_some_and(|next| next.not_before_ns <= now) {
             self.idle_at = None;
         }
@@ -212,13 +228,14 @@ impl Usart {
 
     /// Whether the receiver asks the DMA to fetch data.
     pub fn dma_receive_request(&self) -> bool {
-        self.cr[2] & DMAR != 0 && self.sr & RXNE != 0
+        self.cr[2] & DMAR != 0 && self.sr & RXNE != 0 && self.fetch_at.is_none()
     }
 
     /// DR is read, by the processor or the DMA.
     pub fn take_data(&mut self) -> u32 {
         self.sr &= !(RXNE | (self.armed & (ORE | IDLE)));
         self.armed &= TC;
+        self.fetch_at = None;
         self.received
     }
 
@@ -260,7 +277,7 @@ impl Peripheral for Usart {
                 self.notes.note_if(self.brr >> 4 == 0, "BRR: USARTDIV is below 1");
             }
             0x0c => {
-                self.cr[0] = value & 0xffff;
+                self.cr[0] = value & 0xbfff;
                 self.load_shift_register(now);
             }
             0x10 => self.cr[1] = value & 0x7f6f,
@@ -278,6 +295,7 @@ impl Peripheral for Usart {
             input: std::mem::take(&mut self.input),
             input_seen_ns: self.input_seen_ns,
             stalled_until_ns: self.stalled_until_ns,
+            dma_latency_ns: self.dma_latency_ns,
             ..Self::new(self.pclk)
         };
     }
@@ -298,7 +316,10 @@ impl Peripheral for Usart {
             .next_byte()
             .filter(|_| self.cr[0] & RXNEIE != 0 || self.cr[2] & DMAR != 0);
         let idle = self.next_received().filter(|_| self.cr[0] & IDLEIE != 0);
-        [sending, receiving, idle].into_iter().flatten().min()
+        [sending, receiving, self.next_fetch(), idle]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {

@@ -185,12 +185,14 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
         let interrupts = (0..=SPARE_LINE)
             .map(|n| (f.qdev_get_gpio_in)(processor, n as c_int))
             .collect();
+        let nmi = (f.qdev_get_gpio_in_named)(processor, c"NMI".as_ptr(), 0);
         let address_space = symbol("address_space_memory\0")?;
         Ok(Qemu {
             functions: f,
             address_space,
             timer,
             interrupts,
+            nmi,
             reset_requested: AtomicBool::new(false),
         })
     }

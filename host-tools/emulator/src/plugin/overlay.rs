@@ -9,8 +9,8 @@ use super::qemu::{self, Qemu};
 use super::recorder::{Outside, Recorder, written};
 use super::{rtt, self_test};
 use crate::exchange::{self, Description, FORMAT, SELF_TEST_STATUS};
-use crate::given::{Fault, Poke};
-use crate::machine::{Board, Machine, Stimulus};
+use crate::given::{Fault, Poke, Run, Since};
+use crate::machine::{Board, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::Outcome;
 
@@ -25,7 +25,8 @@ pub(super) struct Overlay {
     recorder: Recorder,
     /// In order of time.
     pokes: VecDeque<Poke>,
-    faults: VecDeque<Fault>,
+    /// Those since power-up, and those since the first scan.
+    faults: [VecDeque<Fault>; 2],
     rtt_looked_at_ns: u64,
     powered_up: bool,
     interrupts_tested: bool,
@@ -42,13 +43,18 @@ impl Overlay {
     pub(super) fn new(folder: &Path) -> Result<Self, String> {
         let description = describe(folder)?;
         let run = &description.run;
-        let hse_hz = off_by(run.hse_hz, run.hse_ppm);
-        let stimulus = Stimulus::new(rows(folder)?, run.sample_period_ns).on_clock(hse_hz, run.hse_hz);
-        let machine = Machine::new(hse_hz, run.uid, stimulus, &run.uart_input, &run.pin_inputs);
+        let machine = Machine::new(Run {
+            stimulus: rows(folder)?,
+            ..run.clone().into_owned()
+        });
         let mut pokes = run.pokes.clone();
         pokes.sort_by_key(|poke| poke.at_ns);
-        let mut faults = run.faults.clone();
-        faults.sort_by_key(|fault| fault.at_ns);
+        let faults = [Since::PowerUp, Since::FirstScan].map(|since| {
+            let faults = run.faults.iter().filter(|fault| fault.since == since);
+            let mut faults: Vec<Fault> = faults.copied().collect();
+            faults.sort_by_key(|fault| fault.at_ns);
+            faults.into()
+        });
         let blocks = run.count_instructions.then(|| {
             let counters = Counters::new(&description.labels, description.functions.clone());
             // Kept for the life of QEMU: its callbacks point there.
@@ -59,7 +65,7 @@ impl Overlay {
             folder: folder.into(),
             recorder: Recorder::new(folder, blocks)?,
             pokes: pokes.into(),
-            faults: faults.into(),
+            faults,
             rtt_looked_at_ns: 0,
             powered_up: false,
             interrupts_tested: false,
@@ -105,8 +111,8 @@ impl Overlay {
         while let Some(poke) = self.pokes.pop_front_if(|poke| poke.at_ns <= now) {
             self.poke(&poke, qemu);
         }
-        while self.next_fault().is_some_and(|at| at <= now)
-            && let Some(fault) = self.faults.pop_front()
+        while let Some((_, queue)) = self.next_fault().filter(|(at, _)| *at <= now)
+            && let Some(fault) = self.faults[queue].pop_front()
         {
             self.machine
                 .fail(fault.kind, now, &mut Outside(qemu, &mut self.recorder));
@@ -126,10 +132,18 @@ impl Overlay {
         }
     }
 
-    /// When the next fault is due. Not known before sampling has begun.
-    fn next_fault(&self) -> Option<u64> {
-        let sampling = self.machine.stimulus().sampling()?;
-        Some(sampling.first_ns.saturating_add(self.faults.front()?.at_ns))
+    /// When the next fault is due, and its queue. Those since the first scan are not known before it.
+    fn next_fault(&self) -> Option<(u64, usize)> {
+        let first = self
+            .machine
+            .stimulus()
+            .sampling()
+            .map(|sampling| sampling.first_ns);
+        let fronts = self.faults.iter().enumerate().filter_map(|(queue, faults)| {
+            let fault = faults.front()?;
+            Some((fault.since.plus(fault.at_ns, first)?, queue))
+        });
+        fronts.min()
     }
 
     /// QEMU has reset the machine. The first time is power-up.
@@ -168,9 +182,8 @@ impl Overlay {
             self.rtt_looked_at_ns = now;
         }
         let poke = self.pokes.front().map(|poke| poke.at_ns);
-        let next = [self.machine.next_interrupt(), poke, self.next_fault()]
-            .into_iter()
-            .flatten();
+        let fault = self.next_fault().map(|(at, _)| at);
+        let next = [self.machine.next_interrupt(), poke, fault].into_iter().flatten();
         let next = next.fold(self.ends_at(), u64::min);
         qemu.wake_at(next.max(now + 1));
     }
@@ -224,11 +237,6 @@ fn rows(folder: &Path) -> Result<Vec<[u16; 4]>, String> {
     let bytes = read(folder, exchange::STIMULUS)?;
     let row = |row: &[[u8; 2]; 4]| row.map(u16::from_le_bytes);
     Ok(bytes.as_chunks().0.as_chunks().0.iter().map(row).collect())
-}
-
-/// The frequency of a crystal that is off by `ppm`, in whole Hz. At 8 MHz that is an eighth of a ppm.
-fn off_by(hz: u32, ppm: f64) -> u32 {
-    (f64::from(hz) * (1.0 + ppm * 1e-6)).round() as u32
 }
 
 /// Guest memory for the log. What is not RAM reads as zero: an address that the image has not set yet may be

@@ -18,7 +18,7 @@ use std::ffi::{c_char, c_int, c_void};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use crate::exchange::LINE_PREFIX;
-use crate::machine::INTERRUPTS;
+use crate::machine::{INTERRUPTS, NMI};
 
 const _: () = assert!(SPARE_LINE >= INTERRUPTS);
 
@@ -54,6 +54,7 @@ functions! {
     object_resolve_path: fn(*const c_char, *mut bool) -> Pointer;
     object_resolve_path_type: fn(*const c_char, *const c_char, *mut bool) -> Pointer;
     qdev_get_gpio_in: fn(Pointer, c_int) -> Pointer;
+    qdev_get_gpio_in_named: fn(Pointer, *const c_char, c_int) -> Pointer;
     qdev_connect_gpio_out_named: fn(Pointer, *const c_char, c_int, Pointer);
     qemu_allocate_irq: fn(extern "C" fn(Pointer, c_int, c_int), Pointer, c_int) -> Pointer;
     qemu_set_irq: fn(Pointer, c_int);
@@ -128,6 +129,7 @@ pub(super) struct Qemu {
     pub(super) address_space: Pointer,
     pub(super) timer: Pointer,
     pub(super) interrupts: Vec<Pointer>,
+    pub(super) nmi: Pointer,
     pub(super) reset_requested: AtomicBool,
 }
 
@@ -192,8 +194,13 @@ impl Qemu {
     }
 
     pub(super) fn set_interrupt(&self, number: usize, level: bool) {
+        let line = if number == NMI {
+            self.nmi
+        } else {
+            self.interrupts[number]
+        };
         // SAFETY: the line is an input of the NVIC, found by `lay_over`.
-        unsafe { (self.functions.qemu_set_irq)(self.interrupts[number], c_int::from(level)) }
+        unsafe { (self.functions.qemu_set_irq)(line, c_int::from(level)) }
     }
 
     /// Stops the processor until it is told to go on, an interrupt that it takes, or a reset. While nothing

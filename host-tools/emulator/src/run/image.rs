@@ -9,12 +9,33 @@ use object::{Object, ObjectSymbol};
 use super::error::RunError;
 use crate::exchange::FunctionRange;
 
-/// An image with its bytes, and its functions by demangled name.
+/// A function of an image.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Function {
+    /// Its demangled path.
+    pub name: String,
+    /// Address of its first instruction.
+    pub address: u32,
+    /// Its length.
+    pub bytes: u32,
+}
+
+/// The functions of an image whose demangled path contains a pattern: for example to write over one of them
+/// with a [`Poke`](crate::Poke).
+///
+/// # Errors
+/// The file is not an image.
+pub fn functions(elf: &Path, pattern: &str) -> Result<Vec<Function>, RunError> {
+    let mut functions = Image::read(elf)?.functions;
+    functions.retain(|function| function.name.contains(pattern));
+    Ok(functions)
+}
+
+/// An image with its bytes and its functions.
 pub(super) struct Image {
     path: PathBuf,
     pub(super) bytes: Vec<u8>,
-    /// Demangled name, first address, bytes.
-    functions: Vec<(String, u32, u32)>,
+    functions: Vec<Function>,
     pub(super) rtt: Option<u32>,
 }
 
@@ -38,13 +59,13 @@ impl Image {
         for symbol in elf.symbols() {
             let Ok(name) = symbol.name() else { continue };
             match symbol.kind() {
-                object::SymbolKind::Text if symbol.size() > 0 => functions.push((
+                object::SymbolKind::Text if symbol.size() > 0 => functions.push(Function {
                     // The alternate form leaves the hash out.
-                    format!("{:#}", rustc_demangle::demangle(name)),
+                    name: format!("{:#}", rustc_demangle::demangle(name)),
                     // Bit 0 of a function's address says Thumb.
-                    symbol.address() as u32 & !1,
-                    symbol.size() as u32,
-                )),
+                    address: symbol.address() as u32 & !1,
+                    bytes: symbol.size() as u32,
+                }),
                 _ if name == "_SEGGER_RTT" => rtt = Some(symbol.address() as u32),
                 _ => {}
             }
@@ -78,9 +99,9 @@ impl Image {
                 labels.push(label.clone());
                 labels.len() - 1
             });
-            for (name, start, bytes) in &self.functions {
-                if name.contains(pattern) {
-                    ranges.insert((index, *start, start + bytes));
+            for function in &self.functions {
+                if function.name.contains(pattern) {
+                    ranges.insert((index, function.address, function.address + function.bytes));
                 }
             }
         }

@@ -23,12 +23,13 @@ pub(super) fn run(
     overlay: &Path,
     folder: &Folder,
     arguments: &[OsString],
+    shift: u8,
     timeout: Duration,
 ) -> Result<Outcome, RunError> {
     let version = qemu.plugin_version();
     let start = |version: i32| {
         let plugin = folder.write("overlay.so", &overlay::with_version(overlay, version)?)?;
-        start(qemu, &plugin, folder, arguments, timeout)
+        start(qemu, &plugin, folder, arguments, shift, timeout)
     };
     let mut ended = start(version)?;
     if let Some(other) = wanted_version(&ended.stderr).filter(|other| *other != version) {
@@ -42,12 +43,14 @@ fn start(
     plugin: &Path,
     folder: &Folder,
     arguments: &[OsString],
+    shift: u8,
     timeout: Duration,
 ) -> Result<Ended, RunError> {
     let stderr = File::create(folder.path("stderr")).map_err(io("cannot write the run's temporary files"))?;
     let run = folder.path("");
     let child = Command::new(&qemu.program)
-        .args(["-M", "netduinoplus2", "-icount", "shift=3,sleep=off"])
+        .args(["-M", "netduinoplus2", "-icount"])
+        .arg(format!("shift={shift},sleep=off"))
         .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
         .arg(format!("{},run={}", plugin.display(), run.display()))
         .args(arguments)

@@ -56,10 +56,13 @@ fn figures(value: f64, within: f64) -> String {
 }
 
 fn named(place: &Place) -> String {
-    match place.boot {
-        0 => place.recording.display().to_string(),
-        boot => format!("{}, boot {boot}", place.recording.display()),
+    let mut name = place.recording.display().to_string();
+    for (what, number) in [("address", place.address.into()), ("boot", place.boot)] {
+        if number != 0 {
+            name += &format!(", {what} {number}");
+        }
     }
+    name
 }
 
 const CLOCKS: &str = "against this host | index 0 was at | for s | frames | drift ppm | ± | residual µs | delay µs \

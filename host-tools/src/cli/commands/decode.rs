@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::clock::rfc3339;
 use crate::cli::failure::{Blame, Failure};
-use crate::recording::clock::{Fit, Tracker, begins_segment};
+use crate::recording::clock::{Fit, Segments, Tracker};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
 use crate::recording::received::Received;
 
@@ -84,21 +84,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Prints frames to standard output, one in each line. `fits` turn bead time into host time, one for each
-/// boot.
+/// segment.
 fn print(
     path: &Path,
     mut frames: Frames<impl Iterator<Item = Piece>>,
     fits: &[Option<Fit>],
 ) -> Result<(), Failure> {
     let mut out = BufWriter::new(io::stdout().lock());
-    let mut boots = 0usize;
+    let mut segments = Segments::default();
     let mut from_the_future = None;
     while let Some(item) = frames.next() {
         let written = match item {
             Item::Frame(frame) => {
                 from_the_future = frame.from_the_future().or(from_the_future);
-                boots += usize::from(begins_segment(frame.arrival));
-                let fit = boots.checked_sub(1).and_then(|boot| fits.get(boot)?.as_ref());
+                let fit = fits.get(segments.place(&frame)).and_then(Option::as_ref);
                 writeln!(out, "{}", timed(&frame, fit))
             }
             Item::Rejected(reject) => {

@@ -23,7 +23,7 @@ use super::clock::drift;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output::{self, Format};
 use crate::line::port::{Address, Port};
-use crate::recording::clock::Tracker;
+use crate::recording::clock::{Segment, Tracker};
 use crate::recording::file::{About, RecordingError, Writer};
 use crate::recording::frames::{Frame, Item};
 
@@ -106,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let lines = [
         Some(result),
-        clock_line(&recorder.tracker),
+        Some(clock_lines(&recorder.tracker)).filter(|lines| !lines.is_empty()),
         advice(&counters).map(str::to_owned),
         recorder.from_the_future,
     ];
@@ -292,14 +292,22 @@ fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
     )
 }
 
-/// How the bead's clock runs since its last restart, if the recording is long enough to tell.
-fn clock_line(tracker: &Tracker) -> Option<String> {
-    let fit = tracker.segments.last()?.fit()?;
-    let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
-    let seconds = fit.span;
-    Some(format!(
-        "the bead's clock is {ppm} ± {within} ppm fast against this host's, by {seconds:.0} s"
-    ))
+/// How each bead's clock runs since its last restart, a line each, where the recording is long enough to tell.
+fn clock_lines(tracker: &Tracker) -> String {
+    let line = |segment: &Segment| {
+        let fit = segment.fit()?;
+        let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
+        let (address, seconds) = (segment.address, fit.span);
+        Some(format!(
+            "the clock of the bead at address {address} is {ppm} ± {within} ppm fast against this host's, by \
+             {seconds:.0} s"
+        ))
+    };
+    tracker
+        .current()
+        .filter_map(line)
+        .collect::<Vec<_>>()
+        .join("\nbead: ")
 }
 
 /// What to check when no frame came.
@@ -363,15 +371,15 @@ mod tests {
                 message: identity.into(),
             };
             tracker.push(&frame);
-            clock_line(&tracker)
+            clock_lines(&tracker)
         };
-        assert_eq!(sent(0), None);
+        assert_eq!(sent(0), "");
         let lines: Vec<_> = (1..=60).map(&mut sent).collect();
-        assert!(lines[..2].iter().all(Option::is_none), "{lines:?}");
-        let last = lines[59].as_deref().unwrap();
+        assert!(lines[..2].iter().all(String::is_empty), "{lines:?}");
+        let last = &lines[59];
         let numbers: Vec<f64> = last.split(' ').filter_map(|word| word.parse().ok()).collect();
-        let [ppm, within, 59.0] = numbers[..] else {
-            panic!("drift, uncertainty and time: {last}")
+        let [0.0, ppm, within, 59.0] = numbers[..] else {
+            panic!("address, drift, uncertainty and time: {last}")
         };
         assert!((ppm - 50.0).abs() < within && within < 1.0, "{last}");
         assert!(last.ends_with(" ppm fast against this host's, by 59 s"), "{last}");
