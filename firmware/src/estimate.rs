@@ -9,8 +9,9 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
 use bead_wire::{FaultCause, Gap, Standing, StrikeFlags};
+use embassy_time::{Duration, Timer};
 
-use crate::block::{Block, SCANS_PER_BLOCK};
+use crate::block::{BLOCK_US, Block, SCANS_PER_BLOCK};
 use crate::counters;
 use crate::health::{Stillness, Watch};
 use crate::{handover, load, outbox, raw, report, settings};
@@ -86,6 +87,17 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
             counters::update_guard(|guard| guard.strikes_passed_over += meter.passed_over() - passed_over);
             passed_over = meter.passed_over();
         }
+    }
+}
+
+/// In place of [`estimate`] while there are no samples: takes settings, and watches the supply.
+#[embassy_executor::task]
+pub(crate) async fn idle() -> ! {
+    let mut watch = Watch::new();
+    loop {
+        Timer::after(Duration::from_micros(BLOCK_US.into())).await;
+        let _ = settings::take();
+        watch.look_at_supply();
     }
 }
 

@@ -245,7 +245,8 @@ impl Watch {
         self.look_at_supply();
     }
 
-    fn look_at_supply(&mut self) {
+    /// Checks the supply. Called once in the time of a block.
+    pub(crate) fn look_at_supply(&mut self) {
         let was_low = self.supply_low_blocks > 0;
         if supply::is_low() {
             self.supply_low_blocks = SUPPLY_HOLD;

@@ -41,7 +41,7 @@ mod watchdog;
 
 use bead_model::Meter;
 use bead_store::Pace;
-use bead_wire::MAX_FRAME;
+use bead_wire::{FaultCause, MAX_FRAME, Standing};
 use commands::Commands;
 use converter::Converter;
 use defmt_rtt as _;
@@ -61,11 +61,18 @@ fn main() -> ! {
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 
     let boot = BOOT.init(trace::begin());
+    watchdog::begin();
+    clocks::freeze_while_halted();
     let mut core = cortex_m::Peripherals::take().expect("main runs once");
     stack::close_fence(&mut core.MPU);
     load::begin(&mut core.DCB, &mut core.DWT);
-    let p = embassy_stm32::init(clocks::config());
+    let supply_is_good = supply::wait();
+    let sampling = clocks::start_crystal();
+    let p = embassy_stm32::init(clocks::config(sampling));
     supply::watch();
+    if sampling {
+        clocks::guard_crystal();
+    }
     defmt::info!(
         "bead {=str} ({=str}), boot {=u32}, reset cause {=u8:#04x}",
         env!("CARGO_PKG_VERSION"),
@@ -80,7 +87,8 @@ fn main() -> ! {
             left.detail.as_str()
         );
     }
-    let (mut store, opened) = storage::open(p.FLASH);
+    let (mut store, opened) = storage::open(p.FLASH, supply_is_good);
+    clocks::accelerate();
     let loaded = settings::load(&mut store, opened, boot.failed);
     let (settings, refused) = (loaded.settings, loaded.refused);
     estimate::arm(loaded.arm());
@@ -92,13 +100,30 @@ fn main() -> ! {
     let edges = SyncInput::new(p.TIM2, p.PA15);
     let (transmitter, receiver) =
         port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2, RECEIVED.take());
+    let lock = commands::lock(&store);
     let commands = Commands {
         boot,
         store,
         pace: Pace::new(trace::written()),
+        lock,
         window: WINDOW.take(),
     };
     handover::begin();
+
+    let found = [
+        refused.map(|refused| (FaultCause::SettingsRefused, refused.why)),
+        (!supply_is_good).then_some((
+            FaultCause::SupplyLow,
+            "the supply was not good for 20 ms within 5 s: the bead started all the same",
+        )),
+        (!sampling).then_some((
+            FaultCause::CrystalFailed,
+            "the crystal does not start: the bead answers, and takes no samples",
+        )),
+    ];
+    if !sampling {
+        counters::update(|c| c.health.standing = c.health.standing.with(Standing::CRYSTAL_FAILED));
+    }
 
     const ONCE: &str = "each task is spawned once";
     let Spawners {
@@ -107,13 +132,17 @@ fn main() -> ! {
         rest,
     } = priorities::start();
     rest.spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
-    rest.spawn(report::report(boot, refused.map(|refused| refused.why)).expect(ONCE));
+    rest.spawn(report::report(boot, found.into_iter().flatten().collect()).expect(ONCE));
     rest.spawn(receive::receive(receiver, commands).expect(ONCE));
     rest.spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
-    estimate.spawn(estimate::estimate(settings, METER.take()).expect(ONCE));
-    acquire.spawn(acquire::acquire(converter, clock).expect(ONCE));
-    rest.spawn(sync::sync(edges).expect(ONCE));
-    rest.spawn(watchdog::watch(p.IWDG).expect(ONCE));
+    if sampling {
+        estimate.spawn(estimate::estimate(settings, METER.take()).expect(ONCE));
+        acquire.spawn(acquire::acquire(converter, clock).expect(ONCE));
+        rest.spawn(sync::sync(edges).expect(ONCE));
+    } else {
+        estimate.spawn(estimate::idle().expect(ONCE));
+    }
+    rest.spawn(watchdog::watch(p.IWDG, sampling).expect(ONCE));
     loop {
         cortex_m::asm::wfi();
     }

@@ -11,9 +11,12 @@ use crate::{counters, outbox, settings, stack};
 /// A host that starts to listen gets all of them within this time.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Reports for ever. `refused` says why settings in flash were refused, if they were.
+/// What start-up found wrong: causes, each with a line about it.
+pub(crate) type Found = heapless::Vec<(FaultCause, &'static str), 3>;
+
+/// Reports for ever.
 #[embassy_executor::task]
-pub(crate) async fn report(boot: &'static Boot, refused: Option<&'static str>) -> ! {
+pub(crate) async fn report(boot: &'static Boot, found: Found) -> ! {
     let mut period = Ticker::every(PERIOD);
     counters::update(|c| c.health.frames_lost_by_reset = boot.frames_lost);
     counters::update_guard(|guard| guard.boots_failed = boot.failed);
@@ -26,8 +29,8 @@ pub(crate) async fn report(boot: &'static Boot, refused: Option<&'static str>) -
             detail: left.detail.clone(),
         });
     }
-    if let Some(why) = refused {
-        fault(FaultCause::SettingsRefused, why);
+    for (cause, detail) in found {
+        fault(cause, detail);
     }
     loop {
         period.next().await;

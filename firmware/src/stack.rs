@@ -1,13 +1,15 @@
 //! How deep the stack has been, and a fence where it ends.
 //!
 //! # Design
-//! Start-up code fills the free RAM with a pattern (`cortex-m-rt`, feature `paint-stack`), and the stack
-//! grows down into it. Bytes that still have the pattern were never used. All tasks and handlers share the
-//! one stack, so one number covers them.
+//! The stack has the core-coupled memory for itself: no DMA and no variable is there, and below its start there
+//! is no memory at all. So a stack that grows too far destroys nothing, however large the step.
 //!
-//! The memory protection unit closes the lowest [`FENCE`] bytes: a stack that grows into them faults before
-//! it reaches a variable. The unit is off while the handler of the fault runs, so that the handler has a
-//! stack.
+//! Start-up code fills this memory with a pattern (`cortex-m-rt`, feature `paint-stack`), and the stack grows
+//! down into it. Bytes that still have the pattern were never used. All tasks and handlers share the one
+//! stack, so one number covers them.
+//!
+//! The memory protection unit closes the lowest [`FENCE`] bytes: a stack that grows into them faults. The unit
+//! is off while the handler of the fault runs, so that the handler has a stack, and the fault is told.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 
@@ -15,8 +17,8 @@ use cortex_m::peripheral::MPU;
 use cortex_m_rt::STACK_PAINT_VALUE;
 
 /// Bytes closed at the end of the stack: more than any frame of this image, so that no function steps over
-/// them. The largest is `main` with 2.3 KiB. A region of the unit has a power of two as size and lies at a
-/// multiple of it.
+/// them. A test reads the frames from the image. A region of the unit has a power of two as size and lies at
+/// a multiple of it.
 const FENCE: usize = 4096;
 
 /// First address that the stack may not use, aligned for [`FENCE`].
@@ -33,8 +35,8 @@ pub(crate) fn close_fence(mpu: &mut MPU) {
     /// No execution; access permission 0, none, is the reset value.
     const XN: u32 = 1 << 28;
     let size = (FENCE.ilog2() - 1) << 1;
-    // SAFETY: region 0 covers free RAM only: it starts at or above the end of the last section. No Rust
-    // object lies there, and `never_used` reads above it. PM0214 section 4.2.
+    // SAFETY: region 0 covers memory of the stack only. No Rust object lies there, and `never_used` reads above
+    // it. PM0214 section 4.2.
     unsafe {
         mpu.rnr.write(0);
         mpu.rbar.write(fence() as u32);
@@ -54,7 +56,10 @@ pub(crate) fn overflown(address: usize) -> bool {
 ///
 /// It looks only below the deepest use known, and ends when [`FENCE`] bytes in a row have the pattern: no
 /// frame is so large. To look through all of the free stack would take longer than any block of a strike.
-#[allow(unsafe_code, reason = "the free RAM is memory that no Rust object stands for")]
+#[allow(
+    unsafe_code,
+    reason = "the free stack is memory that no Rust object stands for"
+)]
 pub(crate) fn never_used() -> u32 {
     /// Lowest address that is known to have been used.
     static USED: AtomicUsize = AtomicUsize::new(usize::MAX);
@@ -75,8 +80,7 @@ pub(crate) fn never_used() -> u32 {
     (used - bottom) as u32
 }
 
-/// The lowest word that the stack may use, which is the end of the last section in RAM, and one past its
-/// highest, which is the end of the region RAM.
+/// The lowest word of the stack's memory and one past its highest: the region CCM of `memory.x`.
 #[allow(unsafe_code, reason = "symbols of the linker script are foreign")]
 fn bounds() -> (*const u32, *const u32) {
     unsafe extern "C" {

@@ -6,19 +6,52 @@
 //! measured while scans are made without losing some. It is measured whenever acquisition starts. While
 //! acquisition runs, the programmable voltage detector watches the supply; it needs no ADC (RM0090 section
 //! 5.2.3).
+//!
+//! A supply that rises slowly passes through voltages at which the core runs and flash is read wrongly. So
+//! nothing is done at first but [`wait`]. Flash is erased only after the supply has been good, and is not
+//! written while it is low.
 
+use cortex_m::peripheral::DWT;
 use embassy_stm32::adc::{Adc, SampleTime, VrefInt};
-use embassy_stm32::pac::PWR;
+use embassy_stm32::pac::{PWR, RCC};
 use embassy_stm32::peripherals;
 use embassy_time::{Duration, block_for};
 
+use crate::clocks::INTERNAL_HZ;
 use crate::counters;
 
 /// The detector's threshold, number 6 of PWR_CR.PLS: the supply is low below 2.93 V, and good again above
 /// 3.03 V (DocID022152, table of the reset and power control block, typical values).
 const THRESHOLD: u8 = 6;
 
-/// Switches the detector on.
+/// The supply must have been good for this long at start-up: 20 ms, in clocks of the internal oscillator.
+const GOOD: u32 = INTERNAL_HZ / 50;
+/// Longest wait for a good supply: 5 s.
+const PATIENCE: u32 = 5 * INTERNAL_HZ;
+
+/// Waits until the supply has been good for 20 ms, at most 5 s. Returns whether it has. Called on the internal
+/// oscillator, first of all but for the watchdog.
+pub(crate) fn wait() -> bool {
+    RCC.apb1enr().modify(|w| w.set_pwren(true));
+    watch();
+    let start = DWT::cycle_count();
+    let mut low = start;
+    loop {
+        let now = DWT::cycle_count();
+        if is_low() {
+            low = now;
+        }
+        if now.wrapping_sub(low) > GOOD {
+            return true;
+        }
+        if now.wrapping_sub(start) > PATIENCE {
+            return false;
+        }
+        cortex_m::asm::delay(INTERNAL_HZ / 1000);
+    }
+}
+
+/// Switches the detector on. The set-up of the clocks switches it off.
 pub(crate) fn watch() {
     PWR.cr1().modify(|w| {
         w.set_pls(THRESHOLD);
@@ -31,10 +64,11 @@ pub(crate) fn is_low() -> bool {
     PWR.csr1().read().pvdo()
 }
 
-/// Measures the supply with an ADC that is not scanning. Takes about 60 µs.
+/// Measures the supply with an ADC that is not scanning. Takes about 70 µs.
 pub(crate) fn measure(adc: &mut Adc<'_, peripherals::ADC1>) {
     let mut reference = adc.enable_vrefint();
-    block_for(Duration::from_micros(VrefInt::start_time_us().into()));
+    // A tick is 10 µs, and of the last one only a part may be left.
+    block_for(Duration::from_micros(VrefInt::start_time_us().into()) + Duration::from_ticks(1));
     // 22.9 µs at 21 MHz.
     let code = adc.blocking_read(&mut reference, SampleTime::CYCLES480);
     let supply_mv = match code {

@@ -8,7 +8,7 @@
 
 use core::fmt;
 use core::panic::PanicInfo;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use bead_crc::checksum_of;
 use bead_wire::{Detail, FaultCause, MAX_DETAIL};
@@ -173,12 +173,13 @@ struct Kept {
 /// "BEAD" and the version of the layout.
 const MAGIC: u32 = u32::from_le_bytes(*b"BEA\x02");
 const NONE: u32 = 0;
-const CAUSES: [(u32, FaultCause); 5] = [
+const CAUSES: [(u32, FaultCause); 6] = [
     (1, FaultCause::Panic),
     (2, FaultCause::HardFault),
     (3, FaultCause::DmaError),
     (4, FaultCause::StackOverflow),
     (5, FaultCause::Watchdog),
+    (6, FaultCause::CrystalFailed),
 ];
 const _: () = assert!(
     size_of::<Region>() <= 256,
@@ -291,18 +292,35 @@ impl Kept {
     }
 }
 
+/// Whether this boot is ending.
+static ENDING: AtomicBool = AtomicBool::new(false);
+
 /// Writes the record of this boot's end and resets.
+///
+/// The log comes last, when the record is whole: what ends the boot may have happened inside a log statement,
+/// and then the logger panics. Whatever goes wrong here comes back here, and resets at once.
 fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
     cortex_m::interrupt::disable();
+    if ENDING.swap(true, Ordering::Relaxed) {
+        SCB::sys_reset();
+    }
+    record(cause, pc, "");
     let text = Detail::new(detail);
-    let text = text.as_str();
-    defmt::error!("boot {=u32} ends at {=u32:#010x}: {=str}", boot(), pc, text);
+    record(cause, pc, text.as_str());
+    defmt::error!(
+        "boot {=u32} ends at {=u32:#010x}: {=str}",
+        boot(),
+        pc,
+        text.as_str()
+    );
+    SCB::sys_reset()
+}
 
+fn record(cause: FaultCause, pc: u32, text: &str) {
     let mut kept = Kept::load().unwrap_or(const { Kept::new() });
     kept.boot = boot();
     kept.record(cause, pc, text);
     kept.store();
-    SCB::sys_reset()
 }
 
 #[panic_handler]
@@ -323,6 +341,15 @@ fn panic(info: &PanicInfo<'_>) -> ! {
         }
         None => end(cause, 0, format_args!("{message}")),
     }
+}
+
+/// The crystal stopped, and the clock security system has put the core on the internal oscillator (RM0090
+/// section 7.2.7).
+#[exception]
+#[allow(unsafe_code, reason = "cortex-m-rt asks for it")]
+unsafe fn NonMaskableInt() -> ! {
+    RCC.cir().modify(|w| w.set_cssc(true));
+    end(FaultCause::CrystalFailed, 0, format_args!("the crystal stopped"))
 }
 
 /// Bit of CFSR: MMFAR holds the address of the fault (PM0214 section 4.4.13).

@@ -11,7 +11,7 @@ use bead::recording::frames::{self, Frame};
 use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd as FrontEndDesign, derive};
 use bead_wire::Message;
-use bead_wire::{ANY, Counters, MAX_REQUEST, Request, encode_request};
+use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use stm32f405_qemu::{Outcome, Run, UartInput};
 
@@ -19,6 +19,9 @@ use stm32f405_qemu::{Outcome, Run, UartInput};
 pub const HOST: usize = 8;
 /// Quiet before the first strike, s.
 pub const LEAD_IN: f64 = 0.02;
+
+/// How long a start waits for the supply before it does anything, s.
+pub const SUPPLY_WAIT: f64 = 0.0202;
 
 /// The root of the workspace.
 pub fn workspace() -> &'static Path {
@@ -161,12 +164,6 @@ pub fn replied(outcome: &Outcome, request: u16) -> Option<f64> {
         Message::Reply(reply) if reply.request == request => Some(at_ns as f64 * 1e-9),
         _ => None,
     })
-}
-
-/// What the emulator noted, but for flash that is read without prefetch and caches.
-pub fn beside_caches(unmodelled: &[String]) -> Vec<&str> {
-    let noted = unmodelled.iter().map(String::as_str);
-    noted.filter(|what| !what.contains("HCLK above 30 MHz")).collect()
 }
 
 /// What one run said.
@@ -315,8 +312,8 @@ impl Requests {
         }
     }
 
-    /// Sends a request `at` s after power-up, or after what is still being sent; gives its number, counted
-    /// from 0.
+    /// Sends a request `at` s after the start that follows [`SUPPLY_WAIT`], or after what is still being sent;
+    /// gives its number, counted from 0.
     ///
     /// # Panics
     /// It is no request that can be sent.
@@ -330,10 +327,19 @@ impl Requests {
         number
     }
 
+    /// Sends a request signed for the bead with this device id; as [`request`](Self::request).
+    ///
+    /// # Panics
+    /// As [`request`](Self::request).
+    pub fn signed(&mut self, at: f64, request: &Request, key: &Key, uid: &[u8; 12], ticket: Ticket) -> u16 {
+        let signed = request.signed(key, uid, ANY, self.next, ticket);
+        self.request(at, &signed)
+    }
+
     /// Sends any bytes, as [`request`](Self::request) does.
     pub fn send(&mut self, at: f64, bytes: &[u8]) {
         self.machine.uart_input.push(UartInput {
-            at_ns: (at * 1e9) as u64,
+            at_ns: ((SUPPLY_WAIT + at) * 1e9) as u64,
             bytes: bytes.to_vec(),
         });
     }
@@ -352,7 +358,7 @@ impl Requests {
         }
     }
 
-    /// When the image takes the first scan, s after power-up. No request changes that.
+    /// When the image takes the first scan, in the time of [`request`](Self::request). No request changes that.
     ///
     /// # Panics
     /// QEMU fails, or the image never samples.
@@ -360,7 +366,7 @@ impl Requests {
         let mut quick = self.machine.clone();
         quick.stimulus.truncate(1);
         let outcome = quick.execute().unwrap_or_else(|error| panic!("{error}"));
-        outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9
+        outcome.sampling.expect("the image samples").first_ns as f64 * 1e-9 - SUPPLY_WAIT
     }
 }
 

@@ -238,7 +238,7 @@ fn a_runaway_stack_meets_its_fence_and_a_later_strike_is_measured() {
         0.02,
         SOFTWARE,
         FaultCause::StackOverflow,
-        "the stack reached 0x200",
+        "the stack reached 0x1000",
     );
 }
 
@@ -478,8 +478,8 @@ fn settings_that_are_damaged_are_refused_and_said_to_be_and_the_built_in_ones_me
 
 #[test]
 fn the_stack_that_was_never_used_is_counted_to_the_word() {
-    /// The stack's highest address, one past the region RAM of `memory.x`.
-    const START: u32 = 0x2001_FF00;
+    /// The stack's highest address, one past the region CCM of `memory.x`.
+    const START: u32 = 0x1001_0000;
     let free = |pokes: Vec<Poke>| {
         let survived = Survived::poked(
             strike_at(0.02),

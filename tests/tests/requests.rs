@@ -214,7 +214,7 @@ fn each_request_is_answered_with_what_it_asks_for() {
 
 #[test]
 fn a_bead_says_what_a_block_costs_since_it_was_last_asked() {
-    // Strikes at 20 and 120 ms after the first scan, which comes some 17 ms after power-up.
+    // Strikes at 20 and 120 ms after the first scan, which comes some 17 ms after the start.
     let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
     for at in [0.09, 0.12, 0.2] {
         requests.request(at, &Request::Status);
@@ -312,7 +312,7 @@ fn what_is_no_request_of_this_version_is_refused_by_name_and_nothing_else_happen
 
 #[test]
 fn a_disarmed_bead_measures_no_strike_and_an_armed_one_does_again() {
-    // Strikes at 20, 120, 220, 320 ms after the first scan, which comes some 17 ms after power-up.
+    // Strikes at 20, 120, 220, 320 ms after the first scan, which comes some 17 ms after the start.
     let mut requests = Requests::new(&paper(4, 0.1, Some(1)));
     requests.request(0.1, &Request::Disarm);
     requests.request(0.29, &Request::Status);
@@ -431,7 +431,7 @@ fn counters_are_reset_and_what_identifies_a_strike_is_not() {
 #[test]
 fn a_reboot_replies_loses_no_frame_and_is_no_fault() {
     let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
-    requests.request(0.1, &Request::Reboot);
+    requests.request(0.07, &Request::Reboot);
     let answered = requests.run();
     assert_eq!(answered.heard.answer(0).0, Outcome::Done);
     assert_eq!(answered.outcome.resets.len(), 1);

@@ -20,6 +20,7 @@ extern crate std;
 
 mod pace;
 mod sectors;
+mod vault;
 
 use core::ops::Range;
 
@@ -34,9 +35,10 @@ use sequential_storage::map::{MapConfig, MapStorage};
 
 pub use pace::{BURST, EVERY_MS, Pace};
 use sectors::{COUNT, SectorError, Sectors};
+pub use vault::{MAX_SETTINGS, Secret, Vault};
 
-/// Longest block, in bytes.
-pub const MAX_BLOCK: usize = 256;
+/// Longest block, in bytes: settings and a [`Secret`].
+pub const MAX_BLOCK: usize = 256 + 28;
 /// A block with its key, rounded up to words of any flash.
 const BUFFER: usize = MAX_BLOCK + 32;
 /// The store keeps one item.
@@ -83,26 +85,33 @@ impl<F: NorFlash> Store<F> {
     /// # Panics
     /// The range is not two sectors.
     pub fn open(flash: F, range: Range<u32>) -> (Self, Opened) {
-        let mut store = Self {
-            sectors: Sectors::new(flash, range),
-            buffer: [0; BUFFER],
-        };
+        let mut store = Self::open_as_it_is(flash, range);
         store.sectors.may_erase = true;
         let lost = match store.tidy() {
             Ok(worth) => !worth,
             // The flash fails somewhere. A block that can still be read is kept.
-            Err(_) => match store.fetch() {
-                Ok(Some(_)) => false,
-                _ => {
-                    // If this fails too, the first write finds it.
-                    let _ = store.sectors.erase_all();
-                    true
-                }
-            },
+            Err(_) if store.reads_block() || store.reads_block() => false,
+            Err(_) => {
+                // If this fails too, the first write finds it.
+                let _ = store.sectors.erase_all();
+                true
+            }
         };
         store.sectors.may_erase = false;
         let erased = store.sectors.erased;
         (store, Opened { erased, lost })
+    }
+
+    /// Opens the store in `range` of the flash, which is two sectors, and changes nothing there. What is read
+    /// may be less than what [`open`](Self::open) would find, and a write may find no room.
+    ///
+    /// # Panics
+    /// The range is not two sectors.
+    pub fn open_as_it_is(flash: F, range: Range<u32>) -> Self {
+        Self {
+            sectors: Sectors::new(flash, range),
+            buffer: [0; BUFFER],
+        }
     }
 
     /// Brings the sectors into the order that the library expects: one in use, one blank. Returns false if
@@ -112,7 +121,8 @@ impl<F: NorFlash> Store<F> {
         for sector in self.sectors.each() {
             // The library reads a mark at each end of a sector, and an erase that was cut may leave either
             // mark. A sector without a whole block is worthless, whatever its marks.
-            if !self.sectors.is_blank(&sector)? && !self.holds_block(&sector) {
+            // An erase takes away for good what was perhaps only read wrongly. So it is read twice.
+            if !self.sectors.is_blank(&sector)? && !self.holds_block(&sector) && !self.holds_block(&sector) {
                 self.sectors.erase(&sector)?;
                 worthless = true;
             }
@@ -185,9 +195,13 @@ impl<F: NorFlash> Store<F> {
     /// Whether the sector holds a whole block. The other sector reads as blank meanwhile.
     fn holds_block(&mut self, sector: &Range<u32>) -> bool {
         self.sectors.alone = Some(sector.clone());
-        let found = matches!(self.fetch(), Ok(Some(_)));
+        let found = self.reads_block();
         self.sectors.alone = None;
         found
+    }
+
+    fn reads_block(&mut self) -> bool {
+        matches!(self.fetch(), Ok(Some(_)))
     }
 
     fn fetch(&mut self) -> Result<Option<&[u8]>, StoreError> {

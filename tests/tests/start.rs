@@ -1,0 +1,187 @@
+//! How the image starts: on a slow supply, with a crystal that fails, and what holds from then on.
+
+use std::fs;
+use std::time::Duration;
+
+use bead::recording::strikes::assemble;
+use bead_tests::{Answered, Requests, image, paper};
+use bead_wire::{FaultCause, Outcome, Request, Standing};
+use object::{Object, ObjectSymbol};
+use stm32f405_qemu::{Fault, FaultKind, Poke, ResetCause};
+
+const MS: u64 = 1_000_000;
+/// Address of the settings store.
+const STORE: u32 = 0x080C_0000;
+/// How long the supply has to be good before anything is done, in ns.
+const GOOD: u64 = 20 * MS;
+
+/// A run without a strike.
+fn quiet() -> Requests {
+    let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
+    requests.machine.count_instructions = false;
+    requests
+}
+
+fn causes(answered: &Answered) -> Vec<FaultCause> {
+    answered.heard.faults().map(|fault| fault.cause).collect()
+}
+
+#[test]
+fn caches_and_prefetch_of_the_flash_are_on_while_samples_are_taken() {
+    let answered = quiet().run();
+    // The emulator notes each that is off at this clock.
+    assert_eq!(answered.outcome.unmodelled, [""; 0]);
+    assert!(answered.heard.status().samples > 0);
+}
+
+#[test]
+fn the_sample_index_is_the_same_whether_or_not_software_can_start_a_scan() {
+    let run = paper(1, 0.1, Some(1));
+    for taken in [true, false] {
+        let mut machine = run.machine();
+        machine.software_scan_under_trigger = taken;
+        let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+        let heard = bead_tests::Heard::new(outcome.uart);
+        let strikes = assemble(heard.frames.clone(), None);
+        assert_eq!((strikes.len(), heard.faults().count()), (1, 0));
+        for (i, codes) in strikes[0].scans.iter().enumerate() {
+            // Row i is what trigger i + 1 finds.
+            let [force, _, acceleration, _] = machine.stimulus[strikes[0].said.first_index as usize + i - 1];
+            assert_eq!(
+                codes.sensitive,
+                [force, acceleration],
+                "software scans taken: {taken}"
+            );
+        }
+    }
+}
+
+#[test]
+fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
+    const RISE: u64 = 1000 * MS;
+    /// When the supply passes the detector's upper threshold, 3.03 V.
+    const RISEN: u64 = RISE * 3030 / 3300;
+    let mut requests = quiet();
+    // Two sectors of what is no block: a start has to erase both.
+    requests.machine.flash.push((STORE, vec![0x5A; 256 * 1024]));
+    requests.machine.faults.extend(Fault::supply_ramp(0, 3300, RISE));
+    requests.machine.sampling_deadline_ns = 10_000 * MS;
+    let answered = requests.run();
+    let erased: Vec<u64> = answered
+        .outcome
+        .flash_operations
+        .iter()
+        .map(|o| o.at_ns)
+        .collect();
+    assert!(!erased.is_empty(), "the start erases");
+    assert!(erased[0] > RISEN + GOOD, "after {} ms", erased[0] / MS);
+    assert_eq!(causes(&answered), [FaultCause::SettingsRefused]);
+    assert!(answered.heard.status().samples > 0);
+}
+
+#[test]
+fn a_supply_that_stays_low_is_told_and_flash_stays_as_it_is() {
+    let mut requests = quiet();
+    let content = vec![0x5A; 256 * 1024];
+    requests.machine.flash.push((STORE, content.clone()));
+    let low = FaultKind::Supply { millivolts: 2800 };
+    requests.machine.faults.push(Fault::after_power_up(0, low));
+    requests.machine.sampling_deadline_ns = 10_000 * MS;
+    requests.machine.timeout = Duration::from_secs(300);
+    let block = paper(0, 0.1, None).block.clone();
+    let block = bead_wire::Block::try_from(&block[..]).expect("a block fits");
+    requests.request(5.05, &Request::WriteSettings { block });
+    requests.request(5.06, &Request::EraseSettings);
+    let answered = requests.run();
+    assert_eq!(answered.outcome.flash_operations, []);
+    assert_eq!(answered.outcome.flash.1, content);
+    for request in [0, 1] {
+        let (outcome, detail) = answered.heard.answer(request);
+        assert_eq!(outcome, Outcome::FlashFailed);
+        assert!(detail.contains("supply is below 2.93 V"), "{detail}");
+    }
+    assert!(causes(&answered).contains(&FaultCause::SupplyLow));
+    assert_eq!(answered.heard.health().standing, Standing::SUPPLY_LOW);
+    assert!(
+        answered.heard.status().uptime_ms < 5000,
+        "the wait is before the clock starts"
+    );
+}
+
+#[test]
+fn a_crystal_that_never_starts_leaves_a_bead_that_answers_and_takes_no_samples() {
+    let mut requests = quiet();
+    requests
+        .machine
+        .faults
+        .push(Fault::after_power_up(0, FaultKind::CrystalStops));
+    requests.machine.sampling_deadline_ns = 4_000 * MS;
+    let block = paper(0, 0.1, None).block.clone();
+    let block = bead_wire::Block::try_from(&block[..]).expect("a block fits");
+    requests.request(0.5, &Request::Status);
+    requests.request(1.5, &Request::WriteSettings { block });
+    let answered = requests.run();
+    assert_eq!(
+        (answered.outcome.sampling, answered.outcome.resets.len()),
+        (None, 0)
+    );
+    assert_eq!(causes(&answered), [FaultCause::CrystalFailed]);
+    assert_eq!(answered.heard.answer(0).0, Outcome::Done);
+    assert_eq!(answered.heard.answer(1).0, Outcome::Done);
+    assert_eq!(answered.heard.health().standing, Standing::CRYSTAL_FAILED);
+    let status = answered.heard.status();
+    assert_eq!((status.samples, status.armed), (0, false));
+    // It tells once a second, and the watchdog lets it.
+    assert!(status.uptime_ms >= 3000, "{} ms", status.uptime_ms);
+}
+
+#[test]
+fn a_crystal_that_stops_ends_the_boot_with_a_record_and_the_next_one_answers() {
+    let mut requests = quiet();
+    let stops = Fault::after_first_scan(20 * MS, FaultKind::CrystalStops);
+    requests.machine.faults.push(stops);
+    let answered = requests.run();
+    let resets: Vec<_> = answered.outcome.resets.iter().map(|reset| reset.cause).collect();
+    assert_eq!(resets, [ResetCause::Software]);
+    let faults: Vec<_> = answered
+        .heard
+        .faults()
+        .map(|fault| (fault.cause, fault.boot))
+        .collect();
+    assert_eq!(
+        faults,
+        [(FaultCause::CrystalFailed, 0), (FaultCause::CrystalFailed, 1)]
+    );
+}
+
+#[test]
+fn a_start_that_hangs_is_ended_by_the_watchdog() {
+    let mut requests = quiet();
+    // All functions of the store become `b .` while the start waits for the supply.
+    let elf = fs::read(image()).unwrap();
+    let elf = object::File::parse(&*elf).unwrap();
+    let symbols = elf.symbols().filter(|symbol| symbol.size() > 0);
+    let hangs = symbols.filter(|symbol| symbol.name().is_ok_and(|name| name.contains("bead_store")));
+    let hangs: Vec<_> = hangs
+        .map(|symbol| Poke {
+            at_ns: 5 * MS,
+            address: symbol.address() as u32 & !1,
+            bytes: vec![0xFE, 0xE7],
+        })
+        .collect();
+    assert!(!hangs.is_empty());
+    requests.machine.pokes = hangs;
+    // As much virtual time for an instruction as there can be: it waits for half a minute.
+    requests.machine.shift = Some(10);
+    requests.machine.sampling_deadline_ns = 40_000 * MS;
+    let outcome = requests
+        .machine
+        .execute()
+        .unwrap_or_else(|error| panic!("{error}"));
+    let resets: Vec<_> = outcome
+        .resets
+        .iter()
+        .map(|reset| (reset.cause, reset.at_ns / (1000 * MS)))
+        .collect();
+    assert_eq!(resets.first(), Some(&(ResetCause::Watchdog, 32)));
+}
