@@ -156,12 +156,13 @@ fn draw_settings(random: &mut dyn FnMut() -> u64) -> Settings {
     settings
 }
 
-/// When the last byte of the first reply to a request had left the bead, in s after power-up.
+/// When the last byte of the first reply to a request had left the bead, in s as [`Requests::request`] counts
+/// them.
 pub fn replied(outcome: &Outcome, request: u16) -> Option<f64> {
     let mut decoder = bead_wire::Decoder::new();
     let mut sent = outcome.uart.iter().zip(&outcome.uart_ns);
     sent.find_map(|(&byte, &at_ns)| match decoder.push(byte)?.ok()?.message {
-        Message::Reply(reply) if reply.request == request => Some(at_ns as f64 * 1e-9),
+        Message::Reply(reply) if reply.request == request => Some(at_ns as f64 * 1e-9 - SUPPLY_WAIT),
         _ => None,
     })
 }

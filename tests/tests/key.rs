@@ -196,7 +196,10 @@ fn a_request_is_done_once_also_after_a_reset_and_after_a_power_cut() {
         let next = ask(0.85, arm(106, boot));
         if power {
             let kind = FaultKind::PowerCut;
-            requests.machine.faults.push(Fault::after_first_scan(500_000_000, kind));
+            requests
+                .machine
+                .faults
+                .push(Fault::after_first_scan(500_000_000, kind));
         }
         let answered = requests.run();
         let said = |number| outcome(&answered, number);
@@ -305,7 +308,10 @@ fn settings_are_written_sixteen_at_once_and_then_only_so_often_whoever_asks_and_
 fn a_bead_that_cannot_write_flash_is_disarmed_and_reset_by_its_owner() {
     let mut requests = keyed(0.6, 0);
     let kind = FaultKind::Supply { millivolts: 2700 };
-    requests.machine.faults.push(Fault::after_first_scan(80_000_000, kind));
+    requests
+        .machine
+        .faults
+        .push(Fault::after_first_scan(80_000_000, kind));
     let disarm = requests.signed(0.2, &Request::Disarm, &key(7), &UID, ticket(1));
     let stored = requests.signed(0.25, &write(300), &key(7), &UID, ticket(2));
     let rekeyed = requests.signed(0.3, &Request::SetKey { key: [9; 16] }, &key(7), &UID, ticket(3));

@@ -4,7 +4,7 @@
 use bead::recording::strikes::assemble;
 use bead_model::Settings;
 use bead_model::settings::BLOCK_MAX;
-use bead_tests::{Answered, Requests, any_settings, paper, replied};
+use bead_tests::{Answered, Requests, SUPPLY_WAIT, any_settings, paper, replied};
 use bead_wire::{Block, FaultCause, Message, Outcome, Request, SettingsSource, StrikeFlags};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
@@ -228,10 +228,12 @@ fn a_boot_that_has_run_for_a_second_is_no_failed_one() {
 fn a_fault_whose_frame_never_left_is_told_with_each_identity_and_counted() {
     let mut requests = struck(1.5, 0);
     let first = requests.first_scan();
-    // The second comes as soon as the image samples again, before a frame of that boot can leave.
+    // The second comes while the image starts again, before a frame of that boot can leave.
+    let again = 0.05 + SUPPLY_WAIT + first - 0.004;
     let mut run = paper(0, 0.1, Some(1));
-    let faults = "[[fault]]\nat = 0.05\nkind = \"panic\"\n[[fault]]\nat = 0.062\nkind = \"hard_fault\"\n";
-    run.faults = bead::bench::faults::parse(faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
+    let faults =
+        format!("[[fault]]\nat = 0.05\nkind = \"panic\"\n[[fault]]\nat = {again}\nkind = \"hard_fault\"\n");
+    run.faults = bead::bench::faults::parse(&faults, "faults").unwrap_or_else(|failure| panic!("{failure}"));
     requests.machine.faults = run.machine().faults;
     let answered = requests.run();
     println!("first scan after {first} s; {:?}", answered.outcome.resets);

@@ -149,7 +149,6 @@ macro_rules! requests {
     )*) => {
         /// What a host may ask. The list may grow at its end; a body never changes.
         #[derive(Clone, Debug, PartialEq, Eq)]
-        #[expect(clippy::large_enum_variant, reason = "the bead has no heap to box the long ones on")]
         pub enum Request {
             $(
                 $(#[doc = $about])*
