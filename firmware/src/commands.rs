@@ -58,7 +58,7 @@ impl Answer {
 impl Commands {
     /// Does what a request asks for, and replies. Requests for other beads get no reply.
     pub(crate) async fn answer(&mut self, heard: Heard) {
-        if heard.address != ANY && heard.address != settings::address() {
+        if heard.address != ANY && heard.address != outbox::address() {
             return;
         }
         outbox::calm().await;

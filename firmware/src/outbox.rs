@@ -13,6 +13,7 @@
 //! becomes free again within 10 ms, since nothing in bulk may take it.
 
 use core::cell::RefCell;
+use core::sync::atomic::{AtomicU8, Ordering};
 
 use bead_telemetry::{KEPT, OUTBOX};
 use bead_wire::{Header, Message, Packed, Queue, taken};
@@ -21,7 +22,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer, with_timeout};
 
-use crate::{counters, settings, trace};
+use crate::{counters, trace};
 
 /// Bytes that must be free before a request is done, if it need not be done at once.
 const CALM: usize = OUTBOX / 4;
@@ -31,6 +32,19 @@ const PATIENCE: Duration = Duration::from_millis(20);
 static QUEUE: Mutex<CriticalSectionRawMutex, RefCell<Queue<OUTBOX>>> = Mutex::new(RefCell::new(Queue::new()));
 /// A frame was put in.
 static FILLED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+
+/// Address of the bead, by the settings in force.
+static ADDRESS: AtomicU8 = AtomicU8::new(0);
+
+/// The address under which frames leave.
+pub(crate) fn address() -> u8 {
+    ADDRESS.load(Ordering::Relaxed)
+}
+
+/// Changes the address of the frames that are put in from now on.
+pub(crate) fn readdress(address: u8) {
+    ADDRESS.store(address, Ordering::Relaxed);
+}
 
 /// Puts a message in that comes in bulk, or drops and counts it.
 pub(crate) fn push(message: impl Into<Message>) {
@@ -48,7 +62,7 @@ pub(crate) fn tell(message: impl Into<Message>) {
 fn queue(message: &Message, keep: usize) {
     let mut packed = Packed::new();
     let header = Header {
-        address: settings::address(),
+        address: address(),
         boot: trace::boot() as u8,
         sequence: 0,
         sample_index: 0,

@@ -231,6 +231,7 @@ static TAKEN: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Puts settings in force before the tasks start.
 pub(crate) fn begin(loaded: Loaded) {
+    outbox::readdress(loaded.settings.address);
     IN_FORCE.lock(|cell| cell.replace(Some(loaded)));
 }
 
@@ -288,11 +289,6 @@ pub(crate) fn tell() {
 /// The block in force.
 pub(crate) fn current() -> Block {
     in_force(|loaded| loaded.block.clone())
-}
-
-/// Address of the bead, by the settings in force.
-pub(crate) fn address() -> u8 {
-    in_force(|loaded| loaded.settings.address)
 }
 
 /// Whether the bead looks for strikes unasked with the settings in force.

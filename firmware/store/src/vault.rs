@@ -12,7 +12,7 @@
 
 use embedded_storage::nor_flash::NorFlash;
 
-use crate::{MAX_BLOCK, Store, StoreError};
+use crate::store::{MAX_BLOCK, Store, StoreError};
 
 const MAGIC: [u8; 4] = *b"KEY\x01";
 /// Bytes before the block.
