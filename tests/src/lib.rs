@@ -339,10 +339,8 @@ impl Requests {
 
     /// Sends any bytes, as [`request`](Self::request) does.
     pub fn send(&mut self, at: f64, bytes: &[u8]) {
-        self.machine.uart_input.push(UartInput {
-            at_ns: ((SUPPLY_WAIT + at) * 1e9) as u64,
-            bytes: bytes.to_vec(),
-        });
+        let at_ns = ((SUPPLY_WAIT + at) * 1e9) as u64;
+        self.machine.uart_input.push(UartInput::usart1(at_ns, bytes));
     }
 
     /// Runs the image.

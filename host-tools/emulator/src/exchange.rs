@@ -4,7 +4,7 @@
 //!
 //! QEMU's plugin arguments are a comma-separated list without quoting. So the plugin is given one thing only:
 //! a directory. The host writes [`DESCRIPTION`] and [`STIMULUS`] before it starts QEMU; the plugin writes
-//! [`UART`] and [`RTT`] while the image runs and [`OUTCOME`] when it ends. A run that ends without an outcome
+//! [`sent`] and [`RTT`] while the image runs and [`OUTCOME`] when it ends. A run that ends without an outcome
 //! has failed.
 //!
 //! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin sees whether both are
@@ -17,15 +17,16 @@ use serde::{Deserialize, Serialize};
 use crate::given::Run;
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 8;
+pub(crate) const FORMAT: u32 = 9;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
 pub(crate) const STIMULUS: &str = "stimulus.bin";
-/// Bytes that left the USART1 transmitter, in order.
-pub(crate) const UART: &str = "uart.bin";
-/// When each of them had left: virtual times in ns, little-endian u64.
-pub(crate) const UART_TIMES: &str = "uart-times.bin";
+/// What left the USARTs, a file for each: USART1 is `sent0.bin`. A record for each frame, little-endian: u64, the
+/// virtual time in ns at which it had left, and u16, its data bits.
+pub(crate) fn sent(usart: usize) -> String {
+    format!("sent{usart}.bin")
+}
 /// Bytes of RTT up-channel 0, in order.
 pub(crate) const RTT: &str = "rtt.bin";
 /// The run's outcome, without what the other files hold.

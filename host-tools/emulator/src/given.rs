@@ -74,10 +74,15 @@ pub struct Run {
     pub receive_dma_latency_ns: u64,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],
-    /// Bytes for the USART1 receiver.
+    /// Bytes for the receivers of the USARTs.
     pub uart_input: Vec<UartInput>,
     /// Levels on pins.
     pub pin_inputs: Vec<PinInput>,
+    /// Codes at pins other than those of the stimulus, for all three converters.
+    pub analog_inputs: Vec<AnalogInput>,
+    /// Wires from pin to pin, for example `("PA9".into(), "PA10".into())`. A wire carries the level of an
+    /// output, and the frames of a USART to the receiver of a USART.
+    pub wires: Vec<(String, String)>,
     /// Writes over guest memory, to provoke faults.
     pub pokes: Vec<Poke>,
     /// Faults on demand.
@@ -110,6 +115,8 @@ impl Run {
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
             pin_inputs: Vec::new(),
+            analog_inputs: Vec::new(),
+            wires: Vec::new(),
             pokes: Vec::new(),
             faults: Vec::new(),
         }
@@ -136,13 +143,50 @@ impl Since {
     }
 }
 
-/// Bytes for the USART1 receiver, sent back to back at its own baud rate.
+/// Bytes for the receiver of a USART, sent back to back at its own baud rate.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UartInput {
+    /// `USART1`, `USART2`, `USART3`, `UART4`, `UART5` or `USART6`.
+    pub port: String,
     /// Virtual time at which the first start bit falls, in ns.
     pub at_ns: u64,
     /// The bytes.
     pub bytes: Vec<u8>,
+}
+
+impl UartInput {
+    /// Bytes for USART1.
+    pub fn usart1(at_ns: u64, bytes: impl Into<Vec<u8>>) -> Self {
+        Self {
+            port: "USART1".into(),
+            at_ns,
+            bytes: bytes.into(),
+        }
+    }
+}
+
+/// Codes at an analog pin: a new one every period.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AnalogInput {
+    /// For example `PC0`.
+    pub pin: String,
+    /// When the first code begins.
+    pub since: Since,
+    /// Time from code to code, in ns.
+    pub period_ns: u64,
+    /// Codes of 12 bits, 0..=4095. Before the first code's time it stands already, and the last one stays. A
+    /// conversion reads the code of the time at which it ends.
+    pub codes: Vec<u16>,
+}
+
+impl AnalogInput {
+    pub(crate) fn code(&self, now: u64, first_scan_ns: Option<u64>) -> u16 {
+        let began = self.since.plus(0, first_scan_ns);
+        let passed = began.map_or(0, |began| now.saturating_sub(began)) / self.period_ns.max(1);
+        let last = self.codes.len().saturating_sub(1);
+        let position = usize::try_from(passed).map_or(last, |position| position.min(last));
+        self.codes.get(position).copied().unwrap_or(0)
+    }
 }
 
 /// A level on a pin from outside. It is low at first, from power-up on.
@@ -154,16 +198,6 @@ pub struct PinInput {
     pub since: Since,
     /// When the level changes: up, down, up and so on. Virtual times in ns, in order.
     pub changes_ns: Vec<u64>,
-}
-
-impl PinInput {
-    /// Port (A is 0) and number. `None` if there is no such pin.
-    pub(crate) fn place(&self) -> Option<(usize, usize)> {
-        let mut letters = self.pin.strip_prefix('P')?.chars();
-        let port = "ABCDEFGHI".find(letters.next()?)?;
-        let number = letters.as_str().parse().ok().filter(|number| *number < 16)?;
-        Some((port, number))
-    }
 }
 
 /// A fault on demand: bytes are written over guest memory, also over flash, without the processor's doing.

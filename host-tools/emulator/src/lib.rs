@@ -9,9 +9,9 @@ pub mod peripherals;
 mod plugin;
 mod run;
 
-pub use given::{Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
+pub use given::{AnalogInput, Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
 pub use outcome::{
     Block, FlashOperation, FunctionCount, Instructions, LogLine, Outcome, Pin, Reset, ResetCause, Sampling,
-    UnknownRegister,
+    Uart, UnknownRegister,
 };
 pub use run::{Function, RunError, functions};

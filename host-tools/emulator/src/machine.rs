@@ -26,10 +26,12 @@ mod stimulus;
 mod table;
 mod transfers;
 mod unknown;
+mod wires;
 mod wiring;
 
 pub use board::{Board, INTERRUPTS, NMI};
 pub use stimulus::Stimulus;
+pub(crate) use wiring::{USARTS, pin};
 
 use crate::given::{FaultKind, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
@@ -41,9 +43,10 @@ use events::Event;
 use levels::Levels;
 use lines::Lines;
 use table::DMA2_LINES;
-use transfers::{Transfers, part};
+use transfers::{Transfers, part, serving};
 use unknown::UnknownRegisters;
-use wiring::{ADC1_REQUEST, DMA2};
+use wires::Wires;
+use wiring::SERVERS;
 
 /// An STM32F405 without its processor and memory.
 #[derive(Debug, Clone)]
@@ -63,17 +66,27 @@ impl Machine {
     /// pokes come from outside, by [`Self::fail`] and the board.
     ///
     /// # Panics
-    /// One of the pins does not exist.
+    /// One of the pins or USARTs does not exist.
     pub fn new(run: Run) -> Self {
         let hse_hz = off_by(run.hse_hz, run.hse_ppm);
         let stimulus = Stimulus::new(run.stimulus, run.sample_period_ns, run.stimulus_since)
+            .with(&run.analog_inputs)
             .on_clock(hse_hz, run.hse_hz);
         let mut chip = Chip::new(hse_hz, run.uid, stimulus);
-        chip.units.adc.software_scan_under_trigger = run.software_scan_under_trigger;
-        chip.units.usart1.dma_latency_ns = run.receive_dma_latency_ns;
-        for input in &run.uart_input {
-            chip.units.usart1.feed(input.at_ns, &input.bytes);
+        for converter in &mut chip.units.adc.converters {
+            converter.software_scan_under_trigger = run.software_scan_under_trigger;
         }
+        for usart in &mut chip.units.usart {
+            usart.dma_latency_ns = run.receive_dma_latency_ns;
+        }
+        for input in &run.uart_input {
+            let usart = USARTS.iter().position(|name| *name == input.port);
+            let usart = usart.unwrap_or_else(|| panic!("there is no USART {:?}", input.port));
+            chip.units.usart[usart].feed(input.at_ns, &input.bytes);
+        }
+        let pin = |name: &str| wiring::pin(name).unwrap_or_else(|| panic!("there is no pin {name:?}"));
+        let wires = run.wires.iter().map(|wire| [pin(&wire.0), pin(&wire.1)]);
+        chip.wires = Wires::new(wires.collect());
         Self {
             levels: Levels::new(&run.pin_inputs, &mut chip),
             chip,
@@ -140,16 +153,17 @@ impl Machine {
     /// Makes something fail.
     pub fn fail(&mut self, kind: FaultKind, now: u64, board: &mut impl Board) {
         self.play(now, board);
+        let adc = self.chip.sampler.unwrap_or(0);
+        let serving_adc = serving(&self.chip, &SERVERS.adc[adc]);
         let units = &mut self.chip.units;
-        let serving_adc = units.dma[DMA2].serving(&ADC1_REQUEST);
         match kind {
-            FaultKind::AdcOverrun => units.adc.overrun(),
+            FaultKind::AdcOverrun => units.adc.converters[adc].overrun(),
             FaultKind::AdcDmaError => {
-                if let Some(stream) = serving_adc {
-                    units.dma[DMA2].failed(stream);
+                if let Some(place) = serving_adc {
+                    units.dma[place.dma].failed(place.stream);
                 }
             }
-            FaultKind::TransmitterStalled { for_ns } => units.usart1.stall(now.saturating_add(for_ns)),
+            FaultKind::TransmitterStalled { for_ns } => units.usart[0].stall(now.saturating_add(for_ns)),
             FaultKind::Supply { millivolts } => units.pwr.set_supply(millivolts),
             FaultKind::CrystalStops | FaultKind::CrystalStarts => {
                 units.rcc.set_crystal(kind == FaultKind::CrystalStarts);
@@ -165,8 +179,9 @@ impl Machine {
             | FaultKind::UnhandledInterrupt
             | FaultKind::Hang
             | FaultKind::RunawayStack => {
-                if let Some(stream) = serving_adc {
-                    crash(kind, DMA2_LINES[stream], board);
+                // Every converter is served by DMA2.
+                if let Some(place) = serving_adc {
+                    crash(kind, DMA2_LINES[place.stream], board);
                 }
             }
         }
@@ -205,8 +220,8 @@ impl Machine {
         let units = &self.chip.units;
         Outcome {
             sampling: self.chip.stimulus.sampling(),
-            overruns: units.adc.overruns,
-            triggers_ignored: units.adc.triggers_ignored,
+            overruns: units.adc.converters.iter().map(|adc| adc.overruns).sum(),
+            triggers_ignored: units.adc.converters.iter().map(|adc| adc.triggers_ignored).sum(),
             resets: self.resets.clone(),
             unknown_registers: self.unknown.list(),
             unmodelled: self.chip.unmodelled(),
@@ -245,21 +260,21 @@ impl Machine {
     fn happen(&mut self, event: Event, at: u64, board: &mut impl Board) {
         let units = &mut self.chip.units;
         match event {
-            Event::Converted => self.chip.convert(at),
+            Event::Converted(adc) => self.chip.convert(adc, at),
             Event::Started(tim) => units.tim[tim].start(at),
             Event::Level => self.levels.change(at, &mut self.chip),
             Event::Triggered(tim) => {
                 units.tim[tim].advance(at);
-                self.chip.trigger_converter(at);
+                self.chip.trigger_converters(tim, at);
             }
-            Event::Sent => {
-                if let Some(byte) = units.usart1.sent() {
-                    board.sent(byte, at);
+            Event::Sent(usart) => {
+                if let Some(data) = self.chip.sent(usart, at) {
+                    board.sent(usart, data, at);
                 }
             }
-            Event::Received => units.usart1.receive(at),
+            Event::Received(usart) => self.chip.received(usart, at),
             // The DMA is served after every event.
-            Event::Fetched => units.usart1.fetch_is_due(),
+            Event::Fetched(usart) => units.usart[usart].fetch_is_due(),
             Event::WatchdogOut => {
                 units.iwdg.reset(at);
                 self.reset_wanted.get_or_insert(ResetCause::Watchdog);

@@ -8,10 +8,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Outcome {
-    /// Bytes that left the USART1 transmitter.
+    /// Bytes that left the USART1 transmitter by a pin.
     pub uart: Vec<u8>,
     /// When each of them had left, in ns of virtual time since power-up.
     pub uart_ns: Vec<u64>,
+    /// The numbers of the bytes from USART1 whose ninth data bit was set.
+    pub uart_ninth: Vec<usize>,
+    /// What left the other USARTs: those that sent anything.
+    pub uarts: Vec<Uart>,
     /// The defmt log, decoded.
     pub log: Vec<LogLine>,
     /// The same log as it came over RTT.
@@ -75,6 +79,20 @@ pub struct FunctionCount {
     pub symbols: usize,
 }
 
+/// What left the transmitter of a USART by a pin.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Uart {
+    /// For example `USART3`.
+    pub port: String,
+    /// The bytes: the lower eight data bits of each frame.
+    pub bytes: Vec<u8>,
+    /// When each of them had left, in ns of virtual time since power-up.
+    pub ns: Vec<u64>,
+    /// The numbers of the bytes whose ninth data bit was set.
+    pub ninth: Vec<usize>,
+}
+
 /// One line of the image's log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogLine {
@@ -98,7 +116,7 @@ impl fmt::Display for LogLine {
     }
 }
 
-/// The externally triggered scans of ADC1.
+/// The externally triggered scans, of the converter that was triggered first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sampling {
     /// Virtual time of the first one, which reads row 0 of the stimulus, in ns.

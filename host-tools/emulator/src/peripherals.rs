@@ -12,6 +12,7 @@
 //! ask a modelled register for a feature that is not modelled: this goes to the model's [`Notes`].
 
 pub mod adc;
+pub mod adc_common;
 pub mod clock;
 pub mod dbgmcu;
 pub mod dma;

@@ -22,8 +22,9 @@ pub use image::{Function, functions};
 
 use crate::exchange::{self, Description, FORMAT};
 use crate::given::Run;
+use crate::machine::{USARTS, pin};
 use crate::memory::{FLASH, WRITABLE};
-use crate::outcome::Outcome;
+use crate::outcome::{Outcome, Uart};
 use folder::Folder;
 use image::Image;
 use qemu::FoundQemu;
@@ -44,11 +45,17 @@ impl Run {
         let command = self.command(&folder, &description)?;
         let outcome = process::run(&qemu, &overlay, &folder, &command, shift, self.timeout)?;
         let rtt = folder.read(exchange::RTT)?;
-        let times = folder.read(exchange::UART_TIMES)?;
-        let times = times.as_chunks().0.iter().map(|time| u64::from_le_bytes(*time));
+        let mut uarts = Vec::new();
+        for (usart, port) in USARTS.iter().enumerate() {
+            uarts.push(sent(port, &folder.read(&exchange::sent(usart))?));
+        }
+        let usart1 = uarts.remove(0);
+        uarts.retain(|uart| !uart.bytes.is_empty());
         Ok(Outcome {
-            uart: folder.read(exchange::UART)?,
-            uart_ns: times.collect(),
+            uart: usart1.bytes,
+            uart_ns: usart1.ns,
+            uart_ninth: usart1.ninth,
+            uarts,
             log: log::decode(&self.elf, &image.bytes, &rtt)?,
             rtt,
             flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
@@ -143,8 +150,41 @@ impl Run {
                 self.hse_ppm
             ));
         }
-        if let Some(input) = self.pin_inputs.iter().find(|input| input.place().is_none()) {
-            return refused(format!("there is no pin {:?}; pins are PA0 to PI15", input.pin));
+        let wired = self.wires.iter().flat_map(|(from, to)| [from, to]);
+        let analog = self.analog_inputs.iter().map(|input| &input.pin);
+        let mut pins = self
+            .pin_inputs
+            .iter()
+            .map(|input| &input.pin)
+            .chain(wired)
+            .chain(analog);
+        if let Some(name) = pins.find(|name| pin(name).is_none()) {
+            return refused(format!("there is no pin {name:?}; pins are PA0 to PI15"));
+        }
+        if let Some((from, _)) = self.wires.iter().find(|(from, to)| from == to) {
+            return refused(format!("a wire leads from {from} to itself; give two pins"));
+        }
+        for input in &self.analog_inputs {
+            if input.period_ns == 0 {
+                return refused(format!("the codes at {} have a period of 0 ns", input.pin));
+            }
+            if let Some(code) = input.codes.iter().find(|code| **code > 4095) {
+                return refused(format!(
+                    "a code at {} is {code}; codes of the 12-bit ADC are 0..=4095",
+                    input.pin
+                ));
+            }
+        }
+        if let Some(input) = self
+            .uart_input
+            .iter()
+            .find(|input| !USARTS.contains(&input.port.as_str()))
+        {
+            return refused(format!(
+                "there is no USART {:?}; give one of {}",
+                input.port,
+                USARTS.join(", ")
+            ));
         }
         for (address, bytes) in &self.flash {
             let end = u64::from(*address) + bytes.len() as u64;
@@ -159,4 +199,21 @@ impl Run {
         }
         Ok(())
     }
+}
+
+/// What left a USART: the records of its file.
+fn sent(port: &str, records: &[u8]) -> Uart {
+    let mut uart = Uart {
+        port: port.into(),
+        ..Uart::default()
+    };
+    let (records, _) = records.as_chunks::<10>();
+    for (number, [time @ .., low, high]) in records.iter().enumerate() {
+        uart.ns.push(u64::from_le_bytes(*time));
+        uart.bytes.push(*low);
+        if *high != 0 {
+            uart.ninth.push(number);
+        }
+    }
+    uart
 }

@@ -27,6 +27,8 @@ struct TestBoard {
     rises: BTreeMap<usize, Vec<u64>>,
     now: u64,
     uart: Vec<u8>,
+    /// What left any USART.
+    frames: Vec<(usize, u16)>,
     blocks: Vec<u64>,
     flash_writes: Vec<(u32, Vec<u8>)>,
     resets_wanted: usize,
@@ -69,8 +71,11 @@ impl Board for TestBoard {
         }
     }
 
-    fn sent(&mut self, byte: u8, _at: u64) {
-        self.uart.push(byte);
+    fn sent(&mut self, usart: usize, data: u16, _at: u64) {
+        self.frames.push((usart, data));
+        if usart == 0 {
+            self.uart.push(data as u8);
+        }
     }
 
     fn acquired(&mut self, scans: u64) {
@@ -115,6 +120,7 @@ impl Bench {
                 rises: BTreeMap::new(),
                 now: 0,
                 uart: Vec::new(),
+                frames: Vec::new(),
                 blocks: Vec::new(),
                 flash_writes: Vec::new(),
                 resets_wanted: 0,
@@ -133,6 +139,9 @@ impl Bench {
         bench.write(RCC + 0x30, 1 << 22 | 0b111);
         bench.write(RCC + 0x40, 0b1111);
         bench.write(RCC + 0x44, 1 << 4 | 1 << 8);
+        // PB6 and PB7 are USART1's (AF7).
+        bench.write(GPIOB, 0x0280 | 0b1010 << 12);
+        bench.write(GPIOB + 0x20, 0x77 << 24);
         bench
     }
 
@@ -428,10 +437,7 @@ fn a_transmission_by_dma_sends_every_byte_at_the_baud_rate_and_wakes_once() {
 
 #[test]
 fn received_bytes_reach_the_firmware_a_frame_apart() {
-    let input = UartInput {
-        at_ns: 50_000,
-        bytes: b"ok".to_vec(),
-    };
+    let input = UartInput::usart1(50_000, *b"ok");
     let mut bench = Bench::with_uart_input(Vec::new(), &[input]);
     bench.write(USART1 + 0x08, 84);
     bench.write(USART1 + 0x0c, 1 << 13 | 1 << 5 | 1 << 2);
@@ -511,7 +517,7 @@ fn a_channel_without_stimulus_and_too_few_wait_states_are_reported() {
         bench.outcome().unmodelled,
         [
             "FLASH ACR.LATENCY is below table 10 for this HCLK",
-            "ADC1 channel 5 has no stimulus: it reads 0"
+            "ADC1 channel 5 (pin PA5) has no stimulus: it reads 0"
         ]
     );
 }
@@ -654,6 +660,7 @@ fn the_watchdog_bites_in_the_midst_of_an_erase_that_takes_longer() {
 }
 
 const GPIOA: u32 = 0x4002_0000;
+const GPIOB: u32 = 0x4002_0400;
 const TIM2: u32 = 0x4000_0000;
 
 /// TIM2 started by TIM3's first update, its channel 1 capturing rising edges of PA15 with an interrupt;
@@ -743,10 +750,7 @@ fn receiving(bytes: &[u8], latency_ns: u64) -> Bench {
     const STREAM2: u32 = DMA2 + 0x10 + 2 * 0x18;
     let mut run = Run::new("none");
     run.receive_dma_latency_ns = latency_ns;
-    run.uart_input = vec![UartInput {
-        at_ns: 10_000,
-        bytes: bytes.to_vec(),
-    }];
+    run.uart_input = vec![UartInput::usart1(10_000, bytes)];
     let mut bench = Bench::of(run);
     bench.write(USART1 + 0x08, 84);
     bench.write(USART1 + 0x14, 1 << 6);

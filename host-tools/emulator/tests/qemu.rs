@@ -33,6 +33,9 @@ const TIM2_LINE: usize = 28;
 /// AIRCR: the key, and SYSRESETREQ.
 const RESET_REQUEST: (u32, u32) = (0xe000_ed0c, 0x05fa_0004);
 
+/// GPIOB: PB6 is USART1's transmitter (AF7).
+const TRANSMITTER: [(u32, u32); 2] = [(0x4002_0400, 0x0280 | 0b10 << 12), (0x4002_0420, 7 << 24)];
+
 type Writes<'a> = &'a [(u32, u32)];
 
 /// What the loop does when its table is done.
@@ -137,7 +140,7 @@ fn acquiring() -> Vec<u8> {
 fn acquiring_after(first: Writes<'_>) -> Vec<u8> {
     let dma_halfwords = 1 << 13 | 1 << 11 | 1 << 10;
     let main = [
-        (RCC + 0x30, 1 << 22),
+        (RCC + 0x30, 1 << 22 | 1 << 1),
         (RCC + 0x40, 1 << 1),
         (RCC + 0x44, 1 << 4 | 1 << 8),
         (NVIC_ISER1, 1 << (DMA2_STREAM0 - 32)),
@@ -149,6 +152,8 @@ fn acquiring_after(first: Writes<'_>) -> Vec<u8> {
         (ADC1 + 0x2c, 1 << 20),
         (ADC1 + 0x34, 1 << 5),
         (ADC1 + 0x08, 0b01 << 28 | 0b1000 << 24 | 1 << 9 | 1 << 8 | 1),
+        TRANSMITTER[0],
+        TRANSMITTER[1],
         (USART1 + 0x08, 16),
         (USART1 + 0x0c, 1 << 13 | 1 << 3),
         (USART1 + 0x14, 1 << 7),
@@ -264,8 +269,10 @@ fn instructions_are_counted_by_function_and_by_block() {
 #[test]
 fn flash_blocks_are_where_they_were_put() {
     let main = [
-        (RCC + 0x30, 1 << 22),
+        (RCC + 0x30, 1 << 22 | 1 << 1),
         (RCC + 0x44, 1 << 4),
+        TRANSMITTER[0],
+        TRANSMITTER[1],
         (USART1 + 0x08, 16),
         (USART1 + 0x0c, 1 << 13 | 1 << 3),
         (USART1 + 0x14, 1 << 7),
@@ -505,10 +512,12 @@ const PROGRAM: (u32, u32) = (FLASH_REGISTERS + 0x10, 0b10 << 8 | 1);
 const ERASE: (u32, u32) = (FLASH_REGISTERS + 0x10, 0b10 << 8 | 10 << 3 | 1 << 1 | 1 << 16);
 
 /// Sends the first `bytes` of sector 10 over USART1 by DMA.
-fn send(bytes: u32) -> [(u32, u32); 9] {
+fn send(bytes: u32) -> [(u32, u32); 11] {
     [
-        (RCC + 0x30, 1 << 22),
+        (RCC + 0x30, 1 << 22 | 1 << 1),
         (RCC + 0x44, 1 << 4 | 1 << 8),
+        TRANSMITTER[0],
+        TRANSMITTER[1],
         (USART1 + 0x08, 16),
         (USART1 + 0x0c, 1 << 13 | 1 << 3),
         (USART1 + 0x14, 1 << 7),
@@ -670,7 +679,7 @@ fn a_power_cut_restarts_the_image_and_leaves_a_word_half_programmed_every_time_a
 fn a_power_cut_at_a_time_loses_ram_and_a_reset_does_not() {
     // What stands in RAM is sent at once, and then replaced by a word that the next start will find.
     let mut main = send(4).to_vec();
-    main[7].1 = SRAM + 0x400;
+    main[9].1 = SRAM + 0x400;
     main.extend([(SRAM + 0x400, 0x0403_0201), (RCC + 0x40, 1 << 1)]);
     main.extend([
         (ADC1 + 0x08, 0b01 << 28 | 0b1000 << 24 | 1),

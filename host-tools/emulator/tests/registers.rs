@@ -19,7 +19,7 @@ impl Board for Nowhere {
     fn stall(&mut self, _stalled: bool) {}
     fn lose_memory(&mut self) {}
     fn set_interrupt(&mut self, _number: usize, _level: bool) {}
-    fn sent(&mut self, _byte: u8, _at: u64) {}
+    fn sent(&mut self, _usart: usize, _data: u16, _at: u64) {}
     fn acquired(&mut self, _scans: u64) {}
     fn reset_wanted(&mut self) {}
 }
@@ -138,12 +138,12 @@ const BITS: &[Exception] = &[
         why: "CWUF and CSBF read as 0 (section 5.4.1)",
     },
     Exception {
-        registers: "USART*_SR",
+        registers: "U*ART*_SR",
         bits: 0x360,
         why: "flags: hardware sets them, a 0 clears (section 30.6.1)",
     },
     Exception {
-        registers: "USART*_DR",
+        registers: "U*ART*_DR",
         bits: 0x1ff,
         why: "two registers at one address (section 30.6.2)",
     },
@@ -156,6 +156,11 @@ const BITS: &[Exception] = &[
         registers: "ADC*_CR2",
         bits: 1 << 30,
         why: "SWSTART is cleared as soon as the conversion starts (section 13.13.3)",
+    },
+    Exception {
+        registers: "GPIO*_LCKR",
+        bits: 1 << 16,
+        why: "LCKK reads 1 once the key was turned in three writes (section 8.4.8)",
     },
     Exception {
         registers: "EXTI_PR",

@@ -75,10 +75,9 @@ impl Bridge {
             return Ok(said);
         }
         if !bytes.is_empty() {
-            self.machine.uart_input.push(UartInput {
-                at_ns: self.ended_ns + GAP_NS,
-                bytes: bytes.to_vec(),
-            });
+            self.machine
+                .uart_input
+                .push(UartInput::usart1(self.ended_ns + GAP_NS, bytes));
         }
         self.scans += (time.as_secs_f64() * f64::from(SAMPLE_RATE_HZ)).ceil() as usize;
         self.machine.stimulus = self.rows.iter().copied().cycle().take(self.scans).collect();

@@ -22,9 +22,9 @@ pub trait Board {
     fn lose_memory(&mut self);
     /// An interrupt line of the NVIC, or [`NMI`], changed its level.
     fn set_interrupt(&mut self, number: usize, level: bool);
-    /// A byte left the USART1 transmitter at this time.
-    fn sent(&mut self, byte: u8, at: u64);
-    /// The ADC's DMA stream filled a half of its buffer. `scans` were started since the last half; it is 0 if
+    /// A frame of 7 to 9 data bits left a transmitter at this time: USART1 is 0, USART6 is 5.
+    fn sent(&mut self, usart: usize, data: u16, at: u64);
+    /// The DMA stream of the converter that samples filled a half of its buffer. `scans` were started since the last half; it is 0 if
     /// the interrupt of the last half was not served yet.
     fn acquired(&mut self, scans: u64);
     /// The watchdog ran out, or the power went. Reset the processor, and call `Machine::reset` when that

@@ -4,9 +4,11 @@ use std::mem::take;
 
 use super::stimulus::Stimulus;
 use super::table::{Row, TABLE, Units, locate};
-use super::wiring::REFERENCE;
+use super::wires::Wires;
+use super::wiring::{self, ADCS, BATTERY, Pin, REFERENCE, TEMPERATURE, USARTS};
 use crate::outcome::ResetCause;
 use crate::peripherals::clock::Clocks;
+use crate::peripherals::dma::STREAMS;
 use crate::peripherals::{NoRegister, signature};
 
 /// All peripherals, and the analog inputs of the converter.
@@ -14,11 +16,14 @@ use crate::peripherals::{NoRegister, signature};
 pub(super) struct Chip {
     pub(super) units: Units,
     pub(super) stimulus: Stimulus,
-    /// Scans of the converter that were started.
+    /// The converter that a trigger from outside started first: the one that samples.
+    pub(super) sampler: Option<usize>,
+    /// Scans of that converter that were started.
     pub(super) scans: u64,
+    pub(super) wires: Wires,
     clocks: Clocks,
     /// The peripherals that RCC holds in reset, a bit for each row of the table.
-    held: u32,
+    held: u64,
 }
 
 /// There is no such register, or the clock of its peripheral is off.
@@ -39,7 +44,9 @@ impl Chip {
         Self {
             units: Units::new(hse_hz, uid),
             stimulus,
+            sampler: None,
             scans: 0,
+            wires: Wires::default(),
             clocks: Clocks::HSI,
             held: 0,
         }
@@ -98,7 +105,9 @@ impl Chip {
     fn clocked(&self, address: u32) -> Result<(&'static Row, u32), Unanswered> {
         let (row, offset) = locate(address).ok_or(Unanswered { clock_off: false })?;
         match row.gate {
-            Some((bus, bit)) if !self.units.rcc.enabled(bus, bit) => Err(Unanswered { clock_off: true }),
+            Some(gate) if !self.units.rcc.enabled(gate.bus, gate.enables) => {
+                Err(Unanswered { clock_off: true })
+            }
             _ => Ok((row, offset)),
         }
     }
@@ -117,12 +126,60 @@ impl Chip {
         for master in 0..self.units.tim.len() {
             if take(&mut self.units.tim[master].trigger_now) {
                 self.start_slaves(master, now);
-                if self.units.adc.trigger_timer() == Some(master) {
-                    self.trigger_converter(now);
-                }
+                self.trigger_converters(master, now);
             }
         }
-        self.note_scan(now, false);
+        for adc in 0..ADCS.len() {
+            self.note_scan(adc, now, false);
+        }
+        if !self.wires.is_empty() {
+            self.drive_wires(now);
+        }
+        for dma in 0..self.units.dma.len() {
+            if self.units.dma[dma].started != 0 {
+                self.note_streams(dma);
+            }
+        }
+    }
+
+    /// Puts the levels that outputs drive on the pins at the other ends of wires.
+    fn drive_wires(&mut self, now: u64) {
+        let driven = |(from, to): (Pin, Pin)| (to, self.units.gpio[from.0].driven(from.1));
+        let levels: Vec<_> = self.wires.ends().map(driven).collect();
+        for (pin, level) in levels {
+            if let Some(high) = self.units.gpio[pin.0].drive_by_wire(pin.1, level) {
+                self.level_changed(pin, high, now);
+            }
+        }
+    }
+
+    /// The level on a pin has changed, from outside or by a wire.
+    pub(super) fn level_changed(&mut self, pin: Pin, high: bool, at: u64) {
+        if let Some((tim, input)) = self.timer_input(pin) {
+            self.units.tim[tim].edge(input, high, at);
+        }
+    }
+
+    /// The timer and its input that a pin leads to, as the pin is set.
+    pub(super) fn timer_input(&self, pin: Pin) -> Option<(usize, usize)> {
+        let function = self.units.gpio[pin.0].alternate(pin.1)?;
+        wiring::timer_input(pin, function)
+    }
+
+    /// Notes the streams that were just enabled for a request that no model makes.
+    fn note_streams(&mut self, dma: usize) {
+        let started = take(&mut self.units.dma[dma].started);
+        for stream in (0..STREAMS).filter(|stream| started >> stream & 1 == 1) {
+            let Some(channel) = self.units.dma[dma].listens_to(stream) else {
+                continue;
+            };
+            let of = match wiring::request(dma, stream, channel) {
+                Some(request) if wiring::is_modelled(request) => continue,
+                Some(request) => format!("{request}, which no model requests"),
+                None => format!("channel {channel}, which has no request"),
+            };
+            self.units.dma[dma].note(format!("S{stream}CR: the stream waits for {of}"));
+        }
     }
 
     /// Resets the peripherals that RCC has begun to hold in reset.
@@ -131,8 +188,8 @@ impl Chip {
         for (n, row) in TABLE.iter().enumerate() {
             let is_held = row
                 .gate
-                .is_some_and(|(bus, bit)| self.units.rcc.held_in_reset(bus, bit));
-            held |= u32::from(is_held) << n;
+                .is_some_and(|gate| self.units.rcc.held_in_reset(gate.bus, gate.reset));
+            held |= u64::from(is_held) << n;
             if is_held && self.held >> n & 1 == 0 {
                 (row.model_mut)(&mut self.units).reset(now);
             }
@@ -143,41 +200,106 @@ impl Chip {
     /// Starts the timers that wait for the trigger of this one.
     fn start_slaves(&mut self, master: usize, now: u64) {
         for slave in 0..self.units.tim.len() {
-            if self.units.tim[slave].waits_for(slave) == Some(master) {
+            let trigger = self.units.tim[slave].waits_for();
+            if trigger.and_then(|itr| wiring::master(slave, itr)) == Some(master) {
                 self.units.tim[slave].start(now);
             }
         }
     }
 
-    /// The converter's trigger comes.
-    pub(super) fn trigger_converter(&mut self, at: u64) {
-        self.units.adc.trigger(at);
-        self.note_scan(at, true);
+    /// The timer whose TRGO starts the scans of a converter.
+    pub(super) fn converter_trigger(&self, adc: usize) -> Option<usize> {
+        wiring::converter_trigger(self.units.adc.converters[adc].external_trigger()?)
+    }
+
+    /// The trigger output of a timer pulses: converters that listen to it start.
+    pub(super) fn trigger_converters(&mut self, tim: usize, at: u64) {
+        for adc in 0..ADCS.len() {
+            if self.converter_trigger(adc) == Some(tim) {
+                self.units.adc.converters[adc].trigger(at);
+                self.note_scan(adc, at, true);
+            }
+        }
     }
 
     /// The conversion under way ends.
-    pub(super) fn convert(&mut self, at: u64) {
-        if let Some(channel) = self.units.adc.converting() {
-            let code = match channel {
-                REFERENCE if self.units.adc.reference_on() => self.reference(),
-                _ => self.stimulus.code(channel),
-            };
-            self.units.adc.finish(code, at);
-            self.note_scan(at, false);
+    pub(super) fn convert(&mut self, adc: usize, at: u64) {
+        if let Some(channel) = self.units.adc.converters[adc].converting() {
+            let code = self.code(adc, channel, at);
+            self.units.adc.converters[adc].finish(code, at);
+            self.note_scan(adc, at, false);
+        }
+    }
+
+    /// The code of a channel: of an input of the part's own, which only ADC1 has, or of a pin.
+    fn code(&mut self, adc: usize, channel: u32, at: u64) -> u16 {
+        /// At 25 °C, in mV: typical, DocID022152 table of the temperature sensor.
+        const TEMPERATURE_MV: u32 = 760;
+        let supply = self.units.pwr.supply().max(1);
+        let of_supply = |millivolts: u32| (4095 * millivolts / supply).min(4095) as u16;
+        let (sensors, battery) = (self.units.adc.sensors_on(), self.units.adc.battery_on());
+        match (adc, channel) {
+            (0, TEMPERATURE) if sensors => of_supply(TEMPERATURE_MV),
+            // The converter compares the reference with the supply.
+            (0, REFERENCE) if sensors => (signature::REFERENCE_CODE * 3300 / supply).min(4095) as u16,
+            // VBAT is taken to come from the same supply; half of it is measured.
+            (0, BATTERY) if battery => of_supply(supply / 2),
+            _ => self.stimulus.code(adc, channel, at),
         }
     }
 
     /// If a scan has just started, the inputs carry what belongs to it.
-    fn note_scan(&mut self, at: u64, external: bool) {
-        if take(&mut self.units.adc.scan_started) {
-            self.scans += 1;
-            self.stimulus.begin_scan(at, external);
+    fn note_scan(&mut self, adc: usize, at: u64, external: bool) {
+        if take(&mut self.units.adc.converters[adc].scan_started) {
+            if external {
+                self.sampler.get_or_insert(adc);
+            }
+            let samples = self.sampler.is_none_or(|sampler| sampler == adc);
+            self.scans += u64::from(samples);
+            self.stimulus.begin_scan(adc, at, external && samples);
         }
     }
 
-    /// The code of the internal reference voltage. The converter compares it with the supply.
-    fn reference(&self) -> u16 {
-        (signature::REFERENCE_CODE * 3300 / self.units.pwr.supply().max(1)).min(4095) as u16
+    /// The pin of these that a USART is connected to, as the pins are set.
+    fn connected(&self, pins: &[(Pin, u32)]) -> Option<Pin> {
+        let is_set =
+            |(pin, function): &&(Pin, u32)| self.units.gpio[pin.0].alternate(pin.1) == Some(*function);
+        pins.iter().find(is_set).map(|(pin, _)| *pin)
+    }
+
+    /// A frame has left a transmitter. Returns its data if it also left the part, by a pin. Wires carry it to
+    /// receivers.
+    pub(super) fn sent(&mut self, usart: usize, at: u64) -> Option<u16> {
+        let frame = self.units.usart[usart].sent()?;
+        let Some(pin) = self.connected(wiring::transmitters(usart)) else {
+            self.units.usart[usart]
+                .note("CR1.TE: it sends, and no pin is its transmitter: nothing leaves the part");
+            return None;
+        };
+        let others: Vec<Pin> = self.wires.from(pin).collect();
+        for to in 0..USARTS.len() {
+            let at_wire = self
+                .connected(wiring::receivers(to))
+                .is_some_and(|pin| others.contains(&pin));
+            if at_wire {
+                self.units.usart[to].arrive(frame, at);
+            }
+        }
+        Some(frame.data)
+    }
+
+    /// A byte from outside has come to a receiver, or its line is idle.
+    pub(super) fn received(&mut self, usart: usize, at: u64) {
+        let pin = self.connected(wiring::receivers(usart));
+        // Another frame may be on its way over a wire.
+        let busy = pin.is_some_and(|pin| {
+            let mut senders = (0..USARTS.len()).filter(|from| self.units.usart[*from].is_sending());
+            senders.any(|from| {
+                let from = self.connected(wiring::transmitters(from));
+                from.is_some_and(|from| self.wires.from(from).any(|to| to == pin))
+            })
+        });
+        self.units.usart[usart].receive(at, pin.is_some(), busy);
     }
 
     /// What was asked of modelled peripherals that the models do not do.
@@ -187,7 +309,14 @@ impl Chip {
             notes.iter().map(|note| format!("{} {note}", row.name))
         });
         let channels = self.stimulus.unmapped();
-        let channels = channels.map(|n| format!("ADC1 channel {n} has no stimulus: it reads 0"));
+        let channels = channels.map(|(adc, channel)| {
+            let pin = wiring::analog_pin(adc, channel).map(wiring::pin_name);
+            let pin = pin.map_or_else(|| "no pin".to_owned(), |pin| format!("pin {pin}"));
+            format!(
+                "{} channel {channel} ({pin}) has no stimulus: it reads 0",
+                ADCS[adc]
+            )
+        });
         let silent = self.stimulus.never_began().then(|| {
             "ADC1 no triggered scan came: the rows of the stimulus were not played, give them since power-up".into()
         });

@@ -2,25 +2,26 @@
 
 use super::chip::Chip;
 use super::levels::Levels;
+use super::wiring;
 use crate::peripherals::{Peripheral, flash};
 
 /// What can happen by itself.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Event {
-    /// A conversion ends.
-    Converted,
+    /// A conversion of a converter ends.
+    Converted(usize),
     /// The trigger that a timer waits for comes.
     Started(usize),
     /// The level on a pin changes.
     Level,
-    /// A timer triggers the converter.
+    /// A timer triggers converters.
     Triggered(usize),
-    /// A byte has left USART1.
-    Sent,
-    /// A byte has reached USART1, or its line is idle.
-    Received,
-    /// The DMA is about to fetch a byte that USART1 has received.
-    Fetched,
+    /// A frame has left a USART.
+    Sent(usize),
+    /// A byte has reached a USART from outside, or its line is idle.
+    Received(usize),
+    /// The DMA is about to fetch a byte that a USART has received.
+    Fetched(usize),
     /// The watchdog runs out.
     WatchdogOut,
     /// An operation of the flash ends, or is cut.
@@ -33,26 +34,44 @@ pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
     let units = &chip.units;
     let tim = &units.tim;
     let started = (0..tim.len()).filter_map(|n| {
-        let master = tim[n].waits_for(n)?;
+        let master = wiring::master(n, tim[n].waits_for()?)?;
         Some((tim[master].trigger(0)?, Event::Started(n)))
     });
     let at = |time: Option<u64>, event: Event| time.map(|at| (at, event));
-    let events = [
-        started.min_by_key(|(at, _)| *at),
-        at(levels.next(chip), Event::Level),
-        at(units.adc.next_conversion(), Event::Converted),
-        units
-            .adc
-            .trigger_timer()
-            .and_then(|t| at(tim[t].trigger(0), Event::Triggered(t))),
-        at(units.usart1.next_sent(), Event::Sent),
-        at(units.usart1.next_received(), Event::Received),
-        at(units.usart1.next_fetch(), Event::Fetched),
+    let converters = units.adc.converters.iter().enumerate();
+    let converted = converters
+        .clone()
+        .map(|(n, adc)| at(adc.next_conversion(), Event::Converted(n)));
+    let triggered = converters.map(|(n, _)| {
+        let tim_number = chip.converter_trigger(n)?;
+        at(tim[tim_number].trigger(0), Event::Triggered(tim_number))
+    });
+    let usarts = units.usart.iter().enumerate();
+    let sent = usarts
+        .clone()
+        .map(|(n, usart)| at(usart.next_sent(), Event::Sent(n)));
+    // After what is sent: over a wire, a frame that ends keeps the line from being idle.
+    let received = usarts.flat_map(|(n, usart)| {
+        [
+            at(usart.next_received(), Event::Received(n)),
+            at(usart.next_fetch(), Event::Fetched(n)),
+        ]
+    });
+    let others = [
         at(units.iwdg.next_interrupt(), Event::WatchdogOut),
         units
             .flash
             .next_event()
             .map(|(at, event)| (at, Event::Flash(event))),
     ];
-    events.into_iter().flatten().min_by_key(|(at, _)| *at)
+    // The first of those at the same time.
+    let in_order = started
+        .map(Some)
+        .chain([at(levels.next(chip), Event::Level)])
+        .chain(converted)
+        .chain(triggered)
+        .chain(sent)
+        .chain(received)
+        .chain(others);
+    in_order.flatten().min_by_key(|(at, _)| *at)
 }

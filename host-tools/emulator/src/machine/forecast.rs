@@ -3,7 +3,7 @@
 use super::chip::Chip;
 use super::levels::Levels;
 use super::table::TABLE;
-use super::wiring::{ADC1_REQUEST, DMA2, USART1_TX_REQUEST};
+use super::wiring::{ADCS, SERVERS, USARTS};
 use crate::peripherals::Peripheral;
 
 /// When an interrupt line will rise, the machine will be reset, or the first scan may come, if no register is
@@ -16,31 +16,36 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
         return flash.into_iter().chain(units.iwdg.next_interrupt()).min();
     }
     let alone = TABLE.iter().filter_map(|row| (row.model)(units).next_interrupt());
-    let together = [
-        acquisition(chip),
-        transmission(chip),
-        first_scan(chip),
-        levels.next_capture(chip),
-    ];
-    alone.chain(together.into_iter().flatten()).min()
+    let converters = (0..ADCS.len()).filter_map(|adc| acquisition(chip, adc));
+    let transmitters = (0..USARTS.len()).filter_map(|usart| transmission(chip, usart));
+    let captures = levels.next_capture(chip);
+    alone
+        .chain(converters)
+        .chain(transmitters)
+        .chain(first_scan(chip))
+        .chain(captures)
+        .min()
 }
 
 /// The trigger that may start the first scan. The outside counts its time from that scan.
 fn first_scan(chip: &Chip) -> Option<u64> {
-    match chip.stimulus.sampling() {
-        Some(_) => None,
-        None => chip.units.tim[chip.units.adc.trigger_timer()?].trigger(0),
-    }
-}
-
-/// When the ADC will next raise a line: its own, or the line of the DMA stream that serves it.
-fn acquisition(chip: &Chip) -> Option<u64> {
-    let (adc, dma) = (&chip.units.adc, &chip.units.dma[DMA2]);
-    let trigger = |n: u64| adc.trigger_timer().and_then(|t| chip.units.tim[t].trigger(n));
-    if adc.blocked() {
+    if chip.stimulus.sampling().is_some() {
         return None;
     }
-    let beats = match dma.serving(&ADC1_REQUEST).filter(|_| adc.requests_dma()) {
+    let triggers = (0..ADCS.len()).filter_map(|adc| chip.units.tim[chip.converter_trigger(adc)?].trigger(0));
+    triggers.min()
+}
+
+/// When a converter will next raise a line: its own, or the line of the DMA stream that serves it.
+fn acquisition(chip: &Chip, number: usize) -> Option<u64> {
+    let adc = &chip.units.adc.converters[number];
+    if !adc.is_in_use() || adc.blocked() {
+        return None;
+    }
+    let server = &SERVERS.adc[number];
+    let dma = &chip.units.dma[server.dma];
+    let trigger = |n: u64| chip.units.tim[chip.converter_trigger(number)?].trigger(n);
+    let beats = match dma.serving(&server.streams).filter(|_| adc.requests_dma()) {
         Some(stream) => u64::from(dma.beats_to_interrupt(stream)?),
         None if adc.interrupts_on_conversion() => 1,
         None => return None,
@@ -49,9 +54,14 @@ fn acquisition(chip: &Chip) -> Option<u64> {
     adc.conversion(beats, trigger).or_else(|| trigger(0))
 }
 
-/// When the DMA stream that feeds USART1 will raise its line.
-fn transmission(chip: &Chip) -> Option<u64> {
-    let dma = &chip.units.dma[DMA2];
-    let beats = dma.beats_to_interrupt(dma.serving(&USART1_TX_REQUEST)?)?;
-    chip.units.usart1.transmit_request(u64::from(beats))
+/// When the DMA stream that feeds a transmitter will raise its line.
+fn transmission(chip: &Chip, number: usize) -> Option<u64> {
+    let usart = &chip.units.usart[number];
+    if !usart.is_sending() {
+        return None;
+    }
+    let server = &SERVERS.transmitters[number];
+    let dma = &chip.units.dma[server.dma];
+    let beats = dma.beats_to_interrupt(dma.serving(&server.streams)?)?;
+    usart.transmit_request(u64::from(beats))
 }

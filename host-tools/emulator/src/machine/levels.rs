@@ -3,24 +3,15 @@
 use std::collections::VecDeque;
 
 use super::chip::Chip;
-use super::wiring::timer_input;
+use super::wiring::{self, Pin};
 use crate::given::{PinInput, Since};
 
 /// A change of the level on a pin, `at_ns` after power-up or the first scan.
 #[derive(Debug, Clone, Copy)]
 struct Level {
     at_ns: u64,
-    port: usize,
-    pin: usize,
+    pin: Pin,
     high: bool,
-}
-
-impl Level {
-    /// The timer and its input that the pin leads to, as the pin is set.
-    fn captured_by(&self, chip: &Chip) -> Option<(usize, usize)> {
-        let function = chip.units.gpio[self.port].alternate(self.pin)?;
-        timer_input(self.port, self.pin, function)
-    }
 }
 
 /// All changes of level that are still to come: for each beginning, in order of time.
@@ -36,14 +27,12 @@ impl Levels {
         Self([Since::PowerUp, Since::FirstScan].map(|since| {
             let mut levels = Vec::new();
             for input in inputs.iter().filter(|input| input.since == since) {
-                let (port, pin) = input
-                    .place()
-                    .unwrap_or_else(|| panic!("there is no pin {:?}", input.pin));
-                chip.units.gpio[port].drive(pin, false);
+                let pin =
+                    wiring::pin(&input.pin).unwrap_or_else(|| panic!("there is no pin {:?}", input.pin));
+                chip.units.gpio[pin.0].drive(pin.1, false);
                 let changes = input.changes_ns.iter().enumerate();
                 levels.extend(changes.map(|(n, at_ns)| Level {
                     at_ns: *at_ns,
-                    port,
                     pin,
                     high: n % 2 == 0,
                 }));
@@ -73,10 +62,8 @@ impl Levels {
         let Some(level) = next.and_then(|queue| self.0[queue].1.pop_front()) else {
             return;
         };
-        chip.units.gpio[level.port].drive(level.pin, level.high);
-        if let Some((tim, input)) = level.captured_by(chip) {
-            chip.units.tim[tim].edge(input, level.high, at);
-        }
+        chip.units.gpio[level.pin.0].drive(level.pin.1, level.high);
+        chip.level_changed(level.pin, level.high, at);
     }
 
     /// When a timer will next capture a change and raise its interrupt line.
@@ -87,8 +74,7 @@ impl Levels {
             return None;
         }
         let interrupts = |level: &&Level| {
-            level
-                .captured_by(chip)
+            chip.timer_input(level.pin)
                 .is_some_and(|(n, input)| tim[n].edge_interrupts(input, level.high))
         };
         let captures = self.0.iter().filter_map(|(since, levels)| {

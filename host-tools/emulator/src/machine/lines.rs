@@ -21,14 +21,18 @@ impl Lines {
         if chip.stands_still() {
             return;
         }
+        // Some peripherals share a line.
+        let mut levels = [false; NMI + 1];
         for row in TABLE {
             let model = (row.model)(&chip.units);
             for (output, line) in row.lines.iter().enumerate() {
-                let level = model.interrupt(output);
-                if self.0[*line] != level {
-                    self.0[*line] = level;
-                    board.set_interrupt(*line, level);
-                }
+                levels[*line] |= model.interrupt(output);
+            }
+        }
+        for (line, (known, level)) in self.0.iter_mut().zip(levels).enumerate() {
+            if *known != level {
+                *known = level;
+                board.set_interrupt(line, level);
             }
         }
     }

@@ -1,8 +1,9 @@
-//! The four analog inputs: rows of codes over time.
+//! The analog inputs: codes over time.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use crate::given::Since;
+use super::wiring::{self, Pin};
+use crate::given::{AnalogInput, Since};
 use crate::outcome::Sampling;
 
 /// Codes at the pins of channels 0 to 3. There is a new row every period, from the first externally triggered
@@ -16,8 +17,12 @@ pub struct Stimulus {
     hz: u64,
     nominal_hz: u64,
     sampling: Option<Sampling>,
-    row: usize,
-    unmapped: BTreeSet<u32>,
+    /// The row that the scan of each converter reads.
+    row: [usize; 3],
+    /// Inputs by their pins.
+    pins: BTreeMap<Pin, AnalogInput>,
+    /// Channels that were converted and have no input, each with its converter.
+    unmapped: BTreeSet<(usize, u32)>,
 }
 
 impl Stimulus {
@@ -30,8 +35,25 @@ impl Stimulus {
             hz: 1,
             nominal_hz: 1,
             sampling: None,
-            row: 0,
+            row: [0; 3],
+            pins: BTreeMap::new(),
             unmapped: BTreeSet::new(),
+        }
+    }
+
+    /// The same, with inputs at other pins. One at PA0 to PA3 takes the place of that pin's codes.
+    ///
+    /// # Panics
+    /// There is no such pin.
+    #[must_use]
+    pub fn with(self, inputs: &[AnalogInput]) -> Self {
+        let by_pin = |input: &AnalogInput| {
+            let pin = wiring::pin(&input.pin).unwrap_or_else(|| panic!("there is no pin {:?}", input.pin));
+            (pin, input.clone())
+        };
+        Self {
+            pins: inputs.iter().map(by_pin).collect(),
+            ..self
         }
     }
 
@@ -46,8 +68,9 @@ impl Stimulus {
         }
     }
 
-    /// A scan starts: `external` by a trigger, else by software. All its conversions read one row.
-    pub(super) fn begin_scan(&mut self, now: u64, external: bool) {
+    /// A scan of a converter starts: `external` by a trigger, else by software. All its conversions read one
+    /// row.
+    pub(super) fn begin_scan(&mut self, adc: usize, now: u64, external: bool) {
         if external {
             let sampling = self.sampling.get_or_insert(Sampling {
                 first_ns: now,
@@ -59,17 +82,27 @@ impl Stimulus {
         // Times are whole ns, so a scan may seem to come up to 1 ns before its row.
         let own_ns = u128::from(now - began + 1) * u128::from(self.hz) / u128::from(self.nominal_hz);
         let row = own_ns / u128::from(self.period_ns);
-        self.row = usize::try_from(row)
+        self.row[adc] = usize::try_from(row)
             .unwrap_or(usize::MAX)
             .min(self.rows.len().saturating_sub(1));
     }
 
-    pub(super) fn code(&mut self, channel: u32) -> u16 {
-        if channel > 3 {
-            self.unmapped.insert(channel);
-            return 0;
+    /// What a converter reads at a channel, if the conversion ends now.
+    pub(super) fn code(&mut self, adc: usize, channel: u32, now: u64) -> u16 {
+        let pin = wiring::analog_pin(adc, channel);
+        let first_scan = self.sampling.map(|sampling| sampling.first_ns);
+        match pin.and_then(|pin| self.pins.get(&pin)) {
+            Some(input) => input.code(now, first_scan),
+            // Channels 0 to 3 of all three converters are PA0 to PA3.
+            None if channel < 4 => self
+                .rows
+                .get(self.row[adc])
+                .map_or(0, |row| row[channel as usize]),
+            None => {
+                self.unmapped.insert((adc, channel));
+                0
+            }
         }
-        self.rows.get(self.row).map_or(0, |row| row[channel as usize])
     }
 
     /// The externally triggered scans so far.
@@ -96,7 +129,7 @@ impl Stimulus {
         Some(self.began()?.saturating_add(length))
     }
 
-    pub(super) fn unmapped(&self) -> impl Iterator<Item = u32> + '_ {
+    pub(super) fn unmapped(&self) -> impl Iterator<Item = (usize, u32)> + '_ {
         self.unmapped.iter().copied()
     }
 }
@@ -117,8 +150,8 @@ mod tests {
     fn rows_follow_time_from_the_first_triggered_scan_and_the_last_stays() {
         let mut stimulus = three_rows();
         let force_at = |s: &mut Stimulus, now: u64| {
-            s.begin_scan(now, true);
-            s.code(0)
+            s.begin_scan(0, now, true);
+            s.code(0, 0, 0)
         };
         assert_eq!(
             [777, 10_777, 20_777, 30_777].map(|t| force_at(&mut stimulus, t)),
@@ -141,8 +174,8 @@ mod tests {
         let mut stimulus = Stimulus::new(rows, 10_000, Since::FirstScan).on_clock(8_001_000, 8_000_000);
         for scan in 0..4000u64 {
             let at = 777 + (scan * 10_000 * 8_000).div_ceil(8_001);
-            stimulus.begin_scan(at, true);
-            assert_eq!(u64::from(stimulus.code(0)), scan);
+            stimulus.begin_scan(0, at, true);
+            assert_eq!(u64::from(stimulus.code(0, 0, 0)), scan);
         }
         assert_eq!(stimulus.ends_at(), Some(777 + 4000 * 10_000 * 8_000 / 8_001));
     }
@@ -150,10 +183,10 @@ mod tests {
     #[test]
     fn a_scan_that_was_never_made_skips_its_row() {
         let mut stimulus = three_rows();
-        stimulus.begin_scan(0, true);
-        stimulus.begin_scan(20_000, true);
+        stimulus.begin_scan(0, 0, true);
+        stimulus.begin_scan(0, 20_000, true);
         assert_eq!(
-            [0, 1, 2, 3].map(|channel| stimulus.code(channel)),
+            [0, 1, 2, 3].map(|channel| stimulus.code(0, channel, 0)),
             [30, 31, 32, 33]
         );
     }
@@ -161,10 +194,10 @@ mod tests {
     #[test]
     fn a_software_scan_before_sampling_reads_row_0_and_uses_it_up_not() {
         let mut stimulus = three_rows();
-        stimulus.begin_scan(5_000, false);
-        assert_eq!((stimulus.code(1), stimulus.sampling()), (11, None));
-        stimulus.begin_scan(90_000, true);
-        assert_eq!(stimulus.code(1), 11);
+        stimulus.begin_scan(0, 5_000, false);
+        assert_eq!((stimulus.code(0, 1, 0), stimulus.sampling()), (11, None));
+        stimulus.begin_scan(0, 90_000, true);
+        assert_eq!(stimulus.code(0, 1, 0), 11);
     }
 
     #[test]
@@ -172,8 +205,8 @@ mod tests {
         let rows = (0..4).map(|n| [n, 0, 0, 0]).collect();
         let mut stimulus = Stimulus::new(rows, 10_000, Since::PowerUp);
         let read = [0, 15_000, 25_000].map(|at| {
-            stimulus.begin_scan(at, false);
-            stimulus.code(0)
+            stimulus.begin_scan(0, at, false);
+            stimulus.code(0, 0, 0)
         });
         assert_eq!((read, stimulus.ends_at()), ([0, 1, 2], Some(40_000)));
     }
@@ -181,8 +214,24 @@ mod tests {
     #[test]
     fn a_channel_without_a_column_reads_zero_and_is_reported() {
         let mut stimulus = three_rows();
-        stimulus.begin_scan(0, true);
-        assert_eq!(stimulus.code(17), 0);
-        assert_eq!(stimulus.unmapped().collect::<Vec<_>>(), [17]);
+        stimulus.begin_scan(0, 0, true);
+        assert_eq!(stimulus.code(0, 17, 0), 0);
+        assert_eq!(stimulus.unmapped().collect::<Vec<_>>(), [(0, 17)]);
+    }
+
+    #[test]
+    fn an_input_at_a_pin_is_read_by_every_converter_that_has_the_pin_at_the_time_of_the_conversion() {
+        let input = AnalogInput {
+            pin: "PC0".into(),
+            since: Since::PowerUp,
+            period_ns: 1_000,
+            codes: vec![7, 8, 9],
+        };
+        let mut stimulus = three_rows().with(&[input]);
+        let mut read = |adc, channel, at| stimulus.code(adc, channel, at);
+        assert_eq!([0, 999, 1_000, 9_000].map(|at| read(0, 10, at)), [7, 7, 8, 9]);
+        assert_eq!([1, 2].map(|adc| read(adc, 10, 1_000)), [8, 8]);
+        assert_eq!(read(2, 4, 0), 0, "PF6, which has none");
+        assert_eq!(stimulus.unmapped().collect::<Vec<_>>(), [(2, 4)]);
     }
 }

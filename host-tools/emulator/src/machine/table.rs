@@ -16,8 +16,22 @@ use super::board::NMI;
 
 use crate::peripherals::rcc::Bus::{self, Ahb1, Apb1, Apb2};
 use crate::peripherals::{
-    Peripheral, adc::Adc, clock::HSI_HZ, dbgmcu::Dbgmcu, dma::Dma, dwt::Dwt, exti::Exti, flash::Flash,
-    gpio::Gpio, iwdg::Iwdg, pwr::Pwr, rcc::Rcc, signature::Signature, syscfg::Syscfg, tim::Tim, usart::Usart,
+    Peripheral,
+    adc_common::Adcs,
+    clock::HSI_HZ,
+    dbgmcu::Dbgmcu,
+    dma::Dma,
+    dwt::Dwt,
+    exti::Exti,
+    flash::Flash,
+    gpio::Gpio,
+    iwdg::Iwdg,
+    pwr::Pwr,
+    rcc::Rcc,
+    signature::Signature,
+    syscfg::Syscfg,
+    tim::{Kind, Tim},
+    usart::{self, Usart},
 };
 
 /// The interrupt lines of DMA2's streams.
@@ -27,13 +41,42 @@ pub(super) const DMA2_LINES: [usize; 8] = [56, 57, 58, 59, 60, 68, 69, 70];
 pub(super) struct Row {
     pub(super) name: &'static str,
     addresses: Range<u32>,
-    /// Its bit in RCC's enable and reset registers. Without one, its clock is always on.
-    pub(super) gate: Option<(Bus, u32)>,
+    /// Its bits in RCC's enable and reset registers. Without them, its clock is always on.
+    pub(super) gate: Option<Gate>,
     /// Its lines at the interrupt controller, in the order of the model's outputs.
     pub(super) lines: &'static [usize],
     /// Its model.
     pub(super) model: fn(&Units) -> &dyn Peripheral,
     pub(super) model_mut: fn(&mut Units) -> &mut dyn Peripheral,
+}
+
+/// Bits of a bus's enable and reset registers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Gate {
+    pub(super) bus: Bus,
+    /// The clock is on if one of these is set.
+    pub(super) enables: u32,
+    pub(super) reset: u32,
+}
+
+/// A peripheral with a gate of its own: one bit of the same number in both registers.
+#[expect(clippy::unnecessary_wraps, reason = "most rows have a gate, some have none")]
+const fn gate(bus: Bus, bit: u32) -> Option<Gate> {
+    Some(Gate {
+        bus,
+        enables: 1 << bit,
+        reset: 1 << bit,
+    })
+}
+
+/// A converter: each has its clock, and all have one reset. The common registers answer with any of the clocks.
+#[expect(clippy::unnecessary_wraps, reason = "a row takes what `gate` gives")]
+const fn converter(enables: u32) -> Option<Gate> {
+    Some(Gate {
+        bus: Apb2,
+        enables,
+        reset: 1 << 8,
+    })
 }
 
 /// Declares [`Units`] and [`TABLE`]: for each field its type and its value after power-up, then a row for
@@ -42,7 +85,7 @@ macro_rules! peripherals {
     (
         new($($argument:ident: $given:ty),*);
         $($field:ident: $model:ty = $new:expr => {
-            $($([$index:literal])? $name:literal, $addresses:expr, $gate:expr, $lines:expr;)+
+            $($(.$inner:ident)? $([$index:literal])? $name:literal, $addresses:expr, $gate:expr, $lines:expr;)+
         })+
     ) => {
         /// The models of all peripherals.
@@ -63,45 +106,95 @@ macro_rules! peripherals {
                 addresses: $addresses,
                 gate: $gate,
                 lines: $lines,
-                model: |units| &units.$field$([$index])?,
-                model_mut: |units| &mut units.$field$([$index])?,
+                model: |units| &units.$field$(.$inner)?$([$index])?,
+                model_mut: |units| &mut units.$field$(.$inner)?$([$index])?,
             },
         )+)+];
     };
 }
 
+/// TIM1 to TIM14.
+const TIMERS: [Kind; 14] = [
+    Kind::ADVANCED,
+    Kind::GENERAL_32,
+    Kind::GENERAL,
+    Kind::GENERAL,
+    Kind::GENERAL_32,
+    Kind::BASIC,
+    Kind::BASIC,
+    Kind::ADVANCED,
+    Kind::TWO_CHANNELS.on_apb2(),
+    Kind::ONE_CHANNEL.on_apb2(),
+    Kind::ONE_CHANNEL.on_apb2(),
+    Kind::TWO_CHANNELS,
+    Kind::ONE_CHANNEL,
+    Kind::ONE_CHANNEL,
+];
+
+/// USART1 to USART6.
+const PORTS: [usart::Kind; 6] = [
+    usart::Kind::USART,
+    usart::Kind::USART_ON_APB1,
+    usart::Kind::USART_ON_APB1,
+    usart::Kind::UART,
+    usart::Kind::UART,
+    usart::Kind::USART,
+];
+
 peripherals! {
     new(hse_hz: u32, uid: [u8; 12]);
-    tim: [Tim; 4] = [32, 16, 16, 32].map(|bits| Tim::new(bits, HSI_HZ)) => {
-        [0] "TIM2", 0x4000_0000..0x4000_0400, Some((Apb1, 0)), &[28];
-        [1] "TIM3", 0x4000_0400..0x4000_0800, Some((Apb1, 1)), &[29];
-        [2] "TIM4", 0x4000_0800..0x4000_0c00, Some((Apb1, 2)), &[30];
-        [3] "TIM5", 0x4000_0c00..0x4000_1000, Some((Apb1, 3)), &[50];
+    tim: [Tim; 14] = TIMERS.map(|kind| Tim::new(kind, HSI_HZ)) => {
+        [0] "TIM1", 0x4001_0000..0x4001_0400, gate(Apb2, 0), &[24, 25, 26, 27];
+        [1] "TIM2", 0x4000_0000..0x4000_0400, gate(Apb1, 0), &[28];
+        [2] "TIM3", 0x4000_0400..0x4000_0800, gate(Apb1, 1), &[29];
+        [3] "TIM4", 0x4000_0800..0x4000_0c00, gate(Apb1, 2), &[30];
+        [4] "TIM5", 0x4000_0c00..0x4000_1000, gate(Apb1, 3), &[50];
+        [5] "TIM6", 0x4000_1000..0x4000_1400, gate(Apb1, 4), &[54];
+        [6] "TIM7", 0x4000_1400..0x4000_1800, gate(Apb1, 5), &[55];
+        [7] "TIM8", 0x4001_0400..0x4001_0800, gate(Apb2, 1), &[43, 44, 45, 46];
+        [8] "TIM9", 0x4001_4000..0x4001_4400, gate(Apb2, 16), &[24];
+        [9] "TIM10", 0x4001_4400..0x4001_4800, gate(Apb2, 17), &[25];
+        [10] "TIM11", 0x4001_4800..0x4001_4c00, gate(Apb2, 18), &[26];
+        [11] "TIM12", 0x4000_1800..0x4000_1c00, gate(Apb1, 6), &[43];
+        [12] "TIM13", 0x4000_1c00..0x4000_2000, gate(Apb1, 7), &[44];
+        [13] "TIM14", 0x4000_2000..0x4000_2400, gate(Apb1, 8), &[45];
     }
-    dma: [Dma; 2] = [Dma::default(), Dma::default()] => {
-        [0] "DMA1", 0x4002_6000..0x4002_6400, Some((Ahb1, 21)), &[11, 12, 13, 14, 15, 16, 17, 47];
-        [1] "DMA2", 0x4002_6400..0x4002_6800, Some((Ahb1, 22)), &DMA2_LINES;
+    dma: [Dma; 2] = [0, 1].map(Dma::new) => {
+        [0] "DMA1", 0x4002_6000..0x4002_6400, gate(Ahb1, 21), &[11, 12, 13, 14, 15, 16, 17, 47];
+        [1] "DMA2", 0x4002_6400..0x4002_6800, gate(Ahb1, 22), &DMA2_LINES;
     }
-    adc: Adc = Adc::new(HSI_HZ) => { "ADC1", 0x4001_2000..0x4001_2400, Some((Apb2, 8)), &[18]; }
+    adc: Adcs = Adcs::new(HSI_HZ) => {
+        .converters[0] "ADC1", 0x4001_2000..0x4001_2100, converter(1 << 8), &[18];
+        .converters[1] "ADC2", 0x4001_2100..0x4001_2200, converter(1 << 9), &[18];
+        .converters[2] "ADC3", 0x4001_2200..0x4001_2300, converter(1 << 10), &[18];
+        "ADC", 0x4001_2300..0x4001_2400, converter(0b111 << 8), &[];
+    }
     // The whole page belongs to the unit.
     dwt: Dwt = Dwt::new(HSI_HZ) => { "DWT", 0xe000_1000..0xe000_2000, None, &[]; }
     flash: Flash = Flash::new() => { "FLASH", 0x4002_3c00..0x4002_4000, None, &[4]; }
-    pwr: Pwr = Pwr::default() => { "PWR", 0x4000_7000..0x4000_7400, Some((Apb1, 28)), &[]; }
+    pwr: Pwr = Pwr::default() => { "PWR", 0x4000_7000..0x4000_7400, gate(Apb1, 28), &[]; }
     rcc: Rcc = Rcc::new(hse_hz) => { "RCC", 0x4002_3800..0x4002_3c00, None, &[5, NMI]; }
-    usart1: Usart = Usart::new(HSI_HZ) => { "USART1", 0x4001_1000..0x4001_1400, Some((Apb2, 4)), &[37]; }
+    usart: [Usart; 6] = PORTS.map(|kind| Usart::new(kind, HSI_HZ)) => {
+        [0] "USART1", 0x4001_1000..0x4001_1400, gate(Apb2, 4), &[37];
+        [1] "USART2", 0x4000_4400..0x4000_4800, gate(Apb1, 17), &[38];
+        [2] "USART3", 0x4000_4800..0x4000_4c00, gate(Apb1, 18), &[39];
+        [3] "UART4", 0x4000_4c00..0x4000_5000, gate(Apb1, 19), &[52];
+        [4] "UART5", 0x4000_5000..0x4000_5400, gate(Apb1, 20), &[53];
+        [5] "USART6", 0x4001_1400..0x4001_1800, gate(Apb2, 5), &[71];
+    }
     gpio: [Gpio; 9] = std::array::from_fn(Gpio::new) => {
-        [0] "GPIOA", 0x4002_0000..0x4002_0400, Some((Ahb1, 0)), &[];
-        [1] "GPIOB", 0x4002_0400..0x4002_0800, Some((Ahb1, 1)), &[];
-        [2] "GPIOC", 0x4002_0800..0x4002_0c00, Some((Ahb1, 2)), &[];
-        [3] "GPIOD", 0x4002_0c00..0x4002_1000, Some((Ahb1, 3)), &[];
-        [4] "GPIOE", 0x4002_1000..0x4002_1400, Some((Ahb1, 4)), &[];
-        [5] "GPIOF", 0x4002_1400..0x4002_1800, Some((Ahb1, 5)), &[];
-        [6] "GPIOG", 0x4002_1800..0x4002_1c00, Some((Ahb1, 6)), &[];
-        [7] "GPIOH", 0x4002_1c00..0x4002_2000, Some((Ahb1, 7)), &[];
-        [8] "GPIOI", 0x4002_2000..0x4002_2400, Some((Ahb1, 8)), &[];
+        [0] "GPIOA", 0x4002_0000..0x4002_0400, gate(Ahb1, 0), &[];
+        [1] "GPIOB", 0x4002_0400..0x4002_0800, gate(Ahb1, 1), &[];
+        [2] "GPIOC", 0x4002_0800..0x4002_0c00, gate(Ahb1, 2), &[];
+        [3] "GPIOD", 0x4002_0c00..0x4002_1000, gate(Ahb1, 3), &[];
+        [4] "GPIOE", 0x4002_1000..0x4002_1400, gate(Ahb1, 4), &[];
+        [5] "GPIOF", 0x4002_1400..0x4002_1800, gate(Ahb1, 5), &[];
+        [6] "GPIOG", 0x4002_1800..0x4002_1c00, gate(Ahb1, 6), &[];
+        [7] "GPIOH", 0x4002_1c00..0x4002_2000, gate(Ahb1, 7), &[];
+        [8] "GPIOI", 0x4002_2000..0x4002_2400, gate(Ahb1, 8), &[];
     }
     exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, None, &[6, 7, 8, 9, 10, 23, 40]; }
-    syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, Some((Apb2, 14)), &[]; }
+    syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, gate(Apb2, 14), &[]; }
     iwdg: Iwdg = Iwdg::default() => { "IWDG", 0x4000_3000..0x4000_3400, None, &[]; }
     dbgmcu: Dbgmcu = Dbgmcu::default() => { "DBGMCU", 0xe004_2000..0xe004_2400, None, &[]; }
     signature: Signature = Signature { uid } => { "SIGNATURE", 0x1fff_7a10..0x1fff_7c00, None, &[]; }
@@ -125,7 +218,49 @@ mod tests {
             let found = locate(start + 0x10).map(|(row, offset)| (row.name, offset));
             assert_eq!(found, Some((row.name, 0x10)));
             assert!(name(start).starts_with(row.name), "{}", name(start));
+            if let Some(gate) = row.gate {
+                assert!(gate.enables != 0 && gate.reset != 0, "{}", row.name);
+            }
         }
         assert!(locate(0x4001_3000).is_none(), "SPI1");
+    }
+    /// Rows against what ST's database has of clock gates and interrupts.
+    #[test]
+    fn gates_and_interrupts_are_those_of_st() {
+        let mut held = Vec::new();
+        for line in include_str!("connections.txt").lines() {
+            let words: Vec<&str> = line.split(' ').collect();
+            let row = |name: &str| TABLE.iter().find(|row| row.name == name);
+            match words[..] {
+                [which @ ("enable" | "reset"), register, bit, name] => {
+                    let Some(row) = row(name) else { continue };
+                    let gate = row.gate.unwrap_or_else(|| panic!("{name} has no gate"));
+                    let bits = if which == "enable" {
+                        gate.enables
+                    } else {
+                        gate.reset
+                    };
+                    assert_eq!(bits, 1 << bit.parse::<u32>().unwrap(), "{line}");
+                    assert!(
+                        register.starts_with(&format!("{:?}", gate.bus).to_uppercase()),
+                        "{line}"
+                    );
+                    held.push(name);
+                }
+                ["interrupt", number, name, _] => {
+                    let Some(row) = row(name) else { continue };
+                    assert!(row.lines.contains(&number.parse().unwrap()), "{line}");
+                    held.push(name);
+                }
+                _ => {}
+            }
+        }
+        for row in TABLE
+            .iter()
+            .filter(|row| row.name.contains("TIM") || row.name.contains("ART"))
+        {
+            let lines = held.iter().filter(|name| **name == row.name).count();
+            assert!(lines >= 3, "{}: a gate, a reset and an interrupt", row.name);
+        }
     }
 }

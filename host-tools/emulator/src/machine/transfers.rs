@@ -2,10 +2,29 @@
 
 use super::board::Board;
 use super::chip::Chip;
-use super::wiring::{ADC1_REQUEST, DMA2, USART1_RX_REQUEST, USART1_TX_REQUEST};
+use super::wiring::{ADCS, SERVERS, Server, USARTS};
 use crate::memory::{FLASH, SRAM};
 use crate::peripherals::Peripheral;
 use crate::peripherals::dma::{Beat, Direction, Progress, STREAMS};
+
+/// The only controller that copies between memories (section 10.3.6).
+const DMA2: usize = 1;
+
+/// A stream of a controller.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    pub(super) dma: usize,
+    pub(super) stream: usize,
+}
+
+/// The stream that serves a request.
+pub(super) fn serving(chip: &Chip, server: &Server) -> Option<Place> {
+    let stream = chip.units.dma[server.dma].serving(&server.streams)?;
+    Some(Place {
+        dma: server.dma,
+        stream,
+    })
+}
 
 /// Transfers under way.
 #[derive(Debug, Clone, Default)]
@@ -19,35 +38,47 @@ pub(super) struct Transfers {
 impl Transfers {
     /// Serves the requests that stand.
     pub(super) fn serve(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
-        if chip.units.adc.request
-            && let Some(stream) = chip.units.dma[DMA2].serving(&ADC1_REQUEST)
-        {
-            self.fetch_conversion(chip, stream, now, board);
+        for adc in 0..ADCS.len() {
+            if chip.units.adc.converters[adc].request
+                && let Some(stream) = serving(chip, &SERVERS.adc[adc])
+            {
+                self.fetch_conversion(chip, adc, stream, now, board);
+            }
         }
-        // The first byte moves on to the shift register at once, so two may be taken.
-        for _ in 0..2 {
-            if chip.units.usart1.dma_transmit_request()
-                && let Some(stream) = chip.units.dma[DMA2].serving(&USART1_TX_REQUEST)
+        for usart in 0..USARTS.len() {
+            // The first byte moves on to the shift register at once, so two may be taken.
+            for _ in 0..2 {
+                if chip.units.usart[usart].dma_transmit_request()
+                    && let Some(stream) = serving(chip, &SERVERS.transmitters[usart])
+                {
+                    self.transfer(chip, stream, now, board);
+                }
+            }
+            if chip.units.usart[usart].dma_receive_request()
+                && let Some(stream) = serving(chip, &SERVERS.receivers[usart])
             {
                 self.transfer(chip, stream, now, board);
             }
         }
-        if chip.units.usart1.dma_receive_request()
-            && let Some(stream) = chip.units.dma[DMA2].serving(&USART1_RX_REQUEST)
-        {
-            self.transfer(chip, stream, now, board);
-        }
     }
 
-    fn fetch_conversion(&mut self, chip: &mut Chip, stream: usize, now: u64, board: &mut impl Board) {
-        let unserved = chip.units.dma[DMA2].interrupt(stream);
+    fn fetch_conversion(
+        &mut self,
+        chip: &mut Chip,
+        adc: usize,
+        stream: Place,
+        now: u64,
+        board: &mut impl Board,
+    ) {
+        let unserved = chip.units.dma[stream.dma].interrupt(stream.stream);
         let progress = self.transfer(chip, stream, now, board);
+        let converter = &mut chip.units.adc.converters[adc];
         // Even if the stream reads another register than DR, the request is answered.
-        chip.units.adc.take_data();
+        converter.take_data();
         if progress.ended {
-            chip.units.adc.dma_ended();
+            converter.dma_ended();
         }
-        if progress.block {
+        if progress.block && chip.sampler.is_none_or(|sampler| sampler == adc) {
             self.flush(board);
             // A processor that hangs is not woken for a block. What it executed belongs to no block.
             board.acquired(match unserved {
@@ -61,9 +92,10 @@ impl Transfers {
     /// Streams between memories need no request. They run when they are enabled, and here they end at once.
     pub(super) fn copy_memory(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
         for stream in 0..STREAMS {
+            let place = Place { dma: DMA2, stream };
             let copies = |beat: Beat| beat.direction == Direction::MemoryToMemory;
             while chip.units.dma[DMA2].beat(stream).is_some_and(copies) {
-                if self.transfer(chip, stream, now, board).ended {
+                if self.transfer(chip, place, now, board).ended {
                     break;
                 }
             }
@@ -71,12 +103,13 @@ impl Transfers {
     }
 
     /// Moves one beat.
-    fn transfer(&mut self, chip: &mut Chip, stream: usize, now: u64, board: &mut impl Board) -> Progress {
+    fn transfer(&mut self, chip: &mut Chip, place: Place, now: u64, board: &mut impl Board) -> Progress {
         const STOPPED: Progress = Progress {
             block: false,
             ended: true,
         };
-        let Some(beat) = chip.units.dma[DMA2].beat(stream) else {
+        let Place { dma, stream } = place;
+        let Some(beat) = chip.units.dma[dma].beat(stream) else {
             return STOPPED;
         };
         let (from, to) = match beat.direction {
@@ -85,9 +118,9 @@ impl Transfers {
         };
         let value = self.read(chip, from, beat.bytes, now, board);
         match value.and_then(|value| self.write(chip, to, beat.bytes, value, now, board)) {
-            Some(()) => chip.units.dma[DMA2].moved(stream),
+            Some(()) => chip.units.dma[dma].moved(stream),
             None => {
-                chip.units.dma[DMA2].failed(stream);
+                chip.units.dma[dma].failed(stream);
                 STOPPED
             }
         }

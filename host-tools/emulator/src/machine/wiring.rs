@@ -1,33 +1,196 @@
 //! How the peripherals are wired to each other and to the pins.
+//!
+//! Pins and DMA requests are read from `connections.txt`, which `examples/connections.rs` makes of ST's own
+//! database (by way of the crates `stm32-metapac` and `stm32f4`). Triggers are in no such database, and stand
+//! here.
 
-/// DMA2's request mapping (table 43) for what is modelled: pairs of stream and channel.
-pub(super) const ADC1_REQUEST: [(usize, u32); 2] = [(0, 0), (4, 0)];
-pub(super) const USART1_TX_REQUEST: [(usize, u32); 1] = [(7, 4)];
-pub(super) const USART1_RX_REQUEST: [(usize, u32); 2] = [(2, 4), (5, 4)];
-pub(super) const DMA2: usize = 1;
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
-/// ADC1's channel of the internal reference voltage (section 13.10).
+const TABLE: &str = include_str!("connections.txt");
+
+/// A pin: port (A is 0) and number.
+pub(crate) type Pin = (usize, usize);
+
+/// Number of a timer's model: TIM1 is 0.
+pub(super) type TimNumber = usize;
+
+/// The USARTs in the order of their models.
+pub(crate) const USARTS: [&str; 6] = ["USART1", "USART2", "USART3", "UART4", "UART5", "USART6"];
+/// The converters in the order of their models.
+pub(super) const ADCS: [&str; 3] = ["ADC1", "ADC2", "ADC3"];
+
+/// ADC1's channel of the temperature sensor, of the internal reference voltage and of half the battery voltage
+/// (sections 13.10, 13.11).
+pub(super) const TEMPERATURE: u32 = 16;
 pub(super) const REFERENCE: u32 = 17;
+pub(super) const BATTERY: u32 = 18;
 
-/// The timer (TIM2 is 0) and its channel (0 is the first) that a pin is connected to by an alternate
-/// function. From DocID022152 table 9, for the packages that have ports A to D.
-pub(super) fn timer_input(port: usize, pin: usize, function: u32) -> Option<(usize, usize)> {
-    const A: usize = 0;
-    const B: usize = 1;
-    const C: usize = 2;
-    const D: usize = 3;
-    Some(match (function, port, pin) {
-        (1, A, 0 | 5 | 15) => (0, 0),
-        (1, A, 1) | (1, B, 3) => (0, 1),
-        (1, A, 2) | (1, B, 10) => (0, 2),
-        (1, A, 3) | (1, B, 11) => (0, 3),
-        (2, A, 6) | (2, B, 4) | (2, C, 6) => (1, 0),
-        (2, A, 7) | (2, B, 5) | (2, C, 7) => (1, 1),
-        (2, B, 0) | (2, C, 8) => (1, 2),
-        (2, B, 1) | (2, C, 9) => (1, 3),
-        (2, B, 6..=9) => (2, pin - 6),
-        (2, D, 12..=15) => (2, pin - 12),
-        (2, A, 0..=3) => (3, pin),
-        _ => return None,
-    })
+/// The timers whose TRGO are ITR0 to ITR3 of a timer: tables 75, 93 and 98, TIM1 and TIM8 in section 17.4.3.
+/// TIM9 and TIM12 have OC outputs as ITR2 and ITR3, which are not modelled.
+const MASTERS: [(TimNumber, [Option<TimNumber>; 4]); 8] = [
+    (tim(1), [Some(tim(5)), Some(tim(2)), Some(tim(3)), Some(tim(4))]),
+    (tim(2), [Some(tim(1)), Some(tim(8)), Some(tim(3)), Some(tim(4))]),
+    (tim(3), [Some(tim(1)), Some(tim(2)), Some(tim(5)), Some(tim(4))]),
+    (tim(4), [Some(tim(1)), Some(tim(2)), Some(tim(3)), Some(tim(8))]),
+    (tim(5), [Some(tim(2)), Some(tim(3)), Some(tim(4)), Some(tim(8))]),
+    (tim(8), [Some(tim(1)), Some(tim(2)), Some(tim(4)), Some(tim(5))]),
+    (tim(9), [Some(tim(2)), Some(tim(3)), None, None]),
+    (tim(12), [Some(tim(4)), Some(tim(5)), None, None]),
+];
+
+const fn tim(number: usize) -> TimNumber {
+    number - 1
+}
+
+/// The timer whose TRGO is the internal trigger `itr` of a timer.
+pub(super) fn master(of: TimNumber, itr: u32) -> Option<TimNumber> {
+    let (_, masters) = MASTERS.iter().find(|(slave, _)| *slave == of)?;
+    *masters.get(itr as usize)?
+}
+
+/// The timer whose TRGO starts regular scans (ADC_CR2.EXTSEL, section 13.13.3).
+pub(super) fn converter_trigger(extsel: u32) -> Option<TimNumber> {
+    match extsel {
+        0b0110 => Some(tim(2)),
+        0b1000 => Some(tim(3)),
+        0b1110 => Some(tim(8)),
+        _ => None,
+    }
+}
+
+/// What ST's database says of the pins and the DMA.
+struct Connections {
+    /// The timer and its channel (0 is the first) behind a pin and its alternate function.
+    timer_inputs: BTreeMap<(Pin, u32), (TimNumber, usize)>,
+    /// Pins of a USART's transmitter or receiver, each with its alternate function.
+    lines: BTreeMap<(usize, &'static str), Vec<(Pin, u32)>>,
+    /// The pin of a converter's channel.
+    analog: BTreeMap<(usize, u32), Pin>,
+    /// What requests a transfer: its name, by controller, stream and channel.
+    requests: BTreeMap<(usize, usize, u32), &'static str>,
+    /// What can serve a request, by its name.
+    servers: BTreeMap<&'static str, Server>,
+}
+
+/// What can serve a request.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Server {
+    /// The controller (DMA1 is 0). Every request goes to one of them.
+    pub(super) dma: usize,
+    /// The streams, each with the channel that it has to listen to (tables 42, 43).
+    pub(super) streams: Vec<(usize, u32)>,
+}
+
+/// What can serve the requests of the models, in their order.
+pub(super) struct Servers {
+    pub(super) adc: [Server; 3],
+    pub(super) transmitters: [Server; 6],
+    pub(super) receivers: [Server; 6],
+}
+
+pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
+    let of = |name: &str| CONNECTIONS.servers.get(name).cloned().unwrap_or_default();
+    Servers {
+        adc: ADCS.map(of),
+        transmitters: USARTS.map(|name| of(&format!("{name}_TX"))),
+        receivers: USARTS.map(|name| of(&format!("{name}_RX"))),
+    }
+});
+
+static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
+    let mut found = Connections {
+        timer_inputs: BTreeMap::new(),
+        lines: BTreeMap::new(),
+        analog: BTreeMap::new(),
+        requests: BTreeMap::new(),
+        servers: BTreeMap::new(),
+    };
+    for line in TABLE.lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        match words[..] {
+            ["pin", name, function, peripheral, signal] => {
+                let Some(pin) = pin(name) else { continue };
+                found.connect(pin, function, peripheral, signal);
+            }
+            ["request", dma, stream, channel, name] => {
+                let number = |text: &str| text.parse::<usize>().expect("the table has numbers there");
+                let (dma, stream, channel) = (number(dma) - 1, number(stream), number(channel) as u32);
+                // Two requests may share a place: only one of them can be in use.
+                found.requests.entry((dma, stream, channel)).or_insert(name);
+                let server = found.servers.entry(name).or_default();
+                server.dma = dma;
+                server.streams.push((stream, channel));
+            }
+            _ => {}
+        }
+    }
+    found
+});
+
+impl Connections {
+    fn connect(&mut self, pin: Pin, function: &str, peripheral: &'static str, signal: &'static str) {
+        let position = |names: &[&str]| names.iter().position(|name| *name == peripheral);
+        if let (Some(adc), Some(Ok(channel))) = (position(&ADCS), signal.strip_prefix("IN").map(str::parse)) {
+            self.analog.insert((adc, channel), pin);
+        }
+        let Ok(function) = function.parse() else { return };
+        if let Some(usart) = position(&USARTS) {
+            self.lines
+                .entry((usart, signal))
+                .or_default()
+                .push((pin, function));
+        }
+        if let (Some(Ok(number)), Some(Ok(channel))) = (
+            peripheral.strip_prefix("TIM").map(str::parse),
+            signal.strip_prefix("CH").map(str::parse::<usize>),
+        ) {
+            self.timer_inputs
+                .insert((pin, function), (tim(number), channel - 1));
+        }
+    }
+}
+
+/// The timer and its channel (0 is the first) that a pin is connected to by an alternate function.
+pub(super) fn timer_input(pin: Pin, function: u32) -> Option<(TimNumber, usize)> {
+    CONNECTIONS.timer_inputs.get(&(pin, function)).copied()
+}
+
+/// The pins that can be the transmitter of a USART, each with its alternate function.
+pub(super) fn transmitters(usart: usize) -> &'static [(Pin, u32)] {
+    CONNECTIONS.lines.get(&(usart, "TX")).map_or(&[], Vec::as_slice)
+}
+
+/// The pins that can be the receiver of a USART, each with its alternate function.
+pub(super) fn receivers(usart: usize) -> &'static [(Pin, u32)] {
+    CONNECTIONS.lines.get(&(usart, "RX")).map_or(&[], Vec::as_slice)
+}
+
+/// The pin of a converter's channel.
+pub(super) fn analog_pin(adc: usize, channel: u32) -> Option<Pin> {
+    CONNECTIONS.analog.get(&(adc, channel)).copied()
+}
+
+/// The request that a stream listens to by its channel. `None` where the tables have nothing.
+pub(super) fn request(dma: usize, stream: usize, channel: u32) -> Option<&'static str> {
+    CONNECTIONS.requests.get(&(dma, stream, channel)).copied()
+}
+
+/// Whether a model makes this request.
+pub(super) fn is_modelled(request: &str) -> bool {
+    let of_usart = request.strip_suffix("_TX").or(request.strip_suffix("_RX"));
+    ADCS.contains(&request) || of_usart.is_some_and(|usart| USARTS.contains(&usart))
+}
+
+/// `PA15`: port and number.
+pub(crate) fn pin(name: &str) -> Option<Pin> {
+    let mut letters = name.strip_prefix('P')?.chars();
+    let port = "ABCDEFGHI".find(letters.next()?)?;
+    let number = letters.as_str().parse().ok().filter(|number| *number < 16)?;
+    Some((port, number))
+}
+
+/// The name of a pin.
+pub(super) fn pin_name((port, number): Pin) -> String {
+    format!("P{}{number}", char::from(b'A' + port as u8))
 }

@@ -1,4 +1,4 @@
-//! ADC1 and the common registers (RM0090 section 13): regular scans, by software or by a timer's trigger.
+//! A converter: ADC1, ADC2 or ADC3 (RM0090 section 13): regular scans, by software or by a timer's trigger.
 //!
 //! # Design
 //!
@@ -30,18 +30,19 @@ const DDS: u32 = 1 << 9;
 const EOCS: u32 = 1 << 10;
 const ALIGN: u32 = 1 << 11;
 const SWSTART: u32 = 1 << 30;
-const TSVREFE: u32 = 1 << 23;
+
+/// CR2.EXTSEL of TIM2, TIM3 and TIM8 TRGO (section 13.13.3).
+const TRIGGER_OUTPUTS: [u32; 3] = [0b0110, 0b1000, 0b1110];
 
 /// Sampling time in ADC clock cycles, by SMPx (section 13.13.5).
 const SAMPLING: [u32; 8] = [3, 15, 28, 56, 84, 112, 144, 480];
 
 /// Bits of registers that ask for what is not modelled.
-const UNMODELLED: [(u32, u32, &str); 5] = [
+const UNMODELLED: [(u32, u32, &str); 4] = [
     (0x04, 0x00c0_0040, "CR1: the analog watchdog is not modelled"),
     (0x04, 0x0800, "CR1.DISCEN: discontinuous mode is not modelled"),
     (0x04, 0x1480, "CR1: injected conversions are not modelled"),
     (0x08, 0x0070_0000, "CR2: injected conversions are not modelled"),
-    (0x304, 0x1f, "CCR.MULTI: dual and triple modes are not modelled"),
 ];
 
 /// A scan under way.
@@ -53,7 +54,7 @@ struct Scan {
     cycles: u32,
 }
 
-/// ADC1's registers and the common ones.
+/// The registers of one converter.
 #[derive(Debug, Clone, Default)]
 pub struct Adc {
     pclk2: u32,
@@ -66,7 +67,8 @@ pub struct Adc {
     sqr: [u32; 3],
     jsqr: u32,
     dr: u32,
-    ccr: u32,
+    /// What divides PCLK2 (CCR.ADCPRE, section 13.13.16).
+    pub divider: u32,
     scan: Option<Scan>,
     /// Whether SWSTART starts a scan while EXTEN selects a trigger.
     pub software_scan_under_trigger: bool,
@@ -90,23 +92,27 @@ impl Adc {
     pub fn new(pclk2: u32) -> Self {
         Self {
             pclk2,
+            divider: 2,
             thresholds: [0xfff, 0],
             software_scan_under_trigger: true,
             ..Self::default()
         }
     }
 
-    /// The timer (TIM2 is 0) whose TRGO starts regular scans (CR2.EXTSEL, section 13.13.4). `None` if nothing
-    /// from outside does.
-    pub fn trigger_timer(&self) -> Option<usize> {
-        if self.cr2 & ADON == 0 || field(self.cr2, 28, 2) == 0 {
-            return None;
-        }
-        match field(self.cr2, 24, 4) {
-            0b0110 => Some(0),
-            0b1000 => Some(1),
-            _ => None,
-        }
+    /// What starts regular scans from outside: CR2.EXTSEL (section 13.13.3). `None` if nothing does.
+    pub fn external_trigger(&self) -> Option<u32> {
+        let listens = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
+        listens.then(|| field(self.cr2, 24, 4))
+    }
+
+    /// Whether a scan is under way or could be started from outside.
+    pub fn is_in_use(&self) -> bool {
+        self.scan.is_some() || self.external_trigger().is_some()
+    }
+
+    /// SR as CSR shows it.
+    pub fn flags(&self) -> u32 {
+        self.sr & 0x3f
     }
 
     /// The trigger came.
@@ -161,21 +167,15 @@ impl Adc {
         12 - 2 * field(self.cr1, 24, 2)
     }
 
-    /// Time of a number of ADC clock cycles: PCLK2 over ADCPRE (section 13.13.16).
+    /// Time of a number of ADC clock cycles.
     fn cycles_ns(&self, cycles: u64) -> u64 {
-        let divider = 2 * (u64::from(field(self.ccr, 16, 2)) + 1);
-        clock::edge(cycles * divider, self.pclk2)
+        clock::edge(cycles * u64::from(self.divider), self.pclk2)
     }
 
     /// When the conversion under way ends.
     pub fn next_conversion(&self) -> Option<u64> {
         self.scan
             .map(|s| s.started_ns.saturating_add(self.cycles_ns(u64::from(s.cycles))))
-    }
-
-    /// Whether channel 17 is the internal reference voltage (CCR.TSVREFE). Otherwise it floats.
-    pub fn reference_on(&self) -> bool {
-        self.ccr & TSVREFE != 0
     }
 
     /// The channel under conversion.
@@ -293,10 +293,10 @@ impl Adc {
             self.requests_ended = false;
         }
         self.cr2 = value & 0x3f7f_0f03;
-        let external = self.cr2 & ADON != 0 && field(self.cr2, 28, 2) != 0;
+        let modelled = |extsel| TRIGGER_OUTPUTS.contains(&extsel);
         self.notes.note_if(
-            external && self.trigger_timer().is_none(),
-            "CR2.EXTSEL: only TIM2 and TIM3 TRGO are modelled",
+            self.external_trigger().is_some_and(|extsel| !modelled(extsel)),
+            "CR2.EXTSEL: only TIM2, TIM3 and TIM8 TRGO are modelled",
         );
         let software =
             value & SWSTART != 0 && (field(self.cr2, 28, 2) == 0 || self.software_scan_under_trigger);
@@ -320,9 +320,6 @@ impl Peripheral for Adc {
             0x2c | 0x30 | 0x34 => self.sqr[index(offset, 0x2c)],
             0x38 => self.jsqr,
             0x4c => self.take_data(),
-            // CSR: ADC1's flags; ADC2 and ADC3 are not modelled.
-            0x300 => self.sr & 0x3f,
-            0x304 => self.ccr,
             _ => return Err(NoRegister),
         })
     }
@@ -341,8 +338,7 @@ impl Peripheral for Adc {
             0x2c => self.sqr[0] = value & 0x00ff_ffff,
             0x30 | 0x34 => self.sqr[index(offset, 0x2c)] = value & 0x3fff_ffff,
             0x38 => self.jsqr = value & 0x003f_ffff,
-            0x4c | 0x300 => {}
-            0x304 => self.ccr = value & 0x00c3_ef1f,
+            0x4c => {}
             _ => return Err(NoRegister),
         }
         Ok(())
@@ -355,6 +351,7 @@ impl Peripheral for Adc {
             overruns: self.overruns,
             triggers_ignored: self.triggers_ignored,
             software_scan_under_trigger: self.software_scan_under_trigger,
+            divider: self.divider,
             ..Self::new(self.pclk2)
         };
     }
@@ -387,13 +384,12 @@ mod tests {
     const SQR1: u32 = 0x2c;
     const SQR3: u32 = 0x34;
     const DR: u32 = 0x4c;
-    const CCR: u32 = 0x304;
     const BY_TIM3: u32 = 0b01 << 28 | 0b1000 << 24;
 
     /// Two channels, 0 then 1, at PCLK2/4 = 21 MHz with 56 + 12 cycles each: 3.238 µs a conversion.
     fn scanning(cr2: u32) -> Adc {
         let mut adc = Adc::new(84_000_000);
-        adc.write(CCR, 1 << 16, 0).unwrap();
+        adc.divider = 4;
         adc.write(CR1, SCAN, 0).unwrap();
         adc.write(SMPR2, 0b011_011, 0).unwrap();
         adc.write(SQR1, 1 << 20, 0).unwrap();
@@ -439,13 +435,12 @@ mod tests {
     }
 
     #[test]
-    fn the_trigger_source_is_the_timer_that_extsel_names_while_the_adc_is_on() {
-        assert_eq!(scanning(BY_TIM3).trigger_timer(), Some(1));
-        assert_eq!(scanning(0b01 << 28 | 0b0110 << 24).trigger_timer(), Some(0));
-        assert_eq!(scanning(0b1000 << 24).trigger_timer(), None, "EXTEN is 0");
+    fn the_trigger_source_is_what_extsel_names_while_the_adc_is_on() {
+        assert_eq!(scanning(BY_TIM3).external_trigger(), Some(0b1000));
+        assert_eq!(scanning(0b1000 << 24).external_trigger(), None, "EXTEN is 0");
         let mut adc = scanning(BY_TIM3);
         adc.write(CR2, BY_TIM3, 0).unwrap();
-        assert_eq!(adc.trigger_timer(), None, "ADON is 0");
+        assert_eq!(adc.external_trigger(), None, "ADON is 0");
     }
 
     #[test]

@@ -23,6 +23,17 @@ pub struct Clocks {
     pub pclk2: u32,
     /// Timers on APB1: TIM2-7, 12-14.
     pub timers1: u32,
+    /// Timers on APB2: TIM1, 8-11.
+    pub timers2: u32,
+}
+
+/// One of the two slower buses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Apb {
+    /// APB1.
+    One,
+    /// APB2.
+    Two,
 }
 
 impl Clocks {
@@ -33,7 +44,24 @@ impl Clocks {
         pclk1: HSI_HZ,
         pclk2: HSI_HZ,
         timers1: HSI_HZ,
+        timers2: HSI_HZ,
     };
+
+    /// What peripherals on a bus get.
+    pub fn of_bus(&self, apb: Apb) -> u32 {
+        match apb {
+            Apb::One => self.pclk1,
+            Apb::Two => self.pclk2,
+        }
+    }
+
+    /// What timers on a bus get.
+    pub fn of_timers(&self, apb: Apb) -> u32 {
+        match apb {
+            Apb::One => self.timers1,
+            Apb::Two => self.timers2,
+        }
+    }
 }
 
 /// How many edges a clock of `hz` has in `ns`.

@@ -17,9 +17,12 @@ const TCIE: u32 = 1 << 4;
 const CIRC: u32 = 1 << 8;
 const PINC: u32 = 1 << 9;
 const MINC: u32 = 1 << 10;
+/// SxFCR: direct mode is off.
+const DMDIS: u32 = 1 << 2;
 const DBM: u32 = 1 << 18;
 const CT: u32 = 1 << 19;
 
+const FEIF: u32 = 1 << 0;
 const TEIF: u32 = 1 << 3;
 const HTIF: u32 = 1 << 4;
 const TCIF: u32 = 1 << 5;
@@ -77,24 +80,41 @@ struct Stream {
 /// One controller.
 #[derive(Debug, Clone)]
 pub struct Dma {
+    /// DMA1 is 0.
+    number: usize,
     streams: [Stream; STREAMS],
+    /// Streams that were just enabled, a bit for each. Whoever looks clears them.
+    pub started: u32,
     notes: Notes,
 }
 
-impl Default for Dma {
-    fn default() -> Self {
+impl Dma {
+    /// After reset: DMA1 is 0, DMA2 is 1.
+    pub fn new(number: usize) -> Self {
         let stream = Stream {
             fcr: 0x21,
             ..Stream::default()
         };
         Self {
+            number,
             streams: std::array::from_fn(|_| stream.clone()),
+            started: 0,
             notes: Notes::default(),
         }
     }
-}
 
-impl Dma {
+    /// Takes a note about what is around it.
+    pub(crate) fn note(&mut self, what: String) {
+        self.notes.note(what);
+    }
+
+    /// The channel whose requests a stream listens to, if it is enabled and needs requests.
+    pub fn listens_to(&self, stream: usize) -> Option<u32> {
+        let s = &self.streams[stream];
+        let listens = s.running() && s.direction() != Direction::MemoryToMemory;
+        listens.then(|| field(s.cr, 25, 3))
+    }
+
     /// The stream that serves a request: the first of these that is enabled and listens to its channel. The
     /// pairs of stream and channel are from the request mapping (tables 42 and 43).
     pub fn serving(&self, mapping: &[(usize, u32)]) -> Option<usize> {
@@ -190,7 +210,13 @@ impl Dma {
                     bit(value, 5),
                     "SxCR.PFCTRL: the peripheral as flow controller is not modelled",
                 );
-                s.write_cr(value & 0x0fef_ffff);
+                self.notes.note_if(
+                    value & PINC != 0 && bit(value, 15),
+                    "SxCR.PINCOS: an offset of 4 bytes for smaller items is not modelled",
+                );
+                if s.write_cr(value & 0x0fef_ffff) {
+                    self.start(stream);
+                }
             }
             // The settings are protected while the stream runs (sections 10.5.5 to 10.5.10).
             0x04 if !enabled => s.ndtr = value & 0xffff,
@@ -207,7 +233,49 @@ impl Dma {
     }
 }
 
+impl Dma {
+    /// A stream was enabled.
+    fn start(&mut self, stream: usize) {
+        self.started |= 1 << stream;
+        let s = &mut self.streams[stream];
+        let copies = s.direction() == Direction::MemoryToMemory;
+        if copies {
+            // Section 10.5.10: the hardware leaves direct mode by itself.
+            s.fcr |= DMDIS;
+        }
+        let refused = if copies && self.number == 0 {
+            Some("SxCR.DIR: DMA1 cannot copy between memories (section 10.3.6): the stream was not started")
+        } else if copies && s.cr & (CIRC | DBM) != 0 {
+            Some(
+                "SxCR: a copy between memories cannot be circular (section 10.3.8): the stream was not started",
+            )
+        } else {
+            None
+        };
+        if let Some(why) = refused {
+            s.cr &= !EN;
+            self.notes.note(why);
+        } else if s.fcr & DMDIS == 0 {
+            // Section 10.5.5: in direct mode both sides have the peripheral's size, and single transfers.
+            s.cr = (s.cr & !(0b11 << 13 | 0b1111 << 21)) | field(s.cr, 11, 2) << 13;
+        } else if !s.burst_fits() {
+            // Section 10.3.12: the stream is disabled with the FIFO error flag.
+            s.flags |= FEIF;
+            s.cr &= !EN;
+        }
+    }
+}
+
 impl Stream {
+    /// Table 49: the threshold is a whole number of bursts of the memory port. In circular mode and others a
+    /// single transfer always fits.
+    fn burst_fits(&self) -> bool {
+        let beats = [1, 4, 8, 16][field(self.cr, 23, 2) as usize];
+        let bytes = beats << field(self.cr, 13, 2).min(2);
+        let threshold = 4 * (field(self.fcr, 0, 2) + 1);
+        beats == 1 || threshold.is_multiple_of(bytes)
+    }
+
     fn running(&self) -> bool {
         self.cr & EN != 0 && self.ndtr > 0
     }
@@ -225,18 +293,20 @@ impl Stream {
         usize::from(self.cr & DBM != 0 && self.cr & CT != 0)
     }
 
-    fn write_cr(&mut self, value: u32) {
+    /// Whether the stream was started.
+    fn write_cr(&mut self, value: u32) -> bool {
         let was_enabled = self.cr & EN != 0;
         if !was_enabled {
             self.cr = value;
             self.total = self.ndtr;
-            return;
+            return value & EN != 0;
         }
         self.cr = (self.cr & !(INTERRUPT_ENABLES | EN)) | (value & (INTERRUPT_ENABLES | EN));
         if value & EN == 0 {
             // A stream that software stops sets its completion flag (section 10.3.17).
             self.flags |= TCIF;
         }
+        false
     }
 }
 
@@ -281,7 +351,7 @@ impl Peripheral for Dma {
     fn reset(&mut self, _now: u64) {
         *self = Self {
             notes: std::mem::take(&mut self.notes),
-            ..Self::default()
+            ..Self::new(self.number)
         };
     }
 
@@ -309,7 +379,7 @@ mod tests {
 
     /// Stream `n`, `items` from the ADC's DR to 0x2000_0000.
     fn started(n: u32, items: u32, cr: u32) -> Dma {
-        let mut dma = Dma::default();
+        let mut dma = Dma::new(1);
         dma.write(stream(n, 0x04), items, 0).unwrap();
         dma.write(stream(n, 0x08), 0x4001_204c, 0).unwrap();
         dma.write(stream(n, 0x0c), 0x2000_0000, 0).unwrap();
@@ -366,7 +436,7 @@ mod tests {
 
     #[test]
     fn double_buffer_mode_swaps_targets_at_the_end_of_each() {
-        let mut dma = Dma::default();
+        let mut dma = Dma::new(1);
         dma.write(stream(0, 0x04), 1, 0).unwrap();
         dma.write(stream(0, 0x0c), 0x2000_0000, 0).unwrap();
         dma.write(stream(0, 0x10), 0x2000_1000, 0).unwrap();

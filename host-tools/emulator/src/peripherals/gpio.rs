@@ -3,7 +3,20 @@
 //! low. Analog values are not seen here: they are the converter's stimulus.
 
 use super::peripheral::{NoRegister, Peripheral};
-use super::register::field;
+use super::register::{bit, field};
+
+/// LCKR.LCKK.
+const LCKK: u32 = 1 << 16;
+
+/// The lock key (section 8.4.8): LCKK is written as 1, 0, 1 with the same pins, and then read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Key {
+    #[default]
+    Open,
+    /// How many of the three writes were made, with these pins.
+    Turning(u32, u32),
+    Closed,
+}
 
 /// One port of 16 pins.
 #[derive(Debug, Clone, Default)]
@@ -15,9 +28,13 @@ pub struct Gpio {
     pupdr: u32,
     odr: u32,
     lckr: u32,
+    /// How far the lock key was written, and whether it is closed.
+    key: Key,
     afr: [u32; 2],
     /// Levels from outside. `None` where nothing is wired.
     wired: [Option<bool>; 16],
+    /// Levels from outputs at the other ends of wires. `None` where there is no wire, or nothing drives it.
+    by_wire: [Option<bool>; 16],
     /// How often each pin changed its level as an output.
     pub edges: [u64; 16],
 }
@@ -44,6 +61,28 @@ impl Gpio {
         self.wired[pin] = Some(level);
     }
 
+    /// The level that an output at the other end of a wire puts on a pin. `None` if nothing drives the wire.
+    /// Returns the pin's new level if that changed.
+    pub fn drive_by_wire(&mut self, pin: usize, level: Option<bool>) -> Option<bool> {
+        let before = self.level_at(pin);
+        self.by_wire[pin] = level;
+        let after = self.level_at(pin);
+        (before != after).then_some(after)
+    }
+
+    /// The level on a pin that the part itself does not drive: from a wire, from outside, or by its pull-up.
+    fn level_at(&self, pin: usize) -> bool {
+        let pulled_up = field(self.pupdr, 2 * pin as u32, 2) == 0b01;
+        self.by_wire[pin].or(self.wired[pin]).unwrap_or(pulled_up)
+    }
+
+    /// The level that a pin drives as an output. An open drain drives low only.
+    pub fn driven(&self, pin: usize) -> Option<bool> {
+        let level = bit(self.odr, pin as u32);
+        let drives = field(self.moder, 2 * pin as u32, 2) == 0b01 && !(level && bit(self.otyper, pin as u32));
+        drives.then_some(level)
+    }
+
     /// The alternate function that a pin is set to (section 8.3.2). `None` if it has another mode.
     pub fn alternate(&self, pin: usize) -> Option<u32> {
         let function = field(self.afr[pin / 8], 4 * (pin as u32 % 8), 4);
@@ -52,14 +91,17 @@ impl Gpio {
 
     fn input(&self) -> u32 {
         (0..16).fold(0, |levels, pin| {
-            let wired = self.wired[pin as usize];
-            let level = match (field(self.moder, 2 * pin, 2), field(self.pupdr, 2 * pin, 2)) {
-                (0b01, _) => field(self.odr, pin, 1),
-                (0b00 | 0b10, _) if wired.is_some() => wired.map_or(0, u32::from),
-                (0b00, 0b01) => 1,
-                _ => 0,
+            let n = pin as usize;
+            let wired = self.by_wire[n].or(self.wired[n]).is_some();
+            let level = match field(self.moder, 2 * pin, 2) {
+                // An open drain that is let go is moved from outside; where nothing is, it reads its register.
+                0b01 if wired => self.driven(n).unwrap_or_else(|| self.level_at(n)),
+                0b01 => bit(self.odr, pin),
+                0b10 => wired && self.level_at(n),
+                0b00 => self.level_at(n),
+                _ => false,
             };
-            levels | level << pin
+            levels | u32::from(level) << pin
         })
     }
 
@@ -68,6 +110,33 @@ impl Gpio {
             let driven = field(self.moder, 2 * pin, 2) == 0b01;
             levels | (u32::from(driven) & field(self.odr, pin, 1)) << pin
         })
+    }
+}
+
+impl Gpio {
+    /// The pins whose setting is locked.
+    fn locked(&self) -> u32 {
+        if self.key == Key::Closed { self.lckr } else { 0 }
+    }
+
+    /// What a setting of `width` bits for each pin becomes: locked pins keep theirs.
+    fn unlocked(&self, width: u32, first: u32, old: u32, new: u32) -> u32 {
+        let ones = (1 << width) - 1;
+        let pins = (0..32 / width).filter(|pin| bit(self.locked(), first + pin));
+        let kept = pins.fold(0, |kept, pin| kept | ones << (width * pin));
+        (old & kept) | (new & !kept)
+    }
+
+    fn write_lock(&mut self, value: u32) {
+        let (key, pins) = (value & LCKK != 0, value & 0xffff);
+        self.key = match self.key {
+            Key::Closed => return,
+            Key::Turning(1, before) if !key && before == pins => Key::Turning(2, pins),
+            Key::Turning(2, before) if key && before == pins => Key::Turning(3, pins),
+            _ if key => Key::Turning(1, pins),
+            _ => Key::Open,
+        };
+        self.lckr = pins;
     }
 }
 
@@ -81,7 +150,12 @@ impl Peripheral for Gpio {
             0x10 => self.input(),
             0x14 => self.odr,
             0x18 => 0,
-            0x1c => self.lckr,
+            0x1c => {
+                if let Key::Turning(3, _) = self.key {
+                    self.key = Key::Closed;
+                }
+                self.lckr | if self.key == Key::Closed { LCKK } else { 0 }
+            }
             0x20 => self.afr[0],
             0x24 => self.afr[1],
             _ => return Err(NoRegister),
@@ -91,17 +165,17 @@ impl Peripheral for Gpio {
     fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         let before = self.outputs();
         match offset {
-            0x00 => self.moder = value,
-            0x04 => self.otyper = value & 0xffff,
-            0x08 => self.ospeedr = value,
-            0x0c => self.pupdr = value,
+            0x00 => self.moder = self.unlocked(2, 0, self.moder, value),
+            0x04 => self.otyper = self.unlocked(1, 0, self.otyper, value) & 0xffff,
+            0x08 => self.ospeedr = self.unlocked(2, 0, self.ospeedr, value),
+            0x0c => self.pupdr = self.unlocked(2, 0, self.pupdr, value),
             0x10 => {}
             0x14 => self.odr = value & 0xffff,
             // Set wins over reset (section 8.4.7).
             0x18 => self.odr = (self.odr & !(value >> 16)) | (value & 0xffff),
-            0x1c => self.lckr = value & 0x1_ffff,
-            0x20 => self.afr[0] = value,
-            0x24 => self.afr[1] = value,
+            0x1c => self.write_lock(value),
+            0x20 => self.afr[0] = self.unlocked(4, 0, self.afr[0], value),
+            0x24 => self.afr[1] = self.unlocked(4, 8, self.afr[1], value),
             _ => return Err(NoRegister),
         }
         let changed = before ^ self.outputs();
@@ -116,6 +190,7 @@ impl Peripheral for Gpio {
         *self = Self {
             edges: self.edges,
             wired: self.wired,
+            by_wire: self.by_wire,
             ..Self::new(self.port)
         };
     }
@@ -183,6 +258,51 @@ mod tests {
             port.write(0x14, value, 0).unwrap();
         }
         assert_eq!(port.edges[..2], [3, 0]);
+    }
+
+    #[test]
+    fn a_locked_pin_keeps_its_setting_until_the_next_reset_and_others_do_not() {
+        let lock = |writes: &[u32]| {
+            let mut port = Gpio::new(2);
+            for value in writes {
+                port.write(0x1c, *value, 0).unwrap();
+            }
+            port.read(0x1c, 0).unwrap();
+            for register in [0x00, 0x20, 0x24, 0x14] {
+                port.write(register, u32::MAX, 0).unwrap();
+            }
+            port
+        };
+        let pins = 1 << 0 | 1 << 9;
+        let mut port = lock(&[LCKK | pins, pins, LCKK | pins]);
+        let settings = [0x00, 0x20, 0x24, 0x14, 0x1c].map(|register| port.read(register, 0).unwrap());
+        assert_eq!(
+            settings,
+            [0xfff3_fffc, 0xffff_fff0, 0xffff_ff0f, 0xffff, LCKK | pins]
+        );
+        port.reset(0);
+        assert_eq!(port.read(0x1c, 0), Ok(0));
+        for wrong in [
+            &[LCKK | pins, pins][..],
+            &[LCKK | pins, pins, LCKK | 1],
+            &[pins, LCKK | pins],
+        ] {
+            assert_eq!(lock(wrong).read(0x00, 0), Ok(u32::MAX), "{wrong:x?}");
+        }
+    }
+
+    #[test]
+    fn an_open_drain_drives_low_only_and_reads_what_the_wire_carries() {
+        let mut port = Gpio::new(2);
+        port.write(0x04, 1, 0).unwrap();
+        port.write(0x00, 0b01, 0).unwrap();
+        assert_eq!((port.driven(0), port.driven(1)), (Some(false), None));
+        port.write(0x14, 1, 0).unwrap();
+        assert_eq!(port.driven(0), None);
+        assert_eq!(port.drive_by_wire(0, Some(false)), None, "it was low already");
+        assert_eq!(port.read(0x10, 0), Ok(0));
+        assert_eq!(port.drive_by_wire(0, Some(true)), Some(true));
+        assert_eq!(port.read(0x10, 0), Ok(1));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! What all models have in common.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use super::clock::Clocks;
@@ -58,12 +59,12 @@ pub struct NoRegister;
 
 /// What the firmware asked of a peripheral that its model does not do.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Notes(BTreeSet<&'static str>);
+pub struct Notes(BTreeSet<Cow<'static, str>>);
 
 impl Notes {
     /// Takes a note. The same note is kept once.
-    pub(crate) fn note(&mut self, what: &'static str) {
-        self.0.insert(what);
+    pub(crate) fn note(&mut self, what: impl Into<Cow<'static, str>>) {
+        self.0.insert(what.into());
     }
 
     pub(crate) fn note_if(&mut self, asked: bool, what: &'static str) {
@@ -75,7 +76,7 @@ impl Notes {
     /// Keeps a note for as long as it holds.
     pub(crate) fn keep_while(&mut self, holds: bool, what: &'static str) {
         match holds {
-            true => self.0.insert(what),
+            true => self.0.insert(what.into()),
             false => self.0.remove(what),
         };
     }
@@ -88,7 +89,7 @@ impl Notes {
     }
 
     /// In alphabetical order.
-    pub fn iter(&self) -> impl Iterator<Item = &'static str> + '_ {
-        self.0.iter().copied()
+    pub fn iter(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(AsRef::as_ref)
     }
 }

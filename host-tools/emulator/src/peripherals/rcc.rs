@@ -184,15 +184,15 @@ impl Rcc {
         };
         let apb = |ppre: u32| if ppre & 4 == 0 { 0 } else { (ppre & 3) + 1 };
         let (shift1, shift2) = (apb(field(self.cfgr, 10, 3)), apb(field(self.cfgr, 13, 3)));
-        let pclk1 = hclk >> shift1;
         // Section 7.2: timers get twice the bus clock wherever the bus is divided.
-        let timers1 = if shift1 == 0 { pclk1 } else { 2 * pclk1 };
+        let timers = |shift: u32| hclk >> shift.saturating_sub(1);
         Clocks {
             sysclk,
             hclk,
-            pclk1,
+            pclk1: hclk >> shift1,
             pclk2: hclk >> shift2,
-            timers1,
+            timers1: timers(shift1),
+            timers2: timers(shift2),
         }
     }
 
@@ -211,14 +211,14 @@ impl Rcc {
         (u64::from(input) * u64::from(n) / u64::from(m * p)) as u32
     }
 
-    /// Whether the clock of a peripheral is on: its bit in the bus's enable register.
-    pub fn enabled(&self, bus: Bus, n: u32) -> bool {
-        bit(self.enable[bus as usize], n)
+    /// Whether one of these bits in the bus's enable register is set.
+    pub fn enabled(&self, bus: Bus, bits: u32) -> bool {
+        self.enable[bus as usize] & bits != 0
     }
 
-    /// Whether the firmware holds a peripheral in reset.
-    pub fn held_in_reset(&self, bus: Bus, n: u32) -> bool {
-        bit(self.reset[bus as usize], n)
+    /// Whether the firmware holds a peripheral in reset: one of these bits in the bus's reset register is set.
+    pub fn held_in_reset(&self, bus: Bus, bits: u32) -> bool {
+        self.reset[bus as usize] & bits != 0
     }
 
     fn write_cr(&mut self, value: u32) {
@@ -381,7 +381,8 @@ mod tests {
                 hclk: all,
                 pclk1: all,
                 pclk2: all,
-                timers1: all
+                timers1: all,
+                timers2: all
             }
         );
     }
@@ -396,7 +397,8 @@ mod tests {
                 hclk: 168_000_000,
                 pclk1: 42_000_000,
                 pclk2: 84_000_000,
-                timers1: 84_000_000
+                timers1: 84_000_000,
+                timers2: 168_000_000
             }
         );
     }

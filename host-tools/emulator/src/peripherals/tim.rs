@@ -1,21 +1,24 @@
-//! General-purpose timers TIM2 to TIM5 (RM0090 section 18): up-counting with update and compare events, input
-//! capture, and a start by another timer.
+//! Timers TIM1 to TIM14 (RM0090 sections 17 to 20): up-counting with update and compare events, input capture,
+//! and a start by another timer.
 //!
 //! # Design
 //!
-//! The counter is a function of time: the ticks since an *origin*, the last time at which counting started
-//! afresh. So a timer costs nothing while it runs. Ticks are numbered from the origin, and events are found
-//! by arithmetic on these numbers. Flags of the past are filled in at the next access. A new origin is made
-//! only where counting starts afresh by the reference manual: a write to the counter, UG, a clock change, or
-//! an update that loads a new prescaler or period.
+//! What a timer has is its [`Kind`]. Its `counter` knows the count at any time by arithmetic. Flags of the past
+//! are filled in at the next access. The counter's origin moves where its settings change: a write to the
+//! counter, UG, a clock change, or an update that loads a new prescaler or period.
 //!
 //! An edge at an input latches the counter at the time of the edge. Silicon takes a clock or two to
 //! synchronise an edge, and also the trigger of another timer (sections 18.3.5, 18.3.15). This delay is the
 //! same every time, and is not modelled.
 
-use super::clock::{self, Clocks};
+mod counter;
+mod kind;
+
+use super::clock::Clocks;
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field, index};
+use counter::{Counter, Loaded};
+pub use kind::Kind;
 
 const CEN: u32 = 1 << 0;
 const UDIS: u32 = 1 << 1;
@@ -26,23 +29,32 @@ const ARPE: u32 = 1 << 7;
 const UPDATE: u32 = 1 << 0;
 /// TIF: the trigger came.
 const TRIGGER: u32 = 1 << 6;
-/// UIF, CC1IF..CC4IF, TIF: flags with an interrupt (section 18.4.4, 18.4.5).
-const FLAGS: u32 = 0x5f;
+/// BIF: the break came.
+const BREAK: u32 = 1 << 7;
+/// BDTR.MOE.
+const MOE: u32 = 1 << 15;
+/// CCxP and CCxNP.
+const POLARITIES: u32 = 0xaaaa;
+/// Channels of the largest timer.
 const CHANNELS: usize = 4;
 
 /// Bits of registers that ask for what is not modelled.
-const UNMODELLED: [(u32, u32, &str); 3] = [
+const UNMODELLED: [(u32, u32, &str); 5] = [
     (0x00, 0x70, "CR1: only up-counting is modelled"),
     (0x04, 0x40, "CR2.MMS: OCxREF as trigger output is not modelled"),
-    (0x0c, 0x5f00, "DIER: timer DMA requests are not modelled"),
+    (
+        0x04,
+        0x05,
+        "CR2.CCPC: preloaded compare controls are not modelled",
+    ),
+    (0x0c, 0x7f00, "DIER: timer DMA requests are not modelled"),
+    (0x44, 0x1000, "BDTR.BKE: the break input is not modelled"),
 ];
 
 /// One timer.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Tim {
-    /// Highest counter value: TIM2 and TIM5 have 32 bits, TIM3 and TIM4 16.
-    max: u32,
-    hz: u32,
+    kind: Kind,
     cr1: u32,
     cr2: u32,
     smcr: u32,
@@ -50,105 +62,84 @@ pub struct Tim {
     sr: u32,
     ccmr: [u32; 2],
     ccer: u32,
-    psc: Loaded,
-    arr: Loaded,
+    bdtr: u32,
     ccr: [Loaded; CHANNELS],
-    origin_ns: u64,
-    /// The counter at the origin.
-    origin_count: u32,
-    /// Flags have been filled in up to this tick from the origin.
+    counter: Counter,
+    /// Flags have been filled in up to this tick from the counter's origin.
     seen: u64,
     /// UG or an enable was written, and TRGO passes it on at once. Whoever passes it on clears this.
     pub trigger_now: bool,
     notes: Notes,
 }
 
-/// A register with a buffer behind it: `written` is loaded into `active` at an update event.
-#[derive(Debug, Clone, Copy, Default)]
-struct Loaded {
-    written: u32,
-    active: u32,
-}
-
-impl Loaded {
-    const fn new(value: u32) -> Self {
-        Self {
-            written: value,
-            active: value,
-        }
-    }
-
-    fn load(&mut self) {
-        self.active = self.written;
-    }
-}
-
 impl Tim {
-    /// A timer with a counter of 16 or 32 bits on a clock of `hz`.
-    pub fn new(bits: u32, hz: u32) -> Self {
-        let max = u32::MAX >> (32 - bits);
+    /// A timer of a kind, on a clock of `hz`.
+    pub fn new(kind: Kind, hz: u32) -> Self {
         Self {
-            max,
-            hz,
-            arr: Loaded::new(max),
-            ..Self::default()
+            kind,
+            cr1: 0,
+            cr2: 0,
+            smcr: 0,
+            dier: 0,
+            sr: 0,
+            ccmr: [0; 2],
+            ccer: 0,
+            bdtr: 0,
+            ccr: [Loaded::default(); CHANNELS],
+            counter: Counter::new(kind.max, hz),
+            seen: 0,
+            trigger_now: false,
+            notes: Notes::default(),
         }
     }
 
     /// Fills in what has happened up to `now`.
     pub fn advance(&mut self, now: u64) {
-        while self.counting() {
-            let ticks = self.ticks(now);
+        while self.counter.counts() {
+            let ticks = self.counter.ticks(now);
             if ticks <= self.seen {
                 return;
             }
-            let update = self.update_after(self.seen);
-            let reload = self.cr1 & OPM != 0 || (self.cr1 & UDIS == 0 && self.has_pending_load());
+            let update = self.counter.update_after(self.seen);
+            let loads = self.cr1 & UDIS == 0;
+            let reload = self.cr1 & OPM != 0 || (loads && self.has_pending_load());
             let to = if reload { ticks.min(update) } else { ticks };
             self.fill_in(to);
             if reload && to == update {
-                let at = self.time_of(update);
-                if self.cr1 & UDIS == 0 {
-                    self.load();
+                self.counter.pass_update(update, loads);
+                self.seen = 0;
+                if loads {
+                    self.ccr.iter_mut().for_each(Loaded::load);
                 }
-                self.start_afresh(at, 0);
                 if self.cr1 & OPM != 0 {
-                    self.cr1 &= !CEN;
+                    self.counter.enabled = false;
                 }
             }
         }
     }
 
-    /// The timer (TIM2 is 0) whose trigger output starts this one: in slave mode *trigger* (section 18.4.3),
-    /// while this one does not run yet. `this` is the number of this timer.
-    pub fn waits_for(&self, this: usize) -> Option<usize> {
-        /// ITR0 to ITR3 (table 93), as far as they are timers modelled here.
-        const MASTERS: [[Option<usize>; 4]; 4] = [
-            [None, None, Some(1), Some(2)],
-            [None, Some(0), Some(3), Some(2)],
-            [None, Some(0), Some(1), None],
-            [Some(0), Some(1), Some(2), None],
-        ];
-        let master = MASTERS[this].get(field(self.smcr, 4, 3) as usize)?;
-        master.filter(|_| field(self.smcr, 0, 3) == 0b110 && self.cr1 & CEN == 0)
+    /// The internal trigger (ITR0 to ITR3) that starts this timer: in slave mode *trigger* (section 18.4.3),
+    /// while it does not run yet.
+    pub fn waits_for(&self) -> Option<u32> {
+        let waits = field(self.smcr, 0, 3) == 0b110 && field(self.smcr, 4, 3) < 4 && !self.counter.enabled;
+        waits.then(|| field(self.smcr, 4, 3))
     }
 
     /// The trigger that it waited for comes.
     pub fn start(&mut self, at: u64) {
         self.advance(at);
-        let count = self.count(at);
-        self.cr1 |= CEN;
+        self.counter.go_on(at);
+        self.counter.enabled = true;
+        self.seen = 0;
         self.sr |= TRIGGER;
-        self.start_afresh(at, count);
     }
 
     /// An edge comes at an input: TI1 to TI4 are 0 to 3.
     pub fn edge(&mut self, input: usize, rising: bool, at: u64) {
         self.advance(at);
-        for channel in 0..CHANNELS {
+        for channel in 0..self.kind.channels {
             if self.captures(channel, input, rising) {
-                let count = self.count(at);
-                self.ccr[channel] = Loaded::new(count);
+                self.ccr[channel] = Loaded::new(self.counter.count(at));
                 // CCxOF is set if the flag of an earlier capture still stands (section 18.4.5).
                 self.sr |= ((self.sr >> (1 + channel)) & 1) << (9 + channel);
                 self.sr |= 2 << channel;
@@ -156,16 +147,22 @@ impl Tim {
         }
     }
 
-    /// Whether an edge at this input would raise the interrupt line.
+    /// Whether an edge at this input would raise an interrupt line.
     pub fn edge_interrupts(&self, input: usize, rising: bool) -> bool {
-        let raises = |channel| self.captures(channel, input, rising) && bit(self.dier, 1 + channel as u32);
-        !self.interrupt(0) && (0..CHANNELS).any(raises)
+        let raises = |channel: usize| self.captures(channel, input, rising) && self.would_raise(2 << channel);
+        (0..self.kind.channels).any(raises)
     }
 
-    /// Whether an edge at any input could raise the interrupt line.
+    /// Whether an edge at any input could raise an interrupt line.
     pub fn captures_interrupt(&self) -> bool {
-        let waits = |channel: usize| self.is_input(channel) && bit(self.dier, 1 + channel as u32);
-        !self.interrupt(0) && (0..CHANNELS).any(waits)
+        let waits = |channel: usize| self.is_input(channel) && self.would_raise(2 << channel);
+        (0..self.kind.channels).any(waits)
+    }
+
+    /// Whether this flag, when it is set, raises a line that is down now.
+    fn would_raise(&self, flag: u32) -> bool {
+        let is_up = |line: &&u32| *line & flag != 0 && self.sr & self.dier & *line != 0;
+        self.dier & flag != 0 && self.kind.lines.iter().find(is_up).is_none()
     }
 
     fn captures(&self, channel: usize, input: usize, rising: bool) -> bool {
@@ -197,56 +194,58 @@ impl Tim {
     /// When the trigger output TRGO will pulse by itself for the `n`-th time from now (0 is the next), as
     /// CR2.MMS selects (section 18.4.2). If an update in between loads a new period, only the first is known.
     pub fn trigger(&self, n: u64) -> Option<u64> {
-        if !self.counting() {
+        if !self.counter.counts() {
             return None;
         }
-        let first = match field(self.cr2, 4, 3) {
-            0b010 if self.cr1 & UDIS == 0 => self.update_after(self.seen),
-            0b011 => self.compare_after(self.ccr[0].active, self.seen),
+        let (first, period) = match field(self.cr2, 4, 3) {
+            0b010 if self.cr1 & UDIS == 0 => {
+                (self.counter.update_after(self.seen), self.counter.update_period())
+            }
+            0b011 => (
+                self.counter.compare_after(self.ccr[0].active, self.seen),
+                self.counter.period(),
+            ),
             _ => return None,
         };
         if n > 0 && (self.has_pending_load() || self.cr1 & OPM != 0) {
             return None;
         }
-        Some(self.time_of(first + n * self.period()))
+        Some(self.counter.time_of(first + n * period))
     }
 
     fn write_cr1(&mut self, value: u32, now: u64) {
-        let count = self.count(now);
-        let was_enabled = self.cr1 & CEN != 0;
-        self.cr1 = value & 0x3ff;
-        let enabled = self.cr1 & CEN != 0;
-        if was_enabled != enabled {
-            self.start_afresh(now, count);
-            self.trigger_now |= enabled && field(self.cr2, 4, 3) == 0b001;
-        }
-        if self.cr1 & ARPE == 0 && self.arr.active != self.arr.written {
-            self.arr.load();
-            self.start_afresh(now, count);
+        let was_enabled = self.counter.enabled;
+        self.cr1 = value & self.kind.cr1 & !CEN;
+        self.counter.go_on(now);
+        self.seen = 0;
+        self.counter.enabled = value & CEN != 0;
+        self.trigger_now |= !was_enabled && value & CEN != 0 && field(self.cr2, 4, 3) == 0b001;
+        if self.cr1 & ARPE == 0 {
+            self.counter.reload.load();
         }
     }
 
     /// EGR (section 18.4.6).
     fn generate(&mut self, value: u32, now: u64) {
-        self.sr |= value & 0x5e;
-        if value & 1 == 0 {
+        let value = value & self.kind.egr;
+        self.sr |= value & !UPDATE;
+        if value & BREAK != 0 {
+            self.bdtr &= !MOE;
+        }
+        if value & UPDATE == 0 {
             return;
         }
         if self.cr1 & UDIS == 0 {
-            self.load();
+            self.counter.load();
+            self.ccr.iter_mut().for_each(Loaded::load);
             if self.cr1 & URS == 0 {
                 self.sr |= UPDATE;
             }
             // MMS reset and update.
             self.trigger_now |= matches!(field(self.cr2, 4, 3), 0b000 | 0b010);
         }
-        self.start_afresh(now, 0);
-    }
-
-    fn load(&mut self) {
-        self.psc.load();
-        self.arr.load();
-        self.ccr.iter_mut().for_each(Loaded::load);
+        self.counter.start_again(now);
+        self.seen = 0;
     }
 
     /// Compare values without preload (CCMRx.OCxPE is 0) take effect at once.
@@ -260,101 +259,73 @@ impl Tim {
     }
 
     fn has_pending_load(&self) -> bool {
-        let differs = |r: &Loaded| r.written != r.active;
-        differs(&self.psc) || differs(&self.arr) || self.ccr.iter().any(differs)
-    }
-
-    /// The counter is blocked while the period is zero (section 18.3.1).
-    fn counting(&self) -> bool {
-        self.cr1 & CEN != 0 && self.arr.active != 0
-    }
-
-    fn start_afresh(&mut self, now: u64, count: u32) {
-        self.origin_ns = now;
-        self.origin_count = count;
-        self.seen = 0;
-    }
-
-    // Ticks from the origin.
-
-    fn ticks(&self, now: u64) -> u64 {
-        match self.counting() {
-            true => {
-                clock::ticks(now.saturating_sub(self.origin_ns), self.hz) / (u64::from(self.psc.active) + 1)
-            }
-            false => 0,
-        }
-    }
-
-    fn time_of(&self, tick: u64) -> u64 {
-        self.origin_ns
-            .saturating_add(clock::edge(tick * (u64::from(self.psc.active) + 1), self.hz))
-    }
-
-    fn period(&self) -> u64 {
-        u64::from(self.arr.active) + 1
-    }
-
-    /// Ticks to the first update. A counter beyond the period runs on to its end.
-    fn first_update(&self) -> u64 {
-        let beyond = self.origin_count > self.arr.active;
-        let end = if beyond {
-            u64::from(self.max) + 1
-        } else {
-            self.period()
-        };
-        end - u64::from(self.origin_count)
-    }
-
-    fn count(&self, now: u64) -> u32 {
-        let (ticks, first) = (self.ticks(now), self.first_update());
-        let count = match ticks.checked_sub(first) {
-            None => u64::from(self.origin_count) + ticks,
-            Some(past) => past % self.period(),
-        };
-        count as u32
-    }
-
-    /// The first update after tick `n`.
-    fn update_after(&self, n: u64) -> u64 {
-        self.repeated_after(self.first_update(), n)
-    }
-
-    /// The first tick after `n` of those that are whole periods from `first` on.
-    fn repeated_after(&self, first: u64, n: u64) -> u64 {
-        match n.checked_sub(first) {
-            None => first,
-            Some(past) => first + (past / self.period() + 1) * self.period(),
-        }
-    }
-
-    /// The first tick after `n` at which the counter equals `compare`. A compare value beyond the period
-    /// matches at the update (section 18.4.5, CC1IF).
-    fn compare_after(&self, compare: u32, n: u64) -> u64 {
-        if compare > self.arr.active {
-            return self.update_after(n);
-        }
-        let first_update = self.first_update();
-        if let Some(ahead) = compare.checked_sub(self.origin_count).map(u64::from)
-            && n < ahead
-            && ahead < first_update
-        {
-            return ahead;
-        }
-        self.repeated_after(first_update + u64::from(compare), n)
+        self.counter.has_pending_load() || self.ccr.iter().any(Loaded::is_pending)
     }
 
     /// Sets the flags of ticks after `seen` up to `to`.
     fn fill_in(&mut self, to: u64) {
-        if self.cr1 & UDIS == 0 && self.update_after(self.seen) <= to {
+        if self.cr1 & UDIS == 0 && self.counter.update_after(self.seen) <= to {
             self.sr |= UPDATE;
         }
-        for channel in 0..CHANNELS {
-            if !self.is_input(channel) && self.compare_after(self.ccr[channel].active, self.seen) <= to {
+        for channel in 0..self.kind.channels {
+            let compare = self.ccr[channel].active;
+            if !self.is_input(channel) && self.counter.compare_after(compare, self.seen) <= to {
                 self.sr |= 2 << channel;
             }
         }
         self.seen = to;
+    }
+
+    /// BDTR.LOCK (section 17.4.18): 0 to 3.
+    fn lock(&self) -> u32 {
+        field(self.bdtr, 8, 2)
+    }
+
+    fn write_cr2(&mut self, value: u32) {
+        // OISx and OISxN.
+        let locked = if self.lock() >= 1 { 0x7f00 } else { 0 };
+        self.cr2 = (self.cr2 & locked) | (value & self.kind.cr2 & !locked);
+    }
+
+    fn write_ccmr(&mut self, n: usize, value: u32) {
+        // OCxM and OCxPE of outputs.
+        let locked = match self.lock() {
+            3 => (0..2)
+                .filter(|half| !self.is_input(2 * n + half))
+                .fold(0, |bits, half| bits | 0x78 << (8 * half)),
+            _ => 0,
+        };
+        let mask = if self.kind.channels == 1 { 0xff } else { 0xffff };
+        self.ccmr[n] = (self.ccmr[n] & locked) | (value & mask & !locked);
+        for half in [value, value >> 8] {
+            self.notes.note_if(
+                half & 3 != 0 && half & 0xfc != 0,
+                "CCMR: input filters and prescalers are not modelled",
+            );
+            self.notes.note_if(
+                half & 3 == 3,
+                "CCMR: capture on the trigger input is not modelled",
+            );
+        }
+        self.load_unbuffered();
+    }
+
+    fn write_ccer(&mut self, value: u32) {
+        let locked = if self.lock() >= 2 { POLARITIES } else { 0 };
+        self.ccer = (self.ccer & locked) | (value & self.kind.ccer & !locked);
+        let outputs = (0..self.kind.channels).filter(|channel| !self.is_input(*channel));
+        let on = outputs.fold(0, |on, channel| on | self.ccer & (0b101 << (4 * channel)));
+        self.notes
+            .note_if(on & 0x1111 != 0, "CCER: compare outputs move no pin");
+        self.notes
+            .note_if(on & 0x4444 != 0, "CCER: complementary outputs move no pin");
+    }
+
+    /// LOCK can be written once after a reset, and protects more with each level.
+    fn write_bdtr(&mut self, value: u32) {
+        // LOCK, DTG, BKE, BKP and AOE; and from level 2 on OSSI and OSSR.
+        let locked = [0, 0x73ff, 0x7fff, 0x7fff][self.lock() as usize];
+        self.bdtr = (self.bdtr & locked) | (value & self.kind.bdtr & !locked);
     }
 }
 
@@ -362,18 +333,21 @@ impl Peripheral for Tim {
     fn read(&mut self, offset: u32, now: u64) -> Result<u32, NoRegister> {
         self.advance(now);
         Ok(match offset {
-            0x00 => self.cr1,
-            0x04 => self.cr2,
-            0x08 => self.smcr,
+            0x00 => self.cr1 | u32::from(self.counter.enabled),
+            0x04 if self.kind.cr2 != 0 => self.cr2,
+            0x08 if self.kind.smcr != 0 => self.smcr,
             0x0c => self.dier,
             0x10 => self.sr,
             0x14 => 0,
-            0x18 | 0x1c => self.ccmr[index(offset, 0x18)],
-            0x20 => self.ccer,
-            0x24 => self.count(now),
-            0x28 => self.psc.written,
-            0x2c => self.arr.written,
-            0x34..=0x40 if offset.is_multiple_of(4) => {
+            0x18 | 0x1c if index(offset, 0x18) < self.kind.channels.div_ceil(2) => {
+                self.ccmr[index(offset, 0x18)]
+            }
+            0x20 if self.kind.ccer != 0 => self.ccer,
+            0x24 => self.counter.count(now),
+            0x28 => self.counter.prescaler.written,
+            0x2c => self.counter.reload.written,
+            0x30 if self.kind.rcr != 0 => self.counter.repetition.written,
+            0x34..=0x40 if offset.is_multiple_of(4) && index(offset, 0x34) < self.kind.channels => {
                 let channel = index(offset, 0x34);
                 // Reading what was captured clears its flag (section 18.4.5).
                 if self.is_input(channel) {
@@ -381,111 +355,101 @@ impl Peripheral for Tim {
                 }
                 self.ccr[channel].written
             }
+            0x44 if self.kind.bdtr != 0 => self.bdtr,
             _ => return Err(NoRegister),
         })
     }
 
     fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
-        self.notes.note_bits(&UNMODELLED, offset, value);
         self.advance(now);
         match offset {
             0x00 => self.write_cr1(value, now),
-            0x04 => self.cr2 = value & 0xf8,
-            0x08 => {
-                self.smcr = value & 0xfff7;
+            0x04 if self.kind.cr2 != 0 => self.write_cr2(value),
+            0x08 if self.kind.smcr != 0 => {
+                self.smcr = value & self.kind.smcr;
                 let started = matches!((field(value, 0, 3), field(value, 4, 3)), (0b110, 0b000..=0b011));
                 self.notes.note_if(
                     value & 0x4000 != 0 || (value & 7 != 0 && !started),
                     "SMCR: of the slave modes only the start by another timer is modelled, of the external clocks none",
                 );
             }
-            0x0c => self.dier = value & 0x5f5f,
+            0x0c => self.dier = value & self.kind.dier,
             // rc_w0: a 0 clears, a 1 leaves (section 18.4.5).
             0x10 => self.sr &= value,
             0x14 => self.generate(value, now),
-            0x18 | 0x1c => {
-                self.ccmr[index(offset, 0x18)] = value & 0xffff;
-                for half in [value, value >> 8] {
-                    self.notes.note_if(
-                        half & 3 != 0 && half & 0xfc != 0,
-                        "CCMR: input filters and prescalers are not modelled",
-                    );
-                    self.notes.note_if(
-                        half & 3 == 3,
-                        "CCMR: capture on the trigger input is not modelled",
-                    );
-                }
-                self.load_unbuffered();
+            0x18 | 0x1c if index(offset, 0x18) < self.kind.channels.div_ceil(2) => {
+                self.write_ccmr(index(offset, 0x18), value);
             }
-            0x20 => {
-                self.ccer = value & 0xbbbb;
-                let outputs = (0..CHANNELS).filter(|channel| !self.is_input(*channel));
-                let on = outputs.fold(0, |on, channel| on | value & (1 << (4 * channel)));
-                self.notes.note_if(on != 0, "CCER: compare outputs move no pin");
+            0x20 if self.kind.ccer != 0 => self.write_ccer(value),
+            0x24 => {
+                self.counter.set_count(value, now);
+                self.seen = 0;
             }
-            0x24 => self.start_afresh(now, value & self.max),
-            0x28 => self.psc.written = value & 0xffff,
+            0x28 => self.counter.prescaler.written = value & 0xffff,
             0x2c => {
-                let count = self.count(now);
-                self.arr.written = value & self.max;
+                self.counter.go_on(now);
+                self.seen = 0;
+                self.counter.reload.written = value & self.kind.max;
                 if self.cr1 & ARPE == 0 {
-                    self.arr.load();
-                    // Only the period changes: the part of the tick that has passed is kept.
-                    let tick = self.time_of(self.ticks(now));
-                    self.start_afresh(if self.counting() { tick } else { now }, count);
+                    self.counter.reload.load();
                 }
             }
-            0x34..=0x40 if offset.is_multiple_of(4) => {
+            0x30 if self.kind.rcr != 0 => self.counter.repetition.written = value & self.kind.rcr,
+            0x34..=0x40 if offset.is_multiple_of(4) && index(offset, 0x34) < self.kind.channels => {
                 let channel = index(offset, 0x34);
                 // What was captured cannot be written (section 18.4.13).
                 if !self.is_input(channel) {
-                    self.ccr[channel].written = value & self.max;
+                    self.ccr[channel].written = value & self.kind.max;
                     self.load_unbuffered();
                 }
             }
+            0x44 if self.kind.bdtr != 0 => self.write_bdtr(value),
             _ => return Err(NoRegister),
         }
+        self.notes.note_bits(&UNMODELLED, offset, value);
         Ok(())
     }
 
     /// The clock stays.
-    fn reset(&mut self, _now: u64) {
+    fn reset(&mut self, now: u64) {
+        let mut counter = Counter::new(self.kind.max, 0);
+        counter.set_clock(self.counter.hz, now);
         *self = Self {
+            counter,
             notes: std::mem::take(&mut self.notes),
-            ..Self::new(32 - self.max.leading_zeros(), self.hz)
+            ..Self::new(self.kind, 0)
         };
     }
 
-    fn interrupt(&self, _output: usize) -> bool {
-        self.sr & self.dier & FLAGS != 0
+    fn interrupt(&self, output: usize) -> bool {
+        self.sr & self.dier & self.kind.lines[output] != 0
     }
 
     fn next_interrupt(&self) -> Option<u64> {
-        let wanted = self.dier & FLAGS & !self.sr;
-        if !self.counting() || self.interrupt(0) || wanted == 0 {
+        if !self.counter.counts() {
             return None;
         }
-        let update = (wanted & UPDATE != 0 && self.cr1 & UDIS == 0).then(|| self.update_after(self.seen));
-        let compares = (0..CHANNELS)
-            .filter(|c| bit(wanted, 1 + *c as u32) && !self.is_input(*c))
-            .map(|c| self.compare_after(self.ccr[c].active, self.seen));
+        let update = || self.counter.update_after(self.seen);
+        let updates = (self.cr1 & UDIS == 0 && self.would_raise(UPDATE)).then(update);
+        let compares = (0..self.kind.channels)
+            .filter(|channel| self.would_raise(2 << channel) && !self.is_input(*channel))
+            .map(|channel| self.counter.compare_after(self.ccr[channel].active, self.seen));
+        let soonest = updates.into_iter().chain(compares).min()?;
         // A load at the next update may move everything after it: look again at that time.
-        let reload = self.has_pending_load().then(|| self.update_after(self.seen));
-        update
-            .into_iter()
-            .chain(compares)
-            .chain(reload)
-            .min()
-            .map(|tick| self.time_of(tick))
+        let tick = if self.has_pending_load() {
+            soonest.min(update())
+        } else {
+            soonest
+        };
+        Some(self.counter.time_of(tick))
     }
 
-    /// The part of a tick that had passed is lost.
     fn set_clocks(&mut self, clocks: &Clocks, now: u64) {
-        if clocks.timers1 != self.hz {
+        let hz = clocks.of_timers(self.kind.apb);
+        if hz != self.counter.hz {
             self.advance(now);
-            let count = self.count(now);
-            self.hz = clocks.timers1;
-            self.start_afresh(now, count);
+            self.counter.set_clock(hz, now);
+            self.seen = 0;
         }
     }
 
@@ -511,7 +475,7 @@ mod tests {
 
     /// 84 MHz, a period of 840 ticks: 10 µs.
     fn at_100_khz() -> Tim {
-        let mut tim = Tim::new(16, 84_000_000);
+        let mut tim = Tim::new(Kind::GENERAL, 84_000_000);
         tim.write(ARR, 839, 0).unwrap();
         tim.write(EGR, 1, 0).unwrap();
         tim.write(SR, 0, 0).unwrap();
@@ -688,7 +652,7 @@ mod tests {
 
     #[test]
     fn a_thirty_two_bit_timer_wraps_where_its_period_says() {
-        let mut tim = Tim::new(32, 84_000_000);
+        let mut tim = Tim::new(Kind::GENERAL_32, 84_000_000);
         tim.write(CR1, CEN, 0).unwrap();
         assert_eq!(
             tim.read(CNT, 60_000_000_000).unwrap(),
@@ -700,7 +664,7 @@ mod tests {
 
     /// Channel 1 captures its own input, with these bits of CCER.
     fn capturing(ccer: u32) -> Tim {
-        let mut tim = Tim::new(32, 84_000_000);
+        let mut tim = Tim::new(Kind::GENERAL_32, 84_000_000);
         tim.write(CCMR1, 0b01, 0).unwrap();
         tim.write(CCER, ccer, 0).unwrap();
         tim.write(CR1, CEN, 0).unwrap();
@@ -781,13 +745,13 @@ mod tests {
 
     #[test]
     fn a_timer_in_trigger_mode_starts_with_its_master_and_only_then() {
-        let mut tim2 = Tim::new(32, 84_000_000);
-        assert_eq!(tim2.waits_for(0), None);
+        let mut tim2 = Tim::new(Kind::GENERAL_32, 84_000_000);
+        assert_eq!(tim2.waits_for(), None);
         tim2.write(0x08, 0b010 << 4 | 0b110, 0).unwrap();
-        assert_eq!(tim2.waits_for(0), Some(1), "ITR2 of TIM2 is TIM3");
+        assert_eq!(tim2.waits_for(), Some(2), "ITR2");
         assert_eq!(tim2.read(CNT, 5_000), Ok(0));
         tim2.start(10_000);
-        assert_eq!((tim2.waits_for(0), tim2.read(SR, 10_000)), (None, Ok(TRIGGER)));
+        assert_eq!((tim2.waits_for(), tim2.read(SR, 10_000)), (None, Ok(TRIGGER)));
         assert_eq!(tim2.read(CNT, 20_000), Ok(840));
         assert_eq!(tim2.notes.iter().count(), 0);
     }

@@ -1,17 +1,19 @@
-//! USART1 (RM0090 section 30): asynchronous, both ways, at the baud rate that BRR gives.
+//! A USART or UART (RM0090 section 30): asynchronous, both ways, at the baud rate that BRR gives.
 //!
 //! # Design
 //!
 //! The transmitter is a shift register with the time at which its frame ends, and one data register before
 //! it. The receiver takes bytes from a queue, each in the time of a frame. The transmitter's idle frame after
-//! TE is set is left out. Noise, framing and parity errors do not happen.
+//! TE is set is left out. A frame that comes over a wire at another baud rate is a framing error. Noise and
+//! parity errors do not happen.
 
 use std::collections::VecDeque;
 
-use super::clock::{self, Clocks};
+use super::clock::{self, Apb, Clocks};
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{field, index};
 
+const FE: u32 = 1 << 1;
 const ORE: u32 = 1 << 3;
 const IDLE: u32 = 1 << 4;
 const RXNE: u32 = 1 << 5;
@@ -44,11 +46,52 @@ const UNMODELLED: [(u32, u32, &str); 3] = [
     ),
 ];
 
+/// What there is of a USART: registers are masks of the bits that exist.
+#[derive(Debug, Clone, Copy)]
+pub struct Kind {
+    apb: Apb,
+    cr2: u32,
+    cr3: u32,
+    gtpr: u32,
+}
+
+impl Kind {
+    /// USART1, USART6 on APB2.
+    pub const USART: Self = Self {
+        apb: Apb::Two,
+        cr2: 0x7f6f,
+        cr3: 0xfff,
+        gtpr: 0xffff,
+    };
+    /// USART2, USART3.
+    pub const USART_ON_APB1: Self = Self {
+        apb: Apb::One,
+        ..Self::USART
+    };
+    /// UART4, UART5: no clock, no flow control, no smartcard (section 30.5).
+    pub const UART: Self = Self {
+        apb: Apb::One,
+        cr2: 0x706f,
+        cr3: 0x8cf,
+        gtpr: 0xff,
+    };
+}
+
+/// A frame that has left a transmitter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sent {
+    /// Its 7, 8 or 9 data bits.
+    pub data: u16,
+    /// How long it took, without a stall.
+    pub frame_ns: u64,
+}
+
 /// A frame in the transmitter's shift register.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
     data: u32,
     ends_ns: u64,
+    frame_ns: u64,
 }
 
 /// A byte on its way to the receiver.
@@ -58,9 +101,10 @@ struct Incoming {
     not_before_ns: u64,
 }
 
-/// USART1's registers and its two lines.
-#[derive(Debug, Clone, Default)]
+/// The registers of a USART and its two lines.
+#[derive(Debug, Clone)]
 pub struct Usart {
+    kind: Kind,
     pclk: u32,
     sr: u32,
     received: u32,
@@ -87,12 +131,31 @@ pub struct Usart {
 
 impl Usart {
     /// After reset, on a bus clock of `pclk`.
-    pub fn new(pclk: u32) -> Self {
+    pub fn new(kind: Kind, pclk: u32) -> Self {
         Self {
+            kind,
             pclk,
             sr: TXE | TC,
-            ..Self::default()
+            received: 0,
+            brr: 0,
+            cr: [0; 3],
+            gtpr: 0,
+            waiting: None,
+            shifting: None,
+            stalled_until_ns: 0,
+            input: VecDeque::new(),
+            input_seen_ns: 0,
+            idle_at: None,
+            armed: 0,
+            dma_latency_ns: 0,
+            fetch_at: None,
+            notes: Notes::default(),
         }
+    }
+
+    /// Takes a note about what is around it.
+    pub(crate) fn note(&mut self, what: &'static str) {
+        self.notes.note(what);
     }
 
     /// The other side sends these bytes, from `at_ns` on, and after all that it was given before.
@@ -143,6 +206,7 @@ impl Usart {
             self.shifting = Some(Frame {
                 data,
                 ends_ns: now.saturating_add(self.frame_ns()).max(self.stalled_until_ns),
+                frame_ns: self.frame_ns(),
             });
             self.sr |= TXE;
         }
@@ -161,8 +225,13 @@ impl Usart {
         self.shifting.map(|f| f.ends_ns)
     }
 
-    /// Ends the frame that is being sent. Returns its data bits.
-    pub fn sent(&mut self) -> Option<u8> {
+    /// Whether a frame is on the line.
+    pub fn is_sending(&self) -> bool {
+        self.shifting.is_some()
+    }
+
+    /// Ends the frame that is being sent.
+    pub fn sent(&mut self) -> Option<Sent> {
         let frame = self.shifting.take()?;
         self.load_shift_register(frame.ends_ns);
         if self.shifting.is_none() {
@@ -170,7 +239,10 @@ impl Usart {
         }
         // The parity takes the place of the highest bit.
         let bits = 8 + u32::from(self.cr[0] & M != 0) - u32::from(self.cr[0] & PCE != 0);
-        Some((frame.data & ((1 << bits) - 1)) as u8)
+        Some(Sent {
+            data: (frame.data & ((1 << bits) - 1)) as u16,
+            frame_ns: frame.frame_ns,
+        })
     }
 
     /// Whether the transmitter asks the DMA for data.
@@ -198,17 +270,37 @@ impl Usart {
         Some(starts.saturating_add(self.frame_ns()))
     }
 
-    /// What [`Self::next_received`] announced has come.
-    pub fn receive(&mut self, now: u64) {
+    /// What [`Self::next_received`] announced has come. `connected`: a pin is the receiver's. `busy`: another
+    /// frame is on the line.
+    pub fn receive(&mut self, now: u64, connected: bool, busy: bool) {
         if self.idle_at.is_some_and(|at| at <= now) {
             self.idle_at = None;
-            self.sr |= IDLE;
+            self.sr |= if busy { 0 } else { IDLE };
             return;
         }
         let Some(incoming) = self.input.pop_front() else {
             return;
         };
         self.input_seen_ns = now;
+        if connected {
+            self.take_in(incoming.byte.into(), now);
+        } else if self.on(RE) {
+            self.note("CR1.RE: bytes came, and no pin is its receiver");
+        }
+    }
+
+    /// A frame comes over a wire.
+    pub fn arrive(&mut self, frame: Sent, now: u64) {
+        // Section 30.3.5, table 142: the receiver stands up to some 3 % in all.
+        let off = self.frame_ns().abs_diff(frame.frame_ns);
+        let framing = 100 * off > 3 * self.frame_ns();
+        if self.on(RE) && framing {
+            self.sr |= FE;
+        }
+        self.take_in(if framing { 0 } else { frame.data }, now);
+    }
+
+    fn take_in(&mut self, data: u16, now: u64) {
         if !self.on(RE) {
             return;
         }
@@ -216,7 +308,7 @@ impl Usart {
             // The byte in the data register stays, the new one is lost (section 30.3.3).
             self.sr |= ORE;
         } else {
-            self.received = u32::from(incoming.byte);
+            self.received = u32::from(data);
             self.sr |= RXNE;
             self.fetch_at = (self.dma_latency_ns > 0).then(|| now.saturating_add(self.dma_latency_ns));
         }
@@ -233,7 +325,7 @@ impl Usart {
 
     /// DR is read, by the processor or the DMA.
     pub fn take_data(&mut self) -> u32 {
-        self.sr &= !(RXNE | (self.armed & (ORE | IDLE)));
+        self.sr &= !(RXNE | (self.armed & (FE | ORE | IDLE)));
         self.armed &= TC;
         self.fetch_at = None;
         self.received
@@ -255,7 +347,7 @@ impl Peripheral for Usart {
     fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
         Ok(match offset {
             0x00 => {
-                self.armed = self.sr & (TC | ORE | IDLE);
+                self.armed = self.sr & (TC | FE | ORE | IDLE);
                 self.sr
             }
             0x04 => self.take_data(),
@@ -280,9 +372,9 @@ impl Peripheral for Usart {
                 self.cr[0] = value & 0xbfff;
                 self.load_shift_register(now);
             }
-            0x10 => self.cr[1] = value & 0x7f6f,
-            0x14 => self.cr[2] = value & 0xfff,
-            0x18 => self.gtpr = value & 0xffff,
+            0x10 => self.cr[1] = value & self.kind.cr2,
+            0x14 => self.cr[2] = value & self.kind.cr3,
+            0x18 => self.gtpr = value & self.kind.gtpr,
             _ => return Err(NoRegister),
         }
         Ok(())
@@ -296,15 +388,19 @@ impl Peripheral for Usart {
             input_seen_ns: self.input_seen_ns,
             stalled_until_ns: self.stalled_until_ns,
             dma_latency_ns: self.dma_latency_ns,
-            ..Self::new(self.pclk)
+            ..Self::new(self.kind, self.pclk)
         };
     }
 
     fn interrupt(&self, _output: usize) -> bool {
         let [cr1, _, cr3] = self.cr;
-        let overrun = cr1 & RXNEIE != 0 || (cr3 & EIE != 0 && cr3 & DMAR != 0);
+        let errors = match cr3 & EIE != 0 && cr3 & DMAR != 0 {
+            true => ORE | FE,
+            false => 0,
+        };
+        let overrun = if cr1 & RXNEIE != 0 { ORE } else { 0 };
         // The enables of TXE, TC, RXNE and IDLE have the bit numbers of their flags.
-        self.sr & cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE) != 0 || (overrun && self.sr & ORE != 0)
+        self.sr & (cr1 & (TXEIE | TCIE | RXNEIE | IDLEIE) | errors | overrun) != 0
     }
 
     fn next_interrupt(&self) -> Option<u64> {
@@ -323,7 +419,7 @@ impl Peripheral for Usart {
     }
 
     fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
-        self.pclk = clocks.pclk2;
+        self.pclk = clocks.of_bus(self.kind.apb);
     }
 
     fn is_data(&self, offset: u32) -> bool {
@@ -350,7 +446,7 @@ mod tests {
 
     /// 84 MHz / 84 = 1 Mbit/s, 8N1.
     fn running(cr1: u32) -> Usart {
-        let mut usart = Usart::new(84_000_000);
+        let mut usart = Usart::new(Kind::USART, 84_000_000);
         usart.write(BRR, 84, 0).unwrap();
         usart.write(CR1, UE | cr1, 0).unwrap();
         usart
@@ -364,10 +460,10 @@ mod tests {
         usart.write(DR, 0xaa, 0).unwrap();
         assert_eq!(usart.read(SR, 0), Ok(0));
         assert_eq!(usart.next_sent(), Some(FRAME_NS));
-        assert_eq!(usart.sent(), Some(0x55));
+        assert_eq!(usart.sent().map(|sent| sent.data), Some(0x55));
         assert_eq!(usart.read(SR, 0), Ok(TXE));
         assert_eq!(usart.next_sent(), Some(2 * FRAME_NS));
-        assert_eq!(usart.sent(), Some(0xaa));
+        assert_eq!(usart.sent().map(|sent| sent.data), Some(0xaa));
         assert_eq!(usart.read(SR, 0), Ok(TXE | TC));
     }
 
@@ -378,9 +474,9 @@ mod tests {
         usart.write(DR, 0xaa, 0).unwrap();
         usart.stall(1_000_000);
         assert_eq!(usart.next_sent(), Some(1_000_000));
-        assert_eq!(usart.sent(), Some(0x55));
+        assert_eq!(usart.sent().map(|sent| sent.data), Some(0x55));
         assert_eq!(usart.next_sent(), Some(1_000_000 + FRAME_NS));
-        assert_eq!(usart.sent(), Some(0xaa));
+        assert_eq!(usart.sent().map(|sent| sent.data), Some(0xaa));
         let mut usart = running(TE);
         usart.stall(1_000_000);
         usart.write(DR, 0x55, 5_000).unwrap();
@@ -439,7 +535,7 @@ mod tests {
         usart.feed(5_000, b"ab");
         let mut seen = Vec::new();
         while let Some(at) = usart.next_received() {
-            usart.receive(at);
+            usart.receive(at, true, false);
             let sr = usart.read(SR, 0).unwrap();
             seen.push((at, sr & (RXNE | IDLE), usart.read(DR, 0).unwrap() as u8));
         }
@@ -456,7 +552,7 @@ mod tests {
         usart.feed(0, b"ab");
         for _ in 0..2 {
             let at = usart.next_received().unwrap();
-            usart.receive(at);
+            usart.receive(at, true, false);
         }
         assert!(usart.interrupt(0));
         assert_eq!(usart.read(SR, 0).unwrap() & (RXNE | ORE), RXNE | ORE);
@@ -485,7 +581,7 @@ mod tests {
         usart.write(DR, 1, 0).unwrap();
         assert_eq!(usart.next_sent(), None);
         usart.feed(0, b"a");
-        usart.receive(FRAME_NS);
+        usart.receive(FRAME_NS, true, false);
         assert_eq!(usart.read(SR, 0).unwrap() & RXNE, 0);
     }
 
@@ -493,6 +589,6 @@ mod tests {
     fn seven_data_bits_are_what_parity_leaves_of_eight() {
         let mut usart = running(TE | PCE);
         usart.write(DR, 0xff, 0).unwrap();
-        assert_eq!(usart.sent(), Some(0x7f));
+        assert_eq!(usart.sent().map(|sent| sent.data), Some(0x7f));
     }
 }

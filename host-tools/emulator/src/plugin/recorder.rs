@@ -7,13 +7,13 @@ use std::path::Path;
 use super::blocks::Blocks;
 use super::qemu::{self, Qemu};
 use crate::exchange;
-use crate::machine::Board;
+use crate::machine::{Board, USARTS};
 use crate::memory::{CCM, SRAM};
 
 /// What comes out of the machine while it runs.
 pub(super) struct Recorder {
-    uart: BufWriter<File>,
-    uart_times: BufWriter<File>,
+    /// What left each USART.
+    sent: [BufWriter<File>; USARTS.len()],
     rtt: File,
     /// Only where instructions are counted.
     pub(super) blocks: Option<Blocks>,
@@ -31,9 +31,12 @@ impl Recorder {
             let odd = |e: std::io::Error| format!("run directory {}: {name}: {e}", folder.display());
             File::create(folder.join(name)).map_err(odd)
         };
+        let mut files = (0..USARTS.len()).map(|usart| create(&exchange::sent(usart)));
+        let files: Vec<File> = files.by_ref().collect::<Result<_, _>>()?;
+        let files: Result<[File; USARTS.len()], _> = files.try_into();
+        let sent = files.expect("a file for each").map(BufWriter::new);
         Ok(Self {
-            uart: BufWriter::new(create(exchange::UART)?),
-            uart_times: BufWriter::new(create(exchange::UART_TIMES)?),
+            sent,
             rtt: create(exchange::RTT)?,
             blocks,
             flash_before: Vec::new(),
@@ -43,8 +46,9 @@ impl Recorder {
     /// Puts what was said so far into the files.
     pub(super) fn flush(&mut self, log: &[u8]) {
         written(self.rtt.write_all(log));
-        written(self.uart.flush());
-        written(self.uart_times.flush());
+        for sent in &mut self.sent {
+            written(sent.flush());
+        }
     }
 
     /// Brings back what was overwritten in flash.
@@ -92,9 +96,10 @@ impl Board for Outside<'_> {
         self.0.set_interrupt(number, level);
     }
 
-    fn sent(&mut self, byte: u8, at: u64) {
-        written(self.1.uart.write_all(&[byte]));
-        written(self.1.uart_times.write_all(&at.to_le_bytes()));
+    fn sent(&mut self, usart: usize, data: u16, at: u64) {
+        let file = &mut self.1.sent[usart];
+        written(file.write_all(&at.to_le_bytes()));
+        written(file.write_all(&data.to_le_bytes()));
     }
 
     fn acquired(&mut self, scans: u64) {

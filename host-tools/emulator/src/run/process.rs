@@ -60,7 +60,11 @@ fn start(
         .spawn()
         .map_err(|_| RunError::QemuMissing(qemu.program.to_string_lossy().into_owned()))?;
     let Some(status) = wait(child, timeout)? else {
-        let sent = folder.path(exchange::UART).metadata().map_or(0, |m| m.len());
+        // A record of ten bytes for each byte from USART1.
+        let sent = folder
+            .path(&exchange::sent(0))
+            .metadata()
+            .map_or(0, |m| m.len() / 10);
         return Err(RunError::Timeout(timeout, sent));
     };
     let stderr = std::fs::read(folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;

@@ -1,0 +1,35 @@
+//! Wires between pins of the part.
+//!
+//! # Design
+//!
+//! A wire carries the level that an output drives to the pin at its other end, and the frames of a transmitter
+//! to the receiver there. Frames go as a whole, at the time at which they end: the bits of a frame are not
+//! seen as levels.
+
+use super::wiring::Pin;
+
+/// All wires. Each joins two pins.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Wires(Vec<[Pin; 2]>);
+
+impl Wires {
+    pub(super) fn new(wires: Vec<[Pin; 2]>) -> Self {
+        Self(wires)
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Each wire twice: from a pin to the pin at its other end.
+    pub(super) fn ends(&self) -> impl Iterator<Item = (Pin, Pin)> + '_ {
+        self.0.iter().flat_map(|[a, b]| [(*a, *b), (*b, *a)])
+    }
+
+    /// The pins at the other ends of the wires at a pin.
+    pub(super) fn from(&self, pin: Pin) -> impl Iterator<Item = Pin> + '_ {
+        self.ends()
+            .filter(move |(from, _)| *from == pin)
+            .map(|(_, to)| to)
+    }
+}

@@ -1,0 +1,98 @@
+//! What each kind of timer has: sections 17 (advanced), 18 (general), 19 (one or two channels) and 20 (basic).
+
+use super::super::clock::Apb;
+
+/// A kind of timer. Registers are masks of the bits that exist; a register without bits does not exist.
+#[derive(Debug, Clone, Copy)]
+pub struct Kind {
+    /// The bus that it lies on.
+    pub(super) apb: Apb,
+    /// The highest value of its counter.
+    pub(super) max: u32,
+    pub(super) channels: usize,
+    pub(super) cr1: u32,
+    pub(super) cr2: u32,
+    pub(super) smcr: u32,
+    pub(super) dier: u32,
+    pub(super) egr: u32,
+    pub(super) ccer: u32,
+    pub(super) rcr: u32,
+    pub(super) bdtr: u32,
+    /// The flags of each of its interrupt lines.
+    pub(super) lines: &'static [u32],
+}
+
+impl Kind {
+    /// Four channels and 16 bits: TIM3, TIM4.
+    pub const GENERAL: Self = Self {
+        apb: Apb::One,
+        max: 0xffff,
+        channels: 4,
+        cr1: 0x3ff,
+        cr2: 0xf8,
+        smcr: 0xfff7,
+        dier: 0x5f5f,
+        egr: 0x5f,
+        ccer: 0xbbbb,
+        rcr: 0,
+        bdtr: 0,
+        lines: &[0x5f],
+    };
+    /// Four channels and 32 bits: TIM2, TIM5.
+    pub const GENERAL_32: Self = Self {
+        max: u32::MAX,
+        ..Self::GENERAL
+    };
+    /// With complementary outputs, a break and a repetition counter: TIM1, TIM8. Break, update, trigger and
+    /// commutation, and capture and compare have a line each.
+    pub const ADVANCED: Self = Self {
+        apb: Apb::Two,
+        cr2: 0x7ffd,
+        dier: 0x7fff,
+        egr: 0xff,
+        ccer: 0x3fff,
+        rcr: 0xff,
+        bdtr: 0xffff,
+        lines: &[0x80, 0x01, 0x60, 0x1e],
+        ..Self::GENERAL
+    };
+    /// Two channels: TIM12, and TIM9 on APB2.
+    pub const TWO_CHANNELS: Self = Self {
+        channels: 2,
+        cr1: 0x38f,
+        cr2: 0,
+        smcr: 0xf7,
+        dier: 0x47,
+        egr: 0x47,
+        ccer: 0xbb,
+        ..Self::GENERAL
+    };
+    /// One channel: TIM13, TIM14, and TIM10, TIM11 on APB2.
+    pub const ONE_CHANNEL: Self = Self {
+        channels: 1,
+        smcr: 0,
+        dier: 0x3,
+        egr: 0x3,
+        ccer: 0xb,
+        ..Self::TWO_CHANNELS
+    };
+    /// No channels: TIM6, TIM7.
+    pub const BASIC: Self = Self {
+        channels: 0,
+        cr1: 0x8f,
+        cr2: 0x70,
+        dier: 0x101,
+        egr: 0x1,
+        ccer: 0,
+        ..Self::ONE_CHANNEL
+    };
+
+    /// The same on APB2.
+    #[must_use]
+    pub const fn on_apb2(self) -> Self {
+        Self {
+            apb: Apb::Two,
+            ..self
+        }
+    }
+}
