@@ -1,8 +1,8 @@
 //! Consecutive scans that go from the converter to the estimators as one, without a copy.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::AtomicU32;
 
-use bead_model::Scan;
+use bead_model::{Scan, scans};
 
 use crate::sample_clock::SAMPLE_RATE_HZ;
 
@@ -15,19 +15,17 @@ pub(crate) const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
 /// Time that a block takes to fill, in µs.
 pub(crate) const BLOCK_US: u32 = SCANS_PER_BLOCK as u32 * 1_000_000 / SAMPLE_RATE_HZ;
 
-/// Words in a scan: one for each sensor, the high gain in the lower half.
-const WORDS: usize = CHANNELS / 2;
-
-/// Room for the codes of a block, as the converter gives them, scan after scan.
+/// Room for the codes of a block, as the converter gives them, scan after scan: a word for each sensor, the high
+/// gain in the lower half.
 ///
 /// The DMA writes to it and the core reads it. So it is made of atomics: what they hold may change at any
 /// time, and a plain load reads one.
-pub(crate) struct Codes([AtomicU32; CODES / 2]);
+pub(crate) struct Codes([[AtomicU32; CHANNELS / 2]; SCANS_PER_BLOCK]);
 
 impl Codes {
     /// All zeros.
     pub(crate) const fn new() -> Self {
-        Self([const { AtomicU32::new(0) }; CODES / 2])
+        Self([const { [const { AtomicU32::new(0) }; CHANNELS / 2] }; SCANS_PER_BLOCK])
     }
 
     /// Where the DMA has to write.
@@ -35,10 +33,9 @@ impl Codes {
         self.0.as_ptr().expose_provenance() as u32
     }
 
-    /// The scans, first to last: a word for each sensor.
-    pub(crate) fn pairs(&self) -> impl ExactSizeIterator<Item = [u32; WORDS]> + '_ {
-        let scans = self.0.as_chunks::<WORDS>().0.iter();
-        scans.map(|[force, acceleration]| [force, acceleration].map(|word| word.load(Ordering::Relaxed)))
+    /// The words of the scans, first to last.
+    pub(crate) fn words(&self) -> &[[AtomicU32; CHANNELS / 2]] {
+        &self.0
     }
 }
 
@@ -54,11 +51,6 @@ pub(crate) struct Block {
 impl Block {
     /// The scans, first to last.
     pub(crate) fn scans(&self) -> impl ExactSizeIterator<Item = Scan> + '_ {
-        let gains = |word: u32| [word as u16, (word >> 16) as u16];
-        self.codes.pairs().map(move |[force, acceleration]| {
-            let ([force, force_wide], [acceleration, acceleration_wide]) =
-                (gains(force), gains(acceleration));
-            Scan::new([force, force_wide, acceleration, acceleration_wide])
-        })
+        scans(self.codes.words())
     }
 }

@@ -106,7 +106,7 @@ pub(crate) async fn idle() -> ! {
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
 fn process_block(settings: &Settings, meter: &mut Meter, block: &Block, telemetry: &mut Telemetry) {
-    meter.process(settings, block.first_index, block.scans(), telemetry);
+    meter.process_words(settings, block.first_index, block.codes.words(), telemetry);
 }
 
 /// Sends what the meter finds.
@@ -124,15 +124,11 @@ impl Sink for Telemetry {
     }
 
     fn report(&mut self, report: &StrikeReport) {
+        // Interrupts wait while a line is logged, so it has no more than the frames cannot do without.
         defmt::info!(
-            "strike {=u32} at sample {=u64}: peak {=i32} mN, {=f32} dB above the noise, absorbed {=i64} nJ measured, \
-             {=i64} nJ predicted, flags {=u16:#06x}",
+            "strike {=u32} at sample {=u64}, flags {=u16:#06x}",
             report.strike,
             report.trigger_index,
-            (report.peak_force * 1000).to_num(),
-            report.signal_to_noise().unwrap_or_default(),
-            report.absorbed_measured.to_num(),
-            report.absorbed_predicted.to_num(),
             report.flags.bits(),
         );
         let still = core::mem::replace(&mut self.stillness, Stillness::NONE).found();

@@ -15,6 +15,8 @@
 //! A sensor that stands still for less than that is found if a strike is measured meanwhile: see
 //! [`Stillness`].
 
+use core::sync::atomic::Ordering;
+
 use bead_model::Scan;
 use bead_wire::{FaultCause, Health, Standing};
 
@@ -224,8 +226,9 @@ impl Watch {
         // A word holds both channels of a sensor.
         let mut any = [0u32; SENSORS];
         let mut all = [u32::MAX; SENSORS];
-        for scan in block.codes.pairs().step_by(STEP) {
+        for scan in block.codes.words().iter().step_by(STEP) {
             for ((any, all), word) in any.iter_mut().zip(&mut all).zip(scan) {
+                let word = word.load(Ordering::Relaxed);
                 *any |= word;
                 *all &= word;
             }

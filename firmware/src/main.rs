@@ -57,7 +57,6 @@ fn main() -> ! {
     static METER: ConstStaticCell<Meter> = ConstStaticCell::new(Meter::new());
     static WINDOW: ConstStaticCell<bead_model::WindowRecord> =
         ConstStaticCell::new(bead_model::WindowRecord::new());
-    static RECEIVED: ConstStaticCell<port::Ring> = ConstStaticCell::new([0; _]);
     static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; _]);
 
     let boot = BOOT.init(trace::begin());
@@ -98,8 +97,7 @@ fn main() -> ! {
     let converter = Converter::new(p.ADC1, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
-    let (transmitter, receiver) =
-        port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2, RECEIVED.take());
+    let (transmitter, receiver) = port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2);
     let lock = commands::lock(&store);
     let commands = Commands {
         boot,

@@ -2,8 +2,9 @@
 //!
 //! # Design
 //! Every task runs in an interrupt handler, and `main` sleeps in WFI: the core wakes for interrupts only.
-//! (The executor of thread mode sleeps in WFE, which emulators take for a busy wait.) Each executor uses the
-//! interrupt of a peripheral that this board does not need. A task is interrupted only by tasks of a level
+//! (The executor of thread mode sleeps in WFE, which emulators take for a busy wait.) Each executor uses an
+//! interrupt that nothing else can raise: the part with 64 pins has no FSMC, and the two of endpoint 1 are for
+//! a USB driver that none uses. A task is interrupted only by tasks of a level
 //! above it:
 //!
 //! | priority | runs | because |
@@ -17,7 +18,7 @@ use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 
-use crate::converter;
+use crate::{converter, port};
 
 static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 static ESTIMATE: InterruptExecutor = InterruptExecutor::new();
@@ -32,13 +33,13 @@ pub(crate) struct Spawners {
 
 /// Starts the executors. A second call panics.
 pub(crate) fn start() -> Spawners {
-    interrupt::CAN1_TX.set_priority(Priority::P2);
-    interrupt::CAN1_RX0.set_priority(Priority::P4);
-    interrupt::CAN1_RX1.set_priority(Priority::P6);
+    interrupt::OTG_HS_EP1_OUT.set_priority(Priority::P2);
+    interrupt::OTG_HS_EP1_IN.set_priority(Priority::P4);
+    interrupt::FSMC.set_priority(Priority::P6);
     Spawners {
-        acquire: ACQUIRE.start(interrupt::CAN1_TX),
-        estimate: ESTIMATE.start(interrupt::CAN1_RX0),
-        rest: REST.start(interrupt::CAN1_RX1),
+        acquire: ACQUIRE.start(interrupt::OTG_HS_EP1_OUT),
+        estimate: ESTIMATE.start(interrupt::OTG_HS_EP1_IN),
+        rest: REST.start(interrupt::FSMC),
     }
 }
 
@@ -48,8 +49,13 @@ fn DMA2_STREAM0() {
 }
 
 #[interrupt]
+fn DMA2_STREAM2() {
+    port::on_interrupt();
+}
+
+#[interrupt]
 #[allow(unsafe_code, reason = "the executor asks for it")]
-fn CAN1_TX() {
+fn OTG_HS_EP1_OUT() {
     // SAFETY: this is the handler of the interrupt that `start` gave this executor. `start` unmasks the
     // interrupt after the executor is initialised.
     unsafe { ACQUIRE.on_interrupt() }
@@ -57,14 +63,14 @@ fn CAN1_TX() {
 
 #[interrupt]
 #[allow(unsafe_code, reason = "the executor asks for it")]
-fn CAN1_RX0() {
+fn OTG_HS_EP1_IN() {
     // SAFETY: as above.
     unsafe { ESTIMATE.on_interrupt() }
 }
 
 #[interrupt]
 #[allow(unsafe_code, reason = "the executor asks for it")]
-fn CAN1_RX1() {
+fn FSMC() {
     // SAFETY: as above.
     unsafe { REST.on_interrupt() }
 }

@@ -8,18 +8,14 @@
 
 use bead_wire::{Link, RequestCounters, RequestDecoder};
 use embassy_futures::yield_now;
-use embassy_stm32::usart::{Error, RingBufferedUartRx};
-use embassy_time::{Duration, Timer, with_timeout};
 
 use crate::commands::Commands;
-use crate::{counters, port};
-
-/// A line is quiet when nothing has come for this time, in which 400 bytes could have come.
-const QUIET: Duration = Duration::from_millis(2);
+use crate::counters;
+use crate::port::{Missing, Receiver};
 
 /// Receives for ever.
 #[embassy_executor::task]
-pub(crate) async fn receive(mut port: RingBufferedUartRx<'static>, mut commands: Commands) -> ! {
+pub(crate) async fn receive(mut port: Receiver, mut commands: Commands) -> ! {
     let mut decoder = RequestDecoder::new();
     let mut bytes = [0; 64];
     loop {
@@ -33,33 +29,17 @@ pub(crate) async fn receive(mut port: RingBufferedUartRx<'static>, mut commands:
                 let counted = decoder.take_counters();
                 counters::update_link(|link| add(link, &counted));
             }
-            Err(error) => {
-                counters::update_link(|link| match error {
-                    Error::Overrun | Error::BufferTooLong => link.overruns += 1,
-                    _ => link.line_errors += 1,
+            Err(missing) => {
+                counters::update_link(|link| match missing {
+                    Missing::Overrun => link.overruns += 1,
+                    Missing::Line => link.line_errors += 1,
                 });
-                quiet(&mut port, &mut bytes).await;
+                port.quiet().await;
             }
         }
         // While a host sends, the next bytes are there at once. The other tasks of this priority need the
         // core too.
         yield_now().await;
-    }
-}
-
-/// After an error: drops all bytes until the line has been quiet for [`QUIET`].
-///
-/// An error stops the driver. When it is started again, it first gives what the end of the ring held before.
-/// Old bytes must not be taken for requests, so everything is dropped until nothing is left and nothing
-/// comes.
-async fn quiet(port: &mut RingBufferedUartRx<'static>, bytes: &mut [u8]) {
-    loop {
-        port::rewind();
-        match with_timeout(QUIET, port.read(bytes)).await {
-            Ok(Ok(_)) => yield_now().await,
-            Ok(Err(_)) => Timer::after(QUIET).await,
-            Err(_) => return,
-        }
     }
 }
 

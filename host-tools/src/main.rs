@@ -6,6 +6,7 @@ use bead::cli::Cli;
 use clap::Parser;
 
 fn main() -> ExitCode {
+    stm32f405_qemu::carry_overlay!();
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

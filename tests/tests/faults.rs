@@ -1,5 +1,7 @@
 //! What goes wrong is survived, reported and counted, and a strike that comes 50 ms later is measured.
 
+use std::fs;
+
 use bead::bench::emulation::Emulation;
 use bead::bench::faults::{self, Planned};
 use bead::bench::sensed::Timing;
@@ -9,6 +11,7 @@ use bead::recording::strikes::{RecordedStrike, assemble};
 use bead_tests::{Heard, paper_at};
 use bead_wire::Message;
 use bead_wire::{Energy, FaultCause, Health, SettingsSource, Standing, StrikeFlags};
+use object::{Object, ObjectSymbol};
 use stm32f405_qemu::{Outcome, Poke, ResetCause};
 
 /// RCC_CSR bits 31..24 (RM0090 section 7.3.21): a reset by the firmware, and by the independent watchdog. A
@@ -239,6 +242,38 @@ fn a_runaway_stack_meets_its_fence_and_a_later_strike_is_measured() {
         SOFTWARE,
         FaultCause::StackOverflow,
         "the stack reached 0x1000",
+    );
+}
+
+#[test]
+fn a_fault_inside_a_log_statement_leaves_its_record_and_a_later_strike_is_measured() {
+    let timing = Timing {
+        lead_in: 0.05,
+        strikes: 2,
+        interval: 0.1,
+    };
+    // The logger's own code becomes an undefined instruction, before the line of the first strike.
+    let elf = fs::read(bead_tests::image()).unwrap();
+    let elf = object::File::parse(&*elf).unwrap();
+    let write = elf.symbols().find(|symbol| symbol.name() == Ok("_defmt_write"));
+    let poke = Poke {
+        at_ns: 70_000_000,
+        address: write.expect("the image logs").address() as u32 & !1,
+        bytes: vec![0x00, 0xDE],
+    };
+    let survived = Survived::poked(
+        timing,
+        "[[fault]]\nat = 0.14\nkind = \"supply\"\nvolts = 3.3\n",
+        vec![poke],
+    );
+    assert_eq!(survived.outcome.resets.len(), 1);
+    survived.assert_last_strike_is_measured();
+    assert_eq!(survived.causes(), [FaultCause::HardFault]);
+    // UNDEFINSTR (PM0214 section 4.4.13).
+    assert!(
+        survived.details()[0].starts_with("CFSR 0x00010000"),
+        "{:?}",
+        survived.details()
     );
 }
 

@@ -136,6 +136,29 @@ fn a_flood_of_requests_that_are_refused_changes_no_bit() {
 }
 
 #[test]
+fn no_byte_is_lost_to_a_core_that_looks_before_the_dma_has_fetched_it() {
+    let mut requests = Requests::new(&paper(0, 0.1, Some(1)));
+    requests.machine.count_instructions = false;
+    // A fifth of the time that a byte takes.
+    requests.machine.receive_dma_latency_ns = 1_000;
+    let all = 60;
+    for n in 0..all {
+        // At all phases of whatever the bead does once a millisecond or so.
+        requests.request(0.02 + 0.00137 * f64::from(n), &Request::Arm);
+    }
+    let answered = requests.run();
+    let link = answered.heard.link();
+    assert_eq!((link.requests, link.overruns, link.line_errors), (all, 0, 0));
+    assert_eq!(
+        (link.rejected_crc, link.rejected_cobs, link.rejected_too_short),
+        (0, 0, 0)
+    );
+    for n in 0..all {
+        assert_eq!(answered.heard.answer(n as u16).0, Outcome::Done, "request {n}");
+    }
+}
+
+#[test]
 fn a_line_that_falls_idle_after_every_byte_changes_no_bit() {
     let mut requests = Requests::new(&paper(2, 0.1, Some(1)));
     // A byte takes 5 µs, the line is idle after 5 more: an interrupt each 11 µs.

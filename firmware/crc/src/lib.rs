@@ -8,7 +8,7 @@
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 
-static CRC: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
+static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// The CRC of `bytes`.
 pub fn checksum(bytes: &[u8]) -> u32 {

@@ -1,8 +1,9 @@
 //! The strike meter: trigger, history before it, window, and the quiet that arms it again.
 
 use core::ops::Range;
+use core::sync::atomic::{AtomicU32, Ordering};
 
-use crate::layout::{HISTORY_MAX, PIECE};
+use crate::layout::{HISTORY_MAX, PIECE, WINDOW_MAX};
 use crate::quantity::{Energy, Scan};
 use crate::settings::Settings;
 use crate::shape::WindowRecord;
@@ -38,12 +39,26 @@ pub trait Sink {
     fn report(&mut self, report: &StrikeReport);
 }
 
-/// Scans that [`Recent`] has room for. When it is full, the scans still needed are moved to the front: the
-/// more room, the rarer.
-const ROOM: usize = 4 * HISTORY_MAX;
+/// Scans in memory that a DMA writes: two words each, force and acceleration, the code at the high gain in the
+/// lower half.
+pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + '_ {
+    let gains = |word: &AtomicU32| {
+        let word = word.load(Ordering::Relaxed);
+        [word as u16, (word >> 16) as u16]
+    };
+    words.iter().map(move |[force, acceleration]| {
+        let ([force, force_wide], [acceleration, acceleration_wide]) = (gains(force), gains(acceleration));
+        Scan::new([force, force_wide, acceleration, acceleration_wide])
+    })
+}
 
-/// Most scans by which the meter may lag behind after a call. It leaves some of [`ROOM`] free.
-const LAG_MAX: usize = 2 * HISTORY_MAX;
+/// Most scans by which the meter may lag behind after a call: at the end of the longest window, when its whole
+/// history waited at first and of each eight scans that came three were left ([`Meter::process`]).
+const LAG_MAX: usize = HISTORY_MAX + WINDOW_MAX as usize * 3 / 5;
+
+/// Scans that [`Recent`] has room for: those, and a call of 256. When it is full, the scans still needed are
+/// moved to the front.
+const ROOM: usize = (LAG_MAX + 256).next_multiple_of(PIECE);
 
 /// The newest scans, in one slice: the trigger needs no arithmetic of a ring.
 #[derive(Clone)]
@@ -56,17 +71,17 @@ struct Recent {
 }
 
 impl Recent {
-    /// Appends as many of `scans` as there is room for.
-    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>) {
+    /// Appends as many of `scans` as there is room for. Of the scans that were taken, the last `keep` stay.
+    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, keep: usize) {
         if self.length == 0 {
             // The first scans follow a history of zeros.
             (self.length, self.next) = (HISTORY_MAX, HISTORY_MAX);
         }
         if self.length == ROOM {
-            let unwanted = self.next - HISTORY_MAX;
+            let unwanted = self.next.saturating_sub(keep);
             self.scans.copy_within(unwanted.., 0);
             self.length -= unwanted;
-            self.next = HISTORY_MAX;
+            self.next -= unwanted;
         }
         let start = self.length;
         self.length = ROOM.min(start + scans.len());
@@ -173,23 +188,28 @@ impl Meter {
     ///
     /// Measuring is most of the work, and when a strike triggers, its whole history waits to be measured. To
     /// spread this work, a call measures five eighths as many scans as it was given, and at least [`PIECE`].
-    /// So the meter lags behind during a window: at its end by the history and three fifths of the length. It
-    /// never lags by more than twice [`HISTORY_MAX`] after a call. In a longer window it meets this limit
-    /// before the end and from then on measures as many scans as come, as it would without the lag. Once the
-    /// window is complete, it catches up, in the next call at the latest.
+    /// So the meter lags behind during a window: at its end by the history and three fifths of the length. In
+    /// calls of up to 256 scans it has room for the lag of the longest window, so that no call measures more.
+    /// In longer calls it may meet the limit of its room, and then measures what it must. Once the window is
+    /// complete, it catches up, in the next call at the latest.
     pub fn process(
         &mut self,
         settings: &Settings,
         first_index: u64,
         scans: impl IntoIterator<IntoIter: ExactSizeIterator<Item = Scan>>,
-        sink: &mut impl Sink,
+        sink: &mut (impl Sink + ?Sized),
     ) {
         let mut scans = scans.into_iter();
         let mut quota = (scans.len() * 5 / 8).max(PIECE);
         let mut end_index = first_index;
         while scans.len() > 0 {
             end_index += scans.len() as u64;
-            self.recent.append(&mut scans);
+            // A window needs nothing before its next scan, and after it the history begins anew.
+            let keep = match self.phase {
+                Phase::Measuring(_) => 0,
+                Phase::Settling { .. } | Phase::Armed => HISTORY_MAX,
+            };
+            self.recent.append(&mut scans, keep);
             end_index -= scans.len() as u64;
             loop {
                 let new = self.recent.waiting().len();
@@ -205,8 +225,26 @@ impl Meter {
         }
     }
 
+    /// As [`process`](Self::process), of scans in memory that a DMA writes ([`scans`]). It is compiled for speed
+    /// with this crate, whatever its caller is compiled for.
+    pub fn process_words(
+        &mut self,
+        settings: &Settings,
+        first_index: u64,
+        words: &[[AtomicU32; 2]],
+        sink: &mut dyn Sink,
+    ) {
+        self.process(settings, first_index, scans(words), sink);
+    }
+
     /// Takes some of the scans that wait. The first of them has the index `index`.
-    fn advance(&mut self, settings: &Settings, index: u64, quota: &mut usize, sink: &mut impl Sink) {
+    fn advance(
+        &mut self,
+        settings: &Settings,
+        index: u64,
+        quota: &mut usize,
+        sink: &mut (impl Sink + ?Sized),
+    ) {
         let new = self.recent.waiting();
         let scans = &self.recent.scans;
         self.recent.next = match &mut self.phase {
@@ -304,7 +342,7 @@ impl Measurement {
         settings: &Settings,
         scans: &[Scan],
         record: &mut WindowRecord,
-        sink: &mut impl Sink,
+        sink: &mut (impl Sink + ?Sized),
     ) -> usize {
         let Self { window, chunk } = self;
         let left = settings.window.length - window.samples();

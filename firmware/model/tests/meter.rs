@@ -140,6 +140,39 @@ fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() 
 }
 
 #[test]
+fn no_call_measures_more_than_its_share_whatever_the_window_and_wherever_in_a_call_it_begins() {
+    const CALL: usize = 200;
+    for (history, length) in [(160, 672), (256, 1024), (128, 1024), (256, 257)] {
+        let mut settings = settings();
+        (settings.window.history, settings.window.length) = (history, length);
+        for phase in 0..CALL {
+            let at = 1000 + phase;
+            let stream = (0..6000).map(|i| {
+                scan(if (at..at + 50).contains(&i) {
+                    pulse(i - at)
+                } else {
+                    128
+                })
+            });
+            let stream: Vec<Scan> = stream.collect();
+            let (mut meter, mut heard, mut measured) = (Meter::new(), Heard::default(), 0);
+            for (call, scans) in stream.chunks(CALL).enumerate() {
+                meter.process(&settings, (call * CALL) as u64, scans.iter().copied(), &mut heard);
+                // What was measured is told in chunks of 32 scans.
+                let share = CALL * 5 / 8 + 31;
+                assert!(
+                    heard.samples - measured <= share,
+                    "{} scans in call {call}, history {history}, length {length}, phase {phase}",
+                    heard.samples - measured
+                );
+                measured = heard.samples;
+            }
+            assert_eq!((heard.reports.len(), measured), (1, usize::from(length)));
+        }
+    }
+}
+
+#[test]
 fn the_history_starts_before_the_trigger_by_the_length_set() {
     let (_, heard) = hear((0..3000).map(|i| {
         if (1000..1050).contains(&i) {

@@ -129,6 +129,85 @@ impl NorFlash for Ram {
     }
 }
 
+/// Flash of which one read gives wrong bytes, as a supply that flickers may make it do.
+#[derive(Clone)]
+struct Misread {
+    ram: Ram,
+    /// Reads before the wrong one.
+    left: Option<u32>,
+}
+
+impl ErrorType for Misread {
+    type Error = PowerCut;
+}
+
+impl ReadNorFlash for Misread {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
+        self.ram.read(offset, bytes)?;
+        if self.left == Some(0) {
+            bytes.iter_mut().for_each(|byte| *byte = !*byte);
+        }
+        self.left = self.left.and_then(|left| left.checked_sub(1));
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        SIZE
+    }
+}
+
+impl NorFlash for Misread {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+        self.ram.erase(from, to)
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
+        self.ram.write(offset, bytes)
+    }
+}
+
+#[test]
+fn a_block_survives_a_start_that_reads_it_wrongly_once() {
+    let (mut store, _) = open(&Ram::blank());
+    store.write(&block(1)).unwrap();
+    let ram = store.into_flash();
+    for wrong in 0..200 {
+        let flash = Misread {
+            ram: ram.clone(),
+            left: Some(wrong),
+        };
+        let (store, _) = Store::open(flash, RANGE);
+        let (mut store, _) = open(&store.into_flash().ram);
+        assert_eq!(
+            store.read().unwrap(),
+            Some(&block(1)[..]),
+            "read {wrong} was wrong"
+        );
+    }
+}
+
+#[test]
+fn a_store_that_is_opened_as_it_is_changes_nothing() {
+    for contents in [vec![0xFF; SIZE], vec![0x5A; SIZE]] {
+        let ram = Ram {
+            bytes: contents.clone(),
+            ..Ram::blank()
+        };
+        let mut store = Store::open_as_it_is(ram, RANGE);
+        assert!(!matches!(store.read(), Ok(Some(_))));
+        assert_eq!(store.into_flash().bytes, contents);
+    }
+    let (mut store, _) = open(&Ram::blank());
+    store.write(&block(1)).unwrap();
+    let mut store = Store::open_as_it_is(store.into_flash(), RANGE);
+    assert_eq!(store.read().unwrap(), Some(&block(1)[..]));
+}
+
 fn open(ram: &Ram) -> (Store<Ram>, Opened) {
     Store::open(ram.clone(), RANGE)
 }

@@ -31,8 +31,8 @@ const _: () = {
     }
 };
 
-/// Bytes of the bead's outbox: the windows of four strikes, about 3.6 KB each.
-pub const OUTBOX: usize = 16 * 1024;
+/// Bytes of the bead's outbox: the windows of three strikes, about 3.6 KB each.
+pub const OUTBOX: usize = 13 * 1024;
 /// Bytes of it that waveforms, strikes, raw scans and edges leave free: room for all that a request can ask
 /// for, and for all that is told every second.
 pub const KEPT: usize = 2048;

@@ -31,6 +31,8 @@ pub(crate) fn sent(usart: usize) -> String {
 pub(crate) const RTT: &str = "rtt.bin";
 /// The run's outcome, without what the other files hold.
 pub(crate) const OUTCOME: &str = "outcome.json";
+/// What the image said by semihosting.
+pub(crate) const SEMIHOSTING: &str = "semihosting.txt";
 /// What flash sectors 10 and 11 hold at the end.
 pub(crate) const FLASH: &str = "flash.bin";
 
@@ -46,6 +48,10 @@ pub(crate) struct Description<'a> {
     pub(crate) run: Cow<'a, Run>,
     /// Address of the RTT control block, if the image has one.
     pub(crate) rtt: Option<u32>,
+    /// First addresses of the handlers of faults: vectors 3 to 6.
+    pub(crate) fault_handlers: Vec<u32>,
+    /// First addresses of the functions that a panic enters.
+    pub(crate) panic_functions: Vec<u32>,
     pub(crate) functions: Vec<FunctionRange>,
     pub(crate) labels: Vec<String>,
     /// The labels whose functions make a block a working one.

@@ -72,6 +72,13 @@ pub struct Run {
     /// How long the DMA takes to fetch a byte that USART1 has received, in ns. If the processor reads the data
     /// register meanwhile, the DMA never gets that byte.
     pub receive_dma_latency_ns: u64,
+    /// Whether the run ends early, with [`RunError::Stuck`](crate::RunError::Stuck), when the image does
+    /// nothing but read a register that no model knows: half a million times.
+    pub stop_when_stuck: bool,
+    /// Whether the image may call the host by semihosting (BKPT 0xAB). Its output is
+    /// [`Outcome::semihosting`](crate::Outcome::semihosting), and its exit ends the run. **It can then also
+    /// read and write the host's files and run commands**: only for images that you trust.
+    pub semihosting: bool,
     /// The 96-bit unique device identifier (RM0090 section 39.1).
     pub uid: [u8; 12],
     /// Bytes for the receivers of the USARTs.
@@ -112,6 +119,8 @@ impl Run {
             shift: None,
             software_scan_under_trigger: true,
             receive_dma_latency_ns: 0,
+            stop_when_stuck: true,
+            semihosting: false,
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
             pin_inputs: Vec::new(),
@@ -124,7 +133,7 @@ impl Run {
 }
 
 /// What times are counted from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub enum Since {
     /// The first externally triggered scan.
     #[default]

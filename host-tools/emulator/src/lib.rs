@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod ending;
 mod exchange;
 mod given;
 pub mod machine;
@@ -9,9 +10,12 @@ pub mod peripherals;
 mod plugin;
 mod run;
 
+pub use ending::{End, Exception, Place};
 pub use given::{AnalogInput, Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
 pub use outcome::{
     Block, FlashOperation, FunctionCount, Instructions, LogLine, Outcome, Pin, Reset, ResetCause, Sampling,
     Uart, UnknownRegister,
 };
+#[doc(hidden)]
+pub use run::carry;
 pub use run::{Function, RunError, functions};

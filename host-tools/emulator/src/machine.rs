@@ -21,6 +21,7 @@ mod events;
 mod forecast;
 mod levels;
 mod lines;
+mod polls;
 pub mod registers;
 mod stimulus;
 mod table;
@@ -29,7 +30,8 @@ mod unknown;
 mod wires;
 mod wiring;
 
-pub use board::{Board, INTERRUPTS, NMI};
+pub use board::{Board, INTERRUPTS, NMI, SYSTICK};
+pub(crate) use registers::name_of;
 pub use stimulus::Stimulus;
 pub(crate) use wiring::{USARTS, pin};
 
@@ -42,6 +44,7 @@ use crash::crash;
 use events::Event;
 use levels::Levels;
 use lines::Lines;
+use polls::Polls;
 use table::DMA2_LINES;
 use transfers::{Transfers, part, serving};
 use unknown::UnknownRegisters;
@@ -56,6 +59,9 @@ pub struct Machine {
     transfers: Transfers,
     lines: Lines,
     unknown: UnknownRegisters,
+    polls: Polls,
+    /// The register without a model that the processor does nothing but read.
+    stuck: Option<u32>,
     /// The cause of a reset that was asked for and has not come yet.
     reset_wanted: Option<ResetCause>,
     resets: Vec<Reset>,
@@ -93,6 +99,8 @@ impl Machine {
             transfers: Transfers::default(),
             lines: Lines::default(),
             unknown: UnknownRegisters::default(),
+            polls: Polls::default(),
+            stuck: None,
             reset_wanted: None,
             resets: Vec::new(),
         }
@@ -116,8 +124,10 @@ impl Machine {
     pub fn read(&mut self, address: u32, bytes: u32, now: u64, board: &mut impl Board) -> u32 {
         self.play(now, board);
         let word = address & !3;
+        let polled = self.polls.accessed(word);
         let value = self.chip.read(word, now).unwrap_or_else(|unanswered| {
             self.unknown.read(word, unanswered.clock_off);
+            self.stuck = self.stuck.or(polled.filter(|polled| *polled == word));
             0
         });
         self.settle(board);
@@ -128,6 +138,7 @@ impl Machine {
     pub fn write(&mut self, address: u32, bytes: u32, value: u32, now: u64, board: &mut impl Board) {
         self.play(now, board);
         let word = address & !3;
+        self.polls.accessed(word);
         let value = self.chip.widen(address, bytes, value, now);
         if let Err(unanswered) = self.chip.write(word, value, now) {
             self.unknown.written(word, unanswered.clock_off, value);
@@ -201,6 +212,16 @@ impl Machine {
         &self.chip.stimulus
     }
 
+    /// The register that the processor does nothing but read, if no model knows it.
+    pub fn stuck(&self) -> Option<String> {
+        self.stuck.map(registers::name)
+    }
+
+    /// Whether the watchdog runs. It resets an image that does nothing more.
+    pub fn watchdog_runs(&self) -> bool {
+        self.chip.units.iwdg.next_interrupt().is_some()
+    }
+
     /// What stands in [`WRITABLE`].
     pub fn flash(&self) -> &[u8] {
         self.chip.units.flash.contents()
@@ -225,11 +246,23 @@ impl Machine {
             resets: self.resets.clone(),
             unknown_registers: self.unknown.list(),
             unmodelled: self.chip.unmodelled(),
+            busy_with: self.polls.busy_with().map(registers::name),
+            never_came: self.never_came(),
             pins: self.pins(),
             flash_operations: units.flash.operations().to_vec(),
             virtual_ns: now,
             ..Outcome::default()
         }
+    }
+
+    /// Inputs that were to come.
+    fn never_came(&self) -> Vec<String> {
+        let levels = self.levels.left(&self.chip);
+        let ports = USARTS.iter().zip(&self.chip.units.usart);
+        let bytes = ports
+            .filter(|(_, usart)| usart.bytes_to_come() > 0)
+            .map(|(name, usart)| format!("{} bytes for the receiver of {name}", usart.bytes_to_come()));
+        levels.into_iter().chain(bytes).collect()
     }
 
     fn pins(&self) -> Vec<Pin> {
@@ -255,6 +288,7 @@ impl Machine {
         for tim in &mut self.chip.units.tim {
             tim.advance(now);
         }
+        self.chip.units.systick.advance(now);
     }
 
     fn happen(&mut self, event: Event, at: u64, board: &mut impl Board) {
@@ -312,7 +346,7 @@ impl Machine {
     /// Brings memory and the interrupt lines up to the state of the models.
     fn deliver(&mut self, board: &mut impl Board) {
         self.transfers.flush(board);
-        self.lines.settle(&self.chip, board);
+        self.lines.settle(&mut self.chip, board);
     }
 }
 

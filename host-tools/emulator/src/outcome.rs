@@ -4,10 +4,14 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::ending::{End, Exception, Place};
+
 /// What a run gave.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Outcome {
+    /// How it ended.
+    pub end: End,
     /// Bytes that left the USART1 transmitter by a pin.
     pub uart: Vec<u8>,
     /// When each of them had left, in ns of virtual time since power-up.
@@ -16,6 +20,8 @@ pub struct Outcome {
     pub uart_ninth: Vec<usize>,
     /// What left the other USARTs: those that sent anything.
     pub uarts: Vec<Uart>,
+    /// What the image said by semihosting.
+    pub semihosting: String,
     /// The defmt log, decoded.
     pub log: Vec<LogLine>,
     /// The same log as it came over RTT.
@@ -32,10 +38,21 @@ pub struct Outcome {
     pub triggers_ignored: u64,
     /// Resets after power-up.
     pub resets: Vec<Reset>,
+    /// Exceptions of faults, the first 16.
+    pub exceptions: Vec<Exception>,
+    /// When the image panicked, in ns.
+    pub panics: Vec<u64>,
+    /// Where the processor was at the end: the beginning of the last block of instructions without a branch.
+    /// `None` if it slept since the first instruction.
+    pub stopped_at: Option<Place>,
+    /// The register that the processor accessed most at the end, if one stands out.
+    pub busy_with: Option<String>,
     /// Registers that the firmware accessed and that no model knows.
     pub unknown_registers: Vec<UnknownRegister>,
     /// Features of modelled peripherals that the firmware asked for and that are not modelled.
     pub unmodelled: Vec<String>,
+    /// Faults, levels and bytes that were to come and did not: the run was over, or never sampled.
+    pub never_came: Vec<String>,
     /// Output pins that moved.
     pub pins: Vec<Pin>,
     /// What flash sectors 10 and 11 hold at the end, which firmware can write: address and bytes, as for
@@ -45,6 +62,69 @@ pub struct Outcome {
     pub flash_operations: Vec<FlashOperation>,
     /// Virtual time at the end, in ns since power-up.
     pub virtual_ns: u64,
+}
+
+impl Outcome {
+    /// Whether the image came through: it was stopped by the end of its time, by itself with status 0, or at
+    /// a breakpoint.
+    ///
+    /// # Errors
+    /// One line: how it failed.
+    pub fn verdict(&self) -> Result<(), String> {
+        let last = || match self.log.last() {
+            Some(line) => format!("; the last of its log: {line}"),
+            None => String::new(),
+        };
+        let fault = || {
+            self.exceptions
+                .last()
+                .map_or_else(String::new, ToString::to_string)
+        };
+        Err(match &self.end {
+            End::Over | End::Breakpoint(_) | End::Exited(0) => return Ok(()),
+            End::Exited(status) => format!("the image ended with status {status}{}", last()),
+            End::Panicked => {
+                let at = self.panics.last().map_or(0.0, |at| *at as f64 * 1e-9);
+                format!("the image panicked at {at:.6} s{}", last())
+            }
+            End::Faulted => format!(
+                "the image stands in the handler of a fault: {}{}",
+                fault(),
+                last()
+            ),
+            End::Stuck(register) => format!(
+                "the image does nothing but read {register}, which no model knows{}",
+                self.whereabouts()
+            ),
+            End::Stopped => format!("the run was stopped{}", self.whereabouts()),
+        })
+    }
+
+    /// Lets `name` fill in the function around each address.
+    pub(crate) fn name_functions(&mut self, name: impl Fn(&mut Place)) {
+        let at_end = match &mut self.end {
+            End::Breakpoint(place) => Some(place),
+            _ => None,
+        };
+        let of_faults = self
+            .exceptions
+            .iter_mut()
+            .flat_map(|e| [e.pc.as_mut(), e.lr.as_mut()]);
+        let places = of_faults.chain([at_end, self.stopped_at.as_mut()]);
+        places.flatten().for_each(name);
+    }
+
+    /// Where the processor was at the end and what it did there, as a part of a sentence.
+    pub(crate) fn whereabouts(&self) -> String {
+        let place = self.stopped_at.as_ref().map(|place| format!(", at {place}"));
+        let busy = self
+            .busy_with
+            .as_ref()
+            .map(|register| format!(", busy with {register}"));
+        let mut text = format!(" at {:.6} s", self.virtual_ns as f64 * 1e-9);
+        text.extend([place, busy].into_iter().flatten());
+        text
+    }
 }
 
 /// Executed instructions. A processor in WFI executes none.

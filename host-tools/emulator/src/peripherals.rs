@@ -14,6 +14,7 @@
 pub mod adc;
 pub mod adc_common;
 pub mod clock;
+pub mod core;
 pub mod dbgmcu;
 pub mod dma;
 pub mod dwt;
@@ -27,6 +28,7 @@ pub mod rcc;
 mod register;
 pub mod signature;
 pub mod syscfg;
+pub mod systick;
 pub mod tim;
 pub mod usart;
 

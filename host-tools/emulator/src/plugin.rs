@@ -12,6 +12,7 @@
 mod blocks;
 mod callbacks;
 mod count;
+mod fate;
 mod overlay;
 mod qemu;
 mod recorder;

@@ -19,7 +19,9 @@ use std::ffi::OsString;
 
 pub use error::RunError;
 pub use image::{Function, functions};
+pub use overlay::carry;
 
+use crate::ending::End;
 use crate::exchange::{self, Description, FORMAT};
 use crate::given::Run;
 use crate::machine::{USARTS, pin};
@@ -43,7 +45,8 @@ impl Run {
         let overlay = overlay::find(self.overlay.as_deref())?;
         let folder = Folder::new()?;
         let command = self.command(&folder, &description)?;
-        let outcome = process::run(&qemu, &overlay, &folder, &command, shift, self.timeout)?;
+        let outcome = process::run(&qemu, &overlay, &folder, &command, shift, self.timeout);
+        let outcome = outcome.map_err(|error| error.with_functions(|place| image.name(place)))?;
         let rtt = folder.read(exchange::RTT)?;
         let mut uarts = Vec::new();
         for (usart, port) in USARTS.iter().enumerate() {
@@ -51,17 +54,24 @@ impl Run {
         }
         let usart1 = uarts.remove(0);
         uarts.retain(|uart| !uart.bytes.is_empty());
-        Ok(Outcome {
+        let mut outcome = Outcome {
             uart: usart1.bytes,
             uart_ns: usart1.ns,
             uart_ninth: usart1.ninth,
             uarts,
             log: log::decode(&self.elf, &image.bytes, &rtt)?,
             rtt,
+            semihosting: folder.text(exchange::SEMIHOSTING),
             flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
             instruction_ns: 1 << shift,
             ..outcome
-        })
+        };
+        outcome.name_functions(|place| image.name(place));
+        match outcome.end {
+            End::Stuck(_) => Err(RunError::Stuck(outcome.into())),
+            End::Stopped => Err(RunError::Timeout(self.timeout, outcome.into())),
+            _ => Ok(outcome),
+        }
     }
 
     /// The shift of this run: as given, else from the environment, else 3.
@@ -95,6 +105,8 @@ impl Run {
         Ok(Description {
             format: FORMAT,
             rtt: image.rtt,
+            fault_handlers: image.fault_handlers.clone(),
+            panic_functions: image.panic_functions(),
             work: self.work.iter().map(position).collect::<Result<_, _>>()?,
             labels,
             functions,
@@ -110,6 +122,15 @@ impl Run {
         let rows: Vec<u8> = codes.flat_map(|code| code.to_le_bytes()).collect();
         folder.write(exchange::STIMULUS, &rows)?;
         let mut arguments = vec!["-kernel".into(), self.elf.clone().into()];
+        if self.semihosting {
+            let said = folder.path(exchange::SEMIHOSTING);
+            arguments.extend([
+                "-chardev".into(),
+                format!("file,id=semihosting,path={}", said.display()).into(),
+                "-semihosting-config".into(),
+                "enable=on,target=native,chardev=semihosting".into(),
+            ]);
+        }
         for (i, (address, bytes)) in self.flash.iter().enumerate() {
             // QEMU's loader refuses an empty file.
             if !bytes.is_empty() {

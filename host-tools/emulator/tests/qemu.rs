@@ -855,3 +855,41 @@ fn the_functions_of_an_image_are_found_by_a_part_of_their_name() {
     assert_eq!(found, [("handler", HANDLER_AT, 20)]);
     assert_eq!(functions(&bench.run.elf, "nothing").unwrap(), []);
 }
+
+const SYST_CSR: u32 = 0xe000_e010;
+const SYST_RVR: u32 = 0xe000_e014;
+const SYST_CVR: u32 = 0xe000_e018;
+const SYSTICK_VECTOR: u32 = 15;
+const GPIOC: u32 = 0x4002_0800;
+
+/// PC0 to PC15 as outputs.
+const OUTPUTS: [(u32, u32); 2] = [(RCC + 0x30, 1 << 22 | 0b111), (GPIOC, 0x5555_5555)];
+
+/// A run in which an exception has the image's handler.
+fn with_vector(bench: &mut Bench, vector: u32) {
+    bench.run.pokes.push(Poke {
+        at_ns: 0,
+        address: FLASH + 4 * vector,
+        bytes: (HANDLER_AT | 1).to_le_bytes().to_vec(),
+    });
+}
+
+fn edges(outcome: &Outcome) -> u64 {
+    outcome.pins.iter().map(|pin| pin.edges).sum()
+}
+
+#[test]
+fn systick_follows_hclk_and_runs_from_a_reload_value_that_comes_late() {
+    // PC0 up and down at each tick: 1000 ticks of 16 MHz, or of the crystal's 8 MHz, in 1 ms.
+    let handler = [(GPIOC + 0x18, 1), (GPIOC + 0x18, 1 << 16)];
+    let ticks = |first: Writes<'_>, start: [(u32, u32); 3]| {
+        let main = [&OUTPUTS[..], first, &start].concat();
+        let mut bench = bench(&image(&main, SLEEP, &handler));
+        with_vector(&mut bench, SYSTICK_VECTOR);
+        edges(&bench.run.execute().unwrap()) / 2
+    };
+    let usual = [(SYST_RVR, 999), (SYST_CVR, 0), (SYST_CSR, 0b111)];
+    let reload_last = [(SYST_CSR, 0b111), (SYST_CVR, 0), (SYST_RVR, 999)];
+    assert_eq!([usual, reload_last].map(|start| ticks(&[], start)), [15, 15]);
+    assert_eq!(ticks(&on_crystal(0), usual), 7);
+}

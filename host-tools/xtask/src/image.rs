@@ -15,7 +15,7 @@ const RAM: u32 = 0x2000_0000;
 pub(crate) struct Size {
     /// Code, constants and the initial values of variables.
     pub(crate) flash: u32,
-    /// Variables; the stack has what remains.
+    /// Variables. The stack has a memory of its own.
     pub(crate) ram: u32,
 }
 
@@ -52,7 +52,7 @@ impl std::fmt::Display for Size {
         let [flash, ram] = [self.flash, self.ram].map(|bytes| f64::from(bytes) / 1024.0);
         write!(
             f,
-            "{flash:.1} KiB of flash and {ram:.1} KiB of RAM; the stack has the rest of it"
+            "{flash:.1} KiB of flash and {ram:.1} KiB of RAM; the stack has 64 KiB of its own"
         )
     }
 }

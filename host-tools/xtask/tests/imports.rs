@@ -36,6 +36,7 @@ const WORKSPACE: &[Package] = &[
     package("bead-store", &[]),
     package("hertz-chain", &[]),
     package("stm32f405-qemu", &[]),
+    package("stm32f405-qemu-images", &[]),
     package("xtask", &[]),
     package("bead-telemetry", &["bead-model", "bead-wire"]),
     package(

@@ -6,6 +6,9 @@ pub const INTERRUPTS: usize = 82;
 /// The number that stands for the processor's NMI input, after those of the interrupt lines.
 pub const NMI: usize = INTERRUPTS;
 
+/// The number that stands for the processor's SysTick exception. It is not a level: each rise is an exception.
+pub const SYSTICK: usize = INTERRUPTS + 1;
+
 /// What a machine needs of the outside.
 pub trait Board {
     /// Reads SRAM or flash.
@@ -20,7 +23,7 @@ pub trait Board {
     fn stall(&mut self, stalled: bool);
     /// The power was off: RAM loses what it held.
     fn lose_memory(&mut self);
-    /// An interrupt line of the NVIC, or [`NMI`], changed its level.
+    /// An interrupt line of the NVIC, [`NMI`] or [`SYSTICK`], changed its level.
     fn set_interrupt(&mut self, number: usize, level: bool);
     /// A frame of 7 to 9 data bits left a transmitter at this time: USART1 is 0, USART6 is 5.
     fn sent(&mut self, usart: usize, data: u16, at: u64);

@@ -58,6 +58,9 @@ impl Chip {
             (row.model_mut)(&mut self.units).reset(now);
         }
         self.units.rcc.set_reset_cause(cause);
+        if cause == ResetCause::PowerCut {
+            self.units.debug.power_up();
+        }
         self.pass_on(now);
     }
 
@@ -122,6 +125,7 @@ impl Chip {
                 (row.model_mut)(&mut self.units).set_clocks(&clocks, now);
             }
         }
+        self.units.dwt.enable(self.units.debug.traces(), now);
         self.units.rcc.backup_domain_open = self.units.pwr.backup_domain_open();
         for master in 0..self.units.tim.len() {
             if take(&mut self.units.tim[master].trigger_now) {

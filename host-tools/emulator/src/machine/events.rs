@@ -33,45 +33,40 @@ pub(super) enum Event {
 pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
     let units = &chip.units;
     let tim = &units.tim;
-    let started = (0..tim.len()).filter_map(|n| {
-        let master = wiring::master(n, tim[n].waits_for()?)?;
-        Some((tim[master].trigger(0)?, Event::Started(n)))
-    });
-    let at = |time: Option<u64>, event: Event| time.map(|at| (at, event));
-    let converters = units.adc.converters.iter().enumerate();
-    let converted = converters
-        .clone()
-        .map(|(n, adc)| at(adc.next_conversion(), Event::Converted(n)));
-    let triggered = converters.map(|(n, _)| {
-        let tim_number = chip.converter_trigger(n)?;
-        at(tim[tim_number].trigger(0), Event::Triggered(tim_number))
-    });
-    let usarts = units.usart.iter().enumerate();
-    let sent = usarts
-        .clone()
-        .map(|(n, usart)| at(usart.next_sent(), Event::Sent(n)));
-    // After what is sent: over a wire, a frame that ends keeps the line from being idle.
-    let received = usarts.flat_map(|(n, usart)| {
-        [
-            at(usart.next_received(), Event::Received(n)),
-            at(usart.next_fetch(), Event::Fetched(n)),
-        ]
-    });
-    let others = [
-        at(units.iwdg.next_interrupt(), Event::WatchdogOut),
-        units
-            .flash
-            .next_event()
-            .map(|(at, event)| (at, Event::Flash(event))),
-    ];
+    let mut next = None;
     // The first of those at the same time.
-    let in_order = started
-        .map(Some)
-        .chain([at(levels.next(chip), Event::Level)])
-        .chain(converted)
-        .chain(triggered)
-        .chain(sent)
-        .chain(received)
-        .chain(others);
-    in_order.flatten().min_by_key(|(at, _)| *at)
+    let mut offer = |at: Option<u64>, event: Event| {
+        if let Some(at) = at
+            && next.is_none_or(|(soonest, _)| at < soonest)
+        {
+            next = Some((at, event));
+        }
+    };
+    for (n, slave) in tim.iter().enumerate() {
+        if let Some(master) = slave.waits_for().and_then(|itr| wiring::master(n, itr)) {
+            offer(tim[master].trigger(0), Event::Started(n));
+        }
+    }
+    offer(levels.next(chip), Event::Level);
+    for (n, converter) in units.adc.converters.iter().enumerate() {
+        offer(converter.next_conversion(), Event::Converted(n));
+    }
+    for n in 0..units.adc.converters.len() {
+        if let Some(master) = chip.converter_trigger(n) {
+            offer(tim[master].trigger(0), Event::Triggered(master));
+        }
+    }
+    for (n, usart) in units.usart.iter().enumerate() {
+        offer(usart.next_sent(), Event::Sent(n));
+    }
+    // After what is sent: over a wire, a frame that ends keeps the line from being idle.
+    for (n, usart) in units.usart.iter().enumerate() {
+        offer(usart.next_received(), Event::Received(n));
+        offer(usart.next_fetch(), Event::Fetched(n));
+    }
+    offer(units.iwdg.next_interrupt(), Event::WatchdogOut);
+    if let Some((at, event)) = units.flash.next_event() {
+        offer(Some(at), Event::Flash(event));
+    }
+    next
 }

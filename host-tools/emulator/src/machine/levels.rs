@@ -1,6 +1,6 @@
 //! Levels on pins that come from outside.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use super::chip::Chip;
 use super::wiring::{self, Pin};
@@ -64,6 +64,26 @@ impl Levels {
         };
         chip.units.gpio[level.pin.0].drive(level.pin.1, level.high);
         chip.level_changed(level.pin, level.high, at);
+    }
+
+    /// Those that have not come, by pin.
+    pub(super) fn left(&self, chip: &Chip) -> Vec<String> {
+        let mut pins = BTreeMap::new();
+        for (since, levels) in &self.0 {
+            for level in levels {
+                *pins.entry((level.pin, *since)).or_insert(0) += 1;
+            }
+        }
+        let sampled = chip.first_scan_ns().is_some();
+        let line = |(((port, pin), since), changes): (&(Pin, Since), &u32)| {
+            let why = match since {
+                Since::FirstScan if !sampled => ": there was no triggered scan to count from",
+                _ => "",
+            };
+            let port = char::from(b'A' + *port as u8);
+            format!("{changes} changes of the level on P{port}{pin}{why}")
+        };
+        pins.iter().map(line).collect()
     }
 
     /// When a timer will next capture a change and raise its interrupt line.

@@ -1,6 +1,6 @@
 //! The interrupt lines of the peripherals.
 
-use super::board::{Board, NMI};
+use super::board::{Board, NMI, SYSTICK};
 use super::chip::Chip;
 use super::table::TABLE;
 
@@ -16,10 +16,14 @@ impl Default for Lines {
 
 impl Lines {
     /// Tells the board which levels have changed.
-    pub(super) fn settle(&mut self, chip: &Chip, board: &mut impl Board) {
+    pub(super) fn settle(&mut self, chip: &mut Chip, board: &mut impl Board) {
         // The vectors are in flash: a line that rises now is served when flash can be read again.
         if chip.stands_still() {
             return;
+        }
+        if std::mem::take(&mut chip.units.systick.fired) {
+            board.set_interrupt(SYSTICK, true);
+            board.set_interrupt(SYSTICK, false);
         }
         // Some peripherals share a line.
         let mut levels = [false; NMI + 1];

@@ -7,6 +7,8 @@
 use std::fmt;
 use std::ops::Range;
 
+use crate::memory::PERIPHERALS;
+
 /// One register.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Register {
@@ -37,10 +39,20 @@ const TABLE: &str = include_str!("registers.txt");
 const SLOT: u32 = 0x400;
 
 /// What the table lacks: the factory's constants, the backup RAM, and units of the processor.
-const OTHERS: [(Range<u32>, &str); 3] = [
+const OTHERS: [(Range<u32>, &str); 13] = [
+    (0x1fff_0000..0x1fff_7800, "BOOTLOADER"),
+    (0x1fff_7800..0x1fff_7a10, "OTP"),
     (0x1fff_7a10..0x1fff_7c00, "SIGNATURE"),
+    (0x1fff_c000..0x1fff_c010, "OPTION_BYTES"),
     (0x4002_4000..0x4002_5000, "BKPSRAM"),
+    (0xe000_0000..0xe000_1000, "ITM"),
     (0xe000_1000..0xe000_2000, "DWT"),
+    (0xe000_2000..0xe000_3000, "FPB"),
+    (0xe000_e010..0xe000_e020, "SysTick"),
+    (0xe000_ed10..0xe000_ed14, "SCR"),
+    (0xe000_edf0..0xe000_ee00, "DCB"),
+    (0xe004_0000..0xe004_1000, "TPIU"),
+    (0xe004_1000..0xe004_2000, "ETM"),
 ];
 
 /// A peripheral of [`TABLE`]: its name, its first address, and its kind, which has the registers.
@@ -98,6 +110,12 @@ pub fn name(address: u32) -> String {
         || format!("{peripheral}+{:#04x}", address - start),
         |register| register.to_string(),
     )
+}
+
+/// The same for an address where a peripheral may be.
+pub(crate) fn name_of(address: u32) -> Option<String> {
+    let of_core = OTHERS.iter().any(|(range, _)| range.contains(&address));
+    (of_core || PERIPHERALS.contains(&address)).then(|| name(address))
 }
 
 #[cfg(test)]

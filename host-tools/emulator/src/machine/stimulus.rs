@@ -89,9 +89,8 @@ impl Stimulus {
 
     /// What a converter reads at a channel, if the conversion ends now.
     pub(super) fn code(&mut self, adc: usize, channel: u32, now: u64) -> u16 {
-        let pin = wiring::analog_pin(adc, channel);
         let first_scan = self.sampling.map(|sampling| sampling.first_ns);
-        match pin.and_then(|pin| self.pins.get(&pin)) {
+        match self.input(adc, channel) {
             Some(input) => input.code(now, first_scan),
             // Channels 0 to 3 of all three converters are PA0 to PA3.
             None if channel < 4 => self
@@ -103,6 +102,14 @@ impl Stimulus {
                 0
             }
         }
+    }
+
+    fn input(&self, adc: usize, channel: u32) -> Option<&AnalogInput> {
+        // The common case, once for every sample.
+        if self.pins.is_empty() {
+            return None;
+        }
+        self.pins.get(&wiring::analog_pin(adc, channel)?)
     }
 
     /// The externally triggered scans so far.

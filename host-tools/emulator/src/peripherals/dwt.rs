@@ -1,5 +1,5 @@
 //! The processor's cycle counter (ARMv7-M ARM, C1.8.8), which QEMU lacks. It follows HCLK, whether the
-//! processor sleeps or not.
+//! processor sleeps or not, once DEMCR.TRCENA lets the unit run.
 //!
 //! Under `-icount shift=3` an instruction takes 8 ns, which is 1.34 cycles at 168 MHz. The counter measures
 //! this virtual time. It does not measure what the pipeline of a real Cortex-M4 would take.
@@ -19,6 +19,8 @@ pub struct Dwt {
     /// The counter's value at `since_ns`.
     count: u32,
     since_ns: u64,
+    /// DEMCR.TRCENA.
+    traces: bool,
     notes: Notes,
 }
 
@@ -32,13 +34,21 @@ impl Dwt {
         }
     }
 
+    /// DEMCR.TRCENA lets the unit run, or not.
+    pub fn enable(&mut self, traces: bool, now: u64) {
+        if self.traces != traces {
+            self.settle(now);
+            self.traces = traces;
+        }
+    }
+
     fn settle(&mut self, now: u64) {
         self.count = self.cycles(now);
         self.since_ns = now;
     }
 
     fn cycles(&self, now: u64) -> u32 {
-        match bit(self.ctrl, 0) {
+        match bit(self.ctrl, 0) && self.traces {
             true => self
                 .count
                 .wrapping_add(clock::ticks(now - self.since_ns, self.hclk) as u32),
@@ -77,6 +87,7 @@ impl Peripheral for Dwt {
     fn reset(&mut self, _now: u64) {
         *self = Self {
             notes: std::mem::take(&mut self.notes),
+            traces: self.traces,
             ..Self::new(self.hclk)
         };
     }
@@ -98,8 +109,9 @@ mod tests {
     #[test]
     fn the_counter_runs_with_hclk_while_enabled_and_keeps_its_value_while_not() {
         let mut dwt = Dwt::new(168_000_000);
-        assert_eq!(dwt.read(0x04, 1_000_000), Ok(0));
-        dwt.write(0x00, 1, 1_000_000).unwrap();
+        dwt.write(0x00, 1, 0).unwrap();
+        assert_eq!(dwt.read(0x04, 1_000_000), Ok(0), "DEMCR.TRCENA is clear");
+        dwt.enable(true, 1_000_000);
         assert_eq!(dwt.read(0x04, 2_000_000), Ok(168_000));
         dwt.set_clocks(&Clocks::HSI, 2_000_000);
         assert_eq!(dwt.read(0x04, 3_000_000), Ok(184_000));
@@ -110,6 +122,7 @@ mod tests {
     #[test]
     fn the_counter_wraps_at_32_bits() {
         let mut dwt = Dwt::new(1_000_000_000);
+        dwt.enable(true, 0);
         dwt.write(0x00, 1, 0).unwrap();
         dwt.write(0x04, u32::MAX, 0).unwrap();
         assert_eq!(dwt.read(0x04, 3), Ok(2));

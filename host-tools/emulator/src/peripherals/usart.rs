@@ -176,6 +176,11 @@ impl Usart {
         self.fetch_at = None;
     }
 
+    /// How many bytes the other side has still to send.
+    pub fn bytes_to_come(&self) -> usize {
+        self.input.len()
+    }
+
     fn on(&self, part: u32) -> bool {
         self.cr[0] & UE != 0 && self.cr[0] & part != 0
     }

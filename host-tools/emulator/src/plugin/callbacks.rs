@@ -3,30 +3,36 @@
 //! # Safety
 //!
 //! QEMU holds its big lock in the callbacks for memory, timers and reset, and at the end of machine creation.
-//! The callbacks for translation and instructions run without it. They touch only counters, which are
-//! atomics, and [`Sites`], which has its own lock, and never the overlay.
+//! The callbacks for translation, blocks and instructions run without it, in the processor's thread. They
+//! touch counters, which are atomics, and [`Sites`], which has its own lock. For the log, a fault or a panic
+//! they lock the overlay, but only for what needs RAM and QEMU's timers, which have locks of their own.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char, c_int, c_void};
-use std::path::Path;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::count::{Counters, Site, Sites};
-use super::overlay::Overlay;
+use super::fate::{self, Sight};
+use super::overlay::{Entries, Overlay};
 use super::qemu::{
-    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, Notifier, Ops, PRIORITY, Pointer, QEMU_CLOCK_VIRTUAL, Qemu,
-    SCALE_NS, SPARE_LINE, ValidAccess, exit, room, say, symbol,
+    AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
+    QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess, exit, leave, log_moved,
+    log_seen, room, say, symbol, take_no_signals,
 };
 use super::self_test::self_test;
+use crate::ending::End;
 use crate::exchange::SELF_TEST_STATUS;
-use crate::memory::{CCM, FLASH};
+use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram};
 
 static QEMU: OnceLock<Qemu> = OnceLock::new();
 static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
 static COUNTERS: OnceLock<(&'static Counters, Mutex<Sites>)> = OnceLock::new();
 static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
+static ENTRIES: OnceLock<Entries> = OnceLock::new();
 
 /// The overlay and QEMU. Both are set before QEMU calls back, but for the moment in which it sets up its
 /// memory: `None`.
@@ -35,12 +41,18 @@ fn running() -> Option<(MutexGuard<'static, Overlay>, &'static Qemu)> {
     Some((overlay, QEMU.get()?))
 }
 
-static OPS: Ops = ops(on_write, false);
+static OPS: Ops = ops(on_read, on_write, false);
 /// QEMU reads flash as memory. Only stores come here.
-static FLASH_OPS: Ops = ops(on_store, true);
+static FLASH_OPS: Ops = ops(on_read, on_store, true);
+/// Priorities of interrupts and exceptions.
+static PRIORITY_OPS: Ops = ops(on_priority_read, on_priority_write, true);
 
 /// What QEMU calls for accesses of 1 to 4 bytes.
-const fn ops(write: extern "C" fn(Pointer, u64, u64, u32), unaligned: bool) -> Ops {
+const fn ops(
+    read: extern "C" fn(Pointer, u64, u32) -> u64,
+    write: extern "C" fn(Pointer, u64, u64, u32),
+    unaligned: bool,
+) -> Ops {
     const fn sizes(unaligned: bool) -> AccessSizes {
         AccessSizes {
             min: 1,
@@ -49,14 +61,14 @@ const fn ops(write: extern "C" fn(Pointer, u64, u64, u32), unaligned: bool) -> O
         }
     }
     Ops {
-        read: on_read,
+        read,
         write,
         read_with_attrs: 0,
         write_with_attrs: 0,
         endianness: DEVICE_LITTLE_ENDIAN,
         valid: ValidAccess {
             sizes: sizes(unaligned),
-            accepts: 0,
+            accepts: on_accept,
         },
         implemented: sizes(unaligned),
     }
@@ -105,8 +117,11 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     })?;
     let overlay = Overlay::new(Path::new(folder))?;
     let counters = overlay.counters();
+    ENTRIES.get_or_init(|| overlay.entries());
     let functions = FUNCTIONS.get_or_init(|| functions);
     OVERLAY.get_or_init(|| Mutex::new(overlay));
+    let folder = PathBuf::from(folder);
+    std::thread::spawn(move || watch_host(&folder));
     let notifier = Box::leak(Box::new(Notifier {
         notify: on_machine_ready,
         node: [0; 2],
@@ -115,10 +130,41 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     unsafe { (functions.qemu_add_machine_init_done_notifier)(notifier) };
     if let Some(counters) = counters {
         COUNTERS.get_or_init(|| (counters, Mutex::default()));
-        // SAFETY: `id` is what QEMU gave to this plugin.
-        unsafe { (functions.qemu_plugin_register_vcpu_tb_trans_cb)(id, on_translate, null_mut()) };
+    }
+    // SAFETY: `id` is what QEMU gave to this plugin.
+    unsafe {
+        (functions.qemu_plugin_register_vcpu_tb_trans_cb)(id, on_translate, null_mut());
+        (functions.qemu_plugin_register_atexit_cb)(id, on_exit, null_mut());
     }
     Ok(())
+}
+
+/// The host holds the other end of standard input. A byte asks for the report. The end says that the host is
+/// gone, and nobody reads a report.
+fn watch_host(folder: &Path) {
+    take_no_signals();
+    let read = std::io::stdin().read(&mut [0]);
+    if matches!(read, Ok(1)) {
+        if let Some((mut overlay, qemu)) = running() {
+            overlay.stop(End::Stopped, qemu);
+        }
+    } else {
+        // The host would have removed it. If that fails, it lies in a folder for temporary files.
+        let _ = std::fs::remove_dir_all(folder);
+    }
+    leave(0);
+}
+
+/// QEMU ends before the run does. With semihosting the image has asked for it; the host knows the status.
+extern "C" fn on_exit(_: Pointer, _: Pointer) {
+    if let Some((mut overlay, qemu)) = running() {
+        let end = if overlay.semihosting() {
+            End::Exited(0)
+        } else {
+            End::Stopped
+        };
+        overlay.stop(end, qemu);
+    }
 }
 
 extern "C" fn on_machine_ready(_: *mut Notifier, _: Pointer) {
@@ -127,8 +173,14 @@ extern "C" fn on_machine_ready(_: *mut Notifier, _: Pointer) {
         Ok(qemu) => qemu,
         Err(line) => exit(SELF_TEST_STATUS, &line),
     };
-    if let Err(line) = self_test(QEMU.get_or_init(|| qemu)) {
+    let qemu = QEMU.get_or_init(|| qemu);
+    if let Err(line) = self_test(qemu) {
         exit(SELF_TEST_STATUS, &line);
+    }
+    if let Some((overlay, qemu)) = running()
+        && let Some(address) = overlay.log_offset().filter(|address| is_ram(*address, 4))
+    {
+        qemu.watch_log(address);
     }
 }
 
@@ -142,25 +194,35 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
         let system = (f.get_system_memory)();
         let container = (f.object_resolve_path)(c"armv7m-container[0]".as_ptr(), null_mut());
         let processor = (f.object_resolve_path_type)(c"".as_ptr(), c"armv7m".as_ptr(), null_mut());
-        if container.is_null() || processor.is_null() {
+        let nvic = (f.object_resolve_path)(c"nvic_sysregs[0]".as_ptr(), null_mut());
+        if container.is_null() || processor.is_null() || nvic.is_null() {
             return Err("this machine has no ARMv7-M processor; run it with -M netduinoplus2".into());
         }
-        for (parent, start, size) in [
-            (system, 0x4000_0000, 0x2000_0000),
-            (system, 0x1fff_7800, 0x400),
-            (container, 0xe000_1000, 0x1000),
-            (container, 0xe004_2000, 0x400),
+        for (parent, addresses, ops) in [
+            (system, PERIPHERALS, &OPS),
+            (system, NO_RAM, &OPS),
+            // The bootloader, factory words and option bytes.
+            (system, 0x1fff_0000..0x2000_0000, &OPS),
+            // ITM, DWT and FPB; SysTick; SCR; the debug registers; TPIU, ETM and DBGMCU.
+            (container, 0xe000_0000..0xe000_3000, &OPS),
+            (container, 0xe000_e010..0xe000_e020, &OPS),
+            (container, 0xe000_ed10..0xe000_ed14, &OPS),
+            (container, 0xe000_edf0..0xe000_ee00, &OPS),
+            (container, 0xe004_0000..0xe004_2400, &OPS),
+            (container, 0xe000_e400..0xe000_e500, &PRIORITY_OPS),
+            (container, 0xe000_ed18..0xe000_ed24, &PRIORITY_OPS),
         ] {
-            let region = room();
+            let (region, start, size) = (room(), addresses.start, addresses.len() as u64);
+            let name = c"stm32f405".as_ptr();
             (f.memory_region_init_io)(
                 region,
                 none,
-                &raw const OPS,
-                start as Pointer,
-                c"stm32f405".as_ptr(),
+                &raw const *ops,
+                start as usize as Pointer,
+                name,
                 size,
             );
-            (f.memory_region_add_subregion_overlap)(parent, start, region, PRIORITY);
+            (f.memory_region_add_subregion_overlap)(parent, start.into(), region, PRIORITY);
         }
         if !(f.memory_region_present)(system, CCM.start.into()) {
             let region = room();
@@ -186,6 +248,8 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             .map(|n| (f.qdev_get_gpio_in)(processor, n as c_int))
             .collect();
         let nmi = (f.qdev_get_gpio_in_named)(processor, c"NMI".as_ptr(), 0);
+        let controller = (f.object_resolve_path_type)(c"".as_ptr(), c"armv7m_nvic".as_ptr(), null_mut());
+        let systick = (f.qdev_get_gpio_in_named)(controller, c"systick-trigger".as_ptr(), 0);
         let address_space = symbol("address_space_memory\0")?;
         Ok(Qemu {
             functions: f,
@@ -193,8 +257,31 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             timer,
             interrupts,
             nmi,
+            systick,
+            nvic,
             reset_requested: AtomicBool::new(false),
         })
+    }
+}
+
+/// What this leaves out is a bus fault.
+extern "C" fn on_accept(start: Pointer, offset: u64, _bytes: u32, _write: bool, _attributes: u64) -> bool {
+    let address = start as usize as u32 + offset as u32;
+    !NO_RAM.contains(&address) && !is_beyond_every_bus(address)
+}
+
+/// The part has 4 bits of priority, the upper ones of each byte (RM0090 section 12.1.1). QEMU 7.2 has 8.
+const PRIORITY_BITS: u64 = 0xf0f0_f0f0;
+
+extern "C" fn on_priority_read(start: Pointer, offset: u64, bytes: u32) -> u64 {
+    let address = start as usize as u32 + offset as u32;
+    QEMU.get().map_or(0, |qemu| qemu.read_nvic(address, bytes))
+}
+
+extern "C" fn on_priority_write(start: Pointer, offset: u64, value: u64, bytes: u32) {
+    let address = start as usize as u32 + offset as u32;
+    if let Some(qemu) = QEMU.get() {
+        qemu.write_nvic(address, value & PRIORITY_BITS, bytes);
     }
 }
 
@@ -252,20 +339,60 @@ extern "C" fn on_reset(_: Pointer) {
 /// at registration does no harm.
 extern "C" fn on_translate(first: Pointer, second: Pointer) {
     let block = if second.is_null() { first } else { second };
-    let (Some((counters, sites)), Some(f)) = (COUNTERS.get(), FUNCTIONS.get()) else {
+    let (Some(f), Some(entries)) = (FUNCTIONS.get(), ENTRIES.get()) else {
         return;
     };
-    let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
     // SAFETY: the block and its instructions are QEMU's for the time of this call; a site is never freed.
     unsafe {
+        let start = (f.qemu_plugin_tb_vaddr)(block) as usize as Pointer;
+        (f.qemu_plugin_register_vcpu_tb_exec_cb)(block, on_block, NO_REGISTERS, start);
         for i in 0..(f.qemu_plugin_tb_n_insns)(block) {
             let instruction = (f.qemu_plugin_tb_get_insn)(block, i);
             let address = (f.qemu_plugin_insn_vaddr)(instruction) as u32;
-            let site = sites
-                .get(address, counters)
-                .map_or(null_mut(), |s| (&raw const *s).cast_mut().cast());
-            (f.qemu_plugin_register_vcpu_insn_exec_cb)(instruction, on_instruction, 0, site);
+            let watch = f.qemu_plugin_register_vcpu_insn_exec_cb;
+            if entries.faults.contains(&address) {
+                watch(instruction, on_fault, READS_REGISTERS, null_mut());
+            }
+            if entries.panics.contains(&address) {
+                watch(instruction, on_panic, NO_REGISTERS, null_mut());
+            }
+            if let Some((counters, sites)) = COUNTERS.get() {
+                let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
+                let site = sites
+                    .get(address, counters)
+                    .map_or(null_mut(), |s| (&raw const *s).cast_mut().cast());
+                watch(instruction, on_instruction, NO_REGISTERS, site);
+            }
         }
+    }
+}
+
+/// A block of instructions begins. If the image has logged something since the last, it is taken at once, so
+/// that the log's buffer never gets full.
+extern "C" fn on_block(_processor: u32, start: Pointer) {
+    if let Some(offset) = log_moved(start as usize as u32)
+        && let Some((mut overlay, qemu)) = running()
+        && overlay.drain_log(qemu)
+    {
+        log_seen(offset);
+    }
+}
+
+extern "C" fn on_fault(_processor: u32, _: Pointer) {
+    if let Some(qemu) = QEMU.get()
+        && let Some(exception) = fate::exception(&qemu.registers(), qemu)
+    {
+        saw(Sight::Exception(exception));
+    }
+}
+
+extern "C" fn on_panic(_processor: u32, _: Pointer) {
+    saw(Sight::Panic);
+}
+
+fn saw(sight: Sight) {
+    if let Some((mut overlay, qemu)) = running() {
+        overlay.saw(sight, qemu);
     }
 }
 

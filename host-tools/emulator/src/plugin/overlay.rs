@@ -5,17 +5,22 @@ use std::path::{Path, PathBuf};
 
 use super::blocks::Blocks;
 use super::count::Counters;
+use super::fate::{Fate, Sight};
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, Recorder, written};
 use super::{rtt, self_test};
+use crate::ending::{End, Exception};
 use crate::exchange::{self, Description, FORMAT, SELF_TEST_STATUS};
 use crate::given::{Fault, Poke, Run, Since};
 use crate::machine::{Board, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
 use crate::outcome::Outcome;
 
-/// An access of the processor makes the overlay look at the log, if this time has passed since the last look.
-const RTT_PERIOD_NS: u64 = 100_000;
+/// Addresses at which something begins that the overlay wants to see.
+pub(super) struct Entries {
+    pub(super) faults: Vec<u32>,
+    pub(super) panics: Vec<u32>,
+}
 
 /// One run, seen from inside QEMU.
 pub(super) struct Overlay {
@@ -27,7 +32,9 @@ pub(super) struct Overlay {
     pokes: VecDeque<Poke>,
     /// Those since power-up, and those since the first scan.
     faults: [VecDeque<Fault>; 2],
-    rtt_looked_at_ns: u64,
+    fate: Fate,
+    /// The last time at which the overlay was called.
+    now: u64,
     powered_up: bool,
     interrupts_tested: bool,
     /// QEMU has loaded the image anew, over what the firmware wrote to flash.
@@ -66,7 +73,8 @@ impl Overlay {
             recorder: Recorder::new(folder, blocks)?,
             pokes: pokes.into(),
             faults,
-            rtt_looked_at_ns: 0,
+            fate: Fate::default(),
+            now: 0,
             powered_up: false,
             interrupts_tested: false,
             reloaded: false,
@@ -88,7 +96,14 @@ impl Overlay {
     ) -> T {
         let now = qemu.now();
         let result = access(&mut self.machine, now, &mut Outside(qemu, &mut self.recorder));
-        self.after(now, false, qemu);
+        self.after(now, qemu);
+        if let Some(register) = self
+            .machine
+            .stuck()
+            .filter(|_| self.description.run.stop_when_stuck)
+        {
+            self.end(End::Stuck(register), now, qemu);
+        }
         result
     }
 
@@ -117,9 +132,40 @@ impl Overlay {
             self.machine
                 .fail(fault.kind, now, &mut Outside(qemu, &mut self.recorder));
         }
-        self.after(now, true, qemu);
+        self.judge(now, qemu);
+        self.drain_log(qemu);
+        self.after(now, qemu);
         if self.ends_at() <= now {
-            self.end(now, qemu);
+            self.end(End::Over, now, qemu);
+        }
+    }
+
+    /// A callback saw something in the middle of a block. Time for it comes at the end of that block.
+    pub(super) fn saw(&mut self, sight: Sight, qemu: &Qemu) {
+        self.fate.sights.push(sight);
+        qemu.wake_at(self.now + 1);
+    }
+
+    /// Ends the run if the image has failed.
+    fn judge(&mut self, now: u64, qemu: &Qemu) {
+        for sight in std::mem::take(&mut self.fate.sights) {
+            match sight {
+                Sight::Exception(exception) => {
+                    let exception = Exception {
+                        at_ns: now,
+                        ..exception
+                    };
+                    if let Some(end) = self.fate.fault(exception) {
+                        self.end(end, now, qemu);
+                    }
+                }
+                Sight::Panic => self.fate.panic(now),
+            }
+        }
+        if self.fate.doom_at().is_some_and(|at| at <= now)
+            && let Some(end) = self.fate.doomed(self.machine.watchdog_runs(), qemu)
+        {
+            self.end(end, now, qemu);
         }
     }
 
@@ -161,7 +207,9 @@ impl Overlay {
         self.recorder.restore_flash(qemu);
         // After this QEMU loads the image, and after that comes the processor's first instruction.
         self.reloaded = true;
-        self.after(now, true, qemu);
+        self.fate.reset();
+        self.drain_log(qemu);
+        self.after(now, qemu);
         qemu.wake_at(now);
     }
 
@@ -173,41 +221,103 @@ impl Overlay {
         end.map_or(run.sampling_deadline_ns, |end| end.saturating_add(run.tail_ns))
     }
 
-    fn after(&mut self, now: u64, look_at_log: bool, qemu: &Qemu) {
+    /// Asks to be called again when something will happen.
+    fn after(&mut self, now: u64, qemu: &Qemu) {
+        self.now = now;
         if self.ended {
             return;
         }
-        if look_at_log || now >= self.rtt_looked_at_ns + RTT_PERIOD_NS {
-            self.drain_log(qemu);
-            self.rtt_looked_at_ns = now;
-        }
         let poke = self.pokes.front().map(|poke| poke.at_ns);
         let fault = self.next_fault().map(|(at, _)| at);
-        let next = [self.machine.next_interrupt(), poke, fault].into_iter().flatten();
-        let next = next.fold(self.ends_at(), u64::min);
+        let next = [self.machine.next_interrupt(), poke, fault, self.fate.doom_at()];
+        let next = next.into_iter().flatten().fold(self.ends_at(), u64::min);
         qemu.wake_at(next.max(now + 1));
     }
 
-    fn drain_log(&mut self, qemu: &Qemu) {
+    /// Takes the image's log out of its memory. Gives whether the image has set the log up.
+    pub(super) fn drain_log(&mut self, qemu: &Qemu) -> bool {
         let block = self.description.rtt;
-        let log = block.map(|block| rtt::drain(block, &mut Guest(qemu)));
-        self.recorder.flush(&log.unwrap_or_default());
+        let log = block.and_then(|block| rtt::drain(block, &mut Guest(qemu)));
+        self.recorder.flush(log.as_deref().unwrap_or_default());
+        log.is_some()
+    }
+
+    /// Where the write offset of the log lies.
+    pub(super) fn log_offset(&self) -> Option<u32> {
+        self.description.rtt.map(rtt::write_offset)
+    }
+
+    /// Addresses at which the handler of a fault or of a panic begins.
+    pub(super) fn entries(&self) -> Entries {
+        Entries {
+            faults: self.description.fault_handlers.clone(),
+            panics: self.description.panic_functions.clone(),
+        }
+    }
+
+    /// Whether the image may call the host.
+    pub(super) fn semihosting(&self) -> bool {
+        self.description.run.semihosting
+    }
+
+    /// The host wants the report now, or QEMU ends by itself.
+    pub(super) fn stop(&mut self, end: End, qemu: &Qemu) {
+        let now = qemu.now();
+        self.drain_log(qemu);
+        self.report(end, now);
     }
 
     /// Writes the outcome and asks QEMU to stop. What it still executes until then is not recorded.
-    fn end(&mut self, now: u64, qemu: &Qemu) {
-        if std::mem::replace(&mut self.ended, true) {
-            return;
+    fn end(&mut self, end: End, now: u64, qemu: &Qemu) {
+        self.drain_log(qemu);
+        if self.report(end, now) {
+            qemu.request_shutdown();
         }
-        let outcome = Outcome {
+    }
+
+    /// Faults and pokes that were to come.
+    fn never_came(&self) -> impl Iterator<Item = String> {
+        let sampled = self.machine.stimulus().sampling().is_some();
+        let faults = self.faults.iter().flatten().map(move |fault| {
+            let why = match fault.since {
+                Since::FirstScan if !sampled => ": there was no triggered scan to count from",
+                _ => "",
+            };
+            format!(
+                "fault {:?} at {:.6} s{why}",
+                fault.kind,
+                fault.at_ns as f64 * 1e-9
+            )
+        });
+        let poke = |poke: &Poke| {
+            format!(
+                "poke of {:#010x} at {:.6} s",
+                poke.address,
+                poke.at_ns as f64 * 1e-9
+            )
+        };
+        faults.chain(self.pokes.iter().map(poke))
+    }
+
+    /// Writes the outcome, once. Gives whether this was the first time.
+    fn report(&mut self, end: End, now: u64) -> bool {
+        if std::mem::replace(&mut self.ended, true) {
+            return false;
+        }
+        let mut outcome = Outcome {
+            end,
             instructions: self.recorder.blocks.as_ref().map(Blocks::instructions),
+            exceptions: std::mem::take(&mut self.fate.exceptions),
+            panics: std::mem::take(&mut self.fate.panics),
+            stopped_at: qemu::last_block().map(Into::into),
             ..self.machine.outcome(now)
         };
+        outcome.never_came.extend(self.never_came());
         let json = serde_json::to_vec(&outcome).expect("a plain struct has a JSON form");
         let file = |name: &str| self.folder.join(name);
         written(std::fs::write(file(exchange::FLASH), self.machine.flash()));
         written(std::fs::write(file(exchange::OUTCOME), json));
-        qemu.request_shutdown();
+        true
     }
 }
 

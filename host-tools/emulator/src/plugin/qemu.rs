@@ -11,14 +11,16 @@
 //!
 //! The overlay never looks into QEMU's structures. It gives them room ([`room`]) that is larger than in any
 //! known version, and QEMU fills it in. The two exceptions are small structures that a caller fills in,
-//! [`Ops`] and [`Notifier`]. Every call is made with QEMU's big lock held.
+//! [`Ops`] and [`Notifier`]. Every call is made with QEMU's big lock held, or
+//! from the processor's own thread between two of its instructions.
 #![allow(unsafe_code)]
 
 use std::ffi::{c_char, c_int, c_void};
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::ptr::null_mut;
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, Ordering::Relaxed};
 
 use crate::exchange::LINE_PREFIX;
-use crate::machine::{INTERRUPTS, NMI};
+use crate::machine::{INTERRUPTS, NMI, SYSTICK};
 
 const _: () = assert!(SPARE_LINE >= INTERRUPTS);
 
@@ -51,6 +53,8 @@ functions! {
     memory_region_init_alias: fn(Pointer, Pointer, *const c_char, Pointer, u64, u64);
     memory_region_present: fn(Pointer, u64) -> bool;
     memory_region_add_subregion_overlap: fn(Pointer, u64, Pointer, c_int);
+    memory_region_dispatch_read: fn(Pointer, u64, *mut u64, c_int, u64) -> c_int;
+    memory_region_dispatch_write: fn(Pointer, u64, u64, c_int, u64) -> c_int;
     object_resolve_path: fn(*const c_char, *mut bool) -> Pointer;
     object_resolve_path_type: fn(*const c_char, *const c_char, *mut bool) -> Pointer;
     qdev_get_gpio_in: fn(Pointer, c_int) -> Pointer;
@@ -61,6 +65,7 @@ functions! {
     qemu_get_cpu: fn(c_int) -> Pointer;
     cpu_interrupt: fn(Pointer, c_int);
     cpu_memory_rw_debug: fn(Pointer, u64, Pointer, usize, bool) -> c_int;
+    cpu_dump_state: fn(Pointer, *mut libc::FILE, c_int);
     timer_init_full: fn(Pointer, Pointer, c_int, c_int, c_int, extern "C" fn(Pointer), Pointer);
     timer_mod: fn(Pointer, i64);
     timer_del: fn(Pointer);
@@ -70,7 +75,11 @@ functions! {
     qemu_system_shutdown_request: fn(c_int);
     address_space_rw: fn(Pointer, u64, u64, Pointer, u64, bool) -> u32;
     address_space_write_rom: fn(Pointer, u64, u64, *const c_void, u64) -> u32;
+    address_space_map: fn(Pointer, u64, *mut u64, bool, u64) -> Pointer;
     qemu_plugin_register_vcpu_tb_trans_cb: fn(u64, extern "C" fn(Pointer, Pointer), Pointer);
+    qemu_plugin_register_vcpu_tb_exec_cb: fn(Pointer, extern "C" fn(u32, Pointer), c_int, Pointer);
+    qemu_plugin_register_atexit_cb: fn(u64, extern "C" fn(Pointer, Pointer), Pointer);
+    qemu_plugin_tb_vaddr: fn(Pointer) -> u64;
     qemu_plugin_tb_n_insns: fn(Pointer) -> usize;
     qemu_plugin_tb_get_insn: fn(Pointer, usize) -> Pointer;
     qemu_plugin_insn_vaddr: fn(Pointer) -> u64;
@@ -92,7 +101,7 @@ pub(super) struct Ops {
 #[repr(C)]
 pub(super) struct ValidAccess {
     pub(super) sizes: AccessSizes,
-    pub(super) accepts: usize,
+    pub(super) accepts: extern "C" fn(Pointer, u64, u32, bool, u64) -> bool,
 }
 
 #[repr(C)]
@@ -118,6 +127,11 @@ const SHUTDOWN_CAUSE_GUEST_RESET: c_int = 7;
 const HALT: c_int = 0x20;
 /// `CPU_INTERRUPT_EXITTB`: wakes the processor, and has no other effect.
 const GO_ON: c_int = 0x04;
+/// `enum qemu_plugin_cb_flags`: what a callback does with the processor's registers.
+pub(super) const NO_REGISTERS: c_int = 0;
+pub(super) const READS_REGISTERS: c_int = 1;
+/// First address of the interrupt controller's region.
+const NVIC_START: u32 = 0xe000_e000;
 /// `MEMTXATTRS_UNSPECIFIED`.
 const UNSPECIFIED: u64 = 1;
 /// Above QEMU's own devices, which are at 0.
@@ -130,6 +144,9 @@ pub(super) struct Qemu {
     pub(super) timer: Pointer,
     pub(super) interrupts: Vec<Pointer>,
     pub(super) nmi: Pointer,
+    pub(super) systick: Pointer,
+    /// The registers of the interrupt controller, as QEMU's region.
+    pub(super) nvic: Pointer,
     pub(super) reset_requested: AtomicBool,
 }
 
@@ -194,10 +211,10 @@ impl Qemu {
     }
 
     pub(super) fn set_interrupt(&self, number: usize, level: bool) {
-        let line = if number == NMI {
-            self.nmi
-        } else {
-            self.interrupts[number]
+        let line = match number {
+            NMI => self.nmi,
+            SYSTICK => self.systick,
+            _ => self.interrupts[number],
         };
         // SAFETY: the line is an input of the NVIC, found by `lay_over`.
         unsafe { (self.functions.qemu_set_irq)(line, c_int::from(level)) }
@@ -227,6 +244,62 @@ impl Qemu {
         }
     }
 
+    /// Reads 1, 2 or 4 bytes of the interrupt controller's own registers, under whatever lies over them.
+    pub(super) fn read_nvic(&self, address: u32, bytes: u32) -> u64 {
+        let mut value = 0;
+        let (offset, size) = (u64::from(address - NVIC_START), bytes.trailing_zeros() as c_int);
+        let read = self.functions.memory_region_dispatch_read;
+        // SAFETY: the region is the controller's, found by `lay_over`; the size is given by its logarithm.
+        unsafe { read(self.nvic, offset, &raw mut value, size, UNSPECIFIED) };
+        value
+    }
+
+    /// Writes them.
+    pub(super) fn write_nvic(&self, address: u32, value: u64, bytes: u32) {
+        let (offset, size) = (u64::from(address - NVIC_START), bytes.trailing_zeros() as c_int);
+        let write = self.functions.memory_region_dispatch_write;
+        // SAFETY: as above.
+        unsafe { write(self.nvic, offset, value, size, UNSPECIFIED) };
+    }
+
+    /// The processor's registers, as QEMU prints them: `R13=20010000` and so on, and `XPSR=`.
+    pub(super) fn registers(&self) -> String {
+        let (mut text, mut length) = (std::ptr::null_mut::<c_char>(), 0);
+        // SAFETY: the stream is closed before its text is read, which then has this length and is freed once;
+        // processor 0 exists once the machine is made.
+        unsafe {
+            let stream = libc::open_memstream(&raw mut text, &raw mut length);
+            if stream.is_null() {
+                return String::new();
+            }
+            (self.functions.cpu_dump_state)((self.functions.qemu_get_cpu)(0), stream, 0);
+            libc::fclose(stream);
+            let said = std::slice::from_raw_parts(text.cast::<u8>(), length);
+            let said = String::from_utf8_lossy(said).into_owned();
+            libc::free(text.cast());
+            said
+        }
+    }
+
+    /// Lets [`log_moved`] look at a word of RAM: the write offset of the image's log.
+    pub(super) fn watch_log(&self, address: u32) {
+        let mut length = 4;
+        let map = self.functions.address_space_map;
+        // SAFETY: takes an address space and a length, which it may make less; RAM stays where it is.
+        let word = unsafe {
+            map(
+                self.address_space,
+                address.into(),
+                &raw mut length,
+                true,
+                UNSPECIFIED,
+            )
+        };
+        if length == 4 {
+            LOG_OFFSET.store(word.cast(), Relaxed);
+        }
+    }
+
     /// Reads a word as the processor sees it, also of its private peripherals.
     pub(super) fn processor_word(&self, address: u32) -> u32 {
         let (f, mut word) = (&self.functions, 0u32);
@@ -239,9 +312,49 @@ impl Qemu {
     }
 }
 
+/// The write offset of the log, in guest memory, and what it was when the log was last looked at.
+static LOG_OFFSET: AtomicPtr<AtomicU32> = AtomicPtr::new(std::ptr::null_mut());
+static LOG_SEEN: AtomicU32 = AtomicU32::new(0);
+/// The block of instructions that was begun last.
+static LAST_BLOCK: AtomicU32 = AtomicU32::new(0);
+
+/// A block of instructions begins. Gives the write offset of the log if the image has moved it.
+pub(super) fn log_moved(block: u32) -> Option<u32> {
+    LAST_BLOCK.store(block, Relaxed);
+    let word = LOG_OFFSET.load(Relaxed);
+    // SAFETY: null, or a word of guest RAM, which lives as long as QEMU.
+    let offset = unsafe { word.as_ref() }?.load(Relaxed);
+    (offset != LOG_SEEN.load(Relaxed)).then_some(offset)
+}
+
+/// The log was taken up to this write offset.
+pub(super) fn log_seen(offset: u32) {
+    LOG_SEEN.store(offset, Relaxed);
+}
+
+/// The address of the block that was begun last.
+pub(super) fn last_block() -> Option<u32> {
+    Some(LAST_BLOCK.load(Relaxed)).filter(|address| *address != 0)
+}
+
+/// Lets this thread take no signals: QEMU wants them in its own.
+pub(super) fn take_no_signals() {
+    // SAFETY: the set is filled before it is used.
+    unsafe {
+        let mut all = std::mem::zeroed();
+        libc::sigfillset(&raw mut all);
+        libc::pthread_sigmask(libc::SIG_SETMASK, &raw const all, null_mut());
+    }
+}
+
 /// Ends QEMU at once. Its clean-up would wait for threads that hold our lock.
 pub(super) fn exit(status: c_int, line: &str) -> ! {
     say(line);
+    leave(status)
+}
+
+/// The same without a word.
+pub(super) fn leave(status: c_int) -> ! {
     // SAFETY: ends the process.
     unsafe { libc::_exit(status) }
 }

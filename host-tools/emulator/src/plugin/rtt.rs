@@ -17,15 +17,20 @@ pub(super) trait Memory {
     fn write(&mut self, address: u32, bytes: &[u8]);
 }
 
-/// Takes what is in the buffer, and tells the image so. Takes nothing before the image has set up the block.
-pub(super) fn drain(block: u32, memory: &mut impl Memory) -> Vec<u8> {
+/// Where the image says how far it has written.
+pub(super) fn write_offset(block: u32) -> u32 {
+    block + 36
+}
+
+/// Takes what is in the buffer, and tells the image so. `None` before the image has set up the block.
+pub(super) fn drain(block: u32, memory: &mut impl Memory) -> Option<Vec<u8>> {
     let mut bytes = [0; BLOCK_BYTES];
     memory.read(block, &mut bytes);
     let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
     let (channels, buffer, size, write, read) = (word(16), word(28), word(32), word(36), word(40));
     let set_up = bytes.starts_with(NAME) && channels > 0 && size <= MAX_BUFFER && write < size && read < size;
     if !set_up || write == read {
-        return Vec::new();
+        return set_up.then(Vec::new);
     }
     let mut taken = Vec::new();
     let mut take = |from: u32, to: u32| {
@@ -40,7 +45,7 @@ pub(super) fn drain(block: u32, memory: &mut impl Memory) -> Vec<u8> {
         take(0, write);
     }
     memory.write(block + READ_OFFSET, &write.to_le_bytes());
-    taken
+    Some(taken)
 }
 
 #[cfg(test)]
@@ -75,18 +80,18 @@ mod tests {
     #[test]
     fn what_lies_between_the_offsets_is_taken_once() {
         let mut ram = image(5, 2);
-        assert_eq!(drain(0, &mut ram), b"234");
-        assert_eq!(drain(0, &mut ram), b"");
+        assert_eq!(drain(0, &mut ram).as_deref(), Some(&b"234"[..]));
+        assert_eq!(drain(0, &mut ram).as_deref(), Some(&b""[..]));
     }
 
     #[test]
     fn a_wrapped_buffer_is_taken_in_order() {
-        assert_eq!(drain(0, &mut image(2, 6)), b"6701");
+        assert_eq!(drain(0, &mut image(2, 6)).as_deref(), Some(&b"6701"[..]));
     }
 
     #[test]
     fn a_block_that_is_not_set_up_gives_nothing() {
-        assert_eq!(drain(0, &mut Ram(vec![0; 128])), b"");
-        assert_eq!(drain(0, &mut image(9, 0)), b"", "an offset beyond the buffer");
+        assert_eq!(drain(0, &mut Ram(vec![0; 128])), None);
+        assert_eq!(drain(0, &mut image(9, 0)), None, "an offset beyond the buffer");
     }
 }

@@ -50,15 +50,18 @@ pub(super) fn self_test(qemu: &Qemu) -> Result<(), String> {
 pub(super) fn interrupt_test(qemu: &Qemu) -> Result<(), String> {
     /// Set-pending bits of interrupts 64 to 95.
     const NVIC_ISPR2: u32 = 0xe000_e208;
+    const NVIC_ICPR2: u32 = 0xe000_e288;
     let pending = || (qemu.processor_word(NVIC_ISPR2) >> (SPARE_LINE - 64)) & 1 == 1;
     let before = pending();
     qemu.set_interrupt(SPARE_LINE, true);
     let raised = pending();
     qemu.set_interrupt(SPARE_LINE, false);
-    match (before, raised) {
-        (false, true) => Ok(()),
-        _ => Err(format!(
-            "an interrupt line was pending {before} before it was raised and {raised} after"
+    // What was pending stays so until it is taken or cleared.
+    qemu.write_nvic(NVIC_ICPR2, 1 << (SPARE_LINE - 64), 4);
+    match (before, raised, pending()) {
+        (false, true, false) => Ok(()),
+        (_, _, cleared) => Err(format!(
+            "an interrupt line was pending {before} before it was raised, {raised} after, {cleared} when cleared"
         )),
     }
 }

@@ -4,6 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitStatus;
 use std::time::Duration;
 
+use crate::ending::Place;
+use crate::outcome::{Outcome, UnknownRegister};
+
 /// Why [`Run::execute`](crate::Run::execute) gave no outcome.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -51,20 +54,70 @@ pub enum RunError {
     )]
     SelfTest(String),
     /// The processor locked up: a fault inside the fault handler, or no image at the reset vector. QEMU said
-    /// this.
+    /// this. Then come the program counter and the link register, if QEMU said them.
     #[error(
-        "the guest locked up: {0}; a fault was raised inside the HardFault handler, or the image has no vector table"
+        "the guest locked up: {0}{at}; a fault was raised inside the HardFault handler, or the image has no vector table",
+        at = registers(.1)
     )]
-    GuestLockup(String),
+    GuestLockup(String, Option<Box<[Place; 2]>>),
     /// QEMU ended without a report: its exit status, and the first line on its standard error.
     #[error("QEMU ended with {0}: {1}")]
     Qemu(ExitStatus, String),
-    /// The run took longer than this in real time. The number is the bytes that the image had sent by then.
-    #[error("the run was stopped after {limit} s of real time{sent}; give it a longer timeout, or look for a loop without WFI", limit = .0.as_secs_f64(), sent = seen(*.1))]
-    Timeout(Duration, u64),
+    /// The run took longer than this in real time. With what it had given by then.
+    #[error(
+        "the run was stopped after {limit} s of real time{at}, {sent}{unknown}; give it a longer timeout, or look for a loop without WFI",
+        limit = .0.as_secs_f64(), at = .1.whereabouts(), sent = seen(.1.uart.len()), unknown = unknown(.1)
+    )]
+    Timeout(Duration, Box<Outcome>),
+    /// The image does nothing but read a register that no model knows. With what it had given by then.
+    #[error(
+        "the image is stuck{at}, {sent}{unknown}; no model knows what it reads there",
+        at = .0.whereabouts(), sent = seen(.0.uart.len()), unknown = unknown(.0)
+    )]
+    Stuck(Box<Outcome>),
+    /// QEMU ran longer than it was given, and did not say what it did.
+    #[error("QEMU was killed: it took more than {limit} s and did not report", limit = .0.as_secs_f64())]
+    Silent(Duration),
     /// The run's temporary files: what was being done, and why it failed.
     #[error("{0}: {1}")]
     Io(&'static str, #[source] std::io::Error),
+}
+
+impl RunError {
+    /// What the run had given until it was stopped.
+    pub fn outcome(&self) -> Option<&Outcome> {
+        match self {
+            Self::Timeout(_, outcome) | Self::Stuck(outcome) => Some(outcome),
+            _ => None,
+        }
+    }
+
+    /// Lets `name` fill in the function around each address.
+    pub(super) fn with_functions(mut self, name: impl Fn(&mut Place)) -> Self {
+        if let Self::GuestLockup(_, Some(places)) = &mut self {
+            places.iter_mut().for_each(name);
+        }
+        self
+    }
+}
+
+fn registers(places: &Option<Box<[Place; 2]>>) -> String {
+    match places.as_deref() {
+        Some([pc, lr]) => format!(", PC {pc}, LR {lr}"),
+        None => String::new(),
+    }
+}
+
+/// The registers that no model knows, those read most first.
+fn unknown(outcome: &Outcome) -> String {
+    let mut registers: Vec<_> = outcome.unknown_registers.iter().collect();
+    registers.sort_by_key(|register| std::cmp::Reverse(register.reads + register.writes));
+    let told = |register: &&UnknownRegister| format!("{} ({} reads)", register.name, register.reads);
+    let told: Vec<_> = registers.iter().take(3).map(told).collect();
+    match told.is_empty() {
+        true => String::new(),
+        false => format!("; without a model: {}", told.join(", ")),
+    }
 }
 
 fn list(paths: &[PathBuf]) -> String {
@@ -75,10 +128,10 @@ fn list(paths: &[PathBuf]) -> String {
         .join(", ")
 }
 
-fn seen(uart_bytes: u64) -> String {
+fn seen(uart_bytes: usize) -> String {
     match uart_bytes {
-        0 => " without a byte on the UART".into(),
-        n => format!(" with {n} bytes on the UART"),
+        0 => "without a byte on the UART".into(),
+        n => format!("with {n} bytes on the UART"),
     }
 }
 

@@ -35,6 +35,12 @@ impl Folder {
         Ok(path)
     }
 
+    /// A file that may be missing.
+    pub(super) fn text(&self, name: &str) -> String {
+        let bytes = std::fs::read(self.path(name)).unwrap_or_default();
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+
     pub(super) fn read(&self, name: &str) -> Result<Vec<u8>, RunError> {
         std::fs::read(self.path(name)).map_err(io("cannot read back what the run wrote"))
     }

@@ -4,10 +4,12 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use object::{Object, ObjectSymbol};
+use object::{Object, ObjectSegment, ObjectSymbol};
 
 use super::error::RunError;
+use crate::ending::Place;
 use crate::exchange::FunctionRange;
+use crate::memory::FLASH;
 
 /// A function of an image.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,6 +39,8 @@ pub(super) struct Image {
     pub(super) bytes: Vec<u8>,
     functions: Vec<Function>,
     pub(super) rtt: Option<u32>,
+    /// Vectors 3 to 6: the handlers of faults.
+    pub(super) fault_handlers: Vec<u32>,
 }
 
 impl Image {
@@ -70,12 +74,44 @@ impl Image {
                 _ => {}
             }
         }
+        let fault_handlers = vectors(&elf, 3..7)
+            .into_iter()
+            .map(|vector| vector & !1)
+            .collect();
         Ok(Self {
             path: path.into(),
             functions,
             rtt,
+            fault_handlers,
             bytes,
         })
+    }
+
+    /// First addresses of the functions that every panic enters.
+    pub(super) fn panic_functions(&self) -> Vec<u32> {
+        let named = |end: &str| -> Vec<u32> {
+            let fits = |function: &&Function| function.name.ends_with(end);
+            self.functions
+                .iter()
+                .filter(fits)
+                .map(|function| function.address)
+                .collect()
+        };
+        let handler = named("rust_begin_unwind");
+        // The compiler may put the handler into what calls it.
+        match handler.is_empty() {
+            true => named("core::panicking::panic_fmt"),
+            false => handler,
+        }
+    }
+
+    /// Fills in the function around an address.
+    pub(super) fn name(&self, place: &mut Place) {
+        let within = |function: &&Function| {
+            (function.address..function.address + function.bytes).contains(&place.address)
+        };
+        let found = self.functions.iter().find(within);
+        place.function = found.map(|function| function.name.clone());
     }
 
     /// The functions whose demangled path contains the pattern of an entry, each with the label of that
@@ -111,4 +147,16 @@ impl Image {
             .collect();
         Ok((labels, ranges))
     }
+}
+
+/// Some vectors of the table at the beginning of flash. None if the image has no such table.
+fn vectors(elf: &object::File<'_>, numbers: std::ops::Range<u32>) -> Vec<u32> {
+    let address = |number: u32| u64::from(FLASH.start + 4 * number);
+    let vector = |number: u32| {
+        let word = elf
+            .segments()
+            .find_map(|s| s.data_range(address(number), 4).ok()?)?;
+        Some(u32::from_le_bytes(word.try_into().ok()?))
+    };
+    numbers.filter_map(vector).collect()
 }

@@ -1,6 +1,8 @@
 //! The shared object that QEMU loads: where it is, and how a copy of it is made for one version of QEMU.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::SystemTime;
 
 use object::{Object, ObjectSection, ObjectSymbol};
@@ -9,20 +11,65 @@ use super::error::RunError;
 
 const VERSION_SYMBOL: &str = "qemu_plugin_version";
 
-/// The overlay's path: the one named, else what `STM32F405_QEMU_OVERLAY` names, else the newest build in
-/// three folders. These are the folder of this executable, its `deps` folder (where cargo puts the overlay),
-/// and the folder above (for tests, which run from `deps`).
+/// The overlay that this program carries in itself.
+static CARRIED: OnceLock<&'static [u8]> = OnceLock::new();
+
+/// Lets runs use this overlay: see [`carry_overlay!`](crate::carry_overlay).
+#[doc(hidden)]
+pub fn carry(overlay: &'static [u8]) {
+    // An empty file stands for one that was not built: in `cargo check`.
+    if !overlay.is_empty() {
+        CARRIED.get_or_init(|| overlay);
+    }
+}
+
+/// Makes a program carry the overlay, so that it runs wherever it is copied to or installed. Call it first in
+/// `main`. The build script of the program's package sets `STM32F405_QEMU_BUILT` to the path of the overlay:
+/// that of this crate's own examples, `build.rs`, shows how.
+#[macro_export]
+macro_rules! carry_overlay {
+    () => {
+        $crate::carry(include_bytes!(env!("STM32F405_QEMU_BUILT")))
+    };
+}
+
+/// The overlay's bytes.
+pub(super) struct Overlay {
+    /// Where it is from, for messages.
+    place: PathBuf,
+    bytes: Cow<'static, [u8]>,
+}
+
+/// The overlay: the one named, else what `STM32F405_QEMU_OVERLAY` names, else what this program carries, else
+/// the newest build in some folders. These are the folder of this executable, its `deps` folder (where cargo
+/// puts the overlay), the folder above (for tests, which run from `deps`) and the `deps` folder there (for
+/// examples).
 ///
 /// # Errors
-/// [`RunError::OverlayMissing`].
-pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
+/// [`RunError::OverlayMissing`] and [`RunError::OverlayOdd`].
+pub(super) fn find(named: Option<&Path>) -> Result<Overlay, RunError> {
+    let named = named.map(Path::to_path_buf);
+    let named = named.or_else(|| std::env::var_os("STM32F405_QEMU_OVERLAY").map(PathBuf::from));
+    if named.is_none()
+        && let Some(bytes) = CARRIED.get()
+    {
+        let place = std::env::current_exe().unwrap_or_default();
+        let bytes = Cow::Borrowed(*bytes);
+        return Ok(Overlay { place, bytes });
+    }
+    let place = find_file(named)?;
+    let bytes = std::fs::read(&place).map_err(|e| RunError::OverlayOdd(place.clone(), e.to_string()))?;
+    let bytes = bytes.into();
+    Ok(Overlay { place, bytes })
+}
+
+fn find_file(named: Option<PathBuf>) -> Result<PathBuf, RunError> {
     let file = format!(
         "{}stm32f405_qemu{}",
         std::env::consts::DLL_PREFIX,
         std::env::consts::DLL_SUFFIX
     );
-    let named = named.map(Path::to_path_buf);
-    if let Some(named) = named.or_else(|| std::env::var_os("STM32F405_QEMU_OVERLAY").map(PathBuf::from)) {
+    if let Some(named) = named {
         return match named.is_file() {
             true => Ok(named),
             false => Err(RunError::OverlayMissing(file, vec![named])),
@@ -31,7 +78,9 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
     let exe = std::env::current_exe().unwrap_or_default();
     let folder = exe.parent().unwrap_or(Path::new("."));
     let mut looked = vec![folder.into(), folder.join("deps")];
-    looked.extend(folder.parent().map(Path::to_path_buf));
+    if let Some(above) = folder.parent() {
+        looked.extend([above.into(), above.join("deps")]);
+    }
     // If the overlay is built only as a dependency, cargo leaves an old build beside the executable.
     let built = |path: &PathBuf| {
         path.metadata()
@@ -41,7 +90,7 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
     let found = looked
         .iter()
         .map(|l| l.join(&file))
-        .filter(|p| p.is_file())
+        .filter(|p| p.metadata().is_ok_and(|m| m.is_file() && m.len() > 0))
         .max_by_key(built);
     found.ok_or(RunError::OverlayMissing(file, looked))
 }
@@ -51,9 +100,9 @@ pub(super) fn find(named: Option<&Path>) -> Result<PathBuf, RunError> {
 ///
 /// # Errors
 /// [`RunError::OverlayOdd`].
-pub(super) fn with_version(path: &Path, version: i32) -> Result<Vec<u8>, RunError> {
-    let odd = |reason: String| RunError::OverlayOdd(path.into(), reason);
-    let mut bytes = std::fs::read(path).map_err(|e| odd(e.to_string()))?;
+pub(super) fn with_version(overlay: &Overlay, version: i32) -> Result<Vec<u8>, RunError> {
+    let odd = |reason: String| RunError::OverlayOdd(overlay.place.clone(), reason);
+    let mut bytes = overlay.bytes.to_vec();
     let at = version_offset(&bytes).map_err(odd)?;
     bytes
         .get_mut(at..at + size_of::<i32>())

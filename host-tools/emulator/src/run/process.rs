@@ -2,14 +2,16 @@
 
 use std::ffi::OsString;
 use std::fs::File;
+use std::io::Write;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use super::error::{RunError, io};
 use super::folder::Folder;
-use super::overlay;
+use super::overlay::{self, Overlay};
 use super::qemu::{FoundQemu, wanted_version};
+use crate::ending::{End, Place};
 use crate::exchange::{self, LINE_PREFIX, SELF_TEST_STATUS};
 use crate::outcome::Outcome;
 
@@ -20,7 +22,7 @@ use crate::outcome::Outcome;
 /// QEMU or the overlay fails, or the run takes longer than `timeout`.
 pub(super) fn run(
     qemu: &FoundQemu,
-    overlay: &Path,
+    overlay: &Overlay,
     folder: &Folder,
     arguments: &[OsString],
     shift: u8,
@@ -54,19 +56,13 @@ fn start(
         .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
         .arg(format!("{},run={}", plugin.display(), run.display()))
         .args(arguments)
-        .stdin(Stdio::null())
+        // The overlay watches the other end: a QEMU whose host is gone ends.
+        .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(stderr)
         .spawn()
         .map_err(|_| RunError::QemuMissing(qemu.program.to_string_lossy().into_owned()))?;
-    let Some(status) = wait(child, timeout)? else {
-        // A record of ten bytes for each byte from USART1.
-        let sent = folder
-            .path(&exchange::sent(0))
-            .metadata()
-            .map_or(0, |m| m.len() / 10);
-        return Err(RunError::Timeout(timeout, sent));
-    };
+    let status = wait(child, timeout)?;
     let stderr = std::fs::read(folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;
     Ok(Ended {
         status,
@@ -81,11 +77,25 @@ struct Ended {
 }
 
 impl Ended {
+    /// The program counter and the link register, which QEMU prints when it gives up.
+    fn registers(&self) -> Option<Box<[Place; 2]>> {
+        let register = |name: &str| {
+            let (_, value) = self.stderr.split_once(name)?;
+            Some(Place::from(u32::from_str_radix(value.get(..8)?, 16).ok()?))
+        };
+        Some(Box::new([register("R15=")?, register("R14=")?]))
+    }
+
     /// What the overlay reports, or why there is no report.
     fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
         if let Ok(json) = std::fs::read(folder.path(exchange::OUTCOME)) {
-            return serde_json::from_slice(&json)
-                .map_err(|e| RunError::Qemu(self.status, format!("its report cannot be read ({e})")));
+            let outcome: Outcome = serde_json::from_slice(&json)
+                .map_err(|e| RunError::Qemu(self.status, format!("its report cannot be read ({e})")))?;
+            let end = match outcome.end {
+                End::Exited(_) => End::Exited(self.status.code().unwrap_or(-1)),
+                end => end,
+            };
+            return Ok(Outcome { end, ..outcome });
         }
         let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
         let ours = first(LINE_PREFIX).map(|l| l.replace(LINE_PREFIX, ""));
@@ -93,7 +103,7 @@ impl Ended {
         Err(if self.status.code() == Some(SELF_TEST_STATUS) {
             RunError::SelfTest(ours.unwrap_or_else(any))
         } else if let Some(line) = first("Lockup") {
-            RunError::GuestLockup(line)
+            RunError::GuestLockup(line, self.registers())
         } else if let Some(line) = ours.or_else(|| first("plugin")) {
             RunError::OverlayRefused(line)
         } else {
@@ -102,17 +112,26 @@ impl Ended {
     }
 }
 
-/// Its exit status, or `None` if it had to be killed.
-fn wait(mut child: Child, limit: Duration) -> Result<Option<ExitStatus>, RunError> {
-    let deadline = Instant::now() + limit;
+/// How long QEMU may take to report once it is asked to.
+const TO_REPORT: Duration = Duration::from_secs(10);
+
+/// Its exit status. At the limit it is asked for its report.
+fn wait(mut child: Child, limit: Duration) -> Result<ExitStatus, RunError> {
+    let mut asked = false;
+    let mut deadline = Instant::now() + limit;
     loop {
         if let Some(status) = child.try_wait().map_err(io("cannot wait for QEMU"))? {
-            return Ok(Some(status));
+            return Ok(status);
         }
         if Instant::now() >= deadline {
-            child.kill().map_err(io("cannot stop QEMU"))?;
-            child.wait().map_err(io("cannot wait for QEMU"))?;
-            return Ok(None);
+            let end = child.stdin.as_mut().filter(|_| !asked);
+            if end.and_then(|end| end.write_all(b"r").ok()).is_none() {
+                child.kill().map_err(io("cannot stop QEMU"))?;
+                child.wait().map_err(io("cannot wait for QEMU"))?;
+                return Err(RunError::Silent(limit));
+            }
+            asked = true;
+            deadline = Instant::now() + TO_REPORT;
         }
         std::thread::sleep(Duration::from_millis(2));
     }

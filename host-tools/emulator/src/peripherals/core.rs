@@ -1,0 +1,131 @@
+//! Registers of the processor that QEMU has not, or not whole: SCR (ARMv7-M ARM, B3.2.7) and the debug
+//! registers (C1.6) as firmware sees them without a debugger.
+
+use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::register::bit;
+
+const SLEEPONEXIT: u32 = 1 << 1;
+const SLEEPDEEP: u32 = 1 << 2;
+const SEVONPEND: u32 = 1 << 4;
+const TRCENA: u32 = 1 << 24;
+
+/// The system control register.
+#[derive(Debug, Clone, Default)]
+pub struct Scr {
+    scr: u32,
+    notes: Notes,
+}
+
+impl Scr {
+    /// Whether a sleep is a deep one: STOP or STANDBY, as PWR says.
+    pub fn sleeps_deep(&self) -> bool {
+        self.scr & SLEEPDEEP != 0
+    }
+}
+
+impl Peripheral for Scr {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
+        (offset == 0).then_some(self.scr).ok_or(NoRegister)
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
+        self.scr = value & (SLEEPONEXIT | SLEEPDEEP | SEVONPEND);
+        self.notes.note_if(
+            value & SLEEPONEXIT != 0,
+            "SLEEPONEXIT: the processor does not go to sleep when a handler returns",
+        );
+        self.notes.note_if(
+            value & SEVONPEND != 0,
+            "SEVONPEND: WFE does not wait here, so nothing wakes it",
+        );
+        (offset == 0).then_some(()).ok_or(NoRegister)
+    }
+
+    fn reset(&mut self, _now: u64) {
+        self.scr = 0;
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
+/// The debug registers DHCSR, DCRSR, DCRDR and DEMCR. No debugger is attached.
+#[derive(Debug, Clone, Default)]
+pub struct Debug {
+    demcr: u32,
+    notes: Notes,
+}
+
+impl Debug {
+    /// Whether DWT and ITM run.
+    pub fn traces(&self) -> bool {
+        self.demcr & TRCENA != 0
+    }
+
+    /// The power came back.
+    pub fn power_up(&mut self) {
+        self.demcr = 0;
+    }
+}
+
+impl Peripheral for Debug {
+    fn read(&mut self, offset: u32, _now: u64) -> Result<u32, NoRegister> {
+        match offset {
+            // C_DEBUGEN is clear, and the rest cannot be seen without a debugger.
+            0x00 | 0x08 => Ok(0),
+            0x0c => Ok(self.demcr),
+            _ => Err(NoRegister),
+        }
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
+        match offset {
+            // Only a debugger can write them.
+            0x00..=0x08 => {}
+            0x0c => {
+                self.demcr = value & (TRCENA | 0x000f_07f1);
+                self.notes
+                    .note_if(bit(value, 16), "DEMCR.MON_EN: the debug monitor is not modelled");
+            }
+            _ => return Err(NoRegister),
+        }
+        Ok(())
+    }
+
+    /// TRCENA stays over a reset of the processor. It goes when the power goes: see [`Self::power_up`].
+    fn reset(&mut self, _now: u64) {
+        self.demcr &= TRCENA;
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scr_says_how_deep_a_sleep_is_and_names_what_is_missing() {
+        let mut scr = Scr::default();
+        scr.write(0, SLEEPDEEP, 0).unwrap();
+        assert!(scr.sleeps_deep());
+        assert_eq!((scr.read(0, 0), scr.notes.iter().count()), (Ok(SLEEPDEEP), 0));
+        scr.write(0, SLEEPONEXIT, 0).unwrap();
+        assert_eq!((scr.sleeps_deep(), scr.notes.iter().count()), (false, 1));
+    }
+
+    #[test]
+    fn without_a_debugger_only_demcr_can_be_written() {
+        let mut debug = Debug::default();
+        debug.write(0x00, 0xa05f_0003, 0).unwrap();
+        assert_eq!(debug.read(0x00, 0), Ok(0));
+        debug.write(0x0c, TRCENA, 0).unwrap();
+        debug.reset(0);
+        assert!(debug.traces());
+        debug.power_up();
+        assert!(!debug.traces());
+    }
+}

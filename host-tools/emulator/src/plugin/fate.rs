@@ -1,0 +1,140 @@
+//! What becomes of the image: faults and panics, and whether anything can happen after them.
+//!
+//! # Design
+//!
+//! The callbacks for instructions see that a handler or the panic's function is entered. There QEMU cannot
+//! give the time. So they leave a [`Sight`], and wake the overlay, which comes at the end of that block.
+//!
+//! After a fault or a panic most images stand in a loop for ever. A run that goes on then shows nothing. But
+//! firmware may also say what happened and reset itself, or leave that to the watchdog. So it gets
+//! [`GRACE_NS`], and more if the watchdog runs.
+
+use super::qemu::Qemu;
+use crate::ending::{End, Exception};
+use crate::machine::name_of;
+use crate::memory::is_ram;
+
+/// How long an image that has failed may still take to reset itself.
+const GRACE_NS: u64 = 50_000_000;
+/// Exceptions that are kept.
+const MOST: usize = 16;
+/// BKPT with this number is a call to the host.
+const SEMIHOSTING: u8 = 0xab;
+
+/// The exceptions of faults: HardFault to UsageFault.
+const FAULTS: std::ops::RangeInclusive<u32> = 3..=6;
+
+/// What a callback saw.
+#[derive(Debug)]
+pub(super) enum Sight {
+    /// The handler of a fault was entered.
+    Exception(Exception),
+    /// The panic's function was entered.
+    Panic,
+}
+
+/// What became of the image so far.
+#[derive(Debug, Default)]
+pub(super) struct Fate {
+    /// What was seen and has no time yet.
+    pub(super) sights: Vec<Sight>,
+    pub(super) exceptions: Vec<Exception>,
+    pub(super) panics: Vec<u64>,
+    /// How the run ends at a time, if nothing resets the image before.
+    doom: Option<(u64, End)>,
+}
+
+impl Fate {
+    /// An exception of a fault was taken at this time. If the image is at its end by that: how.
+    pub(super) fn fault(&mut self, exception: Exception) -> Option<End> {
+        let panicked = matches!(self.doom, Some((_, End::Panicked)));
+        let pc = exception.pc.clone().unwrap_or_default();
+        let end = match exception.breakpoint {
+            Some(SEMIHOSTING) => Some(End::Faulted),
+            Some(_) if panicked => Some(End::Panicked),
+            Some(_) => Some(End::Breakpoint(pc)),
+            None => None,
+        };
+        self.doom
+            .get_or_insert((exception.at_ns.saturating_add(GRACE_NS), End::Faulted));
+        if self.exceptions.len() < MOST {
+            self.exceptions.push(exception);
+        }
+        end
+    }
+
+    /// The image panicked at this time.
+    pub(super) fn panic(&mut self, now: u64) {
+        self.panics.push(now);
+        if !matches!(self.doom, Some((_, End::Panicked))) {
+            self.doom = Some((now.saturating_add(GRACE_NS), End::Panicked));
+        }
+    }
+
+    /// The processor was reset.
+    pub(super) fn reset(&mut self) {
+        self.doom = None;
+    }
+
+    /// When to look whether the image is at its end.
+    pub(super) fn doom_at(&self) -> Option<u64> {
+        Some(self.doom.as_ref()?.0)
+    }
+
+    /// That time has come: how the run ends. `None` if the image goes on: a watchdog will reset it, or it has
+    /// left the fault's handler.
+    pub(super) fn doomed(&mut self, watchdog: bool, qemu: &Qemu) -> Option<End> {
+        let (_, end) = self.doom.take()?;
+        let gone_on = end == End::Faulted && !FAULTS.contains(&active_exception(qemu));
+        (!watchdog && !gone_on).then_some(end)
+    }
+}
+
+/// ICSR.VECTACTIVE.
+fn active_exception(qemu: &Qemu) -> u32 {
+    const ICSR: u32 = 0xe000_ed04;
+    qemu.read_nvic(ICSR, 4) as u32 & 0x1ff
+}
+
+/// The exception whose handler begins, from the processor's registers as QEMU prints them. `None` if this is
+/// not the entry of a fault's handler.
+pub(super) fn exception(dump: &str, qemu: &Qemu) -> Option<Exception> {
+    let register = |name: &str| {
+        let (_, value) = dump.split_once(name)?;
+        u32::from_str_radix(value.get(..8)?, 16).ok()
+    };
+    let (sp, lr, status) = (register("R13=")?, register("R14=")?, register("XPSR=")?);
+    let number = status & 0x1ff;
+    // EXC_RETURN: the handler has just been entered.
+    if !FAULTS.contains(&number) || lr < 0xffff_ffe0 {
+        return None;
+    }
+    let private = |address: u32| qemu.read_nvic(address, 4) as u32;
+    let [cfsr, hfsr, of_mpu, of_bus] = [0xe000_ed28, 0xe000_ed2c, 0xe000_ed34, 0xe000_ed38].map(private);
+    // EXC_RETURN bit 2: the frame is on the process stack. MSTKERR, MLSPERR, STKERR, LSPERR: there is none.
+    let framed = lr & 4 == 0 && cfsr & 0x3030 == 0 && is_ram(sp, 32);
+    let word = |address: u32| {
+        let mut bytes = [0; 4];
+        qemu.read_memory(address, &mut bytes);
+        u32::from_le_bytes(bytes)
+    };
+    let [pc, lr] = [24, 20].map(|offset| framed.then(|| word(sp + offset)));
+    let instruction = pc.map(|pc| word(pc & !1)).filter(|word| word >> 8 & 0xff == 0xbe);
+    let address = match (cfsr >> 7 & 1, cfsr >> 15 & 1) {
+        (1, _) => Some(of_mpu),
+        (_, 1) => Some(of_bus),
+        _ => None,
+    };
+    Some(Exception {
+        at_ns: 0,
+        number: number as u8,
+        pc: pc.map(Into::into),
+        // The link register has the Thumb bit.
+        lr: lr.map(|lr| (lr & !1).into()),
+        cfsr,
+        hfsr,
+        address,
+        register: address.and_then(name_of),
+        breakpoint: instruction.map(|word| word as u8),
+    })
+}

@@ -1,0 +1,323 @@
+//! Images in Rust (`images/`), built here for the part and run whole: what they do, how they end, and how the
+//! run says so.
+
+#![expect(clippy::unwrap_used, reason = "in helpers of tests")]
+
+use std::path::PathBuf;
+use std::process::Command;
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use stm32f405_qemu::{AnalogInput, End, Outcome, Run, RunError, Since, UartInput};
+
+/// Where the images are built, once for all tests. With the image's own profile, so that what both need is
+/// compiled once.
+fn image(name: &str) -> PathBuf {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    let folder = BUILT.get_or_init(|| {
+        let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let target = "thumbv7em-none-eabihf";
+        // The others would miss the vectors that embassy's device brings.
+        for what in [
+            &["--bins"][..],
+            &[
+                "--features",
+                "embassy",
+                "--bin",
+                "default-time-driver",
+                "--bin",
+                "ports",
+                "--bin",
+                "converters",
+            ],
+        ] {
+            let built = Command::new(env!("CARGO"))
+                .current_dir(&workspace)
+                .args([
+                    "build",
+                    "--quiet",
+                    "-p",
+                    "stm32f405-qemu-images",
+                    "--profile",
+                    "firmware",
+                ])
+                .args(["--target", target])
+                .args(what)
+                .status()
+                .unwrap();
+            assert!(
+                built.success(),
+                "the images do not build; is the target {target} installed?"
+            );
+        }
+        let folder = std::env::var_os("CARGO_TARGET_DIR").map_or(workspace.join("target"), PathBuf::from);
+        folder.join(target).join("firmware")
+    });
+    folder.join(name)
+}
+
+fn run_of(name: &str) -> Run {
+    let mut run = Run::new(image(name));
+    run.count_instructions = false;
+    run
+}
+
+/// The run of an image, which has to end in ten seconds of real time.
+fn result(run: &Run) -> Result<Outcome, RunError> {
+    let began = Instant::now();
+    let result = run.execute();
+    assert!(began.elapsed().as_secs() < 10, "it took {:?}", began.elapsed());
+    result
+}
+
+fn lines(outcome: &Outcome) -> Vec<&str> {
+    outcome.log.iter().map(|line| line.text.as_str()).collect()
+}
+
+#[test]
+fn an_image_on_embassys_default_time_driver_comes_through() {
+    let outcome = result(&run_of("default-time-driver")).unwrap();
+    assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
+    assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
+    assert!(matches!(outcome.end, End::Breakpoint(_)), "{:?}", outcome.end);
+    // It goes high at first, and then toggles.
+    assert_eq!(outcome.pins.iter().map(|pin| pin.edges).sum::<u64>(), 1 + 5);
+}
+
+#[test]
+fn ports_echo_by_interrupt_and_talk_over_a_wire_by_dma() {
+    let mut run = run_of("ports");
+    run.uart_input = vec![UartInput {
+        port: "USART3".into(),
+        at_ns: 10_000_000,
+        bytes: b"echo".to_vec(),
+    }];
+    run.wires = vec![("PA2".into(), "PC7".into())];
+    let [outcome, again] = [(); 2].map(|()| result(&run).unwrap());
+    assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
+    assert_eq!(lines(&outcome), ["received b\"over a wire\""]);
+    let sent: Vec<_> = outcome
+        .uarts
+        .iter()
+        .map(|uart| (&*uart.port, &uart.bytes[..]))
+        .collect();
+    assert_eq!(sent, [("USART2", &b"over a wire"[..]), ("USART3", b"echo")]);
+    assert!(
+        outcome.unknown_registers.is_empty(),
+        "{:?}",
+        outcome.unknown_registers
+    );
+    assert_eq!(
+        (outcome.uarts, outcome.virtual_ns),
+        (again.uarts, again.virtual_ns)
+    );
+}
+
+#[test]
+fn the_advanced_timer_a_capture_over_a_wire_and_the_other_converters_work_as_embassys_users_know_them() {
+    let analog = |pin: &str, code: u16| AnalogInput {
+        pin: pin.into(),
+        since: Since::PowerUp,
+        period_ns: 1,
+        codes: vec![code],
+    };
+    let mut run = run_of("converters");
+    run.wires = vec![("PC0".into(), "PB6".into())];
+    run.analog_inputs = vec![analog("PC4", 444), analog("PC1", 111), analog("PC2", 222)];
+    let outcome = result(&run).unwrap();
+    assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
+    let lines = lines(&outcome);
+    assert_eq!(lines[0], "a period of 1600 clocks");
+    // By a clock of 32 768 Hz, from one to the next of which is 30 us.
+    let apart: u32 = lines[1].split(' ').next().unwrap().parse().unwrap();
+    assert!(apart.abs_diff(20_000) <= 70, "{apart}");
+    assert_eq!(
+        lines[2..],
+        ["ADC2 reads 444 at PC4", "ADC3 reads [111, 222, 111, 222]"]
+    );
+    assert!(
+        outcome.unknown_registers.is_empty(),
+        "{:?}",
+        outcome.unknown_registers
+    );
+    let outputs = "TIM1 CCER: complementary outputs move no pin";
+    assert!(
+        outcome.unmodelled.iter().any(|note| note == outputs),
+        "{:?}",
+        outcome.unmodelled
+    );
+}
+
+#[test]
+fn an_image_that_panics_ends_with_its_words() {
+    let outcome = result(&run_of("panics")).unwrap();
+    assert_eq!(outcome.end, End::Panicked);
+    assert_eq!(outcome.panics.len(), 1);
+    let said = outcome.verdict().unwrap_err();
+    assert!(said.contains("panicked at 0.00"), "{said}");
+    assert!(said.ends_with("the answer is 42"), "{said}");
+    assert!(outcome.virtual_ns < 100_000_000, "{}", outcome.virtual_ns);
+}
+
+#[test]
+fn an_image_that_faults_ends_with_where_and_why() {
+    let outcome = result(&run_of("faults")).unwrap();
+    assert_eq!(outcome.end, End::Faulted);
+    assert_eq!(lines(&outcome), ["looking"]);
+    let [fault] = &outcome.exceptions[..] else {
+        panic!("{:?}", outcome.exceptions)
+    };
+    assert_eq!(
+        (fault.number, fault.cfsr, fault.address),
+        (3, 0x8200, Some(0xb000_0000))
+    );
+    let function = fault.pc.as_ref().unwrap().function.as_deref();
+    assert!(
+        function.is_some_and(|name| name.ends_with("look_at")),
+        "{function:?}"
+    );
+    assert!(fault.lr.is_some());
+    let said = outcome.verdict().unwrap_err();
+    assert!(
+        said.contains("no memory at the data's address, 0xb0000000; PC 0x08"),
+        "{said}"
+    );
+}
+
+#[test]
+fn an_image_that_waits_for_a_missing_peripheral_is_stopped_with_its_register() {
+    let error = result(&run_of("polls")).unwrap_err();
+    let said = error.to_string();
+    assert!(matches!(error, RunError::Stuck(_)), "{said}");
+    assert!(said.contains("wait_for_number"), "{said}");
+    assert!(said.contains("busy with RNG_SR"), "{said}");
+    let outcome = error.outcome().unwrap();
+    assert_eq!(lines(outcome), ["waiting for a random number"]);
+    assert_eq!(outcome.end, End::Stuck("RNG_SR".into()));
+}
+
+/// The program, run on an image: its exit status and what it said.
+fn program(image_name: &str, options: &[&str]) -> (Option<i32>, String) {
+    let image = image(image_name);
+    let began = Instant::now();
+    let ran = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"))
+        .args(options)
+        .arg(image)
+        .output()
+        .unwrap();
+    assert!(began.elapsed().as_secs() < 10, "it took {:?}", began.elapsed());
+    let said = [ran.stdout, ran.stderr].concat();
+    (ran.status.code(), String::from_utf8(said).unwrap())
+}
+
+#[test]
+fn the_program_ends_with_a_status_for_each_end_of_an_image() {
+    let until = ["--until", "line 999"];
+    for (image, options, status, words) in [
+        ("logs", &until[..], 0, "line 999"),
+        (
+            "logs",
+            &["--until", "line 1000"],
+            1,
+            "no line of the log contains \"line 1000\"",
+        ),
+        ("spins", &["--seconds", "0.01"], 0, "the image did not sample"),
+        ("panics", &[], 1, "the answer is 42"),
+        (
+            "faults",
+            &[],
+            1,
+            "the image stands in the handler of a fault: HardFault",
+        ),
+        ("polls", &[], 1, "busy with RNG_SR"),
+        ("polls", &["--nonsense"], 2, "usage"),
+        ("no-such-image", &[], 3, "cannot read the firmware image"),
+    ] {
+        let (found, said) = program(image, options);
+        assert_eq!(found, Some(status), "{image}: {said}");
+        assert!(said.contains(words), "{image}: {said}");
+    }
+}
+
+#[test]
+fn the_program_carries_the_overlay_wherever_it_is_put() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("elsewhere");
+    std::fs::copy(env!("CARGO_BIN_EXE_stm32f405-run"), &program).unwrap();
+    let ran = Command::new(program).arg(image("logs")).output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+}
+
+/// The processes whose parent is this one.
+fn children(parent: u32) -> Vec<String> {
+    let text = std::fs::read_to_string(format!("/proc/{parent}/task/{parent}/children"));
+    let text = text.unwrap_or_default();
+    text.split_whitespace().map(str::to_owned).collect()
+}
+
+#[test]
+fn qemu_ends_with_its_host_whatever_ends_the_host() {
+    let spins = image("spins");
+    let mut host = Command::new(env!("CARGO_BIN_EXE_stm32f405-run"))
+        .args(["--seconds", "100000"])
+        .arg(spins)
+        .spawn()
+        .unwrap();
+    let patience = Instant::now();
+    let of_qemu = |pid: &String| {
+        let name = std::fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
+        // The run of `--version` is over by the time that the plugin's folder is an argument.
+        let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        name.starts_with("qemu") && line.contains("-plugin")
+    };
+    let qemu = loop {
+        if let Some(qemu) = children(host.id()).into_iter().find(of_qemu) {
+            break qemu;
+        }
+        assert!(patience.elapsed().as_secs() < 10, "QEMU was not started");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    };
+    // SIGKILL: the host gets no chance to do anything.
+    host.kill().unwrap();
+    host.wait().unwrap();
+    while of_qemu(&qemu) {
+        assert!(patience.elapsed().as_secs() < 20, "QEMU {qemu} goes on");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn a_log_without_a_pause_is_whole() {
+    for count_instructions in [false, true] {
+        let mut run = run_of("logs");
+        run.count_instructions = count_instructions;
+        let outcome = result(&run).unwrap();
+        assert_eq!(outcome.log.len(), 1000);
+        assert_eq!(outcome.log.last().unwrap().text, "line 999");
+        assert_eq!(outcome.verdict(), Ok(()));
+    }
+}
+
+#[test]
+fn the_processors_own_registers_are_as_the_part_has_them() {
+    let outcome = result(&run_of("core-registers")).unwrap();
+    assert_eq!(
+        lines(&outcome),
+        [
+            // Four bits each; SHPR3 has no debug monitor's and no reserved byte.
+            "priorities 0xf0100000",
+            "priorities 0xf0100000",
+            "pending 0x0",
+            "cycles without TRCENA: false",
+            "cycles with TRCENA: true",
+            "SysTick as fast as CYCCNT: true",
+            "trace port ready: false",
+        ]
+    );
+    let unknown: Vec<_> = outcome
+        .unknown_registers
+        .iter()
+        .map(|register| register.name.as_str())
+        .collect();
+    assert_eq!(unknown, ["ITM+0x00"]);
+}
