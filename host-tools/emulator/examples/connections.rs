@@ -38,6 +38,16 @@ fn table(metapac: &Path, stm32f4: &Path) -> Result<String, String> {
     let shared = read(&chips.join(between(&chip, "include!(\"../", "\")")?))?;
 
     let mut lines = BTreeSet::new();
+    for entry in shared.split("Interrupt {").skip(1) {
+        // Those of the peripherals are called PeripheralInterrupt, and have a signal first.
+        let Some(entry) = entry.trim_start().strip_prefix("name: \"") else {
+            continue;
+        };
+        let (name, number) = entry.split_once("\",").ok_or("an interrupt without a number")?;
+        let number = number.trim_start().trim_start_matches("number: ");
+        let number = number.split([',', ' ']).next().unwrap_or_default();
+        lines.insert(format!("line {number} {name}"));
+    }
     for peripheral in shared.split("\n    Peripheral {\n").skip(1) {
         let name = between(peripheral, "name: \"", "\"")?;
         // Of pins and interrupts only what a model could have.
@@ -114,7 +124,7 @@ fn table(metapac: &Path, stm32f4: &Path) -> Result<String, String> {
         "# Pins, DMA requests, interrupts and clock gates of the STM32F405, from the crates stm32-metapac {} and\n\
          # stm32f4 {} (both MIT OR Apache-2.0), as ST's database has them. Made by examples/connections.rs.\n\
          # pin PIN FUNCTION PERIPHERAL SIGNAL, request DMA STREAM CHANNEL NAME, interrupt NUMBER PERIPHERAL SIGNAL,\n\
-         # enable or reset REGISTER BIT PERIPHERAL.\n",
+         # enable or reset REGISTER BIT PERIPHERAL, line NUMBER NAME.\n",
         version(metapac)?,
         version(stm32f4)?
     );

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use crate::given::Run;
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 9;
+pub(crate) const FORMAT: u32 = 10;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.

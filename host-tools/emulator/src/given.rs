@@ -85,6 +85,9 @@ pub struct Run {
     pub uart_input: Vec<UartInput>,
     /// Levels on pins.
     pub pin_inputs: Vec<PinInput>,
+    /// Whether to record when output pins change, for [`Outcome::vcd`](crate::Outcome::vcd). They are always
+    /// counted.
+    pub record_pins: bool,
     /// Codes at pins other than those of the stimulus, for all three converters.
     pub analog_inputs: Vec<AnalogInput>,
     /// Wires from pin to pin, for example `("PA9".into(), "PA10".into())`. A wire carries the level of an
@@ -124,6 +127,7 @@ impl Run {
             uid: *b"\x31\x00\x24\x00\x0dQ943489",
             uart_input: Vec::new(),
             pin_inputs: Vec::new(),
+            record_pins: false,
             analog_inputs: Vec::new(),
             wires: Vec::new(),
             pokes: Vec::new(),

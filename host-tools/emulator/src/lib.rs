@@ -9,12 +9,13 @@ mod outcome;
 pub mod peripherals;
 mod plugin;
 mod run;
+mod vcd;
 
 pub use ending::{End, Exception, Place};
 pub use given::{AnalogInput, Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
 pub use outcome::{
-    Block, FlashOperation, FunctionCount, Instructions, LogLine, Outcome, Pin, Reset, ResetCause, Sampling,
-    Uart, UnknownRegister,
+    Block, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Outcome, Pin, Reset, ResetCause,
+    Sampling, Uart, UnknownRegister,
 };
 #[doc(hidden)]
 pub use run::carry;

@@ -23,6 +23,7 @@ mod levels;
 mod lines;
 mod polls;
 pub mod registers;
+mod sleep;
 mod stimulus;
 mod table;
 mod transfers;
@@ -33,7 +34,7 @@ mod wiring;
 pub use board::{Board, INTERRUPTS, NMI, SYSTICK};
 pub(crate) use registers::name_of;
 pub use stimulus::Stimulus;
-pub(crate) use wiring::{USARTS, pin};
+pub(crate) use wiring::{USARTS, interrupt_name, pin};
 
 use crate::given::{FaultKind, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
@@ -90,6 +91,9 @@ impl Machine {
             let usart = usart.unwrap_or_else(|| panic!("there is no USART {:?}", input.port));
             chip.units.usart[usart].feed(input.at_ns, &input.bytes);
         }
+        for port in &mut chip.units.gpio {
+            port.records = run.record_pins;
+        }
         let pin = |name: &str| wiring::pin(name).unwrap_or_else(|| panic!("there is no pin {name:?}"));
         let wires = run.wires.iter().map(|wire| [pin(&wire.0), pin(&wire.1)]);
         chip.wires = Wires::new(wires.collect());
@@ -112,7 +116,8 @@ impl Machine {
     pub fn reset(&mut self, now: u64, board: &mut impl Board) {
         self.play(now, board);
         let cause = self.reset_wanted.take().unwrap_or(ResetCause::Software);
-        if cause == ResetCause::PowerCut {
+        // What stood in RAM before STANDBY is gone whatever ends it.
+        if matches!(cause, ResetCause::PowerCut | ResetCause::Standby) || self.chip.is_in_standby() {
             board.lose_memory();
         }
         self.resets.push(Reset { at_ns: now, cause });
@@ -157,8 +162,12 @@ impl Machine {
 
     /// Plays everything up to `now` and sets the interrupt lines.
     pub fn advance(&mut self, now: u64, board: &mut impl Board) {
+        let slept = self.chip.sleeps();
         self.play(now, board);
-        self.deliver(board);
+        match slept {
+            true => self.settle(board),
+            false => self.deliver(board),
+        }
     }
 
     /// Makes something fail.
@@ -175,7 +184,10 @@ impl Machine {
                 }
             }
             FaultKind::TransmitterStalled { for_ns } => units.usart[0].stall(now.saturating_add(for_ns)),
-            FaultKind::Supply { millivolts } => units.pwr.set_supply(millivolts),
+            FaultKind::Supply { millivolts } => {
+                units.pwr.set_supply(millivolts);
+                self.chip.sense_lines(now);
+            }
             FaultKind::CrystalStops | FaultKind::CrystalStarts => {
                 units.rcc.set_crystal(kind == FaultKind::CrystalStarts);
                 let stood_still = self.chip.stands_still();
@@ -197,6 +209,18 @@ impl Machine {
             }
         }
         self.settle(board);
+    }
+
+    /// The processor goes to sleep. If the sleep is a deep one, the part does.
+    pub fn sleep(&mut self, now: u64, board: &mut impl Board) {
+        self.play(now, board);
+        self.chip.sleep(now);
+        self.settle(board);
+    }
+
+    /// Whether a sleep now is STOP or STANDBY.
+    pub fn sleeps_deep(&self) -> bool {
+        self.chip.units.scr.sleeps_deep()
     }
 
     /// When an interrupt line will rise, or the first scan may come, if no register is accessed. Call
@@ -248,6 +272,7 @@ impl Machine {
             unmodelled: self.chip.unmodelled(),
             busy_with: self.polls.busy_with().map(registers::name),
             never_came: self.never_came(),
+            hclk_ns: self.chip.hclk_ns(now),
             pins: self.pins(),
             flash_operations: units.flash.operations().to_vec(),
             virtual_ns: now,
@@ -268,8 +293,9 @@ impl Machine {
     fn pins(&self) -> Vec<Pin> {
         let ports = self.chip.units.gpio.iter().zip('A'..='I');
         let pins = ports.flat_map(|(port, letter)| {
-            let pins = port.edges.iter().enumerate();
-            pins.map(move |(number, edges)| Pin {
+            let pins = port.edges.iter().zip(&port.changes).enumerate();
+            pins.map(move |(number, (edges, changes))| Pin {
+                changes: changes.clone(),
                 name: format!("P{letter}{number}"),
                 edges: *edges,
             })
@@ -335,6 +361,13 @@ impl Machine {
 
     /// Brings memory, the processor and its interrupt lines up to the state of the models.
     fn settle(&mut self, board: &mut impl Board) {
+        if self.chip.woken_from_stop() {
+            board.stall(false);
+        }
+        if self.chip.woken_from_standby() {
+            self.reset_wanted.get_or_insert(ResetCause::Standby);
+            board.reset_wanted();
+        }
         // The next instruction is in flash. So is the one after an interrupt that wakes the processor in
         // spite of the stall.
         if self.chip.stands_still() {

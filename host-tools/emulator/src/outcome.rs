@@ -28,6 +28,9 @@ pub struct Outcome {
     pub rtt: Vec<u8>,
     /// Virtual time of an instruction, in ns.
     pub instruction_ns: u32,
+    /// The interrupts that the processor took, by the vectors at the beginning of flash. A handler that several
+    /// vectors share is not counted.
+    pub interrupts: Vec<Interrupt>,
     /// Executed instructions. `None` if they were not counted.
     pub instructions: Option<Instructions>,
     /// The externally triggered scans. `None` if the image never sampled.
@@ -60,6 +63,9 @@ pub struct Outcome {
     pub flash: (u32, Vec<u8>),
     /// Words that the firmware programmed and sectors that it erased, in order.
     pub flash_operations: Vec<FlashOperation>,
+    /// How long the processor had each clock: HCLK in Hz and ns of virtual time. 0 Hz is a clock that stands
+    /// still, in STOP or STANDBY or without a crystal.
+    pub hclk_ns: Vec<(u32, u64)>,
     /// Virtual time at the end, in ns since power-up.
     pub virtual_ns: u64,
 }
@@ -114,6 +120,27 @@ impl Outcome {
         places.flatten().for_each(name);
     }
 
+    /// A sentence, if the processor had for more than a tenth of the time a clock whose cycle is longer than an
+    /// instruction takes here. The least shift that fits is said.
+    pub(crate) fn faster_than_the_core(&self) -> Option<String> {
+        let cycle_ns = |hz: u32| 1e9 / f64::from(hz);
+        let slow = |(hz, _): &&(u32, u64)| *hz > 0 && cycle_ns(*hz) > f64::from(self.instruction_ns);
+        let slow: Vec<_> = self.hclk_ns.iter().filter(slow).collect();
+        let ns: u64 = slow.iter().map(|(_, ns)| ns).sum();
+        let slowest = slow.iter().map(|(hz, _)| *hz).min()?;
+        let shift = cycle_ns(slowest).log2().ceil();
+        (ns > self.virtual_ns / 10).then(|| {
+            format!(
+                "processor an instruction takes {} ns, less than a cycle, for {:.3} of {:.3} s (HCLK down to {:.3} MHz): \
+                 faster than the core can be; Run::shift {shift} is not",
+                self.instruction_ns,
+                ns as f64 * 1e-9,
+                self.virtual_ns as f64 * 1e-9,
+                f64::from(slowest) * 1e-6
+            )
+        })
+    }
+
     /// Where the processor was at the end and what it did there, as a part of a sentence.
     pub(crate) fn whereabouts(&self) -> String {
         let place = self.stopped_at.as_ref().map(|place| format!(", at {place}"));
@@ -157,6 +184,17 @@ pub struct FunctionCount {
     /// How many functions of the image have the label. 0 means that the compiler inlined them all, or that
     /// the pattern has a mistake.
     pub symbols: usize,
+}
+
+/// How often the processor took an interrupt.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Interrupt {
+    /// Its number as an exception: interrupt line 0 is 16, SysTick 15.
+    pub exception: usize,
+    /// For example `USART1`, `TIM1_UP_TIM10` or `SysTick`.
+    pub name: String,
+    /// How often.
+    pub taken: u64,
 }
 
 /// What left the transmitter of a USART by a pin.
@@ -221,6 +259,8 @@ pub enum ResetCause {
     Software,
     /// The independent watchdog ran out.
     Watchdog,
+    /// STANDBY has ended, by a rising edge on WKUP (PA0).
+    Standby,
     /// [`FaultKind::PowerCut`](crate::FaultKind::PowerCut) or
     /// [`FaultKind::PowerCutInFlash`](crate::FaultKind::PowerCutInFlash).
     PowerCut,
@@ -263,6 +303,9 @@ pub struct Pin {
     pub name: String,
     /// How often its level changed while it was an output.
     pub edges: u64,
+    /// When it changed, in ns since power-up, and its level from then on. Empty unless the run was told to
+    /// record them ([`Run::record_pins`](crate::Run::record_pins)).
+    pub changes: Vec<(u64, bool)>,
 }
 
 /// The time from one interrupt of the ADC's DMA stream to the next, or several such stretches taken together.

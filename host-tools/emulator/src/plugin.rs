@@ -13,6 +13,7 @@ mod blocks;
 mod callbacks;
 mod count;
 mod fate;
+mod handlers;
 mod overlay;
 mod qemu;
 mod recorder;

@@ -67,6 +67,7 @@ impl Run {
             ..outcome
         };
         outcome.name_functions(|place| image.name(place));
+        outcome.unmodelled.extend(outcome.faster_than_the_core());
         match outcome.end {
             End::Stuck(_) => Err(RunError::Stuck(outcome.into())),
             End::Stopped => Err(RunError::Timeout(self.timeout, outcome.into())),

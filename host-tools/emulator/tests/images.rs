@@ -8,7 +8,9 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use stm32f405_qemu::{AnalogInput, End, Outcome, Run, RunError, Since, UartInput};
+use stm32f405_qemu::{
+    AnalogInput, End, Fault, FaultKind, Outcome, PinInput, ResetCause, Run, RunError, Since, UartInput,
+};
 
 /// Where the images are built, once for all tests. With the image's own profile, so that what both need is
 /// compiled once.
@@ -76,12 +78,36 @@ fn lines(outcome: &Outcome) -> Vec<&str> {
 
 #[test]
 fn an_image_on_embassys_default_time_driver_comes_through() {
-    let outcome = result(&run_of("default-time-driver")).unwrap();
+    let mut run = run_of("default-time-driver");
+    run.record_pins = true;
+    let outcome = result(&run).unwrap();
     assert_eq!(outcome.verdict(), Ok(()), "{:?}", lines(&outcome));
     assert_eq!(lines(&outcome), ["50 ms for 5 times 10 ms"]);
     assert!(matches!(outcome.end, End::Breakpoint(_)), "{:?}", outcome.end);
     // It goes high at first, and then toggles.
     assert_eq!(outcome.pins.iter().map(|pin| pin.edges).sum::<u64>(), 1 + 5);
+    // And every 10 ms: by a clock of 32 768 Hz, from one to the next of which is 31 us.
+    let [light] = &outcome.pins[..] else {
+        panic!("{:?}", outcome.pins)
+    };
+    let apart: Vec<u64> = light
+        .changes
+        .windows(2)
+        .map(|pair| pair[1].0 - pair[0].0)
+        .collect();
+    assert_eq!(apart.len(), 5);
+    assert!(
+        apart.iter().all(|ns| ns.abs_diff(10_000_000) < 100_000),
+        "{apart:?}"
+    );
+    assert_eq!(
+        outcome
+            .vcd()
+            .lines()
+            .filter(|line| line.starts_with(['0', '1']))
+            .count(),
+        1 + 6
+    );
 }
 
 #[test]
@@ -107,9 +133,22 @@ fn ports_echo_by_interrupt_and_talk_over_a_wire_by_dma() {
         "{:?}",
         outcome.unknown_registers
     );
+    let taken = |name: &str| {
+        let interrupts = outcome.interrupts.iter();
+        let of_name = interrupts.filter(|interrupt| interrupt.name == name);
+        of_name.map(|interrupt| interrupt.taken).sum::<u64>()
+    };
+    // Each byte is received, and its echo's register gets free.
+    assert!((8..=16).contains(&taken("USART3")), "{:?}", outcome.interrupts);
     assert_eq!(
-        (outcome.uarts, outcome.virtual_ns),
-        (again.uarts, again.virtual_ns)
+        (taken("DMA1_STREAM6"), taken("USART2")),
+        (1, 0),
+        "{:?}",
+        outcome.interrupts
+    );
+    assert_eq!(
+        (&outcome.uarts, &outcome.interrupts, outcome.virtual_ns),
+        (&again.uarts, &again.interrupts, again.virtual_ns)
     );
 }
 
@@ -320,4 +359,138 @@ fn the_processors_own_registers_are_as_the_part_has_them() {
         .map(|register| register.name.as_str())
         .collect();
     assert_eq!(unknown, ["ITM+0x00"]);
+}
+
+#[test]
+fn edges_on_a_pin_and_of_the_voltage_detector_interrupt() {
+    let mut run = run_of("buttons");
+    run.pin_inputs = vec![PinInput {
+        pin: "PC13".into(),
+        since: Since::PowerUp,
+        changes_ns: vec![5_000_000, 6_000_000, 7_000_000],
+    }];
+    let supply = |at_ns, millivolts| Fault::after_power_up(at_ns, FaultKind::Supply { millivolts });
+    // Rising: when the supply falls below the threshold, and not when it comes back.
+    run.faults = vec![supply(6_500_000, 2800), supply(6_600_000, 3300)];
+    let outcome = result(&run).unwrap();
+    assert_eq!(
+        lines(&outcome),
+        [
+            "interrupt 40, lines 0x2000, pressed true",
+            "interrupt 40, lines 0x2000, pressed false",
+            "interrupt 1, lines 0x10000, pressed false",
+            "interrupt 40, lines 0x2000, pressed true",
+        ]
+    );
+    assert!(
+        (7_000_000..7_100_000).contains(&outcome.virtual_ns),
+        "{}",
+        outcome.virtual_ns
+    );
+    assert_eq!(outcome.never_came, [""; 0]);
+}
+
+#[test]
+fn stop_ends_with_an_edge_on_the_internal_oscillator_and_standby_with_a_reset() {
+    let mut run = run_of("sleeps");
+    run.pin_inputs = vec![PinInput {
+        pin: "PA0".into(),
+        since: Since::PowerUp,
+        changes_ns: vec![5_000_000, 6_000_000, 9_000_000, 50_000_000],
+    }];
+    let outcome = result(&run).unwrap();
+    assert_eq!(
+        lines(&outcome),
+        [
+            "clock source 1",
+            "woken from STOP, clock source 0, 0 ticks",
+            "woken from STANDBY"
+        ],
+        "{:?}",
+        outcome.verdict()
+    );
+    let resets: Vec<_> = outcome
+        .resets
+        .iter()
+        .map(|reset| (reset.at_ns, reset.cause))
+        .collect();
+    assert_eq!(resets, [(9_000_000, ResetCause::Standby)]);
+    assert_eq!(outcome.never_came, ["1 changes of the level on PA0"]);
+    // From the start of STOP to its end, and of STANDBY: hardly a moment awake.
+    let asleep = outcome.hclk_ns.iter().find(|(hz, _)| *hz == 0).unwrap().1;
+    assert!((8_700_000..9_000_000).contains(&asleep), "{asleep}");
+}
+
+#[test]
+fn a_core_that_is_slower_than_the_emulator_is_said_with_the_shift_that_fits() {
+    let speed = |shift| {
+        let mut run = run_of("logs");
+        run.shift = shift;
+        result(&run).unwrap().unmodelled
+    };
+    let said = speed(None);
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert!(said[0].contains("HCLK down to 16.000 MHz"), "{said:?}");
+    assert!(said[0].ends_with("Run::shift 6 is not"), "{said:?}");
+    assert_eq!(speed(Some(6)), [""; 0]);
+}
+
+#[test]
+fn a_processor_that_waits_for_events_is_said_to_spin() {
+    let outcome = result(&run_of("default-time-driver")).unwrap();
+    assert!(
+        outcome.unmodelled.iter().any(|what| what.contains("WFE")),
+        "{:?}",
+        outcome.unmodelled
+    );
+}
+
+#[test]
+fn a_log_of_text_that_waits_for_the_host_is_whole_also_beside_defmt() {
+    let outcome = result(&run_of("texts")).unwrap();
+    assert_eq!(outcome.verdict(), Ok(()));
+    assert_eq!(outcome.log.len(), 200);
+    assert_eq!(outcome.log[199].text, "a line of text, number 199");
+}
+
+#[test]
+fn beyond_the_parts_memory_there_is_a_bus_fault() {
+    let outcome = result(&run_of("edges-of-memory")).unwrap();
+    assert!(lines(&outcome)[0].starts_with("the last word is there"));
+    assert_eq!(outcome.end, End::Faulted, "{:?}", lines(&outcome));
+    assert_eq!(outcome.exceptions[0].address, Some(0x2002_0000));
+}
+
+#[test]
+fn what_never_came_is_listed() {
+    let mut run = run_of("logs");
+    run.pin_inputs = vec![PinInput {
+        pin: "PB7".into(),
+        since: Since::FirstScan,
+        changes_ns: vec![1, 2],
+    }];
+    run.faults = vec![Fault::after_power_up(1_000_000_000, FaultKind::AdcOverrun)];
+    let scans = ": there was no triggered scan to count from";
+    let outcome = result(&run).unwrap();
+    assert_eq!(
+        outcome.never_came,
+        [
+            format!("2 changes of the level on PB7{scans}"),
+            "fault AdcOverrun at 1.000000 s".into()
+        ]
+    );
+}
+
+#[test]
+fn a_run_that_is_stopped_says_where_the_image_was() {
+    let mut run = run_of("spins");
+    run.sampling_deadline_ns = u64::MAX;
+    run.timeout = std::time::Duration::from_millis(500);
+    let error = result(&run).unwrap_err();
+    let said = error.to_string();
+    assert!(matches!(error, RunError::Timeout(..)), "{said}");
+    assert!(
+        said.contains("(main)") || said.contains("__cortex_m_rt_main"),
+        "{said}"
+    );
 }

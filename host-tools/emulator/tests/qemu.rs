@@ -172,6 +172,14 @@ fn acquiring_after(first: Writes<'_>) -> Vec<u8> {
     image(&[first, &main].concat(), SLEEP, &handler)
 }
 
+/// What the run noted, but for its core: at 16 MHz that is slower than 8 ns an instruction.
+fn noted(outcome: &Outcome) -> Vec<&str> {
+    let noted = outcome.unmodelled.iter().map(String::as_str);
+    noted
+        .filter(|what| !what.starts_with("processor an instruction"))
+        .collect()
+}
+
 fn run_acquiring(change: impl FnOnce(&mut Run)) -> Outcome {
     let mut bench = bench(&acquiring());
     bench.run.stimulus = (0..80).map(|i| [i, 4095 - i, 0, 0]).collect();
@@ -204,10 +212,7 @@ fn every_row_of_the_stimulus_comes_out_of_the_uart_in_order() {
         (outcome.overruns, outcome.triggers_ignored, outcome.resets.len()),
         (0, 0, 0)
     );
-    assert_eq!(
-        (outcome.unknown_registers.len(), outcome.unmodelled.len()),
-        (0, 0)
-    );
+    assert_eq!((outcome.unknown_registers.len(), noted(&outcome).len()), (0, 0));
 }
 
 #[test]
@@ -547,7 +552,7 @@ fn what_the_image_programs_can_be_read_clears_bits_only_and_is_there_at_the_end(
     let mut bench = bench(&image(&main, SLEEP, &[]));
     let outcome = bench.run.execute().unwrap();
     assert_eq!(outcome.uart, b"flashed!");
-    assert!(outcome.unmodelled.is_empty(), "{:?}", outcome.unmodelled);
+    assert_eq!(noted(&outcome), [""; 0]);
     assert_eq!(sector_10(&outcome)[..9], *b"flashed!\xff");
     let [first, second, _] = outcome.flash_operations[..] else {
         panic!("three operations: {:?}", outcome.flash_operations)
@@ -625,7 +630,7 @@ fn a_store_to_a_sector_of_the_image_or_without_pg_is_reported_and_changes_nothin
     let outcome = bench(&image(&main, SLEEP, &[])).run.execute().unwrap();
     assert!(outcome.flash_operations.is_empty());
     assert_eq!(
-        outcome.unmodelled,
+        noted(&outcome),
         [
             "FLASH a sector before 10 was programmed: only 10 and 11 can be, the others read as protected",
             "FLASH a store to flash without CR.PG: nothing was programmed",
@@ -752,7 +757,7 @@ fn edges_on_a_pin_wake_a_sleeping_image_that_captures_them_and_no_other() {
         bench.run.execute().unwrap()
     };
     let three_rises = outcome(1);
-    assert_eq!(three_rises.unmodelled, [""; 0]);
+    assert_eq!(noted(&three_rises), [""; 0]);
     assert_eq!(
         three_rises.pins.iter().map(|pin| pin.edges).collect::<Vec<_>>(),
         [3 * 2]
@@ -782,7 +787,7 @@ fn a_crystal_that_is_off_makes_every_scan_earlier_and_each_has_its_row() {
     // 160 ms of rows; the tail is in true time.
     assert_eq!(sampled(&right), 162_000_000);
     assert_eq!(sampled(&off) - 2_000_000, 160_000_000 * 1_000_000 / 1_000_900);
-    assert_eq!(off.unmodelled, [""; 0]);
+    assert_eq!(noted(&off), [""; 0]);
 }
 
 /// Everything from the crystal of 8 MHz, with the clock security system or not.
@@ -812,10 +817,10 @@ fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes
     };
     let safe = outcome(1);
     assert_eq!(safe.pins.iter().map(|pin| pin.edges).sum::<u64>(), 1);
-    assert_eq!(safe.unmodelled, [""; 0]);
+    assert_eq!(noted(&safe), [""; 0]);
     let bare = outcome(0);
     assert_eq!(bare.pins, []);
-    assert_eq!(bare.unmodelled.len(), 1, "{:?}", bare.unmodelled);
+    assert_eq!(noted(&bare).len(), 1, "{:?}", bare.unmodelled);
     for outcome in [&safe, &bare] {
         assert_eq!(outcome.resets.len(), 1);
         assert_eq!(outcome.resets[0].cause, ResetCause::Watchdog);

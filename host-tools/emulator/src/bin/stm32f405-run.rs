@@ -4,16 +4,18 @@
 //!
 //! `--help` says what it takes, and what its exit status means.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use stm32f405_qemu::{LogLine, Outcome, Run, RunError};
 
 const USAGE: &str = "\
-usage: stm32f405-run [--seconds S] [--until TEXT] [--semihosting] ELF
+usage: stm32f405-run [--seconds S] [--until TEXT] [--vcd FILE] [--semihosting] ELF
 
   --seconds S     virtual time for an image that does not sample [default: 2]
   --until TEXT    fail unless a line of the log contains TEXT
+  --vcd FILE      write the levels of output pins over time, for a waveform viewer such as GTKWave
   --semihosting   let the image call the host: only for an image that you trust
 
 exit status: 0 if the image used up its time, stopped at a breakpoint or ended itself with status 0; 1 if it
@@ -24,6 +26,7 @@ arguments; 3 if there was no run";
 struct Arguments {
     run: Run,
     until: Option<String>,
+    vcd: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -43,6 +46,12 @@ fn main() -> ExitCode {
     };
     if let Some(outcome) = given {
         tell(outcome);
+        if let Some(file) = &arguments.vcd
+            && let Err(e) = std::fs::write(file, outcome.vcd())
+        {
+            eprintln!("stm32f405-run: cannot write {}: {e}", file.display());
+            return ExitCode::from(3);
+        }
     }
     match verdict(&result, arguments.until.as_deref()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -57,6 +66,7 @@ fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
     let mut arguments = Arguments {
         run: Run::new(""),
         until: None,
+        vcd: None,
     };
     let run = &mut arguments.run;
     // A sine on both inputs, for images that sample.
@@ -73,6 +83,10 @@ fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
                 run.sampling_deadline_ns = seconds.as_nanos().try_into().ok()?;
             }
             "--until" => arguments.until = Some(words.next()?),
+            "--vcd" => {
+                arguments.vcd = Some(words.next()?.into());
+                run.record_pins = true;
+            }
             "--semihosting" => run.semihosting = true,
             elf if !elf.starts_with('-') && run.elf.as_os_str().is_empty() => run.elf = elf.into(),
             _ => return None,
@@ -132,6 +146,9 @@ fn tell(outcome: &Outcome) {
     }
     for what in &outcome.never_came {
         println!("never came: {what}");
+    }
+    for interrupt in &outcome.interrupts {
+        println!("{} interrupted {} times", interrupt.name, interrupt.taken);
     }
     for pin in &outcome.pins {
         println!("{} moved {} times", pin.name, pin.edges);

@@ -1,5 +1,6 @@
 //! The peripherals as one device: registers behind clock gates, and what one peripheral does to another.
 
+use std::collections::BTreeMap;
 use std::mem::take;
 
 use super::stimulus::Stimulus;
@@ -11,6 +12,16 @@ use crate::peripherals::clock::Clocks;
 use crate::peripherals::dma::STREAMS;
 use crate::peripherals::{NoRegister, signature};
 
+/// How deep the part sleeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum DeepSleep {
+    Stop,
+    /// STOP is over, and the processor does not know yet.
+    StopEnds,
+    Standby,
+    StandbyEnds,
+}
+
 /// All peripherals, and the analog inputs of the converter.
 #[derive(Debug, Clone)]
 pub(super) struct Chip {
@@ -21,7 +32,11 @@ pub(super) struct Chip {
     /// Scans of that converter that were started.
     pub(super) scans: u64,
     pub(super) wires: Wires,
-    clocks: Clocks,
+    pub(super) clocks: Clocks,
+    /// How long HCLK had each frequency, up to its last change, and when that was.
+    hclk_ns: BTreeMap<u32, u64>,
+    hclk_since_ns: u64,
+    pub(super) deep_sleep: Option<DeepSleep>,
     /// The peripherals that RCC holds in reset, a bit for each row of the table.
     held: u64,
 }
@@ -48,18 +63,23 @@ impl Chip {
             scans: 0,
             wires: Wires::default(),
             clocks: Clocks::HSI,
+            hclk_ns: BTreeMap::new(),
+            hclk_since_ns: 0,
+            deep_sleep: None,
             held: 0,
         }
     }
 
     /// Resets every peripheral. What comes from outside goes on.
     pub(super) fn reset(&mut self, cause: ResetCause, now: u64) {
+        self.deep_sleep = None;
         for row in TABLE {
             (row.model_mut)(&mut self.units).reset(now);
         }
         self.units.rcc.set_reset_cause(cause);
         if cause == ResetCause::PowerCut {
             self.units.debug.power_up();
+            self.units.pwr.power_up();
         }
         self.pass_on(now);
     }
@@ -120,6 +140,8 @@ impl Chip {
         self.hold_in_reset(now);
         let clocks = self.units.rcc.clocks();
         if clocks != self.clocks {
+            *self.hclk_ns.entry(self.clocks.hclk).or_default() += now - self.hclk_since_ns;
+            self.hclk_since_ns = now;
             self.clocks = clocks;
             for row in TABLE {
                 (row.model_mut)(&mut self.units).set_clocks(&clocks, now);
@@ -139,6 +161,7 @@ impl Chip {
         if !self.wires.is_empty() {
             self.drive_wires(now);
         }
+        self.sense_lines(now);
         for dma in 0..self.units.dma.len() {
             if self.units.dma[dma].started != 0 {
                 self.note_streams(dma);
@@ -162,6 +185,44 @@ impl Chip {
         if let Some((tim, input)) = self.timer_input(pin) {
             self.units.tim[tim].edge(input, high, at);
         }
+        self.sense_lines(at);
+        self.sense_wake_up_pin(pin, high);
+    }
+
+    /// Passes the levels on pins, and the voltage detector's, on to EXTI.
+    pub(super) fn sense_lines(&mut self, now: u64) {
+        /// The line of the voltage detector.
+        const DETECTOR: usize = 16;
+        let units = &mut self.units;
+        let watched = units.exti.watched();
+        let level = |line: usize| match line {
+            0..DETECTOR => units
+                .gpio
+                .get(units.syscfg.port(line))
+                .map_or(0, |port| port.input() >> line & 1),
+            _ => u32::from(units.pwr.supply_low()),
+        };
+        let levels = (watched != 0).then(|| {
+            let lines = (0..=DETECTOR).filter(|line| watched >> line & 1 == 1);
+            lines.fold(0, |levels, line| levels | level(line) << line)
+        });
+        units.exti.input(levels);
+        if take(&mut units.exti.edge_came) {
+            self.wake_from_stop(now);
+        }
+    }
+
+    /// Whether a change of the level on a pin would come through EXTI, or wake the part.
+    pub(super) fn listens_to(&self, pin: Pin, high: bool) -> bool {
+        let units = &self.units;
+        (units.syscfg.port(pin.1) == pin.0 && units.exti.listens(pin.1, high)) || self.waits_for(pin, high)
+    }
+
+    /// How long HCLK had each frequency.
+    pub(super) fn hclk_ns(&self, now: u64) -> Vec<(u32, u64)> {
+        let mut times = self.hclk_ns.clone();
+        *times.entry(self.clocks.hclk).or_default() += now.saturating_sub(self.hclk_since_ns);
+        times.into_iter().filter(|(_, ns)| *ns > 0).collect()
     }
 
     /// The timer and its input that a pin leads to, as the pin is set.

@@ -13,7 +13,12 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     // While the processor stands still, interrupts wait.
     if chip.stands_still() {
         let flash = units.flash.next_interrupt();
-        return flash.into_iter().chain(units.iwdg.next_interrupt()).min();
+        let wake_up = levels.next_capture(chip).filter(|_| chip.sleeps());
+        return flash
+            .into_iter()
+            .chain(units.iwdg.next_interrupt())
+            .chain(wake_up)
+            .min();
     }
     let alone = TABLE.iter().filter_map(|row| (row.model)(units).next_interrupt());
     let converters = (0..ADCS.len()).filter_map(|adc| acquisition(chip, adc));

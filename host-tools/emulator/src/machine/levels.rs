@@ -86,16 +86,20 @@ impl Levels {
         pins.iter().map(line).collect()
     }
 
-    /// When a timer will next capture a change and raise its interrupt line.
+    /// When a change will next raise an interrupt line, of a timer that captures it or of EXTI, or wake the part.
     pub(super) fn next_capture(&self, chip: &Chip) -> Option<u64> {
         let tim = &chip.units.tim;
-        // Without this, every wake would search through all edges, even if no timer listens to them.
-        if !tim.iter().any(|tim| tim.captures_interrupt()) {
+        // Without this, every wake would search through all edges, even if nothing listens to them.
+        let captures = tim.iter().any(|tim| tim.captures_interrupt());
+        if !captures && chip.units.exti.watched() == 0 && !chip.sleeps() {
             return None;
         }
         let interrupts = |level: &&Level| {
-            chip.timer_input(level.pin)
-                .is_some_and(|(n, input)| tim[n].edge_interrupts(input, level.high))
+            let by_timer = captures
+                && chip
+                    .timer_input(level.pin)
+                    .is_some_and(|(n, input)| tim[n].edge_interrupts(input, level.high));
+            by_timer || chip.listens_to(level.pin, level.high)
         };
         let captures = self.0.iter().filter_map(|(since, levels)| {
             let next = levels.iter().find(interrupts)?;

@@ -194,7 +194,7 @@ peripherals! {
         [7] "GPIOH", 0x4002_1c00..0x4002_2000, gate(Ahb1, 7), &[];
         [8] "GPIOI", 0x4002_2000..0x4002_2400, gate(Ahb1, 8), &[];
     }
-    exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, None, &[6, 7, 8, 9, 10, 23, 40]; }
+    exti: Exti = Exti::default() => { "EXTI", 0x4001_3c00..0x4001_4000, None, &Exti::INTERRUPTS; }
     syscfg: Syscfg = Syscfg::default() => { "SYSCFG", 0x4001_3800..0x4001_3c00, gate(Apb2, 14), &[]; }
     iwdg: Iwdg = Iwdg::default() => { "IWDG", 0x4000_3000..0x4000_3400, None, &[]; }
     systick: SysTick = SysTick::new(HSI_HZ) => { "SysTick", 0xe000_e010..0xe000_e020, None, &[]; }

@@ -69,6 +69,8 @@ struct Connections {
     analog: BTreeMap<(usize, u32), Pin>,
     /// What requests a transfer: its name, by controller, stream and channel.
     requests: BTreeMap<(usize, usize, u32), &'static str>,
+    /// The names of the interrupt lines.
+    lines_by_number: BTreeMap<usize, &'static str>,
     /// What can serve a request, by its name.
     servers: BTreeMap<&'static str, Server>,
 }
@@ -104,6 +106,7 @@ static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
         lines: BTreeMap::new(),
         analog: BTreeMap::new(),
         requests: BTreeMap::new(),
+        lines_by_number: BTreeMap::new(),
         servers: BTreeMap::new(),
     };
     for line in TABLE.lines() {
@@ -112,6 +115,10 @@ static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
             ["pin", name, function, peripheral, signal] => {
                 let Some(pin) = pin(name) else { continue };
                 found.connect(pin, function, peripheral, signal);
+            }
+            ["line", number, name] => {
+                let number = number.parse().expect("the table has numbers there");
+                found.lines_by_number.insert(number, name);
             }
             ["request", dma, stream, channel, name] => {
                 let number = |text: &str| text.parse::<usize>().expect("the table has numbers there");
@@ -174,6 +181,11 @@ pub(super) fn analog_pin(adc: usize, channel: u32) -> Option<Pin> {
 /// The request that a stream listens to by its channel. `None` where the tables have nothing.
 pub(super) fn request(dma: usize, stream: usize, channel: u32) -> Option<&'static str> {
     CONNECTIONS.requests.get(&(dma, stream, channel)).copied()
+}
+
+/// The name of an interrupt line, for example `TIM1_UP_TIM10`.
+pub(crate) fn interrupt_name(line: usize) -> Option<&'static str> {
+    CONNECTIONS.lines_by_number.get(&line).copied()
 }
 
 /// Whether a model makes this request.

@@ -130,6 +130,11 @@ impl Adc {
     }
 
     fn start(&mut self, now: u64) {
+        // DocID022152, ADC characteristics, from 2.4 V on. A crystal may be off by less than 1/1000.
+        self.notes.note_if(
+            self.pclk2 / self.divider.max(1) > 36_036_000,
+            "the converter's clock is above 36 MHz",
+        );
         self.sr |= STRT;
         self.scan_started = true;
         self.scan = Some(Scan {

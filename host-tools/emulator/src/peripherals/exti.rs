@@ -1,13 +1,31 @@
-//! External interrupts (RM0090 section 12.3). Only the software trigger moves the lines; levels on pins do
-//! not.
+//! External interrupts (RM0090 section 12.3): edges on pins (lines 0 to 15) and of the voltage detector (16), and
+//! the software trigger for all lines. Lines 17 to 22 have nothing else to move them here.
+//!
+//! An edge sets the pending bit if the line's interrupt is enabled (section 12.2.4). An event (EMR) wakes from
+//! STOP, and makes no interrupt.
 
 use super::peripheral::{NoRegister, Peripheral};
 
 /// Lines 0..=22.
 const LINES: u32 = 0x007f_ffff;
 
-/// The lines that share an interrupt, in the order of the interrupts' numbers (table 61).
-const SHARED: [u32; 7] = [1, 1 << 1, 1 << 2, 1 << 3, 1 << 4, 0x03e0, 0xfc00];
+/// The lines that share an interrupt: for each output of the model, in the order of [`Exti::INTERRUPTS`].
+const SHARED: [u32; 14] = [
+    1,
+    1 << 1,
+    1 << 2,
+    1 << 3,
+    1 << 4,
+    0x03e0,
+    0xfc00,
+    1 << 16,
+    1 << 17,
+    1 << 18,
+    1 << 19,
+    1 << 20,
+    1 << 21,
+    1 << 22,
+];
 
 /// EXTI's registers.
 #[derive(Debug, Clone, Default)]
@@ -18,6 +36,42 @@ pub struct Exti {
     ftsr: u32,
     swier: u32,
     pr: u32,
+    /// The inputs of the edge detectors. Not known while no edge is asked for.
+    inputs: Option<u32>,
+    /// An enabled edge has come. Whoever looks clears it.
+    pub edge_came: bool,
+}
+
+impl Exti {
+    /// The interrupts of the outputs (table 61): EXTI0 to EXTI4, EXTI9_5, EXTI15_10, the voltage detector, RTC
+    /// alarm, USB FS, Ethernet and USB HS wake-up, tamper, RTC wake-up.
+    pub const INTERRUPTS: [usize; 14] = [6, 7, 8, 9, 10, 23, 40, 1, 41, 42, 62, 76, 2, 3];
+
+    /// Lines on which an edge is asked for.
+    pub fn watched(&self) -> u32 {
+        self.rtsr | self.ftsr
+    }
+
+    /// Whether an edge on a line would raise an interrupt, or wake from STOP.
+    pub fn listens(&self, line: usize, rising: bool) -> bool {
+        let edges = if rising { self.rtsr } else { self.ftsr };
+        edges & (self.imr & !self.pr | self.emr) & 1 << line != 0
+    }
+
+    /// The levels at the inputs of the watched lines. `None` if no line is watched.
+    pub fn input(&mut self, levels: Option<u32>) {
+        if let (Some(before), Some(now)) = (self.inputs, levels) {
+            let edges = (now & !before & self.rtsr) | (before & !now & self.ftsr);
+            self.pr |= edges & self.imr;
+            self.edge_came |= edges & (self.imr | self.emr) != 0;
+        }
+        self.inputs = levels;
+    }
+
+    /// Whether an interrupt of a line is pending.
+    pub fn pending(&self) -> bool {
+        self.pr & self.imr != 0
+    }
 }
 
 impl Peripheral for Exti {
@@ -68,6 +122,51 @@ impl Peripheral for Exti {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_edge_is_pending_if_its_direction_and_its_interrupt_are_asked_for() {
+        let mut exti = Exti::default();
+        exti.write(0x00, 0b0111, 0).unwrap();
+        exti.write(0x04, 0b1000, 0).unwrap();
+        exti.write(0x08, 0b1101, 0).unwrap();
+        exti.write(0x0c, 0b0110, 0).unwrap();
+        for levels in [0b0000, 0b1111] {
+            exti.input(Some(levels));
+        }
+        assert_eq!(
+            exti.read(0x14, 0),
+            Ok(0b0101),
+            "rising: lines 0 and 2; 3 is an event"
+        );
+        assert!(std::mem::take(&mut exti.edge_came));
+        exti.write(0x14, 0b0101, 0).unwrap();
+        exti.input(Some(0b0000));
+        assert_eq!(exti.read(0x14, 0), Ok(0b0110), "falling: lines 1 and 2");
+        assert_eq!(
+            (
+                exti.listens(0, true),
+                exti.listens(2, true),
+                exti.listens(3, false)
+            ),
+            (true, false, false)
+        );
+        let up = (0..SHARED.len()).filter(|output| exti.interrupt(*output));
+        assert_eq!(
+            up.map(|output| Exti::INTERRUPTS[output]).collect::<Vec<_>>(),
+            [7, 8]
+        );
+    }
+
+    #[test]
+    fn what_the_levels_were_before_an_edge_was_asked_for_is_no_edge() {
+        let mut exti = Exti::default();
+        exti.input(None);
+        exti.write(0x00, 1, 0).unwrap();
+        exti.write(0x08, 1, 0).unwrap();
+        exti.input(Some(1));
+        exti.input(Some(1));
+        assert!(!exti.pending());
+    }
 
     #[test]
     fn a_software_trigger_stands_until_one_is_written_to_pr() {

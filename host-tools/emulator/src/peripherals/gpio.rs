@@ -37,6 +37,10 @@ pub struct Gpio {
     by_wire: [Option<bool>; 16],
     /// How often each pin changed its level as an output.
     pub edges: [u64; 16],
+    /// Whether the times of these changes are recorded.
+    pub records: bool,
+    /// When each pin changed its level as an output, in ns, and the level from then on.
+    pub changes: [Vec<(u64, bool)>; 16],
 }
 
 impl Gpio {
@@ -89,7 +93,8 @@ impl Gpio {
         (field(self.moder, 2 * pin as u32, 2) == 0b10).then_some(function)
     }
 
-    fn input(&self) -> u32 {
+    /// The levels of the port as IDR has them.
+    pub fn input(&self) -> u32 {
         (0..16).fold(0, |levels, pin| {
             let n = pin as usize;
             let wired = self.by_wire[n].or(self.wired[n]).is_some();
@@ -127,6 +132,17 @@ impl Gpio {
         (old & kept) | (new & !kept)
     }
 
+    /// Counts the changes of these pins, and records them.
+    fn count(&mut self, changed: u32, now: u64) {
+        let levels = self.outputs();
+        for pin in (0..16).filter(|pin| bit(changed, *pin)) {
+            self.edges[pin as usize] += 1;
+            if self.records {
+                self.changes[pin as usize].push((now, bit(levels, pin)));
+            }
+        }
+    }
+
     fn write_lock(&mut self, value: u32) {
         let (key, pins) = (value & LCKK != 0, value & 0xffff);
         self.key = match self.key {
@@ -162,7 +178,7 @@ impl Peripheral for Gpio {
         })
     }
 
-    fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), NoRegister> {
         let before = self.outputs();
         match offset {
             0x00 => self.moder = self.unlocked(2, 0, self.moder, value),
@@ -178,17 +194,20 @@ impl Peripheral for Gpio {
             0x24 => self.afr[1] = self.unlocked(4, 8, self.afr[1], value),
             _ => return Err(NoRegister),
         }
-        let changed = before ^ self.outputs();
-        for (pin, edges) in self.edges.iter_mut().enumerate() {
-            *edges += u64::from((changed >> pin) & 1);
-        }
+        self.count(before ^ self.outputs(), now);
         Ok(())
     }
 
     /// The count of edges goes on, and so do the levels from outside.
-    fn reset(&mut self, _now: u64) {
+    fn reset(&mut self, now: u64) {
+        let high = self.outputs();
+        for pin in (0..16).filter(|pin| self.records && bit(high, *pin)) {
+            self.changes[pin as usize].push((now, false));
+        }
         *self = Self {
             edges: self.edges,
+            records: self.records,
+            changes: std::mem::take(&mut self.changes),
             wired: self.wired,
             by_wire: self.by_wire,
             ..Self::new(self.port)

@@ -1,12 +1,24 @@
 //! Power control (RM0090 section 5.4). The regulator is ready at once. The supply has the voltage that is set
-//! from outside, and the programmable voltage detector compares it with its threshold.
+//! from outside, and the programmable voltage detector compares it with its threshold. A deep sleep is STOP or
+//! STANDBY, as CR.PDDS says.
 
-use super::peripheral::{NoRegister, Peripheral};
+use super::clock::Clocks;
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 
 const VOS: u32 = 1 << 14;
 const DBP: u32 = 1 << 8;
 const PVDE: u32 = 1 << 4;
+const PDDS: u32 = 1 << 1;
+const CWUF: u32 = 1 << 2;
+const CSBF: u32 = 1 << 3;
+/// CSR: wake-up flag, standby flag.
+const WUF: u32 = 1 << 0;
+const SBF: u32 = 1 << 1;
+const EWUP: u32 = 1 << 8;
+/// With VOS clear the regulator is in scale 2, which is for HCLK up to 144 MHz (section 5.1.3). A crystal may
+/// be off by less than 1/1000.
+const SCALE_2_HZ: u32 = 144_144_000;
 
 /// The detector's thresholds in mV for a falling and for a rising supply, by CR.PLS. Typical values of
 /// DocID022152, table of the reset and power control block.
@@ -31,6 +43,10 @@ pub struct Pwr {
     supply_mv: u32,
     /// The detector's comparator: the supply is below the threshold.
     below: bool,
+    /// WUF and SBF, which outlive a reset.
+    flags: u32,
+    hclk: u32,
+    notes: Notes,
 }
 
 impl Default for Pwr {
@@ -40,6 +56,9 @@ impl Default for Pwr {
             csr: 0,
             supply_mv: GOOD_MV,
             below: false,
+            flags: 0,
+            hclk: 0,
+            notes: Notes::default(),
         }
     }
 }
@@ -54,6 +73,38 @@ impl Pwr {
     /// The supply, in mV.
     pub fn supply(&self) -> u32 {
         self.supply_mv
+    }
+
+    /// The detector finds the supply low: EXTI line 16.
+    pub fn supply_low(&self) -> bool {
+        self.below
+    }
+
+    /// A deep sleep is STANDBY, not STOP.
+    pub fn chooses_standby(&self) -> bool {
+        self.cr & PDDS != 0
+    }
+
+    /// A rising edge on WKUP (PA0) ends STANDBY.
+    pub fn wakes_by_pin(&self) -> bool {
+        self.csr & EWUP != 0
+    }
+
+    /// The power came back.
+    pub fn power_up(&mut self) {
+        self.flags = 0;
+    }
+
+    /// STANDBY has ended, by the pin.
+    pub fn woken(&mut self) {
+        self.flags = SBF | WUF;
+    }
+
+    fn check_scale(&mut self) {
+        self.notes.note_if(
+            self.cr & VOS == 0 && self.hclk > SCALE_2_HZ,
+            "CR.VOS: scale 2 is for HCLK up to 144 MHz",
+        );
     }
 
     fn compare(&mut self) {
@@ -73,7 +124,11 @@ impl Peripheral for Pwr {
         match offset {
             0x00 => Ok(self.cr),
             // VOSRDY always; BRR follows BRE; PVDO.
-            0x04 => Ok(self.csr | 1 << 14 | (u32::from(bit(self.csr, 9)) << 3) | u32::from(self.below) << 2),
+            0x04 => Ok(self.csr
+                | self.flags
+                | 1 << 14
+                | (u32::from(bit(self.csr, 9)) << 3)
+                | u32::from(self.below) << 2),
             _ => Err(NoRegister),
         }
     }
@@ -83,7 +138,10 @@ impl Peripheral for Pwr {
             0x00 => {
                 // CWUF and CSBF read as 0.
                 self.cr = value & 0x43f3;
+                self.flags &=
+                    !(if value & CWUF != 0 { WUF } else { 0 } | if value & CSBF != 0 { SBF } else { 0 });
                 self.compare();
+                self.check_scale();
             }
             0x04 => self.csr = value & 0x300,
             _ => return Err(NoRegister),
@@ -91,12 +149,24 @@ impl Peripheral for Pwr {
         Ok(())
     }
 
-    /// The supply stays.
+    /// The supply stays, and the flags that say why the part was woken.
     fn reset(&mut self, _now: u64) {
         *self = Self {
             supply_mv: self.supply_mv,
+            flags: self.flags,
+            hclk: self.hclk,
+            notes: std::mem::take(&mut self.notes),
             ..Self::default()
         };
+    }
+
+    fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
+        self.hclk = clocks.hclk;
+        self.check_scale();
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
     }
 }
 
@@ -145,6 +215,27 @@ mod tests {
         assert_eq!(pwr.read(0x04, 0), Ok(1 << 14));
         pwr.write(0x00, VOS | PVDE | 6 << 5, 0).unwrap();
         assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | 1 << 2));
+    }
+
+    #[test]
+    fn scale_2_is_noted_above_144_mhz() {
+        let mut pwr = Pwr::default();
+        pwr.write(0x00, 0, 0).unwrap();
+        let at = |hclk| Clocks { hclk, ..Clocks::HSI };
+        pwr.set_clocks(&at(144_000_000), 0);
+        assert_eq!(pwr.notes.iter().count(), 0);
+        pwr.set_clocks(&at(168_000_000), 0);
+        assert_eq!(pwr.notes.iter().count(), 1);
+    }
+
+    #[test]
+    fn the_flags_of_standby_outlive_a_reset_and_are_cleared_by_software() {
+        let mut pwr = Pwr::default();
+        pwr.woken();
+        pwr.reset(0);
+        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | SBF | WUF));
+        pwr.write(0x00, VOS | CSBF, 0).unwrap();
+        assert_eq!(pwr.read(0x04, 0), Ok(1 << 14 | WUF));
     }
 
     #[test]

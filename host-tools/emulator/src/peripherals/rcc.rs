@@ -88,6 +88,8 @@ pub struct Rcc {
     cir: u32,
     /// The crystal does not swing.
     crystal_stopped: bool,
+    /// STOP or STANDBY: no oscillator runs.
+    asleep: bool,
     /// PWR_CR.DBP: BDCR may be written (section 7.3.20).
     pub backup_domain_open: bool,
     notes: Notes,
@@ -114,6 +116,8 @@ impl Rcc {
         match cause {
             // The backup domain is reset too: VBAT is taken to come from the same supply.
             ResetCause::PowerCut => (self.bdcr, self.csr) = (0, POWER_ON_FLAGS),
+            // PWR's flags say it.
+            ResetCause::Standby => {}
             ResetCause::Software => self.csr |= SFTRSTF | PINRSTF,
             ResetCause::Watchdog => self.csr |= IWDGRSTF | PINRSTF,
         }
@@ -146,6 +150,19 @@ impl Rcc {
         );
     }
 
+    /// STOP or STANDBY begins: every oscillator stops.
+    pub fn sleep(&mut self) {
+        self.asleep = true;
+    }
+
+    /// STOP ends: the processor goes on with HSI, all else is off (section 5.3.4).
+    pub fn wake(&mut self) {
+        self.asleep = false;
+        self.cr = (self.cr | HSION) & !(HSEON | PLLON | PLLI2SON);
+        self.cfgr &= !3;
+        self.system_source = 0;
+    }
+
     /// The enable bits of CR whose clock runs.
     fn ready(&self) -> u32 {
         let hse = self.cr & HSEON != 0 && !self.crystal_stopped;
@@ -171,6 +188,7 @@ impl Rcc {
     /// The clock tree as programmed. A clock that has stopped has 0 Hz.
     pub fn clocks(&self) -> Clocks {
         let sysclk = match self.system_source {
+            _ if self.asleep => 0,
             0 => HSI_HZ,
             1 if self.ready() & HSEON != 0 => self.hse_hz,
             2.. if self.ready() & PLLON != 0 => self.pll_hz(),
@@ -256,10 +274,17 @@ impl Rcc {
         if self.ready() & on != 0 {
             self.system_source = wanted;
         }
-        self.notes.note_if(
-            self.clocks().sysclk > 168_000_000 + 168_000_000 / TOLERANCE,
-            "SYSCLK is above 168 MHz",
-        );
+        let Clocks {
+            sysclk, pclk1, pclk2, ..
+        } = self.clocks();
+        // DocID022152, general operating conditions.
+        for (hz, limit, what) in [
+            (sysclk, 168_000_000, "SYSCLK is above 168 MHz"),
+            (pclk1, 42_000_000, "PCLK1 is above 42 MHz"),
+            (pclk2, 84_000_000, "PCLK2 is above 84 MHz"),
+        ] {
+            self.notes.note_if(hz > limit + limit / TOLERANCE, what);
+        }
     }
 }
 
@@ -457,6 +482,25 @@ mod tests {
         assert_eq!(rcc.read(0x74, 0).unwrap(), IWDGRSTF | PINRSTF);
         reset(&mut rcc, ResetCause::PowerCut);
         assert_eq!(rcc.read(0x74, 0).unwrap(), POWER_ON_FLAGS, "and none of before");
+    }
+
+    #[test]
+    fn buses_above_their_limits_are_noted() {
+        let mut rcc = at_168_mhz();
+        assert_eq!(rcc.notes.iter().count(), 0);
+        rcc.write(0x08, 2, 0).unwrap();
+        let noted: Vec<_> = rcc.notes.iter().collect();
+        assert_eq!(noted, ["PCLK1 is above 42 MHz", "PCLK2 is above 84 MHz"]);
+    }
+
+    #[test]
+    fn a_sleep_stops_every_clock_and_a_wake_gives_hsi() {
+        let mut rcc = at_168_mhz();
+        rcc.sleep();
+        assert_eq!(rcc.clocks().hclk, 0);
+        rcc.wake();
+        assert_eq!(rcc.clocks().sysclk, HSI_HZ);
+        assert_eq!(rcc.read(0x00, 0).unwrap() & ON_BITS, HSION);
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! System configuration (RM0090 section 9.2). The registers keep what is written and have no effect, since no
-//! pin moves an EXTI line here.
+//! System configuration (RM0090 section 9.2): which port an EXTI line listens to. The memory at 0 is always
+//! flash.
 
-use super::peripheral::{NoRegister, Peripheral};
+use super::peripheral::{NoRegister, Notes, Peripheral};
+use super::register::field;
 
 /// SYSCFG's registers.
 #[derive(Debug, Clone, Default)]
@@ -9,6 +10,14 @@ pub struct Syscfg {
     memrmp: u32,
     pmc: u32,
     exticr: [u32; 4],
+    notes: Notes,
+}
+
+impl Syscfg {
+    /// The port (A is 0) that an EXTI line from 0 to 15 listens to (section 9.2.3).
+    pub fn port(&self, line: usize) -> usize {
+        field(self.exticr[line / 4], 4 * (line as u32 % 4), 4) as usize
+    }
 }
 
 impl Peripheral for Syscfg {
@@ -25,7 +34,11 @@ impl Peripheral for Syscfg {
 
     fn write(&mut self, offset: u32, value: u32, _now: u64) -> Result<(), NoRegister> {
         match offset {
-            0x00 => self.memrmp = value & 3,
+            0x00 => {
+                self.memrmp = value & 3;
+                self.notes
+                    .note_if(value & 3 != 0, "MEMRMP: the memory at 0 stays flash");
+            }
             0x04 => self.pmc = value & 1 << 23,
             0x08 | 0x0c | 0x10 | 0x14 => self.exticr[(offset as usize - 0x08) / 4] = value & 0xffff,
             _ => return Err(NoRegister),
@@ -34,7 +47,14 @@ impl Peripheral for Syscfg {
     }
 
     fn reset(&mut self, _now: u64) {
-        *self = Self::default();
+        *self = Self {
+            notes: std::mem::take(&mut self.notes),
+            ..Self::default()
+        };
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
     }
 }
 
@@ -48,5 +68,6 @@ mod tests {
         syscfg.write(0x14, 0x0020, 0).unwrap();
         assert_eq!(syscfg.read(0x14, 0), Ok(0x0020), "EXTICR4: line 13 on port C");
         assert_eq!(syscfg.read(0x08, 0), Ok(0));
+        assert_eq!([12, 13, 14].map(|line| syscfg.port(line)), [0, 2, 0]);
     }
 }

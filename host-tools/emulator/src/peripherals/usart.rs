@@ -176,6 +176,11 @@ impl Usart {
         self.fetch_at = None;
     }
 
+    /// The receiver had no clock until now: what the other side has begun to send is lost.
+    pub fn missed(&mut self, now: u64) {
+        self.input.retain(|incoming| incoming.not_before_ns >= now);
+    }
+
     /// How many bytes the other side has still to send.
     pub fn bytes_to_come(&self) -> usize {
         self.input.len()

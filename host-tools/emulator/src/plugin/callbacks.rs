@@ -12,16 +12,17 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::count::{Counters, Site, Sites};
 use super::fate::{self, Sight};
+use super::handlers;
 use super::overlay::{Entries, Overlay};
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
     QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess, exit, leave, log_moved,
-    log_seen, room, say, symbol, take_no_signals,
+    log_seen, room, say, symbol, take_no_signals, wait_for_event,
 };
 use super::self_test::self_test;
 use crate::ending::End;
@@ -31,6 +32,12 @@ use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram
 static QEMU: OnceLock<Qemu> = OnceLock::new();
 static OVERLAY: OnceLock<Mutex<Overlay>> = OnceLock::new();
 static COUNTERS: OnceLock<(&'static Counters, Mutex<Sites>)> = OnceLock::new();
+/// Thumb's WFI and WFE, narrow, and wide with the second halfword above the first.
+const WFI: u32 = 0xbf30;
+const WFE: u32 = 0xbf20;
+const WFI_WIDE: u32 = 0x8003_f3af;
+const WFE_WIDE: u32 = 0x8002_f3af;
+
 static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
 static ENTRIES: OnceLock<Entries> = OnceLock::new();
 
@@ -353,8 +360,17 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             if entries.faults.contains(&address) {
                 watch(instruction, on_fault, READS_REGISTERS, null_mut());
             }
+            match QEMU.get().map(|qemu| qemu.instruction(address)) {
+                Some(WFI | WFI_WIDE) => watch(instruction, on_wait_for_interrupt, NO_REGISTERS, null_mut()),
+                Some(WFE | WFE_WIDE) => watch(instruction, on_wait_for_event, NO_REGISTERS, null_mut()),
+                _ => {}
+            }
             if entries.panics.contains(&address) {
                 watch(instruction, on_panic, NO_REGISTERS, null_mut());
+            }
+            if let Some(count) = handlers::count_at(address) {
+                let count = (&raw const *count).cast_mut().cast();
+                watch(instruction, on_handler, NO_REGISTERS, count);
             }
             if let Some((counters, sites)) = COUNTERS.get() {
                 let mut sites = sites.lock().unwrap_or_else(PoisonError::into_inner);
@@ -378,12 +394,33 @@ extern "C" fn on_block(_processor: u32, start: Pointer) {
     }
 }
 
+/// A handler begins.
+extern "C" fn on_handler(_processor: u32, count: Pointer) {
+    // SAFETY: the pointer is to a count that is never freed.
+    if let Some(count) = unsafe { count.cast::<AtomicU64>().as_ref() } {
+        count.fetch_add(1, Relaxed);
+    }
+}
+
 extern "C" fn on_fault(_processor: u32, _: Pointer) {
     if let Some(qemu) = QEMU.get()
         && let Some(exception) = fate::exception(&qemu.registers(), qemu)
     {
         saw(Sight::Exception(exception));
     }
+}
+
+extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
+    let Some((overlay, qemu)) = running() else { return };
+    let deep = overlay.sleeps_deep();
+    drop(overlay);
+    if deep && !fate::interrupt_pending(qemu) {
+        saw(Sight::DeepSleep);
+    }
+}
+
+extern "C" fn on_wait_for_event(_processor: u32, _: Pointer) {
+    wait_for_event();
 }
 
 extern "C" fn on_panic(_processor: u32, _: Pointer) {

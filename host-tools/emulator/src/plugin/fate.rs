@@ -31,6 +31,8 @@ pub(super) enum Sight {
     Exception(Exception),
     /// The panic's function was entered.
     Panic,
+    /// The processor goes to sleep deeply.
+    DeepSleep,
 }
 
 /// What became of the image so far.
@@ -94,6 +96,12 @@ impl Fate {
 fn active_exception(qemu: &Qemu) -> u32 {
     const ICSR: u32 = 0xe000_ed04;
     qemu.read_nvic(ICSR, 4) as u32 & 0x1ff
+}
+
+/// Whether an interrupt is pending: a sleep then ends at once (ICSR.ISRPENDING and PENDSTSET, PENDSVSET).
+pub(super) fn interrupt_pending(qemu: &Qemu) -> bool {
+    const ICSR: u32 = 0xe000_ed04;
+    qemu.read_nvic(ICSR, 4) & (1 << 22 | 1 << 26 | 1 << 28) != 0
 }
 
 /// The exception whose handler begins, from the processor's registers as QEMU prints them. `None` if this is

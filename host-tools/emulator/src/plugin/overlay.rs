@@ -8,7 +8,7 @@ use super::count::Counters;
 use super::fate::{Fate, Sight};
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, Recorder, written};
-use super::{rtt, self_test};
+use super::{handlers, rtt, self_test};
 use crate::ending::{End, Exception};
 use crate::exchange::{self, Description, FORMAT, SELF_TEST_STATUS};
 use crate::given::{Fault, Poke, Run, Since};
@@ -113,6 +113,15 @@ impl Overlay {
             if let Err(line) = self_test::interrupt_test(qemu) {
                 qemu::exit(SELF_TEST_STATUS, &line);
             }
+            let mut vectors = [0; 4 * handlers::VECTORS];
+            qemu.read_memory(FLASH.start, &mut vectors);
+            let (vectors, _) = vectors.as_chunks();
+            handlers::find(
+                &vectors
+                    .iter()
+                    .map(|word| u32::from_le_bytes(*word))
+                    .collect::<Vec<_>>(),
+            );
             // Takes over what QEMU has loaded there.
             let mut contents = vec![0; WRITABLE.len()];
             qemu.read_memory(WRITABLE.start, &mut contents);
@@ -140,6 +149,11 @@ impl Overlay {
         }
     }
 
+    /// Whether WFI is STOP or STANDBY now.
+    pub(super) fn sleeps_deep(&self) -> bool {
+        self.machine.sleeps_deep()
+    }
+
     /// A callback saw something in the middle of a block. Time for it comes at the end of that block.
     pub(super) fn saw(&mut self, sight: Sight, qemu: &Qemu) {
         self.fate.sights.push(sight);
@@ -160,6 +174,7 @@ impl Overlay {
                     }
                 }
                 Sight::Panic => self.fate.panic(now),
+                Sight::DeepSleep => self.machine.sleep(now, &mut Outside(qemu, &mut self.recorder)),
             }
         }
         if self.fate.doom_at().is_some_and(|at| at <= now)
@@ -304,15 +319,20 @@ impl Overlay {
         if std::mem::replace(&mut self.ended, true) {
             return false;
         }
+        let waits = "processor WFE does not wait here: the time that it waits is counted as instructions";
         let mut outcome = Outcome {
             end,
             instructions: self.recorder.blocks.as_ref().map(Blocks::instructions),
             exceptions: std::mem::take(&mut self.fate.exceptions),
             panics: std::mem::take(&mut self.fate.panics),
+            interrupts: handlers::taken(),
             stopped_at: qemu::last_block().map(Into::into),
             ..self.machine.outcome(now)
         };
         outcome.never_came.extend(self.never_came());
+        outcome
+            .unmodelled
+            .extend(qemu::waited_for_event().then(|| waits.into()));
         let json = serde_json::to_vec(&outcome).expect("a plain struct has a JSON form");
         let file = |name: &str| self.folder.join(name);
         written(std::fs::write(file(exchange::FLASH), self.machine.flash()));

@@ -262,6 +262,19 @@ impl Qemu {
         unsafe { write(self.nvic, offset, value, size, UNSPECIFIED) };
     }
 
+    /// The Thumb instruction at an address: a halfword, or two with the first below.
+    pub(super) fn instruction(&self, address: u32) -> u32 {
+        let mut bytes = [0; 4];
+        self.read_memory(address, &mut bytes);
+        let word = u32::from_le_bytes(bytes);
+        // 11101, 11110 and 11111 begin a wide one.
+        if word >> 11 & 0x1f >= 0b11101 {
+            word
+        } else {
+            word & 0xffff
+        }
+    }
+
     /// The processor's registers, as QEMU prints them: `R13=20010000` and so on, and `XPSR=`.
     pub(super) fn registers(&self) -> String {
         let (mut text, mut length) = (std::ptr::null_mut::<c_char>(), 0);
@@ -330,6 +343,19 @@ pub(super) fn log_moved(block: u32) -> Option<u32> {
 /// The log was taken up to this write offset.
 pub(super) fn log_seen(offset: u32) {
     LOG_SEEN.store(offset, Relaxed);
+}
+
+/// Whether WFE was executed.
+static WAITED: AtomicBool = AtomicBool::new(false);
+
+/// WFE is executed.
+pub(super) fn wait_for_event() {
+    WAITED.store(true, Relaxed);
+}
+
+/// Whether WFE was executed.
+pub(super) fn waited_for_event() -> bool {
+    WAITED.load(Relaxed)
 }
 
 /// The address of the block that was begun last.

@@ -1,5 +1,5 @@
 //! The image's log. The bytes from RTT are decoded with the defmt strings in the image's own ELF. If an image
-//! has no defmt, its log is taken as lines of text.
+//! has no defmt, or logs text in spite of it, its log is taken as lines of text.
 
 use std::path::Path;
 
@@ -16,14 +16,28 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
         return Ok(Vec::new());
     }
     let refused = |reason: String| RunError::Log(path.into(), reason);
-    let Some(table) = Table::parse(elf).map_err(|e| refused(e.to_string()))? else {
-        let plain = |text: &str| LogLine {
-            level: None,
-            timestamp: None,
-            text: text.into(),
-        };
-        return Ok(String::from_utf8_lossy(bytes).lines().map(plain).collect());
-    };
+    let table = Table::parse(elf).map_err(|e| refused(e.to_string()))?;
+    Ok(match table {
+        Some(table) if !is_text(bytes) => frames(&table, bytes),
+        _ => String::from_utf8_lossy(bytes).lines().map(plain).collect(),
+    })
+}
+
+/// Whether these bytes are text. A frame of defmt ends with a zero.
+fn is_text(bytes: &[u8]) -> bool {
+    let printed = |c: char| !c.is_control() || matches!(c, '\n' | '\r' | '\t' | '\u{1b}');
+    str::from_utf8(bytes).is_ok_and(|text| text.chars().all(printed))
+}
+
+fn plain(text: &str) -> LogLine {
+    LogLine {
+        level: None,
+        timestamp: None,
+        text: text.into(),
+    }
+}
+
+fn frames(table: &Table, bytes: &[u8]) -> Vec<LogLine> {
     let mut decoder = table.new_stream_decoder();
     decoder.received(bytes);
     let mut lines = Vec::new();
@@ -34,9 +48,9 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
                 timestamp: frame.display_timestamp().map(|t| t.to_string()),
                 text: frame.display_message().to_string(),
             }),
-            Err(DecodeError::UnexpectedEof) => return Ok(lines),
+            Err(DecodeError::UnexpectedEof) => return lines,
             Err(DecodeError::Malformed) if table.encoding().can_recover() => {}
-            Err(DecodeError::Malformed) => return Ok(lines),
+            Err(DecodeError::Malformed) => return lines,
         }
     }
 }

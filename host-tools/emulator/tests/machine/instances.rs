@@ -378,6 +378,7 @@ fn a_pin_is_read_by_each_converter_that_has_it() {
         analog("PA4", &[400]),
     ];
     let mut bench = bench(run);
+    bench.write(ADC1 + 0x304, 1 << 16);
     // One conversion at a time, by software: ADC1 at 0x000, ADC2 at 0x100, ADC3 at 0x200.
     let mut convert = |adc: u32, channel: u32, at: u64| {
         let base = ADC1 + 0x100 * (adc - 1);

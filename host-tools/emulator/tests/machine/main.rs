@@ -587,7 +587,8 @@ fn levels_and_rows_since_power_up_need_no_scan() {
         levels.push(bench.read(0x4002_0810) >> 7 & 1);
     }
     assert_eq!(levels, [0, 1, 1, 0]);
-    // Scans by software, 15 and 25 µs after power-up.
+    // Scans by software, 15 and 25 µs after power-up, at 21 MHz.
+    bench.write(ADC1 + 0x304, 1 << 16);
     bench.write(ADC1 + 0x08, 1);
     for (at, code) in [(15_000, 1), (25_000, 2)] {
         bench.run(at, |_| {});
@@ -601,6 +602,7 @@ fn levels_and_rows_since_power_up_need_no_scan() {
 #[test]
 fn rows_that_no_triggered_scan_plays_are_said() {
     let mut bench = Bench::new(ramp(3));
+    bench.write(ADC1 + 0x304, 1 << 16);
     bench.write(ADC1 + 0x08, 1);
     bench.write(ADC1 + 0x08, 1 << 30 | 1);
     bench.run(100_000, |_| {});
@@ -619,5 +621,29 @@ fn a_core_above_30_mhz_without_prefetch_or_a_cache_is_noted_while_it_stays_so() 
     assert_eq!(
         [0x705, 0x605, 0x505, 0x005, 0x705].map(&mut said),
         [0, 1, 1, 3, 0]
+    );
+}
+
+#[test]
+fn a_converter_above_36_mhz_is_noted() {
+    let mut bench = Bench::new(Vec::new());
+    // PCLK2 is 84 MHz, and the prescaler 2.
+    bench.write(ADC1 + 0x08, 1);
+    bench.write(ADC1 + 0x08, 1 << 30 | 1);
+    assert_eq!(
+        bench.outcome().unmodelled,
+        ["ADC1 the converter's clock is above 36 MHz"]
+    );
+}
+
+#[test]
+fn the_time_of_each_clock_adds_up_to_the_run() {
+    let mut bench = Bench::new(Vec::new());
+    bench.run(1_000_000, |_| {});
+    bench.write(RCC + 0x08, 0);
+    bench.run(1_500_000, |_| {});
+    assert_eq!(
+        bench.outcome().hclk_ns,
+        [(16_000_000, 500_000), (168_000_000, 1_000_000)]
     );
 }

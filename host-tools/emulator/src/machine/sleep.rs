@@ -1,0 +1,79 @@
+//! STOP and STANDBY (RM0090 section 5.3).
+//!
+//! # Design
+//!
+//! In both every oscillator stops but the watchdog's. The clock tree says so by frequencies of 0, so nothing
+//! else needs to know. STOP ends with an edge on an EXTI line whose interrupt or event is on: the processor
+//! goes on, on the internal oscillator. STANDBY ends with a reset: by the pin WKUP, or by the watchdog. How
+//! long silicon takes to wake is left out.
+
+use super::chip::{Chip, DeepSleep};
+use super::wiring::Pin;
+
+/// WKUP is PA0.
+const WAKE_UP: Pin = (0, 0);
+
+impl Chip {
+    /// The processor sleeps, with SLEEPDEEP set. With an interrupt of EXTI pending the part goes on (section
+    /// 5.3.5).
+    pub(super) fn sleep(&mut self, now: u64) {
+        if self.units.exti.pending() || self.deep_sleep.is_some() {
+            return;
+        }
+        self.deep_sleep = Some(match self.units.pwr.chooses_standby() {
+            true => DeepSleep::Standby,
+            false => DeepSleep::Stop,
+        });
+        self.units.rcc.sleep();
+        self.pass_on(now);
+    }
+
+    /// Whether the part is in STOP or STANDBY.
+    pub(super) fn sleeps(&self) -> bool {
+        self.deep_sleep.is_some()
+    }
+
+    pub(super) fn is_in_standby(&self) -> bool {
+        matches!(self.deep_sleep, Some(DeepSleep::Standby | DeepSleep::StandbyEnds))
+    }
+
+    /// An edge came on a line of EXTI that is on.
+    pub(super) fn wake_from_stop(&mut self, now: u64) {
+        if self.deep_sleep != Some(DeepSleep::Stop) {
+            return;
+        }
+        self.deep_sleep = Some(DeepSleep::StopEnds);
+        self.units.rcc.wake();
+        // What was sent to the part meanwhile is lost.
+        for usart in &mut self.units.usart {
+            usart.missed(now);
+        }
+        self.pass_on(now);
+    }
+
+    /// Whether a change of the level on a pin would end STANDBY.
+    pub(super) fn waits_for(&self, pin: Pin, high: bool) -> bool {
+        let standby = self.deep_sleep == Some(DeepSleep::Standby);
+        standby && pin == WAKE_UP && high && self.units.pwr.wakes_by_pin()
+    }
+
+    /// The level on a pin has changed.
+    pub(super) fn sense_wake_up_pin(&mut self, pin: Pin, high: bool) {
+        if self.waits_for(pin, high) {
+            self.units.pwr.woken();
+            self.deep_sleep = Some(DeepSleep::StandbyEnds);
+        }
+    }
+
+    /// Whether STOP has ended since the last call.
+    pub(super) fn woken_from_stop(&mut self) -> bool {
+        self.deep_sleep
+            .take_if(|sleep| *sleep == DeepSleep::StopEnds)
+            .is_some()
+    }
+
+    /// Whether STANDBY has ended: the part is to be reset.
+    pub(super) fn woken_from_standby(&self) -> bool {
+        self.deep_sleep == Some(DeepSleep::StandbyEnds)
+    }
+}

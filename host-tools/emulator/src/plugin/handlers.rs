@@ -1,0 +1,72 @@
+//! How often each interrupt was taken.
+//!
+//! # Design
+//!
+//! The vectors in the image say where each handler begins. An instruction there is counted, and no other, so a
+//! run costs no more. A handler that several vectors share is left out: it is the one for interrupts that
+//! should not come, and a panic or a fault tells of it.
+
+use std::collections::HashMap;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use crate::machine::{INTERRUPTS, interrupt_name};
+use crate::outcome::Interrupt;
+
+/// Exceptions of the processor before the first interrupt line (ARMv7-M ARM, B1.5.2).
+const EXCEPTIONS: usize = 16;
+/// Vectors in the table.
+pub(super) const VECTORS: usize = EXCEPTIONS + INTERRUPTS;
+/// NMI, SVCall, PendSV and SysTick. Faults have a record of their own.
+const NAMED: [(usize, &str); 4] = [(2, "NMI"), (11, "SVCall"), (14, "PendSV"), (15, "SysTick")];
+
+static HANDLERS: OnceLock<HashMap<u32, Handler>> = OnceLock::new();
+
+struct Handler {
+    vector: usize,
+    taken: AtomicU64,
+}
+
+/// Takes note of where the handlers begin.
+pub(super) fn find(vectors: &[u32]) {
+    let at = |vector: usize| vectors[vector] & !1;
+    let lines = (EXCEPTIONS..vectors.len()).chain(NAMED.map(|(vector, _)| vector));
+    let alone = lines.filter(|vector| {
+        let same = (0..vectors.len()).filter(|other| at(*other) == at(*vector));
+        at(*vector) != 0 && same.count() == 1
+    });
+    let handlers = alone.map(|vector| {
+        let taken = AtomicU64::new(0);
+        (at(vector), Handler { vector, taken })
+    });
+    HANDLERS.get_or_init(|| handlers.collect());
+}
+
+/// The count of the handler that begins at an address.
+pub(super) fn count_at(address: u32) -> Option<&'static AtomicU64> {
+    Some(&HANDLERS.get()?.get(&address)?.taken)
+}
+
+/// The interrupts that were taken, in the order of their vectors.
+pub(super) fn taken() -> Vec<Interrupt> {
+    let handlers = HANDLERS.get().into_iter().flat_map(HashMap::values);
+    let taken = handlers.filter(|handler| handler.taken.load(Relaxed) > 0);
+    let mut interrupts: Vec<_> = taken
+        .map(|handler| Interrupt {
+            exception: handler.vector,
+            name: name(handler.vector),
+            taken: handler.taken.load(Relaxed),
+        })
+        .collect();
+    interrupts.sort_by_key(|interrupt| interrupt.exception);
+    interrupts
+}
+
+fn name(vector: usize) -> String {
+    let named = NAMED.iter().find(|(number, _)| *number == vector);
+    match (named, vector.checked_sub(EXCEPTIONS)) {
+        (Some((_, name)), _) => (*name).into(),
+        (None, Some(line)) => interrupt_name(line).map_or_else(|| format!("line {line}"), str::to_owned),
+        (None, None) => format!("exception {vector}"),
+    }
+}
