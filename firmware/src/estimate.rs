@@ -58,7 +58,7 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
         // Strikes without end would keep settings and the owner's word out, and fill the line with pieces of
         // windows. So there is a time at which none is measured, and no window begins that finds no room.
         let room = bead_telemetry::room_for_window(&settings);
-        meter.pass_over(settings::is_offered() || !ARMED.load(Ordering::Relaxed) || outbox::room() < room);
+        meter.pass_over(settings::is_offered() || !ARMED.load(Ordering::Relaxed) || !outbox::has_room(room));
         if !meter.is_measuring() {
             let before = armed;
             armed = ARMED.load(Ordering::Relaxed);

@@ -17,7 +17,7 @@
 
 use core::sync::atomic::Ordering;
 
-use bead_model::Scan;
+use bead_model::{Scan, quantity::Pair};
 use bead_wire::{FaultCause, Health, Standing};
 
 use crate::block::{Block, CHANNELS};
@@ -272,7 +272,7 @@ impl Watch {
 /// [`TIMES`] as long, and at least [`LEAST`], is no noise: a wire has come off, or an amplifier hangs. Such a
 /// strike is flagged, since its estimates may be off by per cents and look sound. A sensor without noise rests
 /// before the trigger too, and is never found here. Rests are measured in groups of [`GROUP`] scans, which
-/// costs seven instructions a sample of a window. Codes at a rail do not count: a loud strike puts the high
+/// costs a few instructions a sample of a window. Codes at a rail do not count: a loud strike puts the high
 /// gain there.
 pub(crate) struct Stillness {
     /// Scans of the window so far.
@@ -308,22 +308,10 @@ impl Stillness {
     /// Takes the next piece of a window. Its first `history` scans are those up to the trigger.
     pub(crate) fn look(&mut self, scans: &[Scan], history: u16) {
         let part = usize::from(self.seen >= history);
+        let [force, acceleration] = &mut self.sensors;
         for group in scans.as_chunks::<GROUP>().0 {
-            let mut any = [0_u32; SENSORS];
-            let mut all = [u32::MAX; SENSORS];
-            for scan in group {
-                for (sensor, pair) in [scan.force, scan.acceleration].into_iter().enumerate() {
-                    any[sensor] |= pair.bits();
-                    all[sensor] &= pair.bits();
-                }
-            }
-            for (rest, (any, all)) in self.sensors.iter_mut().zip(any.into_iter().zip(all)) {
-                let codes = CodeBits {
-                    any: any as u16,
-                    all: all as u16,
-                };
-                rest.add(codes, part);
-            }
+            force.add(resting(group, |scan| scan.force), part);
+            acceleration.add(resting(group, |scan| scan.acceleration), part);
         }
         self.seen += scans.len() as u16;
     }
@@ -335,14 +323,24 @@ impl Stillness {
     }
 }
 
+/// The code at the high gain, if it is the same in all of these scans and not at a rail. As a rule the first
+/// two differ.
+fn resting(group: &[Scan; GROUP], sensor: impl Fn(&Scan) -> Pair) -> Option<u16> {
+    let code = |scan| sensor(scan).sensitive().get();
+    let [first, rest @ ..] = group;
+    let first = code(first);
+    let rests = rest.iter().all(|scan| code(scan) == first);
+    (rests && first & HIGH != 0 && first & HIGH != HIGH).then_some(first)
+}
+
 impl Rest {
-    fn add(&mut self, codes: CodeBits, part: usize) {
-        if codes.verdict() != Verdict::Stuck {
+    fn add(&mut self, resting: Option<u16>, part: usize) {
+        let Some(code) = resting else {
             self.groups = 0;
             return;
-        }
-        if codes.any != self.code {
-            self.code = codes.any;
+        };
+        if code != self.code {
+            self.code = code;
             self.groups = 0;
         }
         self.groups += 1;

@@ -13,7 +13,7 @@
 //! becomes free again within 10 ms, since nothing in bulk may take it.
 
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
 use bead_telemetry::{KEPT, OUTBOX};
 use bead_wire::{Header, Message, Packed, Queue, taken};
@@ -24,8 +24,8 @@ use embassy_time::{Duration, Timer, with_timeout};
 
 use crate::{counters, trace};
 
-/// Bytes that must be free before a request is done, if it need not be done at once.
-const CALM: usize = OUTBOX / 4;
+/// Bytes that the window of a strike needs.
+static WINDOW: AtomicUsize = AtomicUsize::new(0);
 /// How long a request waits for that.
 const PATIENCE: Duration = Duration::from_millis(20);
 
@@ -88,6 +88,12 @@ pub(crate) fn room() -> usize {
     free().saturating_sub(KEPT)
 }
 
+/// Whether the window of a strike, which needs so many bytes, finds room.
+pub(crate) fn has_room(window: usize) -> bool {
+    WINDOW.store(window, Ordering::Relaxed);
+    room() >= window
+}
+
 /// Most bytes that a frame takes.
 pub(crate) const FRAME: usize = taken(Packed::MAX);
 
@@ -96,11 +102,11 @@ fn free() -> usize {
 }
 
 /// Waits until a request may be done. A host that sends requests without end shall not take the room that
-/// strikes need, so this waits for some of it. If it does not come in time, strikes are what takes it: then
+/// the window of a strike needs, so this waits for that. If it does not come in time, strikes are what takes it: then
 /// only the room for replies must be there, and it always comes.
 pub(crate) async fn calm() {
     let calm = async {
-        while free() < CALM {
+        while room() < WINDOW.load(Ordering::Relaxed) {
             Timer::after(Duration::from_millis(1)).await;
         }
     };

@@ -14,9 +14,8 @@ const BLOCK: usize = 200;
 const BLOCKS_PER_SECOND: usize = 500;
 /// Bytes that the line carries meanwhile, at 2 Mbaud.
 const LINE: usize = 400;
-/// What waits for a request: a quarter of the outbox for 20 ms, then half of what is kept
+/// For how long a request waits for the room of a window; then half of what is kept is enough
 /// (`firmware/src/outbox.rs`).
-const CALM: usize = OUTBOX / 4;
 const PATIENCE: usize = 10;
 
 /// The outbox and the line behind it.
@@ -160,7 +159,11 @@ fn run(settings: &Settings, stimulus: &Stimulus, random: &mut dyn FnMut() -> u64
         }
         // `firmware/src/commands.rs` and `firmware/src/outbox.rs`.
         let patient = now - disarm.min(now) < PATIENCE;
-        let enough = if patient { CALM } else { KEPT / 2 };
+        let enough = if patient {
+            KEPT + room_for_window(settings)
+        } else {
+            KEPT / 2
+        };
         if disarmed && asked && outbox.queue.free() >= enough {
             asked = false;
             let reply = Reply {

@@ -70,12 +70,6 @@ impl Pair {
         Self((sensitive as u32 | (wide as u32) << 16) & 0x0FFF_0FFF)
     }
 
-    /// Both codes: the high gain's in the lower half.
-    #[inline(always)]
-    pub const fn bits(self) -> u32 {
-        self.0
-    }
-
     /// The code at the high gain.
     #[inline(always)]
     pub const fn sensitive(self) -> AdcCode {
