@@ -8,7 +8,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
-use bead_wire::{FaultCause, Gap, Standing, StrikeFlags};
+use bead_wire::{FaultCause, Gap, Packed, Standing, StrikeFlags};
 use embassy_time::{Duration, Timer};
 
 use crate::block::{BLOCK_US, Block, SCANS_PER_BLOCK};
@@ -33,10 +33,12 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
     let mut telemetry = Telemetry {
         history: settings.window.history,
         stillness: Stillness::NONE,
+        packed: Packed::new(),
     };
     let mut armed = true;
     let mut next_index = 0;
     let mut passed_over = 0;
+    let mut room = bead_telemetry::room_for_window(&settings);
     loop {
         let block = handover::next().await;
         if block.epoch != epoch {
@@ -57,7 +59,6 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
         next_index = block.first_index + SCANS_PER_BLOCK as u64;
         // Strikes without end would keep settings and the owner's word out, and fill the line with pieces of
         // windows. So there is a time at which none is measured, and no window begins that finds no room.
-        let room = bead_telemetry::room_for_window(&settings);
         meter.pass_over(settings::is_offered() || !ARMED.load(Ordering::Relaxed) || !outbox::has_room(room));
         if !meter.is_measuring() {
             let before = armed;
@@ -65,6 +66,7 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
             if let Some(new) = settings::take() {
                 settings = new;
                 telemetry.history = settings.window.history;
+                room = bead_telemetry::room_for_window(&settings);
                 meter.restart();
             } else if armed && !before {
                 meter.restart();
@@ -115,11 +117,13 @@ struct Telemetry {
     history: u16,
     /// Of the sensors in the window that is being measured.
     stillness: Stillness,
+    /// Room for the frame of a piece.
+    packed: Packed,
 }
 
 impl Sink for Telemetry {
     fn chunk(&mut self, chunk: &Chunk) {
-        outbox::push(bead_telemetry::waveform(chunk));
+        outbox::push_through(&mut self.packed, bead_telemetry::waveform(chunk));
         self.stillness.look(&chunk.scans, self.history);
     }
 

@@ -289,9 +289,9 @@ struct Rest {
     most: [u16; 2],
 }
 
-const GROUP: usize = 8;
-/// Least rest that is told, in groups: 0.96 ms.
-const LEAST: u16 = 12;
+const GROUP: usize = 32;
+/// Least rest that is told, in groups: 1.28 ms.
+const LEAST: u16 = 4;
 /// How many times longer it is than before the trigger.
 const TIMES: u16 = 6;
 

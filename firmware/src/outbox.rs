@@ -16,7 +16,7 @@ use core::cell::RefCell;
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
 use bead_telemetry::{KEPT, OUTBOX};
-use bead_wire::{Header, Message, Packed, Queue, taken};
+use bead_wire::{Message, Packed, Queue, taken};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
@@ -48,39 +48,42 @@ pub(crate) fn readdress(address: u8) {
 
 /// Puts a message in that comes in bulk, or drops and counts it.
 pub(crate) fn push(message: impl Into<Message>) {
-    queue(&message.into(), KEPT);
+    queue(&mut Packed::new(), &message.into(), KEPT);
+}
+
+/// The same for what comes by the dozen: `packed` is room to work in, which need not be cleared each time.
+pub(crate) fn push_through(packed: &mut Packed, message: impl Into<Message>) {
+    queue(packed, &message.into(), KEPT);
 }
 
 /// Puts a message in that a host waits for, or that is rare. It may use the room that is kept.
 pub(crate) fn tell(message: impl Into<Message>) {
-    queue(&message.into(), 0);
+    queue(&mut Packed::new(), &message.into(), 0);
 }
 
 // Once in the image: a message is long to build, and it is built where the core should do something else
 // quickly.
 #[inline(never)]
-fn queue(message: &Message, keep: usize) {
-    let mut packed = Packed::new();
-    let header = Header {
-        address: address(),
-        boot: trace::boot() as u8,
-        sequence: 0,
-        sample_index: 0,
-    };
-    let whole = packed.pack(&header, message).is_ok();
+fn queue(packed: &mut Packed, message: &Message, keep: usize) {
+    let whole = packed.pack(address(), trace::boot() as u8, message).is_ok();
+    let mut wake = false;
     counters::update(|c| {
         packed.stamp(c.frames, c.newest_index);
         c.frames = c.frames.wrapping_add(1);
         if !whole {
             c.frames_dropped_too_long += 1;
-        } else if QUEUE.lock(|queue| queue.borrow_mut().push(&packed, keep)) {
+        } else if QUEUE.lock(|queue| queue.borrow_mut().push(packed, keep)) {
+            // The transmitter waits only for the first.
+            wake = c.frames_waiting == 0;
             c.frames_waiting += 1;
             trace::keep_waiting(c.frames_waiting);
         } else {
             c.frames_dropped_queue_full += 1;
         }
     });
-    FILLED.signal(());
+    if wake {
+        FILLED.signal(());
+    }
 }
 
 /// Bytes that bulk may still take.

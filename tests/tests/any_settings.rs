@@ -5,7 +5,7 @@
 use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport};
 use bead_telemetry::{KEPT, OUTBOX, room_for_window};
 use bead_tests::any_settings;
-use bead_wire::{Header, Kind, MAX_FRAME, Message, Outcome, Packed, Queue, Reply, StrikeFlags};
+use bead_wire::{Kind, MAX_FRAME, Message, Outcome, Packed, Queue, Reply, StrikeFlags};
 use proptest::prelude::Rng;
 use proptest::test_runner::{RngAlgorithm, TestRng};
 
@@ -31,15 +31,7 @@ struct Outbox {
 impl Outbox {
     fn put(&mut self, message: &Message, keep: usize) {
         let mut packed = Packed::new();
-        let header = Header {
-            address: 0,
-            boot: 0,
-            sequence: 0,
-            sample_index: 0,
-        };
-        packed
-            .pack(&header, message)
-            .expect("there is room for any message");
+        packed.pack(0, 0, message).expect("there is room for any message");
         self.dropped += u32::from(!self.queue.push(&packed, keep));
     }
 

@@ -229,7 +229,7 @@ fn a_fault_whose_frame_never_left_is_told_with_each_identity_and_counted() {
     let mut requests = struck(1.5, 0);
     let first = requests.first_scan();
     // The second comes while the image starts again, before a frame of that boot can leave.
-    let again = 0.05 + SUPPLY_WAIT + first + 0.0005;
+    let again = 0.05 + SUPPLY_WAIT + first + 0.0025;
     let mut run = paper(0, 0.1, Some(1));
     let faults =
         format!("[[fault]]\nat = 0.05\nkind = \"panic\"\n[[fault]]\nat = {again}\nkind = \"hard_fault\"\n");

@@ -71,7 +71,8 @@ pub fn encode<'b>(
     buffer: &'b mut [u8],
 ) -> Result<&'b [u8], BufferTooSmall> {
     let mut packed = Packed::new();
-    packed.pack(header, message)?;
+    packed.pack(header.address, header.boot, message)?;
+    packed.stamp(header.sequence, header.sample_index);
     packed.seal(buffer)
 }
 
@@ -101,28 +102,28 @@ impl Packed {
         }
     }
 
-    /// Packs header and message.
+    /// Packs a message under an address, in a boot. [`stamp`](Self::stamp) gives the frame its number and its
+    /// time.
     ///
     /// # Errors
     /// Never: there is room for the longest message. An error costs a frame, a panic would cost the bead.
     // A function of its own so that its instructions can be counted.
     #[inline(never)]
-    pub fn pack(&mut self, header: &Header, message: &Message) -> Result<(), BufferTooSmall> {
+    pub fn pack(&mut self, address: u8, boot: u8, message: &Message) -> Result<(), BufferTooSmall> {
         let payload = &mut self.payload;
         payload[0] = VERSION;
         payload[1] = message.kind() as u8;
-        payload[2] = header.boot;
-        payload[HEADER] = header.address;
+        payload[2] = boot;
+        payload[HEADER] = address;
         let start = HEADER + 1;
         let length = message
             .encode(&mut payload[start..start + MAX_BODY])
             .map_err(|_| BufferTooSmall(MAX_BODY))?;
         self.length = start + length;
-        self.stamp(header.sequence, header.sample_index);
         Ok(())
     }
 
-    /// Gives the frame another number and another time.
+    /// Gives the frame its number and its time.
     pub fn stamp(&mut self, sequence: u32, sample_index: u64) {
         self.payload[3..7].copy_from_slice(&sequence.to_le_bytes());
         self.payload[7..HEADER].copy_from_slice(&sample_index.to_le_bytes());
