@@ -311,11 +311,12 @@ fn a_stored_block_that_this_image_does_not_know_is_refused_and_the_one_of_the_pr
     assert_eq!(answered.outcome.flash_operations, [], "another image may know it");
 }
 
-/// A block as version 3 had it: without the address at its end.
+/// A block as version 3 had it: without the address and the powers of two at its end.
 fn of_version_3(block: &[u8]) -> Vec<u8> {
-    let mut bytes = block[..block.len() - 5].to_vec();
+    const SINCE: usize = 7;
+    let mut bytes = block[..block.len() - 4 - SINCE].to_vec();
     bytes[4] = 3;
-    bytes[6] -= 1;
+    bytes[6] -= SINCE as u8;
     let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&bytes);
     bytes.extend(crc.to_le_bytes());
     bytes
@@ -424,9 +425,10 @@ fn fill_and_reset(then: impl Fn(&mut Requests)) -> (Requests, usize) {
     let mut requests = short();
     requests.machine.flash.push((STORE_ADDRESS, store));
     for n in 0..4 {
-        requests.request(0.2 + 0.1 * f64::from(n), &write(&windows_of(301 + n as u16)));
+        // The start reads the whole store, which takes 0.23 s.
+        requests.request(0.4 + 0.1 * f64::from(n), &write(&windows_of(301 + n as u16)));
     }
-    requests.request(0.6, &Request::Reboot);
+    requests.request(0.8, &Request::Reboot);
     then(&mut requests);
     // The codes stand still then, and are told to be stuck.
     requests.machine.tail_ns = 6_000_000_000;
@@ -525,7 +527,7 @@ fn a_power_cut_in_any_operation_of_making_room_keeps_the_settings() {
             requests
                 .machine
                 .faults
-                .push(Fault::after_first_scan(550_000_000, kind));
+                .push(Fault::after_first_scan(520_000_000, kind));
         }
         requests.run()
     };

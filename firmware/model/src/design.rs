@@ -9,16 +9,18 @@
 
 use crate::calibration::Channel;
 use crate::coefficients::coefficients;
-use crate::layout::WindowSettings;
+use crate::layout::{HISTORY_MAX, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
 use crate::quantity::Force;
 use crate::reduced_chain::ReducedChain;
+use crate::scale::{INCOMING_MAX, SHIFT_MAX, Scale};
 use crate::sensor::Sensor;
 use crate::settings::{Name, Settings, SettingsError};
 use crate::shape::Ringing;
 use fixed::traits::Fixed;
 use fixed::types::extra::LeEqU32;
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 pub use crate::coefficients::{Bead, SOLITARY_WAVE_ENERGY};
 
@@ -37,7 +39,19 @@ impl Bead {
             relaxation: 4.2e-6,
         }
     }
+
+    /// Full width at half its height, s, of the pulse of force of a solitary wave that moves the beads of an
+    /// elastic chain with at most `speed`, m/s: `w (M/κ)^{2/5} speed^{-1/5}`.
+    pub fn pulse_width(&self, speed: f64) -> f64 {
+        PULSE_WIDTH * (self.mass / self.contact_stiffness).powf(0.4) * speed.powf(-0.2)
+    }
 }
+
+/// w of [`Bead::pulse_width`]. Found from the pulse at contact 70 of an elastic chain; a test finds it again.
+const PULSE_WIDTH: f64 = 1.556;
+/// The least width of the pulse of a wave of 1 m/s, in samples. Estimate A is then off by 1.4 %, and estimate B
+/// by 6 % (`cargo test -p bead-model --test spheres -- --nocapture`).
+const LEAST_WIDTH: f64 = 2.5;
 
 /// One sensor channel as the converter sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,13 +136,20 @@ pub struct Capture {
 
 impl Capture {
     /// The default, with a threshold above the noise of this front end: at least ten standard deviations and
-    /// seven codes.
-    pub fn above_noise_of(front_end: &FrontEnd) -> Self {
+    /// seven codes. Where pulses are longer than those of the paper's bead, so are the times, as far as a
+    /// window goes.
+    pub fn of(bead: &Bead, front_end: &FrontEnd) -> Self {
         let quiet = &front_end.force.sensitive;
         let least = f64::max(10.0 * quiet.noise_rms, 7.0 * quiet.per_code);
         let default = Self::default();
+        let longer = (bead.pulse_width(1.0) / Bead::paper().pulse_width(1.0)).max(1.0);
+        let rate = f64::from(default.sample_rate_hz);
+        let most = |time: f64, samples: f64| f64::min(longer * time, samples / rate);
         Self {
             threshold: default.threshold.max(least),
+            history: most(default.history, HISTORY_MAX as f64),
+            lookback: most(default.lookback, HISTORY_MAX as f64 - 1.0),
+            length: most(default.length, WINDOW_MAX.into()),
             ..default
         }
     }
@@ -166,9 +187,17 @@ pub enum DesignError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// The waves of this bead are too short for the sample rate.
+    #[error("a wave of 1 m/s is {samples:.2} samples wide, and {least} at least can be measured")]
+    TooFast {
+        /// Full width at half the height of its force, samples.
+        samples: f64,
+        /// The least.
+        least: f64,
+    },
     /// A coefficient that does not fit its format, or loses more than 1e-4 of itself in it.
     #[error(
-        "coefficient {name} = {value:e} does not fit its fixed-point format ({low:e} to {high:e})",
+        "{name}: {value:.3e} in the units of the sample rate, and {low:.1e} to {high:.1e} can be computed with",
         low = range.0, high = range.1
     )]
     Coefficient {
@@ -215,30 +244,68 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
     require(holds, "front mass", front, "0 or more, and below the host's")?;
 
     let dt = 1.0 / f64::from(capture.sample_rate_hz);
+    let (samples, least) = (bead.pulse_width(1.0) / dt, LEAST_WIDTH);
+    if samples < least {
+        return Err(DesignError::TooFast { samples, least });
+    }
     let coefficient = coefficients(bead, f64::from(capture.sample_rate_hz));
+    let scale = Scale {
+        contact: shift(coefficient.contact, SHIFT_MAX),
+        incoming: shift(coefficient.incoming, INCOMING_MAX),
+        masses: shift(coefficient.intruder.max(coefficient.host), SHIFT_MAX),
+        observer: shift(coefficient.end, 1),
+        measured: shift_into(coefficient.measured, 1.0 / 65536.0..1.0),
+        predicted: shift_into(coefficient.predicted, 0.1..16384.0),
+    };
+    let without = |value: f64, powers: u8| value * 0.5_f64.powi(powers.into());
     let observer = Observer {
         start: fix("weight of the old acceleration", coefficient.start)?,
-        end: fix("weight of the new acceleration", coefficient.end)?,
-        energy: fix("energy by acceleration", coefficient.measured)?,
+        end: fix(
+            "weight of the new acceleration",
+            without(coefficient.end, scale.observer),
+        )?,
+        energy: fix(
+            "energy by acceleration",
+            coefficient.measured * 0.5_f64.powi(scale.measured.into()),
+        )?,
     };
     let quiet = &front_end.force.sensitive;
     let force_noise = quiet.noise_rms.hypot(quiet.per_code / 12f64.sqrt());
     let chain = ReducedChain {
-        contact: fix("contact", coefficient.contact)?,
-        relaxation: fix("relaxation", coefficient.relaxation)?,
-        incoming: fix("incoming", coefficient.incoming)?,
-        stiffness: fix("stiffness", coefficient.stiffness)?,
-        damping: fix("damping", coefficient.damping)?,
-        intruder: fix("intruder", coefficient.intruder)?,
-        host: fix("host", coefficient.host)?,
+        contact: fix(
+            "stiffness of the contacts",
+            without(coefficient.contact, scale.contact),
+        )?,
+        relaxation: fix(
+            "relaxation time of the contacts over 2/3 of a sample",
+            coefficient.relaxation,
+        )?,
+        incoming: fix(
+            "acceleration of the host by a newton",
+            without(coefficient.incoming, scale.incoming),
+        )?,
+        stiffness: fix("stiffness of the intruder's springs", coefficient.stiffness)?,
+        damping: fix("damping of the intruder", coefficient.damping)?,
+        intruder: fix(
+            "mass of the intruder over that of the host without it",
+            without(coefficient.intruder, scale.masses),
+        )?,
+        host: fix(
+            "mass of the bead over that of the host without intruder, less one,",
+            without(coefficient.host, scale.masses),
+        )?,
         gate: Force::from_num(3.0 * force_noise),
-        energy: fix("energy by velocity", coefficient.predicted)?,
+        energy: fix(
+            "energy by velocity",
+            coefficient.predicted * 0.5_f64.powi(scale.predicted.into()),
+        )?,
     };
 
     let samples = |seconds: f64| (seconds / dt).round().clamp(0.0, f64::from(u16::MAX)) as u16;
     let settings = Settings {
         name: Name::default(),
         address: 0,
+        scale,
         sample_rate_hz: capture.sample_rate_hz,
         bead: Bead {
             mass: bead.mass as f32,
@@ -270,6 +337,23 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
     };
     settings.validate()?;
     Ok(settings)
+}
+
+/// The least powers of two, up to `most`, that bring a coefficient below a half. What is still too large then
+/// is refused by [`fix`].
+fn shift(value: f64, most: u8) -> u8 {
+    let fits = |powers: &u8| value * 0.5_f64.powi((*powers).into()) < 0.499_999;
+    (0..most).find(fits).unwrap_or(most)
+}
+
+/// The powers of two that bring a coefficient of an energy into a range in which its format is exact enough; 0
+/// if it is there.
+fn shift_into(value: f64, range: Range<f64>) -> i8 {
+    match value {
+        _ if value >= range.end => (value / range.end).log2().floor() as i8 + 1,
+        _ if value < range.start => (value / range.start).log2().floor() as i8,
+        _ => 0,
+    }
 }
 
 fn sensor<F: LeEqU32>(sensor: &SensorFrontEnd, dt: f64) -> Result<Sensor<F>, DesignError> {
@@ -359,6 +443,7 @@ mod tests {
         assert!(refused(|b| b.mass = f64::NAN).starts_with("bead mass = NaN"));
         assert!(refused(|b| b.intruder_mass = 1.0).starts_with("intruder mass = 1"));
         assert!(refused(|b| b.front_mass = 0.05).starts_with("front mass = 0.05"));
-        assert!(refused(|b| b.stiffness = 1e12).starts_with("coefficient"));
+        assert!(refused(|b| b.stiffness = 1e12).starts_with("stiffness of the intruder's springs: "));
+        assert!(refused(|b| b.contact_stiffness = 1e12).starts_with("a wave of 1 m/s is 0.75 samples wide"));
     }
 }

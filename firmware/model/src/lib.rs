@@ -37,6 +37,7 @@ pub mod meter;
 pub mod observer;
 pub mod quantity;
 pub mod reduced_chain;
+pub mod scale;
 pub mod sensor;
 pub mod settings;
 pub mod shape;

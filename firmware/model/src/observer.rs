@@ -98,16 +98,26 @@ impl Observer {
             .all(|weight| weight >= I0F32::ZERO)
     }
 
-    /// Takes the accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE). Never inlined,
-    /// so that its instructions can be counted by its symbol.
+    /// Takes the accelerations of the next samples, at most [`PIECE`](crate::layout::PIECE). `end` has
+    /// `powers` of two more than its bits say. Never inlined, so that its instructions can be counted by its
+    /// symbol.
     #[inline(never)]
-    pub fn process(&self, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {
+    pub fn process(&self, powers: u8, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {
+        match powers {
+            0 => self.run::<0>(state, accelerations),
+            _ => self.run::<1>(state, accelerations),
+        }
+    }
+
+    /// [`Observer::process`] for a number of powers that the compiler knows.
+    #[inline(always)]
+    fn run<const POWERS: u32>(&self, state: &mut ObserverState, accelerations: &[SensedAcceleration]) {
         let [start, end] = [self.start, self.end].map(I0F32::to_bits);
         let [mut held, mut left] = [state.held, state.left].map(SensedAcceleration::to_bits);
         let mut squares = 0;
         for acceleration in accelerations {
             let acceleration = acceleration.to_bits();
-            held += high_rounded(start, left) + high_rounded(end, acceleration - held);
+            held += high_rounded(start, left) + high_rounded(end, (acceleration - held) << POWERS);
             left = acceleration - held;
             squares += square(left);
         }
@@ -116,19 +126,19 @@ impl Observer {
         state.piece_samples += accelerations.len() as u16;
     }
 
-    /// The energy absorbed so far.
-    pub fn absorbed(&self, state: &ObserverState) -> Energy {
+    /// The energy absorbed so far. `energy` has `powers` of two more than its bits say.
+    pub fn absorbed(&self, powers: i8, state: &ObserverState) -> Energy {
         let mut whole = *state;
         whole.close_piece();
         let noise = u128::from(whole.noise) * u128::from(whole.samples);
-        whole.squares.less(noise).energy(self.energy)
+        whole.squares.less(noise).energy(self.energy, powers)
     }
 
-    /// The energy that noise would have added. It was subtracted.
-    pub fn noise(&self, state: &ObserverState) -> Energy {
+    /// The energy that noise would have added. It was subtracted. `powers` as in [`Observer::absorbed`].
+    pub fn noise(&self, powers: i8, state: &ObserverState) -> Energy {
         let mut noise = SquareSum::<{ 2 * SensedAcceleration::FRAC_NBITS }>::default();
         noise.add(state.noise.saturating_mul(state.samples.into()));
-        noise.energy(self.energy)
+        noise.energy(self.energy, powers)
     }
 
     /// Mean square of the noise in a - y, (m/s²)².

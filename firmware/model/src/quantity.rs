@@ -157,13 +157,13 @@ impl<const FRACTION: u32> SquareSum<FRACTION> {
         Self(self.0.saturating_sub(squares))
     }
 
-    /// The sum as an energy, with `scale` in nJ for a square of 1; saturates.
-    pub(crate) fn energy<F: LeEqU32>(self, scale: FixedI32<F>) -> Energy {
+    /// The sum as an energy, with `scale · 2^powers` in nJ for a square of 1; saturates. `powers` is at most
+    /// 24 to either side.
+    pub(crate) fn energy<F: LeEqU32>(self, scale: FixedI32<F>, powers: i8) -> Energy {
         // A window has at most 2^12 squares below 2^58.
         let product = self.0 * u128::from(scale.to_bits().unsigned_abs());
-        Energy::from_bits(
-            i64::try_from(product >> (FRACTION + F::U32 - Energy::FRAC_NBITS)).unwrap_or(i64::MAX),
-        )
+        let fraction = (FRACTION + F::U32 - Energy::FRAC_NBITS).saturating_add_signed(-i32::from(powers));
+        Energy::from_bits(i64::try_from(product >> fraction).unwrap_or(i64::MAX))
     }
 }
 

@@ -21,6 +21,7 @@
 //! force evaluations of RK4, and no force between samples.
 
 use crate::quantity::{Energy, EnergyScale, Force, Length, SquareSum, Step, high, high_rounded, square};
+use crate::scale::Scale;
 use crate::sqrt::sqrt;
 use fixed::types::{I0F32, I2F30};
 use serde::{Deserialize, Serialize};
@@ -175,7 +176,17 @@ impl ReducedChain {
     /// Takes the forces at the host's incoming contact at the next samples, at most
     /// [`PIECE`](crate::layout::PIECE). Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub fn process(&self, state: &mut ReducedChainState, forces: &[Force]) {
+    pub fn process(&self, scale: &Scale, state: &mut ReducedChainState, forces: &[Force]) {
+        if [scale.contact, scale.incoming, scale.masses] == [0; 3] {
+            self.run::<false>(&Powers::default(), state, forces);
+        } else {
+            self.run::<true>(&Powers::new(scale), state, forces);
+        }
+    }
+
+    /// [`ReducedChain::process`], with `powers` if `SCALED`, and as if they were zero otherwise.
+    #[inline(always)]
+    fn run<const SCALED: bool>(&self, powers: &Powers, state: &mut ReducedChainState, forces: &[Force]) {
         let gate = self.gate.max(state.gate).to_bits();
         let mut silent = state.silent;
         let ReducedChainState {
@@ -188,9 +199,9 @@ impl ReducedChain {
         for &measured in forces {
             // From the free end to the host: in this order the fewest values are needed at a time.
             let mut behind = 0;
-            let mut contact = self.contact_force(&overlaps[FOLLOWERS - 1], &mut watch);
+            let mut contact = self.contact_force::<SCALED>(powers, &overlaps[FOLLOWERS - 1], &mut watch);
             for i in (1..FOLLOWERS).rev() {
-                let ahead = self.contact_force(&overlaps[i - 1], &mut watch);
+                let ahead = self.contact_force::<SCALED>(powers, &overlaps[i - 1], &mut watch);
                 overlaps[i].advance(ahead - 2 * contact + behind, &mut watch);
                 (behind, contact) = (contact, ahead);
             }
@@ -202,12 +213,21 @@ impl ReducedChain {
                 high_rounded(self.stiffness.to_bits(), intruder.position)
                     + high_rounded(self.damping.to_bits(), velocity),
             );
-            let incoming = watch.limited(high_rounded(
-                self.incoming.to_bits(),
-                gated(gate, &mut silent, measured),
-            ));
-            let host = incoming - contact + high_rounded(self.intruder.to_bits(), springs)
-                - high_rounded(self.host.to_bits(), contact);
+            let measured = gated(gate, &mut silent, measured);
+            // `Settings::bounds` leaves room for these powers.
+            let [measured, pushed, pulled] = match SCALED {
+                true => [
+                    measured << powers.incoming,
+                    springs << powers.masses,
+                    contact << powers.masses,
+                ],
+                false => [measured, springs, contact],
+            };
+            let incoming = watch.limited(high_rounded(self.incoming.to_bits(), measured));
+            let host = incoming - contact + high_rounded(self.intruder.to_bits(), pushed)
+                - high_rounded(self.host.to_bits(), pulled);
+            // Unscaled, the ratios of the masses are below a half, and the sum has room.
+            let host = if SCALED { watch.limited(host) } else { host };
             overlaps[0].advance(host - contact + behind, &mut watch);
             intruder.advance(-springs - host, &mut watch);
             watch.state(intruder.position);
@@ -219,21 +239,60 @@ impl ReducedChain {
 
     /// Eq. 1: `κ √δ (δ + (3/2) τ δ̇)` for δ > 0, in twelfths of the acceleration of a bead.
     #[inline(always)]
-    fn contact_force(&self, contact: &Coordinate, watch: &mut Watch) -> i32 {
+    fn contact_force<const SCALED: bool>(
+        &self,
+        powers: &Powers,
+        contact: &Coordinate,
+        watch: &mut Watch,
+    ) -> i32 {
         let overlap = contact.position;
         if overlap <= 0 {
             // Beads that have parted may drift until the overlap saturates. The contact stays open.
             return 0;
         }
         watch.state(overlap);
-        let stiffness = high(self.contact.to_bits(), sqrt(Length::from_bits(overlap)).to_bits());
+        let root = |overlap| sqrt(Length::from_bits(overlap)).to_bits();
+        let stiffness = if SCALED {
+            let overlap = overlap.min(powers.most);
+            watch.state(overlap << powers.watch);
+            high(self.contact.to_bits(), root(overlap)) << powers.contact
+        } else {
+            high(self.contact.to_bits(), root(overlap))
+        };
         let viscous = high_rounded(self.relaxation.to_bits(), contact.velocity);
         watch.limited(high_rounded(stiffness, overlap.saturating_add(viscous)))
     }
 
-    /// The energy absorbed so far.
-    pub fn absorbed(&self, state: &ReducedChainState) -> Energy {
-        state.squares.energy(self.energy)
+    /// The energy absorbed so far. `energy` has `powers` of two more than its bits say.
+    pub fn absorbed(&self, powers: i8, state: &ReducedChainState) -> Energy {
+        state.squares.energy(self.energy, powers)
+    }
+}
+
+/// [`Scale`] as the loop needs it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Powers {
+    contact: u8,
+    incoming: u8,
+    masses: u8,
+    /// Bits of the greatest overlap for which the stiffness has room: a little less than 4^(6 - contact) µm.
+    most: i32,
+    /// Brings half of `most` to half of its format.
+    watch: u8,
+}
+
+impl Powers {
+    fn new(scale: &Scale) -> Self {
+        // The stiffness stays below 2^31 if √(overlap in µm) < 2^(6 - contact), that is, if the overlap is below
+        // 2^(12 - 2·contact) µm. A thousandth less leaves room for the error of the root.
+        let room = (1_i64 << (Length::FRAC_NBITS + 12 - 2 * u32::from(scale.contact))) / 1024 * 1023;
+        Self {
+            contact: scale.contact,
+            incoming: scale.incoming,
+            masses: scale.masses,
+            most: i32::try_from(room).unwrap_or(i32::MAX),
+            watch: (2 * scale.contact).saturating_sub(3),
+        }
     }
 }
 

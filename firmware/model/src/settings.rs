@@ -9,6 +9,7 @@ use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettin
 use crate::observer::Observer;
 use crate::quantity::Force;
 use crate::reduced_chain::ReducedChain;
+use crate::scale::{INCOMING_MAX, Scale};
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
 use bead_crc::checksum;
@@ -16,10 +17,15 @@ use fixed::types::extra::{U26, U30};
 use fixed::types::{I2F30, I16F16};
 use serde::{Deserialize, Serialize};
 
-/// Version of the settings block. Blocks of version 3 are migrated; others are refused.
-pub const VERSION: u16 = 4;
-/// The oldest version that is migrated: version 3 had no address.
+/// Version of the settings block. Blocks of versions 3 and 4 are migrated; others are refused.
+pub const VERSION: u16 = 5;
+/// The oldest version that is migrated.
 pub(crate) const OLDEST: u16 = 3;
+/// Bytes that bring a body of version 3 to version 5, all zero: version 4 added the address, version 5 the
+/// powers of two.
+const SINCE_OLDEST: usize = 7;
+/// The same for version 4.
+const SINCE_ADDRESS: usize = 6;
 /// Upper bound of an encoded block, bytes.
 pub const BLOCK_MAX: usize = 256;
 
@@ -84,6 +90,8 @@ pub struct Settings {
     /// Address of the bead: it tells beads apart on a shared line and in merged streams. 0 where nobody gave
     /// it one, 254 at most.
     pub address: u8,
+    /// Powers of two between coefficients and their formats.
+    pub scale: Scale,
 }
 
 /// Why a settings block is refused.
@@ -137,8 +145,8 @@ impl Settings {
         Ok(end + 4)
     }
 
-    /// Reads the block at the start of `bytes`, which may be a whole flash sector. A block of version 3 is
-    /// migrated.
+    /// Reads the block at the start of `bytes`, which may be a whole flash sector. A block of version 3 or 4
+    /// is migrated.
     pub fn decode(bytes: &[u8]) -> Result<Self, SettingsError> {
         let header = bytes.get(..HEADER).ok_or(SettingsError::Truncated)?;
         if header.iter().all(|&byte| byte == 0xff) {
@@ -154,16 +162,18 @@ impl Settings {
         }
         let body = &bytes[HEADER..end];
         let mut migrated = [0; BLOCK_MAX];
-        let body = match u16::from_le_bytes([header[4], header[5]]) {
-            VERSION => body,
-            // It ended where the address begins, and a bead without an address has address 0.
-            OLDEST => {
-                let room = migrated.get_mut(..=body.len()).ok_or(SettingsError::Body)?;
-                room[..body.len()].copy_from_slice(body);
-                room
-            }
+        let added = match u16::from_le_bytes([header[4], header[5]]) {
+            VERSION => 0,
+            4 => SINCE_ADDRESS,
+            OLDEST => SINCE_OLDEST,
             other => return Err(SettingsError::Version(other)),
         };
+        // What was added stands at the end, and its zeros say what was meant before it was there.
+        let room = migrated
+            .get_mut(..body.len() + added)
+            .ok_or(SettingsError::Body)?;
+        room[..body.len()].copy_from_slice(body);
+        let body = &*room;
         let (settings, rest): (Self, &[u8]) =
             postcard::take_from_bytes(body).map_err(|_| SettingsError::Body)?;
         if !rest.is_empty() {
@@ -252,13 +262,19 @@ impl Settings {
                 "a pole is below f_s/4π, or a unit per code is not above 0",
             ),
             (
-                channels.iter().all(|channel| channel.is_below(FORCE_MOST))
+                channels
+                    .iter()
+                    .all(|channel| channel.is_below(FORCE_MOST >> self.scale.incoming.min(INCOMING_MAX)))
                     && accelerations
                         .iter()
                         .all(|channel| channel.is_below(Observer::MOST)),
-                "the codes of a channel reach beyond 32 kN or 65 km/s²",
+                "the codes of a channel reach beyond 32 kN, for a small bead less, or 65 km/s²",
             ),
             (self.address < 0xFF, "address 255 is every bead's"),
+            (
+                self.scale.is_bounded(),
+                "a power of two of a coefficient is out of range",
+            ),
             (self.disagreement > 0, "disagreement is not above 0"),
             (self.observer.is_bounded(), "a weight of the observer is negative"),
             (
@@ -278,7 +294,19 @@ impl Settings {
 
     /// Checks the coefficients against the physics of the bead, to the accuracy of their formats and of f32.
     fn verify(&self) -> Result<(), SettingsError> {
-        let expected = coefficients(&self.bead, self.sample_rate_hz as f32);
+        let rate = self.sample_rate_hz as f32;
+        let expected = coefficients(&self.bead, rate);
+        let Scale {
+            contact,
+            incoming,
+            masses,
+            observer: end,
+            measured,
+            predicted,
+        } = self.scale;
+        // 2^powers: its exponent, and no fraction.
+        let scaled =
+            |value: f32, powers: i8| value * f32::from_bits(((127 + i32::from(powers)) as u32) << 23);
         let (observer, chain, ringing) = (&self.observer, &self.chain, &self.ringing);
         // Formats keep a coefficient to 1e-4; f32 loses about 1e-6 here.
         let check = |name, found: f32, expected: f32| {
@@ -293,22 +321,38 @@ impl Settings {
         )?;
         check(
             "weight of the new acceleration",
-            observer.end.to_num(),
+            scaled(observer.end.to_num(), end as i8),
             expected.end,
         )?;
         check(
             "energy by acceleration",
-            observer.energy.to_num(),
+            scaled(observer.energy.to_num(), measured),
             expected.measured,
         )?;
-        check("contact", chain.contact.to_num(), expected.contact)?;
+        check(
+            "contact",
+            scaled(chain.contact.to_num(), contact as i8),
+            expected.contact,
+        )?;
         check("relaxation", chain.relaxation.to_num(), expected.relaxation)?;
-        check("incoming", chain.incoming.to_num(), expected.incoming)?;
+        check(
+            "incoming",
+            scaled(chain.incoming.to_num(), incoming as i8),
+            expected.incoming,
+        )?;
         check("stiffness", chain.stiffness.to_num(), expected.stiffness)?;
         check("damping", chain.damping.to_num(), expected.damping)?;
-        check("intruder", chain.intruder.to_num(), expected.intruder)?;
-        check("host", chain.host.to_num(), expected.host)?;
-        check("energy by velocity", chain.energy.to_num(), expected.predicted)?;
+        check(
+            "intruder",
+            scaled(chain.intruder.to_num(), masses as i8),
+            expected.intruder,
+        )?;
+        check("host", scaled(chain.host.to_num(), masses as i8), expected.host)?;
+        check(
+            "energy by velocity",
+            scaled(chain.energy.to_num(), predicted),
+            expected.predicted,
+        )?;
         check("incident energy", self.incident.to_num(), expected.incident)?;
         check(
             "frequency of the ringing",

@@ -34,8 +34,10 @@ pub type Impulse = I48F16;
 /// Samples that a record has room for: the longest window.
 const RECORD_MAX: usize = WINDOW_MAX as usize;
 
-/// Rate of the means that the ringing is fitted to, Hz: for oscillations of about 0.2 to 5 kHz.
+/// Least rate of the means that the ringing is fitted to, Hz: for oscillations of about 0.2 to 5 kHz.
 const RING_RATE_HZ: u32 = 12_500;
+/// Least number of means in a period of the ringing.
+const RING_MEANS_A_PERIOD: f32 = 2.5;
 /// Time from the highest force to the free ringing, in widths of the pulse, which has then left the contact
 /// behind the host.
 const FREE_AFTER: f32 = 2.25;
@@ -68,7 +70,7 @@ pub struct Shape {
 
 impl Shape {
     /// The shape of a window, but for its gains. The force is highest at the sample `peak`, the ringing is
-    /// over at the sample `ring_end`; `noise` is its mean square, (m/s²)².
+    /// over at the sample `ring_end`; `noise` is its mean square, (m/s²)²; `expected` is its frequency, Hz.
     ///
     /// Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
@@ -78,6 +80,7 @@ impl Shape {
         peak: usize,
         ring_end: usize,
         noise: f32,
+        expected: Fine,
     ) -> Self {
         let mut shape = Self::default();
         let forces = &record.forces[..record.length];
@@ -92,7 +95,7 @@ impl Shape {
         let free = (arrival + FREE_AFTER * width) as usize;
         let ring = record.accelerations[..record.length.min(ring_end)]
             .get(free..)
-            .and_then(|free| ringing(free, sample_rate_hz, noise));
+            .and_then(|free| ringing(free, sample_rate_hz, noise, expected.to_num()));
         if let Some((frequency, decay)) = ring {
             shape.ring_frequency = Fine::saturating_from_num(frequency);
             shape.ring_decay = Fine::saturating_from_num(decay);
@@ -244,10 +247,16 @@ fn summit(forces: &[Force], peak: usize, reach: usize) -> f32 {
     }
 }
 
-/// Frequency (Hz) and decay (1/s) of a free oscillation; `noise` is the mean square of its noise, (m/s²)².
-/// `None` if the samples do not oscillate, or not loud enough.
-fn ringing(accelerations: &[SensedAcceleration], sample_rate_hz: u32, noise: f32) -> Option<(f32, f32)> {
-    let together = (sample_rate_hz / RING_RATE_HZ).max(1);
+/// Frequency (Hz) and decay (1/s) of a free oscillation; `noise` is the mean square of its noise, (m/s²)²;
+/// `expected` is about its frequency, Hz. `None` if the samples do not oscillate, or not loud enough.
+fn ringing(
+    accelerations: &[SensedAcceleration],
+    sample_rate_hz: u32,
+    noise: f32,
+    expected: f32,
+) -> Option<(f32, f32)> {
+    let fast = sample_rate_hz as f32 / (RING_MEANS_A_PERIOD * expected);
+    let together = (sample_rate_hz / RING_RATE_HZ).min(fast as u32).max(1);
     let period = together as f32 / sample_rate_hz as f32;
     let mut last = [0.0_f32; 2];
     let mut means = 0_u32;
@@ -310,8 +319,14 @@ mod tests {
 
     #[test]
     fn frequency_and_decay_of_a_free_oscillation_come_out_whatever_they_are() {
-        for (frequency, decay) in [(1684.7, 1748.5), (800.0, 300.0), (300.0, 900.0), (4000.0, 100.0)] {
-            let (f, b) = ringing(&rung(frequency, decay, 400), 100_000, 0.0).unwrap();
+        for (frequency, decay) in [
+            (1684.7, 1748.5),
+            (800.0, 300.0),
+            (300.0, 900.0),
+            (4000.0, 100.0),
+            (9000.0, 2000.0),
+        ] {
+            let (f, b) = ringing(&rung(frequency, decay, 400), 100_000, 0.0, frequency as f32).unwrap();
             let (f, b) = (f64::from(f), f64::from(b));
             assert!((f / frequency - 1.0).abs() < 2e-4, "{f} for {frequency} Hz");
             assert!(
@@ -323,13 +338,19 @@ mod tests {
 
     #[test]
     fn what_does_not_oscillate_or_is_too_short_has_no_frequency() {
-        assert_eq!(ringing(&[SensedAcceleration::ZERO; 400], 100_000, 0.0), None);
-        assert_eq!(ringing(&rung(1700.0, 1700.0, 8 * 11 + 7), 100_000, 0.0), None);
+        assert_eq!(
+            ringing(&[SensedAcceleration::ZERO; 400], 100_000, 0.0, 1700.0),
+            None
+        );
+        assert_eq!(
+            ringing(&rung(1700.0, 1700.0, 8 * 11 + 7), 100_000, 0.0, 1700.0),
+            None
+        );
         let decays: Vec<SensedAcceleration> = (0..400)
             .map(|n| SensedAcceleration::from_num(80.0 * (-f64::from(n) / 50.0).exp()))
             .collect();
-        assert_eq!(ringing(&decays, 100_000, 0.0), None);
-        assert_eq!(ringing(&rung(1700.0, 300.0, 400), 100_000, 100.0), None);
+        assert_eq!(ringing(&decays, 100_000, 0.0, 1700.0), None);
+        assert_eq!(ringing(&rung(1700.0, 300.0, 400), 100_000, 100.0, 1700.0), None);
     }
 
     #[test]
@@ -361,11 +382,17 @@ mod tests {
     #[test]
     fn a_window_of_nothing_has_no_shape() {
         let mut record = WindowRecord::new();
-        assert_eq!(Shape::of(100_000, &record, 0, 0, 0.0), Shape::default());
+        assert_eq!(
+            Shape::of(100_000, &record, 0, 0, 0.0, Fine::ZERO),
+            Shape::default()
+        );
         record.clear();
         for _ in 0..50 {
             record.extend(&[Force::ZERO; 32], &[SensedAcceleration::ZERO; 32]);
-            assert_eq!(Shape::of(100_000, &record, 0, 5000, 0.0), Shape::default());
+            assert_eq!(
+                Shape::of(100_000, &record, 0, 5000, 0.0, Fine::ZERO),
+                Shape::default()
+            );
         }
         assert_eq!(record.samples().count(), RECORD_MAX);
     }

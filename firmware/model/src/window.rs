@@ -197,7 +197,10 @@ impl Window {
         self.note(force, Flags::FORCE_RAILED);
         self.note(acceleration, Flags::ACCELERATION_RAILED);
         record.extend(forces, accelerations);
-        settings.observer.process(&mut self.observer, accelerations);
+        let scale = &settings.scale;
+        settings
+            .observer
+            .process(scale.observer, &mut self.observer, accelerations);
         if self.samples < settings.window.noise_end() {
             for force in &*forces {
                 let force = u64::from(force.to_bits().unsigned_abs());
@@ -206,7 +209,7 @@ impl Window {
             self.force_samples += forces.len() as u16;
             return;
         }
-        settings.chain.process(&mut self.chain, forces);
+        settings.chain.process(scale, &mut self.chain, forces);
     }
 
     fn note(&mut self, loudness: Loudness, railed: Flags) {
@@ -243,12 +246,14 @@ impl Window {
 
     /// Estimate A so far.
     pub fn absorbed_measured(&self, settings: &Settings) -> Energy {
-        settings.observer.absorbed(&self.observer)
+        settings
+            .observer
+            .absorbed(settings.scale.measured, &self.observer)
     }
 
     /// Estimate B so far.
     pub fn absorbed_predicted(&self, settings: &Settings) -> Energy {
-        settings.chain.absorbed(&self.chain)
+        settings.chain.absorbed(settings.scale.predicted, &self.chain)
     }
 
     /// The report of the window, made when its last sample has been taken.
@@ -257,7 +262,7 @@ impl Window {
             self.absorbed_measured(settings),
             self.absorbed_predicted(settings),
         ];
-        let noise_energy = settings.observer.noise(&self.observer);
+        let noise_energy = settings.observer.noise(settings.scale.measured, &self.observer);
         let Peaks {
             force: peak_force,
             sample: peak_sample,
@@ -273,6 +278,7 @@ impl Window {
                 peak_sample,
                 usize::from(self.ring_end),
                 settings.observer.noise_square(&self.observer),
+                settings.ringing.frequency,
             )
         };
         let mut flags = self.railed;

@@ -50,7 +50,7 @@ fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4
         (sensor.wide, sensor.delay) = (sensor.sensitive, 0.0);
     }
     let calibration = [&front_end.force, &front_end.acceleration].map(|sensor| sensor.sensitive.per_code);
-    let capture = Capture::above_noise_of(&front_end);
+    let capture = Capture::of(&Bead::paper(), &front_end);
     let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
     let [force_noise, acceleration_noise] = noise.map(|rms| Normal::new(0.0, rms).unwrap());
     let runs: Vec<[f64; 4]> = (0..STRIKES)
@@ -114,9 +114,9 @@ fn with_noise(settings: &Settings, scans: &[Scan]) -> f64 {
     let accelerations: Vec<SensedAcceleration> = record.samples().map(|(_, a)| a).collect();
     let mut state = ObserverState::default();
     for piece in accelerations.chunks(PIECE) {
-        settings.observer.process(&mut state, piece);
+        settings.observer.process(0, &mut state, piece);
     }
-    settings.observer.absorbed(&state).to_num()
+    settings.observer.absorbed(0, &state).to_num()
 }
 
 /// Estimate B of a window.

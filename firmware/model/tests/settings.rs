@@ -2,11 +2,14 @@
 //! number.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
+use bead_model::scale::Scale;
 use bead_model::{Settings, SettingsError};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 /// The block of version 3 that `tests/data/README.md` tells of.
 const YESTERDAY: &[u8] = include_bytes!("../../../tests/data/settings-v3.bin");
+/// A block of version 4: the built-in settings of its last day.
+const VERSION_4: &[u8] = include_bytes!("../../../tests/data/settings-v4.bin");
 /// Bytes of a block before its body: magic, version, length.
 const HEADER: usize = 8;
 
@@ -38,23 +41,34 @@ fn settings_of_version_3_are_migrated_with_address_0() {
     );
     assert_eq!((settings.window.history, settings.window.length), (160, 672));
     assert_eq!((settings.window.threshold, settings.window.lookback), (26, 50));
-    // The ringing stands last, just before the address.
+    // The ringing stood last.
     assert_eq!(settings.ringing.frequency.to_bits(), 110_409_876);
     assert_eq!(settings.ringing.decay_tolerance.to_bits(), 19_661);
-    // Every bit is kept: written anew, it is the old body and the address.
+    // Every bit is kept: written anew, it is the old body, the address, no powers of two.
     let mut buffer = [0; bead_model::settings::BLOCK_MAX];
     let length = settings.encode(&mut buffer).unwrap();
-    assert_eq!(buffer[..length], block(4, &[body(), &[0]].concat()));
+    assert_eq!(buffer[..length], block(5, &[body(), &[0; 7]].concat()));
+}
+
+#[test]
+fn settings_of_version_4_are_migrated_without_powers_of_two() {
+    let settings = Settings::decode(VERSION_4).unwrap();
+    assert_eq!(settings.scale, Scale::default());
+    let mut buffer = [0; bead_model::settings::BLOCK_MAX];
+    let length = settings.encode(&mut buffer).unwrap();
+    let body = &VERSION_4[HEADER..VERSION_4.len() - 4];
+    assert_eq!(VERSION_4, block(4, body));
+    assert_eq!(buffer[..length], block(5, &[body, &[0; 6]].concat()));
 }
 
 #[test]
 fn settings_of_an_older_or_a_later_version_are_refused_by_their_number() {
-    for version in [0, 1, 2, 5, 0xFFFF] {
+    for version in [0, 1, 2, 6, 0xFFFF] {
         let error = Settings::decode(&block(version, body())).unwrap_err();
         assert_eq!(error, SettingsError::Version(version));
         assert_eq!(
             error.to_string(),
-            format!("settings block of version {version}, this program knows 3 to 4")
+            format!("settings block of version {version}, this program knows 3 to 5")
         );
     }
 }

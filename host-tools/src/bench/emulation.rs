@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use bead_model::design::{Capture, derive};
+use bead_model::design::{Capture, DesignError, derive};
 use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::{Counters, Message};
@@ -248,8 +248,18 @@ impl Emulation {
     ) -> Result<Self, BenchError> {
         let physics = bead_of(solution, bead)?;
         let front = front_end.calibration();
-        let settings = derive(&physics, &front, &Capture::above_noise_of(&front)).map_err(|error| {
-            BenchError::unfit(&format!("no settings fit bead {bead} and this front end"), error)
+        let derived = derive(&physics, &front, &Capture::of(&physics, &front));
+        let settings = derived.map_err(|error| match error {
+            DesignError::TooFast { samples, least } => {
+                let diameter = 2e3 * solution.model().radius(bead);
+                BenchError::Unfit(format!(
+                    "the sphere of bead {bead}, {diameter:.1} mm, is too small for {} kHz: {:.1} mm at least of this \
+                     material, since {error}",
+                    SAMPLE_RATE_HZ / 1000,
+                    diameter * least / samples
+                ))
+            }
+            error => BenchError::unfit(&format!("no settings fit bead {bead} and this front end"), error),
         })?;
         let mut block = [0; BLOCK_MAX];
         let length = settings

@@ -46,7 +46,7 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     })
 }
 
-/// A warning where the reduced chain of estimate B is not like the real chain.
+/// A warning where the reduced chain of estimate B is not like the real chain, or its steps are long.
 ///
 /// The reduced chain has four beads behind the host, which touch without force, and a free end. Three real
 /// beads are as good (0.15 %). With fewer, the reflection from the end comes back while the intruder still
@@ -60,13 +60,27 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<Stri
         ));
     }
     let load = model.contact(model.bodies() - 1).load;
-    (load > 0.0).then(|| {
-        format!(
+    if load > 0.0 {
+        return Some(format!(
             "the chain is pressed together by {load} N: estimate B reckons with beads that touch without force and is off \
              here; A is not concerned, and the bead's forces are what comes on top of the load"
+        ));
+    }
+    let samples = bead_of(solution, bead).ok()?.pulse_width(1.0) * f64::from(SAMPLE_RATE_HZ);
+    (samples < LONG_STEPS).then(|| {
+        // Fitted to the worst errors in docs/spheres.md, and of heavier intruders.
+        let steps = 3.9 / samples;
+        format!(
+            "a wave of 1 m/s is {samples:.1} samples wide at bead {bead}: A is off by up to {:.1} %, B by up to {:.1} %; from \
+             {LONG_STEPS} samples on, by less than 0.2 and 1 %",
+            0.7 * steps.powf(3.6),
+            2.2 * steps.powf(2.3),
         )
     })
 }
+
+/// Width of a wave of 1 m/s, in samples, below which a sample is a long step.
+const LONG_STEPS: f64 = 5.6;
 
 /// The only bead with an intruder, for commands that name no bead.
 ///

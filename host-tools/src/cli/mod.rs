@@ -10,7 +10,8 @@ pub mod output;
 use clap::{Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, figures, optimise, record, replay, settings, simulate,
+    accuracy, clock, command, compare, decode, emulate, figures, optimise, record, replay, settings,
+    simulate, spheres,
 };
 use failure::Failure;
 
@@ -60,6 +61,8 @@ enum Command {
     Optimise(optimise::Arguments),
     /// Tabulate the error of the image's estimates over strikers and speeds.
     Accuracy(accuracy::Arguments),
+    /// Tabulate the error of the image's estimates over materials and diameters of spheres.
+    Spheres(spheres::Arguments),
     /// Draw the paper's figures, with their data and their checks.
     Figures(figures::Arguments),
 }
@@ -82,6 +85,7 @@ impl Cli {
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
             Command::Accuracy(arguments) => accuracy::run(&arguments),
+            Command::Spheres(arguments) => spheres::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),
         }
     }

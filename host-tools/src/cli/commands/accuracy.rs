@@ -7,20 +7,18 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use bead_wire::{Energy, StrikeFlags};
 use clap::Args;
 use hertz_chain::Scenario;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::measured::{Errors, timing};
 use crate::bench::emulation::Emulation;
-use crate::bench::sensed::{Timing, bead_of, load_scenario, simulate_with_ring_down};
+use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::front_end_options::Sensors;
 use crate::cli::output::{self, Format};
-use crate::recording::frames::Frame;
-use crate::recording::strikes::{RecordedStrike, assemble};
 
 const AFTER_HELP: &str = "\
 The scenario is struck by spheres of the given radii at the given speeds; all else in it stays. For each cell the flash
@@ -34,13 +32,6 @@ Examples:
   bead accuracy docs/scenarios/paper-strike.toml --bead 8
   bead accuracy docs/scenarios/paper-strike.toml --bead 8 --table docs/ranges.md
   bead accuracy docs/scenarios/paper-strike.toml --bead 8 --radii 0.0045 --speeds 0.3,0.6 --strikes 20 --format json";
-
-/// Goals, as parts of the truth: of estimate A, and of B.
-const GOALS: [f64; 2] = [5e-3, 1e-2];
-/// Shortest time from strike to strike, s.
-const INTERVAL: f64 = 0.05;
-/// Quiet before the first strike, s.
-const LEAD_IN: f64 = 0.02;
 
 /// Arguments of `bead accuracy`.
 #[derive(Debug, Args)]
@@ -83,28 +74,6 @@ struct Cell {
     weak: Errors,
     strong: Errors,
     pass: bool,
-}
-
-/// Errors of the estimates of one run.
-#[derive(Debug, Serialize)]
-struct Errors {
-    /// Strikes that were measured.
-    strikes: usize,
-    /// Root mean square over the strikes, A and B, as a part of the truth.
-    rms: [f64; 2],
-    /// The greatest error, with its sign.
-    worst: [f64; 2],
-    /// Every flag that was set.
-    flags: Vec<&'static str>,
-}
-
-impl Errors {
-    /// Whether every strike was measured within the sensors' range, and well enough.
-    fn pass(&self, struck: u32) -> bool {
-        self.strikes == struck as usize
-            && self.flags.iter().all(|flag| !flag.ends_with("railed"))
-            && self.rms.iter().zip(GOALS).all(|(rms, goal)| *rms <= goal)
-    }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -150,11 +119,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> Result<Cell, Failure> {
     let solution = simulate_with_ring_down(scenario)?;
     bead_of(&solution, arguments.bench.bead)?;
-    let timing = Timing {
-        lead_in: LEAD_IN,
-        strikes: arguments.strikes,
-        interval: INTERVAL.max(1.1 * solution.end()),
-    };
+    let timing = timing(arguments.strikes, &solution);
     let errors = |sensors: Sensors| {
         let run = Emulation::prepare(
             scenario,
@@ -166,7 +131,7 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
             image,
         )?;
         let ran = run.run()?;
-        Ok::<_, Failure>((errors(&run, ran.frames), run.truth.truth.peak_force))
+        Ok::<_, Failure>((Errors::of(&run, ran.frames), run.truth.truth.peak_force))
     };
     let ((weak, peak_force), (strong, _)) = (errors(Sensors::Weak)?, errors(Sensors::Strong)?);
     let summary = solution.summary();
@@ -185,47 +150,6 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
     })
 }
 
-/// The errors of the first window after each strike. Later windows are echoes.
-fn errors(run: &Emulation, frames: Vec<Frame>) -> Errors {
-    let strikes = assemble(frames, Some(run.settings));
-    let mut begun = None;
-    let mut is_first = |strike: &&RecordedStrike| {
-        let before = std::mem::replace(&mut begun, run.truth.begun(strike.said.trigger_index));
-        begun.is_some() && begun != before
-    };
-    let measured: Vec<_> = strikes.iter().filter(&mut is_first).collect();
-    let absorbed = run.truth.truth.absorbed;
-    let of = |energy: &dyn Fn(&bead_wire::Strike) -> Energy| -> (f64, f64) {
-        let errors: Vec<f64> = measured
-            .iter()
-            .map(|strike| energy(&strike.said).joules() / absorbed - 1.0)
-            .collect();
-        let squares: f64 = errors.iter().map(|error| error * error).sum();
-        let worst = errors.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
-        ((squares / errors.len() as f64).sqrt(), worst.unwrap_or(f64::NAN))
-    };
-    let a = of(&|said| said.absorbed_measured);
-    let b = of(&|said| said.absorbed_predicted);
-    let flags = measured.iter().map(|strike| strike.said.flags);
-    let flags = flags.fold(StrikeFlags::NONE, StrikeFlags::with);
-    Errors {
-        strikes: measured.len(),
-        rms: [a.0, b.0],
-        worst: [a.1, b.1],
-        flags: flags.names().collect(),
-    }
-}
-
-/// An error with its worst value, or the flag that makes it meaningless.
-fn shown(errors: &Errors, estimate: usize) -> String {
-    let railed = ["acceleration_railed", "force_railed"][estimate];
-    if errors.flags.contains(&railed) {
-        return "railed".to_owned();
-    }
-    let [rms, worst] = [errors.rms, errors.worst].map(|parts| 100.0 * parts[estimate]);
-    format!("{rms:.2} ({worst:+.2})")
-}
-
 fn row(cell: &Cell) -> [String; 8] {
     let others = |errors: &Errors| {
         let flags = errors.flags.iter().filter(|flag| !flag.ends_with("railed"));
@@ -237,10 +161,10 @@ fn row(cell: &Cell) -> [String; 8] {
     [
         format!("{:.1} mm, {} m/s", cell.radius * 1e3, cell.speed),
         format!("{:.1} N, {:.0} m/s²", cell.peak_force, cell.peak_acceleration),
-        shown(&cell.weak, 0),
-        shown(&cell.weak, 1),
-        shown(&cell.strong, 0),
-        shown(&cell.strong, 1),
+        cell.weak.shown(0),
+        cell.weak.shown(1),
+        cell.strong.shown(0),
+        cell.strong.shown(1),
         (if cell.pass { "yes" } else { "no" }).to_owned(),
         flags.join(", "),
     ]

@@ -256,11 +256,14 @@ fn table(settings: &Settings) -> String {
         disagreement,
         ringing,
         address,
+        scale,
     } = settings;
     let rate = f64::from(*sample_rate_hz);
     let samples = |count: u16| format!("{count} samples ({:.2} ms)", f64::from(count) / rate * 1e3);
     let part = |part: f64| format!("{:.1} %", part * 100.0);
     let number = |value: f64| format!("{value:.6e}");
+    let scaled = |value: f64, powers: i8| number(value * 2f64.powi(powers.into()));
+    let powers = |powers: u8| i8::try_from(powers).unwrap_or(i8::MAX);
     let gram = |kilogram: f32| format!("{:.4} g", kilogram * 1e3);
     let threshold = f64::from(window.threshold) * force.sensitive.per_code.to_num::<f64>();
     let relaxation = chain.relaxation.to_num::<f64>() * 2.0 / 3.0 / rate;
@@ -302,16 +305,34 @@ fn table(settings: &Settings) -> String {
         ("trigger, rise", rise),
         ("trigger, within", samples(window.lookback)),
         ("A, weight at the start", number(observer.start.to_num())),
-        ("A, weight at the end", number(observer.end.to_num())),
-        ("A, energy", number(observer.energy.to_num()) + " nJ/(m/s²)²"),
+        (
+            "A, weight at the end",
+            scaled(observer.end.to_num(), powers(scale.observer)),
+        ),
+        (
+            "A, energy",
+            scaled(observer.energy.to_num(), scale.measured) + " nJ/(m/s²)²",
+        ),
         ("B, relaxation of the contacts", relaxation),
-        ("B, contact", number(chain.contact.to_num())),
-        ("B, incoming force", number(chain.incoming.to_num())),
+        (
+            "B, contact",
+            scaled(chain.contact.to_num(), powers(scale.contact)),
+        ),
+        (
+            "B, incoming force",
+            scaled(chain.incoming.to_num(), powers(scale.incoming)),
+        ),
         ("B, stiffness", number(chain.stiffness.to_num())),
         ("B, damping", number(chain.damping.to_num())),
-        ("B, intruder", number(chain.intruder.to_num())),
+        (
+            "B, intruder",
+            scaled(chain.intruder.to_num(), powers(scale.masses)),
+        ),
         ("B, gate", format!("{:.3} mN", chain.gate.to_num::<f64>() * 1e3)),
-        ("B, energy", number(chain.energy.to_num()) + " nJ"),
+        (
+            "B, energy",
+            scaled(chain.energy.to_num(), scale.predicted) + " nJ",
+        ),
         ("incident wave of 1 N", incident),
         ("A and B are told to differ from", part(disagreement.to_num())),
         ("the intruder rings at", format!("{frequency:.1} Hz")),

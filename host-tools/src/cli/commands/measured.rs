@@ -1,0 +1,89 @@
+//! How far the estimates of a run are from the truth: shared by `bead accuracy` and `bead spheres`.
+
+use bead_wire::{Energy, StrikeFlags};
+use hertz_chain::Solution;
+use serde::Serialize;
+
+use crate::bench::emulation::Emulation;
+use crate::bench::sensed::Timing;
+use crate::recording::frames::Frame;
+use crate::recording::strikes::{RecordedStrike, assemble};
+
+/// Goals, as parts of the truth: of estimate A, and of B.
+const GOALS: [f64; 2] = [5e-3, 1e-2];
+/// Shortest time from strike to strike, s.
+const INTERVAL: f64 = 0.05;
+/// Quiet before the first strike, s.
+const LEAD_IN: f64 = 0.02;
+
+/// A row of `strikes` strikes of a simulation.
+pub(super) fn timing(strikes: u32, solution: &Solution) -> Timing {
+    Timing {
+        lead_in: LEAD_IN,
+        strikes,
+        interval: INTERVAL.max(1.1 * solution.end()),
+    }
+}
+
+/// Errors of the estimates of one run.
+#[derive(Debug, Serialize)]
+pub(super) struct Errors {
+    /// Strikes that were measured.
+    pub(super) strikes: usize,
+    /// Root mean square over the strikes, A and B, as a part of the truth.
+    pub(super) rms: [f64; 2],
+    /// The greatest error, with its sign.
+    pub(super) worst: [f64; 2],
+    /// Every flag that was set.
+    pub(super) flags: Vec<&'static str>,
+}
+
+impl Errors {
+    /// Whether every strike was measured within the sensors' range, and well enough.
+    pub(super) fn pass(&self, struck: u32) -> bool {
+        self.strikes == struck as usize
+            && self.flags.iter().all(|flag| !flag.ends_with("railed"))
+            && self.rms.iter().zip(GOALS).all(|(rms, goal)| *rms <= goal)
+    }
+
+    /// The errors of the first window after each strike. Later windows are echoes.
+    pub(super) fn of(run: &Emulation, frames: Vec<Frame>) -> Self {
+        let strikes = assemble(frames, Some(run.settings));
+        let mut begun = None;
+        let mut is_first = |strike: &&RecordedStrike| {
+            let before = std::mem::replace(&mut begun, run.truth.begun(strike.said.trigger_index));
+            begun.is_some() && begun != before
+        };
+        let measured: Vec<_> = strikes.iter().filter(&mut is_first).collect();
+        let absorbed = run.truth.truth.absorbed;
+        let of = |energy: &dyn Fn(&bead_wire::Strike) -> Energy| -> (f64, f64) {
+            let errors: Vec<f64> = measured
+                .iter()
+                .map(|strike| energy(&strike.said).joules() / absorbed - 1.0)
+                .collect();
+            let squares: f64 = errors.iter().map(|error| error * error).sum();
+            let worst = errors.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+            ((squares / errors.len() as f64).sqrt(), worst.unwrap_or(f64::NAN))
+        };
+        let a = of(&|said| said.absorbed_measured);
+        let b = of(&|said| said.absorbed_predicted);
+        let flags = measured.iter().map(|strike| strike.said.flags);
+        let flags = flags.fold(StrikeFlags::NONE, StrikeFlags::with);
+        Self {
+            strikes: measured.len(),
+            rms: [a.0, b.0],
+            worst: [a.1, b.1],
+            flags: flags.names().collect(),
+        }
+    }
+
+    /// An error with its worst value, or the flag that makes it meaningless.
+    pub(super) fn shown(&self, estimate: usize) -> String {
+        let railed = ["acceleration_railed", "force_railed"][estimate];
+        if self.flags.contains(&railed) {
+            return "railed".to_owned();
+        }
+        let [rms, worst] = [self.rms, self.worst].map(|parts| 100.0 * parts[estimate]);
+        format!("{rms:.2} ({worst:+.2})")
+    }
+}
