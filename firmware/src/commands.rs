@@ -6,25 +6,44 @@
 //! take the room that strikes need. A reply other than *done* means that nothing has changed. Every request
 //! may be repeated.
 
-use bead_store::StoreError;
-use bead_wire::{ANY, Cause, Detail, Heard, Link, Outcome, Reply, Request};
+use bead_store::{Pace, Secret, StoreError};
+use bead_wire::{AHEAD, ANY, Cause, Detail, Heard, KEY, Key, Lock, Moment, Outcome, Reply, Request};
 use cortex_m::peripheral::SCB;
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::settings::{self, Loaded, Refusal};
 use crate::storage;
-use crate::trace::Boot;
+use crate::trace::{self, Boot};
 use crate::{counters, estimate, load, outbox, raw, report, self_test, supply};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: Duration = Duration::from_millis(500);
 
+/// Counters of signed requests that one write to flash covers.
+const COUNTERS: u64 = 64;
+
 /// What the commands act on.
 pub(crate) struct Commands {
     pub(crate) boot: &'static Boot,
     pub(crate) store: storage::SettingsStore,
+    /// Of the writes to it.
+    pub(crate) pace: Pace,
+    /// What it lets through.
+    pub(crate) lock: Lock,
     /// Room for the window of a self-test.
     pub(crate) window: &'static mut bead_model::WindowRecord,
+}
+
+/// The lock with the key that flash holds.
+pub(crate) fn lock(store: &storage::SettingsStore) -> Lock {
+    let secret = store.secret();
+    let key = secret.and_then(|secret| Key::new(secret.key));
+    let counter = secret.map_or(0, |secret| secret.counter);
+    counters::update_guard(|guard| {
+        guard.keyed = key.is_some();
+        guard.counter = counter;
+    });
+    Lock::new(embassy_stm32::uid::uid(), key, counter)
 }
 
 /// The outcome of a request, and a line about it.
@@ -39,15 +58,105 @@ impl Answer {
 impl Commands {
     /// Does what a request asks for, and replies. Requests for other beads get no reply.
     pub(crate) async fn answer(&mut self, heard: Heard) {
-        if heard.address != ANY && heard.address != settings::address() {
+        if heard.address != ANY && heard.address != outbox::address() {
             return;
         }
         outbox::calm().await;
         let answer = match heard.request {
-            Ok(request) => self.execute(heard.number, request).await,
+            Ok(request) => match self.admit(heard.address, heard.number, request) {
+                Ok(request) => self.execute(heard.number, request).await,
+                Err(refused) => refused,
+            },
             Err(cause) => not_understood(cause),
         };
         reply(heard.number, answer);
+    }
+
+    /// Lets a request through that changes nothing, or that is signed if the bead has a key.
+    ///
+    /// A counter must not be used again after a power cut, so flash keeps one that is not below it:
+    /// [`COUNTERS`] ahead, which saves writes. If flash cannot keep it, because it is full or the supply low,
+    /// what does not write flash itself is done all the same: a bead can always be disarmed and reset by its
+    /// owner.
+    fn admit(&mut self, address: u8, number: u16, request: Request) -> Result<Request, Answer> {
+        let signed = matches!(request, Request::Signed { .. });
+        let now = Moment {
+            boot: self.boot.number,
+            index: counters::snapshot().newest_index,
+        };
+        let request = match self.lock.admit(address, number, request, now) {
+            Ok(request) => request,
+            Err(outcome) => return Err(self.not_let_through(outcome, now)),
+        };
+        if !signed {
+            return Ok(request);
+        }
+        let counter = self.lock.counter();
+        counters::update_guard(|guard| {
+            guard.signed += 1;
+            guard.counter = counter;
+        });
+        if let Some(secret) = self.store.secret().filter(|secret| counter > secret.counter) {
+            let kept = match supply::is_low() {
+                true => Err(StoreError::Flash),
+                false => self.store.keep(Some(Secret {
+                    counter: counter.saturating_add(COUNTERS),
+                    ..secret
+                })),
+            };
+            let writes = matches!(
+                request,
+                Request::WriteSettings { .. } | Request::EraseSettings | Request::SetKey { .. }
+            );
+            if let (Err(error), true) = (kept, writes) {
+                return Err(not_stored(error));
+            }
+        }
+        Ok(request)
+    }
+
+    fn not_let_through(&self, outcome: Outcome, now: Moment) -> Answer {
+        counters::update_guard(|guard| match outcome {
+            Outcome::Unsigned => guard.refused_unsigned += 1,
+            Outcome::Forged => guard.refused_forged += 1,
+            Outcome::Replayed => guard.refused_replayed += 1,
+            Outcome::Late => guard.refused_late += 1,
+            _ => {}
+        });
+        let detail = match outcome {
+            Outcome::Unsigned => "this bead has a key: sign the request with it".into(),
+            Outcome::Forged => "signed with another key, for another bead, or changed on the way".into(),
+            Outcome::Replayed => Detail::new(format_args!(
+                "the last counter was {}; the next is above it by {AHEAD} at most",
+                self.lock.counter()
+            )),
+            Outcome::Late => Detail::new(format_args!("this is boot {}, at sample {}", now.boot, now.index)),
+            Outcome::NoKey => "this bead has no key".into(),
+            _ => "it carries no request".into(),
+        };
+        Answer(outcome, detail)
+    }
+
+    /// Keeps another key, or none.
+    fn set_key(&mut self, bytes: [u8; KEY]) -> Answer {
+        if supply::is_low() {
+            return supply_low();
+        }
+        if let Err(answer) = self.pace() {
+            return answer;
+        }
+        let key = Key::new(bytes);
+        let counter = self.store.secret().map_or(0, |secret| secret.counter);
+        let secret = key.as_ref().map(|key| Secret {
+            key: *key.bytes(),
+            counter: counter.max(self.lock.counter()),
+        });
+        if let Err(error) = self.store.keep(secret) {
+            return not_stored(error);
+        }
+        counters::update_guard(|guard| guard.keyed = key.is_some());
+        self.lock.set(key);
+        Answer::done()
     }
 
     async fn execute(&mut self, number: u16, request: Request) -> Answer {
@@ -82,10 +191,10 @@ impl Commands {
                     report::tell_link();
                 }
             }
-            Request::ResetCounters => {
-                counters::reset();
-                counters::update_link(|link| *link = Link::default());
-            }
+            Request::ResetCounters => counters::reset(),
+            Request::SetKey { key } => return self.set_key(key),
+            // None is left: the lock has taken out what it carries.
+            Request::Signed { .. } => return not_understood(Cause::Body),
             Request::Reboot => {
                 reply(number, Answer::done());
                 reboot().await
@@ -104,11 +213,32 @@ impl Commands {
             Err(Refusal::Invalid(why)) => return Answer(Outcome::SettingsInvalid, why),
             Err(Refusal::SampleRate(why)) => return Answer(Outcome::SampleRate, why),
         };
+        if let Err(answer) = self.pace() {
+            return answer;
+        }
         if let Err(error) = self.store.write(block) {
             return not_stored(error);
         }
-        put_in_force(loaded).await;
-        Answer::done()
+        match put_in_force(loaded).await {
+            true => Answer::done(),
+            false => no_samples(),
+        }
+    }
+
+    /// Counts a write to the store, or refuses it.
+    fn pace(&mut self) -> Result<(), Answer> {
+        match self.pace.write(Instant::now().as_millis()) {
+            Ok(written) => {
+                trace::keep_written(written);
+                Ok(())
+            }
+            Err(wait_ms) => {
+                counters::update_guard(|guard| guard.refused_too_soon += 1);
+                let wait_s = wait_ms.div_ceil(1000);
+                let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
+                Err(Answer(Outcome::TooSoon, Detail::new(why)))
+            }
+        }
     }
 
     /// Erases the stored settings and puts the next ones in force.
@@ -116,29 +246,39 @@ impl Commands {
         if supply::is_low() {
             return supply_low();
         }
+        if let Err(answer) = self.pace() {
+            return answer;
+        }
         if let Err(error) = self.store.clear() {
             return not_stored(error);
         }
         let loaded = settings::beneath(None);
-        let origin = put_in_force(loaded).await;
-        Answer(Outcome::Done, origin.into())
+        let origin = loaded.origin();
+        match put_in_force(loaded).await {
+            true => Answer(Outcome::Done, origin.into()),
+            false => no_samples(),
+        }
     }
 }
 
 /// Puts settings in force. A bead that its old settings kept from looking for strikes begins to, and the
-/// other way round. Returns where the settings came from.
-async fn put_in_force(loaded: Loaded) -> &'static str {
+/// other way round. Returns whether they are in force.
+async fn put_in_force(loaded: Loaded) -> bool {
     let (arm, origin) = (loaded.arm(), loaded.origin());
     if arm != settings::arm() {
         estimate::arm(arm);
     }
-    settings::change(loaded).await;
     defmt::info!("settings: {=str}", origin);
-    origin
+    settings::change(loaded).await
+}
+
+/// Settings are stored, and no block of samples came with which they could take effect.
+fn no_samples() -> Answer {
+    Answer(Outcome::Done, "stored; in force as soon as samples come".into())
 }
 
 fn reply(request: u16, Answer(outcome, detail): Answer) {
-    outbox::push(Reply {
+    outbox::tell(Reply {
         request,
         outcome,
         detail,
@@ -177,6 +317,8 @@ fn not_stored(error: StoreError) -> Answer {
 
 /// Resets the bead when all frames that wait have left, or after [`DRAIN`].
 async fn reboot() -> ! {
+    // Or strikes would go on to fill the outbox.
+    estimate::arm(false);
     let deadline = Instant::now() + DRAIN;
     while counters::snapshot().frames_waiting > 0 && Instant::now() < deadline {
         Timer::after(Duration::from_millis(1)).await;

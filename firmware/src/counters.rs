@@ -2,7 +2,7 @@
 
 use core::cell::RefCell;
 
-use bead_wire::{Health, Link};
+use bead_wire::{Guard, Health, Link};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
@@ -55,6 +55,15 @@ pub(crate) fn reset() {
             ..Health::default()
         };
     });
+    update_link(|link| *link = Link::default());
+    update_guard(|guard| {
+        *guard = Guard {
+            boots_failed: guard.boots_failed,
+            keyed: guard.keyed,
+            counter: guard.counter,
+            ..Guard::default()
+        };
+    });
 }
 
 /// All counts at one moment.
@@ -73,4 +82,17 @@ pub(crate) fn link() -> Link {
 /// Changes some of the counts of the link.
 pub(crate) fn update_link(change: impl FnOnce(&mut Link)) {
     LINK.lock(|cell| change(cell.borrow_mut().get_or_insert_default()));
+}
+
+/// Counts of what was passed over and refused.
+static GUARD: Mutex<CriticalSectionRawMutex, RefCell<Option<Guard>>> = Mutex::new(RefCell::new(None));
+
+/// What was passed over and refused, at one moment.
+pub(crate) fn guard() -> Guard {
+    GUARD.lock(|cell| cell.borrow().unwrap_or_default())
+}
+
+/// Changes some of what was passed over and refused.
+pub(crate) fn update_guard(change: impl FnOnce(&mut Guard)) {
+    GUARD.lock(|cell| change(cell.borrow_mut().get_or_insert_default()));
 }

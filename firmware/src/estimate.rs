@@ -8,12 +8,12 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
-use bead_wire::{FaultCause, Standing, StrikeFlags};
+use bead_wire::{FaultCause, Gap, Packed, Standing, StrikeFlags};
 use embassy_time::{Duration, Timer};
 
-use crate::block::{BLOCK_US, Block};
+use crate::block::{BLOCK_US, Block, SCANS_PER_BLOCK};
 use crate::counters;
-use crate::health::Watch;
+use crate::health::{Stillness, Watch};
 use crate::{handover, load, outbox, raw, report, settings};
 
 /// Whether the meter is to look for strikes.
@@ -30,23 +30,43 @@ pub(crate) fn arm(armed: bool) {
 pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) -> ! {
     let mut epoch = 0;
     let mut watch = Watch::new();
+    let mut telemetry = Telemetry {
+        history: settings.window.history,
+        stillness: Stillness::NONE,
+        packed: Packed::new(),
+    };
     let mut armed = true;
+    let mut next_index = 0;
+    let mut passed_over = 0;
+    let mut room = bead_telemetry::room_for_window(&settings);
     loop {
         let block = handover::next().await;
         if block.epoch != epoch {
             epoch = block.epoch;
+            outbox::tell(Gap {
+                epoch,
+                first_index: next_index,
+                end_index: block.first_index,
+            });
             let cut = meter.is_measuring();
             meter.restart();
+            telemetry.stillness = Stillness::NONE;
             if cut {
                 counters::update(|c| c.health.strikes_cut += 1);
                 report::fault(FaultCause::StrikeCut, "samples of its window were lost");
             }
         }
+        next_index = block.first_index + SCANS_PER_BLOCK as u64;
+        // Strikes without end would keep settings and the owner's word out, and fill the line with pieces of
+        // windows. So there is a time at which none is measured, and no window begins that finds no room.
+        meter.pass_over(settings::is_offered() || !ARMED.load(Ordering::Relaxed) || !outbox::has_room(room));
         if !meter.is_measuring() {
             let before = armed;
             armed = ARMED.load(Ordering::Relaxed);
             if let Some(new) = settings::take() {
                 settings = new;
+                telemetry.history = settings.window.history;
+                room = bead_telemetry::room_for_window(&settings);
                 meter.restart();
             } else if armed && !before {
                 meter.restart();
@@ -54,10 +74,10 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
         }
         load::count(|| {
             if armed {
-                process_block(&settings, meter, &block);
+                process_block(&settings, meter, &block, &mut telemetry);
             }
             watch.look(&block);
-            raw::offer(&block);
+            raw::offer(&block, room);
         });
         handover::give_back(block.codes);
         counters::update(|c| {
@@ -65,6 +85,10 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
             c.strikes = meter.strikes();
             c.armed = armed && meter.is_armed();
         });
+        if meter.passed_over() != passed_over {
+            counters::update_guard(|guard| guard.strikes_passed_over += meter.passed_over() - passed_over);
+            passed_over = meter.passed_over();
+        }
     }
 }
 
@@ -83,16 +107,24 @@ pub(crate) async fn idle() -> ! {
 ///
 /// Never inlined, so that its instructions can be counted by its symbol.
 #[inline(never)]
-fn process_block(settings: &Settings, meter: &mut Meter, block: &Block) {
-    meter.process_words(settings, block.first_index, block.codes.words(), &mut Telemetry);
+fn process_block(settings: &Settings, meter: &mut Meter, block: &Block, telemetry: &mut Telemetry) {
+    meter.process_words(settings, block.first_index, block.codes.words(), telemetry);
 }
 
 /// Sends what the meter finds.
-struct Telemetry;
+struct Telemetry {
+    /// Scans of a window up to the trigger.
+    history: u16,
+    /// Of the sensors in the window that is being measured.
+    stillness: Stillness,
+    /// Room for the frame of a piece.
+    packed: Packed,
+}
 
 impl Sink for Telemetry {
     fn chunk(&mut self, chunk: &Chunk) {
-        outbox::push(bead_telemetry::waveform(chunk));
+        outbox::push_through(&mut self.packed, bead_telemetry::waveform(chunk));
+        self.stillness.look(&chunk.scans, self.history);
     }
 
     fn report(&mut self, report: &StrikeReport) {
@@ -103,7 +135,12 @@ impl Sink for Telemetry {
             report.trigger_index,
             report.flags.bits(),
         );
+        let still = core::mem::replace(&mut self.stillness, Stillness::NONE).found();
+        if still {
+            counters::update_guard(|guard| guard.strikes_still += 1);
+        }
         let doubts = [
+            (still, StrikeFlags::SENSOR_STILL),
             (settings::are_not_owners(), StrikeFlags::SETTINGS_NOT_OWNERS),
             (
                 counters::snapshot().health.standing != Standing::NONE,

@@ -3,17 +3,21 @@
 //! # Design
 //! Every [`STEP`]th scan of a block is checked, which costs four instructions a sample. The codes of a
 //! channel are combined by OR and by AND. If both results are the same, the code never moved. If all codes
-//! are next to one rail, their high bits agree. A fault begins when it holds for [`WINDOW`] blocks, and ends
-//! with the first block in which it does not hold. Its begin and its end are reported, at most ten times a
-//! second.
+//! are next to one rail, their high bits agree. A fault begins when it has held for the last [`SPANS`] spans
+//! of [`SPAN`] blocks, 50 ms, and ends with the first block in which it does not hold. So it is found 50 to
+//! 60 ms after it began. Its begin and its end are reported, at most twenty times a second.
 //!
 //! The noise of a sensor moves its code. In the worst case the signal lies in the middle between two steps of
-//! the code: noise of a fifth of a code then changes about ten of the 1250 codes that are checked. A sensor
-//! with less noise looks stuck, and is reported as stuck. A sensor is stuck or railed if one of its two
-//! channels is.
+//! the code: noise of a quarter of a code then changes about thirty of the 625 codes that are checked. A
+//! sensor with less noise looks stuck, and is reported as stuck. A sensor is stuck or railed if one of its
+//! two channels is.
+//!
+//! A sensor that stands still for less than that is found if a strike is measured meanwhile: see
+//! [`Stillness`].
 
 use core::sync::atomic::Ordering;
 
+use bead_model::{Scan, quantity::Pair};
 use bead_wire::{FaultCause, Health, Standing};
 
 use crate::block::{Block, CHANNELS};
@@ -24,16 +28,18 @@ const GAINS: usize = 2;
 const SENSORS: usize = CHANNELS / GAINS;
 /// One of this many scans is checked.
 const STEP: usize = 8;
-/// Blocks from one verdict to the next: 100 ms. This is more than the longest window of a strike (1024
+/// Blocks from one verdict to the next: 10 ms.
+const SPAN: u32 = 5;
+/// Spans that a verdict looks back on: 50 ms. This is more than the longest window of a strike (1024
 /// samples), so that no strike looks like a railed sensor.
-const WINDOW: u32 = 50;
+const SPANS: usize = 5;
 /// Bits in which all codes next to a rail agree: 0 to 15, or 4080 to 4095.
 const HIGH: u16 = 0xFF0;
 /// The supply is good again after this many blocks in which it was not low: 20 ms. A supply that flickers is
 /// reported at most 50 times a second.
 const SUPPLY_HOLD: u32 = 10;
 
-/// What [`WINDOW`] blocks say about a sensor.
+/// What [`SPANS`] spans say about a sensor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Verdict {
     Good,
@@ -52,6 +58,11 @@ impl CodeBits {
     const NONE: Self = Self {
         any: 0,
         all: u16::MAX,
+    };
+
+    const MOVED: Self = Self {
+        any: u16::MAX,
+        all: 0,
     };
 
     fn add(&mut self, other: Self) {
@@ -77,7 +88,8 @@ fn verdict([sensitive, wide]: [CodeBits; GAINS]) -> Verdict {
 
 /// The health of one sensor.
 struct SensorHealth {
-    window: [CodeBits; GAINS],
+    /// The newest span last. The one before it is complete.
+    spans: [[CodeBits; GAINS]; SPANS],
     verdict: Verdict,
     stuck: Condition,
     railed: Condition,
@@ -86,7 +98,8 @@ struct SensorHealth {
 impl SensorHealth {
     const fn new(stuck: Condition, railed: Condition) -> Self {
         Self {
-            window: [CodeBits::NONE; GAINS],
+            // Unlike any sensor that is stuck: what was before the first block is not known.
+            spans: [[CodeBits::MOVED; GAINS]; SPANS],
             verdict: Verdict::Good,
             stuck,
             railed,
@@ -95,17 +108,24 @@ impl SensorHealth {
 
     /// Takes the codes of a block.
     fn block(&mut self, codes: [CodeBits; GAINS]) {
-        for (window, codes) in self.window.iter_mut().zip(codes) {
-            window.add(codes);
+        for (span, codes) in self.spans[SPANS - 1].iter_mut().zip(codes) {
+            span.add(codes);
         }
         if self.verdict != Verdict::Good && verdict(codes) == Verdict::Good {
             self.becomes(Verdict::Good);
         }
     }
 
-    /// Judges the window, and begins the next.
+    /// Judges the spans, and begins the next.
     fn judge(&mut self) {
-        let found = verdict(core::mem::replace(&mut self.window, [CodeBits::NONE; GAINS]));
+        let mut all = [CodeBits::NONE; GAINS];
+        for span in &self.spans {
+            all[0].add(span[0]);
+            all[1].add(span[1]);
+        }
+        self.spans.rotate_left(1);
+        self.spans[SPANS - 1] = [CodeBits::NONE; GAINS];
+        let found = verdict(all);
         if found != Verdict::Good && found != self.verdict {
             self.becomes(found);
         }
@@ -163,13 +183,13 @@ impl Watch {
         let force = SensorHealth::new(
             Condition {
                 cause: FaultCause::ForceStuck,
-                detail: "the force code has not moved for 100 ms",
+                detail: "the force code has not moved for 50 ms",
                 bit: Standing::FORCE_STUCK,
                 count: |health| &mut health.force_stuck,
             },
             Condition {
                 cause: FaultCause::ForceRailed,
-                detail: "the force has been at a rail for 100 ms",
+                detail: "the force has been at a rail for 50 ms",
                 bit: Standing::FORCE_RAILED,
                 count: |health| &mut health.force_railed,
             },
@@ -177,13 +197,13 @@ impl Watch {
         let acceleration = SensorHealth::new(
             Condition {
                 cause: FaultCause::AccelerationStuck,
-                detail: "the acceleration code has not moved for 100 ms",
+                detail: "the acceleration code has not moved for 50 ms",
                 bit: Standing::ACCELERATION_STUCK,
                 count: |health| &mut health.acceleration_stuck,
             },
             Condition {
                 cause: FaultCause::AccelerationRailed,
-                detail: "the acceleration has been at a rail for 100 ms",
+                detail: "the acceleration has been at a rail for 50 ms",
                 bit: Standing::ACCELERATION_RAILED,
                 count: |health| &mut health.acceleration_railed,
             },
@@ -221,7 +241,7 @@ impl Watch {
             sensor.block([codes(0), codes(16)]);
         }
         self.blocks += 1;
-        if self.blocks == WINDOW {
+        if self.blocks == SPAN {
             self.blocks = 0;
             self.sensors.iter_mut().for_each(SensorHealth::judge);
         }
@@ -242,5 +262,88 @@ impl Watch {
                 self.supply.ends();
             }
         }
+    }
+}
+
+/// Whether the codes of a sensor stand still in the window of a strike.
+///
+/// # Design
+/// Noise moves the code, and for how long it may rest is seen before the trigger. A rest after it that is
+/// [`TIMES`] as long, and at least [`LEAST`], is no noise: a wire has come off, or an amplifier hangs. Such a
+/// strike is flagged, since its estimates may be off by per cents and look sound. A sensor without noise rests
+/// before the trigger too, and is never found here. Rests are measured in groups of [`GROUP`] scans, which
+/// costs a few instructions a sample of a window. Codes at a rail do not count: a loud strike puts the high
+/// gain there.
+pub(crate) struct Stillness {
+    /// Scans of the window so far.
+    seen: u16,
+    sensors: [Rest; SENSORS],
+}
+
+/// Groups in which a code did not move.
+#[derive(Clone, Copy)]
+struct Rest {
+    code: u16,
+    groups: u16,
+    /// Most in a row before the trigger, and after it.
+    most: [u16; 2],
+}
+
+const GROUP: usize = 32;
+/// Least rest that is told, in groups: 1.28 ms.
+const LEAST: u16 = 4;
+/// How many times longer it is than before the trigger.
+const TIMES: u16 = 6;
+
+impl Stillness {
+    pub(crate) const NONE: Self = Self {
+        seen: 0,
+        sensors: [Rest {
+            code: 0,
+            groups: 0,
+            most: [0; 2],
+        }; SENSORS],
+    };
+
+    /// Takes the next piece of a window. Its first `history` scans are those up to the trigger.
+    pub(crate) fn look(&mut self, scans: &[Scan], history: u16) {
+        let part = usize::from(self.seen >= history);
+        let [force, acceleration] = &mut self.sensors;
+        for group in scans.as_chunks::<GROUP>().0 {
+            force.add(resting(group, |scan| scan.force), part);
+            acceleration.add(resting(group, |scan| scan.acceleration), part);
+        }
+        self.seen += scans.len() as u16;
+    }
+
+    /// Whether a sensor stood still in the window.
+    pub(crate) fn found(&self) -> bool {
+        let still = |rest: &Rest| rest.most[1] >= LEAST.max(TIMES * rest.most[0]);
+        self.sensors.iter().any(still)
+    }
+}
+
+/// The code at the high gain, if it is the same in all of these scans and not at a rail. As a rule the first
+/// two differ.
+fn resting(group: &[Scan; GROUP], sensor: impl Fn(&Scan) -> Pair) -> Option<u16> {
+    let code = |scan| sensor(scan).sensitive().get();
+    let [first, rest @ ..] = group;
+    let first = code(first);
+    let rests = rest.iter().all(|scan| code(scan) == first);
+    (rests && first & HIGH != 0 && first & HIGH != HIGH).then_some(first)
+}
+
+impl Rest {
+    fn add(&mut self, resting: Option<u16>, part: usize) {
+        let Some(code) = resting else {
+            self.groups = 0;
+            return;
+        };
+        if code != self.code {
+            self.code = code;
+            self.groups = 0;
+        }
+        self.groups += 1;
+        self.most[part] = self.most[part].max(self.groups);
     }
 }

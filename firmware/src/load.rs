@@ -55,7 +55,7 @@ pub(crate) fn count<T>(work: impl FnOnce() -> T) -> T {
 /// Sends the cycles since this was last called.
 pub(crate) fn tell() {
     let Spent { blocks, worst, total } = SPENT.lock(|cell| cell.replace(NOTHING));
-    outbox::push(Load {
+    outbox::tell(Load {
         blocks,
         worst_cycles: worst,
         mean_cycles: (total / u64::from(blocks.max(1))) as u32,

@@ -40,6 +40,7 @@ mod transmit;
 mod watchdog;
 
 use bead_model::Meter;
+use bead_store::Pace;
 use bead_wire::{FaultCause, MAX_FRAME, Standing};
 use commands::Commands;
 use converter::Converter;
@@ -87,7 +88,7 @@ fn main() -> ! {
     }
     let (mut store, opened) = storage::open(p.FLASH, supply_is_good);
     clocks::accelerate();
-    let loaded = settings::load(&mut store, opened);
+    let loaded = settings::load(&mut store, opened, boot.failed);
     let (settings, refused) = (loaded.settings, loaded.refused);
     estimate::arm(loaded.arm());
     defmt::info!("settings: {=str}", loaded.origin());
@@ -97,9 +98,12 @@ fn main() -> ! {
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
     let (transmitter, receiver) = port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2);
+    let lock = commands::lock(&store);
     let commands = Commands {
         boot,
         store,
+        pace: Pace::new(trace::written()),
+        lock,
         window: WINDOW.take(),
     };
     handover::begin();

@@ -1,76 +1,128 @@
-//! The queue of messages that wait to be sent.
+//! The frames that wait to be sent.
 //!
 //! # Design
 //! A task of any priority can put a message in, and never waits: a message that finds no room is dropped and
-//! counted. It takes a sequence number all the same, so the host sees the gap. The transmitter encodes the
-//! messages, at the lowest priority. A message is copied into the queue in a critical section, so that
-//! numbers and messages are in the same order. The section is about 390 instructions long, 4 to 6 µs: the
-//! copy alone is of some 290 bytes.
+//! counted. It takes a sequence number all the same, so the host sees the gap. A message is packed first and
+//! then copied into a ring of bytes in a critical section, so that numbers and frames are in the same order.
+//! The section is some 200 instructions long for the longest frame, 2 to 3 µs. CRC and COBS are the
+//! transmitter's work, at the lowest priority.
+//!
+//! **Room is kept for replies.** What comes in bulk leaves [`KEPT`] bytes free: waveforms, strikes, raw scans
+//! and edges. Replies, what a request asks for, what is told every second and faults may use them. So a bead
+//! answers whatever its settings, its sensors and its line make it send. While a frame can leave, that room
+//! becomes free again within 10 ms, since nothing in bulk may take it.
 
-use bead_wire::Message;
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
+
+use bead_telemetry::{KEPT, OUTBOX};
+use bead_wire::{Message, Packed, Queue, taken};
+use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::channel::Channel;
-use embassy_time::{Duration, Timer};
+use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Timer, with_timeout};
 
 use crate::{counters, trace};
 
-/// Most messages that wait: the windows of several strikes, about 23 records each.
-const DEPTH: usize = 128;
-/// Messages for which a raw stream leaves room.
-const CALM: usize = DEPTH / 2;
-/// Messages for which there must be room before a request is done. It is less than a raw stream leaves, so
-/// that a stream does not block requests.
-const ROOM: usize = DEPTH / 4;
+/// Bytes that the window of a strike needs.
+static WINDOW: AtomicUsize = AtomicUsize::new(0);
+/// How long a request waits for that.
+const PATIENCE: Duration = Duration::from_millis(20);
 
-/// A message with the fields of its frame's header.
-pub(crate) struct Queued {
-    pub(crate) sequence: u32,
-    /// Index of the newest scan when the message was made.
-    pub(crate) sample_index: u64,
-    pub(crate) message: Message,
+static QUEUE: Mutex<CriticalSectionRawMutex, RefCell<Queue<OUTBOX>>> = Mutex::new(RefCell::new(Queue::new()));
+/// A frame was put in.
+static FILLED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+
+/// Address of the bead, by the settings in force.
+static ADDRESS: AtomicU8 = AtomicU8::new(0);
+
+/// The address under which frames leave.
+pub(crate) fn address() -> u8 {
+    ADDRESS.load(Ordering::Relaxed)
 }
 
-static QUEUE: Channel<CriticalSectionRawMutex, Queued, DEPTH> = Channel::new();
+/// Changes the address of the frames that are put in from now on.
+pub(crate) fn readdress(address: u8) {
+    ADDRESS.store(address, Ordering::Relaxed);
+}
 
-/// Puts a message in, or drops and counts it.
+/// Puts a message in that comes in bulk, or drops and counts it.
 pub(crate) fn push(message: impl Into<Message>) {
-    queue(message.into());
+    queue(&mut Packed::new(), &message.into(), KEPT);
+}
+
+/// The same for what comes by the dozen: `packed` is room to work in, which need not be cleared each time.
+pub(crate) fn push_through(packed: &mut Packed, message: impl Into<Message>) {
+    queue(packed, &message.into(), KEPT);
+}
+
+/// Puts a message in that a host waits for, or that is rare. It may use the room that is kept.
+pub(crate) fn tell(message: impl Into<Message>) {
+    queue(&mut Packed::new(), &message.into(), 0);
 }
 
 // Once in the image: a message is long to build, and it is built where the core should do something else
 // quickly.
 #[inline(never)]
-fn queue(message: Message) {
+fn queue(packed: &mut Packed, message: &Message, keep: usize) {
+    let whole = packed.pack(address(), trace::boot() as u8, message).is_ok();
+    let mut wake = false;
     counters::update(|c| {
-        let queued = Queued {
-            sequence: c.frames,
-            sample_index: c.newest_index,
-            message,
-        };
+        packed.stamp(c.frames, c.newest_index);
         c.frames = c.frames.wrapping_add(1);
-        match QUEUE.try_send(queued) {
-            Ok(()) => {
-                c.frames_waiting += 1;
-                trace::keep_waiting(c.frames_waiting);
-            }
-            Err(_) => c.frames_dropped_queue_full += 1,
+        if !whole {
+            c.frames_dropped_too_long += 1;
+        } else if QUEUE.lock(|queue| queue.borrow_mut().push(packed, keep)) {
+            // The transmitter waits only for the first.
+            wake = c.frames_waiting == 0;
+            c.frames_waiting += 1;
+            trace::keep_waiting(c.frames_waiting);
+        } else {
+            c.frames_dropped_queue_full += 1;
         }
     });
-}
-
-/// Whether more than half of the room is free: a raw stream leaves the other half to strikes.
-pub(crate) fn is_calm() -> bool {
-    QUEUE.free_capacity() > CALM
-}
-
-/// Waits until there is room for the frames of a request.
-pub(crate) async fn calm() {
-    while QUEUE.free_capacity() < ROOM {
-        Timer::after(Duration::from_millis(1)).await;
+    if wake {
+        FILLED.signal(());
     }
 }
 
-/// Takes the oldest message out; waits for one.
-pub(crate) async fn next() -> Queued {
-    QUEUE.receive().await
+/// Bytes that bulk may still take.
+pub(crate) fn room() -> usize {
+    free().saturating_sub(KEPT)
+}
+
+/// Whether the window of a strike, which needs so many bytes, finds room.
+pub(crate) fn has_room(window: usize) -> bool {
+    WINDOW.store(window, Ordering::Relaxed);
+    room() >= window
+}
+
+/// Most bytes that a frame takes.
+pub(crate) const FRAME: usize = taken(Packed::MAX);
+
+fn free() -> usize {
+    QUEUE.lock(|queue| queue.borrow().free())
+}
+
+/// Waits until a request may be done. A host that sends requests without end shall not take the room that
+/// the window of a strike needs, so this waits for that. If it does not come in time, strikes are what takes it: then
+/// only the room for replies must be there, and it always comes.
+pub(crate) async fn calm() {
+    let calm = async {
+        while room() < WINDOW.load(Ordering::Relaxed) {
+            Timer::after(Duration::from_millis(1)).await;
+        }
+    };
+    if with_timeout(PATIENCE, calm).await.is_err() {
+        while free() < KEPT / 2 {
+            Timer::after(Duration::from_millis(1)).await;
+        }
+    }
+}
+
+/// Moves the oldest frame into `packed`; waits for one.
+pub(crate) async fn next(packed: &mut Packed) {
+    while !QUEUE.lock(|queue| queue.borrow_mut().pop(packed)) {
+        FILLED.wait().await;
+    }
 }

@@ -2,7 +2,7 @@
 //!
 //! # Design
 //! The link cannot carry 100 000 scans a second: about half of them leave. Scans are queued in pieces behind
-//! all that already waits, and only while half of the outbox is free, so that a strike finds room. A piece
+//! all that already waits, and only while the outbox has room for the window of a strike as well. A piece
 //! that is not queued takes no sequence number. It is counted, and the sample indices show the gap.
 
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -24,8 +24,9 @@ pub(crate) fn start(duration_ms: u32) {
     BLOCKS_LEFT.store(duration_ms.div_ceil(BLOCK_US / 1000), Ordering::Relaxed);
 }
 
-/// Queues a block if there is a stream. At the end of the stream, sends how many scans were dropped.
-pub(crate) fn offer(block: &Block) {
+/// Queues a block if there is a stream, and leaves `room` bytes of the outbox free. At the end of the stream,
+/// sends how many scans were dropped.
+pub(crate) fn offer(block: &Block, room: usize) {
     // Nothing changes it between load and store: `start` runs at a lower priority.
     let left = BLOCKS_LEFT.load(Ordering::Relaxed);
     if left == 0 {
@@ -37,7 +38,7 @@ pub(crate) fn offer(block: &Block) {
     while rest.len() > 0 {
         let count = rest.len().min(MAX_SCANS) as u64;
         let scans = rest.by_ref().take(MAX_SCANS);
-        if outbox::is_calm() {
+        if outbox::room() >= room + outbox::FRAME {
             outbox::push(bead_telemetry::raw(first_index, scans));
             counters::update_link(|link| link.raw_sent += count);
         } else {

@@ -1,6 +1,6 @@
 //! Identity, settings, status, health and link of the bead, told at boot and every second.
 
-use bead_wire::{Fault, FaultCause, Identity, ResetCauses, Status};
+use bead_wire::{Fault, FaultCause, Identity, LastFault, ResetCauses, Status};
 use embassy_time::{Duration, Instant, Ticker};
 
 use crate::block::CHANNELS;
@@ -19,9 +19,10 @@ pub(crate) type Found = heapless::Vec<(FaultCause, &'static str), 3>;
 pub(crate) async fn report(boot: &'static Boot, found: Found) -> ! {
     let mut period = Ticker::every(PERIOD);
     counters::update(|c| c.health.frames_lost_by_reset = boot.frames_lost);
+    counters::update_guard(|guard| guard.boots_failed = boot.failed);
     tell_all(boot);
     if let Some(left) = &boot.left {
-        outbox::push(Fault {
+        outbox::tell(Fault {
             cause: left.cause,
             boot: left.boot,
             pc: left.pc,
@@ -39,13 +40,22 @@ pub(crate) async fn report(boot: &'static Boot, found: Found) -> ! {
 
 fn tell_all(boot: &'static Boot) {
     tell_identity(boot);
+    if let Some(last) = &boot.last {
+        outbox::tell(LastFault {
+            faults: boot.faults,
+            cause: last.cause,
+            boot: last.boot,
+            pc: last.pc,
+            detail: last.detail.clone(),
+        });
+    }
     settings::tell();
     tell_status();
 }
 
 /// Sends the identity.
 pub(crate) fn tell_identity(boot: &'static Boot) {
-    outbox::push(Identity {
+    outbox::tell(Identity {
         firmware: env!("CARGO_PKG_VERSION").into(),
         git: env!("BEAD_GIT").into(),
         uid: embassy_stm32::uid::uid(),
@@ -56,23 +66,24 @@ pub(crate) fn tell_identity(boot: &'static Boot) {
     });
 }
 
-/// Sends status, health and link.
+/// Sends status, health, link and guard.
 pub(crate) fn tell_status() {
-    outbox::push(status());
-    outbox::push(counters::snapshot().health);
+    outbox::tell(status());
+    outbox::tell(counters::snapshot().health);
     tell_link();
+    outbox::tell(counters::guard());
 }
 
 /// Sends the counts of the link.
 pub(crate) fn tell_link() {
-    outbox::push(counters::link());
+    outbox::tell(counters::link());
 }
 
 /// Logs and sends a fault that the bead survived.
 #[inline(never)]
 pub(crate) fn fault(cause: FaultCause, detail: &'static str) {
     defmt::warn!("{=str}", detail);
-    outbox::push(Fault {
+    outbox::tell(Fault {
         cause,
         boot: trace::boot(),
         pc: 0,

@@ -63,7 +63,7 @@ pub(crate) async fn run(
         ),
     ];
     for (check, passed, value) in checks {
-        outbox::push(SelfTest { check, passed, value });
+        outbox::tell(SelfTest { check, passed, value });
     }
     let failed = checks.iter().filter(|(_, passed, _)| !passed).count();
     (failed, checks.len())

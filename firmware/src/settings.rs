@@ -22,6 +22,7 @@ use bead_wire::{Block, Detail, SettingsSource};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
+use embassy_time::{Duration, with_timeout};
 
 use crate::sample_clock::SAMPLE_RATE_HZ;
 use crate::{built_in, outbox, storage};
@@ -84,6 +85,7 @@ impl Loaded {
             SettingsSource::Stored => "came over the link",
             SettingsSource::Flash => "put into flash by a probe",
             SettingsSource::BuiltIn => "built in, as flash has none",
+            SettingsSource::Rescue => "built in, as boots with those in flash failed",
             SettingsSource::FlashRefused | SettingsSource::Unknown(_) => {
                 "built in, as those in flash are refused"
             }
@@ -96,9 +98,22 @@ impl Loaded {
     }
 }
 
+/// Boots that may fail in a row with the same settings.
+const FAILED: u32 = 5;
+
 /// Finds the settings at start-up. A block in flash that fails its check is refused as a whole: the next
-/// settings in order are used, and a fault frame says so.
-pub(crate) fn load(store: &mut storage::SettingsStore, opened: Opened) -> Loaded {
+/// settings in order are used, and a fault frame says so. If [`FAILED`] boots in a row have failed, those in
+/// flash are left alone: whatever they made the bead do, it can be reached again.
+pub(crate) fn load(store: &mut storage::SettingsStore, opened: Opened, failed: u32) -> Loaded {
+    if failed >= FAILED {
+        return Loaded {
+            source: SettingsSource::Rescue,
+            ..built_in(Some(Refused {
+                why: "five boots in a row failed with the settings in flash: write others, or reboot to try again",
+                foreign: true,
+            }))
+        };
+    }
     let mut refused = opened
         .lost
         .then_some(Refused::damaged("what was stored is not whole, and was erased"));
@@ -137,6 +152,10 @@ pub(crate) fn beneath(refused: Option<Refused>) -> Loaded {
         Err(SettingsError::Erased) => refused,
         Err(error) => Some(error.into()),
     };
+    built_in(refused)
+}
+
+fn built_in(refused: Option<Refused>) -> Loaded {
     Loaded {
         settings: Settings::decode(&built_in::SETTINGS)
             .expect("a test decodes this block with the same code"),
@@ -212,20 +231,30 @@ static TAKEN: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 /// Puts settings in force before the tasks start.
 pub(crate) fn begin(loaded: Loaded) {
+    outbox::readdress(loaded.settings.address);
     IN_FORCE.lock(|cell| cell.replace(Some(loaded)));
 }
 
+/// Longest wait until the estimators take settings: ten times the longest window.
+const PATIENCE: Duration = Duration::from_millis(100);
+
 /// Offers settings, and waits until they are in force. A strike that is being measured is finished first.
-pub(crate) async fn change(loaded: Loaded) {
+/// Returns false if no block of samples came in time: then they hold from the first block on.
+pub(crate) async fn change(loaded: Loaded) -> bool {
     TAKEN.reset();
     OFFERED.lock(|cell| cell.replace(Some(loaded)));
     IS_OFFERED.store(true, Ordering::Release);
-    TAKEN.wait().await;
+    with_timeout(PATIENCE, TAKEN.wait()).await.is_ok()
+}
+
+/// Whether settings are offered.
+pub(crate) fn is_offered() -> bool {
+    IS_OFFERED.load(Ordering::Acquire)
 }
 
 /// The settings that are offered, if any. The caller uses them from now on. Called between two strikes.
 pub(crate) fn take() -> Option<Settings> {
-    if !IS_OFFERED.load(Ordering::Acquire) {
+    if !is_offered() {
         return None;
     }
     IS_OFFERED.store(false, Ordering::Relaxed);
@@ -247,19 +276,19 @@ fn in_force<T>(get: impl FnOnce(&Loaded) -> T) -> T {
     })
 }
 
-/// Queues a frame with the block in force.
+/// Queues a frame with the block in force. In one lock: if the settings changed between reading and queueing,
+/// the old block would be told after the new one, and replay would take it for the one in force.
 pub(crate) fn tell() {
-    outbox::push(bead_wire::Settings { block: current() });
+    in_force(|loaded| {
+        outbox::tell(bead_wire::Settings {
+            block: loaded.block.clone(),
+        });
+    });
 }
 
 /// The block in force.
 pub(crate) fn current() -> Block {
     in_force(|loaded| loaded.block.clone())
-}
-
-/// Address of the bead, by the settings in force.
-pub(crate) fn address() -> u8 {
-    in_force(|loaded| loaded.settings.address)
 }
 
 /// Whether the bead looks for strikes unasked with the settings in force.
@@ -274,5 +303,8 @@ pub(crate) fn source() -> SettingsSource {
 
 /// Whether the settings in force are not the owner's: built in, with or without a refused block in flash.
 pub(crate) fn are_not_owners() -> bool {
-    matches!(source(), SettingsSource::BuiltIn | SettingsSource::FlashRefused)
+    matches!(
+        source(),
+        SettingsSource::BuiltIn | SettingsSource::FlashRefused | SettingsSource::Rescue
+    )
 }

@@ -6,7 +6,7 @@
 //! ([`bead_store`] says why). The driver erases by bytes: 2 s a sector, at most 4 s (DocID022152, flash
 //! memory programming).
 
-use bead_store::{Opened, Store};
+use bead_store::{Opened, Store, Vault};
 use embassy_stm32::flash::{Blocking, Flash};
 use embassy_stm32::{Peri, peripherals};
 
@@ -14,10 +14,10 @@ use embassy_stm32::{Peri, peripherals};
 const RANGE: core::ops::Range<u32> = 0xC_0000..0x10_0000;
 
 /// The store of this bead.
-pub(crate) type SettingsStore = Store<Flash<'static, Blocking>>;
+pub(crate) type SettingsStore = Vault<Flash<'static, Blocking>>;
 
 const _: () = assert!(
-    bead_store::MAX_BLOCK == bead_wire::MAX_BLOCK,
+    bead_store::MAX_SETTINGS == bead_wire::MAX_BLOCK,
     "a block that a request carries fits the store"
 );
 
@@ -28,8 +28,9 @@ pub(crate) fn open(
     supply_is_good: bool,
 ) -> (SettingsStore, Opened) {
     let flash = Flash::new_blocking(flash);
-    match supply_is_good {
+    let (store, opened) = match supply_is_good {
         true => Store::open(flash, RANGE),
         false => (Store::open_as_it_is(flash, RANGE), Opened::default()),
-    }
+    };
+    (Vault::new(store), opened)
 }

@@ -26,11 +26,17 @@ pub(crate) struct Boot {
     pub(crate) reset_cause: u8,
     /// The fault that ended the boot before, if one did.
     pub(crate) left: Option<Left>,
+    /// The last fault that ended a boot since power-up, and how many boots ended in one.
+    pub(crate) last: Option<Left>,
+    pub(crate) faults: u32,
+    /// How many boots in a row, up to this one, ended in a fault before they were [`proven`].
+    pub(crate) failed: u32,
     /// Frames that the boot before had made and not completely sent.
     pub(crate) frames_lost: u32,
 }
 
 /// A fault that ended a boot.
+#[derive(Clone)]
 pub(crate) struct Left {
     pub(crate) cause: FaultCause,
     pub(crate) boot: u32,
@@ -55,25 +61,58 @@ pub(crate) fn begin() -> Boot {
         None => 0,
     };
     keep_waiting(0);
-    let number = before.as_ref().map_or(0, |kept| kept.boot.wrapping_add(1));
-    let left = before.and_then(|kept| {
-        kept.left().or_else(|| {
-            flags.wdgrstf().then(|| Left {
-                cause: FaultCause::Watchdog,
-                boot: kept.boot,
-                pc: 0,
-                detail: Detail::new(format_args!("")),
-            })
-        })
-    });
-    Kept::new(number).store();
-    BOOT.store(number, Ordering::Relaxed);
+    let mut kept = match before {
+        Some(mut kept) => {
+            if kept.fault_boot != kept.boot && flags.wdgrstf() {
+                kept.record(FaultCause::Watchdog, 0, "");
+            }
+            kept
+        }
+        None => Kept::new(),
+    };
+    let ended = kept.boot;
+    let left = kept.last().filter(|last| before.is_some() && last.boot == ended);
+    kept.boot = before.map_or(0, |kept| kept.boot.wrapping_add(1));
+    kept.faults = kept.faults.saturating_add(left.is_some().into());
+    kept.failed = match &left {
+        Some(_) => kept.failed.saturating_add(1),
+        None => 0,
+    };
+    kept.store();
+    BOOT.store(kept.boot, Ordering::Relaxed);
     Boot {
-        number,
+        number: kept.boot,
         reset_cause: (flags.0 >> 24) as u8,
         left,
+        last: kept.last(),
+        faults: kept.faults,
+        failed: kept.failed,
         frames_lost,
     }
+}
+
+/// This boot has run long enough: the boots that failed before it count no longer.
+pub(crate) fn proven() {
+    change(|kept| kept.failed = 0);
+}
+
+/// Settings that were written lately, as [`bead_store::Pace`] counts them.
+pub(crate) fn written() -> u32 {
+    Kept::load().map_or(0, |kept| kept.written)
+}
+
+/// Keeps the number of settings that were written lately.
+pub(crate) fn keep_written(written: u32) {
+    change(|kept| kept.written = written);
+}
+
+fn change(change: impl FnOnce(&mut Kept)) {
+    critical_section::with(|_| {
+        if let Some(mut kept) = Kept::load() {
+            change(&mut kept);
+            kept.store();
+        }
+    });
 }
 
 /// Keeps how many frames wait, so that the next boot can tell how many were lost with this one.
@@ -117,8 +156,13 @@ struct Region {
 struct Kept {
     magic: u32,
     boot: u32,
-    /// What ended the boot: [`NONE`], or a number of [`CAUSES`].
+    /// Boots that ended in a fault, and how many of the last ones in a row did so early.
+    faults: u32,
+    failed: u32,
+    written: u32,
+    /// What ended the last boot that ended in a fault: [`NONE`], or a number of [`CAUSES`].
     cause: u32,
+    fault_boot: u32,
     pc: u32,
     detail_length: u32,
     detail: [u8; MAX_DETAIL],
@@ -127,13 +171,14 @@ struct Kept {
 }
 
 /// "BEAD" and the version of the layout.
-const MAGIC: u32 = u32::from_le_bytes(*b"BEA\x01");
+const MAGIC: u32 = u32::from_le_bytes(*b"BEA\x02");
 const NONE: u32 = 0;
-const CAUSES: [(u32, FaultCause); 5] = [
+const CAUSES: [(u32, FaultCause); 6] = [
     (1, FaultCause::Panic),
     (2, FaultCause::HardFault),
     (3, FaultCause::DmaError),
     (4, FaultCause::StackOverflow),
+    (5, FaultCause::Watchdog),
     (6, FaultCause::CrystalFailed),
 ];
 const _: () = assert!(
@@ -179,11 +224,15 @@ mod region {
 }
 
 impl Kept {
-    const fn new(boot: u32) -> Self {
+    const fn new() -> Self {
         Self {
             magic: MAGIC,
-            boot,
+            boot: 0,
+            faults: 0,
+            failed: 0,
+            written: 0,
             cause: NONE,
+            fault_boot: u32::MAX,
             pc: 0,
             detail_length: 0,
             detail: [0; MAX_DETAIL],
@@ -202,18 +251,41 @@ impl Kept {
     }
 
     fn checksum(&self) -> u32 {
-        let words = [self.magic, self.boot, self.cause, self.pc, self.detail_length];
+        let words = [
+            self.magic,
+            self.boot,
+            self.faults,
+            self.failed,
+            self.written,
+            self.cause,
+            self.fault_boot,
+            self.pc,
+            self.detail_length,
+        ];
         let words = words.map(u32::to_le_bytes);
         checksum_of([words.as_flattened(), &self.detail])
     }
 
-    fn left(&self) -> Option<Left> {
+    /// Notes what ends this boot.
+    fn record(&mut self, cause: FaultCause, pc: u32, detail: &str) {
+        self.cause = CAUSES
+            .into_iter()
+            .find_map(|(number, known)| (known == cause).then_some(number))
+            .unwrap_or(NONE);
+        self.fault_boot = self.boot;
+        self.pc = pc;
+        self.detail_length = detail.len() as u32;
+        self.detail = [0; MAX_DETAIL];
+        self.detail[..detail.len()].copy_from_slice(detail.as_bytes());
+    }
+
+    fn last(&self) -> Option<Left> {
         let (_, cause) = CAUSES.into_iter().find(|&(number, _)| number == self.cause)?;
         let text = self.detail.get(..self.detail_length as usize)?;
         let text = core::str::from_utf8(text).ok()?;
         Some(Left {
             cause,
-            boot: self.boot,
+            boot: self.fault_boot,
             pc: self.pc,
             detail: Detail::new(format_args!("{text}")),
         })
@@ -245,14 +317,9 @@ fn end(cause: FaultCause, pc: u32, detail: fmt::Arguments<'_>) -> ! {
 }
 
 fn record(cause: FaultCause, pc: u32, text: &str) {
-    let mut kept = Kept::new(boot());
-    kept.cause = CAUSES
-        .into_iter()
-        .find_map(|(number, known)| (known == cause).then_some(number))
-        .unwrap_or(NONE);
-    kept.pc = pc;
-    kept.detail_length = text.len() as u32;
-    kept.detail[..text.len()].copy_from_slice(text.as_bytes());
+    let mut kept = Kept::load().unwrap_or(const { Kept::new() });
+    kept.boot = boot();
+    kept.record(cause, pc, text);
     kept.store();
 }
 

@@ -20,11 +20,14 @@ use embassy_stm32::{Peri, peripherals};
 use embassy_time::{Duration, Timer};
 
 use crate::counters::{self, Counters};
+use crate::trace;
 
 const TIMEOUT_US: u32 = 2_000_000;
 const PERIOD: Duration = Duration::from_millis(250);
 /// Checks in a row without new samples or without a frame that left, after which this task panics: 1.25 s.
 const SILENCE: u32 = 5;
+/// Checks after which a boot has proven itself, its tasks of the lowest priority included: 1 s.
+const PROVEN: u32 = 4;
 
 /// Starts the watchdog with its longest time: 32.8 s, and 22 s at least. A start takes 14 s at most: 5 s for
 /// the supply, 0.1 s for the crystal, 4 s for each of two sectors that are erased.
@@ -45,8 +48,13 @@ pub(crate) async fn watch(watchdog: Peri<'static, peripherals::IWDG>, sampling: 
     let mut before = counters::snapshot();
     let mut fed = before;
     let mut silent = 0;
+    let mut checks = 0_u32;
     loop {
         Timer::after(PERIOD).await;
+        checks = checks.saturating_add(1);
+        if checks == PROVEN {
+            trace::proven();
+        }
         let now = counters::snapshot();
         if sampling {
             check(&before, &now);

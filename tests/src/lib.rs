@@ -11,7 +11,7 @@ use bead::recording::frames::{self, Frame};
 use bead_model::Settings;
 use bead_model::design::{Bead, Capture, FrontEnd as FrontEndDesign, derive};
 use bead_wire::Message;
-use bead_wire::{ANY, Counters, MAX_REQUEST, Request, encode_request};
+use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use stm32f405_qemu::{Outcome, Run, UartInput};
 
@@ -95,6 +95,78 @@ pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
     .unwrap_or_else(|failure| panic!("{failure}"))
 }
 
+/// Settings at random that a bead must take: every number that can be chosen, at the corners of its range and
+/// within it. `random` gives random bits.
+///
+/// # Panics
+/// A thousand drawn settings are all refused: the ranges here are not those of the check.
+pub fn any_settings(random: &mut dyn FnMut() -> u64) -> Settings {
+    let drawn = std::iter::repeat_with(|| draw_settings(random)).take(1000);
+    let mut valid = drawn.filter(|settings| settings.validate().is_ok());
+    valid.next().expect("one of a thousand drawn settings is valid")
+}
+
+fn draw_settings(random: &mut dyn FnMut() -> u64) -> Settings {
+    /// An end of the range, one beside it, or any of it.
+    fn corner(random: &mut dyn FnMut() -> u64, least: u64, most: u64) -> u64 {
+        match random() % 6 {
+            0 => least,
+            1 => (least + 1).min(most),
+            2 => most.saturating_sub(1).max(least),
+            3 => most,
+            _ => least + random() % (most - least + 1),
+        }
+    }
+    let mut settings = settings_at(100_000);
+    let window = &mut settings.window;
+    window.history = corner(random, 128, 256) as u16;
+    window.length = corner(random, u64::from(window.history) + 1, 1024) as u16;
+    window.lookback = corner(random, 1, u64::from(window.history) - 1) as u16;
+    window.threshold = match random() % 3 {
+        0 => 1 + (random() % 12) as u16,
+        _ => corner(random, 1, 4095) as u16,
+    };
+    settings.chain.gate = fixed::FixedI32::from_bits(match random() % 3 {
+        0 => 0,
+        1 => (random() % 4000) as i32,
+        _ => random() as i32,
+    });
+    // 32 kN and 65 km/s² over 4095 codes, with the slope.
+    for channel in [&mut settings.force.sensitive, &mut settings.force.wide] {
+        if random().is_multiple_of(2) {
+            continue;
+        }
+        channel.per_code = fixed::FixedI32::from_bits(corner(random, 1, (1 << 31) - 1) as i32);
+        channel.slope = fixed::FixedI32::from_bits(corner(random, 0, 1 << 31) as i32);
+    }
+    for channel in [
+        &mut settings.acceleration.sensitive,
+        &mut settings.acceleration.wide,
+    ] {
+        if random().is_multiple_of(2) {
+            continue;
+        }
+        channel.per_code = fixed::FixedI32::from_bits(corner(random, 1, 1 << 30) as i32);
+        channel.slope = fixed::FixedI32::from_bits(corner(random, 0, 1 << 30) as i32);
+    }
+    settings.disagreement = fixed::FixedI32::from_bits(corner(random, 1, (1 << 31) - 1) as i32);
+    settings.ringing.frequency_tolerance = fixed::FixedI32::from_bits(random() as i32);
+    settings.ringing.decay_tolerance = fixed::FixedI32::from_bits(random() as i32);
+    settings.address = corner(random, 0, 254) as u8;
+    settings
+}
+
+/// When the last byte of the first reply to a request had left the bead, in s as [`Requests::request`] counts
+/// them.
+pub fn replied(outcome: &Outcome, request: u16) -> Option<f64> {
+    let mut decoder = bead_wire::Decoder::new();
+    let mut sent = outcome.uart.iter().zip(&outcome.uart_ns);
+    sent.find_map(|(&byte, &at_ns)| match decoder.push(byte)?.ok()?.message {
+        Message::Reply(reply) if reply.request == request => Some(at_ns as f64 * 1e-9 - SUPPLY_WAIT),
+        _ => None,
+    })
+}
+
 /// What one run said.
 pub struct Heard {
     /// Bytes that left the bead's port.
@@ -136,6 +208,18 @@ impl Heard {
             _ => None,
         });
         link.expect("the bead sends what came in at boot")
+    }
+
+    /// The last guard frame.
+    ///
+    /// # Panics
+    /// There is none: the bead sends one at boot.
+    pub fn guard(&self) -> bead_wire::Guard {
+        let guard = self.frames.iter().rev().find_map(|frame| match &frame.message {
+            Message::Guard(guard) => Some(*guard),
+            _ => None,
+        });
+        guard.expect("the bead sends what it refused at boot")
     }
 
     /// The replies to a request: their places among the frames.
@@ -242,6 +326,15 @@ impl Requests {
             encode_request(ANY, number, request, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
         self.send(at, bytes);
         number
+    }
+
+    /// Sends a request signed for the bead with this device id; as [`request`](Self::request).
+    ///
+    /// # Panics
+    /// As [`request`](Self::request).
+    pub fn signed(&mut self, at: f64, request: &Request, key: &Key, uid: &[u8; 12], ticket: Ticket) -> u16 {
+        let signed = request.signed(key, uid, ANY, self.next, ticket);
+        self.request(at, &signed)
     }
 
     /// Sends any bytes, as [`request`](Self::request) does.

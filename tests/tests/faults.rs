@@ -414,8 +414,9 @@ fn the_supply_is_measured_whenever_acquisition_starts() {
 }
 
 #[test]
-fn a_port_that_stalls_costs_frames_that_are_counted_and_no_sample_and_a_later_strike_is_measured() {
-    // Eight strikes during the stall fill the queue; the ninth comes 10 ms after its end, the tenth 60 ms.
+fn a_port_that_stalls_costs_whole_strikes_that_are_counted_and_no_sample_and_a_later_one_is_measured() {
+    // Eight strikes during the stall, more than there is room for; the ninth comes 10 ms after its end, the
+    // tenth 60 ms.
     let timing = Timing {
         lead_in: 0.06,
         strikes: 10,
@@ -427,10 +428,20 @@ fn a_port_that_stalls_costs_frames_that_are_counted_and_no_sample_and_a_later_st
     survived.assert_every_frame_is_accounted_for();
     assert_eq!((survived.causes(), survived.outcome.resets.len()), (vec![], 0));
     let status = survived.heard.status();
-    assert!(status.frames_dropped_queue_full > 0);
     assert_eq!(
         (status.strikes, status.overruns, status.blocks_dropped),
         (10, 0, 0)
+    );
+    // A strike is there with all of its frames, or it was passed over.
+    let passed_over = survived.heard.guard().strikes_passed_over as usize;
+    assert_eq!(status.frames_dropped_queue_full, 0);
+    assert!(passed_over > 0);
+    assert_eq!(survived.strikes.len() + passed_over, 10);
+    assert!(
+        survived
+            .strikes
+            .iter()
+            .all(|strike| strike.scans.len() == usize::from(strike.said.samples))
     );
 }
 
@@ -447,8 +458,8 @@ fn a_port_that_never_comes_back_is_given_up_by_the_bead_itself_which_says_so() {
         survived.details()
     );
     assert_eq!(survived.heard.boots()[1], (1, SOFTWARE));
-    // What was made at 1 s, and could not leave: identity, settings, status, health, link.
-    assert_eq!(survived.heard.health().frames_lost_by_reset, 5);
+    // What was made at 1 s, and could not leave: identity, settings, status, health, link, guard.
+    assert_eq!(survived.heard.health().frames_lost_by_reset, 6);
 }
 
 #[test]

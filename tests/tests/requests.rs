@@ -437,7 +437,10 @@ fn counters_are_reset_and_what_identifies_a_strike_is_not() {
     requests.request(0.09, &Request::Status);
     requests.request(0.1, &Request::ResetCounters);
     let answered = requests.run();
-    let [Message::Status(status), _, Message::Link(link), ..] = answered.heard.answered(0)[..] else {
+    let mut said = answered.heard.answered(0);
+    // The samples that the overrun cost were told within the same 30 ms.
+    said.retain(|message| !matches!(message, Message::Gap(_)));
+    let [Message::Status(status), _, Message::Link(link), ..] = said[..] else {
         panic!("no status");
     };
     assert_eq!((status.overruns, link.rejected_cobs), (1, 1));

@@ -152,8 +152,9 @@ fn a_bead_is_asked_from_the_command_line() {
             .skip(1)
             .map(|row| row.split(',').filter_map(|field| field.parse().ok()).collect())
             .collect();
-        // Half of 10 000 scans, in order, with codes of a chain at rest or struck.
-        assert!((4000..7000).contains(&rows.len()), "{}", rows.len());
+        // Half of 10 000 scans and the 2200 that the outbox holds at the end, in order, with codes of a chain
+        // at rest or struck.
+        assert!((4000..7500).contains(&rows.len()), "{}", rows.len());
         assert!(
             rows.iter()
                 .all(|row| row.len() == 3 && row[1] < 4096 && row[2] < 4096)

@@ -122,6 +122,9 @@ pub struct Meter {
     /// Forces and accelerations of the window so far.
     record: WindowRecord,
     strikes: u32,
+    /// Strikes that come now are counted, but not measured.
+    passing: bool,
+    passed_over: u32,
 }
 
 impl Default for Meter {
@@ -142,7 +145,20 @@ impl Meter {
             phase: Phase::Settling { quiet: 0 },
             record: WindowRecord::new(),
             strikes: 0,
+            passing: false,
+            passed_over: 0,
         }
+    }
+
+    /// Whether strikes that come from now on are passed over: they are counted and take a number, but are not
+    /// measured. A strike that is being measured is measured to its end.
+    pub fn pass_over(&mut self, passing: bool) {
+        self.passing = passing;
+    }
+
+    /// Strikes that were passed over so far.
+    pub fn passed_over(&self) -> u32 {
+        self.passed_over
     }
 
     /// Forgets all scans, so that no window mixes samples from before and after a gap. The number of strikes
@@ -236,6 +252,11 @@ impl Meter {
                 let before = before_rise(settings, scans, new.clone());
                 if before == new.len() {
                     new.end
+                } else if self.passing {
+                    self.strikes += 1;
+                    self.passed_over += 1;
+                    self.phase = Phase::Settling { quiet: 0 };
+                    new.start + before + 1
                 } else {
                     // The window starts with the history, which ends with the scan that triggered.
                     let history = usize::from(settings.window.history);

@@ -7,13 +7,14 @@
 use crate::coefficients::{Bead, coefficients};
 use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
+use crate::quantity::Force;
 use crate::reduced_chain::ReducedChain;
 use crate::scale::{INCOMING_MAX, Scale};
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
 use bead_crc::checksum;
-use fixed::types::I16F16;
 use fixed::types::extra::{U26, U30};
+use fixed::types::{I2F30, I16F16};
 use serde::{Deserialize, Serialize};
 
 /// Version of the settings block. Blocks of versions 3 and 4 are migrated; others are refused.
@@ -44,6 +45,14 @@ impl Name {
         let mut bytes = [0; 16];
         bytes.get_mut(..name.len())?.copy_from_slice(name.as_bytes());
         (!name.contains(char::is_control)).then_some(Self(bytes))
+    }
+
+    /// Whether it is text that can be shown: a block can hold any bytes.
+    fn is_text(&self) -> bool {
+        let length = self.0.iter().position(|&byte| byte == 0).unwrap_or(16);
+        let (name, rest) = self.0.split_at(length);
+        let text = core::str::from_utf8(name);
+        text.is_ok_and(|text| !text.contains(char::is_control)) && rest.iter().all(|&byte| byte == 0)
     }
 
     /// The text; empty if the bead has no name.
@@ -183,7 +192,20 @@ impl Settings {
     /// Checks all values. A block with a good checksum can still be nonsense.
     pub fn validate(&self) -> Result<(), SettingsError> {
         self.bounds()?;
+        if !self.triggers_above_noise() {
+            return Err(SettingsError::Invalid(
+                "threshold is within the noise: below twice the gate, six standard deviations",
+            ));
+        }
         self.verify()
+    }
+
+    /// Whether the noise that the settings themselves tell of stays below the trigger. The gate is three
+    /// standard deviations of the force. The trigger compares two samples, so at six of them noise triggers
+    /// once a second.
+    fn triggers_above_noise(&self) -> bool {
+        let rise = i64::from(self.window.threshold) * i64::from(self.force.sensitive.per_code.to_bits());
+        rise >> (I2F30::FRAC_NBITS - Force::FRAC_NBITS) >= 2 * i64::from(self.chain.gate.to_bits())
     }
 
     /// Checks what the arithmetic relies on. With settings that pass, no sum and no index leaves its range.
@@ -191,8 +213,32 @@ impl Settings {
         let window = &self.window;
         let channels = [self.force.sensitive, self.force.wide];
         let accelerations = [self.acceleration.sensitive, self.acceleration.wide];
+        let bead = &self.bead;
+        let positive = [
+            bead.mass,
+            bead.intruder_mass,
+            bead.stiffness,
+            bead.damping,
+            bead.contact_stiffness,
+        ];
         let rules = [
             (self.sample_rate_hz > 0, "sample rate is 0"),
+            (
+                positive.iter().all(|value| value.is_finite() && *value > 0.0),
+                "a mass, a stiffness or the damping is not finite and above 0",
+            ),
+            (
+                bead.relaxation.is_finite() && bead.relaxation >= 0.0,
+                "relaxation is not finite, or below 0",
+            ),
+            (
+                (0.0..bead.mass - bead.intruder_mass).contains(&bead.front_mass),
+                "front mass or intruder mass is not a part of the bead's",
+            ),
+            (
+                self.name.is_text(),
+                "name is not UTF-8, or has a control character",
+            ),
             (
                 window.history >= BASELINE + PIECE as u16 + LEAD,
                 "history is shorter than 128 samples: 64 for the zeros, 32 for the noise, 32 of the wave's foot",
@@ -264,7 +310,8 @@ impl Settings {
         let (observer, chain, ringing) = (&self.observer, &self.chain, &self.ringing);
         // Formats keep a coefficient to 1e-4; f32 loses about 1e-6 here.
         let check = |name, found: f32, expected: f32| {
-            let fits = (found - expected).abs() <= 2e-4 * expected.abs();
+            // An infinity would fit any number.
+            let fits = expected.is_finite() && (found - expected).abs() <= 2e-4 * expected.abs();
             fits.then_some(()).ok_or(SettingsError::NotTheBeads(name))
         };
         check(

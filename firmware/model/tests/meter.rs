@@ -101,6 +101,44 @@ fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
     }
 }
 
+/// Whatever triggers, in windows of whatever length: a meter that is to pass over comes to rest within the
+/// longest window and its lag, 16 ms, and stays there.
+#[test]
+fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() {
+    for (length, every) in [(129, 130), (672, 900), (1024, 1000), (1024, 1160), (1024, 1200)] {
+        let mut settings = settings();
+        settings.window.length = length;
+        settings.window.history = 128;
+        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        let stream = |at: usize| if at % every < 50 { pulse(at % every) } else { 128 };
+        let (mut rested, mut at_rest) = (None, 0);
+        for block in 0..400 {
+            meter.pass_over(block >= 200);
+            let scans: Vec<Scan> = (200 * block..200 * (block + 1))
+                .map(|at| scan(stream(at)))
+                .collect();
+            meter.process(&settings, 200 * block as u64, scans, &mut heard);
+            if block >= 200 && !meter.is_measuring() && rested.is_none() {
+                (rested, at_rest) = (Some(block - 200), heard.reports.len());
+            }
+        }
+        let rested = rested.unwrap_or_else(|| panic!("{length} every {every}: never at rest"));
+        assert!(rested <= 8, "{length} every {every}: {rested} blocks");
+        assert_eq!(heard.reports.len(), at_rest, "no strike is measured after it");
+        assert!(meter.passed_over() > 10);
+        assert_eq!(meter.strikes() as usize, at_rest + meter.passed_over() as usize);
+        // And goes on from there.
+        meter.pass_over(false);
+        let scans: Vec<Scan> = (80_000..84_000).map(|at| scan(stream(at))).collect();
+        meter.process(&settings, 80_000, scans, &mut heard);
+        assert!(heard.reports.len() > at_rest);
+        assert_eq!(
+            heard.reports[at_rest].strike as usize,
+            at_rest + meter.passed_over() as usize
+        );
+    }
+}
+
 #[test]
 fn no_call_measures_more_than_its_share_whatever_the_window_and_wherever_in_a_call_it_begins() {
     const CALL: usize = 200;
@@ -234,7 +272,7 @@ fn coefficients_that_are_not_the_beads_are_refused_by_name() {
     let text = refused(|s| s.chain.relaxation += I2F30::from_num(0.001));
     assert!(text.contains("\"relaxation\""), "{text}");
     let text = refused(|s| s.bead.mass = f32::NAN);
-    assert!(text.contains("does not follow"), "{text}");
+    assert!(text.contains("not finite"), "{text}");
     let text = refused(|s| s.sample_rate_hz = 99_900);
     assert!(text.contains("weight of the old acceleration"), "{text}");
 }

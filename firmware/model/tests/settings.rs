@@ -86,3 +86,65 @@ fn a_body_that_is_not_its_versions_is_refused() {
         Err(SettingsError::Invalid("address 255 is every bead's"))
     );
 }
+
+/// The settings of yesterday with one number of the bead changed.
+fn with(change: impl FnOnce(&mut Settings)) -> Result<(), SettingsError> {
+    let mut settings = Settings::decode(YESTERDAY).unwrap();
+    change(&mut settings);
+    settings.validate()
+}
+
+#[test]
+fn a_bead_whose_physics_is_not_finite_and_positive_is_refused_whichever_number_it_is() {
+    type Number = fn(&mut Settings) -> &mut f32;
+    let numbers: [Number; 7] = [
+        |s| &mut s.bead.mass,
+        |s| &mut s.bead.intruder_mass,
+        |s| &mut s.bead.front_mass,
+        |s| &mut s.bead.stiffness,
+        |s| &mut s.bead.damping,
+        |s| &mut s.bead.contact_stiffness,
+        |s| &mut s.bead.relaxation,
+    ];
+    for (n, number) in numbers.into_iter().enumerate() {
+        for value in [
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::NAN,
+            -1.0,
+            0.0,
+            1e38,
+            f32::MAX,
+        ] {
+            let refused = with(|settings| *number(settings) = value);
+            // The sensor of this bead has nothing in front of it.
+            let allowed = n == 2 && value == 0.0;
+            assert_eq!(refused.is_ok(), allowed, "number {n} = {value}");
+        }
+    }
+    assert_eq!(with(|_| ()), Ok(()));
+}
+
+#[test]
+fn a_name_that_no_terminal_should_see_is_refused_where_the_block_is() {
+    let mut buffer = [0; bead_model::settings::BLOCK_MAX];
+    for name in [&b"a\x1b]52;c;"[..], b"\xff\xfe", b"bell\x07", b"a\0b"] {
+        // Postcard writes the sixteen bytes of the name first.
+        let mut bytes = body().to_vec();
+        bytes[..16].fill(0);
+        bytes[..name.len()].copy_from_slice(name);
+        let refused = Settings::decode(&block(3, &bytes)).unwrap_err();
+        assert_eq!(
+            refused,
+            SettingsError::Invalid("name is not UTF-8, or has a control character"),
+            "{name:?}"
+        );
+    }
+    let named = bead_model::settings::Name::new("Kügelchen").unwrap();
+    let settings = Settings {
+        name: named,
+        ..Settings::decode(YESTERDAY).unwrap()
+    };
+    let length = settings.encode(&mut buffer).unwrap();
+    assert_eq!(Settings::decode(&buffer[..length]), Ok(settings));
+}

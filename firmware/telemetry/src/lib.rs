@@ -7,10 +7,10 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-use bead_model::{Chunk, Flags, Scan, StrikeReport, sensor};
+use bead_model::{Chunk, Flags, Scan, Settings, StrikeReport, sensor};
 use bead_wire::{
-    Acceleration, Codes, Decay, Energy, Force, Fraction, Frequency, GainMatch, Impulse, MAX_SCANS, Raw,
-    Samples, Shape, Strike, StrikeFlags, Waveform,
+    Acceleration, Codes, Decay, Energy, Force, Fraction, Frequency, GainMatch, Impulse, Kind, MAX_SCANS,
+    Packed, Raw, Samples, Shape, Strike, StrikeFlags, Waveform, taken,
 };
 
 // A piece of a window fills a frame, and the flags of a window are the same bits at both ends.
@@ -30,6 +30,20 @@ const _: () = {
         at += 1;
     }
 };
+
+/// Bytes of the bead's outbox: the windows of three strikes, about 3.6 KB each.
+pub const OUTBOX: usize = 13 * 1024;
+/// Bytes of it that waveforms, strikes, raw scans and edges leave free: room for all that a request can ask
+/// for, and for all that is told every second.
+pub const KEPT: usize = 2048;
+
+/// Bytes of an outbox ([`bead_wire::Queue`]) that the frames of a window take at most, when every piece of it
+/// is loud.
+pub fn room_for_window(settings: &Settings) -> usize {
+    let frame = |kind: Kind| taken(Packed::HEADER + kind.longest());
+    let pieces = usize::from(settings.window.length).div_ceil(MAX_SCANS);
+    pieces * frame(Kind::Waveform) + frame(Kind::Strike) + frame(Kind::Shape)
+}
 
 /// The strike frame of a report, with the flags that the bead sets from its state outside the window
 /// ([`StrikeFlags::OF_THE_BEAD`]).

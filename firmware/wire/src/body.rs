@@ -162,17 +162,22 @@ impl Field for bool {
     }
 }
 
-/// The device id. It travels without a length, because the length is fixed.
-impl Field for [u8; 12] {
-    const LONGEST: usize = 12;
-    const FORM: &'static str = "12 bytes";
-    fn value(&self) -> Value<'_> {
-        Value::Bytes(self)
-    }
-    fn draw(random: &mut dyn FnMut() -> u64) -> Self {
-        [(); 12].map(|()| random() as u8)
-    }
+/// The device id, a key, a code. They travel without a length, because the length is fixed.
+macro_rules! arrays_are_fields {
+    ($($length:literal $form:literal),*) => {$(
+        impl Field for [u8; $length] {
+            const LONGEST: usize = $length;
+            const FORM: &'static str = $form;
+            fn value(&self) -> Value<'_> {
+                Value::Bytes(self)
+            }
+            fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+                [(); $length].map(|()| random() as u8)
+            }
+        }
+    )*};
 }
+arrays_are_fields!(12 "12 bytes", 16 "16 bytes");
 
 impl<T: Body> Field for Option<T> {
     const LONGEST: usize = 1 + T::LONGEST;

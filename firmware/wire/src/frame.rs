@@ -65,27 +65,89 @@ pub struct Frame {
 ///
 /// # Errors
 /// The buffer is too small. [`MAX_FRAME`] bytes are always enough.
-// A function of its own so that its instructions can be counted.
-#[inline(never)]
 pub fn encode<'b>(
     header: &Header,
     message: &Message,
     buffer: &'b mut [u8],
 ) -> Result<&'b [u8], BufferTooSmall> {
-    let mut payload = [0; MAX_PAYLOAD];
-    payload[0] = VERSION;
-    payload[1] = message.kind() as u8;
-    payload[2] = header.boot;
-    payload[3..7].copy_from_slice(&header.sequence.to_le_bytes());
-    payload[7..HEADER].copy_from_slice(&header.sample_index.to_le_bytes());
-    payload[HEADER] = header.address;
-    let start = HEADER + 1;
-    // `MAX_BODY` covers every body, so this cannot fail. If it were too small, one frame would be refused,
-    // and the bead would not stop.
-    let length = message
-        .encode(&mut payload[start..start + MAX_BODY])
-        .map_err(|_| BufferTooSmall(buffer.len()))?;
-    seal(&mut payload, start + length, buffer)
+    let mut packed = Packed::new();
+    packed.pack(header.address, header.boot, message)?;
+    packed.stamp(header.sequence, header.sample_index);
+    packed.seal(buffer)
+}
+
+/// A frame without CRC and COBS: header and body, as they wait to be sent.
+pub struct Packed {
+    payload: [u8; MAX_PAYLOAD],
+    length: usize,
+}
+
+impl Default for Packed {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Packed {
+    /// Bytes before the body.
+    pub const HEADER: usize = HEADER + 1;
+    /// Longest one, in bytes.
+    pub const MAX: usize = MAX_PAYLOAD - CRC_LENGTH;
+
+    /// Room for one, with nothing in it.
+    pub const fn new() -> Self {
+        Self {
+            payload: [0; MAX_PAYLOAD],
+            length: 0,
+        }
+    }
+
+    /// Packs a message under an address, in a boot. [`stamp`](Self::stamp) gives the frame its number and its
+    /// time.
+    ///
+    /// # Errors
+    /// Never: there is room for the longest message. An error costs a frame, a panic would cost the bead.
+    // A function of its own so that its instructions can be counted.
+    #[inline(never)]
+    pub fn pack(&mut self, address: u8, boot: u8, message: &Message) -> Result<(), BufferTooSmall> {
+        let payload = &mut self.payload;
+        payload[0] = VERSION;
+        payload[1] = message.kind() as u8;
+        payload[2] = boot;
+        payload[HEADER] = address;
+        let start = HEADER + 1;
+        let length = message
+            .encode(&mut payload[start..start + MAX_BODY])
+            .map_err(|_| BufferTooSmall(MAX_BODY))?;
+        self.length = start + length;
+        Ok(())
+    }
+
+    /// Gives the frame its number and its time.
+    pub fn stamp(&mut self, sequence: u32, sample_index: u64) {
+        self.payload[3..7].copy_from_slice(&sequence.to_le_bytes());
+        self.payload[7..HEADER].copy_from_slice(&sample_index.to_le_bytes());
+    }
+
+    /// Header and body.
+    pub fn bytes(&self) -> &[u8] {
+        &self.payload[..self.length]
+    }
+
+    /// Room for header and body of this length, at most [`MAX`](Self::MAX), to be filled.
+    pub(crate) fn room(&mut self, length: usize) -> &mut [u8] {
+        self.length = length.min(Self::MAX);
+        &mut self.payload[..self.length]
+    }
+
+    /// Writes the frame, with both its delimiters, to the head of `buffer` and returns it.
+    ///
+    /// # Errors
+    /// The buffer is too small. [`MAX_FRAME`] bytes are always enough.
+    #[inline(never)]
+    pub fn seal<'b>(&mut self, buffer: &'b mut [u8]) -> Result<&'b [u8], BufferTooSmall> {
+        seal(&mut self.payload, self.length, buffer)
+    }
 }
 
 /// A payload whose CRC is right and whose header can be read. Its body is not yet checked.

@@ -23,6 +23,7 @@ use crate::message::strike::StrikeFlags;
 use crate::message::{Kind, Message, examples};
 use crate::payload::VERSION;
 use crate::request::{MAX_REQUEST, Request, RequestDecoder, encode_request};
+use crate::signed::{KEY, Key, Ticket};
 use crate::text::{Block, MAX_BLOCK, Text};
 use crate::units::{Energy, Force, Fraction, Impulse, Samples};
 
@@ -34,7 +35,7 @@ const HEADER: Header = Header {
 };
 
 /// The requests with their delimiters: number 0xA1B2, for address 7.
-const REQUESTS: [&str; 11] = [
+const REQUESTS: [&str; 13] = [
     "000a0340b2a10785e734f500",
     "000a0341b2a107e080884d00",
     "000a0342b2a1070e2f3d5f00",
@@ -46,9 +47,13 @@ const REQUESTS: [&str; 11] = [
     "000c0348b2a107c413e72d38fe00",
     "000a0349b2a1070fa83c8800",
     "000a034ab2a107e107899a00",
+    "001a034bb2a1077369787465656e206279746573206f6b5801b73400",
+    "000e034cb2a107ac0202c096b10245159cc3f928d965e99ba80b5dbf392b9c49093f727600",
 ];
 
-fn requests() -> [Request; 11] {
+const KEY_BYTES: [u8; KEY] = *b"sixteen bytes ok";
+
+fn requests() -> [Request; 13] {
     [
         Request::Identity,
         Request::Status,
@@ -63,6 +68,18 @@ fn requests() -> [Request; 11] {
         Request::Raw { duration_ms: 2_500 },
         Request::ResetCounters,
         Request::Reboot,
+        Request::SetKey { key: KEY_BYTES },
+        Request::Arm.signed(
+            &Key::new(KEY_BYTES).unwrap(),
+            b"\x30\x00\x2a\x00\x0e\x51\x33\x35\x39\x30\x37\x31",
+            HEADER.address,
+            0xA1B2,
+            Ticket {
+                counter: 300,
+                boot: 2,
+                until: 5_000_000,
+            },
+        ),
     ]
 }
 

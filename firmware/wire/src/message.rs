@@ -11,8 +11,11 @@
 //! Kinds below 64 are the bead's. Kinds from 64 up are the host's: see [`Request`](crate::Request).
 
 pub(crate) mod fault;
+pub(crate) mod gap;
+pub(crate) mod guard;
 pub(crate) mod health;
 pub(crate) mod identity;
+pub(crate) mod last_fault;
 pub(crate) mod link;
 pub(crate) mod load;
 pub(crate) mod raw;
@@ -43,4 +46,7 @@ messages! {
     18 link Link,
     19 self_test SelfTest,
     20 load Load,
+    21 gap Gap,
+    22 last_fault LastFault,
+    23 guard Guard,
 }

@@ -18,7 +18,7 @@ use crate::cause::{Cause, Rejected};
 use crate::deframer::Deframer;
 use crate::payload::{BufferTooSmall, CRC_LENGTH, VERSION, open, seal, whole};
 use crate::table::requests;
-use crate::text::Block;
+use crate::text::{Block, Inner};
 
 /// Version, kind, number.
 const HEADER: usize = 1 + 1 + 2;
@@ -58,10 +58,32 @@ requests! {
         duration_ms: u32,
     },
     /// Set counts to 0: in the status frame overruns, dropped blocks and dropped frames; in the health frame
-    /// and in the link frame all counts.
+    /// and in the link frame all counts; in the guard frame those of strikes and refusals.
     73 "reset counters" ResetCounters,
     /// Reply, send the frames that wait, and reset the bead.
     74 "reboot" Reboot,
+    /// Keep this key: from now on the bead does what changes its state only if it is signed. A bead that has a
+    /// key takes another one only in a signed request.
+    75 "set key" SetKey {
+        /// The key, or zeros for none; masked in a signed request.
+        key: [u8; 16],
+    },
+    /// Do the request that this one carries, if its code is right, its counter higher than that of every one
+    /// before, and its time not over.
+    76 "signed" Signed {
+        /// Its counter.
+        counter: u64,
+        /// The boot for which it holds.
+        boot: u32,
+        /// The last sample index at which it holds.
+        until: u64,
+        /// Kind of the request that it carries.
+        kind: u8,
+        /// Body of that request.
+        body: Inner,
+        /// The code over all of this.
+        code: [u8; 16],
+    },
 }
 
 /// Writes one request, with both its delimiters, to the head of `buffer` and returns it. It is for the bead

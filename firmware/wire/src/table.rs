@@ -149,7 +149,6 @@ macro_rules! requests {
     )*) => {
         /// What a host may ask. The list may grow at its end; a body never changes.
         #[derive(Clone, Debug, PartialEq, Eq)]
-        #[expect(clippy::large_enum_variant, reason = "the bead has no heap to box the long ones on")]
         pub enum Request {
             $(
                 $(#[doc = $about])*
@@ -184,7 +183,7 @@ macro_rules! requests {
             }
 
             /// Writes the body to the head of `buffer`; gives its length in bytes.
-            fn encode(&self, buffer: &mut [u8]) -> postcard::Result<usize> {
+            pub(crate) fn encode(&self, buffer: &mut [u8]) -> postcard::Result<usize> {
                 match self {
                     $(Self::$variant $({ $($field,)* })? => {
                         Ok(postcard::to_slice(&($($($field,)*)?), buffer)?.len())
@@ -192,7 +191,7 @@ macro_rules! requests {
                 }
             }
 
-            fn decode(number: u8, body: &[u8]) -> Result<Self, Cause> {
+            pub(crate) fn decode(number: u8, body: &[u8]) -> Result<Self, Cause> {
                 match number {
                     $($number => {
                         let ($($($field,)*)?): ($($($type,)*)?) = whole(body)?;

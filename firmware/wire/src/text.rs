@@ -104,6 +104,57 @@ impl<'de> Deserialize<'de> for Block {
     }
 }
 
+/// Longest body of a request that another one carries, in bytes: that of a settings block.
+const MAX_INNER: usize = counted(MAX_BLOCK);
+
+/// The body of a request that another one carries.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Inner(Vec<u8, MAX_INNER>);
+
+impl Inner {
+    /// Its bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    /// What `write` writes, which returns its length. Nothing if it fails.
+    pub(crate) fn filled<E>(write: impl FnOnce(&mut [u8]) -> Result<usize, E>) -> Self {
+        let mut bytes = Vec::new();
+        // This cannot fail: there is room for as many.
+        let _ = bytes.resize_default(MAX_INNER);
+        let length = write(&mut bytes).unwrap_or(0);
+        bytes.truncate(length);
+        Self(bytes)
+    }
+}
+
+impl Serialize for Inner {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Inner {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let bytes = <&[u8]>::deserialize(deserializer)?;
+        Vec::from_slice(bytes)
+            .map(Self)
+            .map_err(|_| de::Error::custom("a body that no request has"))
+    }
+}
+
+impl Field for Inner {
+    const LONGEST: usize = counted(MAX_INNER);
+    const FORM: &'static str = "bytes";
+    fn value(&self) -> Value<'_> {
+        Value::Bytes(&self.0)
+    }
+    fn draw(random: &mut dyn FnMut() -> u64) -> Self {
+        let length = random() as usize % (MAX_INNER + 1);
+        Self((0..length).map(|_| random() as u8).collect())
+    }
+}
+
 impl Field for Block {
     const LONGEST: usize = counted(MAX_BLOCK);
     const FORM: &'static str = "bytes";

@@ -149,10 +149,23 @@ fn bodies() -> String {
 }
 
 fn requests() -> String {
-    let field = |field: &FieldDoc| format!("`{}`: {}. {}", field.name, field.form, plain(field.about));
+    let field = |field: &FieldDoc| {
+        let about = plain(field.about);
+        format!(
+            "`{}`: {}. {}",
+            field.name,
+            field.form,
+            about.trim_end_matches('.')
+        )
+    };
     let row = |&(number, name, about, fields): &(u8, &str, &str, &[FieldDoc])| {
         let body: Vec<_> = fields.iter().map(field).collect();
-        vec![number.to_string(), name.into(), body.join("; "), plain(about)]
+        vec![
+            number.to_string(),
+            name.into(),
+            body.join("; ") + if body.is_empty() { "" } else { "." },
+            plain(about),
+        ]
     };
     table(
         &["kind", "name", "body", "the bead is asked to"],

@@ -6,8 +6,8 @@
 mod common;
 
 use bead_wire::{
-    ANY, BufferTooSmall, Cause, Heard, MAX_BLOCK, MAX_REQUEST, Rejected, Reply, Request, RequestCounters,
-    RequestDecoder, VERSION, encode_request,
+    ANY, BufferTooSmall, Cause, Heard, KEY, Key, MAX_BLOCK, MAX_REQUEST, Rejected, Reply, Request,
+    RequestCounters, RequestDecoder, Ticket, VERSION, encode_request,
 };
 use common::{block, request};
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -135,7 +135,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
         refused(Cause::Version(0xFF))
     );
     assert_eq!(only(&by_hand(VERSION, 63, 7, &[])), refused(Cause::Kind(63)));
-    assert_eq!(only(&by_hand(VERSION, 75, 7, &[])), refused(Cause::Kind(75)));
+    assert_eq!(only(&by_hand(VERSION, 77, 7, &[])), refused(Cause::Kind(77)));
     // A bead's kind is no request.
     assert_eq!(only(&by_hand(VERSION, 1, 7, &[])), refused(Cause::Kind(1)));
     assert_eq!(only(&by_hand(VERSION, 69, 7, &[0])), refused(Cause::Trailing));
@@ -168,7 +168,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
     assert_eq!(only(&[9, 1, 2, 0]), Err(Cause::Cobs));
     assert_eq!(only(&[&[1; MAX_REQUEST][..], &[0]].concat()), Err(Cause::TooLong));
     let mut decoder = RequestDecoder::new();
-    decode(&mut decoder, &[by_hand(VERSION, 75, 7, &[]), wrong].concat());
+    decode(&mut decoder, &[by_hand(VERSION, 77, 7, &[]), wrong].concat());
     let one_each = Rejected {
         kind: 1,
         crc: 1,
@@ -181,9 +181,34 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
 
 #[test]
 fn no_request_is_longer_than_max_request_and_one_is_as_long() {
-    assert_eq!(MAX_REQUEST, 271, "docs/protocol.md says so");
-    let longest = Request::WriteSettings {
+    assert_eq!(MAX_REQUEST, 315, "docs/protocol.md says so");
+    let block = Request::WriteSettings {
         block: block(&[0xFF; MAX_BLOCK]),
+    };
+    let ticket = Ticket {
+        counter: u64::MAX,
+        boot: u32::MAX,
+        until: u64::MAX,
+    };
+    let key = Key::new([1; KEY]).unwrap();
+    let Request::Signed {
+        counter,
+        boot,
+        until,
+        kind,
+        body,
+        ..
+    } = block.signed(&key, &[0; 12], ADDRESS, 0xFFFF, ticket)
+    else {
+        panic!("it is signed");
+    };
+    let longest = Request::Signed {
+        counter,
+        boot,
+        until,
+        kind,
+        body,
+        code: [0xFF; KEY],
     };
     // Bytes without a zero are the worst case of COBS.
     assert_eq!(bytes(0xFFFF, &longest).len(), MAX_REQUEST);

@@ -14,6 +14,7 @@ use stm32f405_qemu::RunError;
 
 use crate::bench::error::BenchError;
 use crate::line::conversation::LineError;
+use crate::line::key::KeyError;
 use crate::recording::file::RecordingError;
 use crate::recording::time_series::TimeSeriesError;
 use crate::recording::whole::WriteError;
@@ -67,6 +68,7 @@ input_errors!(
     hertz_chain::InputError,
     hertz_chain::SimulateError,
     hertz_figures::error::Error,
+    KeyError,
     RecordingError,
     TimeSeriesError,
     WriteError

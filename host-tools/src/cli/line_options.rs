@@ -1,11 +1,13 @@
 //! The line to a bead: options that `bead settings` and `bead command` share.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 
 use crate::cli::failure::Failure;
 use crate::line::conversation::Conversation;
+use crate::line::key;
 use crate::line::port::Address;
 
 /// The line to the bead.
@@ -20,10 +22,17 @@ pub(crate) struct LineOptions {
     /// How long a reply may take, s. A request is sent three times.
     #[arg(long, value_name = "SECONDS", default_value = "1", value_parser = crate::cli::output::seconds)]
     timeout: Duration,
+    /// Sign what changes the bead's state with the key in this file. A bead that was given a key refuses it
+    /// otherwise.
+    #[arg(long, value_name = "F.key")]
+    key: Option<PathBuf>,
 }
 
 impl LineOptions {
     pub(crate) fn open(&self) -> Result<Conversation, Failure> {
-        Ok(Conversation::open(&self.port, self.baud, self.timeout)?)
+        let key = self.key.as_deref().map(key::read).transpose()?;
+        let mut bead = Conversation::open(&self.port, self.baud, self.timeout)?;
+        bead.sign_with(key);
+        Ok(bead)
     }
 }

@@ -277,6 +277,7 @@ fn of_status(status: &Status) -> Vec<Fact> {
         SettingsSource::Flash => "flash, put there by a probe",
         SettingsSource::BuiltIn => "the image: flash has none",
         SettingsSource::FlashRefused => "the image: those in flash were refused",
+        SettingsSource::Rescue => "the image: boots with those in flash failed",
         SettingsSource::Unknown(number) => &format!("source {number}, of a later version"),
     };
     let acquisition = format!(

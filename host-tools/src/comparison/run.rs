@@ -29,6 +29,10 @@ pub struct RunReport {
     /// Weaker waves that came after a strike's window and were measured as well: beads that parted meet
     /// again.
     pub echoes: Vec<MeasuredStrike>,
+    /// Strikes that the bead found and did not measure, because their frames found no room on the line.
+    pub strikes_passed_over: u64,
+    /// Runs of scans that the bead lost: first index, and first index after. A strike in one was not seen.
+    pub gaps: Vec<[u64; 2]>,
     /// The faults of the fault file.
     pub provoked: Vec<ProvokedFault>,
     /// The faults that the bead reported.
@@ -139,6 +143,8 @@ impl RunReport {
         let reported = reported(&frames);
         let is_health = |frame: &&Frame| matches!(frame.message, Message::Health(_));
         let health = frames.iter().rev().find(is_health).map(Frame::body);
+        let gaps = gaps(&frames);
+        let strikes_passed_over = passed_over(&frames);
         for strike in assemble(frames, Some(emulation.settings)) {
             let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
             // After a reset the indices begin anew and do not tell which strike it was.
@@ -163,6 +169,8 @@ impl RunReport {
             resets: measured.resets,
             strikes,
             echoes,
+            strikes_passed_over,
+            gaps,
             provoked: answered(&emulation.faults, &reported),
             faults: reported,
             health,
@@ -234,7 +242,8 @@ impl RunReport {
         let overruns = count(&[FaultCause::AdcOverrun, FaultCause::DmaError]);
         let FrameCounts { lost, corrupt, .. } = self.frames;
         let dropped: u64 = self.frames.dropped_by_cause.values().sum();
-        let known = self.strikes.len() + count(&[FaultCause::StrikeCut]);
+        let unseen = self.strikes_passed_over as usize + self.gaps.len();
+        let known = self.strikes.len() + count(&[FaultCause::StrikeCut]) + unseen;
         ensure!(
             reported == provoked,
             "{reported} faults were reported where {provoked} were provoked"
@@ -256,7 +265,7 @@ impl RunReport {
         );
         ensure!(
             resets > 0 || known >= struck,
-            "{known} of {struck} strikes were measured or reported as cut"
+            "{known} of {struck} strikes were measured, cut, passed over or in a gap that was told"
         );
         Ok(())
     }
@@ -279,6 +288,30 @@ fn last_statuses(frames: &[Frame]) -> Vec<Status> {
         }
     }
     last.into_iter().map(|(_, status)| status).collect()
+}
+
+fn gaps(frames: &[Frame]) -> Vec<[u64; 2]> {
+    let gaps = frames.iter().filter_map(|frame| match &frame.message {
+        Message::Gap(gap) => Some([gap.first_index, gap.end_index]),
+        _ => None,
+    });
+    gaps.collect()
+}
+
+/// Strikes passed over, in all boots: the count begins anew with each, and only grows meanwhile.
+fn passed_over(frames: &[Frame]) -> u64 {
+    let (mut before, mut last) = (0, (0, 0));
+    for frame in frames {
+        let Message::Guard(guard) = &frame.message else {
+            continue;
+        };
+        let now = (frame.header.boot, u64::from(guard.strikes_passed_over));
+        if now.0 != last.0 || now.1 < last.1 {
+            before += last.1;
+        }
+        last = now;
+    }
+    before + last.1
 }
 
 fn reported(frames: &[Frame]) -> Vec<ReportedFault> {
@@ -329,6 +362,8 @@ mod tests {
             overruns: 0,
             resets: 0,
             echoes: Vec::new(),
+            strikes_passed_over: 0,
+            gaps: Vec::new(),
             provoked: Vec::new(),
             faults: Vec::new(),
             health: None,
@@ -407,6 +442,8 @@ mod tests {
             resets,
             strikes,
             echoes: Vec::new(),
+            strikes_passed_over: 0,
+            gaps: Vec::new(),
             provoked: Vec::new(),
             faults: Vec::new(),
             health: None,

@@ -4,14 +4,19 @@
 //! A request that gets no reply in time is sent again under the same number, as the line may lose request or
 //! reply. Every request may be repeated (`docs/protocol.md`). The first number is arbitrary, so that a reply
 //! to an earlier program is not taken for ours.
+//!
+//! With a key, what changes the bead's state is signed. The bead is asked first for what a signature needs: its
+//! device id, boot, sample index and counter. Each copy of a signed request has a counter of its own, since the
+//! bead takes each only once.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use std::{io, process};
 
-use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Reply, Request, encode_request};
+use bead_wire::{ANY, Identity, Key, MAX_REQUEST, Message, Outcome, Reply, Request, Ticket, encode_request};
 
 use crate::line::port::{Address, Port, PortError};
+use crate::line::seen::Seen;
 use crate::recording::frames::{Frame, Reader};
 
 /// How often a request is sent before the bead counts as silent.
@@ -48,6 +53,9 @@ pub struct Conversation {
     behind: VecDeque<Frame>,
     next: u16,
     patience: Duration,
+    key: Option<Key>,
+    identity: Option<Identity>,
+    seen: Seen,
 }
 
 /// What a bead answered.
@@ -88,7 +96,24 @@ impl Conversation {
             behind: VecDeque::new(),
             next: (since.subsec_micros() ^ process::id()) as u16,
             patience,
+            key: None,
+            identity: None,
+            seen: Seen::default(),
         })
+    }
+
+    /// Signs what changes the bead's state with this key from now on, or nothing.
+    pub fn sign_with(&mut self, key: Option<Key>) {
+        self.key = key;
+    }
+
+    /// Whether this key is the bead's: asks it to do something that changes nothing, signed.
+    ///
+    /// # Errors
+    /// The port goes away, or no reply comes.
+    pub fn has_key(&mut self, key: &Key) -> Result<bool, LineError> {
+        let answer = self.signed(&Request::Identity, key)?;
+        Ok(answer.reply.outcome == Outcome::Done)
     }
 
     /// Sends a request and returns the bead's answer, done or refused.
@@ -96,16 +121,66 @@ impl Conversation {
     /// # Errors
     /// The port goes away, or no reply comes.
     pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
+        match self.key.clone().filter(|_| request.changes_state()) {
+            Some(key) => self.signed(request, &key),
+            None => self.ask(|_, _| request.clone()),
+        }
+    }
+
+    /// Sends a signed request.
+    fn signed(&mut self, request: &Request, key: &Key) -> Result<Answer, LineError> {
+        /// A clock that runs slow, and a host that is busy.
+        const MARGIN: Duration = Duration::from_secs(5);
+        let mut answer = self.sign_and_ask(request, key, MARGIN)?;
+        if matches!(answer.reply.outcome, Outcome::Replayed | Outcome::Late) {
+            // Another host was faster, or the bead was reset meanwhile.
+            self.identity = None;
+            answer = self.sign_and_ask(request, key, MARGIN)?;
+        }
+        Ok(answer)
+    }
+
+    fn sign_and_ask(&mut self, request: &Request, key: &Key, margin: Duration) -> Result<Answer, LineError> {
+        let identity = match &self.identity {
+            Some(identity) => identity.clone(),
+            None => {
+                let answer = self.ask(|_, _| Request::Identity)?;
+                let identity = answer.last("identity frame", |frame| match &frame.message {
+                    Message::Identity(identity) => Some(identity.clone()),
+                    _ => None,
+                })?;
+                self.identity.insert(identity).clone()
+            }
+        };
+        let status = self.ask(|_, _| Request::Status)?;
+        let (index, guard) = status.last("guard frame", |frame| match &frame.message {
+            Message::Guard(guard) => Some((frame.header.sample_index, *guard)),
+            _ => None,
+        })?;
+        let holds = self.patience * ATTEMPTS + margin;
+        let scans = (holds.as_secs_f64() * f64::from(identity.sample_rate_hz)) as u64;
+        self.ask(|number, attempt| {
+            let ticket = Ticket {
+                counter: guard.counter.saturating_add(1 + u64::from(attempt)),
+                boot: identity.boot,
+                until: index.saturating_add(scans),
+            };
+            request.signed(key, &identity.uid, ANY, number, ticket)
+        })
+    }
+
+    /// Sends what `request` gives for its number and each attempt.
+    fn ask(&mut self, request: impl Fn(u16, u32) -> Request) -> Result<Answer, LineError> {
         let number = self.next;
         self.next = self.next.wrapping_add(1);
-        let mut buffer = [0; MAX_REQUEST];
-        let bytes = encode_request(ANY, number, request, &mut buffer)
-            .expect("MAX_REQUEST bytes always suffice")
-            .to_vec();
+        self.seen = Seen::default();
         let mut frames = Vec::new();
-        for _ in 0..ATTEMPTS {
+        for attempt in 0..ATTEMPTS {
+            let mut buffer = [0; MAX_REQUEST];
+            let bytes = encode_request(ANY, number, &request(number, attempt), &mut buffer)
+                .expect("MAX_REQUEST bytes always suffice");
             self.port
-                .write(&bytes)
+                .write(bytes)
                 .map_err(|source| gone(format!("cannot send to {}", self.address), source))?;
             let reply = self.listen(self.patience, |frame| match &frame.message {
                 Message::Reply(reply) if reply.request == number => Some(reply.clone()),
@@ -141,6 +216,7 @@ impl Conversation {
         /// Erasing a sector takes four seconds; the rest is margin.
         const START: Duration = Duration::from_secs(10);
         self.request_done(&Request::Reboot)?;
+        self.identity = None;
         let boot = self.listen(START, |frame| match &frame.message {
             // The first frame of a boot.
             Message::Identity(identity) if frame.header.sequence == 0 => Some(identity.boot),
@@ -178,23 +254,17 @@ impl Conversation {
                 .port
                 .read(&mut buffer)
                 .map_err(|source| gone(format!("{} went away", self.address), source))?;
-            let behind = &mut self.behind;
-            self.reader
-                .feed(&buffer[..length], None, |item| behind.extend(item.frame()));
+            let (behind, seen) = (&mut self.behind, &mut self.seen);
+            self.reader.feed(&buffer[..length], None, |item| {
+                behind.extend(item.frame().inspect(|frame| seen.note(frame)));
+            });
         }
     }
 
     /// Why there is no reply, as far as the received bytes tell.
     fn silence(&self) -> LineError {
         let seconds = self.patience.as_secs_f64() * f64::from(ATTEMPTS);
-        let counters = self.reader.counters();
-        let why = match (counters.bytes, counters.frames) {
-            (0, _) => "nothing came at all: is it powered, and its PA9 wired to the adapter's receive pin?",
-            (_, 0) => "bytes came, but no frame among them: does --baud match?",
-            _ => {
-                "it sends frames: is its PA10 wired to the adapter's transmit pin, and its image one that can be asked?"
-            }
-        };
+        let why = self.seen.why(self.reader.counters());
         LineError::Silent(format!(
             "no reply from {} within {seconds:.1} s; {why}",
             self.address
@@ -209,8 +279,12 @@ fn gone(what: String, source: io::Error) -> LineError {
 /// What the bead refused, and why.
 pub fn refused(reply: &Reply) -> LineError {
     let name = reply.outcome.to_string().replace('_', " ");
+    let next = match reply.outcome {
+        Outcome::Unsigned => ", by --key F.key",
+        _ => "",
+    };
     LineError::Refused(match reply.detail.as_str().is_empty() {
         true => format!("the bead refused: {name}"),
-        false => format!("the bead refused: {name}; {}", reply.detail),
+        false => format!("the bead refused: {name}; {}{next}", reply.detail),
     })
 }

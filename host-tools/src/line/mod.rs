@@ -1,4 +1,6 @@
 //! The line to a bead: ports, and conversations over them.
 
 pub mod conversation;
+pub mod key;
 pub mod port;
+mod seen;

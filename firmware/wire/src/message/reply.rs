@@ -24,6 +24,19 @@ names! {
         7 "store_full" StoreFull,
         /// The settings could not be read back from flash.
         8 "flash_failed" FlashFailed,
+        /// Settings are written to flash only so often, so that nobody wears it out. The detail says when to
+        /// ask again.
+        9 "too_soon" TooSoon,
+        /// The bead has a key, and the request is not signed with it.
+        10 "unsigned" Unsigned,
+        /// The signature is not the bead's: another key, another bead, or a request that was changed.
+        11 "forged" Forged,
+        /// The counter of the signed request was used before, or is too far ahead.
+        12 "replayed" Replayed,
+        /// The time up to which the signed request holds is over, or it was signed for another boot.
+        13 "late" Late,
+        /// The request is signed, and the bead has no key.
+        14 "no_key" NoKey,
     }
 }
 

@@ -53,6 +53,9 @@ bits! {
         5 "intruder_drifted" INTRUDER_DRIFTED,
         /// The two gains of a sensor differ by more than noise explains.
         6 "gains_differ" GAINS_DIFFER,
+        /// The code of a sensor stood still in the window for much longer than before the trigger: the sensor
+        /// or its wire may have failed.
+        12 "sensor_still" SENSOR_STILL,
         /// The strike was measured with the built-in settings, because flash has none or the bead refused
         /// them. They are not the owner's.
         13 "settings_not_owners" SETTINGS_NOT_OWNERS,
@@ -64,7 +67,9 @@ bits! {
 
 impl StrikeFlags {
     /// Flags that depend on the state of the bead outside the window. A replay of the window cannot set them.
-    pub const OF_THE_BEAD: Self = Self::SETTINGS_NOT_OWNERS.with(Self::SENSOR_FAULT);
+    pub const OF_THE_BEAD: Self = Self::SETTINGS_NOT_OWNERS
+        .with(Self::SENSOR_FAULT)
+        .with(Self::SENSOR_STILL);
 }
 
 #[cfg(test)]

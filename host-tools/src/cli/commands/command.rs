@@ -117,10 +117,13 @@ fn status(common: &Common) -> Result<(), Failure> {
     let status = body("status frame", |message| matches!(message, Message::Status(_)))?;
     let health = body("health frame", |message| matches!(message, Message::Health(_)))?;
     let link = body("link frame", |message| matches!(message, Message::Link(_)))?;
-    // A bead of an earlier version does not send it.
+    // A bead of an earlier version does not send these two.
     let load = body("load frame", |message| matches!(message, Message::Load(_))).unwrap_or_default();
-    let all = json!({ "status": status, "health": health, "link": link, "load": load });
-    output::print(common.format, &all, || rows([&status, &health, &link, &load]))
+    let guard = body("guard frame", |message| matches!(message, Message::Guard(_))).unwrap_or_default();
+    let all = json!({ "status": status, "health": health, "link": link, "guard": guard, "load": load });
+    output::print(common.format, &all, || {
+        rows([&status, &health, &link, &guard, &load])
+    })
 }
 
 /// The members of JSON objects by name, one in each row.

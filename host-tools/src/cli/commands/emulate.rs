@@ -284,6 +284,8 @@ fn counts(report: &RunReport) -> String {
         rows.push(row(&format!("dropped by the bead, {cause}"), *count));
     }
     rows.extend([
+        row("strikes passed over", report.strikes_passed_over),
+        row("gaps in the samples", report.gaps.len() as u64),
         row("overruns", report.overruns),
         row("resets", report.resets as u64),
     ]);

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use bead_model::calibration::Channel;
 use bead_model::sensor::Sensor;
 use bead_model::settings::{BLOCK_MAX, Settings, VERSION};
-use bead_wire::{Block, MAX_BLOCK, Message, Outcome, Reply, Request};
-use clap::{Args, Subcommand};
+use bead_wire::{Block, KEY, MAX_BLOCK, Message, Outcome, Reply, Request};
+use clap::{ArgGroup, Args, Subcommand};
 use fixed::types::extra::LeEqU32;
 use serde_json::json;
 
@@ -16,6 +16,7 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
 use crate::line::conversation::{Conversation, refused};
+use crate::line::key;
 
 const AFTER_HELP: &str = "\
 Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a checksum.
@@ -27,7 +28,18 @@ Examples:
   bead settings read --port /dev/ttyUSB0 --out bead.settings
   bead settings show bead.settings
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings
-  bead settings reset --port tcp:192.168.1.7:4000";
+  bead settings reset --port tcp:192.168.1.7:4000
+  bead settings key --new bead-8.key --port /dev/ttyUSB0";
+
+const KEY_HELP: &str = "\
+The key is 16 random bytes. The first key travels to the bead as it is: give it where nobody else listens. A key that
+takes another one's place is masked by the old one. docs/security.md says what a key keeps out and what it does not.
+
+Examples:
+  bead settings key --new bead-8.key --port /dev/ttyUSB0
+  bead settings write bead-8.settings --key bead-8.key --port /dev/ttyUSB0
+  bead settings key --new newer.key --key bead-8.key --port /dev/ttyUSB0
+  bead settings key --remove --key newer.key --port /dev/ttyUSB0";
 
 /// Arguments of `bead settings`.
 #[derive(Debug, Args)]
@@ -77,6 +89,22 @@ enum Action {
         #[command(flatten)]
         line: LineOptions,
     },
+    /// Give a bead a key. From then on it changes its state only for who signs with it (--key, here and in
+    /// `bead command`); whoever asks is answered as before. A lost key can only be cured with a debug probe.
+    #[command(group(ArgGroup::new("which").required(true)), after_help = KEY_HELP)]
+    Key {
+        /// Make a key and keep it in this new file.
+        #[arg(long, value_name = "F.key", group = "which")]
+        new: Option<PathBuf>,
+        /// Give the key in this file: beads may share one.
+        #[arg(long, value_name = "F.key", group = "which")]
+        give: Option<PathBuf>,
+        /// Take the bead's key away. It then does what anybody on its line asks.
+        #[arg(long, group = "which")]
+        remove: bool,
+        #[command(flatten)]
+        line: LineOptions,
+    },
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -92,7 +120,48 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             eprintln!("bead: settings {}", answer.reply.detail);
             Ok(())
         }
+        Action::Key { new, give, line, .. } => set_key(new.as_deref(), give.as_deref(), line),
     }
+}
+
+/// Gives the bead the key in a new file, in a file that there is, or none.
+fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Result<(), Failure> {
+    let mut bead = line.open()?;
+    // Kept before the bead is asked: a key that the bead took must not be lost.
+    let key = match (new, give) {
+        (Some(path), _) => Some(key::create(path)?),
+        (_, Some(path)) => Some(key::read(path)?),
+        _ => None,
+    };
+    let bytes = key.as_ref().map_or([0; KEY], |key| *key.bytes());
+    let asked = bead.request(&Request::SetKey { key: bytes });
+    let took = match (&asked, &key) {
+        (Ok(answer), _) if answer.reply.outcome == Outcome::Done => true,
+        // A reply may have been lost, and the request that was sent again refused: the bead has the key then.
+        (_, Some(key)) => bead.has_key(key).unwrap_or(false),
+        _ => false,
+    };
+    let shown = new.or(give).map(|path| path.display().to_string());
+    match (took, asked, shown) {
+        (true, _, Some(path)) => eprintln!(
+            "bead: the bead has the key in {path}; keep it safe, and give --key {path} to what changes the bead's state"
+        ),
+        (true, _, None) => eprintln!("bead: the bead has no key any more"),
+        (false, Ok(answer), _) => {
+            if let Some(path) = new {
+                let _ = fs::remove_file(path);
+            }
+            return Err(refused(&answer.reply).into());
+        }
+        (false, Err(error), Some(path)) => {
+            return Err(Failure::device(format!(
+                "{error}; the bead may have taken the key in {path}: keep it, and try `bead command reset-counters \
+                 --key {path}`"
+            )));
+        }
+        (false, Err(error), None) => return Err(error.into()),
+    }
+    Ok(())
 }
 
 fn read(line: &LineOptions, out: Option<&Path>, format: Format) -> Result<(), Failure> {

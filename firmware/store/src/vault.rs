@@ -1,0 +1,143 @@
+//! A settings block and the secret of its owner, in one record of the store.
+//!
+//! # Design
+//! One record, so that a power cut leaves the old pair or the new one, and never one without the other. A bead
+//! without a secret has its block alone in the record, as beads had before there were secrets. The block
+//! begins with "BEAD", so the two forms cannot be taken for each other.
+//!
+//! ```text
+//! block
+//! "KEY" 1  key (16 bytes)  counter u64 LE  block
+//! ```
+
+use embedded_storage::nor_flash::NorFlash;
+
+use crate::store::{MAX_BLOCK, Store, StoreError};
+
+const MAGIC: [u8; 4] = *b"KEY\x01";
+/// Bytes before the block.
+const HEAD: usize = MAGIC.len() + 16 + 8;
+/// Longest settings block beside a secret, in bytes.
+pub const MAX_SETTINGS: usize = MAX_BLOCK - HEAD;
+
+/// What the owner shares with the bead.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Secret {
+    /// The key.
+    pub key: [u8; 16],
+    /// No signed request with a higher counter was let through.
+    pub counter: u64,
+}
+
+impl Secret {
+    fn head(&self) -> [u8; HEAD] {
+        let mut head = [0; HEAD];
+        head[..4].copy_from_slice(&MAGIC);
+        head[4..20].copy_from_slice(&self.key);
+        head[20..].copy_from_slice(&self.counter.to_le_bytes());
+        head
+    }
+
+    /// The secret in a record, and the rest of it.
+    fn split(record: &[u8]) -> (Option<Self>, &[u8]) {
+        let Some((head, block)) = record
+            .split_first_chunk::<HEAD>()
+            .filter(|(head, _)| head[..4] == MAGIC)
+        else {
+            return (None, record);
+        };
+        let mut secret = Self {
+            key: [0; 16],
+            counter: 0,
+        };
+        secret.key.copy_from_slice(&head[4..20]);
+        let mut counter = [0; 8];
+        counter.copy_from_slice(&head[20..]);
+        secret.counter = u64::from_le_bytes(counter);
+        (Some(secret), block)
+    }
+}
+
+/// The store, with a settings block and a secret in it.
+pub struct Vault<F: NorFlash> {
+    store: Store<F>,
+    secret: Option<Secret>,
+}
+
+impl<F: NorFlash> Vault<F> {
+    /// What is in the store.
+    pub fn new(mut store: Store<F>) -> Self {
+        let record = store.read().ok().flatten();
+        let secret = record.and_then(|record| Secret::split(record).0);
+        Self { store, secret }
+    }
+
+    /// The secret, if there is one.
+    pub const fn secret(&self) -> Option<Secret> {
+        self.secret
+    }
+
+    /// The settings block, if there is one.
+    ///
+    /// # Errors
+    /// [`StoreError::Flash`].
+    pub fn read(&mut self) -> Result<Option<&[u8]>, StoreError> {
+        let record = self.store.read()?;
+        Ok(record
+            .map(|record| Secret::split(record).1)
+            .filter(|block| !block.is_empty()))
+    }
+
+    /// Writes a settings block beside the secret. After an error both are what they were.
+    ///
+    /// # Errors
+    /// As [`Store::write`].
+    pub fn write(&mut self, block: &[u8]) -> Result<(), StoreError> {
+        if block.len() > MAX_SETTINGS {
+            return Err(StoreError::TooLong);
+        }
+        self.put(self.secret, block)
+    }
+
+    /// Forgets the settings block, and keeps the secret.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn clear(&mut self) -> Result<(), StoreError> {
+        self.put(self.secret, &[])
+    }
+
+    /// Keeps another secret, or none, beside the settings block. After an error both are what they were.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn keep(&mut self, secret: Option<Secret>) -> Result<(), StoreError> {
+        let mut block = [0; MAX_SETTINGS];
+        let stored = self.read()?.unwrap_or_default();
+        let length = stored.len();
+        block
+            .get_mut(..length)
+            .ok_or(StoreError::TooLong)?
+            .copy_from_slice(stored);
+        self.put(secret, &block[..length])
+    }
+
+    /// Gives the flash back.
+    pub fn into_flash(self) -> F {
+        self.store.into_flash()
+    }
+
+    fn put(&mut self, secret: Option<Secret>, block: &[u8]) -> Result<(), StoreError> {
+        match secret {
+            Some(whole) => {
+                let mut record = [0; MAX_BLOCK];
+                record[..HEAD].copy_from_slice(&whole.head());
+                record[HEAD..HEAD + block.len()].copy_from_slice(block);
+                self.store.write(&record[..HEAD + block.len()])?;
+            }
+            None => self.store.write(block)?,
+        }
+        self.secret = secret;
+        Ok(())
+    }
+}

@@ -1,0 +1,54 @@
+use crate::body::body;
+
+body! {
+    /// How the bead keeps itself within reach: what it passed over and refused since the last reset. It comes
+    /// with each status frame.
+    pub struct Guard: Copy, Default {
+        /// Strikes that were found and not measured, because their frames found no room on the line, or
+        /// because settings were about to change. They have a number.
+        pub strikes_passed_over: u32,
+        /// Strikes with the flag `sensor_still`.
+        pub strikes_still: u32,
+        /// How many boots in a row ended in a fault within a second of their start. After five, the bead uses
+        /// the built-in settings.
+        pub boots_failed: u32,
+        /// Settings that were not written, because flash is written only so often.
+        pub refused_too_soon: u32,
+        /// Whether the bead has a key. If it has, what changes its state must be signed.
+        pub keyed: bool,
+        /// Counter of the last signed request that was accepted; the next one needs a higher one.
+        pub counter: u64,
+        /// Signed requests that were accepted.
+        pub signed: u32,
+        /// Requests refused, because they were not signed.
+        pub refused_unsigned: u32,
+        /// Signed requests refused, because they were signed with another key, for another bead, or changed
+        /// on the way.
+        pub refused_forged: u32,
+        /// Signed requests refused, because their counter was used before, or is too far ahead.
+        pub refused_replayed: u32,
+        /// Signed requests refused, because their time was over, or their boot.
+        pub refused_late: u32,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Guard {
+    Guard {
+        strikes_passed_over: 300,
+        strikes_still: 1,
+        boots_failed: 2,
+        refused_too_soon: 3,
+        keyed: true,
+        counter: 5_000_000_000,
+        signed: 70_000,
+        refused_unsigned: 4,
+        refused_forged: 5,
+        refused_replayed: 6,
+        refused_late: 7,
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "000a031702040302010c0b01020a01011807ac020102030180e497d012f0a2040405060775b785b000";
