@@ -3,22 +3,19 @@
 //! # Design
 //!
 //! Hairer, Nørsett and Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5, II.6 and II.10.
-//! Order 8 pays here because the accuracy asked for lies near rounding, and the motion is smooth between
-//! openings and closings of contacts. There the force is only Hölder continuous. The error estimate sees
-//! that, and the steps shrink until the singular point lies in a step too short to do harm. That costs some
-//! ten steps each and needs no search. (A mere kink can hide between the stages of a step: the caller ends a
-//! step there, see `simulate`.)
+//! The host on a shaker is integrated with it, and in the tests the chains are: an implementation that shares
+//! nothing with [`crate::solver`] but the model. Where a contact opens or closes, the force is only Hölder
+//! continuous. The error estimate sees that, and the steps shrink until the singular point lies in a step too
+//! short to do harm. (A mere kink can hide between the stages of a step: the caller ends a step there.)
 //!
 //! The error of a step is the *greatest* over the components, not their root mean square. In a long chain few
 //! beads move at a time, and the mean would let them err the more, the longer the chain.
-//!
-//! A step's dense output is not stored. It follows from where the step started and how long it was, so
-//! [`Dense`] repeats the step when somebody looks inside it. Memory is one state a step, and a run that
-//! nobody looks into pays nothing.
 
 mod table;
 
-use table::{A, D, E3, E5};
+#[cfg(test)]
+use table::D;
+use table::{A, E3, E5};
 
 /// An autonomous system of ordinary differential equations y' = f(y).
 pub(crate) trait System {
@@ -148,6 +145,7 @@ impl Stepper {
     }
 
     /// Goes back to an earlier state, to take another way from there.
+    #[cfg(test)]
     pub(crate) fn return_to(&mut self, system: &impl System, time: f64, state: &[f64]) {
         self.time = time;
         self.state.copy_from_slice(state);
@@ -180,6 +178,7 @@ impl Stepper {
 }
 
 /// The dense output of one step: a polynomial of seventh order in time, exact at both ends.
+#[cfg(test)]
 #[derive(Debug, Clone)]
 pub(crate) struct Dense {
     start: f64,
@@ -188,6 +187,7 @@ pub(crate) struct Dense {
     coefficients: [Vec<f64>; 7],
 }
 
+#[cfg(test)]
 impl Dense {
     /// Repeats the step from `from` = (t, y) to `to`, both as the [`Stepper`] left them.
     pub(crate) fn new(system: &impl System, from: (f64, &[f64]), to: (f64, &[f64])) -> Self {
@@ -231,11 +231,6 @@ impl Dense {
             }
             *value = self.state[i] + sum;
         }
-    }
-
-    /// Whether `t` lies in this step.
-    pub(crate) fn holds(&self, t: f64) -> bool {
-        self.start <= t && t <= self.start + self.length
     }
 }
 

@@ -20,6 +20,7 @@ mod signal;
 mod simulate;
 pub mod solitary;
 mod solution;
+mod solver;
 mod spectrum;
 mod split;
 mod transmission;

@@ -576,6 +576,7 @@ impl Model {
     }
 
     /// The scale of each component of the state.
+    #[cfg(test)]
     pub(crate) fn scales(&self) -> Vec<f64> {
         let layout = self.layout();
         let mut scales = vec![self.striker_energy(); layout.dimension()];

@@ -1,8 +1,9 @@
 //! Quantities of the motion and their rates, at the ends of steps and inside them.
 
-use crate::dop853::{Dense, System};
+use crate::dop853::System;
 use crate::model::Model;
 use crate::solution::Solution;
+use crate::solver::Dense;
 
 /// Something that has peaks.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +43,7 @@ impl Quantity {
 /// A step's dense output, with room for a state and its rate.
 pub(crate) struct Inside<'a> {
     model: &'a Model,
-    dense: Dense,
+    dense: Dense<'a>,
     y: Vec<f64>,
     dy: Vec<f64>,
 }

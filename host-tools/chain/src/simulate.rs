@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 
-use crate::dop853::{Dense, Stepper, Stuck, crossing};
 use crate::model::Model;
 use crate::scenario::{InputError, Scenario};
 use crate::solution::Solution;
+use crate::solver::{Lanes, Stepper};
 
 /// How closely the integration follows the equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,13 +21,13 @@ pub struct Accuracy {
 impl Accuracy {
     /// Every stated number of this crate is computed at this accuracy.
     pub const REFERENCE: Self = Self {
-        tolerance: 1e-13,
-        longest_step: 1.0 / 24.0,
+        tolerance: 1e-14,
+        longest_step: 1.0 / 8.0,
     };
     /// For pictures and sweeps.
     pub const DRAFT: Self = Self {
         tolerance: 1e-8,
-        longest_step: 1.0 / 8.0,
+        longest_step: 1.0 / 2.0,
     };
 
     fn check(self) -> Result<(), InputError> {
@@ -124,7 +124,6 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     let tolerance = options.accuracy.tolerance;
 
     let model = Model::new(scenario);
-    let floor = model.scales().into_iter().map(|scale| 0.01 * tolerance * scale);
     let longest = options.accuracy.longest_step * model.shortest_contact();
     // The method is stable for steps of up to some 6 of the shortest time constants. A run takes at least
     // that many.
@@ -132,9 +131,11 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     if fewest_steps * model.layout().dimension() as f64 > MOST_VALUES as f64 {
         return Err(SimulateError::TooLong { time: 0.0, end });
     }
-    let mut stepper = Stepper::new(&model, model.initial(), tolerance, floor.collect(), longest);
+    let (lanes, start) = (Lanes::new(&model), model.initial());
+    let mut stepper = Stepper::new(&lanes, model.layout(), &start, tolerance, longest);
     let mut times = vec![stepper.time];
-    let mut states = stepper.state.clone();
+    let mut states = start;
+    let mut state = states.clone();
     let progress = |part| options.progress.iter().for_each(|told| told(part));
     // A step ends where the scenario does, so that the summary never looks inside one.
     let covered = scenario.duration.min(end);
@@ -142,10 +143,11 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     for stop in [covered, end] {
         while stepper.time < stop {
             let time = stepper.time;
-            advance(&mut stepper, &model, stop).map_err(|_| SimulateError::Stuck { time })?;
+            stepper.advance(stop).map_err(|_| SimulateError::Stuck { time })?;
             let time = stepper.time;
             times.push(time);
-            states.extend_from_slice(&stepper.state);
+            stepper.state(&mut state);
+            states.extend_from_slice(&state);
             if states.len() > MOST_VALUES {
                 return Err(SimulateError::TooLong { time, end });
             }
@@ -158,47 +160,15 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         }
     }
     progress(1.0);
+    let evaluations = stepper.evaluations;
     Ok(Solution {
         model,
+        lanes,
+        tolerance,
         times,
         states,
         summary_end,
-        evaluations: stepper.evaluations,
+        evaluations,
         seconds: clock.elapsed().as_secs_f64(),
     })
-}
-
-/// Makes one step. It ends where a contact begins or ceases to be clipped, if it would pass over such a
-/// point. The force has a kink there, which the error estimate misses when it falls between two stages.
-fn advance(stepper: &mut Stepper, model: &Model, stop: f64) -> Result<(), Stuck> {
-    if !model.clipped {
-        return stepper.advance(model, stop);
-    }
-    let (start, state) = (stepper.time, stepper.state.clone());
-    stepper.advance(model, stop)?;
-    let (end, end_state) = (stepper.time, stepper.state.clone());
-    let turns = |j: &usize| model.limited(&state, *j) != model.limited(&end_state, *j);
-    let turning: Vec<usize> = (1..=model.contacts()).filter(turns).collect();
-    if turning.is_empty() {
-        return Ok(());
-    }
-    let dense = Dense::new(model, (start, &state), (end, &end_state));
-    let mut inside = state.clone();
-    let kink = turning
-        .iter()
-        .map(|&j| {
-            crossing(start, end, |t| {
-                dense.at(t, &mut inside);
-                model.limited(&inside, j)
-            })
-        })
-        .fold(end, f64::min);
-    // A kink at the very start is the end of the last step, found again. One at the very end is where this
-    // step ends.
-    let part = (kink - start) / (end - start);
-    if part > 1e-6 && part < 1.0 - 1e-6 {
-        stepper.return_to(model, start, &state);
-        stepper.advance(model, kink)?;
-    }
-    Ok(())
 }

@@ -3,14 +3,14 @@
 //! # Design
 //!
 //! The state after every step is kept. The motion inside a step comes from the method's own dense output,
-//! found by repeating the step ([`crate::dop853::Dense`]). A [`Sampler`] keeps the last step that it looked
+//! found by repeating the step ([`crate::solver::Dense`]). A [`Sampler`] keeps the last step that it looked
 //! into.
 
 use std::ops::RangeInclusive;
 
-use crate::dop853::Dense;
 use crate::model::{Energies, Model};
 use crate::region::RegionEnergies;
+use crate::solver::{Dense, Lanes};
 
 /// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and
 /// contacts from 1.
@@ -20,6 +20,8 @@ use crate::region::RegionEnergies;
 #[derive(Debug, Clone)]
 pub struct Solution {
     pub(crate) model: Model,
+    pub(crate) lanes: Lanes,
+    pub(crate) tolerance: f64,
     /// Ends of the steps, s.
     pub(crate) times: Vec<f64>,
     /// The state at each of them, one after another.
@@ -81,13 +83,10 @@ impl Solution {
     }
 
     /// The dense output between `knot` and the next.
-    pub(crate) fn dense(&self, knot: usize) -> Dense {
-        let (from, to) = (knot, knot + 1);
-        Dense::new(
-            &self.model,
-            (self.times[from], self.state(from)),
-            (self.times[to], self.state(to)),
-        )
+    pub(crate) fn dense(&self, knot: usize) -> Dense<'_> {
+        let times = (self.times[knot], self.times[knot + 1]);
+        let layout = self.model.layout();
+        Dense::new(&self.lanes, layout, times, self.state(knot), self.tolerance)
     }
 }
 
@@ -95,14 +94,14 @@ impl Solution {
 #[derive(Debug, Clone)]
 pub struct Sampler<'a> {
     solution: &'a Solution,
-    dense: Option<Dense>,
+    dense: Option<Dense<'a>>,
 }
 
 impl<'a> Sampler<'a> {
     /// Everything at time `t`, s. Panics as [`Solution::at`].
     pub fn at(&mut self, t: f64) -> Snapshot<'a> {
         let solution = self.solution;
-        let dense = match self.dense.take() {
+        let mut dense = match self.dense.take() {
             Some(dense) if dense.holds(t) => dense,
             _ => solution.dense(solution.step_at(t)),
         };

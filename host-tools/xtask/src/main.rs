@@ -15,7 +15,7 @@ mod step;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::Command;
+use clap::{Arg, Command};
 
 use crate::image::Size;
 use crate::setup::{Need, TARGET, setup};
@@ -86,6 +86,13 @@ const TASKS: &[Task] = &[
         book::render,
     ),
     (
+        BENCH,
+        "Time the chain simulator and general solvers side by side, for a given error; takes some minutes",
+        "Words that follow go to the benchmark: `--format json`, `--quick`. What it compares with is compiled for it \
+         alone. docs/benchmarks.md says how to read it.",
+        |steps| bench(steps, &[]),
+    ),
+    (
         "mutants",
         "Make mistakes in a copy of the simulator, one by one, and see that the figures' checks notice each",
         "",
@@ -104,13 +111,29 @@ fn main() -> ExitCode {
         .subcommand_required(true)
         .arg_required_else_help(true);
     for &(name, about, more, _) in TASKS {
-        cli = cli.subcommand(Command::new(name).about(about).after_help(more));
+        let words = Arg::new("words")
+            .num_args(0..)
+            .trailing_var_arg(true)
+            .allow_hyphen_values(true);
+        let command = Command::new(name).about(about).after_help(more);
+        cli = cli.subcommand(if name == BENCH {
+            command.arg(words)
+        } else {
+            command
+        });
     }
     let matches = cli.get_matches();
     let mut tasks = TASKS.iter();
     let task = tasks.find(|(name, ..)| matches.subcommand_name() == Some(name));
     let run = |&(.., run): &Task| run(&Steps::start()?);
-    match task.map_or(Ok(()), run) {
+    let done = match matches.subcommand() {
+        Some((BENCH, matches)) => {
+            let words = matches.get_many::<String>("words").into_iter().flatten();
+            Steps::start().and_then(|steps| bench(&steps, &words.collect::<Vec<_>>()))
+        }
+        _ => task.map_or(Ok(()), run),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => {
             eprintln!("error: {}", stop.message);
@@ -119,12 +142,23 @@ fn main() -> ExitCode {
     }
 }
 
+/// The command of the benchmark.
+const BENCH: &str = "bench";
+
+/// Runs the benchmark with these words.
+fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
+    let line = Line::new("cargo run --release --package hertz-benchmarks --");
+    let line = words.iter().fold(line, |line, word| line.arg(word.as_str()));
+    steps.run("the chain simulator and general solvers", &line)
+}
+
 /// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are
 /// none of them.
 const DEMO: &str = "-p bead -p stm32f405-qemu";
 
-/// All but what is built for the part.
-const HOST: &str = "--workspace --exclude bead-firmware --exclude stm32f405-qemu-images";
+/// All but what is built for the part, and but the benchmark, which brings other solvers.
+const HOST: &str =
+    "--workspace --exclude bead-firmware --exclude stm32f405-qemu-images --exclude hertz-benchmarks";
 
 /// The flash image.
 fn image(steps: &Steps) -> PathBuf {

@@ -50,6 +50,7 @@ const WORKSPACE: &[Package] = &[
         ],
     ),
     package("hertz-figures", &["hertz-chain"]),
+    package("hertz-benchmarks", &["hertz-chain"]),
     Package {
         name: "bead",
         knows: HOST,

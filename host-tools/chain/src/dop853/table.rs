@@ -135,6 +135,7 @@ pub(super) const E3: &[(usize, f64)] = &[
 ];
 
 /// Rows: weights of the four highest coefficients of the seventh-order dense output.
+#[cfg(test)]
 pub(super) const D: [&[(usize, f64)]; 4] = [
     &[
         (0, -8.428938276109013),

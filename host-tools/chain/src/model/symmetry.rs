@@ -2,9 +2,10 @@
 //! on both sides.
 
 use super::{Contact, Model};
-use crate::dop853::{Stepper, System};
+use crate::dop853::System;
 use crate::oscillator::Oscillator;
 use crate::scenario::{ContactForce, Intruder, Material, Scenario, Section, Striker, Wall};
+use crate::solver::{Lanes, Stepper};
 
 /// The paper's strike on `beads` elastic beads, no intruder.
 fn elastic(beads: usize) -> Scenario {
@@ -26,13 +27,15 @@ fn with_intruder(mut scenario: Scenario, bead: usize, damping: f64) -> Scenario 
 
 /// The state a time `duration` after `state`, at the reference accuracy.
 fn evolve(model: &Model, state: Vec<f64>, duration: f64) -> Vec<f64> {
-    let floor = model.scales().iter().map(|scale| 1e-15 * scale).collect();
-    let longest = model.shortest_contact() / 24.0;
-    let mut stepper = Stepper::new(model, state, 1e-13, floor, longest);
+    let lanes = Lanes::new(model);
+    let longest = model.shortest_contact() / 8.0;
+    let mut stepper = Stepper::new(&lanes, model.layout(), &state, 1e-14, longest);
     while stepper.time < duration {
-        stepper.advance(model, duration).expect("the motion goes on");
+        stepper.advance(duration).expect("the motion goes on");
     }
-    stepper.state
+    let mut end = state;
+    stepper.state(&mut end);
+    end
 }
 
 /// The greatest distance of two states, in parts of the scale of each component, without the losses.

@@ -1,0 +1,131 @@
+//! What was measured, against what was aimed at.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// One solver's time for the error asked for.
+#[derive(Debug, Serialize)]
+pub(crate) struct Row {
+    pub(crate) solver: String,
+    /// ms, the least of many; none if no setting keeps the error.
+    pub(crate) milliseconds: Option<f64>,
+    pub(crate) error: Option<f64>,
+    /// Tolerances: ours and the longest step, or relative and absolute.
+    pub(crate) settings: Option<String>,
+}
+
+/// All solvers on one case.
+#[derive(Debug, Serialize)]
+pub(crate) struct Comparison {
+    pub(crate) case: String,
+    /// Greatest error allowed, as a part of the greatest velocity.
+    pub(crate) allowed: f64,
+    /// The simulator first.
+    pub(crate) rows: Vec<Row>,
+    /// How many times faster than the best of the others it should be.
+    pub(crate) target: f64,
+}
+
+/// A number that was aimed at.
+#[derive(Debug, Serialize)]
+pub(crate) struct Target {
+    pub(crate) name: String,
+    pub(crate) value: Option<f64>,
+    /// The least value that meets it, or the greatest, as `better` says.
+    pub(crate) target: f64,
+    pub(crate) better: &'static str,
+    pub(crate) verdict: &'static str,
+}
+
+impl Target {
+    pub(crate) fn at_least(name: impl Into<String>, value: Option<f64>, target: f64) -> Self {
+        let met = value.is_some_and(|value| value >= target);
+        Self::new(name.into(), value, target, "greater", met)
+    }
+
+    pub(crate) fn at_most(name: impl Into<String>, value: Option<f64>, target: f64) -> Self {
+        let met = value.is_some_and(|value| value <= target);
+        Self::new(name.into(), value, target, "less", met)
+    }
+
+    fn new(name: String, value: Option<f64>, target: f64, better: &'static str, met: bool) -> Self {
+        let verdict = if met { "met" } else { "not met" };
+        Self {
+            name,
+            value,
+            target,
+            better,
+            verdict,
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+pub(crate) struct Report {
+    /// Processor, as its system names it.
+    machine: String,
+    comparisons: Vec<Comparison>,
+    pub(crate) targets: Vec<Target>,
+}
+
+fn machine() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let named = text.lines().find_map(|line| line.strip_prefix("model name"));
+    let name = named.map_or("unknown processor", |name| {
+        name.trim_start_matches([' ', '\t', ':'])
+    });
+    format!("{name}, {}", std::env::consts::ARCH)
+}
+
+impl Report {
+    pub(crate) fn new() -> Self {
+        Self {
+            machine: machine(),
+            comparisons: Vec::new(),
+            targets: Vec::new(),
+        }
+    }
+
+    pub(crate) fn add(&mut self, comparison: Comparison) {
+        let ours = comparison.rows[0].milliseconds;
+        let others = comparison.rows[1..].iter().filter_map(|row| row.milliseconds);
+        let best = others.fold(f64::INFINITY, f64::min);
+        let ratio = ours.filter(|_| best.is_finite()).map(|ours| best / ours);
+        let name = format!("{}: times faster than the best peer", comparison.case);
+        self.targets
+            .push(Target::at_least(name, ratio, comparison.target));
+        self.comparisons.push(comparison);
+    }
+
+    pub(crate) fn json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("numbers and strings are JSON")
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.machine)?;
+        for comparison in &self.comparisons {
+            writeln!(f, "\n{}, error at most {:e}", comparison.case, comparison.allowed)?;
+            for row in &comparison.rows {
+                match (row.milliseconds, row.error, &row.settings) {
+                    (Some(ms), Some(error), Some(settings)) => {
+                        writeln!(f, "  {ms:8.3} ms  {error:.1e}  {}  ({settings})", row.solver)?;
+                    }
+                    _ => writeln!(f, "  not reached           {}", row.solver)?,
+                }
+            }
+        }
+        writeln!(f)?;
+        for target in &self.targets {
+            let value = target
+                .value
+                .map_or("none".to_owned(), |value| format!("{value:.2}"));
+            let (name, aim, verdict) = (&target.name, target.target, target.verdict);
+            let sign = if target.better == "greater" { "≥" } else { "≤" };
+            writeln!(f, "{verdict:8} {name}: {value} (target {sign} {aim})")?;
+        }
+        Ok(())
+    }
+}

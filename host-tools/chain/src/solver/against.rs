@@ -1,0 +1,151 @@
+//! Every kind of chain, drawn at random, against an integration of another method by other code: Dormand and
+//! Prince's 8(5,3) on the model's own equations, with steps that shrink where contacts open and close.
+
+use super::{Lanes, Stepper};
+use crate::dop853::{self, Dense, crossing};
+use crate::model::Model;
+use crate::oscillator::Oscillator;
+use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Section, Striker, Wall};
+
+/// Numbers of 0 to 1, the same at every run (Marsaglia's xorshift).
+struct Draw(u64);
+
+impl Draw {
+    fn next(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn decades(&mut self, low: f64, high: f64) -> f64 {
+        low * (high / low).powf(self.next())
+    }
+
+    fn bead(&mut self, beads: usize) -> usize {
+        1 + (self.next() * beads as f64) as usize
+    }
+
+    fn scenario(&mut self) -> Scenario {
+        let beads = 1 + (self.next() * 24.0) as usize;
+        let relaxation = if self.next() < 0.3 {
+            0.0
+        } else {
+            1e-5 * self.next()
+        };
+        let clipped = self.next() < 0.3;
+        let load = if self.next() < 0.3 {
+            self.decades(1e-3, 1e3)
+        } else {
+            0.0
+        };
+        let mut scenario = Scenario {
+            title: String::new(),
+            duration: 0.004,
+            chain: Chain {
+                beads,
+                relaxation,
+                contact_force: if clipped {
+                    ContactForce::Clipped
+                } else {
+                    ContactForce::Printed
+                },
+                precompression: load,
+                ..Chain::PAPER
+            },
+            striker: Striker {
+                radius: self.decades(0.003, 0.03),
+                young: self.decades(1e9, 2e11),
+                velocity: self.decades(0.05, 5.0),
+                ..Striker::PAPER
+            },
+            wall: (self.next() < 0.3).then(|| Wall::flat(Material::STEEL)),
+            intruders: Vec::new(),
+            sections: Vec::new(),
+        };
+        for bead in 1..=beads {
+            if self.next() < 0.2 {
+                let oscillator = Oscillator {
+                    mass: self.decades(1e-4, 5e-3),
+                    stiffness: self.decades(1e3, 1e6),
+                    damping: self.decades(0.1, 30.0),
+                };
+                scenario.intruders.push(Intruder::new([bead], oscillator));
+            }
+        }
+        if self.next() < 0.4 {
+            scenario.sections.push(Section {
+                beads: vec![self.bead(beads)],
+                radius: Some(self.decades(0.014, 0.03)),
+                young: Some(self.decades(1e9, 1e11)),
+                ..Section::default()
+            });
+        }
+        scenario
+    }
+}
+
+/// The state at the end, step by step as the simulator once did.
+fn other(model: &Model, end: f64) -> Vec<f64> {
+    let floor = model.scales().into_iter().map(|scale| 1e-15 * scale).collect();
+    let longest = model.shortest_contact() / 24.0;
+    let mut stepper = dop853::Stepper::new(model, model.initial(), 1e-13, floor, longest);
+    while stepper.time < end {
+        let (from, state) = (stepper.time, stepper.state.clone());
+        stepper.advance(model, end).expect("it goes on");
+        if !model.clipped {
+            continue;
+        }
+        let (to, after) = (stepper.time, stepper.state.clone());
+        let turns = |j: &usize| model.limited(&state, *j) != model.limited(&after, *j);
+        let turning: Vec<usize> = (1..=model.contacts()).filter(turns).collect();
+        if turning.is_empty() {
+            continue;
+        }
+        let dense = Dense::new(model, (from, &state), (to, &after));
+        let mut inside = state.clone();
+        let kinks = turning.iter().map(|&j| {
+            crossing(from, to, |t| {
+                dense.at(t, &mut inside);
+                model.limited(&inside, j)
+            })
+        });
+        let kink = kinks.fold(to, f64::min);
+        let part = (kink - from) / (to - from);
+        if part > 1e-6 && part < 1.0 - 1e-6 {
+            stepper.return_to(model, from, &state);
+            stepper.advance(model, kink).expect("it goes on");
+        }
+    }
+    stepper.state
+}
+
+#[test]
+fn two_hundred_random_scenarios_move_as_another_method_says() {
+    let mut draw = Draw(0x9e37_79b9_7f4a_7c15);
+    let mut worst = 0.0_f64;
+    for number in 0..200 {
+        let scenario = draw.scenario();
+        let model = Model::new(&scenario);
+        let (lanes, layout) = (Lanes::new(&model), model.layout());
+        let longest = model.shortest_contact() / 8.0;
+        let mut stepper = Stepper::new(&lanes, layout, &model.initial(), 1e-14, longest);
+        while stepper.time < scenario.duration {
+            stepper.advance(scenario.duration).expect("it goes on");
+        }
+        let mut ours = model.initial();
+        stepper.state(&mut ours);
+        let theirs = other(&model, scenario.duration);
+        let pairs = ours.iter().zip(&theirs).zip(model.scales());
+        let error = pairs
+            .map(|((a, b), scale)| (a - b).abs() / scale.max(b.abs()))
+            .fold(0.0, f64::max);
+        assert!(
+            error < 1e-9,
+            "scenario {number}: {error:e}\n{}",
+            scenario.to_toml()
+        );
+        worst = worst.max(error);
+    }
+    println!("worst of 200: {worst:.1e}");
+}

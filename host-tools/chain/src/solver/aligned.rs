@@ -1,0 +1,47 @@
+//! Numbers that begin where a cache line does: vectors of eight lie in one line each.
+
+use std::ops::{Deref, DerefMut};
+
+/// An array of f64 of a fixed length.
+#[derive(Debug)]
+pub(super) struct Aligned {
+    room: Vec<f64>,
+    start: usize,
+    length: usize,
+}
+
+/// Bytes of a cache line, and f64 in one.
+const LINE: usize = 64;
+const SPARE: usize = LINE / size_of::<f64>();
+
+impl Aligned {
+    pub(super) fn zeros(length: usize) -> Self {
+        let room = vec![0.0; length + SPARE];
+        let start = room.as_ptr().align_offset(LINE).min(SPARE);
+        Self { room, start, length }
+    }
+}
+
+impl Clone for Aligned {
+    fn clone(&self) -> Self {
+        let mut copy = Self::zeros(self.length);
+        copy.copy_from_slice(self);
+        copy
+    }
+}
+
+impl Deref for Aligned {
+    type Target = [f64];
+
+    #[inline(always)]
+    fn deref(&self) -> &[f64] {
+        &self.room[self.start..self.start + self.length]
+    }
+}
+
+impl DerefMut for Aligned {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut [f64] {
+        &mut self.room[self.start..self.start + self.length]
+    }
+}

@@ -1,0 +1,109 @@
+//! Making a step, and looking for what a step should not pass over.
+
+use super::kernel::dispatch;
+use super::lanes::{Lanes, first};
+use super::method::NODES;
+use super::verner::MAIN;
+use super::work::{Motion, Work, clear, give};
+
+impl Work {
+    /// Makes a step of `length` from the start, and puts its end in place. Gives its error, of which 1 is
+    /// allowed.
+    pub(super) fn attempt(&mut self, lanes: &Lanes, length: f64, tolerance: f64) -> f64 {
+        self.wall_impulse = 0.0;
+        self.guests_lost.fill(0.0);
+        let crossed = dispatch(self, lanes, super::kernel::Task::Step, length);
+        self.crossings.clear();
+        if crossed > 0.0 || lanes.clipped {
+            self.find_crossings(lanes, length, tolerance);
+        }
+        length * dispatch(self, lanes, super::kernel::Task::Error { tolerance }, length)
+    }
+
+    /// Prepares [`Work::look`] for the step that [`Work::attempt`] made last.
+    pub(super) fn prepare(&mut self, lanes: &Lanes, length: f64) {
+        let crossings = std::mem::take(&mut self.crossings);
+        for (stage, node) in NODES.into_iter().enumerate().skip(MAIN) {
+            if let Some(mut added) = self.added.take() {
+                for crossing in &crossings {
+                    give(
+                        lanes,
+                        &mut added,
+                        crossing.lane,
+                        crossing.integrals(node).over(length),
+                    );
+                }
+                self.added = Some(added);
+            }
+            dispatch(self, lanes, super::kernel::Task::Inner { stage }, length);
+            if let Some(added) = &mut self.added {
+                for crossing in &crossings {
+                    clear(lanes, added, crossing.lane);
+                }
+            }
+            for crossing in &crossings {
+                let (force, power) = crossing.force(node);
+                self.take(lanes, crossing.lane, stage, &[force], &[power]);
+            }
+        }
+        self.crossings = crossings;
+    }
+
+    /// The part of the step just made at which the force of a contact is first cut off at zero, or ceases to
+    /// be; none if that is at an end of the step. The force has a kink there, which the estimate of the error
+    /// misses when it falls between two stages.
+    pub(super) fn first_kink(&mut self, lanes: &Lanes, length: f64) -> Option<f64> {
+        // Whether a contact is closed, and whether its force, here without the factor κ √δ, is above zero.
+        let of = |motion: &Motion, lane: usize| {
+            let overlap = motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
+            let approach = motion.v[lane - 1] - motion.v[lane];
+            (overlap > 0.0, overlap + lanes.viscosity[lane] * approach > 0.0)
+        };
+        let pushes = |motion: &Motion, lane: usize| of(motion, lane) == (true, true);
+        let cut_off = |motion: &Motion, lane: usize| of(motion, lane) == (true, false);
+        let turns = |&lane: &usize| {
+            let (starts, ends) = (pushes(&self.start, lane), pushes(&self.end, lane));
+            let (was_cut, is_cut) = (cut_off(&self.start, lane), cut_off(&self.end, lane));
+            // What was open has no kink where it closes, and what was cut off none where it opens.
+            (starts && !ends) || (was_cut && ends) || (is_cut && !was_cut)
+        };
+        let turning: Vec<usize> = self
+            .active
+            .iter()
+            .flat_map(|blocks| first(blocks.start) + 1..first(blocks.end))
+            .filter(|&lane| lanes.stiffness[lane] > 0.0 && lanes.viscosity[lane] > 0.0)
+            .filter(turns)
+            .collect();
+        if turning.is_empty() {
+            return None;
+        }
+        self.prepare(lanes, length);
+        let mut earliest = 1.0_f64;
+        for lane in turning {
+            // One that closes and is cut off in one step pushes between.
+            let by_cut = cut_off(&self.end, lane);
+            let turned = |motion: &Motion| {
+                if by_cut {
+                    cut_off(motion, lane)
+                } else {
+                    pushes(motion, lane)
+                }
+            };
+            let before = turned(&self.start);
+            let (mut low, mut high) = (0.0, 1.0);
+            while high - low > 1e-12 {
+                let middle = 0.5 * (low + high);
+                self.look(lanes, length, middle);
+                if turned(&self.stage) == before {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            earliest = earliest.min(high);
+        }
+        // A kink at the very start is the end of the last step, found again. One at the very end is where
+        // this step ends.
+        (earliest > 1e-6 && earliest < 1.0 - 1e-6).then_some(earliest)
+    }
+}

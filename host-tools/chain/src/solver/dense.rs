@@ -1,0 +1,83 @@
+//! The motion inside a step.
+
+use super::lanes::{BLOCK, Lanes};
+use super::work::{Motion, Work};
+use crate::model::Layout;
+
+/// The dense output of one step: of order 8 in time, and exact where contacts open or close.
+#[derive(Debug, Clone)]
+pub(crate) struct Dense<'a> {
+    lanes: &'a Lanes,
+    layout: Layout,
+    start: f64,
+    length: f64,
+    state: Vec<f64>,
+    work: Work,
+}
+
+/// Puts a state into arrays.
+pub(super) fn unpack(lanes: &Lanes, layout: Layout, state: &[f64], motion: &mut Motion) {
+    let (bodies, guests) = (lanes.bodies, lanes.guests.count);
+    motion.u[BLOCK..BLOCK + bodies].copy_from_slice(&state[..bodies]);
+    motion.v[BLOCK..BLOCK + bodies].copy_from_slice(&state[bodies..2 * bodies]);
+    let relative = layout.relative(0);
+    motion.x[..guests].copy_from_slice(&state[relative..relative + guests]);
+    motion.w[..guests].copy_from_slice(&state[relative + guests..relative + 2 * guests]);
+}
+
+/// Takes displacements and velocities out of arrays.
+pub(super) fn pack(lanes: &Lanes, layout: Layout, motion: &Motion, state: &mut [f64]) {
+    let (bodies, guests) = (lanes.bodies, lanes.guests.count);
+    state[..bodies].copy_from_slice(&motion.u[BLOCK..BLOCK + bodies]);
+    state[bodies..2 * bodies].copy_from_slice(&motion.v[BLOCK..BLOCK + bodies]);
+    let relative = layout.relative(0);
+    state[relative..relative + guests].copy_from_slice(&motion.x[..guests]);
+    state[relative + guests..relative + 2 * guests].copy_from_slice(&motion.w[..guests]);
+}
+
+impl<'a> Dense<'a> {
+    /// Repeats the step from `state` at time `start` to time `end`, as the stepper made it at this tolerance.
+    pub(crate) fn new(
+        lanes: &'a Lanes,
+        layout: Layout,
+        (start, end): (f64, f64),
+        state: &[f64],
+        tolerance: f64,
+    ) -> Self {
+        let mut work = Work::new(lanes, true);
+        work.activate_all(lanes);
+        unpack(lanes, layout, state, &mut work.start);
+        let length = end - start;
+        work.attempt(lanes, length, tolerance);
+        work.prepare(lanes, length);
+        Self {
+            lanes,
+            layout,
+            start,
+            length,
+            state: state.to_vec(),
+            work,
+        }
+    }
+
+    /// The state at time `t` of the step.
+    pub(crate) fn at(&mut self, t: f64, out: &mut [f64]) {
+        let (lanes, layout) = (self.lanes, self.layout);
+        let inside = self.work.look(lanes, self.length, (t - self.start) / self.length);
+        pack(lanes, layout, &self.work.stage, out);
+        let loss = layout.contact_loss();
+        out[loss] = self.state[loss] + inside.contacts;
+        for (index, lost) in inside.guests.iter().enumerate() {
+            let at = layout.intruder_loss(index);
+            out[at] = self.state[at] + lost;
+        }
+        if let Some(at) = layout.wall_impulse() {
+            out[at] = self.state[at] + inside.wall;
+        }
+    }
+
+    /// Whether `t` lies in this step.
+    pub(crate) fn holds(&self, t: f64) -> bool {
+        self.start <= t && t <= self.start + self.length
+    }
+}

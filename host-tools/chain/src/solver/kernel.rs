@@ -1,0 +1,377 @@
+//! The arithmetic of a step, on vectors as wide as the processor has.
+//!
+//! # Design
+//!
+//! A stage is one pass over the blocks: sums over the stages before, forces of the contacts, accelerations.
+//! Neighbours are shifted in registers, for to read what was just written at another place would wait for the
+//! cache. Numbers are added and multiplied one by one, in the same order on every processor: the results have
+//! the same bits everywhere.
+
+use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
+
+use super::lanes::{BLOCK, Block, Lanes, before, behind, blocks, blocks_mut, first, push, select};
+use super::method::{ERROR, NODES, SPARSE, quadrature};
+use super::verner::{MAIN, STAGES};
+use super::work::Work;
+
+/// What to compute.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Task {
+    /// All stages of a step and its end; gives how many blocks have contacts that open or close.
+    Step,
+    /// One stage of the dense output, after that.
+    Inner { stage: usize },
+    /// The greatest error of a velocity, over the length of the step and what is allowed. It is not a number if
+    /// a velocity is none.
+    Error { tolerance: f64 },
+}
+
+struct Call<'a, S> {
+    simd: S,
+    work: &'a mut Work,
+    lanes: &'a Lanes,
+    task: Task,
+    length: f64,
+}
+
+/// Runs a task on the widest vectors of this processor.
+pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
+    macro_rules! call {
+        ($simd:expr) => {
+            Call {
+                simd: $simd,
+                work,
+                lanes,
+                task,
+                length,
+            }
+        };
+    }
+    match Arch::new() {
+        #[cfg(target_arch = "x86_64")]
+        Arch::V4(simd) => simd.vectorize(call!(simd)),
+        #[cfg(target_arch = "x86_64")]
+        Arch::V3(simd) => simd.vectorize(call!(pulp::x86::V3_512b(simd))),
+        _ => call!(pulp::Scalar512b).call(),
+    }
+}
+
+impl<S: Simd<f64s = f64x8>> NullaryFnOnce for Call<'_, S> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn call(self) -> f64 {
+        let Self {
+            simd,
+            work,
+            lanes,
+            task,
+            length,
+        } = self;
+        let general = lanes.loaded || lanes.clipped;
+        match task {
+            Task::Step if general => step::<S, true>(simd, work, lanes, length),
+            Task::Step => step::<S, false>(simd, work, lanes, length),
+            Task::Inner { stage: number } => {
+                stage::<S, true>(simd, work, lanes, number, length);
+                0.0
+            }
+            Task::Error { tolerance } => error(simd, work, lanes, tolerance),
+        }
+    }
+}
+
+/// The stages of a block, eight lanes each.
+type Rates = [f64; STAGES * BLOCK];
+
+#[inline(always)]
+fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+    simd: S,
+    work: &mut Work,
+    lanes: &Lanes,
+    length: f64,
+) -> f64 {
+    for run in &work.active {
+        work.lost[first(run.start)..first(run.end)].fill(0.0);
+    }
+    for number in 0..MAIN {
+        stage::<S, GENERAL>(simd, work, lanes, number, length);
+    }
+    finish(simd, work, lanes, length)
+}
+
+/// Displacements and velocities of eight lanes at a stage, from those at the start.
+#[inline(always)]
+fn moved<S: Simd<f64s = f64x8>>(
+    simd: S,
+    (u, v): (Block, Block),
+    rates: &Rates,
+    row: usize,
+    length: f64,
+) -> (f64x8, f64x8) {
+    let (u, v): (f64x8, f64x8) = (pulp::cast(u), pulp::cast(v));
+    let (mut once, mut twice) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
+    for (stage, weight) in SPARSE[row].weights() {
+        let rate: f64x8 = pulp::cast(blocks(rates)[*stage]);
+        once = simd.add_f64s(once, simd.mul_f64s(simd.splat_f64s(weight.velocity), rate));
+        twice = simd.add_f64s(twice, simd.mul_f64s(simd.splat_f64s(weight.displacement), rate));
+    }
+    let time = simd.splat_f64s(NODES[row] * length);
+    let bent = simd.mul_f64s(simd.splat_f64s(length * length), twice);
+    let way = simd.add_f64s(simd.mul_f64s(time, v), bent);
+    let change = simd.mul_f64s(simd.splat_f64s(length), once);
+    (simd.add_f64s(u, way), simd.add_f64s(v, change))
+}
+
+/// One where the lane is, zero elsewhere.
+const ONE: [Block; BLOCK] = {
+    let mut one = [[0.0; BLOCK]; BLOCK];
+    let mut lane = 0;
+    while lane < BLOCK {
+        one[lane][lane] = 1.0;
+        lane += 1;
+    }
+    one
+};
+
+#[inline(always)]
+fn sum_into<S: Simd<f64s = f64x8>>(simd: S, sum: &mut Block, factor: f64, part: f64x8) {
+    let part = simd.mul_f64s(simd.splat_f64s(factor), part);
+    *sum = pulp::cast(simd.add_f64s(pulp::cast(*sum), part));
+}
+
+#[inline(always)]
+fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+    simd: S,
+    work: &mut Work,
+    lanes: &Lanes,
+    number: usize,
+    length: f64,
+) {
+    let zero = simd.splat_f64s(0.0);
+    let guests = &lanes.guests;
+    let weight = if number < MAIN {
+        length * quadrature(number)
+    } else {
+        0.0
+    };
+    let added = work.added.as_deref().filter(|_| number >= MAIN);
+    let mut powers = work.powers.as_deref_mut();
+    let keeps = powers.is_some();
+    let kept = guests.blocks;
+    let (x_start, w_start) = (&blocks(&work.start.x)[..kept], &blocks(&work.start.w)[..kept]);
+    let (x_to, w_to) = (
+        &mut blocks_mut(&mut work.stage.x)[..kept],
+        &mut blocks_mut(&mut work.stage.w)[..kept],
+    );
+    let pulls = &mut blocks_mut(&mut work.pulls)[..kept];
+    let guest_rates = &mut work.guest_rates.as_chunks_mut::<{ STAGES * BLOCK }>().0[..kept];
+    let (stiffness, damping) = (
+        &blocks(&guests.stiffness)[..kept],
+        &blocks(&guests.damping)[..kept],
+    );
+    for &at in &work.active_guests {
+        let (mut x, mut w) = moved(simd, (x_start[at], w_start[at]), &guest_rates[at], number, length);
+        if let Some(added) = added {
+            x = simd.add_f64s(x, pulp::cast(blocks(&added.x)[at]));
+            w = simd.add_f64s(w, pulp::cast(blocks(&added.w)[at]));
+        }
+        let damped = simd.mul_f64s(pulp::cast(damping[at]), w);
+        let pull = simd.add_f64s(simd.mul_f64s(pulp::cast(stiffness[at]), x), damped);
+        pulls[at] = pulp::cast(pull);
+        let power = simd.mul_f64s(damped, w);
+        if weight != 0.0 {
+            sum_into(simd, &mut blocks_mut(&mut work.guests_lost)[at], weight, power);
+        }
+        if let Some(powers) = &mut powers {
+            blocks_mut(&mut powers.guests)[at * STAGES + number] = pulp::cast(power);
+            (x_to[at], w_to[at]) = (pulp::cast(x), pulp::cast(w));
+        }
+    }
+
+    let length_of = lanes.blocks + 2;
+    let contacts = lanes.contacts(length_of);
+    let inverse = &blocks(&lanes.inverse)[..length_of];
+    let (u_start, v_start) = (
+        &blocks(&work.start.u)[..length_of],
+        &blocks(&work.start.v)[..length_of],
+    );
+    let rates = &mut work.rates.as_chunks_mut::<{ STAGES * BLOCK }>().0[..length_of];
+    let mut power_sum = zero;
+    let mut wall_force = 0.0;
+    for run in &work.active {
+        assert!(run.end < length_of - 1, "blocks of this chain");
+        let edge = run.start;
+        // What is before the run flies freely.
+        let mut v_before: f64x8 = pulp::cast(v_start[edge]);
+        let way = simd.mul_f64s(simd.splat_f64s(NODES[number] * length), v_before);
+        let mut u_before = simd.add_f64s(pulp::cast(u_start[edge]), way);
+        let mut force_before = zero;
+        for at in run.start + 1..run.end + 2 {
+            let mut force = zero;
+            if at < run.end + 1 {
+                let (mut u, mut v) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
+                if let Some(added) = added {
+                    u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[at]));
+                    v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[at]));
+                }
+                let near = (before(u_before, u), before(v_before, v));
+                let power;
+                (force, power) = push::<S, GENERAL>(simd, contacts, at, near, (u, v));
+                if lanes.viscous {
+                    if weight != 0.0 {
+                        sum_into(simd, &mut blocks_mut(&mut work.lost)[at], weight, power);
+                    }
+                    power_sum = simd.add_f64s(power_sum, power);
+                }
+                (u_before, v_before) = (u, v);
+                if lanes.wall.is_some_and(|wall| wall / BLOCK == at) {
+                    let forces: Block = pulp::cast(force);
+                    wall_force = forces[lanes.bodies % BLOCK];
+                }
+                if keeps {
+                    blocks_mut(&mut work.stage.u)[at] = pulp::cast(u);
+                    blocks_mut(&mut work.stage.v)[at] = pulp::cast(v);
+                }
+            }
+            if at > run.start + 1 {
+                let mut total = simd.sub_f64s(force_before, behind(force_before, force));
+                for guest in guests.of_block[at - 2].clone() {
+                    let pull = simd.splat_f64s(pulls[guest / BLOCK][guest % BLOCK]);
+                    let one: f64x8 = pulp::cast(ONE[guests.hosts[guest] % BLOCK]);
+                    total = simd.add_f64s(total, simd.mul_f64s(pull, one));
+                }
+                let rate = simd.mul_f64s(total, pulp::cast(inverse[at - 1]));
+                blocks_mut(&mut rates[at - 1])[number] = pulp::cast(rate);
+            }
+            force_before = force;
+        }
+    }
+
+    for &at in &work.active_guests {
+        let pulled = simd.mul_f64s(pulp::cast(pulls[at]), pulp::cast(blocks(&guests.inverse)[at]));
+        let mut rate = simd.sub_f64s(zero, pulled);
+        for (lane, &host) in guests.hosts[at * BLOCK..].iter().take(BLOCK).enumerate() {
+            let of_host = simd.splat_f64s(blocks(&rates[host / BLOCK])[number][host % BLOCK]);
+            rate = simd.sub_f64s(rate, simd.mul_f64s(of_host, pulp::cast(ONE[lane])));
+        }
+        blocks_mut(&mut guest_rates[at])[number] = pulp::cast(rate);
+    }
+    work.wall_impulse += weight * wall_force;
+    if let Some(powers) = powers {
+        powers.contacts[number] = pulp::cast::<f64x8, Block>(power_sum).iter().sum();
+        powers.wall[number] = wall_force;
+    }
+}
+
+/// One where contacts are closed, else zero.
+#[inline(always)]
+fn closed<S: Simd<f64s = f64x8>>(simd: S, near: f64x8, far: f64x8, rest: f64x8) -> f64x8 {
+    let overlap = simd.add_f64s(simd.sub_f64s(near, far), rest);
+    let zero = simd.splat_f64s(0.0);
+    select(
+        simd,
+        simd.greater_than_f64s(overlap, zero),
+        simd.splat_f64s(1.0),
+        zero,
+    )
+}
+
+/// The end of the step.
+#[inline(always)]
+fn finish<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64) -> f64 {
+    let count = lanes.blocks + 2;
+    let (start, end) = (&work.start, &mut work.end);
+    let (u_start, v_start) = (&blocks(&start.u)[..count], &blocks(&start.v)[..count]);
+    let (u_end, v_end) = (
+        &mut blocks_mut(&mut end.u)[..count],
+        &mut blocks_mut(&mut end.v)[..count],
+    );
+    let rest = &blocks(&lanes.rest)[..count];
+    let rates = &work.rates.as_chunks::<{ STAGES * BLOCK }>().0[..count];
+    let mut crossed = simd.splat_f64s(0.0);
+    for run in &work.active {
+        assert!(run.end < count - 1, "blocks of this chain");
+        let mut from_before: f64x8 = pulp::cast(u_start[run.start]);
+        let way = simd.mul_f64s(simd.splat_f64s(length), pulp::cast(v_start[run.start]));
+        let mut to_before = simd.add_f64s(from_before, way);
+        for at in run.start + 1..run.end + 1 {
+            let (u, v) = moved(simd, (u_start[at], v_start[at]), &rates[at], MAIN, length);
+            (u_end[at], v_end[at]) = (pulp::cast(u), pulp::cast(v));
+            let (from, rest) = (pulp::cast(u_start[at]), pulp::cast(rest[at]));
+            let first = closed(simd, before(from_before, from), from, rest);
+            let last = closed(simd, before(to_before, u), u, rest);
+            let turned = simd.sub_f64s(first, last);
+            crossed = simd.add_f64s(crossed, simd.mul_f64s(turned, turned));
+            (from_before, to_before) = (from, u);
+        }
+    }
+    let guest_rates = work.guest_rates.as_chunks::<{ STAGES * BLOCK }>().0;
+    for &at in &work.active_guests {
+        let from = (blocks(&start.x)[at], blocks(&start.w)[at]);
+        let (x, w) = moved(simd, from, &guest_rates[at], MAIN, length);
+        (blocks_mut(&mut end.x)[at], blocks_mut(&mut end.w)[at]) = (pulp::cast(x), pulp::cast(w));
+    }
+    let crossed: Block = pulp::cast(crossed);
+    crossed.iter().sum()
+}
+
+#[inline(always)]
+fn size<S: Simd<f64s = f64x8>>(simd: S, lanes: f64x8) -> f64x8 {
+    simd.max_f64s(lanes, simd.sub_f64s(simd.splat_f64s(0.0), lanes))
+}
+
+/// The errors of eight velocities over what is allowed.
+#[inline(always)]
+fn errors<S: Simd<f64s = f64x8>>(
+    simd: S,
+    rates: &Rates,
+    (from, to): (f64x8, f64x8),
+    (floor, part): (f64x8, f64x8),
+) -> f64x8 {
+    let mut error = simd.splat_f64s(0.0);
+    for &(stage, weight) in ERROR {
+        let part = simd.mul_f64s(simd.splat_f64s(weight), pulp::cast(blocks(rates)[stage]));
+        error = simd.add_f64s(error, part);
+    }
+    let scale = simd.max_f64s(size(simd, from), size(simd, to));
+    simd.div_f64s(
+        size(simd, error),
+        simd.add_f64s(floor, simd.mul_f64s(part, scale)),
+    )
+}
+
+#[inline(always)]
+fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: f64) -> f64 {
+    let zero = simd.splat_f64s(0.0);
+    let allowed = (
+        simd.splat_f64s(0.01 * tolerance * lanes.speed),
+        simd.splat_f64s(tolerance),
+    );
+    let (mut greatest, mut trace) = (zero, zero);
+    let (start, end) = (&work.start, &work.end);
+    let rates = work.rates.as_chunks::<{ STAGES * BLOCK }>().0;
+    for run in &work.active {
+        let at = run.start + 1..run.end + 1;
+        let velocities = blocks(&start.v)[at.clone()]
+            .iter()
+            .zip(&blocks(&end.v)[at.clone()]);
+        for (rates, (from, to)) in rates[at].iter().zip(velocities) {
+            let to = pulp::cast(*to);
+            let error = errors(simd, rates, (pulp::cast(*from), to), allowed);
+            greatest = simd.max_f64s(greatest, error);
+            trace = simd.add_f64s(trace, simd.mul_f64s(zero, simd.add_f64s(error, to)));
+        }
+    }
+    let rates = work.guest_rates.as_chunks::<{ STAGES * BLOCK }>().0;
+    for &at in &work.active_guests {
+        let (from, to) = (pulp::cast(blocks(&start.w)[at]), pulp::cast(blocks(&end.w)[at]));
+        let error = errors(simd, &rates[at], (from, to), allowed);
+        greatest = simd.max_f64s(greatest, error);
+        trace = simd.add_f64s(trace, simd.mul_f64s(zero, simd.add_f64s(error, to)));
+    }
+    let greatest: Block = pulp::cast(greatest);
+    let trace: Block = pulp::cast(trace);
+    // A maximum may pass over what is not a number; this sum of zeros does not.
+    greatest.into_iter().fold(0.0, f64::max) + trace.iter().sum::<f64>()
+}

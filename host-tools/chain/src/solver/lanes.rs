@@ -1,0 +1,248 @@
+//! A model as arrays: one lane a body and a contact, eight lanes a block.
+//!
+//! # Design
+//!
+//! Body n and contact n, which joins bodies n - 1 and n, share lane n. A wall is a body of infinite mass.
+//! Arrays begin one block before lane 0, so a neighbour can always be read. The intruders have blocks of their
+//! own, in the order of their hosts.
+
+use std::ops::Range;
+
+use pulp::{Simd, f64x8};
+
+use super::aligned::Aligned;
+use crate::model::Model;
+
+/// Lanes that are computed together.
+pub(super) const BLOCK: usize = 8;
+
+/// Where a block begins in an array.
+pub(super) const fn first(block: usize) -> usize {
+    (block + 1) * BLOCK
+}
+
+/// Eight lanes of an array.
+pub(super) type Block = [f64; BLOCK];
+
+/// An array block by block.
+#[inline(always)]
+pub(super) fn blocks(array: &[f64]) -> &[Block] {
+    array.as_chunks().0
+}
+
+#[inline(always)]
+pub(super) fn blocks_mut(array: &mut [f64]) -> &mut [Block] {
+    array.as_chunks_mut().0
+}
+
+/// One or the other, lane by lane.
+#[inline(always)]
+pub(super) fn select<S: Simd<f64s = f64x8>>(simd: S, mask: S::m64s, yes: f64x8, no: f64x8) -> f64x8 {
+    pulp::cast(simd.select_u64s(mask, pulp::cast(yes), pulp::cast(no)))
+}
+
+/// The lanes of the bodies before, given those of the block before.
+#[inline(always)]
+pub(super) fn before(previous: f64x8, block: f64x8) -> f64x8 {
+    let (p, b): (Block, Block) = (pulp::cast(previous), pulp::cast(block));
+    pulp::cast([p[7], b[0], b[1], b[2], b[3], b[4], b[5], b[6]])
+}
+
+/// The lanes of the contacts behind, given those of the block behind.
+#[inline(always)]
+pub(super) fn behind(block: f64x8, next: f64x8) -> f64x8 {
+    let (b, n): (Block, Block) = (pulp::cast(block), pulp::cast(next));
+    pulp::cast([b[1], b[2], b[3], b[4], b[5], b[6], b[7], n[0]])
+}
+
+/// The constants of a chain, lane by lane, and how it is laid out.
+#[derive(Debug, Clone)]
+pub(crate) struct Lanes {
+    pub(super) bodies: usize,
+    pub(super) blocks: usize,
+    /// κ, N/m^(3/2); zero where there is no contact.
+    pub(super) stiffness: Aligned,
+    /// (3/2) τ, s.
+    pub(super) viscosity: Aligned,
+    /// 1 / (M - m), 1/kg; zero for the wall.
+    pub(super) inverse: Aligned,
+    /// δ₀, m, its root, and F₀, N.
+    pub(super) rest: Aligned,
+    pub(super) root: Aligned,
+    pub(super) load: Aligned,
+    pub(super) guests: Guests,
+    /// The wall's lane.
+    pub(super) wall: Option<usize>,
+    pub(super) viscous: bool,
+    pub(super) clipped: bool,
+    pub(super) loaded: bool,
+    /// Scales of velocities and displacements.
+    pub(super) speed: f64,
+    pub(super) depth: f64,
+}
+
+/// The intruders, in the order of their hosts.
+#[derive(Debug, Clone)]
+pub(super) struct Guests {
+    pub(super) count: usize,
+    pub(super) blocks: usize,
+    /// k, N/m, c, N·s/m, and 1/m, 1/kg.
+    pub(super) stiffness: Aligned,
+    pub(super) damping: Aligned,
+    pub(super) inverse: Aligned,
+    /// The lane of each guest's host.
+    pub(super) hosts: Vec<usize>,
+    /// The guests whose hosts are in each block of bodies.
+    pub(super) of_block: Vec<Range<usize>>,
+}
+
+impl Guests {
+    /// The guest of the body at a lane.
+    pub(super) fn of(&self, lane: usize) -> Option<usize> {
+        let range = self.of_block.get((lane / BLOCK).wrapping_sub(1))?.clone();
+        range.clone().find(|&guest| self.hosts[guest] == lane)
+    }
+}
+
+impl Lanes {
+    pub(crate) fn new(model: &Model) -> Self {
+        let bodies = model.bodies();
+        let blocks = (bodies + 1).div_ceil(BLOCK);
+        let zeros = || Aligned::zeros((blocks + 2) * BLOCK);
+        let mut lanes = Self {
+            bodies,
+            blocks,
+            stiffness: zeros(),
+            viscosity: zeros(),
+            inverse: zeros(),
+            rest: zeros(),
+            root: zeros(),
+            load: zeros(),
+            guests: guests(model, blocks),
+            wall: (model.contacts() == bodies).then_some(BLOCK + bodies),
+            viscous: false,
+            clipped: model.clipped,
+            loaded: false,
+            speed: model.striker_speed(),
+            depth: model.displacement_scale(),
+        };
+        for (body, shell) in model.shells.iter().enumerate() {
+            lanes.inverse[BLOCK + body] = 1.0 / shell;
+        }
+        for number in 1..=model.contacts() {
+            let (contact, at) = (model.contact(number), BLOCK + number);
+            lanes.stiffness[at] = contact.stiffness;
+            lanes.viscosity[at] = 1.5 * contact.relaxation;
+            lanes.rest[at] = contact.static_overlap;
+            lanes.root[at] = contact.static_overlap.sqrt();
+            lanes.load[at] = contact.load;
+            lanes.viscous |= contact.relaxation > 0.0;
+            lanes.loaded |= contact.load > 0.0;
+        }
+        lanes
+    }
+
+    /// Length of an array of lanes.
+    pub(super) fn len(&self) -> usize {
+        (self.blocks + 2) * BLOCK
+    }
+}
+
+fn guests(model: &Model, blocks: usize) -> Guests {
+    let intruders = model.intruders();
+    let count = intruders.len();
+    let zeros = || Aligned::zeros(count.div_ceil(BLOCK) * BLOCK);
+    let hosts: Vec<usize> = intruders.iter().map(|intruder| BLOCK + intruder.bead).collect();
+    let of_block = (0..blocks)
+        .map(|block| {
+            let until = |lane: usize| hosts.partition_point(|&host| host < lane);
+            until(first(block))..until(first(block + 1))
+        })
+        .collect();
+    let (mut stiffness, mut damping, mut inverse) = (zeros(), zeros(), zeros());
+    for (guest, intruder) in intruders.iter().enumerate() {
+        stiffness[guest] = intruder.oscillator.stiffness;
+        damping[guest] = intruder.oscillator.damping;
+        inverse[guest] = 1.0 / intruder.oscillator.mass;
+    }
+    Guests {
+        count,
+        blocks: count.div_ceil(BLOCK),
+        stiffness,
+        damping,
+        inverse,
+        hosts,
+        of_block,
+    }
+}
+
+/// The constants of the contacts, block by block, in arrays of one length.
+#[derive(Clone, Copy)]
+pub(super) struct Contacts<'a> {
+    stiffness: &'a [Block],
+    viscosity: &'a [Block],
+    rest: &'a [Block],
+    root: &'a [Block],
+    load: &'a [Block],
+    clipped: bool,
+}
+
+impl Lanes {
+    #[inline(always)]
+    pub(super) fn contacts(&self, length: usize) -> Contacts<'_> {
+        Contacts {
+            stiffness: &blocks(&self.stiffness)[..length],
+            viscosity: &blocks(&self.viscosity)[..length],
+            rest: &blocks(&self.rest)[..length],
+            root: &blocks(&self.root)[..length],
+            load: &blocks(&self.load)[..length],
+            clipped: self.clipped,
+        }
+    }
+}
+
+/// Force of eight contacts beyond their static loads, and the power that they dissipate. `near` and `far` are
+/// displacements and velocities of the bodies before and behind.
+#[inline(always)]
+pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool>(
+    simd: S,
+    contacts: Contacts<'_>,
+    at: usize,
+    near: (f64x8, f64x8),
+    far: (f64x8, f64x8),
+) -> (f64x8, f64x8) {
+    let zero = simd.splat_f64s(0.0);
+    let change = simd.sub_f64s(near.0, far.0);
+    let approach = simd.sub_f64s(near.1, far.1);
+    let stiffness = pulp::cast(contacts.stiffness[at]);
+    let viscosity = pulp::cast(contacts.viscosity[at]);
+    if !GENERAL {
+        let overlap = simd.max_f64s(zero, change);
+        let stiff = simd.mul_f64s(stiffness, simd.sqrt_f64s(overlap));
+        let viscous = simd.mul_f64s(viscosity, approach);
+        let force = simd.mul_f64s(stiff, simd.add_f64s(overlap, viscous));
+        let power = simd.mul_f64s(simd.mul_f64s(stiff, viscous), approach);
+        return (force, power);
+    }
+    let (rest, root) = (pulp::cast(contacts.rest[at]), pulp::cast(contacts.root[at]));
+    let overlap = simd.add_f64s(rest, change);
+    let closed = simd.greater_than_f64s(overlap, zero);
+    let open_force = simd.sub_f64s(zero, pulp::cast(contacts.load[at]));
+    let r = simd.sqrt_f64s(simd.max_f64s(zero, overlap));
+    // κ (a³ - b³) = κ (δ - δ₀) (a² + ab + b²) / (a + b), see `Contact::elastic_force_beyond`.
+    let squares = simd.add_f64s(simd.add_f64s(overlap, simd.mul_f64s(r, root)), rest);
+    let ratio = simd.div_f64s(squares, simd.add_f64s(r, root));
+    let beyond = simd.mul_f64s(simd.mul_f64s(stiffness, change), ratio);
+    let stiff = simd.mul_f64s(stiffness, r);
+    let elastic = simd.mul_f64s(stiff, overlap);
+    let viscous = simd.mul_f64s(simd.mul_f64s(viscosity, stiff), approach);
+    let (mut force, mut lost) = (simd.add_f64s(beyond, viscous), viscous);
+    if contacts.clipped {
+        let pulls = simd.less_than_f64s(simd.add_f64s(elastic, viscous), zero);
+        force = select(simd, pulls, open_force, force);
+        lost = select(simd, pulls, simd.sub_f64s(zero, elastic), lost);
+    }
+    let force = select(simd, closed, force, open_force);
+    let power = select(simd, closed, simd.mul_f64s(lost, approach), zero);
+    (force, power)
+}

@@ -1,0 +1,30 @@
+//! Integration of a chain: a Runge-Kutta method of order 9 on vectors of eight beads.
+//!
+//! # Design
+//!
+//! Order 9 pays because the accuracy asked for lies near rounding ([`method`]). What would spoil it, contacts
+//! that open and close, is integrated exactly ([`crossing`]). Bodies are lanes of vectors ([`lanes`]), and a
+//! step works in room that was allotted once ([`work`]). Only blocks of beads that move are computed
+//! ([`stepper`]).
+//!
+//! A step's dense output is not stored. It follows from where the step started and how long it was, so
+//! [`Dense`] repeats the step when somebody looks inside it. Memory is one state a step, and a run that nobody
+//! looks into pays nothing.
+
+#[cfg(test)]
+mod against;
+mod aligned;
+mod attempt;
+mod crossing;
+mod dense;
+mod kernel;
+mod lanes;
+mod method;
+mod rest;
+mod stepper;
+mod verner;
+mod work;
+
+pub(crate) use dense::Dense;
+pub(crate) use lanes::Lanes;
+pub(crate) use stepper::Stepper;

@@ -1,0 +1,357 @@
+//! One step of a chain: room for its stages and its end, and what becomes of it.
+
+use std::ops::Range;
+
+use super::aligned::Aligned;
+use super::crossing::{Crossing, Ends};
+use super::lanes::{BLOCK, Lanes, first};
+use super::method::{self, NODES, ROWS};
+use super::verner::{MAIN, STAGES};
+
+/// Where the stages of a step lie.
+const MAIN_NODES: [f64; MAIN] = {
+    let mut nodes = [0.0; MAIN];
+    let mut stage = 0;
+    while stage < MAIN {
+        nodes[stage] = NODES[stage];
+        stage += 1;
+    }
+    nodes
+};
+
+/// Displacements and velocities: of the bodies, lane by lane, and of the intruders relative to their hosts.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    pub(super) u: Aligned,
+    pub(super) v: Aligned,
+    pub(super) x: Aligned,
+    pub(super) w: Aligned,
+}
+
+impl Motion {
+    fn zeros(lanes: &Lanes) -> Self {
+        let (bodies, guests) = (lanes.len(), lanes.guests.blocks * BLOCK);
+        Self {
+            u: Aligned::zeros(bodies),
+            v: Aligned::zeros(bodies),
+            x: Aligned::zeros(guests),
+            w: Aligned::zeros(guests),
+        }
+    }
+}
+
+/// The motion at the start of a step, its stages, and its end.
+#[derive(Debug, Clone)]
+pub(super) struct Work {
+    /// Runs of blocks that move.
+    pub(super) active: Vec<Range<usize>>,
+    /// Blocks of intruders that move.
+    pub(super) active_guests: Vec<usize>,
+    pub(super) start: Motion,
+    pub(super) end: Motion,
+    /// The argument of the stage computed last, or what [`Work::look`] has found.
+    pub(super) stage: Motion,
+    /// Accelerations: block by block, stage by stage.
+    pub(super) rates: Aligned,
+    pub(super) guest_rates: Aligned,
+    /// What a contact's exact integral adds to a stage of the dense output.
+    pub(super) added: Option<Box<Motion>>,
+    /// The pull of each intruder's spring and damper on its host at a stage.
+    pub(super) pulls: Aligned,
+    /// Energy that the step dissipates in each contact and each intruder, and what it gives the wall.
+    pub(super) lost: Aligned,
+    pub(super) guests_lost: Aligned,
+    pub(super) wall_impulse: f64,
+    /// Contacts that open or close in the step.
+    pub(super) crossings: Vec<Crossing>,
+    /// Kept where the dense output is wanted.
+    pub(super) powers: Option<Box<Powers>>,
+}
+
+/// Power dissipated in all contacts, the force on the wall, and the power dissipated in each intruder, at each
+/// stage.
+#[derive(Debug, Clone)]
+pub(super) struct Powers {
+    pub(super) contacts: [f64; STAGES],
+    pub(super) wall: [f64; STAGES],
+    pub(super) guests: Aligned,
+}
+
+/// Where a lane's acceleration at a stage lies: block by block, stage by stage.
+pub(super) const fn place(lane: usize, stage: usize) -> usize {
+    (lane / BLOCK * STAGES + stage) * BLOCK + lane % BLOCK
+}
+
+impl Work {
+    /// Room for the steps of a chain at rest.
+    pub(super) fn new(lanes: &Lanes, dense: bool) -> Self {
+        let guests = lanes.guests.blocks * BLOCK;
+        Self {
+            active: Vec::new(),
+            active_guests: Vec::new(),
+            start: Motion::zeros(lanes),
+            end: Motion::zeros(lanes),
+            stage: Motion::zeros(lanes),
+            rates: Aligned::zeros((lanes.blocks + 2) * BLOCK * STAGES),
+            guest_rates: Aligned::zeros(guests * STAGES),
+            added: dense.then(|| Box::new(Motion::zeros(lanes))),
+            pulls: Aligned::zeros(guests),
+            lost: Aligned::zeros(lanes.len()),
+            guests_lost: Aligned::zeros(guests),
+            wall_impulse: 0.0,
+            crossings: Vec::new(),
+            powers: dense.then(|| {
+                Box::new(Powers {
+                    contacts: [0.0; STAGES],
+                    wall: [0.0; STAGES],
+                    guests: Aligned::zeros(guests * STAGES),
+                })
+            }),
+        }
+    }
+
+    /// Lets all blocks move.
+    pub(super) fn activate_all(&mut self, lanes: &Lanes) {
+        self.active = std::iter::once(0..lanes.blocks).collect();
+        self.active_guests = (0..lanes.guests.blocks).collect();
+    }
+
+    /// Makes the end of the step the start of the next.
+    pub(super) fn accept(&mut self, lanes: &Lanes) {
+        if self.active.first() == Some(&(0..lanes.blocks)) {
+            std::mem::swap(&mut self.start, &mut self.end);
+            return;
+        }
+        let (start, end) = (&mut self.start, &self.end);
+        for blocks in &self.active {
+            let lanes = first(blocks.start)..first(blocks.end);
+            start.u[lanes.clone()].copy_from_slice(&end.u[lanes.clone()]);
+            start.v[lanes.clone()].copy_from_slice(&end.v[lanes]);
+        }
+        for block in &self.active_guests {
+            let guests = block * BLOCK..(block + 1) * BLOCK;
+            start.x[guests.clone()].copy_from_slice(&end.x[guests.clone()]);
+            start.w[guests.clone()].copy_from_slice(&end.w[guests]);
+        }
+    }
+
+    /// Energy that the step dissipates in all contacts.
+    pub(super) fn lost_in_contacts(&self) -> f64 {
+        let lanes = self
+            .active
+            .iter()
+            .map(|blocks| first(blocks.start)..first(blocks.end));
+        lanes.map(|lanes| self.lost[lanes].iter().sum::<f64>()).sum()
+    }
+
+    /// Forgets the accelerations of a block that is no longer computed.
+    pub(super) fn still(&mut self, block: usize) {
+        let from = place(first(block), 0);
+        self.rates[from..from + BLOCK * STAGES].fill(0.0);
+    }
+
+    /// Replaces the force of contacts that open or close by what their polynomial leaves of it.
+    pub(super) fn find_crossings(&mut self, lanes: &Lanes, length: f64, tolerance: f64) {
+        // Below this acceleration a force may be wrong by itself without harm to a velocity.
+        let least = 1e-4 * tolerance * lanes.speed / length;
+        for run in 0..self.active.len() {
+            // The contact with a block at rest is open, or it would not be at rest.
+            for lane in first(self.active[run].start) + 1..first(self.active[run].end) {
+                let overlap = |motion: &Motion| motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
+                let crosses = (overlap(&self.start) > 0.0) != (overlap(&self.end) > 0.0);
+                let cut = lanes.clipped && self.stays_cut_off(lanes, lane);
+                if (crosses || cut) && lanes.stiffness[lane] > 0.0 {
+                    self.cross(lanes, lane, length, least, cut);
+                }
+            }
+        }
+    }
+
+    /// Whether the force of a contact is cut off at zero for all of the step.
+    fn stays_cut_off(&self, lanes: &Lanes, lane: usize) -> bool {
+        let force = |motion: &Motion| {
+            let overlap = motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
+            let rate = motion.v[lane - 1] - motion.v[lane];
+            (overlap, overlap + lanes.viscosity[lane] * rate)
+        };
+        let ((from, start), (to, end)) = (force(&self.start), force(&self.end));
+        // A step begins where the force is first zero, but for rounding.
+        from > 0.0 && start < 1e-9 * from && (to <= 0.0 || end <= 0.0)
+    }
+
+    fn cross(&mut self, lanes: &Lanes, lane: usize, length: f64, least: f64, cut: bool) {
+        let (start, end) = (bend(lanes, lane, &self.start), bend(lanes, lane, &self.end));
+        let (stiffness, viscosity) = (lanes.stiffness[lane], lanes.viscosity[lane]);
+        let (deepest, fastest) = (start[0].max(end[0]), start[1].abs().max(end[1].abs()));
+        let force = stiffness * deepest.sqrt() * (deepest + viscosity * fastest);
+        if force * lanes.inverse[lane - 1].max(lanes.inverse[lane]) < least {
+            return;
+        }
+        let mut crossing = Crossing::new(lane, (stiffness, viscosity), length, start, end);
+        if cut {
+            crossing = crossing.cut_off();
+        }
+        let exact = crossing.integrals(1.0);
+        let (mut once, mut twice, mut power) = (exact.once, exact.twice, exact.power);
+        let (forces, lost) = crossing.forces(&MAIN_NODES);
+        for (weight, (force, lost)) in ROWS[MAIN].iter().zip(forces.iter().zip(&lost)) {
+            once -= weight.velocity * force;
+            twice -= weight.displacement * force;
+            power -= weight.velocity * lost;
+        }
+        self.take(lanes, lane, 0, &forces, &lost);
+        self.lost[lane] += length * power;
+        if Some(lane) == lanes.wall {
+            self.wall_impulse += length * once;
+        }
+        give(
+            lanes,
+            &mut self.end,
+            lane,
+            (length * length * twice, length * once),
+        );
+        self.crossings.push(crossing);
+    }
+
+    /// Leaves a part of a contact's force out of stages from `from` on, and the power that it dissipates.
+    pub(super) fn take(&mut self, lanes: &Lanes, lane: usize, from: usize, forces: &[f64], powers: &[f64]) {
+        for (body, sign) in [(lane - 1, 1.0), (lane, -1.0)] {
+            let inverse = sign * lanes.inverse[body];
+            let rates = &mut self.rates[place(body, from)..];
+            for (rate, force) in rates.iter_mut().step_by(BLOCK).zip(forces) {
+                *rate += force * inverse;
+            }
+            if let Some(guest) = lanes.guests.of(body) {
+                let rates = &mut self.guest_rates[place(guest, from)..];
+                for (rate, force) in rates.iter_mut().step_by(BLOCK).zip(forces) {
+                    *rate -= force * inverse;
+                }
+            }
+        }
+        if let Some(kept) = &mut self.powers {
+            for ((stage, force), power) in (from..).zip(forces).zip(powers) {
+                kept.contacts[stage] -= power;
+                if Some(lane) == lanes.wall {
+                    kept.wall[stage] -= force;
+                }
+            }
+        }
+    }
+
+    /// Finds displacements and velocities at the part `x` of the step, and puts them where a stage's are.
+    pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) -> Inside {
+        let weights = method::inside(x);
+        let powers = self.powers.as_ref().expect("the step was made to be looked into");
+        let moved = |rates: &[f64], from: (&[f64], &[f64]), to: (&mut [f64], &mut [f64])| {
+            let (mut once, mut twice) = ([0.0; BLOCK], [0.0; BLOCK]);
+            for (weight, rates) in weights.iter().zip(rates.chunks_exact(BLOCK)) {
+                for lane in 0..BLOCK {
+                    once[lane] += weight.velocity * rates[lane];
+                    twice[lane] += weight.displacement * rates[lane];
+                }
+            }
+            for lane in 0..BLOCK {
+                to.0[lane] = from.0[lane] + (x * length * from.1[lane] + length * length * twice[lane]);
+                to.1[lane] = from.1[lane] + length * once[lane];
+            }
+        };
+        let (start, stage) = (&self.start, &mut self.stage);
+        for block in self.active.iter().flat_map(|run| run.clone()) {
+            let (from, lanes) = (place(first(block), 0), first(block)..first(block + 1));
+            let rates = &self.rates[from..from + STAGES * BLOCK];
+            let to = (&mut stage.u[lanes.clone()], &mut stage.v[lanes.clone()]);
+            moved(rates, (&start.u[lanes.clone()], &start.v[lanes]), to);
+        }
+        for &block in &self.active_guests {
+            let (from, guests) = (block * BLOCK * STAGES, block * BLOCK..(block + 1) * BLOCK);
+            let rates = &self.guest_rates[from..from + STAGES * BLOCK];
+            let to = (&mut stage.x[guests.clone()], &mut stage.w[guests.clone()]);
+            moved(rates, (&start.x[guests.clone()], &start.w[guests]), to);
+        }
+        let sum = |of: &[f64]| {
+            length
+                * weights
+                    .iter()
+                    .zip(of)
+                    .map(|(weight, rate)| weight.velocity * rate)
+                    .sum::<f64>()
+        };
+        let of_guest = |guest: usize| -> f64 {
+            let rate = |(stage, weight): (usize, &method::Weight)| {
+                weight.velocity * powers.guests[place(guest, stage)]
+            };
+            length * weights.iter().enumerate().map(rate).sum::<f64>()
+        };
+        let mut inside = Inside {
+            contacts: sum(&powers.contacts),
+            wall: sum(&powers.wall),
+            guests: (0..lanes.guests.count).map(of_guest).collect(),
+        };
+        for crossing in &self.crossings {
+            let integrals = crossing.integrals(x);
+            give(lanes, &mut self.stage, crossing.lane, integrals.over(length));
+            inside.contacts += length * integrals.power;
+            if Some(crossing.lane) == lanes.wall {
+                inside.wall += length * integrals.once;
+            }
+        }
+        inside
+    }
+}
+
+/// What has been lost or given since the start of the step.
+#[derive(Debug, Clone)]
+pub(super) struct Inside {
+    pub(super) contacts: f64,
+    pub(super) wall: f64,
+    pub(super) guests: Vec<f64>,
+}
+
+/// Pushes the bodies of a contact apart. A body of mass M gets `shift` / M of displacement and `kick` / M of
+/// velocity.
+pub(super) fn give(lanes: &Lanes, motion: &mut Motion, lane: usize, (shift, kick): (f64, f64)) {
+    for (body, sign) in [(lane - 1, -1.0), (lane, 1.0)] {
+        let part = sign * lanes.inverse[body];
+        motion.u[body] += shift * part;
+        motion.v[body] += kick * part;
+        if let Some(guest) = lanes.guests.of(body) {
+            motion.x[guest] -= shift * part;
+            motion.w[guest] -= kick * part;
+        }
+    }
+}
+
+/// Takes back what was given to the bodies of a contact at rest.
+pub(super) fn clear(lanes: &Lanes, motion: &mut Motion, lane: usize) {
+    for body in [lane - 1, lane] {
+        (motion.u[body], motion.v[body]) = (0.0, 0.0);
+        if let Some(guest) = lanes.guests.of(body) {
+            (motion.x[guest], motion.w[guest]) = (0.0, 0.0);
+        }
+    }
+}
+
+/// Overlap of a contact, its rate and its acceleration.
+fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
+    let (u, v) = (&motion.u[..], &motion.v[..]);
+    let force = |lane: usize| {
+        let overlap = u[lane - 1] - u[lane] + lanes.rest[lane];
+        if overlap <= 0.0 {
+            return -lanes.load[lane];
+        }
+        let stiff = lanes.stiffness[lane] * overlap.sqrt();
+        let force = stiff * (overlap + lanes.viscosity[lane] * (v[lane - 1] - v[lane]));
+        (if lanes.clipped { force.max(0.0) } else { force }) - lanes.load[lane]
+    };
+    let rate = |body: usize| {
+        let pull = lanes.guests.of(body).map_or(0.0, |guest| {
+            lanes.guests.stiffness[guest] * motion.x[guest] + lanes.guests.damping[guest] * motion.w[guest]
+        });
+        (force(body) - force(body + 1) + pull) * lanes.inverse[body]
+    };
+    [
+        u[lane - 1] - u[lane] + lanes.rest[lane],
+        v[lane - 1] - v[lane],
+        rate(lane - 1) - rate(lane),
+    ]
+}
