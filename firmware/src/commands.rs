@@ -86,7 +86,7 @@ impl Commands {
         };
         let request = match self.lock.admit(address, number, request, now) {
             Ok(request) => request,
-            Err(outcome) => return Err(self.not_let_through(outcome, now)),
+            Err(outcome) => return Err(self.not_let_through(outcome)),
         };
         if !signed {
             return Ok(request);
@@ -115,7 +115,7 @@ impl Commands {
         Ok(request)
     }
 
-    fn not_let_through(&self, outcome: Outcome, now: Moment) -> Answer {
+    fn not_let_through(&self, outcome: Outcome) -> Answer {
         counters::update_guard(|guard| match outcome {
             Outcome::Unsigned => guard.refused_unsigned += 1,
             Outcome::Forged => guard.refused_forged += 1,
@@ -130,7 +130,7 @@ impl Commands {
                 "the last counter was {}; the next is above it by {AHEAD} at most",
                 self.lock.counter()
             )),
-            Outcome::Late => Detail::new(format_args!("this is boot {}, at sample {}", now.boot, now.index)),
+            Outcome::Late => "signed for another boot, or its last sample is over".into(),
             Outcome::NoKey => "this bead has no key".into(),
             _ => "it carries no request".into(),
         };

@@ -123,7 +123,7 @@ struct Telemetry {
 
 impl Sink for Telemetry {
     fn chunk(&mut self, chunk: &Chunk) {
-        outbox::push_through(&mut self.packed, bead_telemetry::waveform(chunk));
+        outbox::push_piece(&mut self.packed, chunk);
         self.stillness.look(&chunk.scans, self.history);
     }
 

@@ -15,6 +15,7 @@
 use core::cell::RefCell;
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
+use bead_model::Chunk;
 use bead_telemetry::{KEPT, OUTBOX};
 use bead_wire::{Message, Packed, Queue, taken};
 use embassy_sync::blocking_mutex::Mutex;
@@ -51,9 +52,10 @@ pub(crate) fn push(message: impl Into<Message>) {
     queue(&mut Packed::new(), &message.into(), KEPT);
 }
 
-/// The same for what comes by the dozen: `packed` is room to work in, which need not be cleared each time.
-pub(crate) fn push_through(packed: &mut Packed, message: impl Into<Message>) {
-    queue(packed, &message.into(), KEPT);
+/// The same for a piece of a window, which comes by the dozen: `packed` is room to work in.
+pub(crate) fn push_piece(packed: &mut Packed, chunk: &Chunk) {
+    let whole = bead_telemetry::pack_waveform(packed, address(), trace::boot() as u8, chunk);
+    put(packed, whole, KEPT);
 }
 
 /// Puts a message in that a host waits for, or that is rare. It may use the room that is kept.
@@ -66,6 +68,11 @@ pub(crate) fn tell(message: impl Into<Message>) {
 #[inline(never)]
 fn queue(packed: &mut Packed, message: &Message, keep: usize) {
     let whole = packed.pack(address(), trace::boot() as u8, message).is_ok();
+    put(packed, whole, keep);
+}
+
+#[inline(never)]
+fn put(packed: &mut Packed, whole: bool, keep: usize) {
     let mut wake = false;
     counters::update(|c| {
         packed.stamp(c.frames, c.newest_index);

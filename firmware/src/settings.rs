@@ -109,7 +109,7 @@ pub(crate) fn load(store: &mut storage::SettingsStore, opened: Opened, failed: u
         return Loaded {
             source: SettingsSource::Rescue,
             ..built_in(Some(Refused {
-                why: "five boots in a row failed with the settings in flash: write others, or reboot to try again",
+                why: "five boots in a row failed with the settings in flash: write others, or reboot",
                 foreign: true,
             }))
         };

@@ -12,11 +12,17 @@ static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// The CRC of `bytes`.
 pub fn checksum(bytes: &[u8]) -> u32 {
-    checksum_of([bytes])
+    of(&[bytes])
 }
 
 /// The CRC of `parts`, one after the other.
 pub fn checksum_of<const N: usize>(parts: [&[u8]; N]) -> u32 {
+    of(&parts)
+}
+
+// Once in the image, for its size.
+#[inline(never)]
+fn of(parts: &[&[u8]]) -> u32 {
     let mut digest = CRC.digest();
     for part in parts {
         digest.update(part);

@@ -309,11 +309,13 @@ impl Settings {
             |value: f32, powers: i8| value * f32::from_bits(((127 + i32::from(powers)) as u32) << 23);
         let (observer, chain, ringing) = (&self.observer, &self.chain, &self.ringing);
         // Formats keep a coefficient to 1e-4; f32 loses about 1e-6 here.
-        let check = |name, found: f32, expected: f32| {
+        // Once in the image, for its size.
+        #[inline(never)]
+        fn check(name: &'static str, found: f32, expected: f32) -> Result<(), SettingsError> {
             // An infinity would fit any number.
             let fits = expected.is_finite() && (found - expected).abs() <= 2e-4 * expected.abs();
             fits.then_some(()).ok_or(SettingsError::NotTheBeads(name))
-        };
+        }
         check(
             "weight of the old acceleration",
             observer.start.to_num(),

@@ -87,6 +87,14 @@ pub fn shape(report: &StrikeReport) -> Shape {
     }
 }
 
+/// Packs the waveform frame of a piece of a window. Returns whether it is whole, which it always is.
+#[inline(never)]
+pub fn pack_waveform(packed: &mut Packed, address: u8, boot: u8, chunk: &Chunk) -> bool {
+    packed
+        .pack_body(address, boot, Kind::Waveform, &waveform(chunk))
+        .is_ok()
+}
+
 /// The waveform frame of a piece of a window. The codes at the low gain travel only if they had a part in the
 /// estimates.
 pub fn waveform(chunk: &Chunk) -> Waveform {
