@@ -104,19 +104,20 @@ pub(crate) fn has_room(window: usize) -> bool {
     room() >= window
 }
 
-/// Most bytes that a frame takes.
-pub(crate) const FRAME: usize = taken(Packed::MAX);
+/// Bytes that a raw stream leaves besides those of a window: for its next frame, and so that no request waits
+/// for it.
+pub(crate) const SPARE: usize = taken(Packed::MAX) + KEPT / 2;
 
 fn free() -> usize {
     QUEUE.lock(|queue| queue.borrow().free())
 }
 
 /// Waits until a request may be done. A host that sends requests without end shall not take the room that
-/// the window of a strike needs, so this waits for that. If it does not come in time, strikes are what takes it: then
+/// the window of a strike needs, so this waits for that and for its own. If it does not come in time, strikes are what takes it: then
 /// only the room for replies must be there, and it always comes.
 pub(crate) async fn calm() {
     let calm = async {
-        while room() < WINDOW.load(Ordering::Relaxed) {
+        while room() < WINDOW.load(Ordering::Relaxed) + KEPT / 2 {
             Timer::after(Duration::from_millis(1)).await;
         }
     };

@@ -38,7 +38,7 @@ pub(crate) fn offer(block: &Block, room: usize) {
     while rest.len() > 0 {
         let count = rest.len().min(MAX_SCANS) as u64;
         let scans = rest.by_ref().take(MAX_SCANS);
-        if outbox::room() >= room + outbox::FRAME {
+        if outbox::room() >= room + outbox::SPARE {
             outbox::push(bead_telemetry::raw(first_index, scans));
             counters::update_link(|link| link.raw_sent += count);
         } else {

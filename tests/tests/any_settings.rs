@@ -152,7 +152,7 @@ fn run(settings: &Settings, stimulus: &Stimulus, random: &mut dyn FnMut() -> u64
         // `firmware/src/commands.rs` and `firmware/src/outbox.rs`.
         let patient = now - disarm.min(now) < PATIENCE;
         let enough = if patient {
-            KEPT + room_for_window(settings)
+            KEPT + KEPT / 2 + room_for_window(settings)
         } else {
             KEPT / 2
         };
