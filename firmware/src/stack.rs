@@ -19,7 +19,7 @@ use cortex_m_rt::STACK_PAINT_VALUE;
 /// Bytes closed at the end of the stack: more than any frame of this image, so that no function steps over
 /// them. A test reads the frames from the image. A region of the unit has a power of two as size and lies at
 /// a multiple of it.
-const FENCE: usize = 4096;
+const FENCE: usize = 8192;
 
 /// First address that the stack may not use, aligned for [`FENCE`].
 fn fence() -> usize {

@@ -56,7 +56,7 @@ fn sizes(elf: &[u8]) -> [f64; 3] {
         symbol.expect("`link.x` defines it").address()
     };
     // `stack.rs`: the fence is the first 4 KiB, at a multiple of their size, above the variables.
-    let stack = symbol("_stack_start") - (symbol("_stack_end").next_multiple_of(4096) + 4096);
+    let stack = symbol("_stack_start") - (symbol("_stack_end").next_multiple_of(8192) + 8192);
     [f64::from(flash), f64::from(variables), stack as f64]
 }
 

@@ -6,7 +6,7 @@ use bead_tests::image;
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 /// Bytes closed below the stack: `FENCE` of the image's `stack.rs`.
-const FENCE: u32 = 4096;
+const FENCE: u32 = 8192;
 /// What an interrupt pushes by itself, with the registers of the floating-point unit (PM0214 section 2.3.7).
 const EXCEPTION_FRAME: u32 = 104;
 
