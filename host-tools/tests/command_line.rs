@@ -498,6 +498,68 @@ fn a_recorded_strike_decodes_replays_and_compares() {
 }
 
 #[test]
+fn no_result_takes_the_place_of_an_input() {
+    let directory = tempfile::tempdir().unwrap();
+    let recording = recording(&directory, |_| {});
+    let scenario = directory.path().join("strike.toml");
+    fs::copy(SCENARIO, &scenario).unwrap();
+    // Another name of the same file.
+    let link = directory.path().join("link.toml");
+    std::os::unix::fs::symlink(&scenario, &link).unwrap();
+    let [recording, scenario, link] = [&recording, &scenario, &link].map(|path| path.to_str().unwrap());
+    let before = [recording, scenario].map(|path| fs::read(path).unwrap());
+    for arguments in [
+        &["simulate", scenario, "--out", scenario][..],
+        &[
+            "optimise",
+            scenario,
+            "--hosts",
+            "8",
+            "--total-mass",
+            "0.01",
+            "--out",
+            link,
+        ],
+        &[
+            "compare",
+            recording,
+            "--scenario",
+            scenario,
+            "--report",
+            recording,
+        ],
+        &["compare", recording, "--scenario", scenario, "--report", link],
+        &[
+            "accuracy",
+            scenario,
+            "--bead",
+            "8",
+            "--firmware",
+            recording,
+            "--table",
+            link,
+        ],
+        &[
+            "spheres",
+            scenario,
+            "--bead",
+            "8",
+            "--firmware",
+            recording,
+            "--table",
+            recording,
+        ],
+    ] {
+        refused(
+            arguments,
+            2,
+            &["is an input of this command", "give the output another name"],
+        );
+    }
+    assert_eq!([recording, scenario].map(|path| fs::read(path).unwrap()), before);
+}
+
+#[test]
 fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_times() {
     let directory = tempfile::tempdir().unwrap();
     let untimed = recording(&directory, |_| {});

@@ -183,3 +183,42 @@ fn a_self_test_that_fails_ends_with_status_1_and_says_what_failed() {
         assert!(why.starts_with("the self-test failed: supply;"), "{why}");
     });
 }
+
+#[test]
+fn a_key_is_given_used_replaced_and_taken_away_from_the_command_line() {
+    let run = paper(1, 0.1, Some(1));
+    behind_a_socket(&run, |port, folder| {
+        let path = |name: &str| folder.join(name).display().to_string();
+        let [first, second] = ["first.key", "second.key"].map(path);
+        let said = |arguments: &[&str]| bead(&[arguments, &["--port", port, "--timeout", "20"]].concat());
+        let done = (0, String::new());
+        let unsigned =
+            "the bead refused: unsigned; this bead has a key: sign the request with it, by --key F.key";
+        let forged =
+            "the bead refused: forged; signed with another key, for another bead, or changed on the way";
+
+        assert_eq!(said(&["settings", "key", "--new", &first]), done);
+        assert_eq!(said(&["command", "disarm"]), (1, unsigned.to_owned()));
+        assert_eq!(said(&["command", "status"]), done, "whoever asks is answered");
+        assert_eq!(said(&["command", "disarm", "--key", &first]), done);
+
+        assert_eq!(
+            said(&["settings", "key", "--new", &second, "--key", &first]),
+            done
+        );
+        assert_eq!(said(&["command", "arm", "--key", &first]), (1, forged.to_owned()));
+        assert_eq!(said(&["command", "arm", "--key", &second]), done);
+        // A signature counts from the boot that the bead is in.
+        assert_eq!(said(&["command", "reboot", "--key", &second]), done);
+        assert_eq!(said(&["command", "disarm", "--key", &second]), done);
+
+        let settings = path("bead.settings");
+        fs::write(&settings, &run.block).unwrap_or_else(|error| panic!("{error}"));
+        let write = ["settings", "write", &settings];
+        assert_eq!(said(&write), (1, unsigned.to_owned()));
+        assert_eq!(said(&[&write[..], &["--key", &second]].concat()), done);
+
+        assert_eq!(said(&["settings", "key", "--remove", "--key", &second]), done);
+        assert_eq!(said(&["command", "arm"]), done);
+    });
+}

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bead_model::design::Bead;
+use bead_model::design::{Bead, LEAST_WIDTH};
 use bead_model::reduced_chain::FOLLOWERS;
 use hertz_chain::{Options, Sampler, Scenario, Solution, simulate_with};
 use serde::{Deserialize, Serialize};
@@ -67,7 +67,8 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<Stri
         ));
     }
     let samples = bead_of(solution, bead).ok()?.pulse_width(1.0) * f64::from(SAMPLE_RATE_HZ);
-    (samples < LONG_STEPS).then(|| {
+    // A shorter wave is refused, not warned of.
+    (LEAST_WIDTH..LONG_STEPS).contains(&samples).then(|| {
         // Fitted to the worst errors in docs/spheres.md, and of heavier intruders.
         let steps = 3.9 / samples;
         format!(

@@ -1,6 +1,8 @@
 //! How results leave the program: data on standard output, everything else on standard error.
 
+use std::fs;
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -50,6 +52,23 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
 /// As [`print_json`].
 pub fn print_line(text: &str) -> Result<(), Failure> {
     written(writeln!(io::stdout().lock(), "{text}"))
+}
+
+/// Refuses to write a result over one of the files that it is made from. Call it before the work.
+///
+/// # Errors
+/// `out` is the same file as one of `inputs`.
+pub(crate) fn is_no_input(out: Option<&Path>, inputs: &[&Path]) -> Result<(), Failure> {
+    let same = |one: &Path, other: &Path| {
+        fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|other| one == other))
+    };
+    match out.filter(|out| inputs.iter().any(|input| same(out, input))) {
+        None => Ok(()),
+        Some(out) => Err(Failure::input(format!(
+            "{} is an input of this command and would be lost; give the output another name",
+            out.display()
+        ))),
+    }
 }
 
 /// What writing to standard output gave. A reader that has gone away is not an error.

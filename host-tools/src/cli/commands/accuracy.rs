@@ -5,20 +5,19 @@
 //! The codes, the image, the frames and the truth are those of `bead emulate`.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use clap::Args;
 use hertz_chain::Scenario;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, timing};
+use super::measured::{Errors, TableOptions, timing};
 use crate::bench::emulation::Emulation;
 use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::front_end_options::Sensors;
-use crate::cli::output::{self, Format};
+use crate::cli::output;
 
 const AFTER_HELP: &str = "\
 The scenario is struck by spheres of the given radii at the given speeds; all else in it stays. For each cell the flash
@@ -48,15 +47,8 @@ pub(crate) struct Arguments {
     /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     strikes: u32,
-    /// Seed of the noise: the same seed gives the same table.
-    #[arg(long, value_name = "S", default_value_t = 1)]
-    seed: u64,
-    /// Write the table to this file too, as Markdown.
-    #[arg(long, value_name = "F.md")]
-    table: Option<PathBuf>,
-    /// How to print the result.
-    #[arg(long, value_enum, default_value_t)]
-    format: Format,
+    #[command(flatten)]
+    table: TableOptions,
 }
 
 /// One striker at one speed.
@@ -86,6 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     let image = arguments.bench.image()?;
+    arguments.table.check(&[&arguments.bench.scenario, &image])?;
     let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
     let row = |&radius: &f64| speeds.iter().map(move |&speed| (radius, speed));
     let grid: Vec<(f64, f64)> = radii.iter().flat_map(row).collect();
@@ -102,10 +95,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .collect::<Result<_, _>>()?;
     progress.finish_and_clear();
 
-    if let Some(path) = &arguments.table {
-        output::write_bytes(path, markdown(arguments, &cells))?;
-    }
-    output::print(arguments.format, &cells, || table(&cells))?;
+    let (page, table) = (|| markdown(arguments, &cells), || table(&cells));
+    arguments.table.tell(&cells, page, table)?;
     let outside = cells.iter().filter(|cell| !cell.pass).count();
     match outside {
         0 => Ok(()),
@@ -126,7 +117,7 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
             &solution,
             arguments.bench.bead,
             &sensors.front_end(),
-            Some(arguments.seed),
+            Some(arguments.table.seed),
             timing,
             image,
         )?;

@@ -50,6 +50,8 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let inputs: [&Path; 2] = [&arguments.recording, &arguments.scenario];
+    output::is_no_input(arguments.report.as_deref(), &inputs)?;
     let (scenario, _) = load_scenario(&arguments.scenario)?;
     let received = Received::open(&arguments.recording)?;
     let mut recorded = received.strikes()?;

@@ -1,11 +1,16 @@
 //! How far the estimates of a run are from the truth: shared by `bead accuracy` and `bead spheres`.
 
+use std::path::{Path, PathBuf};
+
 use bead_wire::{Energy, StrikeFlags};
+use clap::Args;
 use hertz_chain::Solution;
 use serde::Serialize;
 
 use crate::bench::emulation::Emulation;
 use crate::bench::sensed::Timing;
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Format};
 use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
 
@@ -15,6 +20,40 @@ const GOALS: [f64; 2] = [5e-3, 1e-2];
 const INTERVAL: f64 = 0.05;
 /// Quiet before the first strike, s.
 const LEAD_IN: f64 = 0.02;
+
+/// How a table of errors is made and where it goes.
+#[derive(Debug, Args)]
+pub(super) struct TableOptions {
+    /// Seed of the noise: the same seed gives the same table.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub(super) seed: u64,
+    /// Write the table to this file too, as Markdown.
+    #[arg(long, value_name = "F.md")]
+    table: Option<PathBuf>,
+    /// How to print the result.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+impl TableOptions {
+    /// Refuses a table that would take an input's place.
+    pub(super) fn check(&self, inputs: &[&Path]) -> Result<(), Failure> {
+        output::is_no_input(self.table.as_deref(), inputs)
+    }
+
+    /// Writes and prints the cells.
+    pub(super) fn tell(
+        &self,
+        cells: &impl Serialize,
+        markdown: impl FnOnce() -> String,
+        table: impl FnOnce() -> String,
+    ) -> Result<(), Failure> {
+        if let Some(path) = &self.table {
+            output::write_bytes(path, markdown())?;
+        }
+        output::print(self.format, cells, table)
+    }
+}
 
 /// A row of `strikes` strikes of a simulation.
 pub(super) fn timing(strikes: u32, solution: &Solution) -> Timing {

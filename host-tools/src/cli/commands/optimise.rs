@@ -130,6 +130,7 @@ struct Compared {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
+    output::is_no_input(arguments.out.as_deref(), &[&arguments.scenario])?;
     let search = search(arguments, &scenario)?;
     let bar = output::progress(search.evaluations as u64);
     bar.set_message(format!("designs for {} hosts", search.hosts.len()));

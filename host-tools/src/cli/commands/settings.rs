@@ -89,8 +89,8 @@ enum Action {
         #[command(flatten)]
         line: LineOptions,
     },
-    /// Give a bead a key. From then on it changes its state only for who signs with it (--key, here and in
-    /// `bead command`); whoever asks is answered as before. A lost key can only be cured with a debug probe.
+    /// Give a bead a key. From then on it changes its state only if a request is signed with that key (--key,
+    /// here and in `bead command`). It answers questions as before. Only a debug probe helps if a key is lost.
     #[command(group(ArgGroup::new("which").required(true)), after_help = KEY_HELP)]
     Key {
         /// Make a key and keep it in this new file.

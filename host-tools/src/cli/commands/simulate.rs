@@ -34,6 +34,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
+    output::is_no_input(arguments.out.as_deref(), &[&arguments.scenario])?;
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let solution = simulate(&scenario)?;
     if let Some(out) = &arguments.out {

@@ -6,7 +6,7 @@
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use bead_model::design::Bead;
 use clap::{Args, ValueEnum};
@@ -14,14 +14,14 @@ use hertz_chain::{Material, Scenario};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, timing};
+use super::measured::{Errors, TableOptions, timing};
 use crate::bench::emulation::Emulation;
 use crate::bench::error::BenchError;
 use crate::bench::front_end::FrontEnd;
 use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
-use crate::cli::output::{self, Format};
+use crate::cli::output;
 
 const AFTER_HELP: &str = "\
 Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --speed. Its intruder is the
@@ -95,15 +95,8 @@ pub(crate) struct Arguments {
     /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
     strikes: u32,
-    /// Seed of the noise: the same seed gives the same table.
-    #[arg(long, value_name = "S", default_value_t = 1)]
-    seed: u64,
-    /// Write the table to this file too, as Markdown.
-    #[arg(long, value_name = "F.md")]
-    table: Option<PathBuf>,
-    /// How to print the result.
-    #[arg(long, value_enum, default_value_t)]
-    format: Format,
+    #[command(flatten)]
+    table: TableOptions,
 }
 
 /// One material and one diameter.
@@ -153,6 +146,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     let image = arguments.bench.image()?;
+    arguments.table.check(&[&arguments.bench.scenario, &image])?;
     let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
     let own = bead_of(&simulate_with_ring_down(&scenario)?, arguments.bench.bead)?;
     let materials = match &arguments.materials[..] {
@@ -171,12 +165,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         })
         .collect::<Result<_, _>>()?;
     progress.finish_and_clear();
-    if let Some(path) = &arguments.table {
-        output::write_bytes(path, markdown(arguments, &cells))?;
-    }
-    output::print(arguments.format, &cells, || {
-        output::table(&HEADINGS.join(" | "), cells.iter().map(row_of))
-    })
+    let table = || output::table(&HEADINGS.join(" | "), cells.iter().map(row_of));
+    arguments
+        .table
+        .tell(&cells, || markdown(arguments, &cells), table)
 }
 
 /// The scenario with equal spheres of a material, and its bead. `own` is the bead of the scenario as it is.
@@ -247,7 +239,7 @@ fn cell(
         &solution,
         host,
         &front_end,
-        Some(arguments.seed),
+        Some(arguments.table.seed),
         timing,
         image,
     );
@@ -324,16 +316,16 @@ fn row_of(cell: &Cell) -> [String; 7] {
     [name, diameter, width, peaks, a, b, flags]
 }
 
-/// What a table has room for: the least diameter, or else the last part of the message.
+/// What a table has room for: the least diameter, or else the message without its beginning.
 fn short(why: &str) -> &str {
     let small = why
         .split(": ")
         .nth(1)
         .and_then(|rest| rest.split(" of this").next());
-    let last = why.rsplit(": ").next();
+    let rest = why.split_once("this front end: ").map(|(_, rest)| rest);
     small
-        .filter(|rest| rest.ends_with("at least"))
-        .or(last)
+        .filter(|small| small.ends_with("at least"))
+        .or(rest)
         .unwrap_or(why)
 }
 
