@@ -88,6 +88,7 @@ fn scenario() -> impl Strategy<Value = Scenario> {
                     wall,
                     intruders: intruder.into_iter().collect(),
                     sections: section.into_iter().collect(),
+                    starts: Vec::new(),
                 }
             },
         )
