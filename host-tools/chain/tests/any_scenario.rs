@@ -50,6 +50,7 @@ fn wall() -> impl Strategy<Value = Wall> {
             poisson: 0.3,
             radius,
             relaxation,
+            gap: 0.0,
         })
 }
 
