@@ -15,8 +15,10 @@ fn as_many_waves_run_through_the_chain_as_grains_strike_it() {
         scenario.starts = vec![Start::moving(1..strikers, 0.45)];
         scenario.starts.retain(|start| !start.beads.is_empty());
         let solution = run(&scenario);
-        let mut search = PulseSearch::default();
-        search.height = 0.1;
+        let search = PulseSearch {
+            height: 0.1,
+            ..PulseSearch::default()
+        };
         let forces: Vec<f64> = solution
             .pulses(40, &search)
             .iter()
