@@ -126,5 +126,7 @@ fn energy(energy: bead_model::Energy) -> Energy {
 }
 
 fn pack<const BYTES: usize>(scans: impl Iterator<Item = [u16; 2]>) -> Codes<BYTES> {
-    Codes::pack(scans).expect("a piece has at most MAX_SCANS scans, of codes of 12 bits")
+    Codes::pack(scans)
+        .ok()
+        .expect("a piece has at most MAX_SCANS scans, of codes of 12 bits")
 }
