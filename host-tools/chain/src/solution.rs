@@ -124,6 +124,16 @@ pub struct Snapshot<'a> {
     state: Vec<f64>,
 }
 
+impl<'a> Snapshot<'a> {
+    pub(crate) fn of(model: &'a Model, time: f64, state: Vec<f64>) -> Self {
+        Self { model, time, state }
+    }
+
+    pub(crate) fn model(&self) -> &'a Model {
+        self.model
+    }
+}
+
 impl Snapshot<'_> {
     /// The time, s.
     pub fn time(&self) -> f64 {
