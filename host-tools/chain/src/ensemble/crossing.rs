@@ -138,7 +138,7 @@ impl<S: Wide> Overlap<S> {
     #[inline(always)]
     fn root(&self, last: Vector<S>, closes: Vector<S>) -> Vector<S> {
         let first = self.0[0];
-        let (mut low, mut high) = (first - first, (first - first) + 1.0);
+        let (mut low, mut high) = (closes * 0.0, closes * 0.0 + 1.0);
         let mut x = (first / (first - last)).positive().min(high);
         for _ in 0..SEARCH {
             let (value, slope) = self.at(x);

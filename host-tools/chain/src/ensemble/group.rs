@@ -14,6 +14,8 @@ use super::chain::{Constants, Shape};
 use super::crossing::{Changes, Contacts};
 use super::eight::{Eight, LANES, Vector, Wide, all};
 use super::method::{DISPLACEMENT, END, ERROR, NODES, STAGES, VELOCITY};
+use super::peak::Peaks;
+use crate::model::Model;
 
 /// Displacements and velocities: of the bodies, and of the intruders relative to their hosts.
 #[derive(Debug, Clone)]
@@ -61,6 +63,8 @@ pub(super) struct Group<'a> {
     /// The step to try next, and that being made, s.
     step: Eight,
     length: Eight,
+    /// Steps tried so far.
+    pub(super) tries: [u64; LANES],
     /// One where the last attempt failed.
     rejected: Eight,
     /// Contacts that are computed.
@@ -70,13 +74,23 @@ pub(super) struct Group<'a> {
     guests: Vec<usize>,
     /// Contacts that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
+    changes: Vec<Changes>,
+    /// The models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
+    models: &'a [&'a Model],
+    pub(super) peaks: Vec<Peaks>,
 }
 
 /// Why a lane came to no end: the time that it reached.
 pub(super) type Stuck = [Option<f64>; LANES];
 
 impl<'a> Group<'a> {
-    pub(super) fn new(shape: &'a Shape, constants: &'a Constants, start: Motion) -> Self {
+    pub(super) fn new(
+        shape: &'a Shape,
+        constants: &'a Constants,
+        models: &'a [&'a Model],
+        start: Motion,
+        peaks: &[usize],
+    ) -> Self {
         let (places, guests) = (shape.places(), shape.hosts.len());
         let mut step = constants.longest;
         // Short, for the striker meets bead 1 at the first moment.
@@ -96,11 +110,15 @@ impl<'a> Group<'a> {
             time: Eight::ZERO,
             step,
             length: Eight::ZERO,
+            tries: [0; LANES],
             rejected: Eight::ZERO,
             active: vec![false; places + 1],
             runs: Vec::new(),
             guests: Vec::new(),
             crossings: Vec::new(),
+            changes: Vec::new(),
+            models,
+            peaks: peaks.iter().map(|&contact| Peaks::of(contact)).collect(),
         }
     }
 
@@ -145,14 +163,19 @@ impl<S: Wide> NullaryFnOnce for Call<'_, '_, S> {
                 }
             }
             group.cross(simd);
-            group.judge(simd);
+            let before = group.time;
+            let allowed = group.judge(simd);
+            if !group.peaks.is_empty() {
+                group.look(&before, &allowed);
+            }
+            group.take(simd, &allowed);
         }
         stuck
     }
 }
 
 /// Steps are this part of what the error would allow, and change by no more than these factors.
-const SAFETY: f64 = 0.9;
+const SAFETY: f64 = 0.75;
 const GROWTH: f64 = 5.0;
 const SHRINKAGE: f64 = 0.2;
 
@@ -161,17 +184,17 @@ impl Group<'_> {
     /// its clock is taken out.
     fn lengths(&mut self, stuck: &mut Stuck) -> bool {
         let mut goes_on = false;
-        for lane in 0..LANES {
+        for (lane, stuck) in stuck.iter_mut().enumerate() {
             let (time, end) = (self.time.0[lane], self.constants.end.0[lane]);
-            let left = end - time;
-            let step = self.step.0[lane];
-            self.length.0[lane] = if step >= left * (1.0 - 1e-9) { left } else { step };
-            if stuck[lane].is_some() || left <= 0.0 {
-                self.length.0[lane] = 0.0;
-            } else if time + self.length.0[lane] <= time || step.is_nan() {
-                stuck[lane] = Some(time);
-                self.length.0[lane] = 0.0;
-            } else {
+            let (left, step) = (end - time, self.step.0[lane]);
+            let length = if step >= left * (1.0 - 1e-9) { left } else { step };
+            let moves = left > 0.0 && stuck.is_none();
+            self.length.0[lane] = 0.0;
+            if moves && (time + length <= time || step.is_nan()) {
+                *stuck = Some(time);
+            } else if moves {
+                self.length.0[lane] = length;
+                self.tries[lane] += 1;
                 goes_on = true;
             }
         }
@@ -294,7 +317,6 @@ impl Group<'_> {
             }
         }
         let threshold = constants.threshold.load(simd);
-        let mut guests = self.guests.iter().copied().peekable();
         for run in &self.runs {
             // Contact j and body j share a place; the run begins with the body before its first contact.
             let places = run.start - 1..run.end;
@@ -323,18 +345,18 @@ impl Group<'_> {
                     force = stiffness[at + 1].load(simd) * overlap.sqrt() * pressed;
                     (u, v) = (u_behind, v_behind);
                 }
-                let mut total = force_before - force;
-                if let Some(guest) = guests.next_if(|&guest| self.shape.hosts[guest] == places.start + at) {
-                    total = total + self.pulls[guest].load(simd);
-                }
-                rates[at][STAGE] = (total * inverse[at].load(simd)).store();
+                rates[at][STAGE] = ((force_before - force) * inverse[at].load(simd)).store();
                 force_before = force;
             }
         }
         for &guest in &self.guests {
-            let host = self.rates[self.shape.hosts[guest]][STAGE].load(simd);
-            let pulled = self.pulls[guest].load(simd) * constants.guest_inverse[guest].load(simd);
-            self.guest_rates[guest][STAGE] = (all(simd, 0.0) - pulled - host).store();
+            let host = self.shape.hosts[guest];
+            let pull = self.pulls[guest].load(simd);
+            let pushed = self.rates[host][STAGE].load(simd);
+            let rate = pull.times_plus(constants.inverse[host].load(simd), pushed);
+            self.rates[host][STAGE] = rate.store();
+            let pulled = pull * constants.guest_inverse[guest].load(simd);
+            self.guest_rates[guest][STAGE] = (all(simd, 0.0) - pulled - rate).store();
         }
     }
 }
@@ -411,12 +433,18 @@ impl Group<'_> {
             }
         }
         let crossings = std::mem::take(&mut self.crossings);
+        let mut changes = std::mem::take(&mut self.changes);
+        changes.clear();
+        // All before any is given, or a contact would see what its neighbour got, or not, by their places here.
         for some in crossings.chunks(LANES) {
-            let changes = self.gather(some).changes(simd);
+            changes.push(self.gather(some).changes(simd));
+        }
+        for (some, changes) in crossings.chunks(LANES).zip(&changes) {
             for (index, &(contact, lane)) in some.iter().enumerate() {
-                self.give(&changes, index, contact, lane);
+                self.give(changes, index, contact, lane);
             }
         }
+        self.changes = changes;
         self.crossings = crossings;
     }
 
@@ -461,9 +489,9 @@ impl Group<'_> {
         }
     }
 
-    /// Takes the step in the lanes whose error is allowed, and sets the length of the next.
+    /// One in the lanes whose error is allowed; sets their clocks, and the lengths of the next steps.
     #[inline(always)]
-    fn judge<S: Wide>(&mut self, simd: S) {
+    fn judge<S: Wide>(&mut self, simd: S) -> Eight {
         let (zero, one) = (all(simd, 0.0), all(simd, 1.0));
         let (mut greatest, mut trace) = (zero, zero);
         for run in &self.runs {
@@ -484,25 +512,6 @@ impl Group<'_> {
         let error = greatest * length + trace;
         let allowed = error.at_most(one);
 
-        for body in 0..self.shape.bodies {
-            for (now, next) in [
-                (&mut self.now.u[body], &self.next.u[body]),
-                (&mut self.now.v[body], &self.next.v[body]),
-            ] {
-                *now = allowed.select(next.load(simd), now.load(simd)).store();
-            }
-        }
-        for &guest in &self.guests {
-            for (now, next) in [
-                (&mut self.now.x[guest], &self.next.x[guest]),
-                (&mut self.now.w[guest], &self.next.w[guest]),
-            ] {
-                *now = allowed.select(next.load(simd), now.load(simd)).store();
-            }
-            let before = self.dissipated[guest].load(simd);
-            let after = before + self.lost[guest].load(simd);
-            self.dissipated[guest] = allowed.select(after, before).store();
-        }
         // A step that reaches the end ends on it exactly.
         let (now, end) = (self.time.load(simd), self.constants.end.load(simd));
         let last = (end - now).at_most(length);
@@ -524,5 +533,59 @@ impl Group<'_> {
         let change = change.min(allowed.select(most, one));
         self.step = (length * change).min(self.constants.longest.load(simd)).store();
         self.rejected = allowed.select(zero, one).store();
+        allowed.number().store()
+    }
+
+    /// Takes the step in these lanes.
+    #[inline(always)]
+    fn take<S: Wide>(&mut self, simd: S, allowed: &Eight) {
+        let allowed = allowed.load(simd).above(all(simd, 0.0));
+        for body in 0..self.shape.bodies {
+            for (now, next) in [
+                (&mut self.now.u[body], &self.next.u[body]),
+                (&mut self.now.v[body], &self.next.v[body]),
+            ] {
+                *now = allowed.select(next.load(simd), now.load(simd)).store();
+            }
+        }
+        for &guest in &self.guests {
+            for (now, next) in [
+                (&mut self.now.x[guest], &self.next.x[guest]),
+                (&mut self.now.w[guest], &self.next.w[guest]),
+            ] {
+                *now = allowed.select(next.load(simd), now.load(simd)).store();
+            }
+            let before = self.dissipated[guest].load(simd);
+            let after = before + self.lost[guest].load(simd);
+            self.dissipated[guest] = allowed.select(after, before).store();
+        }
+    }
+
+    /// Looks for the greatest forces in the step, in these lanes.
+    fn look(&mut self, before: &Eight, allowed: &Eight) {
+        let threshold = &self.constants.threshold.0;
+        for peaks in &mut self.peaks {
+            let (near, far) = (peaks.contact - 1, peaks.contact);
+            if !self.active[far] {
+                continue;
+            }
+            for (lane, model) in self.models.iter().enumerate() {
+                let length = self.length.0[lane];
+                if allowed.0[lane] == 0.0 || length == 0.0 {
+                    continue;
+                }
+                let between = |near: &Eight, far: &Eight| near.0[lane] - far.0[lane];
+                let overlap = |motion: &Motion, stage: usize| {
+                    [
+                        between(&motion.u[near], &motion.u[far]) - threshold[lane],
+                        between(&motion.v[near], &motion.v[far]),
+                        between(&self.rates[near][stage], &self.rates[far][stage]),
+                    ]
+                };
+                let ends = (overlap(&self.now, 0), overlap(&self.next, END));
+                let contact = model.contact(far);
+                peaks.look(lane, &contact, (before.0[lane], length), ends);
+            }
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::absorption::Absorption;
 use crate::model::Model;
+use crate::observe::ContactPeak;
 use crate::solution::Snapshot;
 
 /// The end of one chain of an ensemble.
@@ -10,21 +11,24 @@ pub struct Outcome {
     pub(super) model: Model,
     pub(super) time: f64,
     pub(super) state: Vec<f64>,
+    pub(super) peaks: Vec<ContactPeak>,
+    pub(super) steps: u64,
 }
 
 impl Outcome {
     /// The contacts' loss is what the other energies leave of the first, and no wall counts what it was given.
-    pub(super) fn balanced(model: Model, time: f64, mut state: Vec<f64>) -> Self {
+    pub(super) fn balanced(mut self) -> Self {
+        let (model, state) = (&self.model, &mut self.state);
         let layout = model.layout();
         let viscous = (1..=model.contacts()).any(|contact| model.contact(contact).relaxation > 0.0);
         if viscous {
-            state[layout.contact_loss()] = model.initial_energy() - model.energies(&state).total();
+            state[layout.contact_loss()] = model.initial_energy() - model.energies(state).total();
         }
         if let Some(index) = layout.wall_impulse() {
             let before: f64 = (0..model.bodies()).map(|body| model.initial_momentum(body)).sum();
-            state[index] = before - model.momentum(&state);
+            state[index] = before - model.momentum(state);
         }
-        Self { model, time, state }
+        self
     }
 
     /// Masses, contacts and intruders of the chain.
@@ -35,6 +39,12 @@ impl Outcome {
     /// When it ended, s.
     pub fn time(&self) -> f64 {
         self.time
+    }
+
+    /// Steps that were tried, each of nine evaluations of the equations of motion. A chain that ran by itself has
+    /// steps of sixteen.
+    pub fn steps(&self) -> u64 {
+        self.steps
     }
 
     /// The chain at its end: velocities, energies of any beads, and the rest that a run knows of one time.
@@ -58,6 +68,12 @@ impl Outcome {
     pub fn injected(&self) -> f64 {
         let speed = self.state[self.model.layout().velocity(0)];
         self.model.initial_energy() - 0.5 * self.model.mass(0) * speed * speed
+    }
+
+    /// The greatest force of each contact that [`EnsembleOptions::peaks`](crate::EnsembleOptions::peaks) names, if
+    /// it ever carried one. Its width is not looked for.
+    pub fn peaks(&self) -> &[ContactPeak] {
+        &self.peaks
     }
 
     /// The energy that each intruder has taken, in the order of the beads.
