@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use hertz_figures::chart::{Chart, FINE};
+use hertz_figures::chart::Chart;
 use hertz_figures::error::Error;
 use rayon::prelude::*;
 use resvg::tiny_skia::{Pixmap, Transform};
@@ -32,7 +32,6 @@ fn pixels(chart: &Chart, scale: f32) -> Result<Pixmap, Error> {
     fonts.load_font_data(dejavu::sans::regular().to_vec());
     fonts.set_sans_serif_family("DejaVu Sans");
     let tree = usvg::Tree::from_str(&chart.inline_svg()?, &options).map_err(|error| refused(&error))?;
-    let scale = scale / FINE as f32;
     let [width, height] =
         [tree.size().width(), tree.size().height()].map(|size| (size * scale).ceil() as u32);
     let mut pixels = Pixmap::new(width, height).ok_or_else(|| refused(&"it has no extent"))?;

@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use crate::chart::{STYLE, escape};
+use crate::chart::{escape, style};
 use crate::check::{Check, Relation};
 use crate::plan::Outcome;
 
@@ -133,7 +133,8 @@ pub fn html(outcomes: &[Outcome]) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>Figures</title>\
-         <style>{STYLE}{PAGE_STYLE}</style></head>\n<body><main>{body}</main></body></html>\n"
+         <style>{}{PAGE_STYLE}</style></head>\n<body><main>{body}</main></body></html>\n",
+        style()
     )
 }
 

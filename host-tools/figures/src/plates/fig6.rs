@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::chart::{Axis, Chart, Panel, Series};
 use crate::check::{Check, checks};
-use crate::curve::{dashed, force_over_time, line, time_axis};
+use crate::curve::{dashed, force_over_time, guide, line, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{
@@ -94,7 +94,7 @@ fn forces(
     let named = runs.iter().zip(family.values).enumerate();
     let curve = |(place, (run, value)): (usize, (&Arc<Run>, f64))| {
         let force = force_over_time(&run.solution, &span, contact);
-        line((family.name)(value), place, force)
+        told_apart((family.name)(value), place, force)
     };
     let label = format!("force at contact {contact} (N)");
     let panel = Panel::new(label, named.map(curve).collect());
@@ -116,6 +116,10 @@ fn far_spectrum(lab: &Lab, family: &Family, checks: Checks) -> Result<Figure, Er
                 dashed("", place, points)
             });
         }
+    }
+    let second = runs.iter().any(|run| train(&run.solution, FAR).len() > 1);
+    if second {
+        curves.push(guide("second pulses", Vec::new()));
     }
     let panel = Panel::new("force spectrum (mN·s)", curves).log();
     let axis = Axis::new("frequency (Hz)", 0.0..3000.0);
