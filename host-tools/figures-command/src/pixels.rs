@@ -10,6 +10,8 @@ use resvg::usvg;
 
 /// Pixels of a PNG for each pixel of the chart: 560 dots an inch for a chart of a column's width.
 const PRINT: f32 = 4.0;
+/// Pixels of a PNG a metre, so that a chart of a column's width is 86 mm wide.
+const DENSITY: u32 = 22_326;
 /// Pixels of an animation for each pixel of the chart.
 const SCREEN: f32 = 1.5;
 
@@ -19,9 +21,21 @@ const SCREEN: f32 = 1.5;
 /// # Errors
 /// As [`Chart::inline_svg`].
 pub(crate) fn png(chart: &Chart) -> Result<Vec<u8>, Error> {
-    pixels(chart, PRINT)?
-        .encode_png()
-        .map_err(|reason| Error::drawing(&chart.description, " as PNG", reason))
+    let pixels = pixels(chart, PRINT)?;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, pixels.width(), pixels.height());
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_pixel_dims(Some(png::PixelDimensions {
+        xppu: DENSITY,
+        yppu: DENSITY,
+        unit: png::Unit::Meter,
+    }));
+    // The paper is opaque, so no colour has been multiplied by less than 1.
+    let written = encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(pixels.data()));
+    written.map_err(|reason| Error::drawing(&chart.description, " as PNG", reason))?;
+    Ok(bytes)
 }
 
 /// The pixels of [`png`] at any scale.

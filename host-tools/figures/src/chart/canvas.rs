@@ -30,6 +30,15 @@ pub(super) fn pieces(text: &str) -> Vec<(&str, bool)> {
     pieces
 }
 
+/// The same text for HTML and Markdown, with `<sup>` where it is raised. `plain` makes each piece safe.
+pub fn raised(text: &str, plain: impl Fn(&str) -> String) -> String {
+    let piece = |(piece, raised): (&str, bool)| match raised {
+        true => format!("<sup>{}</sup>", plain(piece)),
+        false => plain(piece),
+    };
+    pieces(text).into_iter().map(piece).collect()
+}
+
 /// Size of raised text, of that on the line.
 const RAISED: f64 = 0.72;
 

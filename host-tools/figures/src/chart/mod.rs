@@ -14,7 +14,7 @@ mod panel;
 mod scale;
 mod series;
 
-pub use canvas::escape;
+pub use canvas::{escape, raised};
 pub use ink::{FAMILY, Ink, style};
 pub use panel::{Axis, Panel};
 pub use scale::Scale;
