@@ -57,7 +57,11 @@ fn a_result_that_is_interrupted_leaves_no_part_of_it() {
                 .spawn()
                 .unwrap(),
         );
-        let hidden = || names(directory.path()).iter().any(|name| name.starts_with(".bead-"));
+        let hidden = || {
+            names(directory.path())
+                .iter()
+                .any(|name| name.starts_with(".bead-"))
+        };
         // The first such file only shows that the directory can be written to.
         until("the result is being written", || {
             hidden() && {
@@ -71,7 +75,10 @@ fn a_result_that_is_interrupted_leaves_no_part_of_it() {
         assert_eq!(names(directory.path()), [""; 0]);
         let mut said = String::new();
         std::io::Read::read_to_string(&mut running.0.stderr.take().unwrap(), &mut said).unwrap();
-        assert!(said.starts_with("bead: interrupted; nothing is left behind"), "{said}");
+        assert!(
+            said.starts_with("bead: interrupted; nothing is left behind"),
+            "{said}"
+        );
         assert_eq!(said.lines().count(), 1, "{said}");
     }
 }

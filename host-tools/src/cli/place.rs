@@ -207,7 +207,7 @@ fn allowed(path: &Path, kind: Kind, inputs: &[&Path], force: Force) -> Result<Ta
     }
     if !force.force {
         return refused(format!(
-            "{shown} is there already; give the output another name, or --force to replace it"
+            "{shown} is there already; give another name, or --force to replace it"
         ));
     }
     if found.permissions().readonly() {
