@@ -1,7 +1,6 @@
 //! `bead settings`: a bead's settings, read, written and shown.
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use bead_model::calibration::Channel;
@@ -16,9 +15,11 @@ use crate::cli::commands::settings_file;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
 use crate::line::conversation::{Conversation, refused};
 use crate::line::key;
 use crate::recording::physical::Physical;
+use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
 Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a checksum.
@@ -66,6 +67,8 @@ enum Action {
         /// Keep the block in this file.
         #[arg(long, value_name = "F.settings")]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        force: Force,
         /// How to print them.
         #[arg(long, value_enum, default_value_t)]
         format: Format,
@@ -130,7 +133,15 @@ enum Action {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.action {
-        Action::Read { line, out, format } => read(line, out.as_deref(), *format),
+        Action::Read {
+            line,
+            out,
+            force,
+            format,
+        } => {
+            let out = place::optional(out.as_deref(), Kind::Settings, &[], *force)?;
+            read(line, out.as_ref(), *format)
+        }
         Action::Make(arguments) => settings_file::make(arguments),
         Action::Write { file, address, line } => {
             let block = settings_file::load(file, *address)?;
@@ -197,10 +208,10 @@ fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Resul
     Ok(())
 }
 
-fn read(line: &LineOptions, out: Option<&Path>, format: Format) -> Result<(), Failure> {
+fn read(line: &LineOptions, out: Option<&Target>, format: Format) -> Result<(), Failure> {
     let block = ask(&mut line.open()?)?;
     if let Some(out) = out {
-        output::write_whole(out, |file| Ok(file.write_all(block.bytes())?))?;
+        out.write_bytes(block.bytes())?;
     }
     print(block.bytes(), format, || "the bead has a ".to_owned())
 }

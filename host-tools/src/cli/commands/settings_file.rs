@@ -11,7 +11,7 @@ use hertz_chain::text_of;
 
 use crate::bench::sensed::{bead_of, load_scenario, only_host, simulate_with_ring_down};
 use crate::cli::failure::{Blame, Failure};
-use crate::cli::output;
+use crate::cli::place::{self, Force, Kind};
 use crate::recording::physical::{Change, Physical};
 
 const AFTER_HELP: &str = "\
@@ -47,9 +47,8 @@ pub(super) struct MakeArguments {
     /// Take the bead of this settings block.
     #[arg(long, value_name = "F.settings", requires = "template")]
     from: Option<PathBuf>,
-    /// Replace a file that is there.
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// Makes settings of physical quantities, or a file of these.
@@ -58,9 +57,9 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
     if arguments.template {
         let inputs = [&arguments.scenario, &arguments.from];
         let inputs: Vec<&Path> = inputs.iter().filter_map(|path| path.as_deref()).collect();
-        may_be_written(file, &inputs, arguments.force)?;
+        let target = place::target(file, Kind::Scenario, &inputs, arguments.force)?;
         let text = template(arguments)?.to_toml();
-        output::write_bytes(file, text)?;
+        target.write_bytes(text)?;
         eprintln!(
             "bead: wrote {0}; edit it, then: bead settings make {0}",
             file.display()
@@ -71,10 +70,10 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| file.with_extension("settings"));
-    may_be_written(&out, &[file], arguments.force)?;
+    let target = place::target(&out, Kind::Settings, &[file], arguments.force)?;
     let (_, settings) = physical(file)?;
     let block = block(&settings).or_input(|| file.display().to_string())?;
-    output::write_bytes(&out, &block)?;
+    target.write_bytes(&block)?;
     let (length, out) = (block.len(), out.display());
     eprintln!("bead: wrote {out}, {length} bytes; give it to the bead: bead settings write {out} --port P");
     Ok(())
@@ -99,18 +98,6 @@ fn template(arguments: &MakeArguments) -> Result<Physical, Failure> {
         }
     };
     Ok(Physical::new(&bead, &FrontEnd::reference()))
-}
-
-/// Refuses to write over an input, or over what is there.
-fn may_be_written(out: &Path, inputs: &[&Path], force: bool) -> Result<(), Failure> {
-    output::is_no_input(Some(out), inputs)?;
-    match force || !out.exists() {
-        true => Ok(()),
-        false => Err(Failure::input(format!(
-            "{} is there already; give another name, or --force to replace it",
-            out.display()
-        ))),
-    }
 }
 
 /// Reads a file of physical quantities.

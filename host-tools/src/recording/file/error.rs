@@ -26,6 +26,9 @@ pub enum RecordingError {
         /// What the library said.
         source: McapError,
     },
+    /// Another program has begun a recording of this name.
+    #[error("another program is recording to {0}; give the output another name")]
+    Busy(PathBuf),
     /// Nothing is in the file.
     #[error("{0} is empty: the recording was stopped before anything was written; record again")]
     Empty(PathBuf),
@@ -81,9 +84,16 @@ impl RecordingError {
 
     /// The library failed to write `path`.
     pub(super) fn unwritten(path: &Path) -> impl Fn(McapError) -> Self {
-        move |source| Self::Write {
-            path: path.to_owned(),
-            source,
+        move |error| {
+            let path = path.to_owned();
+            match error {
+                McapError::Io(source) => Self::File {
+                    action: "write",
+                    path,
+                    source,
+                },
+                source => Self::Write { path, source },
+            }
         }
     }
 }

@@ -40,4 +40,4 @@ pub use about::{About, Part};
 pub use error::RecordingError;
 pub use read::{Pieces, Recording};
 pub use records::State;
-pub use writer::Writer;
+pub use writer::{Finished, Writer};
