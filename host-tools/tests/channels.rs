@@ -11,6 +11,7 @@ use bead::recording::file::{About, Recording, RecordingError, State, Writer};
 use bead::recording::frames::Item;
 use bead::recording::signal::Signal;
 use bead::recording::strikes::{Strikes, assemble};
+use bead::recording::whole::Target;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use prost::Message as _;
 use prost::encoding::{WireType, decode_key, decode_varint};
@@ -25,7 +26,7 @@ const STARTED: u64 = 1_700_000_000_000_000_000;
 /// The strike of `tests/data`, recorded by today's program, with the host's times.
 fn recorded(folder: &Path) -> PathBuf {
     let path = folder.join("strike.mcap");
-    let mut writer = Writer::create(&path, &About::default()).unwrap();
+    let mut writer = Writer::create(&Target::new(&path), &About::default()).unwrap();
     for (n, piece) in (0..).zip(Recording::open(Path::new(OLD)).unwrap().pieces().unwrap()) {
         writer
             .write(&piece.bytes, Some(STARTED + n * 1_000_000), |_| {})
@@ -148,7 +149,7 @@ fn the_channels_say_in_si_units_what_the_frames_say() {
                 };
                 match shown {
                     Value::Array(list) => assert_eq!(values, list, "{name}"),
-                    shown => assert_eq!(&values[..], [shown.clone()], "{topic}: {name}"),
+                    shown => assert_eq!(values[..], *std::slice::from_ref(shown), "{topic}: {name}"),
                 }
             }
         }
