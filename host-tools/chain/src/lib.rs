@@ -14,6 +14,7 @@ mod oscillator_fit;
 mod pulse;
 mod quantity;
 mod region;
+mod run;
 mod scenario;
 mod shaker;
 mod signal;
@@ -38,6 +39,7 @@ pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
+pub use run::{Moment, Run, Step};
 pub use scenario::{
     Chain, ContactForce, InputError, Intruder, Material, Scenario, Section, Striker, TomlFile, Wall, text_of,
 };

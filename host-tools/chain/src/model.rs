@@ -308,6 +308,11 @@ impl Model {
         self.push(contact, change, rate).0
     }
 
+    /// The same for any change of the overlap since rest, at any rate.
+    pub(crate) fn force_beyond_at(&self, j: usize, change: f64, rate: f64) -> f64 {
+        self.push(&self.contacts[j - 1], change, rate).0
+    }
+
     /// Whether the force of contact `j` (from 1) is being kept from falling below zero.
     pub(crate) fn limited(&self, y: &[f64], j: usize) -> bool {
         let (overlap, approach) = self.overlap(y, j);
@@ -384,6 +389,12 @@ impl Model {
             })
             .chain(loaded)
             .fold(0.0, f64::max)
+    }
+
+    /// Steps that so much time takes at least. The method is stable for steps of up to some 6 of the shortest
+    /// time constants.
+    pub(crate) fn fewest_steps(&self, duration: f64, longest_step: f64) -> f64 {
+        duration * (1.0 / (longest_step * self.shortest_contact())).max(self.fastest_rate() / 6.0)
     }
 
     /// How deep the striker would go into bead 1 if that stood still: the scale of displacements.

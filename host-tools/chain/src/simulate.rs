@@ -2,10 +2,9 @@
 
 use std::time::Instant;
 
-use crate::model::Model;
+use crate::run::Run;
 use crate::scenario::{InputError, Scenario};
 use crate::solution::Solution;
-use crate::solver::{Lanes, Stepper};
 
 /// How closely the integration follows the equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,7 +29,7 @@ impl Accuracy {
         longest_step: 1.0 / 2.0,
     };
 
-    fn check(self) -> Result<(), InputError> {
+    pub(crate) fn check(self) -> Result<(), InputError> {
         let (key, value, range) = if !(1e-14..=1e-3).contains(&self.tolerance) {
             ("tolerance", self.tolerance, "1e-14 (rounding) to 1e-3")
         } else if !(self.longest_step > 0.0 && self.longest_step <= 1.0) {
@@ -121,32 +120,23 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         return Err(InputError::at("duration", what, "give a number above zero").into());
     }
     options.accuracy.check()?;
-    let tolerance = options.accuracy.tolerance;
-
-    let model = Model::new(scenario);
-    let longest = options.accuracy.longest_step * model.shortest_contact();
-    // The method is stable for steps of up to some 6 of the shortest time constants. A run takes at least
-    // that many.
-    let fewest_steps = end * (1.0 / longest).max(model.fastest_rate() / 6.0);
-    if fewest_steps * model.layout().dimension() as f64 > MOST_VALUES as f64 {
+    let mut run = Run::new(scenario, options.accuracy)?;
+    let mut state = run.model().initial();
+    if run.model().fewest_steps(end, options.accuracy.longest_step) * state.len() as f64 > MOST_VALUES as f64 {
         return Err(SimulateError::TooLong { time: 0.0, end });
     }
-    let (lanes, start) = (Lanes::new(&model), model.initial());
-    let mut stepper = Stepper::new(&lanes, model.layout(), &start, tolerance, longest);
-    let mut times = vec![stepper.time];
-    let mut states = start;
-    let mut state = states.clone();
+    let mut times = vec![run.time()];
+    let mut states = state.clone();
     let progress = |part| options.progress.iter().for_each(|told| told(part));
     // A step ends where the scenario does, so that the summary never looks inside one.
     let covered = scenario.duration.min(end);
     let mut summary_end = 0;
     for stop in [covered, end] {
-        while stepper.time < stop {
-            let time = stepper.time;
-            stepper.advance(stop).map_err(|_| SimulateError::Stuck { time })?;
-            let time = stepper.time;
+        while run.time() < stop {
+            run.advance(stop)?;
+            let time = run.time();
             times.push(time);
-            stepper.state(&mut state);
+            run.write_state(&mut state);
             states.extend_from_slice(&state);
             if states.len() > MOST_VALUES {
                 return Err(SimulateError::TooLong { time, end });
@@ -160,15 +150,14 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         }
     }
     progress(1.0);
-    let evaluations = stepper.evaluations;
     Ok(Solution {
-        model,
-        lanes,
-        tolerance,
+        model: run.shared_model(),
+        lanes: run.lanes(),
+        tolerance: options.accuracy.tolerance,
         times,
         states,
         summary_end,
-        evaluations,
+        evaluations: run.evaluations(),
         seconds: clock.elapsed().as_secs_f64(),
     })
 }

@@ -7,9 +7,12 @@
 //! into.
 
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 use crate::model::{Energies, Model};
 use crate::region::RegionEnergies;
+use crate::run::Run;
+use crate::simulate::{Accuracy, SimulateError};
 use crate::solver::{Dense, Lanes};
 
 /// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and
@@ -19,8 +22,8 @@ use crate::solver::{Dense, Lanes};
 /// strike. A run that would keep more than 4 GB is refused.
 #[derive(Debug, Clone)]
 pub struct Solution {
-    pub(crate) model: Model,
-    pub(crate) lanes: Lanes,
+    pub(crate) model: Arc<Model>,
+    pub(crate) lanes: Arc<Lanes>,
     pub(crate) tolerance: f64,
     /// Ends of the steps, s.
     pub(crate) times: Vec<f64>,
@@ -108,23 +111,32 @@ impl<'a> Sampler<'a> {
         let mut state = vec![0.0; solution.model.layout().dimension()];
         dense.at(t, &mut state);
         self.dense = Some(dense);
-        Snapshot {
-            model: &solution.model,
-            time: t,
-            state,
-        }
+        Snapshot::new(&solution.model, t, state)
     }
 }
 
 /// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1.
 #[derive(Debug, Clone)]
 pub struct Snapshot<'a> {
-    model: &'a Model,
+    model: &'a Arc<Model>,
     time: f64,
     state: Vec<f64>,
 }
 
-impl Snapshot<'_> {
+impl<'a> Snapshot<'a> {
+    pub(crate) fn new(model: &'a Arc<Model>, time: f64, state: Vec<f64>) -> Self {
+        Self { model, time, state }
+    }
+
+    /// A run that goes on from here. It ends at the same values as one that was never interrupted, to the
+    /// accuracy asked for.
+    ///
+    /// # Errors
+    /// [`SimulateError::Input`]: the accuracy is out of range.
+    pub fn run_on(&self, accuracy: Accuracy) -> Result<Run, SimulateError> {
+        Run::start(self.model.clone(), (self.time, &self.state), accuracy)
+    }
+
     /// The time, s.
     pub fn time(&self) -> f64 {
         self.time
