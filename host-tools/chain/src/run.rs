@@ -176,7 +176,10 @@ impl Step<'_> {
     /// If `t` is not in the step.
     pub fn at(&mut self, t: f64) -> Moment<'_> {
         let (from, to) = (self.from, self.to());
-        assert!((from..=to).contains(&t), "{t} s is not in the step, {from} to {to} s");
+        assert!(
+            (from..=to).contains(&t),
+            "{t} s is not in the step, {from} to {to} s"
+        );
         self.run.stepper.keep_inside();
         self.run.stepper.look(t);
         Moment {
@@ -225,7 +228,11 @@ impl Moment<'_> {
     /// Change of the overlap of a contact since rest, and its rate.
     fn change(&self, contact: usize) -> (f64, f64) {
         let near = self.body(contact - 1);
-        let far = if contact < self.model.bodies() { self.body(contact) } else { (0.0, 0.0) };
+        let far = if contact < self.model.bodies() {
+            self.body(contact)
+        } else {
+            (0.0, 0.0)
+        };
         (near.0 - far.0, near.1 - far.1)
     }
 

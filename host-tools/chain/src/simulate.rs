@@ -122,7 +122,8 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     options.accuracy.check()?;
     let mut run = Run::new(scenario, options.accuracy)?;
     let mut state = run.model().initial();
-    if run.model().fewest_steps(end, options.accuracy.longest_step) * state.len() as f64 > MOST_VALUES as f64 {
+    if run.model().fewest_steps(end, options.accuracy.longest_step) * state.len() as f64 > MOST_VALUES as f64
+    {
         return Err(SimulateError::TooLong { time: 0.0, end });
     }
     let mut times = vec![run.time()];

@@ -23,6 +23,8 @@ mod method;
 mod rest;
 mod stepper;
 mod verner;
+#[cfg(test)]
+mod window;
 mod work;
 
 pub(crate) use dense::Dense;

@@ -2,13 +2,12 @@
 //!
 //! # Design
 //!
-//! A block sleeps while no contact of it carries a force that matters and no intruder in it moves. There are two
-//! kinds. One *flies*: its contacts are open, its bodies keep their velocities, so where they are follows from
-//! when it fell asleep, and so does when two of them will meet. The other is *quiet*: whatever its bodies and
-//! contacts have of motion is less than the error that a single step may make ([`FLOOR`] of the tolerance), so
-//! it is stopped. What a wave leaves behind in an elastic chain is such dust. A body of mass M is stopped from
-//! a speed of at most FLOOR × tolerance × the striker's speed, once after each wave that passes it, and that
-//! bounds what is left out: of its velocity, and by M of momentum.
+//! A block sleeps while no contact of it carries a force that matters and no intruder in it moves. A contact is
+//! out of the game in one of two ways. It is *open*: its bodies fly freely, so when they will meet follows from
+//! where they are. Or it is *quiet*: speed and overlap are less than the error that a single step may make
+//! ([`FLOOR`] of the tolerance), and bodies that it joins go on together at their common speed, or stand still
+//! if that too is quiet. What a wave leaves behind in an elastic chain is such dust. So what is left out of a
+//! body's velocity is at most FLOOR × tolerance × the striker's speed, once after each wave that passes it.
 //!
 //! A bead ahead of a wave moves as the motion two beads before to the power 3/2 each. So a block that touches
 //! wakes when the third bead before it is no longer quiet: what is left out then is far below rounding.
@@ -30,8 +29,14 @@ const STILL: f64 = 1e-16;
 const WATCHED: usize = 3;
 /// Steps ahead of a collision at which a block wakes.
 const AHEAD: f64 = 3.0;
-/// Steps between looks for blocks that may sleep.
-const PATIENCE: u64 = 4;
+
+/// The overlap at which a contact of the chain first has the elastic energy of its lighter body at the speed
+/// `quiet`, m.
+fn shallow(lanes: &Lanes, quiet: f64) -> f64 {
+    let rates =
+        (1..lanes.len()).map(|lane| lanes.stiffness[lane] * lanes.inverse[lane - 1].max(lanes.inverse[lane]));
+    (1.25 * quiet * quiet / rates.fold(0.0, f64::max)).powf(0.4)
+}
 
 #[derive(Debug, Clone)]
 pub(super) struct Rest {
@@ -44,9 +49,12 @@ pub(super) struct Rest {
     /// The same as a queue: bits of the time, which order as it does, and the block. What does not agree with
     /// `touch` is out of date.
     queue: BinaryHeap<Reverse<(u64, usize)>>,
-    /// Speed below which a body may be stopped, m/s.
+    /// Speed of a contact that may be left out, m/s, and overlap, m.
     quiet: f64,
+    shallow: f64,
     steps: u64,
+    /// Steps between looks for blocks that may sleep.
+    patience: u64,
 }
 
 impl Rest {
@@ -62,16 +70,31 @@ impl Rest {
         for (guest, host) in lanes.guests.hosts.iter().enumerate() {
             moves[host / BLOCK - 1] |= work.start.x[guest] != 0.0 || work.start.w[guest] != 0.0;
         }
+        let quiet = (FLOOR * tolerance).max(STILL) * lanes.speed;
         let mut rest = Self {
             asleep: moves.iter().map(|moves| (!moves).then_some(time)).collect(),
             awake: (0..lanes.blocks).filter(|&block| moves[block]).collect(),
             touch: vec![f64::INFINITY; lanes.blocks],
             queue: BinaryHeap::new(),
-            quiet: (FLOOR * tolerance).max(STILL) * lanes.speed,
+            quiet,
+            shallow: shallow(lanes, quiet),
             steps: 0,
+            patience: 4,
         };
         rest.arrange(lanes, work);
         rest
+    }
+
+    /// Wakes all blocks, and lets none sleep again.
+    #[cfg(test)]
+    pub(super) fn keep_awake(&mut self, lanes: &Lanes, work: &mut Work, time: f64) {
+        for block in 0..lanes.blocks {
+            if self.asleep[block].is_some() {
+                self.wake(work, block, time);
+            }
+        }
+        self.patience = u64::MAX;
+        self.arrange(lanes, work);
     }
 
     /// When a sleeping block will have a collision.
@@ -122,7 +145,12 @@ impl Rest {
     }
 
     /// Calls for each sleeping block beside a run: the block, and whether it is behind the run.
-    fn for_neighbours(&mut self, lanes: &Lanes, work: &mut Work, mut call: impl FnMut(&mut Self, &mut Work, usize, bool)) {
+    fn for_neighbours(
+        &mut self,
+        lanes: &Lanes,
+        work: &mut Work,
+        mut call: impl FnMut(&mut Self, &mut Work, usize, bool),
+    ) {
         for run in 0..work.active.len() {
             let run = work.active[run].clone();
             if run.start > 0 {
@@ -146,9 +174,15 @@ impl Rest {
         loop {
             let before = self.awake.len();
             // With nothing else awake, no step is lost by waiting for the collision itself.
-            let until = if work.active.is_empty() { time } else { time + AHEAD * h };
+            let until = if work.active.is_empty() {
+                time
+            } else {
+                time + AHEAD * h
+            };
             while self.next_touch() <= until {
-                let Some(Reverse((_, block))) = self.queue.pop() else { break };
+                let Some(Reverse((_, block))) = self.queue.pop() else {
+                    break;
+                };
                 self.wake(work, block, time);
             }
             self.for_neighbours(lanes, work, |rest, work, block, behind| {
@@ -181,24 +215,20 @@ impl Rest {
         let (u, v) = (&work.start.u, &work.start.v);
         let gap = u[lane] - u[lane - 1] - lanes.rest[lane];
         let approach = v[lane - 1] - v[lane];
+        if lanes.loaded {
+            // A loaded chain is linear: what is weak goes on.
+            return edge
+                .into_iter()
+                .any(|lane| u[lane].abs() > STILL * lanes.depth || v[lane].abs() > STILL * lanes.speed);
+        }
         if gap > 0.0 {
             return approach > self.quiet && gap < AHEAD * h * approach;
         }
-        if lanes.loaded {
-            // A loaded chain is linear: what is weak goes on.
-            return edge.into_iter().any(|lane| {
-                u[lane].abs() > STILL * lanes.depth || v[lane].abs() > STILL * lanes.speed
-            });
-        }
-        edge.into_iter().any(|lane| v[lane].abs() > self.quiet) || !self.presses_little(lanes, work, lane, 16.0)
-    }
-
-    /// Whether the elastic energy of a contact is at most `times` that of a quiet body.
-    fn presses_little(&self, lanes: &Lanes, work: &Work, lane: usize, times: f64) -> bool {
-        let overlap = work.start.u[lane - 1] - work.start.u[lane];
-        let lightest = lanes.inverse[lane - 1].max(lanes.inverse[lane]);
-        let energy = 0.8 * lanes.stiffness[lane] * overlap * overlap * overlap.max(0.0).sqrt();
-        lanes.stiffness[lane] == 0.0 || energy * lightest <= times * self.quiet * self.quiet
+        let of_block = if behind { lane } else { lane - 1 };
+        gap < -4.0 * self.shallow
+            || edge
+                .into_iter()
+                .any(|lane| (v[lane] - v[of_block]).abs() > 2.0 * self.quiet)
     }
 
     /// Whether a step of length `h` has closed a contact with a sleeping block. The block is woken.
@@ -208,7 +238,11 @@ impl Rest {
         }
         let before = self.awake.len();
         self.for_neighbours(lanes, work, |rest, work, block, behind| {
-            let lane = if behind { first(block) } else { first(block) + BLOCK };
+            let lane = if behind {
+                first(block)
+            } else {
+                first(block) + BLOCK
+            };
             let gap = |near: f64, far: f64| far - near - lanes.rest[lane];
             let start = gap(work.start.u[lane - 1], work.start.u[lane]);
             let there = |lane: usize, sleeps: bool| {
@@ -234,20 +268,17 @@ impl Rest {
     /// Lets blocks fall asleep that fly freely or hardly move.
     pub(super) fn after_step(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) {
         self.steps += 1;
-        if lanes.loaded || !self.steps.is_multiple_of(PATIENCE) {
+        if lanes.loaded || !self.steps.is_multiple_of(self.patience) {
             return;
         }
         let before = self.awake.len();
         let mut awake = std::mem::take(&mut self.awake);
         let mut fallen = Vec::new();
         awake.retain(|&block| {
-            let quiet = self.is_quiet(lanes, work, block);
-            if !quiet && !self.flies(lanes, work, block, h) {
+            if !self.may_sleep(lanes, work, block, h) {
                 return true;
             }
-            if quiet {
-                work.start.v[first(block)..first(block + 1)].fill(0.0);
-            }
+            self.join(lanes, work, block);
             for guest in lanes.guests.of_block[block].clone() {
                 (work.start.x[guest], work.start.w[guest]) = (0.0, 0.0);
             }
@@ -270,14 +301,6 @@ impl Rest {
         self.arrange(lanes, work);
     }
 
-    /// Whether all that a block has of motion is less than a step may err by.
-    fn is_quiet(&self, lanes: &Lanes, work: &Work, block: usize) -> bool {
-        let bodies = first(block)..first(block + 1);
-        bodies.clone().all(|lane| work.start.v[lane].abs() <= self.quiet)
-            && (bodies.start..=bodies.end).all(|lane| self.presses_little(lanes, work, lane, 1.0))
-            && self.guests_are_quiet(lanes, work, block)
-    }
-
     fn guests_are_quiet(&self, lanes: &Lanes, work: &Work, block: usize) -> bool {
         lanes.guests.of_block[block].clone().all(|guest| {
             let (x, w) = (work.start.x[guest], work.start.w[guest]);
@@ -286,14 +309,43 @@ impl Rest {
         })
     }
 
-    /// Whether no contact of a block is closed or will be soon, and no intruder in it moves.
-    fn flies(&self, lanes: &Lanes, work: &Work, block: usize, h: f64) -> bool {
-        let open = (first(block)..=first(block + 1)).all(|lane| {
+    /// Whether every contact of a block is open for some time or quiet, and its intruders are quiet.
+    fn may_sleep(&self, lanes: &Lanes, work: &Work, block: usize, h: f64) -> bool {
+        let may = |lane: usize| {
             let gap = work.start.u[lane] - work.start.u[lane - 1];
             let approach = work.start.v[lane - 1] - work.start.v[lane];
-            lanes.stiffness[lane] == 0.0 || (gap > 0.0 && gap > 4.0 * AHEAD * h * approach)
-        });
-        open && self.guests_are_quiet(lanes, work, block)
+            let open = gap > 0.0 && gap > 4.0 * AHEAD * h * approach;
+            let quiet = gap >= -self.shallow && approach.abs() <= self.quiet;
+            lanes.stiffness[lane] == 0.0 || open || quiet
+        };
+        (first(block)..=first(block + 1)).all(may) && self.guests_are_quiet(lanes, work, block)
+    }
+
+    /// Lets bodies of a block that touch quietly go on together, and those that hardly move stand still.
+    fn join(&self, lanes: &Lanes, work: &mut Work, block: usize) {
+        let (u, v) = (&work.start.u, &mut work.start.v);
+        let mut from = first(block);
+        for lane in from + 1..=first(block + 1) {
+            let joined = lane < first(block + 1)
+                && lanes.stiffness[lane] > 0.0
+                && lanes.inverse[lane] > 0.0
+                && u[lane] <= u[lane - 1]
+                && (v[lane - 1] - v[lane]).abs() <= self.quiet;
+            if joined {
+                continue;
+            }
+            if lanes.inverse[from] > 0.0 {
+                let momentum: f64 = (from..lane).map(|lane| v[lane] / lanes.inverse[lane]).sum();
+                let mass: f64 = (from..lane).map(|lane| 1.0 / lanes.inverse[lane]).sum();
+                let speed = if lane == from + 1 {
+                    v[from]
+                } else {
+                    momentum / mass
+                };
+                v[from..lane].fill(if speed.abs() <= self.quiet { 0.0 } else { speed });
+            }
+            from = lane;
+        }
     }
 
     /// When two bodies will meet in a sleeping block, or between it and a sleeping neighbour.
@@ -310,10 +362,13 @@ impl Rest {
         let meet = |lane: usize| {
             let gap = work.start.u[lane] - work.start.u[lane - 1];
             let approach = work.start.v[lane - 1] - work.start.v[lane];
-            if lanes.stiffness[lane] > 0.0 && approach > self.quiet {
+            if lanes.stiffness[lane] == 0.0 || approach <= 0.0 {
+                f64::INFINITY
+            } else if approach > self.quiet {
                 time + gap.max(0.0) / approach
             } else {
-                f64::INFINITY
+                // It may be left out until the overlap matters.
+                time + (gap + 4.0 * self.shallow).max(0.0) / approach
             }
         };
         (from..to).map(meet).fold(f64::INFINITY, f64::min)
