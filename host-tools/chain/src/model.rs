@@ -314,12 +314,15 @@ impl Model {
     }
 
     /// Whether the force of contact `j` (from 1) is being kept from falling below zero.
+    #[cfg(test)]
     pub(crate) fn limited(&self, y: &[f64], j: usize) -> bool {
         let (overlap, approach) = self.overlap(y, j);
+        self.limits(&self.contacts[j - 1], overlap, approach)
+    }
+
+    fn limits(&self, contact: &Contact, overlap: f64, approach: f64) -> bool {
         // Without the common factor (κ/2) √δ.
-        self.clipped
-            && overlap > 0.0
-            && 2.0 * overlap + 3.0 * self.contacts[j - 1].relaxation * approach < 0.0
+        self.clipped && overlap > 0.0 && 2.0 * overlap + 3.0 * contact.relaxation * approach < 0.0
     }
 
     fn limit(&self, force: f64) -> f64 {
@@ -605,12 +608,18 @@ impl Model {
 impl Model {
     /// Rate of the total force of contact `j` (from 1) where the state changes by `dy`.
     pub(crate) fn force_rate(&self, y: &[f64], dy: &[f64], j: usize) -> f64 {
-        let (overlap, approach) = self.overlap(y, j);
-        if overlap <= 0.0 || self.limited(y, j) {
+        let (change, approach) = self.change(y, j);
+        let (_, acceleration) = self.change(dy, j);
+        self.force_rate_at(j, change, approach, acceleration)
+    }
+
+    /// The same for any change of the overlap since rest, its rate, and the rate of that.
+    pub(crate) fn force_rate_at(&self, j: usize, change: f64, approach: f64, acceleration: f64) -> f64 {
+        let contact = &self.contacts[j - 1];
+        let overlap = contact.static_overlap + change;
+        if overlap <= 0.0 || self.limits(contact, overlap, approach) {
             return 0.0;
         }
-        let (_, acceleration) = self.overlap(dy, j);
-        let contact = &self.contacts[j - 1];
         let root = overlap.sqrt();
         let viscous = contact.relaxation * (0.5 * approach * approach / root + root * acceleration);
         1.5 * contact.stiffness * (root * approach + viscous)

@@ -10,8 +10,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::model::Model;
+use crate::options::{Accuracy, SimulateError};
 use crate::scenario::Scenario;
-use crate::simulate::{Accuracy, SimulateError};
+
 use crate::solution::Snapshot;
 use crate::solver::{Lanes, Stepper};
 
@@ -137,6 +138,10 @@ impl Run {
         Snapshot::new(&self.model, self.time(), state)
     }
 
+    pub(crate) fn stepper(&self) -> &Stepper {
+        &self.stepper
+    }
+
     pub(crate) fn write_state(&mut self, out: &mut [f64]) {
         self.stepper.state(out);
     }
@@ -160,9 +165,18 @@ impl Step<'_> {
         self.run.time()
     }
 
+    /// How many steps the run has made, this one included.
+    pub fn number(&self) -> u64 {
+        self.run.steps()
+    }
+
     /// The chain's model.
     pub fn model(&self) -> &Model {
         &self.run.model
+    }
+
+    pub(crate) fn parts(&mut self) -> (&Model, &mut Stepper) {
+        (&self.run.model, &mut self.run.stepper)
     }
 
     /// Bodies that something moves in this step, in runs of neighbours. All others stand still or fly freely.
@@ -270,5 +284,17 @@ impl Moment<'_> {
         let (x, x_rate) = self.stepper.guest(intruder);
         let oscillator = &self.model.intruders()[intruder].oscillator;
         Some(-oscillator.pull(x, x_rate) / oscillator.mass)
+    }
+}
+
+impl Snapshot<'_> {
+    /// A run that goes on from here. It comes to the same values as one that was never interrupted, to the
+    /// accuracy asked for.
+    ///
+    /// # Errors
+    /// [`SimulateError::Input`]: the accuracy is out of range.
+    pub fn run_on(&self, accuracy: Accuracy) -> Result<Run, SimulateError> {
+        let (model, state) = self.parts();
+        Run::start(model.clone(), (self.time(), state), accuracy)
     }
 }

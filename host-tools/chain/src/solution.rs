@@ -11,8 +11,6 @@ use std::sync::Arc;
 
 use crate::model::{Energies, Model};
 use crate::region::RegionEnergies;
-use crate::run::Run;
-use crate::simulate::{Accuracy, SimulateError};
 use crate::solver::{Dense, Lanes};
 
 /// The motion of a chain from t = 0 to [`Solution::end`]. Bodies are counted from 0, the striker; beads and
@@ -128,18 +126,18 @@ impl<'a> Snapshot<'a> {
         Self { model, time, state }
     }
 
-    /// A run that goes on from here. It ends at the same values as one that was never interrupted, to the
-    /// accuracy asked for.
-    ///
-    /// # Errors
-    /// [`SimulateError::Input`]: the accuracy is out of range.
-    pub fn run_on(&self, accuracy: Accuracy) -> Result<Run, SimulateError> {
-        Run::start(self.model.clone(), (self.time, &self.state), accuracy)
+    pub(crate) fn parts(&self) -> (&Arc<Model>, &[f64]) {
+        (self.model, &self.state)
     }
 
     /// The time, s.
     pub fn time(&self) -> f64 {
         self.time
+    }
+
+    /// Masses, contacts and intruders of the chain.
+    pub fn model(&self) -> &'a Model {
+        self.model
     }
 
     /// Displacement of `body` since t = 0, m. A chain under a static load is at rest there.

@@ -17,6 +17,7 @@ mod aligned;
 mod attempt;
 mod crossing;
 mod dense;
+mod glimpse;
 mod kernel;
 mod lanes;
 mod method;
@@ -28,5 +29,9 @@ mod window;
 mod work;
 
 pub(crate) use dense::Dense;
+pub(crate) use glimpse::Glimpse;
 pub(crate) use lanes::Lanes;
 pub(crate) use stepper::Stepper;
+
+/// Bodies that move or rest together, from a multiple of this.
+pub(crate) const TOGETHER: usize = lanes::BLOCK;

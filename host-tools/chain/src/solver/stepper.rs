@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::dense::{pack, unpack};
+use super::glimpse::Glimpse;
 use super::lanes::{BLOCK, Lanes};
 use super::rest::Rest;
 use super::work::{Motion, Work};
@@ -86,15 +87,70 @@ impl Stepper {
         }
     }
 
-    /// Finds the motion at time `t` of the last step, for [`Stepper::body`] and [`Stepper::guest`].
-    pub(crate) fn look(&mut self, t: f64) {
-        let Some(length) = self.made else { return };
+    /// Makes the last step ready to be looked into; gives its length.
+    fn prepare(&mut self) -> Option<f64> {
+        let length = self.made?;
         if !self.prepared {
+            self.keep_inside();
             self.work.prepare(&self.lanes, length);
             self.prepared = true;
         }
-        let x = 1.0 - (self.time - t) / length;
-        self.work.look(&self.lanes, length, x.clamp(0.0, 1.0));
+        Some(length)
+    }
+
+    /// Finds the motion at time `t` of the last step, for [`Stepper::body`] and [`Stepper::guest`].
+    pub(crate) fn look(&mut self, t: f64) {
+        if let Some(length) = self.prepare() {
+            let x = 1.0 - (self.time - t) / length;
+            self.work.look(&self.lanes, length, x.clamp(0.0, 1.0));
+        }
+    }
+
+    /// The overlap of a contact that moves, less that at rest, in the last step. None if nothing moved.
+    pub(crate) fn glimpse_contact(&mut self, contact: usize, from: f64) -> Option<Glimpse> {
+        self.prepare()?;
+        let times = (from, self.time);
+        Some(self.work.glimpse_contact(&self.lanes, BLOCK + contact, times))
+    }
+
+    /// The displacement of an intruder that moves, relative to its host, in the last step.
+    pub(crate) fn glimpse_guest(&mut self, guest: usize, from: f64) -> Option<Glimpse> {
+        self.prepare()?;
+        Some(self.work.glimpse_guest(&self.lanes, guest, (from, self.time)))
+    }
+
+    /// Displacement and velocity of a body at the start of the last step, and at its end.
+    pub(crate) fn body_at_ends(&self, body: usize, from: f64) -> [(f64, f64); 2] {
+        let (lane, start) = (BLOCK + body, &self.work.start);
+        if self.made.is_some() && self.rest.moves(lane) {
+            let end = &self.work.end;
+            [(start.u[lane], start.v[lane]), (end.u[lane], end.v[lane])]
+        } else {
+            let place = |t: f64| (self.rest.place(&self.work, lane, t), start.v[lane]);
+            [place(from), place(self.time)]
+        }
+    }
+
+    /// The same of an intruder, relative to its host.
+    pub(crate) fn guest_at_ends(&self, guest: usize) -> [(f64, f64); 2] {
+        let (start, end) = (&self.work.start, &self.work.end);
+        let before = (start.x[guest], start.w[guest]);
+        if self.made.is_some() && self.rest.moves(self.lanes.guests.hosts[guest]) {
+            [before, (end.x[guest], end.w[guest])]
+        } else {
+            [before, before]
+        }
+    }
+
+    /// What all contacts, and each intruder, have dissipated by the end of the last step.
+    pub(crate) fn lost(&self) -> (f64, impl Iterator<Item = f64> + '_) {
+        let made = self.made.is_some();
+        let of_step = &self.work.guests_lost[..];
+        let guests = self.guests_lost.iter().zip(of_step);
+        (
+            self.contacts_lost + if made { self.work.lost_in_contacts() } else { 0.0 },
+            guests.map(move |(before, now)| before + if made { *now } else { 0.0 }),
+        )
     }
 
     /// Bodies whose motion the last step has computed. All others fly freely.
