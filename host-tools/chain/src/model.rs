@@ -380,18 +380,24 @@ impl Model {
             let rate = 2.0 * contact.linear_stiffness() / reduced;
             rate.sqrt().max(rate * contact.relaxation)
         });
-        self.intruders
-            .iter()
-            .map(|intruder| {
-                let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
-                let oscillator = intruder.oscillator;
-                let reduced = oscillator.mass * shell / host;
-                (oscillator.stiffness / reduced)
-                    .sqrt()
-                    .max(oscillator.damping / reduced)
-            })
-            .chain(loaded)
-            .fold(0.0, f64::max)
+        let intruders = self.intruders.iter().map(|intruder| self.rate_of(intruder));
+        intruders.chain(loaded).fold(0.0, f64::max)
+    }
+
+    fn rate_of(&self, intruder: &HostedIntruder) -> f64 {
+        let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
+        let oscillator = intruder.oscillator;
+        let reduced = oscillator.mass * shell / host;
+        let undamped = (oscillator.stiffness / reduced).sqrt();
+        undamped.max(oscillator.damping / reduced)
+    }
+
+    /// The bead and the rate of an intruder that is more than 100,000 times faster than any collision. No
+    /// resonator is.
+    pub(crate) fn absurd_intruder(&self) -> Option<(usize, f64)> {
+        let of = |intruder: &HostedIntruder| (intruder.bead, self.rate_of(intruder));
+        let fastest = self.intruders.iter().map(of).max_by(|a, b| a.1.total_cmp(&b.1));
+        fastest.filter(|(_, rate)| rate * self.shortest_contact() > 6e5)
     }
 
     /// Steps that so much time takes at least. The method is stable for steps of up to some 6 of the shortest

@@ -76,14 +76,29 @@ pub enum SimulateError {
     /// A value of the scenario or of the [`Options`] is out of range.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// The run needs more steps than memory should hold: it is too long, has too many beads, or something in
-    /// it is much faster than a strike.
-    #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or soften the intruders and relaxation that need short steps", MOST_VALUES * 8 / 1_000_000_000)]
+    /// A run that keeps everything needs more steps than memory should hold: it is too long, has too many
+    /// beads, or something in it is much faster than a strike. [`Run`](crate::Run) and
+    /// [`summarise`](crate::summarise) keep nothing.
+    #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or ask for the summary alone, which keeps nothing", MOST_VALUES * 8 / 1_000_000_000)]
     TooLong {
         /// How far the run came, s; 0 if it was clear from the start.
         time: f64,
         /// How far it was to go, s.
         end: f64,
+    },
+    /// An intruder is so much faster than a strike that its units are probably wrong.
+    #[error(
+        "intruder in bead {bead}: its time constant of {time:.1e} s takes {steps:.1e} steps, more than {seconds:.0} s of computing; check units: mass in kg, stiffness in N/m, damping in N·s/m"
+    )]
+    TooStiff {
+        /// The host bead.
+        bead: usize,
+        /// The time constant, s.
+        time: f64,
+        /// Steps that the run needs at least.
+        steps: f64,
+        /// Wall-clock time that they take on a fast computer, s.
+        seconds: f64,
     },
     /// The steps became too short to move the clock: values of the scenario lie too many powers of ten apart.
     #[error(

@@ -51,6 +51,23 @@ impl Run {
         Self::start(Arc::new(model), (0.0, &start), accuracy)
     }
 
+    /// Refuses a run to `end`, s, if it would take absurdly long.
+    pub(crate) fn check(&self, end: f64, longest_step: f64) -> Result<(), SimulateError> {
+        let Some((bead, rate)) = self.model.absurd_intruder() else {
+            return Ok(());
+        };
+        let steps = self.model.fewest_steps(end - self.time(), longest_step);
+        // Sixteen evaluations, 20 ns for eight bodies each.
+        let seconds = steps * (0.5e-6 + 0.04e-6 * self.model.bodies() as f64);
+        let time = 1.0 / rate;
+        Err(SimulateError::TooStiff {
+            bead,
+            time,
+            steps,
+            seconds,
+        })
+    }
+
     pub(crate) fn start(
         model: Arc<Model>,
         (time, state): (f64, &[f64]),

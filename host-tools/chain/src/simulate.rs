@@ -30,6 +30,7 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     }
     options.accuracy.check()?;
     let mut run = Run::new(scenario, options.accuracy)?;
+    run.check(end, options.accuracy.longest_step)?;
     let mut state = run.model().initial();
     if run.model().fewest_steps(end, options.accuracy.longest_step) * state.len() as f64 > MOST_VALUES as f64
     {

@@ -35,6 +35,7 @@ pub fn summarise(scenario: &Scenario, options: &Options<'_>) -> Result<Summary, 
         return Err(InputError::at("duration", what, "give a number above zero").into());
     }
     let mut run = Run::new(scenario, options.accuracy)?;
+    run.check(end, options.accuracy.longest_step)?;
     let mut found = Summariser::new(&mut run);
     run.watch(end, |step| {
         found.look(step);
