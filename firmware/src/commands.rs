@@ -55,6 +55,16 @@ impl Answer {
     }
 }
 
+/// What is left of a request that was begun. It is small: the task that waits keeps it.
+enum Step {
+    /// Its answer.
+    Answer(Answer),
+    /// Settings were offered. Once they are in force, the answer has this line.
+    InForce(&'static str),
+    SelfTest,
+    Reboot,
+}
+
 impl Commands {
     /// Does what a request asks for, and replies. Requests for other beads get no reply.
     pub(crate) async fn answer(&mut self, heard: Heard) {
@@ -62,14 +72,37 @@ impl Commands {
             return;
         }
         outbox::calm().await;
-        let answer = match heard.request {
-            Ok(request) => match self.admit(heard.address, heard.number, request) {
-                Ok(request) => self.execute(heard.number, request).await,
-                Err(refused) => refused,
+        let number = heard.number;
+        let answer = match self.begin(heard) {
+            Step::Answer(answer) => answer,
+            Step::InForce(line) => match settings::taken().await {
+                true => Answer(Outcome::Done, line.into()),
+                false => Answer(Outcome::Done, "stored; in force as soon as samples come".into()),
             },
-            Err(cause) => not_understood(cause),
+            Step::SelfTest => {
+                let (failed, checks) = self_test::run(&mut self.store, self.window).await;
+                let passed = checks - failed;
+                Answer(
+                    Outcome::Done,
+                    Detail::new(format_args!("{passed} of {checks} checks passed")),
+                )
+            }
+            Step::Reboot => {
+                reply(number, Answer::done());
+                reboot().await
+            }
         };
-        reply(heard.number, answer);
+        reply(number, answer);
+    }
+
+    /// Does what a request asks for, as far as nothing has to be waited for.
+    fn begin(&mut self, heard: Heard) -> Step {
+        let done = heard
+            .request
+            .map_err(not_understood)
+            .and_then(|request| self.admit(heard.address, heard.number, request))
+            .and_then(|request| self.execute(request));
+        done.unwrap_or_else(Step::Answer)
     }
 
     /// Lets a request through that changes nothing, or that is signed if the bead has a key.
@@ -138,28 +171,24 @@ impl Commands {
     }
 
     /// Keeps another key, or none.
-    fn set_key(&mut self, bytes: [u8; KEY]) -> Answer {
+    fn set_key(&mut self, bytes: [u8; KEY]) -> Result<(), Answer> {
         if supply::is_low() {
-            return supply_low();
+            return Err(supply_low());
         }
-        if let Err(answer) = self.pace() {
-            return answer;
-        }
+        self.pace()?;
         let key = Key::new(bytes);
         let counter = self.store.secret().map_or(0, |secret| secret.counter);
         let secret = key.as_ref().map(|key| Secret {
             key: *key.bytes(),
             counter: counter.max(self.lock.counter()),
         });
-        if let Err(error) = self.store.keep(secret) {
-            return not_stored(error);
-        }
+        self.store.keep(secret).map_err(not_stored)?;
         counters::update_guard(|guard| guard.keyed = key.is_some());
         self.lock.set(key);
-        Answer::done()
+        Ok(())
     }
 
-    async fn execute(&mut self, number: u16, request: Request) -> Answer {
+    fn execute(&mut self, request: Request) -> Result<Step, Answer> {
         match request {
             Request::Identity => report::tell_identity(self.boot),
             Request::Status => {
@@ -167,24 +196,17 @@ impl Commands {
                 load::tell();
             }
             Request::ReadSettings => settings::tell(),
-            Request::WriteSettings { block } => return self.write(block.bytes()).await,
-            Request::EraseSettings => return self.erase().await,
+            Request::WriteSettings { block } => return self.write(block.bytes()),
+            Request::EraseSettings => return self.erase(),
             Request::Arm => estimate::arm(true),
             Request::Disarm => estimate::arm(false),
-            Request::SelfTest => {
-                let (failed, checks) = self_test::run(&mut self.store, self.window).await;
-                let passed = checks - failed;
-                return Answer(
-                    Outcome::Done,
-                    Detail::new(format_args!("{passed} of {checks} checks passed")),
-                );
-            }
+            Request::SelfTest => return Ok(Step::SelfTest),
             Request::Raw { duration_ms } => {
                 if duration_ms > raw::MAX_MS {
-                    return Answer(
+                    return Err(Answer(
                         Outcome::OutOfRange,
                         Detail::new(format_args!("a raw stream lasts {} ms at most", raw::MAX_MS)),
-                    );
+                    ));
                 }
                 raw::start(duration_ms);
                 if duration_ms == 0 {
@@ -192,37 +214,27 @@ impl Commands {
                 }
             }
             Request::ResetCounters => counters::reset(),
-            Request::SetKey { key } => return self.set_key(key),
+            Request::SetKey { key } => self.set_key(key)?,
             // None is left: the lock has taken out what it carries.
-            Request::Signed { .. } => return not_understood(Cause::Body),
-            Request::Reboot => {
-                reply(number, Answer::done());
-                reboot().await
-            }
+            Request::Signed { .. } => return Err(not_understood(Cause::Body)),
+            Request::Reboot => return Ok(Step::Reboot),
         }
-        Answer::done()
+        Ok(Step::Answer(Answer::done()))
     }
 
-    /// Checks new settings, stores them, reads them back and puts them in force.
-    async fn write(&mut self, block: &[u8]) -> Answer {
+    /// Checks new settings, stores them, reads them back and offers them.
+    fn write(&mut self, block: &[u8]) -> Result<Step, Answer> {
         if supply::is_low() {
-            return supply_low();
+            return Err(supply_low());
         }
-        let loaded = match settings::judge(block) {
-            Ok(loaded) => loaded,
-            Err(Refusal::Invalid(why)) => return Answer(Outcome::SettingsInvalid, why),
-            Err(Refusal::SampleRate(why)) => return Answer(Outcome::SampleRate, why),
-        };
-        if let Err(answer) = self.pace() {
-            return answer;
-        }
-        if let Err(error) = self.store.write(block) {
-            return not_stored(error);
-        }
-        match put_in_force(loaded).await {
-            true => Answer::done(),
-            false => no_samples(),
-        }
+        let loaded = settings::judge(block).map_err(|refusal| match refusal {
+            Refusal::Invalid(why) => Answer(Outcome::SettingsInvalid, why),
+            Refusal::SampleRate(why) => Answer(Outcome::SampleRate, why),
+        })?;
+        self.pace()?;
+        self.store.write(block).map_err(not_stored)?;
+        offer(loaded);
+        Ok(Step::InForce(""))
     }
 
     /// Counts a write to the store, or refuses it.
@@ -241,40 +253,29 @@ impl Commands {
         }
     }
 
-    /// Erases the stored settings and puts the next ones in force.
-    async fn erase(&mut self) -> Answer {
+    /// Erases the stored settings and offers the next ones. The reply says where those come from.
+    fn erase(&mut self) -> Result<Step, Answer> {
         if supply::is_low() {
-            return supply_low();
+            return Err(supply_low());
         }
-        if let Err(answer) = self.pace() {
-            return answer;
-        }
-        if let Err(error) = self.store.clear() {
-            return not_stored(error);
-        }
+        self.pace()?;
+        self.store.clear().map_err(not_stored)?;
         let loaded = settings::beneath(None);
         let origin = loaded.origin();
-        match put_in_force(loaded).await {
-            true => Answer(Outcome::Done, origin.into()),
-            false => no_samples(),
-        }
+        offer(loaded);
+        Ok(Step::InForce(origin))
     }
 }
 
-/// Puts settings in force. A bead that its old settings kept from looking for strikes begins to, and the
-/// other way round. Returns whether they are in force.
-async fn put_in_force(loaded: Loaded) -> bool {
-    let (arm, origin) = (loaded.arm(), loaded.origin());
+/// Offers settings to the estimators. A bead that its old settings kept from looking for strikes begins to,
+/// and the other way round.
+fn offer(loaded: Loaded) {
+    let arm = loaded.arm();
     if arm != settings::arm() {
         estimate::arm(arm);
     }
-    defmt::info!("settings: {=str}", origin);
-    settings::change(loaded).await
-}
-
-/// Settings are stored, and no block of samples came with which they could take effect.
-fn no_samples() -> Answer {
-    Answer(Outcome::Done, "stored; in force as soon as samples come".into())
+    defmt::info!("settings: {=str}", loaded.origin());
+    settings::offer(loaded);
 }
 
 fn reply(request: u16, Answer(outcome, detail): Answer) {

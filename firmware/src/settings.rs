@@ -157,8 +157,7 @@ pub(crate) fn beneath(refused: Option<Refused>) -> Loaded {
 
 fn built_in(refused: Option<Refused>) -> Loaded {
     Loaded {
-        settings: Settings::decode(&built_in::SETTINGS)
-            .expect("a test decodes this block with the same code"),
+        settings: of_known_answer(),
         block: copy(&built_in::SETTINGS),
         source: match refused {
             None => SettingsSource::BuiltIn,
@@ -168,8 +167,20 @@ fn built_in(refused: Option<Refused>) -> Loaded {
     }
 }
 
+/// The built-in settings, for which the answer of the self-test is known.
+pub(crate) fn of_known_answer() -> Settings {
+    // No `expect`: it would print the error, and formats take 4 KB of flash.
+    let Ok(settings) = Settings::decode(&built_in::SETTINGS) else {
+        panic!("a test decodes this block with the same code");
+    };
+    settings
+}
+
 fn copy(block: &[u8]) -> Block {
-    Block::try_from(block).expect("a block that decodes has at most BLOCK_MAX bytes")
+    let Ok(block) = Block::try_from(block) else {
+        panic!("a block that decodes has at most BLOCK_MAX bytes");
+    };
+    block
 }
 
 fn check(block: &[u8]) -> Result<Settings, SettingsError> {
@@ -238,12 +249,16 @@ pub(crate) fn begin(loaded: Loaded) {
 /// Longest wait until the estimators take settings: ten times the longest window.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// Offers settings, and waits until they are in force. A strike that is being measured is finished first.
-/// Returns false if no block of samples came in time: then they hold from the first block on.
-pub(crate) async fn change(loaded: Loaded) -> bool {
+/// Offers settings to the estimators. [`taken`] waits for them; a task that waits does not hold the settings.
+pub(crate) fn offer(loaded: Loaded) {
     TAKEN.reset();
     OFFERED.lock(|cell| cell.replace(Some(loaded)));
     IS_OFFERED.store(true, Ordering::Release);
+}
+
+/// Waits until the settings that were offered are in force. A strike that is being measured is finished first.
+/// Returns false if no block of samples came in time: then they hold from the first block on.
+pub(crate) async fn taken() -> bool {
     with_timeout(PATIENCE, TAKEN.wait()).await.is_ok()
 }
 

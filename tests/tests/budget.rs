@@ -12,11 +12,12 @@ use object::{Object, ObjectSymbol};
 /// name does to the compiler's choices. A gain is a difference too, so that the table stays true.
 const MARGIN: f64 = 0.03;
 /// Instructions a sample, all in all, while a strike is measured, and while none is; bytes.
-const TARGETS: [(&str, f64); 4] = [
+const TARGETS: [(&str, f64); 5] = [
     ("all, while a strike is measured", 500.0),
     ("all, in the busiest block", BUSIEST),
     ("all, while none is", 80.0),
     ("flash", 130.0 * 1024.0),
+    ("variables", 60.0 * 1024.0),
 ];
 const BUSIEST: f64 = 450.0;
 
@@ -55,7 +56,7 @@ fn sizes(elf: &[u8]) -> [f64; 3] {
         let symbol = elf.symbols().find(|symbol| symbol.name() == Ok(name));
         symbol.expect("`link.x` defines it").address()
     };
-    // `stack.rs`: the fence is the first 4 KiB, at a multiple of their size, above the variables.
+    // `stack.rs`: the fence is the first 8 KiB, at a multiple of their size.
     let stack = symbol("_stack_start") - (symbol("_stack_end").next_multiple_of(8192) + 8192);
     [f64::from(flash), f64::from(variables), stack as f64]
 }

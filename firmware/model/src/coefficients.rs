@@ -81,9 +81,8 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
     let host_mass = bead.mass - bead.intruder_mass - bead.front_mass;
 
     let phase = bead.stiffness / bead.damping * dt; // λ dt
-    let decay = (-phase).exp(); // φ
-    // The mean of exp(-λ t) over a sample: (1 - φ)/(λ dt).
-    let mean = -(-phase).exp_m1() / phase;
+    let lost = -(-phase).exp_m1(); // 1 - φ
+    let mean = lost / phase; // of exp(-λ t) over a sample
 
     // Accelerations are in twelfths, see `ReducedChain`.
     let twelfth = dt * dt / number(12.0);
@@ -94,8 +93,10 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
     let ring_decay = bead.damping / (number(2.0) * reduced);
     let ring = bead.stiffness / reduced - ring_decay * ring_decay;
 
+    let root = bead.contact_stiffness.cbrt();
+
     Coefficients {
-        start: mean - decay,
+        start: mean - (T::one() - lost),
         end: T::one() - mean,
         measured: bead.intruder_mass * bead.intruder_mass / bead.damping * dt * nj,
         contact: scale * bead.contact_stiffness / um.sqrt() / bead.mass * twelfth,
@@ -107,7 +108,7 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
         host: (bead.mass - host_mass) / host_mass,
         // c ẋ² dt of a velocity of 1 µm/sample.
         predicted: bead.damping / dt / (um * um) * nj,
-        incident: number(SOLITARY_WAVE_ENERGY) * bead.contact_stiffness.powf(number(-2.0 / 3.0)) * nj,
+        incident: number(SOLITARY_WAVE_ENERGY) * nj / (root * root),
         ring_frequency: ring.max(T::zero()).sqrt() / number(core::f64::consts::TAU),
         ring_decay,
     }

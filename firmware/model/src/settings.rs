@@ -13,6 +13,7 @@ use crate::scale::{INCOMING_MAX, Scale};
 use crate::sensor::Sensor;
 use crate::shape::Ringing;
 use bead_crc::checksum;
+use fixed::traits::Fixed;
 use fixed::types::extra::{U26, U30};
 use fixed::types::{I2F30, I16F16};
 use serde::{Deserialize, Serialize};
@@ -296,75 +297,83 @@ impl Settings {
     fn verify(&self) -> Result<(), SettingsError> {
         let rate = self.sample_rate_hz as f32;
         let expected = coefficients(&self.bead, rate);
-        let Scale {
-            contact,
-            incoming,
-            masses,
-            observer: end,
-            measured,
-            predicted,
-        } = self.scale;
-        // 2^powers: its exponent, and no fraction.
-        let scaled =
-            |value: f32, powers: i8| value * f32::from_bits(((127 + i32::from(powers)) as u32) << 23);
-        let (observer, chain, ringing) = (&self.observer, &self.chain, &self.ringing);
+        let Self {
+            observer,
+            chain,
+            ringing,
+            scale,
+            ..
+        } = self;
+        // Bits, and the power of two that the last of them stands for. A table, for the size of the image.
+        let rows = [
+            (
+                "weight of the old acceleration",
+                whole(observer.start, 0),
+                expected.start,
+            ),
+            (
+                "weight of the new acceleration",
+                whole(observer.end, scale.observer as i8),
+                expected.end,
+            ),
+            (
+                "energy by acceleration",
+                whole(observer.energy, scale.measured),
+                expected.measured,
+            ),
+            (
+                "contact",
+                whole(chain.contact, scale.contact as i8),
+                expected.contact,
+            ),
+            ("relaxation", whole(chain.relaxation, 0), expected.relaxation),
+            (
+                "incoming",
+                whole(chain.incoming, scale.incoming as i8),
+                expected.incoming,
+            ),
+            ("stiffness", whole(chain.stiffness, 0), expected.stiffness),
+            ("damping", whole(chain.damping, 0), expected.damping),
+            (
+                "intruder",
+                whole(chain.intruder, scale.masses as i8),
+                expected.intruder,
+            ),
+            ("host", whole(chain.host, scale.masses as i8), expected.host),
+            (
+                "energy by velocity",
+                whole(chain.energy, scale.predicted),
+                expected.predicted,
+            ),
+            ("incident energy", whole(self.incident, 0), expected.incident),
+            (
+                "frequency of the ringing",
+                whole(ringing.frequency, 0),
+                expected.ring_frequency,
+            ),
+            (
+                "decay of the ringing",
+                whole(ringing.decay, 0),
+                expected.ring_decay,
+            ),
+        ];
         // Formats keep a coefficient to 1e-4; f32 loses about 1e-6 here.
-        // Once in the image, for its size.
-        #[inline(never)]
-        fn check(name: &'static str, found: f32, expected: f32) -> Result<(), SettingsError> {
+        for (name, (bits, power), expected) in rows {
+            // 2^power: its exponent, and no fraction.
+            let found = bits as f32 * f32::from_bits(((127 + power) as u32) << 23);
             // An infinity would fit any number.
-            let fits = expected.is_finite() && (found - expected).abs() <= 2e-4 * expected.abs();
-            fits.then_some(()).ok_or(SettingsError::NotTheBeads(name))
+            if !(expected.is_finite() && (found - expected).abs() <= 2e-4 * expected.abs()) {
+                return Err(SettingsError::NotTheBeads(name));
+            }
         }
-        check(
-            "weight of the old acceleration",
-            observer.start.to_num(),
-            expected.start,
-        )?;
-        check(
-            "weight of the new acceleration",
-            scaled(observer.end.to_num(), end as i8),
-            expected.end,
-        )?;
-        check(
-            "energy by acceleration",
-            scaled(observer.energy.to_num(), measured),
-            expected.measured,
-        )?;
-        check(
-            "contact",
-            scaled(chain.contact.to_num(), contact as i8),
-            expected.contact,
-        )?;
-        check("relaxation", chain.relaxation.to_num(), expected.relaxation)?;
-        check(
-            "incoming",
-            scaled(chain.incoming.to_num(), incoming as i8),
-            expected.incoming,
-        )?;
-        check("stiffness", chain.stiffness.to_num(), expected.stiffness)?;
-        check("damping", chain.damping.to_num(), expected.damping)?;
-        check(
-            "intruder",
-            scaled(chain.intruder.to_num(), masses as i8),
-            expected.intruder,
-        )?;
-        check("host", scaled(chain.host.to_num(), masses as i8), expected.host)?;
-        check(
-            "energy by velocity",
-            scaled(chain.energy.to_num(), predicted),
-            expected.predicted,
-        )?;
-        check("incident energy", self.incident.to_num(), expected.incident)?;
-        check(
-            "frequency of the ringing",
-            ringing.frequency.to_num(),
-            expected.ring_frequency,
-        )?;
-        check(
-            "decay of the ringing",
-            ringing.decay.to_num(),
-            expected.ring_decay,
-        )
+        Ok(())
     }
+}
+
+/// The bits of a coefficient that has `powers` of two more than they say, and the power of two of their last.
+fn whole<F: Fixed<Bits: Into<i64>>>(coefficient: F, powers: i8) -> (i64, i32) {
+    (
+        coefficient.to_bits().into(),
+        i32::from(powers) - F::FRAC_NBITS as i32,
+    )
 }

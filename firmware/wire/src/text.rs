@@ -36,8 +36,8 @@ impl<const N: usize> From<&str> for Text<N> {
 impl<const N: usize> fmt::Write for Text<N> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         let room = N - self.0.len();
-        let fits = &text[..text.floor_char_boundary(room)];
-        self.0.push_str(fits).map_err(|_| fmt::Error)
+        let fits = text.get(..text.floor_char_boundary(room));
+        self.0.push_str(fits.unwrap_or_default()).map_err(|_| fmt::Error)
     }
 }
 

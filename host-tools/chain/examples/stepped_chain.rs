@@ -6,20 +6,13 @@ use hertz_chain::{Chain, Material, PulseSearch, Scenario, Section, Striker, simu
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (radius, bakelite) = (0.019, Material::BAKELITE);
-    let scenario = Scenario {
-        title: "Twenty beads of 38 mm, forty of 19 mm".to_owned(),
-        duration: 0.0076,
-        chain: Chain::new(60, radius, bakelite),
-        // A bead like the first ones, so that one wave has nearly all of the energy.
-        striker: Striker::new(radius, bakelite, 0.45),
-        wall: None,
-        intruders: Vec::new(),
-        sections: vec![Section {
-            beads: (21..=60).collect(),
-            radius: Some(0.5 * radius),
-            ..Section::default()
-        }],
-    };
+    // A bead like the first ones strikes, so that one wave has nearly all of the energy.
+    let striker = Striker::new(radius, bakelite, 0.45);
+    let mut scenario = Scenario::new(0.0076, Chain::new(60, radius, bakelite), striker);
+    "Twenty beads of 38 mm, forty of 19 mm".clone_into(&mut scenario.title);
+    let mut small = Section::of(21..=60);
+    small.radius = Some(0.5 * radius);
+    scenario.sections = vec![small];
     let solution = simulate(&scenario)?;
     let search = PulseSearch {
         height: 0.05,

@@ -17,7 +17,8 @@ pub struct Absorption {
     pub stored: f64,
     /// `dissipated` as a part of the striker's energy at t = 0.
     pub of_striker: f64,
-    /// `dissipated` as a part of the energy that the striker has given to the chain by then.
+    /// `dissipated` as a part of the energy that the striker has given to the chain by then, and that beads
+    /// had at t = 0.
     pub of_injected: f64,
 }
 
@@ -27,7 +28,7 @@ impl Solution {
     pub fn absorption(&self, t: f64) -> Vec<Absorption> {
         let snapshot = self.at(t);
         let striker = self.model().striker_energy();
-        let injected = striker - snapshot.energies().striker;
+        let injected = self.model().initial_energy() - snapshot.energies().striker;
         let of = |intruder: &HostedIntruder| {
             let bead = intruder.bead;
             let region = snapshot.region(bead..=bead);

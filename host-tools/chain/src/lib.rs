@@ -43,7 +43,8 @@ pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
 pub use run::{Moment, Run, Step};
 pub use scenario::{
-    Chain, ContactForce, InputError, Intruder, Material, Scenario, Section, Striker, TomlFile, Wall, text_of,
+    Chain, ContactForce, InputError, Intruder, Material, Scenario, Section, Start, Striker, TomlFile, Wall,
+    text_of,
 };
 pub use shaker::{Shaken, Sweep};
 pub use signal::Signal;

@@ -24,7 +24,7 @@ mod symmetry;
 
 use crate::dop853::System;
 use crate::oscillator::Oscillator;
-use crate::scenario::{ContactForce, Material, Scenario, Sphere};
+use crate::scenario::{ContactForce, InputError, Material, Scenario, Sphere};
 
 /// One contact: it joins bodies j-1 and j. The contact after the last bead joins that bead and the wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -120,6 +120,32 @@ impl Contact {
     }
 }
 
+/// Where the bodies of a scenario are at t = 0, and their velocities. Displacements count from where all touch,
+/// the last bead at the wall, so gaps are displacements towards the striker.
+fn starts(scenario: &Scenario) -> Vec<(f64, f64)> {
+    let beads = scenario.chain.beads;
+    let mut gaps = vec![0.0; beads + 2];
+    let mut velocities = vec![0.0; beads + 1];
+    velocities[0] = scenario.striker.velocity;
+    gaps[beads + 1] = scenario.wall.as_ref().map_or(0.0, |wall| wall.gap);
+    for start in &scenario.starts {
+        for &bead in &start.beads {
+            gaps[bead] = start.gap;
+            velocities[bead] = start.velocity;
+        }
+    }
+    let mut displacement = 0.0;
+    let mut starts: Vec<_> = (0..=beads)
+        .rev()
+        .map(|body| {
+            displacement -= gaps[body + 1];
+            (displacement, velocities[body])
+        })
+        .collect();
+    starts.reverse();
+    starts
+}
+
 /// An intruder in its host.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -145,7 +171,18 @@ pub struct Model {
     intruders: Vec<HostedIntruder>,
     /// Whether contact forces are kept from falling below zero.
     pub(crate) clipped: bool,
-    striker_speed: f64,
+    /// Where each body is at t = 0, m, and its velocity, m/s.
+    starts: Vec<(f64, f64)>,
+}
+
+impl TryFrom<&Scenario> for Model {
+    type Error = InputError;
+
+    /// Checks a scenario and makes its model; nothing is integrated.
+    fn try_from(scenario: &Scenario) -> Result<Self, InputError> {
+        scenario.check()?;
+        Ok(Self::new(scenario))
+    }
 }
 
 impl Model {
@@ -204,8 +241,16 @@ impl Model {
             contacts,
             intruders,
             clipped,
-            striker_speed: striker.velocity,
+            starts: starts(scenario),
         }
+    }
+
+    /// The model of a scenario: its bodies, contacts and intruders. Nothing is integrated.
+    ///
+    /// # Errors
+    /// [`InputError`]: a value of the scenario is out of range.
+    pub fn of(scenario: &Scenario) -> Result<Self, InputError> {
+        Self::try_from(scenario)
     }
 
     /// Number of bodies: the striker and the beads.
@@ -253,12 +298,38 @@ impl Model {
 
     /// Kinetic energy of the striker at t = 0, J.
     pub fn striker_energy(&self) -> f64 {
-        0.5 * self.masses[0] * self.striker_speed * self.striker_speed
+        self.kinetic(0)
+    }
+
+    /// Kinetic energy of a body at t = 0, J.
+    fn kinetic(&self, body: usize) -> f64 {
+        let velocity = self.starts[body].1;
+        0.5 * self.masses[body] * velocity * velocity
+    }
+
+    /// Energy of all bodies at t = 0, J: the striker's, and that of beads which move then.
+    pub fn initial_energy(&self) -> f64 {
+        (0..self.bodies()).map(|body| self.kinetic(body)).sum()
     }
 
     /// Speed of the striker at t = 0, m/s.
     pub fn striker_speed(&self) -> f64 {
-        self.striker_speed
+        self.starts[0].1
+    }
+
+    /// Where a body is at t = 0, m. All would be at zero if they stood in touch, the last bead at the wall.
+    pub(crate) fn start(&self, body: usize) -> f64 {
+        self.starts[body].0
+    }
+
+    /// The greatest difference of velocities at t = 0, bodies at rest included: the scale of velocities.
+    pub(crate) fn speed_scale(&self) -> f64 {
+        // A free end or a wall is at rest.
+        let mut range = [0.0_f64; 2];
+        for (_, velocity) in &self.starts {
+            range = [range[0].min(*velocity), range[1].max(*velocity)];
+        }
+        range[1] - range[0]
     }
 
     pub(crate) fn layout(&self) -> Layout {
@@ -269,11 +340,14 @@ impl Model {
         }
     }
 
-    /// The state at t = 0: bodies touch, and only the striker moves.
+    /// The state at t = 0.
     pub(crate) fn initial(&self) -> Vec<f64> {
         let layout = self.layout();
         let mut state = vec![0.0; layout.dimension()];
-        state[layout.velocity(0)] = self.striker_speed;
+        for (body, (displacement, velocity)) in self.starts.iter().enumerate() {
+            state[body] = *displacement;
+            state[layout.velocity(body)] = *velocity;
+        }
         state
     }
 
@@ -350,14 +424,15 @@ impl Model {
         (contact.elastic_force_beyond(change) + viscous, viscous)
     }
 
-    /// The shortest time that two of these bodies touch when they meet at the striker's speed: Hertz' contact
+    /// The shortest time that two of these bodies touch when they meet at the greatest speed: Hertz' contact
     /// time, 2.943 (5/4)^(2/5) (μ/κ)^(2/5) V^(-1/5) (eq. 9; the factor is 4 √π Γ(2/5) / (5 Γ(9/10))).
     pub(crate) fn shortest_contact(&self) -> f64 {
+        let speed = self.speed_scale();
         self.contacts
             .iter()
             .zip(self.reduced_masses())
             .map(|(contact, reduced)| {
-                2.943_275_184 * (1.25 * reduced / contact.stiffness).powf(0.4) * self.striker_speed.powf(-0.2)
+                2.943_275_184 * (1.25 * reduced / contact.stiffness).powf(0.4) * speed.powf(-0.2)
             })
             .fold(f64::INFINITY, f64::min)
     }
@@ -406,9 +481,13 @@ impl Model {
         duration * (1.0 / (longest_step * self.shortest_contact())).max(self.fastest_rate() / 6.0)
     }
 
-    /// How deep the striker would go into bead 1 if that stood still: the scale of displacements.
+    /// How deep the body of greatest energy, which is the striker as a rule, would go into a bead at rest: the
+    /// scale of displacements.
     pub(crate) fn displacement_scale(&self) -> f64 {
-        (2.5 * self.striker_energy() / self.contacts[0].stiffness).powf(0.4)
+        let most = (0..self.bodies())
+            .map(|body| self.kinetic(body))
+            .fold(0.0, f64::max);
+        (2.5 * most / self.contacts[0].stiffness).powf(0.4)
     }
 }
 
@@ -506,7 +585,7 @@ impl System for Model {
 
 /// Energies at one time, J.
 ///
-/// The striker's first energy equals [`Energies::total`]. The balance closes only with M - m for a host's
+/// [`Energies::total`] equals [`Model::initial_energy`], the striker's unless beads move at t = 0. The balance closes only with M - m for a host's
 /// shell beside its intruder's own energy. The paper prints M instead; that sum is `chain_as_printed`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
@@ -601,11 +680,11 @@ impl Model {
         let layout = self.layout();
         let mut scales = vec![self.striker_energy(); layout.dimension()];
         scales[..layout.velocity(0)].fill(self.displacement_scale());
-        scales[layout.velocity(0)..layout.relative(0)].fill(self.striker_speed);
+        scales[layout.velocity(0)..layout.relative(0)].fill(self.speed_scale());
         scales[layout.relative(0)..layout.relative_velocity(0)].fill(self.displacement_scale());
-        scales[layout.relative_velocity(0)..layout.contact_loss()].fill(self.striker_speed);
+        scales[layout.relative_velocity(0)..layout.contact_loss()].fill(self.speed_scale());
         if let Some(index) = layout.wall_impulse() {
-            scales[index] = self.masses[0] * self.striker_speed;
+            scales[index] = self.masses[0] * self.speed_scale();
         }
         scales
     }

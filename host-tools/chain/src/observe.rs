@@ -75,7 +75,8 @@ pub struct EnergySummary {
     pub dissipated_contacts: f64,
     /// Dissipated in intruders.
     pub dissipated_intruders: f64,
-    /// Greatest distance of the sum from `striker_initial` at the end of any step, as a part of it.
+    /// Greatest distance of the sum from what it was at t = 0, which is `striker_initial` unless other beads
+    /// moved then, at the end of any step, as a part of it.
     pub balance_error: f64,
 }
 
@@ -130,14 +131,17 @@ impl Solution {
         let end = self.state(last);
         let energies = model.energies(end);
         let striker_initial = model.striker_energy();
+        let initial = model.initial_energy();
         let balance_error = (0..=last)
-            .map(|knot| (model.energies(self.state(knot)).total() - striker_initial).abs() / striker_initial)
+            .map(|knot| (model.energies(self.state(knot)).total() - initial).abs() / initial)
             .fold(0.0, f64::max);
         Summary {
             peak_force: self.contact_peaks(),
             final_state: FinalState {
                 time: self.times[last],
-                displacement: (0..model.bodies()).map(|body| end[body]).collect(),
+                displacement: (0..model.bodies())
+                    .map(|body| end[body] - model.start(body))
+                    .collect(),
                 velocity: (0..model.bodies())
                     .map(|body| end[layout.velocity(body)])
                     .collect(),

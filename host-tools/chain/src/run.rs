@@ -240,7 +240,7 @@ impl Moment<'_> {
     /// # Panics
     /// If there is no such body.
     pub fn displacement(&self, body: usize) -> f64 {
-        self.body(body).0
+        self.body(body).0 - self.model.start(body)
     }
 
     /// Velocity of `body`, m/s.

@@ -146,7 +146,7 @@ impl<'a> Snapshot<'a> {
     /// If there is no such body.
     pub fn displacement(&self, body: usize) -> f64 {
         self.body(body);
-        self.state[body]
+        self.state[body] - self.model.start(body)
     }
 
     /// Velocity of `body`, m/s.

@@ -50,6 +50,7 @@ fn wall() -> impl Strategy<Value = Wall> {
             poisson: 0.3,
             radius,
             relaxation,
+            gap: 0.0,
         })
 }
 
@@ -88,6 +89,7 @@ fn scenario() -> impl Strategy<Value = Scenario> {
                     wall,
                     intruders: intruder.into_iter().collect(),
                     sections: section.into_iter().collect(),
+                    starts: Vec::new(),
                 }
             },
         )

@@ -59,31 +59,24 @@ fn scenario(name: &str, case: &Value) -> Scenario {
         };
         Intruder::new([hosts[i] as usize], oscillator)
     };
-    Scenario {
-        title: name.to_owned(),
-        duration: number(p, "T_end"),
-        chain: Chain {
-            beads: number(p, "N_chain_beads") as usize,
-            radius: number(p, "R"),
-            density: number(p, "rho"),
-            poisson: number(p, "nu"),
-            relaxation: number(p, "tau"),
-            contact_force: match p["clip_contact_force"].as_bool().expect("a flag") {
-                true => ContactForce::Clipped,
-                false => ContactForce::Printed,
-            },
-            ..Chain::PAPER
-        },
-        striker: Striker {
-            radius: p["Rs"].as_f64().unwrap_or(Striker::PAPER.radius),
-            young: p["Ys"].as_f64().unwrap_or(Striker::PAPER.young),
-            velocity: number(p, "V_s"),
-            ..Striker::PAPER
-        },
-        wall: None,
-        intruders: (0..hosts.len()).map(intruder).collect(),
-        sections: vec![],
-    }
+    let mut scenario = Scenario::new(number(p, "T_end"), Chain::PAPER, Striker::PAPER);
+    name.clone_into(&mut scenario.title);
+    let chain = &mut scenario.chain;
+    chain.beads = number(p, "N_chain_beads") as usize;
+    chain.radius = number(p, "R");
+    chain.density = number(p, "rho");
+    chain.poisson = number(p, "nu");
+    chain.relaxation = number(p, "tau");
+    chain.contact_force = match p["clip_contact_force"].as_bool().expect("a flag") {
+        true => ContactForce::Clipped,
+        false => ContactForce::Printed,
+    };
+    let striker = &mut scenario.striker;
+    striker.radius = p["Rs"].as_f64().unwrap_or(striker.radius);
+    striker.young = p["Ys"].as_f64().unwrap_or(striker.young);
+    striker.velocity = number(p, "V_s");
+    scenario.intruders = (0..hosts.len()).map(intruder).collect();
+    scenario
 }
 
 /// The worst distance of each kind of quantity.

@@ -3,7 +3,7 @@
 mod common;
 
 use hertz_chain::{
-    Accuracy, ContactForce, Intruder, Material, Options, Oscillator, Run, Scenario, Summariser, Wall,
+    Accuracy, ContactForce, Intruder, Material, Options, Oscillator, Run, Scenario, Start, Summariser, Wall,
     simulate_with, summarise,
 };
 
@@ -28,9 +28,22 @@ fn scenarios() -> Vec<Scenario> {
     heavy.striker.mass = Some(0.2);
     let mut hosts = elastic(50);
     hosts.intruders = vec![Intruder::new(2..=49, Oscillator::PAPER)];
+    let mut apart = elastic(40);
+    apart.starts = vec![Start::apart([5, 20], 1e-6)];
+    apart.starts[0].velocity = 0.1;
     let mut short = Scenario::paper();
     short.duration = 6e-5;
-    vec![paper, clipped, walled, loaded, heavy, hosts, short, elastic(120)]
+    vec![
+        paper,
+        clipped,
+        walled,
+        loaded,
+        heavy,
+        hosts,
+        apart,
+        short,
+        elastic(120),
+    ]
 }
 
 /// `one` is `other` to a part `tolerance` of `scale`.

@@ -4,8 +4,11 @@ mod bench_options;
 mod commands;
 pub mod failure;
 mod front_end_options;
+pub mod interrupt;
 mod line_options;
 pub mod output;
+pub mod place;
+mod printer;
 
 use clap::{Parser, Subcommand};
 
@@ -13,7 +16,7 @@ use commands::{
     accuracy, clock, command, compare, decode, emulate, figures, optimise, record, replay, settings,
     simulate, spheres,
 };
-use failure::Failure;
+use failure::{Blame, Failure};
 
 const AFTER_HELP: &str = "\
 Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure.
@@ -73,6 +76,7 @@ impl Cli {
     /// # Errors
     /// [`Failure`], which carries the exit status.
     pub fn run(self) -> Result<(), Failure> {
+        interrupt::watch().or_input(|| "cannot listen for signals")?;
         match self.command {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),

@@ -4,6 +4,7 @@ pub mod clock;
 pub mod file;
 pub mod frames;
 pub mod json;
+pub mod physical;
 pub mod received;
 pub mod strikes;
 pub mod time_series;

@@ -185,7 +185,7 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
     let report = steps.built("demo/report.html");
     let emulate = bead(&format!("emulate {scenario} --bead 8 --firmware"))
         .arg(image(steps))
-        .words("--out")
+        .words("--force --out")
         .arg(steps.built("demo"));
     let title = "a striker hits the chain; the flash image senses it inside bead 8, in QEMU";
     steps.run(title, &emulate)?;
@@ -193,7 +193,7 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
     steps.run(title, &bead("replay").arg(&recording))?;
     let compare = bead("compare")
         .arg(&recording)
-        .words(&format!("--scenario {scenario} --report"))
+        .words(&format!("--scenario {scenario} --force --report"))
         .arg(&report);
     steps.run("device, replay and simulation, side by side", &compare)?;
     steps.announce(&format!("done. The report: {}", report.display()));
@@ -252,7 +252,7 @@ fn test(steps: &Steps) -> Result<(), Stop> {
     slow_core(steps)?;
     let (figures, table) = (steps.built("figures"), steps.built("figures/checks.md"));
     let draw = Line::program(steps.built("release/bead"))
-        .words("figures --check --out")
+        .words("figures --check --force --out")
         .arg(&figures)
         .words("--table")
         .arg(&table)

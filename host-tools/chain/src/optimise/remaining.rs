@@ -15,7 +15,7 @@ pub struct Remaining {
     pub speed: f64,
     /// End of the run, s.
     pub time: f64,
-    /// Energy that the striker has given by then, J.
+    /// Energy that the striker has given by then, and that beads had at t = 0, J.
     pub injected: f64,
     /// The share that the intruders have not dissipated.
     pub share: f64,
@@ -49,7 +49,7 @@ pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<
     let solution = simulate_with(&struck, &options)?;
     let end = solution.at(solution.end());
     let energies = end.energies();
-    let injected = solution.model().striker_energy() - energies.striker;
+    let injected = solution.model().initial_energy() - energies.striker;
     let beads = scenario.chain.beads;
     let intruders = solution.model().intruders();
     let first = intruders.first().map_or(1, |intruder| intruder.bead);

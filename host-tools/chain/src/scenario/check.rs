@@ -65,10 +65,13 @@ impl Scenario {
             at.poisson(wall.poisson)?;
             at.positive("radius", wall.radius, "m", "0.1; a flat wall has none")?;
             at.not_negative("relaxation", wall.relaxation, RELAXATION)?;
+            at.not_negative("gap", wall.gap, GAP)?;
+            self.check_gap(&at, wall.gap)?;
         }
 
         self.check_sections()?;
-        self.check_intruders()
+        self.check_intruders()?;
+        self.check_starts()
     }
 
     fn check_sections(&self) -> Result<(), InputError> {
@@ -123,9 +126,48 @@ impl Scenario {
     }
 }
 
+impl Scenario {
+    fn check_starts(&self) -> Result<(), InputError> {
+        let mut taken = vec![None; self.chain.beads];
+        for (index, start) in self.starts.iter().enumerate() {
+            let at = Table::entry("start", index);
+            at.beads(
+                &start.beads,
+                index,
+                &mut taken,
+                "is already in start",
+                "put each bead in one start only",
+            )?;
+            at.ensure(
+                "velocity",
+                start.velocity,
+                f64::is_finite,
+                "no velocity",
+                "give a number in m/s, below zero for a bead that flies towards the striker",
+            )?;
+            at.not_negative("gap", start.gap, GAP)?;
+            self.check_gap(&at, start.gap)?;
+        }
+        Ok(())
+    }
+
+    /// A load closes every gap.
+    fn check_gap(&self, at: &Table, gap: f64) -> Result<(), InputError> {
+        if gap == 0.0 || self.chain.precompression == 0.0 {
+            return Ok(());
+        }
+        let what = format!(
+            "a gap of {gap} m cannot be in a chain under a load of {} N",
+            self.chain.precompression
+        );
+        Err(at.error("gap", what, "leave out the gap or chain.precompression"))
+    }
+}
+
 /// Longer chains are refused: they would ask for memory and time that nobody meant.
 pub(crate) const MOST_BEADS: usize = 100_000;
 
+const GAP: &str = "give a length in m, such as 1e-6, or 0 for bodies that touch";
 const RELAXATION: &str = "give a time in s, such as 4.2e-6, or 0 for an elastic contact";
 const RADIUS: &str = "0.019";
 const DENSITY: &str = "1775.0";

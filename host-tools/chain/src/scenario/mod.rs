@@ -8,4 +8,4 @@ mod tables;
 pub(crate) use check::{MOST_BEADS, Table};
 pub use read::{InputError, TomlFile, text_of};
 pub(crate) use tables::Sphere;
-pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Striker, Wall};
+pub use tables::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};

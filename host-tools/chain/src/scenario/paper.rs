@@ -41,12 +41,8 @@ impl Scenario {
     pub fn paper() -> Self {
         Self {
             title: "One absorber at bead 8".to_owned(),
-            duration: 0.006,
-            chain: Chain::PAPER,
-            striker: Striker::PAPER,
-            wall: None,
             intruders: vec![Intruder::new([8], Oscillator::PAPER)],
-            sections: Vec::new(),
+            ..Self::new(0.006, Chain::PAPER, Striker::PAPER)
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The tables of a scenario: chain, striker, wall, intruders and sections, in SI units.
+//! The tables of a scenario: chain, striker, wall, intruders, sections and starts, in SI units.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub struct Scenario {
     /// A title, for people.
     #[serde(default)]
     pub title: String,
-    /// Time simulated after the striker touches the first bead, s.
+    /// Time simulated, s. At t = 0 the striker touches bead 1, unless a [`Start`] puts a gap between them.
     pub duration: f64,
     /// The beads.
     pub chain: Chain,
@@ -29,6 +29,9 @@ pub struct Scenario {
     /// Beads unlike the rest.
     #[serde(default, rename = "section", skip_serializing_if = "Vec::is_empty")]
     pub sections: Vec<Section>,
+    /// Beads that move, or stand apart, when the run begins.
+    #[serde(default, rename = "start", skip_serializing_if = "Vec::is_empty")]
+    pub starts: Vec<Start>,
 }
 
 /// The beads of the chain, alike but for what [`Section`]s say.
@@ -107,6 +110,9 @@ pub struct Wall {
     /// Relaxation time of its contact, s; without it, that of the last bead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<f64>,
+    /// Free space between the last bead and the wall at t = 0, m.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub gap: f64,
 }
 
 /// A mass on a spring and damper inside each of some beads. Its mass is part of the bead's, not added to it.
@@ -144,6 +150,45 @@ pub struct Section {
     /// Relaxation time, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<f64>,
+}
+
+/// Beads that do not begin at rest and in touch. A chain without this table does, and only the striker moves.
+///
+/// It makes strikers of beads: the first beads with a velocity like the striker's are struck by nobody and hit
+/// the rest together with it, and a last bead with a velocity below zero hits the chain from behind. An
+/// intruder begins with the velocity of its host.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Start {
+    /// The beads.
+    pub beads: Vec<usize>,
+    /// Velocity of each at t = 0, m/s; positive away from the striker.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub velocity: f64,
+    /// Free space at t = 0 between each of these beads and the body before it, m.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub gap: f64,
+}
+
+impl Start {
+    /// Beads that move at `velocity`, m/s, from where they touch.
+    pub fn moving(beads: impl IntoIterator<Item = usize>, velocity: f64) -> Self {
+        Self {
+            beads: beads.into_iter().collect(),
+            velocity,
+            gap: 0.0,
+        }
+    }
+
+    /// Beads that stand `gap`, m, behind the body before each.
+    pub fn apart(beads: impl IntoIterator<Item = usize>, gap: f64) -> Self {
+        Self {
+            beads: beads.into_iter().collect(),
+            velocity: 0.0,
+            gap,
+        }
+    }
 }
 
 /// The material of a body.
@@ -217,6 +262,17 @@ impl Wall {
             poisson: material.poisson,
             radius: None,
             relaxation: None,
+            gap: 0.0,
+        }
+    }
+}
+
+impl Section {
+    /// Beads that are like the rest until a value is set.
+    pub fn of(beads: impl IntoIterator<Item = usize>) -> Self {
+        Self {
+            beads: beads.into_iter().collect(),
+            ..Self::default()
         }
     }
 }
@@ -257,6 +313,20 @@ impl Sphere {
 }
 
 impl Scenario {
+    /// A strike of `striker` on `chain`, simulated for `duration`, s: no wall, no intruders, all beads alike.
+    pub const fn new(duration: f64, chain: Chain, striker: Striker) -> Self {
+        Self {
+            title: String::new(),
+            duration,
+            chain,
+            striker,
+            wall: None,
+            intruders: Vec::new(),
+            sections: Vec::new(),
+            starts: Vec::new(),
+        }
+    }
+
     /// The scenario as TOML. [`Scenario::from_toml`] reads an equal one from it.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("tables, numbers and strings are TOML")

@@ -7,7 +7,7 @@ use super::{Lanes, Stepper};
 use crate::dop853::{self, Dense, crossing};
 use crate::model::Model;
 use crate::oscillator::Oscillator;
-use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Section, Striker, Wall};
+use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Section, Start, Striker, Wall};
 
 /// Numbers of 0 to 1, the same at every run (Marsaglia's xorshift).
 struct Draw(u64);
@@ -64,6 +64,7 @@ impl Draw {
             wall: (self.next() < 0.3).then(|| Wall::flat(Material::STEEL)),
             intruders: Vec::new(),
             sections: Vec::new(),
+            starts: Vec::new(),
         };
         for bead in 1..=beads {
             if self.next() < 0.2 {
@@ -82,6 +83,11 @@ impl Draw {
                 young: Some(self.decades(1e9, 1e11)),
                 ..Section::default()
             });
+        }
+        if load == 0.0 && self.next() < 0.3 {
+            let mut start = Start::apart([self.bead(beads)], self.decades(1e-8, 1e-4));
+            start.velocity = scenario.striker.velocity * (self.next() - 0.5);
+            scenario.starts.push(start);
         }
         scenario
     }

@@ -5,7 +5,6 @@
 use super::crossing::Crossing;
 use super::lanes::Lanes;
 use super::method::{POWERS, Weight};
-use super::verner::STAGES;
 use super::work::{Work, place};
 
 /// The coordinate as a polynomial of the part of the step, and the exact parts of contacts that open or close.
@@ -49,9 +48,9 @@ impl Glimpse {
 
 fn powers(rate: impl Fn(usize) -> f64) -> [Weight; 8] {
     let mut sums = [Weight::ZERO; 8];
-    for stage in 0..STAGES {
+    for (stage, weights) in POWERS.iter().enumerate() {
         let rate = rate(stage);
-        for (sum, weight) in sums.iter_mut().zip(&POWERS[stage]) {
+        for (sum, weight) in sums.iter_mut().zip(weights) {
             sum.velocity += weight.velocity * rate;
             sum.displacement += weight.displacement * rate;
         }

@@ -123,7 +123,7 @@ impl Lanes {
             viscous: false,
             clipped: model.clipped,
             loaded: false,
-            speed: model.striker_speed(),
+            speed: model.speed_scale(),
             depth: model.displacement_scale(),
         };
         for (body, shell) in model.shells.iter().enumerate() {

@@ -12,5 +12,6 @@ pub(crate) mod optimise;
 pub(crate) mod record;
 pub(crate) mod replay;
 pub(crate) mod settings;
+mod settings_file;
 pub(crate) mod simulate;
 pub(crate) mod spheres;

@@ -1,0 +1,213 @@
+//! Recordings, and how their clocks run: against the host, and against the first.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::recording::clock::alignment::{Alignment, common_edges};
+use crate::recording::clock::fit::Fit;
+use crate::recording::clock::segments::{Segment, Struck, Tracker};
+use crate::recording::file::RecordingError;
+use crate::recording::json::hex;
+use crate::recording::received::Received;
+
+/// What `bead clock` finds: each recording against the host, and against the first.
+#[derive(Debug, Clone, Serialize)]
+pub struct ClockComparison {
+    /// One for each recording, bead and boot.
+    pub clocks: Vec<ClockReport>,
+    /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: of the first
+    /// bead in the first recording, the boot with most edges.
+    pub reference: Option<Place>,
+    /// One for each boot of another bead that has two edges or more in common with the reference.
+    pub alignments: Vec<AlignmentReport>,
+    /// Strikes on the reference's time, in the order of their arrival.
+    pub strikes: Vec<StrikeArrival>,
+}
+
+/// A recording, a bead in it and one of its boots.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Place {
+    /// The recording.
+    pub recording: PathBuf,
+    /// The bead's address.
+    pub address: u8,
+    /// Which of the bead's boots in the recording, from 0.
+    pub boot: usize,
+}
+
+/// A bead's clock against the host's.
+#[derive(Debug, Clone, Serialize)]
+#[expect(
+    missing_docs,
+    reason = "the fields are those of `Fit` and `Segment`, units in their names"
+)]
+pub struct ClockReport {
+    #[serde(flatten)]
+    pub place: Place,
+    pub uid: Option<String>,
+    /// Host time, in ns since 1970, of the bead's sample index 0.
+    pub started_unix_ns: i64,
+    pub span_s: f64,
+    pub frames: u64,
+    pub drift_ppm: Option<f64>,
+    pub drift_uncertainty_ppm: Option<f64>,
+    pub residual_s: f64,
+    pub delay_s: f64,
+    pub edges: usize,
+    pub edges_missed: u32,
+}
+
+/// A bead's clock against the reference's.
+#[derive(Debug, Clone, Serialize)]
+pub struct AlignmentReport {
+    /// Where the bead was recorded.
+    #[serde(flatten)]
+    pub place: Place,
+    /// Number of edges that both saw.
+    pub edges_in_common: usize,
+    /// Reference time of the bead's sample index 0.
+    pub offset_s: f64,
+    /// How its clock runs.
+    #[serde(flatten)]
+    pub alignment: Alignment,
+}
+
+/// A strike on the reference's time.
+#[derive(Debug, Clone, Serialize)]
+pub struct StrikeArrival {
+    /// Where it was felt.
+    #[serde(flatten)]
+    pub place: Place,
+    /// Its number there.
+    pub strike: u32,
+    /// When its force was highest, in s of the reference since its reset.
+    pub arrival_s: f64,
+}
+
+/// A boot of a bead, and its clock against the host's.
+type Fitted = (Place, Fit, Segment);
+
+/// Reads recordings and finds how their clocks run.
+///
+/// # Errors
+/// A recording cannot be read, has no receive times, or shares no edges with the first.
+pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
+    let mut recordings = Vec::new();
+    for path in paths {
+        let beads = fitted(path)?;
+        if beads.is_empty() {
+            return Err(RecordingError::Clock(format!(
+                "{}: no frame in it has a receive time; record again with `bead record` of this version",
+                path.display()
+            )));
+        }
+        recordings.push(beads);
+    }
+    let mut report = ClockComparison {
+        clocks: recordings.iter().flatten().flatten().map(clock_report).collect(),
+        reference: None,
+        alignments: Vec::new(),
+        strikes: Vec::new(),
+    };
+    let Some(([first, neighbours @ ..], others)) =
+        recordings.split_first().map(|(own, rest)| (&own[..], rest))
+    else {
+        return Ok(report);
+    };
+    let most_edges = first.iter().max_by_key(|(_, _, segment)| segment.edges.len());
+    let alone = neighbours.is_empty() && others.is_empty();
+    let Some((reference, _, base)) = most_edges.filter(|_| !alone) else {
+        return Ok(report);
+    };
+    report.reference = Some(reference.clone());
+    report.strikes = arrivals(base, reference, |own| own);
+    // Beads that share a line may well have no sync input.
+    report.align(neighbours, base);
+    for recording in others {
+        if report.align(recording, base) == 0 {
+            return Err(RecordingError::Clock(format!(
+                "{} and {} have fewer than two sync edges in common; wire both beads' PA15 to one source, and record them at the same time",
+                reference.recording.display(),
+                recording[0][0].0.recording.display()
+            )));
+        }
+    }
+    report.strikes.sort_by(|a, b| a.arrival_s.total_cmp(&b.arrival_s));
+    Ok(report)
+}
+
+impl ClockComparison {
+    /// Puts beads on the time of `base`; gives the number of boots for which that was possible.
+    fn align(&mut self, beads: &[Vec<Fitted>], base: &Segment) -> usize {
+        let before = self.alignments.len();
+        for (place, _, segment) in beads.iter().flatten() {
+            let Some(alignment) = common_edges(segment, base).and_then(Alignment::through) else {
+                continue;
+            };
+            let arrivals = arrivals(segment, place, |own| alignment.reference(own));
+            self.strikes.extend(arrivals);
+            self.alignments.push(AlignmentReport {
+                place: place.clone(),
+                edges_in_common: alignment.pairs.len(),
+                offset_s: alignment.reference(0.0),
+                alignment,
+            });
+        }
+        self.alignments.len() - before
+    }
+}
+
+/// The boots of each bead in a recording, without those that have no receive times.
+fn fitted(path: &Path) -> Result<Vec<Vec<Fitted>>, RecordingError> {
+    let received = Received::open(path)?;
+    let mut beads = BTreeMap::<u8, Vec<Segment>>::new();
+    for segment in Tracker::of(&received.recording)?.segments {
+        beads.entry(segment.address).or_default().push(segment);
+    }
+    let boots = |(address, segments): (u8, Vec<Segment>)| -> Vec<Fitted> {
+        let place = |boot| Place {
+            recording: path.to_owned(),
+            address,
+            boot,
+        };
+        let segments = segments.into_iter().enumerate();
+        segments
+            .filter_map(|(boot, segment)| Some((place(boot), segment.fit()?, segment)))
+            .collect()
+    };
+    Ok(beads
+        .into_iter()
+        .map(boots)
+        .filter(|boots| !boots.is_empty())
+        .collect())
+}
+
+fn clock_report((place, fit, segment): &Fitted) -> ClockReport {
+    ClockReport {
+        place: place.clone(),
+        uid: segment.uid.map(|uid| hex(&uid)),
+        started_unix_ns: fit.host_ns(0.0),
+        span_s: fit.span,
+        frames: segment.frames,
+        drift_ppm: fit.uncertainty_ppm.map(|_| fit.drift_ppm),
+        drift_uncertainty_ppm: fit.uncertainty_ppm,
+        residual_s: fit.residual,
+        delay_s: fit.delay,
+        edges: segment.edges.len(),
+        edges_missed: segment.missed,
+    }
+}
+
+/// The strikes of a segment, at `place`, on the time that `reference` makes of the bead's own.
+fn arrivals(segment: &Segment, place: &Place, reference: impl Fn(f64) -> f64) -> Vec<StrikeArrival> {
+    let arrival = |struck: &Struck| {
+        Some(StrikeArrival {
+            place: place.clone(),
+            strike: struck.strike,
+            arrival_s: reference(segment.seconds(struck.position)?),
+        })
+    };
+    segment.struck.iter().filter_map(arrival).collect()
+}

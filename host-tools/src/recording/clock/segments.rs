@@ -1,0 +1,227 @@
+//! What each bead sent between two resets, as far as clocks are concerned.
+
+use std::collections::BTreeMap;
+
+use bead_wire::{Arrival, Message};
+
+use crate::recording::clock::fit::Fit;
+use crate::recording::file::{Recording, RecordingError};
+use crate::recording::frames::{Frame, Item};
+
+/// Samples in a bucket: a quarter of a second. Of the frames in a bucket only the one with the least delay is
+/// kept.
+const BUCKET: f64 = 25_000.0;
+
+/// A frame's place on both clocks.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Point {
+    /// Of the bead, in samples.
+    pub(super) bead: f64,
+    /// Of the host, in ns since the segment's first.
+    pub(super) host_ns: f64,
+}
+
+/// An edge on the sync input, by the bead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Its number since the reset.
+    pub number: u32,
+    /// Where it lies, in samples.
+    pub position: f64,
+}
+
+/// When a strike's force was highest, by the bead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Struck {
+    /// The strike's number since the reset.
+    pub strike: u32,
+    /// Where it lies, in samples.
+    pub position: f64,
+}
+
+/// What a bead sent between two resets.
+#[derive(Debug, Clone, Default)]
+pub struct Segment {
+    /// The address in the headers of its frames.
+    pub address: u8,
+    /// The low byte of its boot number.
+    pub boot: u8,
+    /// The bead's unique device id; none before its identity came.
+    pub uid: Option<[u8; 12]>,
+    /// Scans a second, in hertz; none before its identity came.
+    pub sample_rate_hz: Option<u32>,
+    /// Frames with a receive time.
+    pub frames: u64,
+    /// Edges on the sync input.
+    pub edges: Vec<Edge>,
+    /// How many edges the bead missed because they came too close.
+    pub missed: u32,
+    /// The strikes whose arrival the bead reported.
+    pub struck: Vec<Struck>,
+    pub(super) origin_ns: Option<u64>,
+    /// The frame with the least delay of each bucket.
+    pub(super) buckets: BTreeMap<u64, Point>,
+}
+
+/// Says to which segment a frame belongs, for frames in the order in which they were received.
+#[derive(Debug, Clone, Default)]
+pub struct Segments {
+    /// The current segment of each address.
+    current: BTreeMap<u8, usize>,
+    count: usize,
+}
+
+impl Segments {
+    /// The number of a frame's segment, from 0. A new number is the number of segments before it.
+    pub fn place(&mut self, frame: &Frame) -> usize {
+        let address = frame.header.address;
+        match self.current.get(&address) {
+            Some(&segment) if !begins(frame) => segment,
+            _ => {
+                self.current.insert(address, self.count);
+                self.count += 1;
+                self.count - 1
+            }
+        }
+    }
+}
+
+/// The boots of beads that are kept apart. A recording has some; one with more was forged, or its beads crash.
+const SEGMENTS_MOST: usize = 4096;
+
+/// Sorts what beads send into segments, frame by frame. Of each it keeps some thousand frames.
+#[derive(Debug, Clone, Default)]
+pub struct Tracker {
+    /// The first segments, in the order in which they began: at most 4096.
+    pub segments: Vec<Segment>,
+    /// Whether there were more.
+    pub left_out: bool,
+    places: Segments,
+}
+
+impl Tracker {
+    /// Takes a frame.
+    pub fn push(&mut self, frame: &Frame) {
+        if frame.arrival == Arrival::Duplicate {
+            return;
+        }
+        let place = self.places.place(frame);
+        if place == self.segments.len() && place < SEGMENTS_MOST {
+            self.segments.push(Segment::begun_by(frame));
+        }
+        match self.segments.get_mut(place) {
+            Some(segment) => segment.push(frame),
+            None => self.left_out = true,
+        }
+    }
+
+    /// All that is in a recording.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn of(recording: &Recording) -> Result<Self, RecordingError> {
+        let mut tracker = Self::default();
+        for frame in recording.frames()?.filter_map(Item::frame) {
+            tracker.push(&frame);
+        }
+        Ok(tracker)
+    }
+}
+
+/// The current segment of each bead, by address.
+#[derive(Debug, Clone, Default)]
+pub struct Live(BTreeMap<u8, Segment>);
+
+impl Live {
+    /// Takes a frame.
+    pub fn push(&mut self, frame: &Frame) {
+        if frame.arrival == Arrival::Duplicate {
+            return;
+        }
+        let begun = || Segment::begun_by(frame);
+        let segment = self.0.entry(frame.header.address).or_insert_with(begun);
+        if begins(frame) {
+            *segment = begun();
+        }
+        segment.push(frame);
+    }
+
+    /// The segments.
+    pub fn segments(&self) -> impl Iterator<Item = &Segment> {
+        self.0.values()
+    }
+}
+
+/// Whether a frame is the first that was received of a boot.
+fn begins(frame: &Frame) -> bool {
+    matches!(frame.arrival, Arrival::First | Arrival::Restart { .. })
+}
+
+impl Segment {
+    fn begun_by(frame: &Frame) -> Self {
+        Self {
+            address: frame.header.address,
+            boot: frame.header.boot,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn push(&mut self, frame: &Frame) {
+        let mut position = frame.header.sample_index as f64;
+        match &frame.message {
+            Message::Identity(identity) => {
+                self.uid = Some(identity.uid);
+                self.sample_rate_hz = Some(identity.sample_rate_hz);
+            }
+            Message::Sync(sync) => {
+                // This is nearer to when the frame was made than the header's index, which moves by blocks.
+                position = sync.position();
+                self.missed = self.missed.max(sync.missed);
+                let number = sync.edge;
+                self.edges.push(Edge { number, position });
+            }
+            Message::Shape(shape) => self.struck.push(Struck {
+                strike: shape.strike,
+                position: shape.first_index as f64 + shape.arrival.samples(),
+            }),
+            _ => {}
+        }
+        let Some(received_ns) = frame.received_ns else {
+            return;
+        };
+        self.frames += 1;
+        // Such a frame was made before the first block of samples, perhaps before the sample clock ran. Its
+        // index 0 is no time.
+        if frame.header.sample_index == 0 {
+            return;
+        }
+        let origin = *self.origin_ns.get_or_insert(received_ns);
+        let point = Point {
+            bead: position,
+            // Exact below 104 days.
+            host_ns: (received_ns as i64 - origin as i64) as f64,
+        };
+        let least = self.buckets.entry((position / BUCKET) as u64).or_insert(point);
+        // Within a bucket the best crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
+        let late =
+            |point: &Point| point.host_ns - point.bead * 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
+        if late(&point) < late(least) {
+            *least = point;
+        }
+    }
+
+    /// The bead's clock against the host's. None without receive times or a sample rate.
+    pub fn fit(&self) -> Option<Fit> {
+        let rate = f64::from(self.sample_rate_hz.filter(|rate| *rate > 0)?);
+        let points: Vec<(f64, f64)> = self
+            .buckets
+            .values()
+            .map(|point| (point.bead / rate, point.host_ns * 1e-9))
+            .collect();
+        Fit::below(self.origin_ns?, &points)
+    }
+
+    pub(super) fn seconds(&self, position: f64) -> Option<f64> {
+        Some(position / f64::from(self.sample_rate_hz?))
+    }
+}

@@ -1,0 +1,72 @@
+//! What a recording is of, and what may be attached to it.
+
+use std::collections::BTreeMap;
+
+/// What a recording is of.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct About {
+    /// Where the bytes came from: a port, or the emulator.
+    pub source: String,
+    /// Build id or git description of the firmware's ELF, where it is known.
+    pub firmware: Option<String>,
+    /// Scans a second, in hertz, until an identity frame says otherwise; with 0 times are 0 until then.
+    pub sample_rate_hz: u32,
+    /// Anything else worth keeping, by name.
+    pub notes: BTreeMap<String, String>,
+}
+
+impl About {
+    pub(super) fn to_map(&self) -> BTreeMap<String, String> {
+        let mut map = self.notes.clone();
+        map.insert("source".into(), self.source.clone());
+        map.insert("sample_rate_hz".into(), self.sample_rate_hz.to_string());
+        let firmware = self.firmware.clone();
+        map.extend(firmware.map(|firmware| ("firmware".into(), firmware)));
+        map
+    }
+
+    pub(super) fn from_map(mut map: BTreeMap<String, String>) -> Self {
+        let rate = map.remove("sample_rate_hz").and_then(|hz| hz.parse().ok());
+        Self {
+            source: map.remove("source").unwrap_or_default(),
+            firmware: map.remove("firmware"),
+            sample_rate_hz: rate.unwrap_or(0),
+            notes: map,
+        }
+    }
+}
+
+/// What may be attached to a recording, each part once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// The settings block that the bead was given.
+    Settings,
+    /// The scenario, as its author wrote it.
+    Scenario,
+    /// What the emulator measured of the run, JSON.
+    EmulatorReport,
+    /// What the full chain says of the strike, JSON.
+    Truth,
+}
+
+impl Part {
+    pub(super) const ALL: [Self; 4] = [Self::Settings, Self::Scenario, Self::EmulatorReport, Self::Truth];
+
+    /// Its name in the file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Settings => "settings.bin",
+            Self::Scenario => "scenario.toml",
+            Self::EmulatorReport => "emulator.json",
+            Self::Truth => "truth.json",
+        }
+    }
+
+    pub(super) const fn media_type(self) -> &'static str {
+        match self {
+            Self::Settings => "application/octet-stream",
+            Self::Scenario => "application/toml",
+            Self::EmulatorReport | Self::Truth => "application/json",
+        }
+    }
+}

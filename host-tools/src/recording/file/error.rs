@@ -1,0 +1,98 @@
+//! Why a recording cannot be written or read.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use mcap::McapError;
+
+/// Why a recording cannot be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The system refused.
+    #[error("cannot {action} {path}: {source}")]
+    File {
+        /// What was tried.
+        action: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file could not be written as MCAP.
+    #[error("cannot write {path}: {source}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the library said.
+        source: McapError,
+    },
+    /// Another program has begun a recording of this name.
+    #[error("another program is recording to {0}; give the output another name")]
+    Busy(PathBuf),
+    /// Nothing is in the file.
+    #[error("{0} is empty: the recording was stopped before anything was written; record again")]
+    Empty(PathBuf),
+    /// The file is something else.
+    #[error("{0} is not an MCAP file; give a recording made by `bead record` or `bead emulate`")]
+    NotMcap(PathBuf),
+    /// An MCAP file, but not of a bead.
+    #[error(
+        "{0} is an MCAP file without a channel `frames`; give one made by `bead record` or `bead emulate`"
+    )]
+    NotOurs(PathBuf),
+    /// A recording without a strike: a check has nothing to check.
+    #[error("{path}: no strike among its {frames} frames, so there is nothing to check; record one")]
+    NoStrike {
+        /// The file.
+        path: PathBuf,
+        /// Frames in it.
+        frames: u64,
+    },
+    /// A recording without a strike that this program can read.
+    #[error("{path}: {who}")]
+    FromTheFuture {
+        /// The file.
+        path: PathBuf,
+        /// Who sent it, and what to do.
+        who: String,
+    },
+    /// Clocks of these recordings cannot be compared.
+    #[error("{0}")]
+    Clock(String),
+    /// An attachment that this version did not write.
+    #[error("{path}: cannot read its {part}; record it again: {source}")]
+    Part {
+        /// The file.
+        path: PathBuf,
+        /// Name of the attachment.
+        part: &'static str,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+}
+
+impl RecordingError {
+    /// The system refused to do `action` on `path`.
+    pub(super) fn refused(action: &'static str, path: &Path) -> impl Fn(io::Error) -> Self {
+        move |source| Self::File {
+            action,
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// The library failed to write `path`.
+    pub(super) fn unwritten(path: &Path) -> impl Fn(McapError) -> Self {
+        move |error| {
+            let path = path.to_owned();
+            match error {
+                McapError::Io(source) => Self::File {
+                    action: "write",
+                    path,
+                    source,
+                },
+                source => Self::Write { path, source },
+            }
+        }
+    }
+}

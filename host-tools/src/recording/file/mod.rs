@@ -1,0 +1,35 @@
+//! Recordings: what a bead sent, byte for byte, and what belongs to it, in one MCAP file.
+//!
+//! # Design
+//! The channel `frames` has one message for each run of bytes between two delimiters, as received: sound
+//! frames and corrupt ones alike, so that a recording can be decoded again by a better decoder. Beside it
+//! stand a metadata record `recording` (see [`About`]) and attachments (see [`Part`]).
+//!
+//! **Times.** A message's publish time is the bead's own: sample index over sample rate, in nanoseconds. Its
+//! log time is the same but never runs back: after a restart of the bead, whose index begins again, it goes
+//! on from the last one. Bytes that are no frame have the time of the frame before them.
+//!
+//! A second channel, `received`, says when the host received the bytes: for each piece of bytes in which runs
+//! ended, the number of the last run (u32) and the host's time (u64, ns since 1970), little-endian. From this
+//! [`crate::recording::clock`] finds how the clocks of bead and host run against each other.
+//!
+//! **Crashes.** A recording is written as `NAME.partial` and takes its name when it is finished: a file with
+//! that name is whole. The writer gives complete chunks to the system, at least once a second while bytes
+//! come. A recording cut short at any byte gives back every message before the cut, and says that it was cut.
+//! The chunks are not compressed, as frames are dense and a cut chunk must stay readable.
+
+mod about;
+mod error;
+mod layout;
+mod read;
+mod records;
+#[cfg(test)]
+mod tests;
+mod times;
+mod writer;
+
+pub use about::{About, Part};
+pub use error::RecordingError;
+pub use read::{Pieces, Recording};
+pub use records::State;
+pub use writer::{Finished, Writer};

@@ -1,0 +1,27 @@
+//! Times of the messages in a recording.
+
+use bead_wire::Arrival;
+
+/// Times of the messages, in nanoseconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Clock {
+    pub(super) sample_rate_hz: u32,
+    /// Of the bead since its reset.
+    pub(super) bead: u64,
+    /// Of the recording.
+    pub(super) log: u64,
+    /// Log time at the bead's reset.
+    pub(super) reset: u64,
+}
+
+impl Clock {
+    pub(super) fn tick(&mut self, sample_index: u64, arrival: Arrival) {
+        if let Arrival::Restart { .. } = arrival {
+            self.reset = self.log;
+        }
+        let ns = u128::from(sample_index) * 1_000_000_000;
+        let time = ns.checked_div(u128::from(self.sample_rate_hz)).unwrap_or(0);
+        self.bead = u64::try_from(time).unwrap_or(u64::MAX);
+        self.log = self.log.max(self.reset.saturating_add(self.bead));
+    }
+}
