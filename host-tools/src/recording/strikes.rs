@@ -75,24 +75,28 @@ impl RecordedStrike {
 
     /// Appends the samples of a waveform frame.
     pub fn push(&mut self, waveform: &Waveform) {
-        let sensitive = waveform.codes.iter();
-        let mut wide = waveform.wide.iter();
-        // The codes at the low gain begin with the two scans before those of the frame, or are not there.
-        let before = wide.len().saturating_sub(sensitive.len());
-        let before: Vec<_> = wide.by_ref().take(before).collect();
-        for (scan, wide) in self.scans.iter_mut().rev().zip(before.into_iter().rev()) {
-            scan.wide = Some(wide);
-        }
-        let wide = wide.map(Some).chain(std::iter::repeat(None));
-        let codes = sensitive.zip(wide);
-        self.scans
-            .extend(codes.map(|(sensitive, wide)| ScanCodes { sensitive, wide }));
+        push_scans(&mut self.scans, waveform);
         self.chunks.push(Chunk {
             end: self.scans.len(),
             absorbed_measured: waveform.absorbed_measured,
             absorbed_predicted: waveform.absorbed_predicted,
         });
     }
+}
+
+/// Appends the scans of a waveform frame to those before it.
+pub(crate) fn push_scans(scans: &mut Vec<ScanCodes>, waveform: &Waveform) {
+    let sensitive = waveform.codes.iter();
+    let mut wide = waveform.wide.iter();
+    // The codes at the low gain begin with the two scans before those of the frame, or are not there.
+    let before = wide.len().saturating_sub(sensitive.len());
+    let before: Vec<_> = wide.by_ref().take(before).collect();
+    for (scan, wide) in scans.iter_mut().rev().zip(before.into_iter().rev()) {
+        scan.wide = Some(wide);
+    }
+    let wide = wide.map(Some).chain(std::iter::repeat(None));
+    let codes = sensitive.zip(wide);
+    scans.extend(codes.map(|(sensitive, wide)| ScanCodes { sensitive, wide }));
 }
 
 /// A frame that comes this many frames too late counts as lost.

@@ -35,11 +35,12 @@ pub enum RecordingError {
     /// The file is something else.
     #[error("{0} is not an MCAP file; give a recording made by `bead record` or `bead emulate`")]
     NotMcap(PathBuf),
-    /// An MCAP file, but not of a bead.
+    /// An MCAP file, but not of a bead: what it is instead.
     #[error(
-        "{0} is an MCAP file without a channel `frames`; give one made by `bead record` or `bead emulate`"
+        "{0} is an MCAP file with {1}, and has no channel `frames` of a bead; give one made by `bead record` or \
+         `bead emulate`"
     )]
-    NotOurs(PathBuf),
+    NotOurs(PathBuf, String),
     /// A recording without a strike: a check has nothing to check.
     #[error("{path}: no strike among its {frames} frames, so there is nothing to check; record one")]
     NoStrike {
