@@ -50,9 +50,9 @@ pub(crate) fn open(
 ) -> (UartTx<'static, Async>, Receiver) {
     let mut config = Config::default();
     config.baudrate = BAUD;
-    let transmitter = UartTx::new(usart, tx, tx_dma, Irqs, config)
-        .ok()
-        .expect("2 Mbaud divide 84 MHz");
+    let Ok(transmitter) = UartTx::new(usart, tx, tx_dma, Irqs, config) else {
+        panic!("2 Mbaud divide 84 MHz");
+    };
     (transmitter, Receiver::new(rx, rx_dma))
 }
 

@@ -10,6 +10,7 @@ use std::process::{Command, Output};
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead::recording::file::{About, Part, Recording, Writer};
+use bead::recording::whole::Target;
 use bead_model::design::{Capture, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};
@@ -144,7 +145,7 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
 
     let path = directory.path().join("bead-8.mcap");
     let mut writer = Writer::create(
-        &path,
+        &Target::new(&path),
         &About {
             sample_rate_hz: 100_000,
             ..About::default()
@@ -527,6 +528,7 @@ fn no_result_takes_the_place_of_an_input() {
             scenario,
             "--report",
             recording,
+            "--force",
         ],
         &["compare", recording, "--scenario", scenario, "--report", link],
         &[
@@ -568,7 +570,7 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
 
     // The same bytes, one frame each millisecond.
     let timed = directory.path().join("timed.mcap");
-    let mut writer = Writer::create(&timed, &About::default()).unwrap();
+    let mut writer = Writer::create(&Target::new(&timed), &About::default()).unwrap();
     let pieces = Recording::open(Path::new(untimed)).unwrap().pieces().unwrap();
     for (n, run) in (0..).zip(pieces) {
         let received_ns = 1_700_000_000_000_000_000 + 1_000_000 * n;

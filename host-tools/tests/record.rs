@@ -313,7 +313,11 @@ fn strikes_over_a_unix_socket_are_printed_as_json_objects_while_it_runs() {
     let printed: serde_json::Value = serde_json::from_str(&running.line()).unwrap();
     let (frames, _) = frames::decode(&stream());
     assert!(matches!(frames[2].message, Message::Strike(_)));
-    assert_eq!(printed, frames[2].json());
+    // As `bead decode` has it, with the time of receipt.
+    let mut expected = frames[2].json();
+    assert!(printed["received"].as_str().unwrap().ends_with('Z'), "{printed}");
+    expected["received"] = printed["received"].clone();
+    assert_eq!(printed, expected);
     running.signal("TERM");
     assert_eq!(running.end().0, 0);
     assert_holds(&recorded(&directory.path().join("a.mcap")), &stream());
@@ -350,7 +354,8 @@ fn silence_and_noise_are_told_apart_at_the_end() {
         bead.write_all(sent).unwrap();
         let arguments = ["--port", &port, "--duration", "0.3"];
         let (status, stderr) = run(&directory, &arguments);
-        assert_eq!(status, 0, "{stderr}");
+        assert_eq!(status, 3, "{stderr}");
+        assert_eq!(files(&directory).len(), 1, "the recording is whole all the same");
         assert!(stderr.lines().last().unwrap().starts_with(advice), "{stderr}");
     }
 }
@@ -474,9 +479,113 @@ fn a_recording_that_is_there_is_replaced_only_with_force() {
 fn a_place_that_cannot_be_written_to_is_refused_with_status_2() {
     let (_bead, port) = line();
     let directory = tempfile::tempdir().unwrap();
-    for (out, why) in [("none/a.mcap", "cannot create"), (".", "is a directory")] {
+    for (out, why) in [
+        ("none/a.mcap", "is the directory there"),
+        ("..", "no name of a file"),
+    ] {
         let (status, stderr) = refusal(&directory, &["--port", &port, "--out", out, "--force"]);
         assert_eq!(status, 2);
         assert!(stderr.contains(why), "{stderr}");
     }
+}
+
+#[test]
+fn two_recorders_in_one_second_and_with_one_name_lose_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    // Without a name, each finds its own.
+    let lines: Vec<(File, String)> = (0..4).map(|_| line()).collect();
+    let running: Vec<Running> = lines
+        .iter()
+        .map(|(_, port)| Running::start(&directory, &["--port", port]))
+        .collect();
+    for ((bead, _), running) in lines.iter().zip(running) {
+        let (mut bead, mut running) = (bead, running);
+        bead.write_all(&stream()).unwrap();
+        assert!(running.line().starts_with("strike 1 "));
+        running.signal("INT");
+        let (status, stderr) = running.end();
+        assert_eq!(status, 0, "{stderr}");
+        let name = stderr.trim_start_matches("bead: ").split(": ").next().unwrap();
+        assert_holds(&recorded(&directory.path().join(name)), &stream());
+    }
+    assert_eq!(files(&directory).len(), 4);
+    // With one name, the second is refused before it begins.
+    let (mut bead, port) = line();
+    let mut first = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    bead.write_all(&stream()).unwrap();
+    assert!(first.line().starts_with("strike 1 "));
+    let (_other, other) = line();
+    for force in [&[][..], &["--force"]] {
+        let arguments = [&["--port", &other, "--out", "a.mcap"], force].concat();
+        let (status, stderr) = refusal(&directory, &arguments);
+        assert_eq!(status, 2);
+        assert!(
+            stderr.contains("another program is recording to a.mcap"),
+            "{stderr}"
+        );
+    }
+    first.signal("TERM");
+    assert_eq!(first.end().0, 0);
+    assert_holds(&recorded(&directory.path().join("a.mcap")), &stream());
+}
+
+#[test]
+fn a_terminal_that_goes_away_ends_a_recording_as_ctrl_c_does_and_nohup_keeps_it() {
+    for (wrapped, ended) in [(false, true), (true, false)] {
+        let (mut bead_end, port) = line();
+        let directory = tempfile::tempdir().unwrap();
+        let record = format!(
+            "exec {} record --port {port} --out a.mcap --duration 60",
+            env!("CARGO_BIN_EXE_bead")
+        );
+        // `nohup` does this: what ignores a signal hands that on to what it runs.
+        let script = if wrapped {
+            format!("trap '' HUP; {record}")
+        } else {
+            record
+        };
+        let mut child = Command::new("sh")
+            .args(["-c", &script])
+            .current_dir(&directory)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut running = Running {
+            stdout: BufReader::new(child.stdout.take().unwrap()),
+            stderr: child.stderr.take().unwrap(),
+            child,
+        };
+        bead_end.write_all(&stream()).unwrap();
+        assert!(running.line().starts_with("strike 1 "));
+        running.signal("HUP");
+        if !ended {
+            std::thread::sleep(Duration::from_millis(300));
+            assert!(running.child.try_wait().unwrap().is_none(), "it goes on");
+            running.signal("TERM");
+        }
+        assert_eq!(running.end().0, 0);
+        assert_holds(&recorded(&directory.path().join("a.mcap")), &stream());
+    }
+}
+
+#[test]
+fn a_reader_of_standard_output_that_pauses_holds_nothing_up() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    // Nobody reads what it prints.
+    let running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    let (mut bead, _) = listener.accept().unwrap();
+    let sent: Vec<u8> = (0..20_000).flat_map(strike).collect();
+    bead.write_all(&sent).unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    let asked = Instant::now();
+    running.signal("INT");
+    let (status, stderr) = running.end();
+    assert!(asked.elapsed() < Duration::from_secs(5), "{:?}", asked.elapsed());
+    assert_eq!(status, 0, "{stderr}");
+    assert!(stderr.contains("lines are missing there"), "{stderr}");
+    assert_holds(&recorded(&directory.path().join("a.mcap")), &sent);
 }

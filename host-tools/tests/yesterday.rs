@@ -7,6 +7,7 @@ use std::fs;
 use std::process::{Command, Output};
 
 use bead::recording::file::{About, Writer};
+use bead::recording::whole::Target;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -84,7 +85,7 @@ fn a_recording_of_the_future_says_who_speaks_and_what_to_do() {
     let bytes = fs::read(data("frame-of-the-future.bin")).unwrap();
     let directory = TempDir::new().unwrap();
     let path = directory.path().join("future.mcap");
-    let mut writer = Writer::create(&path, &About::default()).unwrap();
+    let mut writer = Writer::create(&Target::new(&path), &About::default()).unwrap();
     writer.write(&bytes, None, |_| {}).unwrap();
     writer.finish().unwrap();
     let path = path.to_str().unwrap();

@@ -100,6 +100,11 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
         assert_eq!(read("addressed.settings"), block(&addressed));
         assert_eq!(write("other.settings"), (0, String::new()));
 
+        let arguments = ["settings", "set", "address=9", "--port", port, "--timeout", "20"];
+        assert_eq!(bead(&arguments), (0, String::new()));
+        assert_eq!(read("set.settings"), block(&addressed));
+        assert_eq!(write("other.settings"), (0, String::new()));
+
         fs::write(path("rate.settings"), block(&settings_at(50_000)))
             .unwrap_or_else(|error| panic!("{error}"));
         let refused = "the bead refused: sample rate; settings for 50000 Hz; this image samples at 100000 Hz";

@@ -8,6 +8,7 @@ use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::clock::compare;
 use bead::recording::file::{About, Writer};
 use bead::recording::strikes::assemble;
+use bead::recording::whole::Target;
 use bead_tests::{Heard, image, paper_at};
 use bead_wire::Message;
 use bead_wire::Sync;
@@ -179,7 +180,7 @@ fn recorded(
     assert_eq!((ran.report.overruns, ran.report.resets), (0, 0));
     assert_eq!(ran.report.unmodelled, [""; 0]);
     let path = folder.join(format!("bead-{bead}.mcap"));
-    let mut writer = Writer::create(&path, &About::default()).expect("the folder is ours");
+    let mut writer = Writer::create(&Target::new(&path), &About::default()).expect("the folder is ours");
     let zero = 1_700_000_000_000_000_000 - (early * 1e9) as u64;
     ran.write(&mut writer, zero).expect("the disk has room");
     writer.finish().expect("the disk has room");

@@ -126,7 +126,9 @@ fn energy(energy: bead_model::Energy) -> Energy {
 }
 
 fn pack<const BYTES: usize>(scans: impl Iterator<Item = [u16; 2]>) -> Codes<BYTES> {
-    Codes::pack(scans)
-        .ok()
-        .expect("a piece has at most MAX_SCANS scans, of codes of 12 bits")
+    // No `expect`: it would print the error, and formats take flash.
+    let Ok(codes) = Codes::pack(scans) else {
+        panic!("a piece has at most MAX_SCANS scans, of codes of 12 bits");
+    };
+    codes
 }

@@ -81,7 +81,7 @@ quantities! {
     /// A momentum (I48F16 of a newton times a sample period). Divided by the sample rate it is in newton
     /// seconds.
     Impulse(i64, 10, "i64, 2^-16 N times a sample period"): newton_samples,
-        unit("N·s", "_ns", FRACTION_16, true);
+        unit("N·s", "_n_s", FRACTION_16, true);
     /// A time finer than a sample (U16F16 of a sample period). Divided by the sample rate it is in seconds.
     Samples(u32, 5, "u32, 2^-16 sample periods"): samples, unit("s", "_s", FRACTION_16, true);
     /// A frequency (U16F16 of a hertz).

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use bead::cli::place::Kind;
 use hertz_figures::chart::Chart;
 use hertz_figures::error::Error;
 use hertz_figures::plan::{Figure, Plan};
@@ -43,11 +44,22 @@ fn rows(chart: &Chart) -> impl Iterator<Item = Row<'_>> {
     })
 }
 
+/// The files that a figure may have, by their endings.
+pub(crate) const KINDS: [(&str, Kind); 5] = [
+    ("svg", Kind::Drawing),
+    ("png", Kind::Picture),
+    ("csv", Kind::Table),
+    ("parquet", Kind::Parquet),
+    ("gif", Kind::Picture),
+];
+
 /// A file of a figure.
 #[derive(Debug, Clone)]
 pub(crate) struct File {
     /// Its name: `figure-NAME.svg`, `.png`, `.csv`, `.parquet` or, of an animation, `.gif`.
     pub(crate) name: String,
+    /// What it is.
+    pub(crate) kind: Kind,
     /// Its content.
     pub(crate) bytes: Vec<u8>,
 }
@@ -60,17 +72,19 @@ pub(crate) fn files(plan: &Plan, figure: &Figure) -> Result<Vec<File>, Error> {
     let chart = &figure.chart;
     let table =
         parquet(plan, chart).map_err(|error| Error::drawing(&chart.description, " as Parquet", error))?;
+    let [svg, png_kind, csv_kind, parquet_kind, gif_kind] = KINDS;
     let mut files = vec![
-        ("svg", chart.standalone_svg()?.into_bytes()),
-        ("png", png(chart)?),
-        ("csv", csv(chart).into_bytes()),
-        ("parquet", table),
+        (svg, chart.standalone_svg()?.into_bytes()),
+        (png_kind, png(chart)?),
+        (csv_kind, csv(chart).into_bytes()),
+        (parquet_kind, table),
     ];
     if !figure.frames.is_empty() {
-        files.push(("gif", gif(&figure.frames)?));
+        files.push((gif_kind, gif(&figure.frames)?));
     }
-    let named = |(extension, bytes)| File {
+    let named = |((extension, kind), bytes)| File {
         name: format!("figure-{}.{extension}", plan.name),
+        kind,
         bytes,
     };
     Ok(files.into_iter().map(named).collect())

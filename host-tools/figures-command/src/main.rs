@@ -7,7 +7,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use bead::cli::failure::{Blame, Failure};
+use bead::cli::interrupt;
 use bead::cli::output::{self, Format};
+use bead::cli::place::{self, Force, Kind};
 use clap::Parser;
 use hertz_figures::lab::Lab;
 use hertz_figures::plan::{Outcome, Plan};
@@ -35,6 +37,8 @@ struct Arguments {
     /// Where the files go; made if it is not there.
     #[arg(long, value_name = "DIR", default_value = "figures")]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
     /// End with status 1 if a check says no.
     #[arg(long)]
     check: bool,
@@ -60,16 +64,22 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Failure> {
+    interrupt::watch().or_input(|| "cannot listen for signals")?;
     let plans = catalogue::chosen(&arguments.names)?;
     if arguments.list {
         return list(&plans, arguments.format);
     }
-    std::fs::create_dir_all(&arguments.out).or_input(|| {
-        format!(
-            "cannot make the directory {}; name another with --out",
-            arguments.out.display()
-        )
-    })?;
+    let place = |name: &str, kind| {
+        place::targets(&arguments.out, [(name, kind)], &[], arguments.force).map(|[target]| target)
+    };
+    let index = place("index.html", Kind::Page)?;
+    for plan in &plans {
+        for (extension, kind) in files::KINDS {
+            place(&format!("figure-{}.{extension}", plan.name), kind)?;
+        }
+    }
+    place::make_directory(&arguments.out)?;
+    let table_file = place::optional(arguments.table.as_deref(), Kind::Text, &[], arguments.force)?;
     let progress = output::progress(plans.len() as u64);
     let lab = Lab::default();
     let mut outcomes = Vec::new();
@@ -83,17 +93,17 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         let figure = plan.draw(&lab)?;
         let mut files = Vec::new();
         for file in files::files(plan, &figure)? {
-            let path = arguments.out.join(&file.name);
-            output::write_bytes(&path, &file.bytes)?;
-            files.push(path.display().to_string());
+            let target = place(&file.name, file.kind)?;
+            target.write_bytes(&file.bytes)?;
+            files.push(target.path().display().to_string());
         }
         outcomes.push(plan.outcome(&figure, files));
         progress.inc(1);
     }
     progress.finish_and_clear();
-    output::write_bytes(&arguments.out.join("index.html"), chapter::html(&outcomes))?;
-    if let Some(path) = &arguments.table {
-        output::write_bytes(path, chapter::markdown(&outcomes))?;
+    index.write_bytes(chapter::html(&outcomes))?;
+    if let Some(file) = &table_file {
+        file.write_bytes(chapter::markdown(&outcomes))?;
     }
     output::print(arguments.format, &outcomes, || table(&outcomes))?;
     verdict(&outcomes, arguments.check)

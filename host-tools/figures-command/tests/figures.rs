@@ -104,7 +104,7 @@ fn a_figure_that_is_none_and_a_place_that_is_no_directory_are_refused() {
     refused(
         &["2a", "--out", file.path().to_str().unwrap()],
         2,
-        &["cannot make the directory", "--out"],
+        &["cannot make the directory", "give another directory"],
     );
     let list = json(&["--list", "--format", "json"]);
     assert!(list.as_array().unwrap().len() > 50);

@@ -4,16 +4,19 @@ mod bench_options;
 mod commands;
 pub mod failure;
 mod front_end_options;
+pub mod interrupt;
 mod line_options;
 pub mod output;
+pub mod place;
+mod printer;
 
 use clap::{Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, figures, optimise, record, replay, settings,
+    accuracy, clock, command, compare, decode, emulate, export, figures, optimise, record, replay, settings,
     simulate, spheres,
 };
-use failure::Failure;
+use failure::{Blame, Failure};
 
 const AFTER_HELP: &str = "\
 Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure.
@@ -24,6 +27,7 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead replay run/bead-8.mcap
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
+  bead export run/bead-8.mcap --out tables
   bead record --port /dev/ttyUSB0
   bead command self-test --port /dev/ttyUSB0
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings";
@@ -55,6 +59,8 @@ enum Command {
     Replay(replay::Arguments),
     /// Compare a recording with the simulation: device, replay, f64 from the same samples, full chain.
     Compare(compare::Arguments),
+    /// Write strikes and samples as tables in SI units: Parquet, CSV, or UFF.
+    Export(export::Arguments),
     /// Find how the clocks of recorded beads run: against this host, and against one another.
     Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
@@ -73,6 +79,7 @@ impl Cli {
     /// # Errors
     /// [`Failure`], which carries the exit status.
     pub fn run(self) -> Result<(), Failure> {
+        interrupt::watch().or_input(|| "cannot listen for signals")?;
         match self.command {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
@@ -82,6 +89,7 @@ impl Cli {
             Command::Decode(arguments) => decode::run(&arguments),
             Command::Replay(arguments) => replay::run(&arguments),
             Command::Compare(arguments) => compare::run(&arguments),
+            Command::Export(arguments) => export::run(&arguments),
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
             Command::Accuracy(arguments) => accuracy::run(&arguments),

@@ -1,20 +1,13 @@
 //! How results leave the program: data on standard output, everything else on standard error.
 
-use std::fs;
 use std::io::{self, IsTerminal, Write};
-use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 
 use crate::cli::failure::{Blame, Failure};
-pub use crate::recording::whole::{write_bytes, write_whole};
 
 /// The shape of a result on standard output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -54,42 +47,12 @@ pub fn print_line(text: &str) -> Result<(), Failure> {
     written(writeln!(io::stdout().lock(), "{text}"))
 }
 
-/// Refuses to write a result over one of the files that it is made from. Call it before the work.
-///
-/// # Errors
-/// `out` is the same file as one of `inputs`.
-pub(crate) fn is_no_input(out: Option<&Path>, inputs: &[&Path]) -> Result<(), Failure> {
-    let same = |one: &Path, other: &Path| {
-        fs::canonicalize(one).is_ok_and(|one| fs::canonicalize(other).is_ok_and(|other| one == other))
-    };
-    match out.filter(|out| inputs.iter().any(|input| same(out, input))) {
-        None => Ok(()),
-        Some(out) => Err(Failure::input(format!(
-            "{} is an input of this command and would be lost; give the output another name",
-            out.display()
-        ))),
-    }
-}
-
 /// What writing to standard output gave. A reader that has gone away is not an error.
 pub(crate) fn written(result: io::Result<()>) -> Result<(), Failure> {
     match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => other.or_input(|| "cannot write to standard output"),
     }
-}
-
-/// A flag that Ctrl-C and SIGTERM set. The second signal ends the program at once.
-///
-/// SIGHUP is left alone: under `nohup` a recording outlives its terminal, and without it the file stays
-/// readable.
-pub(crate) fn stop_at_signals() -> io::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&stop))?;
-        flag::register(signal, Arc::clone(&stop))?;
-    }
-    Ok(stop)
 }
 
 /// A duration on the command line.
@@ -136,6 +99,19 @@ pub fn spinner(step: impl Into<String>) -> ProgressBar {
 /// A progress bar of `steps` steps on standard error; silent when standard error is not a terminal.
 pub fn progress(steps: u64) -> ProgressBar {
     shown(ProgressBar::new(steps), "{bar:24} {pos}/{len} {elapsed} {msg}")
+}
+
+/// A progress bar of the part done and the time left, on standard error; silent when standard error is not a
+/// terminal. [`set_part`] moves it.
+pub fn part_done(step: impl Into<String>) -> ProgressBar {
+    shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {eta} left").with_message(step.into())
+}
+
+const PARTS: u64 = 10_000;
+
+/// Moves a bar of [`part_done`] to a part of 0 to 1.
+pub fn set_part(bar: &ProgressBar, part: f64) {
+    bar.set_position((part * PARTS as f64) as u64);
 }
 
 fn shown(bar: ProgressBar, template: &str) -> ProgressBar {

@@ -3,4 +3,6 @@
 pub mod conversation;
 pub mod key;
 pub mod port;
+pub mod queue;
+
 mod seen;

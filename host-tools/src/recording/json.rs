@@ -3,7 +3,8 @@
 //! # Design
 //! A body is shown field by field, in the order of the wire. A quantity is shown in its SI unit, which ends
 //! the key, with its bits beside it (`…_raw`). A number with a name is shown as its name, with the number
-//! beside it. A scan index has the bead's time beside it. Nothing is left out.
+//! beside it. A scan index has the bead's time beside it. Settings are shown as the physical quantities that
+//! they stand for, with their bits beside them (`settings_raw`). Nothing is left out.
 
 use std::fmt::Write;
 
@@ -12,6 +13,7 @@ use bead_wire::{Arrival, Fields, Message, Value as Field, named, unpacked};
 use serde_json::{Map, Value, json};
 
 use crate::recording::frames::Frame;
+use crate::recording::physical::Physical;
 
 impl Frame {
     /// One JSON object: the header, then the message.
@@ -58,11 +60,12 @@ impl Frame {
                 object.insert("edge_time_s".to_owned(), self.seconds(sync.position()).into());
             }
             Message::Settings(settings) => {
-                let (settings, refused) = match Settings::decode(settings.block.bytes()) {
-                    Ok(settings) => (json!(settings), Value::Null),
-                    Err(error) => (Value::Null, error.to_string().into()),
+                let (settings, raw, refused) = match Settings::decode(settings.block.bytes()) {
+                    Ok(settings) => (json!(Physical::of(&settings)), json!(settings), Value::Null),
+                    Err(error) => (Value::Null, Value::Null, error.to_string().into()),
                 };
                 object.insert("settings".to_owned(), settings);
+                object.insert("settings_raw".to_owned(), raw);
                 if !refused.is_null() {
                     object.insert("refused".to_owned(), refused);
                 }
@@ -287,7 +290,8 @@ mod tests {
         assert_eq!(lines[1]["frames_dropped_queue_full"], json!(4));
         assert_eq!(lines[3]["codes"], json!([[7, 4095]]));
         assert_eq!(lines[3]["wide"], json!([[7, 4095]]));
-        assert_eq!(lines[5]["settings"], serde_json::to_value(settings).unwrap());
+        assert_eq!(lines[5]["settings_raw"], serde_json::to_value(settings).unwrap());
+        assert_eq!(lines[5]["settings"]["intruder"]["stiffness"], json!(3.95e5));
         assert_eq!(lines[6]["settings"], Value::Null);
         assert_eq!(lines[7]["outcome"], json!("store_full"));
         assert_eq!(

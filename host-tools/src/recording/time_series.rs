@@ -2,7 +2,6 @@
 //!
 //! The file's key-value metadata holds the scenario's title, the scenario itself (JSON) and the row rate.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -14,7 +13,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
-use crate::recording::whole::{WriteError, write_whole};
+use crate::recording::whole::{Target, WriteError};
 
 /// Why a time series is not written.
 #[derive(Debug, thiserror::Error)]
@@ -83,7 +82,7 @@ pub fn write(
     scenario: &Scenario,
     solution: &Solution,
     rate_hz: f64,
-    path: &Path,
+    target: &Target,
 ) -> Result<(), TimeSeriesError> {
     let rows = solution.end() * rate_hz;
     if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
@@ -93,7 +92,7 @@ pub fn write(
     // Rounding must not lose a last row that falls on the end.
     let rows = (rows * (1.0 + 1e-12)).floor() as usize + 1;
     let columns = columns(solution);
-    Ok(write_whole(path, |file| {
+    Ok(target.write(|file| {
         let fields = columns
             .iter()
             .map(|(name, _)| format!("REQUIRED DOUBLE {name}; "));
@@ -149,7 +148,7 @@ mod tests {
         let solution = hertz_chain::simulate(&scenario).unwrap();
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("strike.parquet");
-        write(&scenario, &solution, 1e5, &path).unwrap();
+        write(&scenario, &solution, 1e5, &Target::new(&path)).unwrap();
 
         let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
         let metadata = reader.metadata().file_metadata();
@@ -185,7 +184,7 @@ mod tests {
         let scenario = short_scenario();
         let solution = hertz_chain::simulate(&scenario).unwrap();
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
-            let error = write(&scenario, &solution, rate, Path::new("never.parquet")).unwrap_err();
+            let error = write(&scenario, &solution, rate, &Target::new("never.parquet")).unwrap_err();
             assert!(matches!(error, TimeSeriesError::Rate { .. }), "{error}");
         }
     }

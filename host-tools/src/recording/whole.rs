@@ -1,8 +1,15 @@
 //! Files that appear whole or not at all.
+//!
+//! # Design
+//! A result is written under a hidden name beside its own and renamed when it is complete. Until then its name
+//! stands in a list, so that a program that is interrupted can remove what it leaves unfinished:
+//! [`remove_unfinished`].
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use anyhow::Context;
 
@@ -14,48 +21,132 @@ pub struct WriteError {
     reason: anyhow::Error,
 }
 
-/// Writes a file under a temporary name beside `path` and renames it when `fill` has succeeded, so that
-/// nothing half-written is ever found under the name asked for.
-///
-/// # Errors
-/// The directory is missing or not writable, or what `fill` reports.
-pub fn write_whole(
-    path: &Path,
-    fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>,
-) -> Result<(), WriteError> {
-    let directory = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let write = || -> anyhow::Result<()> {
-        let mut file = tempfile::Builder::new()
-            .prefix(".bead-")
-            .tempfile_in(directory)
-            .context("is the directory there, and writable?")?;
-        fill(file.as_file_mut())?;
-        file.as_file_mut().sync_all()?;
+/// A file that is to be written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Target {
+    path: PathBuf,
+    replaces: bool,
+}
+
+impl Target {
+    /// A new file. It never takes the place of one that is there when it is finished.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            replaces: false,
+        }
+    }
+
+    /// The same, but it takes the place of a file that is there if `replaces`.
+    #[must_use]
+    pub fn replacing(self, replaces: bool) -> Self {
+        Self { replaces, ..self }
+    }
+
+    /// Where it will be.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether it takes the place of a file that is there.
+    pub fn replaces(&self) -> bool {
+        self.replaces
+    }
+
+    fn error(&self, reason: anyhow::Error) -> WriteError {
+        let path = self.path.clone();
+        WriteError { path, reason }
+    }
+
+    /// Whether a file can be made in its directory: makes one, and removes it.
+    ///
+    /// # Errors
+    /// The directory is missing or not writable.
+    pub fn try_out(&self) -> Result<(), WriteError> {
+        self.begin().map(drop).map_err(|reason| self.error(reason))
+    }
+
+    fn begin(&self) -> anyhow::Result<tempfile::NamedTempFile> {
+        let directory = match self.path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".bead-");
         // A temporary file is private to its owner; a result is as readable as any other new file.
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
-            file.as_file()
-                .set_permissions(fs::Permissions::from_mode(0o644))?;
+            builder.permissions(fs::Permissions::from_mode(0o666));
         }
-        file.persist(path)?;
-        Ok(())
-    };
-    write().map_err(|reason| WriteError {
-        path: path.to_owned(),
-        reason,
-    })
+        builder
+            .tempfile_in(directory)
+            .context("is the directory there, and writable?")
+    }
+
+    /// Writes what `fill` writes, whole or not at all.
+    ///
+    /// # Errors
+    /// The directory is missing or not writable, what `fill` reports, or a file of that name that must not be
+    /// replaced.
+    pub fn write(&self, fill: impl FnOnce(&mut fs::File) -> anyhow::Result<()>) -> Result<(), WriteError> {
+        let write = || -> anyhow::Result<()> {
+            let mut file = self.begin()?;
+            let _listed = Unfinished::list(file.path());
+            fill(file.as_file_mut())?;
+            file.as_file_mut().sync_all()?;
+            match self.replaces {
+                true => file.persist(&self.path).map(drop)?,
+                false => file.persist_noclobber(&self.path).map(drop).map_err(|lost| {
+                    let error = anyhow::Error::new(lost.error);
+                    error.context("another file took its name meanwhile, and this one is not kept")
+                })?,
+            }
+            Ok(())
+        };
+        write().map_err(|reason| self.error(reason))
+    }
+
+    /// Writes a whole file of these bytes.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write).
+    pub fn write_bytes(&self, bytes: impl AsRef<[u8]>) -> Result<(), WriteError> {
+        self.write(|file| Ok(file.write_all(bytes.as_ref())?))
+    }
 }
 
-/// Writes a whole file of these bytes.
-///
-/// # Errors
-/// As [`write_whole`].
-pub fn write_bytes(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), WriteError> {
-    write_whole(path, |file| Ok(file.write_all(bytes.as_ref())?))
+/// Files that are being written.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// A file in the list of those that are being written.
+pub struct Unfinished(PathBuf);
+
+impl Unfinished {
+    /// Lists a file until this is dropped.
+    pub fn list(path: &Path) -> Self {
+        let mut files = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        files.insert(path.to_owned());
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        let mut files = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        files.remove(&self.0);
+    }
+}
+
+/// Removes every file that is being written, for a program that is about to end. None can be finished any more.
+pub fn remove_unfinished() {
+    let files = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+    for file in files.iter() {
+        // It may have just taken its name, or be gone. Nothing better can be done.
+        let _ = fs::remove_file(file);
+    }
+    // Held for ever: a file that was about to take its name waits for the end.
+    std::mem::forget(files);
 }
 
 #[cfg(test)]
@@ -66,7 +157,7 @@ mod tests {
     fn a_failed_write_leaves_nothing_behind() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("out.bin");
-        let result = write_whole(&path, |file| {
+        let result = Target::new(&path).write(|file| {
             file.write_all(b"half")?;
             anyhow::bail!("the disk is full")
         });
@@ -80,9 +171,24 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("out.bin");
         fs::write(&path, "old").unwrap();
-        write_whole(&path, |_| anyhow::bail!("no")).unwrap_err();
+        let target = Target::new(&path).replacing(true);
+        target.write(|_| anyhow::bail!("no")).unwrap_err();
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
-        write_whole(&path, |file| Ok(file.write_all(b"new")?)).unwrap();
+        target.write_bytes("new").unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+    }
+
+    #[test]
+    fn a_file_that_appears_while_another_is_written_is_kept() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("out.bin");
+        let result = Target::new(&path).write(|file| {
+            fs::write(&path, "other")?;
+            Ok(file.write_all(b"ours")?)
+        });
+        let message = result.unwrap_err().to_string();
+        assert!(message.contains("another file took its name"), "{message}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "other");
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
     }
 }

@@ -9,6 +9,7 @@ mod files;
 mod image;
 mod links;
 mod mutants;
+mod python;
 mod setup;
 mod step;
 
@@ -91,6 +92,12 @@ const TASKS: &[Task] = &[
         "Words that follow go to the benchmark: `--format json`, `--quick`. What it compares with is compiled for it \
          alone. docs/benchmarks.md says how to read it.",
         |steps| bench(steps, &[]),
+    ),
+    (
+        "python",
+        "Set up target/python with pandas, polars, xarray, pyuff and mcap, which a test opens exported files with",
+        "",
+        python::setup,
     ),
     (
         "mutants",
@@ -185,7 +192,7 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
     let report = steps.built("demo/report.html");
     let emulate = bead(&format!("emulate {scenario} --bead 8 --firmware"))
         .arg(image(steps))
-        .words("--out")
+        .words("--force --out")
         .arg(steps.built("demo"));
     let title = "a striker hits the chain; the flash image senses it inside bead 8, in QEMU";
     steps.run(title, &emulate)?;
@@ -193,7 +200,7 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
     steps.run(title, &bead("replay").arg(&recording))?;
     let compare = bead("compare")
         .arg(&recording)
-        .words(&format!("--scenario {scenario} --report"))
+        .words(&format!("--scenario {scenario} --force --report"))
         .arg(&report);
     steps.run("device, replay and simulation, side by side", &compare)?;
     steps.announce(&format!("done. The report: {}", report.display()));
@@ -246,13 +253,14 @@ fn test(steps: &Steps) -> Result<(), Stop> {
     );
     let title = "the shared crates without their default features";
     steps.run(title, &Line::new(&bare))?;
+    python::setup_if_it_can_be(steps);
     // The figures' checks are left to the next step, which draws as well.
     let tests = format!("cargo test --release {HOST} -- --skip {}", mutants::TEST);
     steps.run("tests", &Line::new(&tests))?;
     slow_core(steps)?;
     let (figures, table) = (steps.built("figures"), steps.built("figures/checks.md"));
     let draw = Line::program(steps.built("release/bead"))
-        .words("figures --check --out")
+        .words("figures --check --force --out")
         .arg(&figures)
         .words("--table")
         .arg(&table)

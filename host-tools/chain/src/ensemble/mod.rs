@@ -17,6 +17,7 @@ mod outcome;
 mod peak;
 mod together;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
@@ -137,7 +138,7 @@ fn single(scenario: &Scenario, peaks: &[usize]) -> Result<Outcome, SimulateError
     Ok(Outcome {
         state: solution.state(last).to_vec(),
         time: solution.end(),
-        model: solution.model().clone(),
+        model: Arc::clone(&solution.model),
         peaks: found,
         steps: last as u64,
     })

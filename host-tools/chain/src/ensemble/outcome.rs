@@ -1,5 +1,7 @@
 //! What a chain of an ensemble has come to.
 
+use std::sync::Arc;
+
 use crate::absorption::Absorption;
 use crate::model::Model;
 use crate::observe::ContactPeak;
@@ -8,7 +10,7 @@ use crate::solution::Snapshot;
 /// The end of one chain of an ensemble.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    pub(super) model: Model,
+    pub(super) model: Arc<Model>,
     pub(super) time: f64,
     pub(super) state: Vec<f64>,
     pub(super) peaks: Vec<ContactPeak>,
@@ -52,7 +54,7 @@ impl Outcome {
     /// What viscous contacts have dissipated is the part of the first energy that nothing else has; the sum of all
     /// energies does not show the error here.
     pub fn end(&self) -> Snapshot<'_> {
-        Snapshot::of(&self.model, self.time, self.state.clone())
+        Snapshot::new(&self.model, self.time, self.state.clone())
     }
 
     /// The energy that all intruders have dissipated, J.

@@ -1,5 +1,7 @@
 //! Chains of one shape, from their models to their outcomes.
 
+use std::sync::Arc;
+
 use super::chain::{Constants, Shape};
 use super::group::{Group, Motion};
 use super::outcome::Outcome;
@@ -49,7 +51,7 @@ pub(super) fn run(
         Some(time) => Err(SimulateError::Stuck { time }),
         None => {
             let outcome = Outcome {
-                model: (*model).clone(),
+                model: Arc::new((*model).clone()),
                 time: *time,
                 state: state(shape, model, &group, lane),
                 peaks: greatest(&group, lane),

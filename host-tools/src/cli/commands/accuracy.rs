@@ -29,7 +29,7 @@ Exit status 1 if in any cell neither pair of sensors keeps A within 0.5 % and B 
 
 Examples:
   bead accuracy docs/scenarios/paper-strike.toml --bead 8
-  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --table docs/ranges.md
+  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --force --table docs/ranges.md
   bead accuracy docs/scenarios/paper-strike.toml --bead 8 --radii 0.0045 --speeds 0.3,0.6 --strikes 20 --format json";
 
 /// Arguments of `bead accuracy`.
@@ -78,7 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     let image = arguments.bench.image()?;
-    arguments.table.check(&[&arguments.bench.scenario, &image])?;
+    let target = arguments.table.target(&[&arguments.bench.scenario, &image])?;
     let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
     let row = |&radius: &f64| speeds.iter().map(move |&speed| (radius, speed));
     let grid: Vec<(f64, f64)> = radii.iter().flat_map(row).collect();
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     progress.finish_and_clear();
 
     let (page, table) = (|| markdown(arguments, &cells), || table(&cells));
-    arguments.table.tell(&cells, page, table)?;
+    arguments.table.tell(target.as_ref(), &cells, page, table)?;
     let outside = cells.iter().filter(|cell| !cell.pass).count();
     match outside {
         0 => Ok(()),
@@ -185,7 +185,7 @@ fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {
 
 Written by
 
-    bead accuracy {} --bead {} --strikes {} --table docs/ranges.md
+    bead accuracy {} --bead {} --strikes {} --force --table docs/ranges.md
 
 from runs of the flash image in QEMU: {} strikes a cell, each at another phase of the sample clock, with noise, by steel
 strikers on the chain of the scenario. An error is that of the absorbed energy against the full f64 chain, its root mean

@@ -11,8 +11,10 @@ use serde_json::{Value, json};
 use crate::cli::failure::Failure;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
 use crate::line::conversation::{Answer, Conversation};
 use crate::recording::frames::Frame;
+use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
 A bead goes on measuring while it is asked; a reboot excepted.
@@ -57,6 +59,8 @@ enum Action {
         /// The codes as CSV, one scan a row; - for standard output, with the summary on standard error.
         #[arg(long, value_name = "F.csv")]
         out: PathBuf,
+        #[command(flatten)]
+        force: Force,
     },
     /// Set the counts of losses, faults and rejected input to 0.
     ResetCounters(Common),
@@ -84,7 +88,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             common,
             duration,
             out,
-        } => raw(common, *duration, out),
+            force,
+        } => {
+            let out = Some(out.as_path()).filter(|out| out.as_os_str() != "-");
+            raw(common, *duration, place::optional(out, Kind::Table, &[], *force)?)
+        }
         Action::ResetCounters(common) => simple(common, &Request::ResetCounters, "counters reset"),
         Action::Reboot(common) => {
             let boot = common.line.open()?.reboot()?;
@@ -198,7 +206,7 @@ fn found(check: Check, value: u32) -> String {
     }
 }
 
-fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(), Failure> {
+fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), Failure> {
     let duration_ms = u32::try_from(duration.as_millis().max(1)).unwrap_or(u32::MAX);
     let mut bead = common.line.open()?;
     let link = |frame: &Frame| match frame.message {
@@ -230,12 +238,12 @@ fn raw(common: &Common, duration: Duration, out: &std::path::Path) -> Result<(),
     let text = format!(
         "{received} of {scans} scans received; {dropped} did not fit the line, {lost} were lost on it"
     );
-    if out == std::path::Path::new("-") {
+    let Some(out) = out else {
         output::written(write(&mut std::io::stdout().lock()))?;
         eprintln!("bead: {text}");
         return Ok(());
-    }
-    output::write_whole(out, |file| Ok(write(file)?))?;
+    };
+    out.write(|file| Ok(write(file)?))?;
     output::print(common.format, &summary, || text)
 }
 

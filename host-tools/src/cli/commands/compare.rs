@@ -1,6 +1,5 @@
 //! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -8,14 +7,16 @@ use serde_json::json;
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::{load_scenario, only_host};
-use crate::cli::failure::{Blame, Failure};
+use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
 use crate::comparison::page::Page;
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
 use crate::comparison::verdict::{Soundness, failure};
 use crate::recording::file::Part;
 use crate::recording::received::Received;
+use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
 Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. An emulated run
@@ -44,6 +45,8 @@ pub(crate) struct Arguments {
     /// Write the figures as SVG files into this directory, which is made if it is missing.
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -51,7 +54,12 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let inputs: [&Path; 2] = [&arguments.recording, &arguments.scenario];
-    output::is_no_input(arguments.report.as_deref(), &inputs)?;
+    let report = place::optional(arguments.report.as_deref(), Kind::Page, &inputs, arguments.force)?;
+    let figures = arguments.figures.as_deref().map(|directory| {
+        let names = ["strike.svg", "residuals.svg"].map(|name| (name, Kind::Drawing));
+        place::targets(directory, names, &inputs, arguments.force)
+    });
+    let figures = figures.transpose()?;
     let (scenario, _) = load_scenario(&arguments.scenario)?;
     let received = Received::open(&arguments.recording)?;
     let mut recorded = received.strikes()?;
@@ -102,11 +110,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         settings: settings.as_ref(),
         emulator: emulator.as_ref(),
     };
-    if let Some(path) = &arguments.report {
-        output::write_bytes(path, page.html()?)?;
+    if let Some(report) = &report {
+        report.write_bytes(page.html()?)?;
     }
-    if let Some(directory) = &arguments.figures {
-        write_figures(directory, &strikes)?;
+    if let Some((directory, figures)) = arguments.figures.as_ref().zip(figures) {
+        write_figures(directory, &figures, &strikes)?;
     }
     let result = json!({
         "bead": bead,
@@ -122,18 +130,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }
 
-fn write_figures(directory: &Path, strikes: &[StrikeComparison]) -> Result<(), Failure> {
+fn write_figures(
+    directory: &Path,
+    figures: &[Target; 2],
+    strikes: &[StrikeComparison],
+) -> Result<(), Failure> {
     let mut traces = strikes.iter().filter_map(|strike| strike.traces.as_ref());
     let nothing = || Failure::input("no strike was received whole, so there is nothing to draw");
     let traces = traces.next().ok_or_else(nothing)?;
-    let shown = directory.display().to_string();
-    fs::create_dir_all(directory)
-        .or_input(|| format!("cannot make the directory {shown}; give --figures another"))?;
-    for (name, chart) in [
-        ("strike.svg", strike_chart(traces)),
-        ("residuals.svg", residual_chart(traces)),
-    ] {
-        output::write_bytes(&directory.join(name), chart.standalone_svg()?)?;
+    place::make_directory(directory)?;
+    for (figure, chart) in figures.iter().zip([strike_chart(traces), residual_chart(traces)]) {
+        figure.write_bytes(chart.standalone_svg()?)?;
     }
     Ok(())
 }

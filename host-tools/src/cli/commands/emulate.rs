@@ -19,10 +19,13 @@ use crate::bench::sensed::{
 use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::front_end_options::FrontEndOptions;
+use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
 use crate::comparison::run::{MeasuredStrike, RunReport};
 use crate::line::port::Address;
 use crate::recording::file::{About, Part, Writer};
+use crate::recording::whole::{Target, Unfinished};
 
 const AFTER_HELP: &str = "\
 The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes at its
@@ -52,6 +55,8 @@ pub(crate) struct Arguments {
     /// Leave the recording and the settings block in this directory, which is made if it is missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// Number of strikes.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     strikes: u32,
@@ -88,6 +93,17 @@ const SYNC_LEAST: f64 = 0.02;
 const LEAD_IN: f64 = 0.02;
 
 impl Arguments {
+    /// The recording and the settings block, if they are wanted.
+    fn outputs(&self) -> Result<Option<[Target; 2]>, Failure> {
+        let inputs = [Some(&self.bench.scenario), self.faults.as_ref()];
+        let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
+        let bead = self.bench.bead;
+        let [recording, settings] = [format!("bead-{bead}.mcap"), format!("bead-{bead}.settings")];
+        let files = [(&*recording, Kind::Recording), (&*settings, Kind::Settings)];
+        let targets = |out: &PathBuf| place::targets(out, files, &inputs, self.force);
+        self.out.as_ref().map(targets).transpose()
+    }
+
     /// Refuses values that no run can have.
     fn check(&self) -> anyhow::Result<()> {
         let (interval, ppm) = (self.interval, self.clock_ppm);
@@ -105,22 +121,19 @@ impl Arguments {
             ppm.abs() < 1000.0,
             "--clock-ppm {ppm}: a crystal is off by less than 1000 ppm"
         );
-        if let Some(out) = &self.out {
-            let is_file = out.exists() && !out.is_dir();
-            ensure!(!is_file, "--out {} is a file; give a directory", out.display());
-        }
         Ok(())
     }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.check().map_err(Failure::Input)?;
+    let outputs = arguments.outputs()?;
     let (scenario, text) = load_scenario(&arguments.bench.scenario)?;
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let emulation = prepare(arguments, &scenario, &progress)?;
     if let Some(address) = &arguments.listen {
         progress.finish_and_clear();
-        let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
+        let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
         eprintln!("bead: a bead is at {address} until Ctrl-C; its time passes while somebody is connected");
         return Ok(bridge::serve(&mut Bridge::new(&emulation), address, &stop)?);
     }
@@ -128,12 +141,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let ran = emulation.run()?;
     progress.finish_and_clear();
 
-    let recording = match &arguments.out {
-        Some(out) => Some(record(arguments, out, &text, &emulation, &ran)?),
-        None => None,
-    };
-    let report = RunReport::of(&emulation, ran, recording);
+    // A disk that is full must not cost the result as well: it is printed all the same.
+    let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &emulation, &ran));
+    let recording = recorded.as_ref().and_then(|recorded| recorded.as_ref().ok());
+    let report = RunReport::of(&emulation, ran, recording.cloned());
     output::print(arguments.format, &report, || table(&report))?;
+    recorded.transpose()?;
     let verdict = report.verdict(arguments.strikes);
     verdict.map_err(|why| Failure::Verdict(why.to_string()))
 }
@@ -183,14 +196,15 @@ fn prepare(arguments: &Arguments, scenario: &Scenario, progress: &ProgressBar) -
 /// Writes everything that belongs to the run to one file.
 fn record(
     arguments: &Arguments,
-    out: &Path,
+    [recording, settings]: &[Target; 2],
     scenario: &str,
     emulation: &Emulation,
     ran: &Ran,
 ) -> Result<PathBuf, Failure> {
-    fs::create_dir_all(out)
-        .or_input(|| format!("cannot make the directory {}; give --out another", out.display()))?;
-    let path = out.join(format!("bead-{}.mcap", arguments.bench.bead));
+    let path = recording.path();
+    if let Some(directory) = path.parent() {
+        place::make_directory(directory)?;
+    }
     let firmware = ran.frames.iter().find_map(|frame| match &frame.message {
         Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
         _ => None,
@@ -211,18 +225,36 @@ fn record(
     let truth = json(Part::Truth, serde_json::to_string_pretty(&emulation.truth))?;
     let report = json(Part::EmulatorReport, serde_json::to_string_pretty(&ran.report))?;
     let write = || {
-        let mut writer = Writer::create(&path, &about)?;
+        let mut writer = Writer::create(recording, &about)?;
+        let partial = Remove(
+            writer.partial_path().to_owned(),
+            Unfinished::list(writer.partial_path()),
+        );
         writer.attach(Part::Settings, &emulation.block)?;
         writer.attach(Part::Scenario, scenario.as_bytes())?;
         writer.attach(Part::Truth, truth.as_bytes())?;
         writer.attach(Part::EmulatorReport, report.as_bytes())?;
         ran.write(&mut writer, 0)?;
-        writer.finish()
+        let finished = writer.finish();
+        drop(partial);
+        finished
     };
-    write()?;
-    let settings = out.join(format!("bead-{}.settings", arguments.bench.bead));
-    output::write_bytes(&settings, &emulation.block)?;
-    Ok(path)
+    let written = write()?;
+    settings.write_bytes(&emulation.block)?;
+    Ok(written.path)
+}
+
+/// A recording that is not complete. It is removed: the run can be repeated.
+struct Remove(
+    PathBuf,
+    #[expect(dead_code, reason = "it is in a list until it is dropped")] Unfinished,
+);
+
+impl Drop for Remove {
+    fn drop(&mut self) {
+        // Finished, it has another name.
+        let _ = fs::remove_file(&self.0);
+    }
 }
 
 fn table(report: &RunReport) -> String {

@@ -11,8 +11,10 @@ use crate::bench::emulation::Emulation;
 use crate::bench::sensed::Timing;
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
 use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
+use crate::recording::whole::Target;
 
 /// Goals, as parts of the truth: of estimate A, and of B.
 const GOALS: [f64; 2] = [5e-3, 1e-2];
@@ -30,26 +32,29 @@ pub(super) struct TableOptions {
     /// Write the table to this file too, as Markdown.
     #[arg(long, value_name = "F.md")]
     table: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }
 
 impl TableOptions {
-    /// Refuses a table that would take an input's place.
-    pub(super) fn check(&self, inputs: &[&Path]) -> Result<(), Failure> {
-        output::is_no_input(self.table.as_deref(), inputs)
+    /// Where the table goes; see [`place::target`].
+    pub(super) fn target(&self, inputs: &[&Path]) -> Result<Option<Target>, Failure> {
+        place::optional(self.table.as_deref(), Kind::Text, inputs, self.force)
     }
 
     /// Writes and prints the cells.
     pub(super) fn tell(
         &self,
+        target: Option<&Target>,
         cells: &impl Serialize,
         markdown: impl FnOnce() -> String,
         table: impl FnOnce() -> String,
     ) -> Result<(), Failure> {
-        if let Some(path) = &self.table {
-            output::write_bytes(path, markdown())?;
+        if let Some(target) = target {
+            target.write_bytes(markdown())?;
         }
         output::print(self.format, cells, table)
     }

@@ -13,6 +13,7 @@ use serde_json::json;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
 
 const AFTER_HELP: &str = "\
 What remains is the share of the injected energy that the intruders have not dissipated by the end of the run: what they
@@ -62,6 +63,8 @@ pub(crate) struct Arguments {
     /// Write the scenario with the intruders found to this file, for `bead simulate`.
     #[arg(long, value_name = "F.toml")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -130,7 +133,12 @@ struct Compared {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
-    output::is_no_input(arguments.out.as_deref(), &[&arguments.scenario])?;
+    let out = place::optional(
+        arguments.out.as_deref(),
+        Kind::Scenario,
+        &[&arguments.scenario],
+        arguments.force,
+    )?;
     let search = search(arguments, &scenario)?;
     let bar = output::progress(search.evaluations as u64);
     bar.set_message(format!("designs for {} hosts", search.hosts.len()));
@@ -139,13 +147,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     bar.set_message("comparing");
     let compared = compare(&scenario, &search, &optimum)?;
     bar.finish_and_clear();
-    if let Some(out) = &arguments.out {
+    if let Some(out) = &out {
         let text = format!(
             "# Found by bead optimise: {:.2} % of the injected energy remains.\n{}",
             100.0 * optimum.share,
             optimum.scenario(&scenario).to_toml()
         );
-        output::write_bytes(out, text)?;
+        out.write_bytes(text)?;
     }
     let report = json!({
         "hosts": &search.hosts,

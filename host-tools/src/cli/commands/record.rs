@@ -1,35 +1,39 @@
 //! `bead record`: what a bead sends, to a recording.
 //!
 //! # Design
-//! One thread only reads the port. A slow disk, or a paused reader of standard output, therefore costs memory
-//! and never bytes. The thread ends at `--duration`, at a signal, or when the port goes away. In each case
-//! all that it read is recorded.
+//! One thread only reads the port. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before it costs a
+//! byte; a paused reader of standard output costs lines there and nothing else. The thread ends at
+//! `--duration`, at a signal, or when the port goes away. In each case all that it read is recorded.
 
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use std::{panic, thread};
+use std::{iter, panic, thread};
 
-use anyhow::ensure;
 use bead_wire::{Arrival, Counters, Fault, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
-use indicatif::ProgressBar;
 
-use super::clock::drift;
-use crate::cli::failure::{Blame, Failure};
+use super::clock::{drift, rfc3339};
+use crate::cli::failure::Failure;
+use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
+use crate::cli::printer::Printer;
 use crate::line::port::{Address, Port};
-use crate::recording::clock::{Segment, Tracker};
+use crate::line::queue::{Closed, Queue};
+use crate::recording::clock::{Live, Segment};
 use crate::recording::file::{About, RecordingError, Writer};
 use crate::recording::frames::{Frame, Item};
+use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
-Ends at Ctrl-C or after --duration with exit status 0, and with 3 when the port goes away. The recording is complete in
-each case. It keeps every byte as received, corrupt frames included, with the time of receipt. Each strike is printed as
+Ends at Ctrl-C or after --duration with exit status 0, and with 3 when the port goes away or no frame came. The recording
+is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 seconds. Killed, it leaves F.mcap.partial,
+in which at most the last two seconds are missing; `bead recover` makes a whole recording of it. It takes at most 128 MB
+of memory, and 3 MB more for each GB recorded. It keeps every byte as received, corrupt frames included, with the time of receipt. Each strike is printed as
 it comes. The last line says how fast the bead's clock is against this host's, if the recording is long enough; see
 `bead clock`.
 
@@ -48,53 +52,71 @@ pub(crate) struct Arguments {
     /// The recording [default: bead-DATE-TIME.mcap, in UTC].
     #[arg(long, value_name = "F.mcap")]
     out: Option<PathBuf>,
-    /// Replace the recording if there is one.
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: Force,
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
     /// Stop after this time, s.
     #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
     duration: Option<Duration>,
-    /// How to print the strikes; as JSON, one object a line, as `bead decode` does.
+    /// How to print the strikes; as JSON, one object a line, as `bead decode` does, with the time of
+    /// receipt.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }
 
 /// Received bytes go to the system at least this often.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Received bytes that may wait for the disk: minutes of a serial line.
+const QUEUE: usize = 32 << 20;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
-    let out = arguments.recording(started).map_err(Failure::Input)?;
+    let mut target = arguments.target(started)?;
     let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
-    let stop = output::stop_at_signals().or_input(|| "cannot listen for Ctrl-C")?;
-    let mut recorder = Recorder::new(arguments, &out, started)?;
+    let mut recorder = loop {
+        match Recorder::new(arguments, &target, started) {
+            // Another program began a recording in the same second.
+            Err(RecordingError::Busy(_)) if arguments.out.is_none() => target = arguments.target(started)?,
+            recorder => break recorder?,
+        }
+    };
+    let partial = recorder.writer.partial_path().display().to_string();
+    let stop = interrupt::orderly(format!(
+        "the disk was too slow to complete the recording; what came is in {partial}, for `bead recover`"
+    ));
     let deadline = arguments
         .duration
         .and_then(|duration| recorder.opened.checked_add(duration));
+    let queue = Queue::new(QUEUE);
     let (heard, kept) = thread::scope(|scope| {
-        let (sender, receiver) = mpsc::channel();
-        let listener = scope.spawn(|| listen(&mut port, &stop, deadline, sender));
-        let kept = recorder.keep(&receiver);
-        drop(receiver);
+        let listener = scope.spawn(|| {
+            let heard = listen(&mut port, &stop, deadline, &queue);
+            queue.close();
+            heard
+        });
+        let kept = recorder.keep(&queue);
+        queue.close();
         stop.store(true, Ordering::Relaxed);
         let heard = listener
             .join()
             .unwrap_or_else(|cause| panic::resume_unwind(cause));
         (heard, kept)
     });
-    recorder.progress.finish_and_clear();
     let seconds = recorder.opened.elapsed().as_secs_f64();
-    let partial = recorder.writer.partial_path().display().to_string();
     let kept = kept.and_then(|()| recorder.writer.finish());
-    let counters =
-        kept.map_err(|error| Failure::input(format!("{error}; what came before is kept in {partial}")))?;
+    let finished = kept.map_err(|error| {
+        Failure::input(format!(
+            "{error}; what came before is kept in {partial}, for `bead recover`"
+        ))
+    })?;
+    let counters = finished.counters;
+    let printed = recorder.printer.finish();
 
     let result = format!(
         "{}: {}",
-        out.display(),
+        finished.path.display(),
         summary(&counters, recorder.strikes, seconds)
     );
     if let Err(reason) = heard {
@@ -106,44 +128,40 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let lines = [
         Some(result),
-        Some(clock_lines(&recorder.tracker)).filter(|lines| !lines.is_empty()),
-        advice(&counters).map(str::to_owned),
+        Some(clock_lines(&recorder.live)).filter(|lines| !lines.is_empty()),
         recorder.from_the_future,
     ];
     for line in lines.into_iter().flatten() {
         eprintln!("bead: {line}");
     }
-    recorder.printed
+    printed?;
+    advice(&counters).map_or(Ok(()), |advice| Err(Failure::device(advice)))
 }
 
 impl Arguments {
-    /// The name of the recording. No other file has it, unless it may be replaced.
-    fn recording(&self, started: DateTime<Utc>) -> anyhow::Result<PathBuf> {
-        let named = || started.format("bead-%Y%m%d-%H%M%S.mcap").to_string().into();
-        let out = self.out.clone().unwrap_or_else(named);
-        let name = out.display();
-        ensure!(!out.is_dir(), "{name} is a directory; give --out a file's name");
-        ensure!(
-            self.force || !out.exists(),
-            "{name} is there already; give another --out, or --force to replace it"
-        );
-        Ok(out)
+    /// Where the recording goes. A name of the date is one that no file has yet, finished or not.
+    fn target(&self, started: DateTime<Utc>) -> Result<Target, Failure> {
+        let given = |out: &Path| place::target(out, Kind::Recording, &[], self.force);
+        if let Some(out) = &self.out {
+            return given(out);
+        }
+        let date = started.format("bead-%Y%m%d-%H%M%S");
+        let numbers = iter::once(String::new()).chain((2..).map(|number| format!("-{number}")));
+        let mut names = numbers.map(|number| PathBuf::from(format!("{date}{number}.mcap")));
+        let is_free = |name: &PathBuf| !name.exists() && !name.with_extension("mcap.partial").exists();
+        let free = names.find(is_free).expect("the numbers do not end");
+        given(&free)
     }
 }
 
 /// Reads the port until it is told to stop, at least once. An error means that the port went away.
-fn listen(
-    port: &mut Port,
-    stop: &AtomicBool,
-    deadline: Option<Instant>,
-    sender: Sender<(Instant, Vec<u8>)>,
-) -> io::Result<()> {
+fn listen(port: &mut Port, stop: &AtomicBool, deadline: Option<Instant>, queue: &Queue) -> io::Result<()> {
     let mut buffer = vec![0; 64 * 1024];
     loop {
         let length = port.read(&mut buffer)?;
         // The time is taken here and not at the writer, where the disk would delay it.
         let now = Instant::now();
-        let wanted = length == 0 || sender.send((now, buffer[..length].to_vec())).is_ok();
+        let wanted = length == 0 || queue.push((now, buffer[..length].to_vec()));
         let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
         if late || !wanted || stop.load(Ordering::Relaxed) {
             return Ok(());
@@ -153,7 +171,7 @@ fn listen(
 
 struct Recorder {
     writer: Writer,
-    tracker: Tracker,
+    live: Live,
     opened: Instant,
     /// The same in ns since 1970.
     opened_ns: u64,
@@ -161,14 +179,13 @@ struct Recorder {
     /// See [`Frame::from_the_future`].
     from_the_future: Option<String>,
     format: Format,
-    /// What printing gave. If standard output fails, the recording goes on.
-    printed: Result<(), Failure>,
-    progress: ProgressBar,
+    /// If standard output fails or pauses, the recording goes on.
+    printer: Printer,
 }
 
 impl Recorder {
     /// A recorder of a port that was opened just now.
-    fn new(arguments: &Arguments, out: &Path, started: DateTime<Utc>) -> Result<Self, Failure> {
+    fn new(arguments: &Arguments, target: &Target, started: DateTime<Utc>) -> Result<Self, RecordingError> {
         let opened = Instant::now();
         // From here on the monotonic clock counts, so that a step of the host's time is not taken for the
         // bead's drift.
@@ -185,29 +202,28 @@ impl Recorder {
             ..About::default()
         };
         Ok(Self {
-            writer: Writer::create(out, &about)?,
-            tracker: Tracker::default(),
+            writer: Writer::create(target, &about)?,
+            live: Live::default(),
             opened,
             opened_ns,
             strikes: 0,
             from_the_future: None,
             format: arguments.format,
-            printed: Ok(()),
-            progress: output::spinner(format!("listening to {}", arguments.port)),
+            printer: Printer::new(format!("listening to {}", arguments.port)),
         })
     }
 
-    /// Records what comes until the sender is gone.
-    fn keep(&mut self, receiver: &Receiver<(Instant, Vec<u8>)>) -> Result<(), RecordingError> {
+    /// Records what comes until the queue is closed.
+    fn keep(&mut self, queue: &Queue) -> Result<(), RecordingError> {
         loop {
-            match receiver.recv_timeout(FLUSH_EVERY) {
-                Ok((received, bytes)) => {
+            match queue.pop(FLUSH_EVERY) {
+                Ok(Some((received, bytes))) => {
                     let since = received.duration_since(self.opened);
                     let received_ns = self.opened_ns + since.as_nanos() as u64;
                     self.keep_piece(&bytes, received_ns)?;
                 }
-                Err(RecvTimeoutError::Timeout) => self.writer.flush()?,
-                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+                Ok(None) => self.writer.flush()?,
+                Err(Closed) => return Ok(()),
             }
         }
     }
@@ -215,17 +231,16 @@ impl Recorder {
     fn keep_piece(&mut self, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
         let Self {
             writer,
-            tracker,
+            live,
             strikes,
             from_the_future,
             format,
-            printed,
-            progress,
+            printer,
             ..
         } = self;
         writer.write(bytes, Some(received_ns), |item| {
             let Item::Frame(frame) = item else { return };
-            tracker.push(&frame);
+            live.push(&frame);
             *from_the_future = frame.from_the_future().or(from_the_future.take());
             if frame.arrival == Arrival::Duplicate {
                 return;
@@ -238,21 +253,24 @@ impl Recorder {
                 Message::Fault(fault) => fault_line(fault),
                 _ => return,
             };
-            if printed.is_ok() {
-                let line = match format {
-                    Format::Json => frame.json().to_string(),
-                    Format::Table => line,
-                };
-                *printed = progress.suspend(|| output::print_line(&line));
-            }
+            printer.line(match format {
+                Format::Json => {
+                    let mut json = frame.json();
+                    json["received"] = rfc3339(received_ns as i64).into();
+                    json.to_string()
+                }
+                Format::Table => line,
+            });
         })?;
         let counters = writer.counters();
-        progress.set_message(format!(
-            "{} frames, {} lost, {} corrupt, {strikes} strikes",
-            counters.frames,
-            counters.lost,
-            counters.rejected.total()
-        ));
+        printer.status(|| {
+            format!(
+                "{} frames, {} lost, {} corrupt, {strikes} strikes",
+                counters.frames,
+                counters.lost,
+                counters.rejected.total()
+            )
+        });
         Ok(())
     }
 }
@@ -293,7 +311,7 @@ fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
 }
 
 /// How each bead's clock runs since its last restart, a line each, where the recording is long enough to tell.
-fn clock_lines(tracker: &Tracker) -> String {
+fn clock_lines(live: &Live) -> String {
     let line = |segment: &Segment| {
         let fit = segment.fit()?;
         let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
@@ -303,8 +321,7 @@ fn clock_lines(tracker: &Tracker) -> String {
              {seconds:.0} s"
         ))
     };
-    tracker
-        .current()
+    live.segments()
         .filter_map(line)
         .collect::<Vec<_>>()
         .join("\nbead: ")
@@ -345,7 +362,7 @@ mod tests {
 
     #[test]
     fn the_clock_is_told_as_soon_as_it_can_be() {
-        let mut tracker = Tracker::default();
+        let mut live = Live::default();
         let mut sent = |second: u64| {
             let identity = bead_wire::Identity {
                 firmware: "".into(),
@@ -370,8 +387,8 @@ mod tests {
                 received_ns: Some(second * 999_950_002 + second * 7919 % 30_011),
                 message: identity.into(),
             };
-            tracker.push(&frame);
-            clock_lines(&tracker)
+            live.push(&frame);
+            clock_lines(&live)
         };
         assert_eq!(sent(0), "");
         let lines: Vec<_> = (1..=60).map(&mut sent).collect();

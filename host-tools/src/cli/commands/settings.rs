@@ -1,30 +1,37 @@
 //! `bead settings`: a bead's settings, read, written and shown.
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use bead_model::calibration::Channel;
 use bead_model::sensor::Sensor;
-use bead_model::settings::{BLOCK_MAX, Settings, VERSION};
-use bead_wire::{Block, KEY, MAX_BLOCK, Message, Outcome, Reply, Request};
+use bead_model::settings::{Settings, VERSION};
+use bead_wire::{Block, KEY, Message, Outcome, Reply, Request};
 use clap::{ArgGroup, Args, Subcommand};
 use fixed::types::extra::LeEqU32;
 use serde_json::json;
 
+use crate::cli::commands::settings_file;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
 use crate::line::conversation::{Conversation, refused};
 use crate::line::key;
+use crate::recording::physical::Physical;
+use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
 Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a checksum.
-`bead emulate … --out DIR` derives one from a scenario and a front end.
+`make` makes one of a TOML file of physical quantities; `bead emulate … --out DIR` derives one from a scenario.
 
 Exit status 1 if the bead refuses, with its reason; 3 if it does not answer.
 
 Examples:
+  bead settings make --template bead.toml     (then edit it)
+  bead settings make bead.toml
+  bead settings write bead.toml --port /dev/ttyUSB0
+  bead settings set name=left k=3.9e5 --port /dev/ttyUSB0
   bead settings read --port /dev/ttyUSB0 --out bead.settings
   bead settings show bead.settings
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings
@@ -51,6 +58,8 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Action {
+    /// Make settings of a file of physical quantities, or such a file to start from.
+    Make(settings_file::MakeArguments),
     /// Show the settings that a bead measures with, and keep them in a file.
     Read {
         #[command(flatten)]
@@ -58,14 +67,16 @@ enum Action {
         /// Keep the block in this file.
         #[arg(long, value_name = "F.settings")]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        force: Force,
         /// How to print them.
         #[arg(long, value_enum, default_value_t)]
         format: Format,
     },
     /// Write settings to a bead: they are in force from the next strike on, and kept in its flash.
     Write {
-        /// The settings.
-        #[arg(value_name = "F.settings")]
+        /// The settings, or the physical quantities that they are made of.
+        #[arg(value_name = "F.settings|F.toml")]
         file: PathBuf,
         /// Give the bead this address, 0 to 254, instead of the one in the file: it tells beads apart on a
         /// shared line.
@@ -76,12 +87,25 @@ enum Action {
     },
     /// Show the settings in a file.
     Show {
-        /// The settings.
-        #[arg(value_name = "F.settings")]
+        /// The settings, or the physical quantities that they are made of.
+        #[arg(value_name = "F.settings|F.toml")]
         file: PathBuf,
         /// How to print them.
         #[arg(long, value_enum, default_value_t)]
         format: Format,
+    },
+    /// Change some of the settings of a bead: prints what changes, then sends it.
+    Set {
+        /// What to change: `name=left`, `address=3`, `k=3.9e5`, `force.per_code=3.91e-3`. Keys are those of the file
+        /// that `bead settings make --template` writes; M, m, k, c, kappa and tau stand for the masses, springs and
+        /// contacts. SI units.
+        #[arg(value_name = "KEY=VALUE", required = true)]
+        changes: Vec<String>,
+        /// Only say what would change.
+        #[arg(long)]
+        dry_run: bool,
+        #[command(flatten)]
+        line: LineOptions,
     },
     /// Erase the settings that a bead was given over the link. It goes back to the settings of the debug
     /// probe, or to the built-in ones.
@@ -109,12 +133,32 @@ enum Action {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.action {
-        Action::Read { line, out, format } => read(line, out.as_deref(), *format),
-        Action::Write { file, address, line } => write(file, *address, line),
+        Action::Read {
+            line,
+            out,
+            force,
+            format,
+        } => {
+            let out = place::optional(out.as_deref(), Kind::Settings, &[], *force)?;
+            read(line, out.as_ref(), *format)
+        }
+        Action::Make(arguments) => settings_file::make(arguments),
+        Action::Write { file, address, line } => {
+            let block = settings_file::load(file, *address)?;
+            store(&mut line.open()?, &block)?;
+            let (length, file) = (block.len(), file.display());
+            eprintln!("bead: the {length} bytes of {file} are stored and in force");
+            Ok(())
+        }
         Action::Show { file, format } => {
-            let block = load(file)?;
+            let block = settings_file::load(file, None)?;
             print(&block, *format, || format!("{}: ", file.display()))
         }
+        Action::Set {
+            changes,
+            dry_run,
+            line,
+        } => set(changes, *dry_run, line),
         Action::Reset { line } => {
             let answer = line.open()?.request_done(&Request::EraseSettings)?;
             eprintln!("bead: settings {}", answer.reply.detail);
@@ -164,49 +208,60 @@ fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Resul
     Ok(())
 }
 
-fn read(line: &LineOptions, out: Option<&Path>, format: Format) -> Result<(), Failure> {
-    let answer = line.open()?.request_done(&Request::ReadSettings)?;
-    let block = answer.last("settings frame", |frame| match &frame.message {
-        Message::Settings(settings) => Some(settings.block.clone()),
-        _ => None,
-    })?;
+fn read(line: &LineOptions, out: Option<&Target>, format: Format) -> Result<(), Failure> {
+    let block = ask(&mut line.open()?)?;
     if let Some(out) = out {
-        output::write_whole(out, |file| Ok(file.write_all(block.bytes())?))?;
+        out.write_bytes(block.bytes())?;
     }
     print(block.bytes(), format, || "the bead has a ".to_owned())
 }
 
-fn write(file: &Path, address: Option<u8>, line: &LineOptions) -> Result<(), Failure> {
-    let block = match address {
-        Some(address) => addressed(file, address)?,
-        None => load(file)?,
-    };
+/// The block that a bead measures with.
+fn ask(bead: &mut Conversation) -> Result<Block, Failure> {
+    let answer = bead.request_done(&Request::ReadSettings)?;
+    Ok(answer.last("settings frame", |frame| match &frame.message {
+        Message::Settings(settings) => Some(settings.block.clone()),
+        _ => None,
+    })?)
+}
+
+/// Changes some of a bead's settings and says which, before they are sent.
+fn set(changes: &[String], dry_run: bool, line: &LineOptions) -> Result<(), Failure> {
     let mut bead = line.open()?;
-    let request = Request::WriteSettings {
-        block: Block::try_from(&block[..]).or_input(|| "this is not a settings block")?,
-    };
-    let mut reply = bead.request(&request)?.reply;
-    if reply.outcome == Outcome::StoreFull {
-        reply = after_reboot(&mut bead, &request)?;
+    let block = ask(&mut bead)?;
+    let settings = Settings::decode(block.bytes()).map_err(|error| {
+        Failure::input(format!(
+            "the bead has a {error}; give it one by `bead settings write`"
+        ))
+    })?;
+    let changed = settings_file::changed(&settings, changes)?;
+    for change in &changed.changes {
+        output::print_line(&change.to_string())?;
     }
-    if reply.outcome != Outcome::Done {
-        return Err(refused(&reply).into());
+    match (changed.changes.is_empty(), dry_run) {
+        (true, _) => eprintln!("bead: the bead has these settings already; nothing is sent"),
+        (_, true) => eprintln!("bead: nothing is sent: --dry-run"),
+        _ => {
+            store(&mut bead, &changed.block)?;
+            eprintln!("bead: stored and in force");
+        }
     }
-    let (length, file) = (block.len(), file.display());
-    eprintln!("bead: the {length} bytes of {file} are stored and in force");
     Ok(())
 }
 
-/// The settings of a file with another address.
-fn addressed(file: &Path, address: u8) -> Result<Vec<u8>, Failure> {
-    let name = file.display();
-    let refused = |error| Failure::input(format!("{name}: {error}"));
-    let settings = Settings::decode(&load(file)?).map_err(refused)?;
-    let mut block = [0; BLOCK_MAX];
-    let length = Settings { address, ..settings }
-        .encode(&mut block)
-        .map_err(refused)?;
-    Ok(block[..length].to_vec())
+/// Gives a bead a block.
+fn store(bead: &mut Conversation, block: &[u8]) -> Result<(), Failure> {
+    let request = Request::WriteSettings {
+        block: Block::try_from(block).or_input(|| "this is not a settings block")?,
+    };
+    let mut reply = bead.request(&request)?.reply;
+    if reply.outcome == Outcome::StoreFull {
+        reply = after_reboot(bead, &request)?;
+    }
+    match reply.outcome {
+        Outcome::Done => Ok(()),
+        _ => Err(refused(&reply).into()),
+    }
 }
 
 /// A bead makes room in a full store when it starts.
@@ -218,18 +273,6 @@ fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Reply, Fai
     Ok(bead.request(request)?.reply)
 }
 
-fn load(file: &Path) -> Result<Vec<u8>, Failure> {
-    let block = fs::read(file).or_input(|| format!("cannot read {}", file.display()))?;
-    match block.len() {
-        0..=MAX_BLOCK => Ok(block),
-        length => Err(Failure::input(format!(
-            "{}: {length} bytes are no settings, which have at most {MAX_BLOCK}; give a file that `bead settings read` \
-             or `bead emulate` wrote",
-            file.display()
-        ))),
-    }
-}
-
 fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result<(), Failure> {
     let settings = Settings::decode(block).map_err(|error| {
         Failure::input(format!(
@@ -237,7 +280,12 @@ fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result
             whose()
         ))
     })?;
-    let json = json!({ "version": VERSION, "bytes": block.len(), "settings": settings });
+    let json = json!({
+        "version": VERSION,
+        "bytes": block.len(),
+        "settings": Physical::of(&settings),
+        "settings_raw": settings,
+    });
     output::print(format, &json, || table(&settings))
 }
 

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hertz_chain::{Scenario, Summary, simulate};
+use hertz_chain::{Options, Scenario, Summary, simulate_with, summarise};
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
 use crate::recording::time_series;
 
 const AFTER_HELP: &str = "\
@@ -27,6 +28,8 @@ pub(crate) struct Arguments {
     /// Rows a second in that file, Hz.
     #[arg(long, value_name = "HZ", default_value_t = 1e6, requires = "out")]
     rate: f64,
+    #[command(flatten)]
+    force: Force,
     /// How to print the summary.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -34,15 +37,29 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
-    output::is_no_input(arguments.out.as_deref(), &[&arguments.scenario])?;
-    let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-    let solution = simulate(&scenario)?;
-    if let Some(out) = &arguments.out {
-        progress.set_message(format!("writing {}", out.display()));
-        time_series::write(&scenario, &solution, arguments.rate, out)?;
-    }
+    let out = place::optional(
+        arguments.out.as_deref(),
+        Kind::Parquet,
+        &[&arguments.scenario],
+        arguments.force,
+    )?;
+    let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
+    let told = |part| output::set_part(&progress, part);
+    let options = Options {
+        progress: Some(&told),
+        ..Options::default()
+    };
+    let summary = match &out {
+        // Without a file nothing is kept: a chain may have any length.
+        None => summarise(&scenario, &options)?,
+        Some(out) => {
+            let solution = simulate_with(&scenario, &options)?;
+            progress.set_message(format!("writing {}", out.path().display()));
+            time_series::write(&scenario, &solution, arguments.rate, out)?;
+            solution.summary()
+        }
+    };
     progress.finish_and_clear();
-    let summary = solution.summary();
     output::print(arguments.format, &summary, || table(&scenario, &summary))
 }
 

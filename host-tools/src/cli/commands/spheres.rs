@@ -33,7 +33,7 @@ the table says from which diameter on they are not.
 Examples:
   bead spheres docs/scenarios/paper-strike.toml --bead 8
   bead spheres docs/scenarios/paper-strike.toml --bead 8 --materials steel,ptfe --diameters 0.015,0.025 --part 0.3
-  bead spheres docs/scenarios/paper-strike.toml --bead 8 --table docs/spheres.md";
+  bead spheres docs/scenarios/paper-strike.toml --bead 8 --force --table docs/spheres.md";
 
 /// How much wider the range at the low gain is.
 const WIDER: f64 = 1.25;
@@ -146,7 +146,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     let image = arguments.bench.image()?;
-    arguments.table.check(&[&arguments.bench.scenario, &image])?;
+    let target = arguments.table.target(&[&arguments.bench.scenario, &image])?;
     let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
     let own = bead_of(&simulate_with_ring_down(&scenario)?, arguments.bench.bead)?;
     let materials = match &arguments.materials[..] {
@@ -168,7 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let table = || output::table(&HEADINGS.join(" | "), cells.iter().map(row_of));
     arguments
         .table
-        .tell(&cells, || markdown(arguments, &cells), table)
+        .tell(target.as_ref(), &cells, || markdown(arguments, &cells), table)
 }
 
 /// The scenario with equal spheres of a material, and its bead. `own` is the bead of the scenario as it is.

@@ -34,4 +34,4 @@ mod tests;
 pub use alignment::Alignment;
 pub use comparison::{AlignmentReport, ClockComparison, ClockReport, Place, StrikeArrival, compare};
 pub use fit::Fit;
-pub use segments::{Edge, Segment, Segments, Struck, Tracker};
+pub use segments::{Edge, Live, Segment, Segments, Struck, Tracker};

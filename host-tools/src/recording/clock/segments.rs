@@ -74,10 +74,9 @@ pub struct Segments {
 impl Segments {
     /// The number of a frame's segment, from 0. A new number is the number of segments before it.
     pub fn place(&mut self, frame: &Frame) -> usize {
-        let begins = matches!(frame.arrival, Arrival::First | Arrival::Restart { .. });
         let address = frame.header.address;
         match self.current.get(&address) {
-            Some(&segment) if !begins => segment,
+            Some(&segment) if !begins(frame) => segment,
             _ => {
                 self.current.insert(address, self.count);
                 self.count += 1;
@@ -87,11 +86,16 @@ impl Segments {
     }
 }
 
-/// Sorts what beads send into segments, frame by frame. It keeps four frames a second of each bead.
+/// The boots of beads that are kept apart. A recording has some; one with more was forged, or its beads crash.
+const SEGMENTS_MOST: usize = 4096;
+
+/// Sorts what beads send into segments, frame by frame. Of each it keeps some thousand frames.
 #[derive(Debug, Clone, Default)]
 pub struct Tracker {
-    /// The segments so far, in the order in which they began.
+    /// The first segments, in the order in which they began: at most 4096.
     pub segments: Vec<Segment>,
+    /// Whether there were more.
+    pub left_out: bool,
     places: Segments,
 }
 
@@ -102,19 +106,13 @@ impl Tracker {
             return;
         }
         let place = self.places.place(frame);
-        if place == self.segments.len() {
-            self.segments.push(Segment {
-                address: frame.header.address,
-                boot: frame.header.boot,
-                ..Segment::default()
-            });
+        if place == self.segments.len() && place < SEGMENTS_MOST {
+            self.segments.push(Segment::begun_by(frame));
         }
-        self.segments[place].push(frame);
-    }
-
-    /// The current segment of each bead, by address.
-    pub fn current(&self) -> impl Iterator<Item = &Segment> {
-        self.places.current.values().map(|&place| &self.segments[place])
+        match self.segments.get_mut(place) {
+            Some(segment) => segment.push(frame),
+            None => self.left_out = true,
+        }
     }
 
     /// All that is in a recording.
@@ -130,7 +128,44 @@ impl Tracker {
     }
 }
 
+/// The current segment of each bead, by address.
+#[derive(Debug, Clone, Default)]
+pub struct Live(BTreeMap<u8, Segment>);
+
+impl Live {
+    /// Takes a frame.
+    pub fn push(&mut self, frame: &Frame) {
+        if frame.arrival == Arrival::Duplicate {
+            return;
+        }
+        let begun = || Segment::begun_by(frame);
+        let segment = self.0.entry(frame.header.address).or_insert_with(begun);
+        if begins(frame) {
+            *segment = begun();
+        }
+        segment.push(frame);
+    }
+
+    /// The segments.
+    pub fn segments(&self) -> impl Iterator<Item = &Segment> {
+        self.0.values()
+    }
+}
+
+/// Whether a frame is the first that was received of a boot.
+fn begins(frame: &Frame) -> bool {
+    matches!(frame.arrival, Arrival::First | Arrival::Restart { .. })
+}
+
 impl Segment {
+    fn begun_by(frame: &Frame) -> Self {
+        Self {
+            address: frame.header.address,
+            boot: frame.header.boot,
+            ..Self::default()
+        }
+    }
+
     pub(super) fn push(&mut self, frame: &Frame) {
         let mut position = frame.header.sample_index as f64;
         match &frame.message {

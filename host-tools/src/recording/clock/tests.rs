@@ -227,7 +227,7 @@ fn an_edge_that_one_bead_missed_shifts_no_other() {
 #[test]
 fn two_beads_on_one_line_have_segments_of_their_own() {
     let rate = |address| if address == 3 { 1.0 + 40e-6 } else { 1.0 - 25e-6 };
-    let mut tracker = Tracker::default();
+    let (mut tracker, mut live) = (Tracker::default(), Live::default());
     let mut places = Segments::default();
     let mut boots = [0u8; 2];
     for n in 0..400u64 {
@@ -256,6 +256,7 @@ fn two_beads_on_one_line_have_segments_of_their_own() {
             };
             let place = places.place(&frame);
             tracker.push(&frame);
+            live.push(&frame);
             assert_eq!(tracker.segments[place].address, address);
             tracker.segments[place].sample_rate_hz = Some(100_000);
         }
@@ -271,8 +272,8 @@ fn two_beads_on_one_line_have_segments_of_their_own() {
         let off = fit.drift_ppm - (rate(segment.address) - 1.0) * 1e6;
         assert!(off.abs() < 0.5, "address {}: off by {off} ppm", segment.address);
     }
-    let current: Vec<_> = tracker
-        .current()
+    let current: Vec<_> = live
+        .segments()
         .map(|segment| (segment.address, segment.boot))
         .collect();
     assert_eq!(current, [(3, 0), (9, 1)]);

@@ -26,17 +26,21 @@ pub enum RecordingError {
         /// What the library said.
         source: McapError,
     },
+    /// Another program has begun a recording of this name.
+    #[error("another program is recording to {0}; give the output another name")]
+    Busy(PathBuf),
     /// Nothing is in the file.
     #[error("{0} is empty: the recording was stopped before anything was written; record again")]
     Empty(PathBuf),
     /// The file is something else.
     #[error("{0} is not an MCAP file; give a recording made by `bead record` or `bead emulate`")]
     NotMcap(PathBuf),
-    /// An MCAP file, but not of a bead.
+    /// An MCAP file, but not of a bead: what it is instead.
     #[error(
-        "{0} is an MCAP file without a channel `frames`; give one made by `bead record` or `bead emulate`"
+        "{0} is an MCAP file with {1}, and has no channel `frames` of a bead; give one made by `bead record` or \
+         `bead emulate`"
     )]
-    NotOurs(PathBuf),
+    NotOurs(PathBuf, String),
     /// A recording without a strike: a check has nothing to check.
     #[error("{path}: no strike among its {frames} frames, so there is nothing to check; record one")]
     NoStrike {
@@ -80,9 +84,16 @@ impl RecordingError {
 
     /// The library failed to write `path`.
     pub(super) fn unwritten(path: &Path) -> impl Fn(McapError) -> Self {
-        move |source| Self::Write {
-            path: path.to_owned(),
-            source,
+        move |error| {
+            let path = path.to_owned();
+            match error {
+                McapError::Io(source) => Self::File {
+                    action: "write",
+                    path,
+                    source,
+                },
+                source => Self::Write { path, source },
+            }
         }
     }
 }

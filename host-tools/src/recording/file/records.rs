@@ -1,17 +1,18 @@
 //! The records of a recording, and what is found in them.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use mcap::McapError;
-use mcap::records::Record;
+use mcap::records::{Channel, Record};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use crate::recording::file::about::{About, Part};
+use crate::recording::file::chunk;
 use crate::recording::file::error::RecordingError;
-use crate::recording::file::layout::{LONGEST_RUN, METADATA, RECEIVED, TOPIC};
+use crate::recording::file::layout::{ENCODING, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC};
 use crate::recording::frames::Piece;
 
 /// How much of a recording is there.
@@ -130,6 +131,9 @@ impl Walk {
 /// end a run that began before it.
 const HELD_MOST: usize = 4 * LONGEST_RUN;
 
+/// Channels that are named of a file that is not a bead's.
+const TOPICS_MOST: usize = 12;
+
 /// What is found on the way through a file.
 #[derive(Default)]
 pub(super) struct Found {
@@ -137,6 +141,9 @@ pub(super) struct Found {
     pub(super) parts: BTreeMap<Part, Vec<u8>>,
     pub(super) channel: Option<u16>,
     received_channel: Option<u16>,
+    /// What wrote the file, and its first channels: to name a file that is not a bead's.
+    made_by: String,
+    topics: BTreeSet<String>,
     /// Runs with their numbers that wait for their time, which follows them in the file.
     held: VecDeque<(u32, Vec<u8>)>,
     held_bytes: usize,
@@ -147,15 +154,15 @@ pub(super) struct Found {
 impl Found {
     fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
         match mcap::parse_record(opcode, data).map_err(|error| error.to_string())? {
-            Record::Chunk { header, .. } if !header.compression.is_empty() => {
-                let by = header.compression;
-                return Err(format!(
-                    "chunks are compressed with {by}: run `mcap decompress` on it"
-                ));
+            Record::Header(header) => self.made_by = header.library,
+            Record::Chunk { header, data } => {
+                return self.records(&chunk::records(&header, &data, RECORD_MOST)?);
             }
-            Record::Chunk { data, .. } => return self.records(&data),
-            Record::Channel(channel) if channel.topic == TOPIC => self.channel = Some(channel.id),
-            Record::Channel(channel) if channel.topic == RECEIVED => self.received_channel = Some(channel.id),
+            Record::Channel(channel) if self.topics.len() < TOPICS_MOST => {
+                self.topics.insert(channel.topic.clone());
+                self.channel(channel);
+            }
+            Record::Channel(channel) => self.channel(channel),
             Record::Message { header, data } if Some(header.channel_id) == self.received_channel => {
                 let (last, received_ns) = data.split_first_chunk().ok_or("a receive time is too short")?;
                 let received_ns = received_ns
@@ -188,6 +195,27 @@ impl Found {
             _ => {}
         }
         Ok(())
+    }
+
+    fn channel(&mut self, channel: Channel) {
+        match (channel.topic.as_str(), channel.message_encoding.as_str()) {
+            (TOPIC, ENCODING) => self.channel = Some(channel.id),
+            (RECEIVED, RECEIVED_ENCODING) => self.received_channel = Some(channel.id),
+            _ => {}
+        }
+    }
+
+    /// What a file is that has no frames of a bead, for people.
+    pub(super) fn stranger(&self) -> String {
+        let topics: Vec<_> = self.topics.iter().map(|topic| format!("`{topic}`")).collect();
+        let topics = match topics[..] {
+            [] => "no channels".to_owned(),
+            _ => format!("the channels {}", topics.join(", ")),
+        };
+        match self.made_by.as_str() {
+            "" => topics,
+            by => format!("{topics}, written by `{by}`"),
+        }
     }
 
     /// Hands on the first waiting runs whose numbers are `wanted`.

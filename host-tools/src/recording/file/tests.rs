@@ -9,6 +9,7 @@ use super::layout::{CHUNK, LONGEST_RUN, TOPIC};
 use super::read::Pieces;
 use super::{About, Part, Recording, RecordingError, State, Writer};
 use crate::recording::frames::Item;
+use crate::recording::whole::Target;
 use bead_wire::{Block, Decoder, Header, Identity, MAX_FRAME, Message, ResetCauses, Settings, encode};
 use tempfile::TempDir;
 
@@ -94,7 +95,7 @@ fn about() -> About {
 fn recorded(stream: &[u8]) -> (TempDir, PathBuf, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strike.mcap");
-    let mut writer = Writer::create(&path, &about()).unwrap();
+    let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
     writer.attach(Part::Scenario, b"title = \"x\"").unwrap();
     for piece in stream.chunks(33) {
         writer.write(piece, None, |_| {}).unwrap();
@@ -110,7 +111,7 @@ fn every_run_has_the_time_of_the_piece_that_it_ended_in() {
     let stream = stream(50);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("timed.mcap");
-    let mut writer = Writer::create(&path, &about()).unwrap();
+    let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
     let mut expected = Vec::new();
     for (n, piece) in (1_700_000_000_000_000_000..).zip(stream.chunks(97)) {
         let before = writer.written;
@@ -235,7 +236,7 @@ fn a_recording_cut_in_its_index_has_lost_no_frame() {
 
 #[test]
 fn a_damaged_byte_anywhere_is_noticed_and_survived() {
-    let (_folder, path, file) = recorded(&stream(30));
+    let (_folder, path, file) = recorded(&stream(8));
     for at in mcap::MAGIC.len()..file.len() {
         let mut damaged = file.clone();
         damaged[at] ^= 0x55;
@@ -252,7 +253,7 @@ fn an_unfinished_recording_is_readable_and_does_not_bear_the_name() {
     let stream = stream(30);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strike.mcap");
-    let mut writer = Writer::create(&path, &about()).unwrap();
+    let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
     writer.write(&stream, None, |_| {}).unwrap();
     writer.flush().unwrap();
     // Read while it is written: what a crash would leave.
@@ -267,11 +268,30 @@ fn an_unfinished_recording_is_readable_and_does_not_bear_the_name() {
 fn what_a_crash_left_is_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strike.mcap");
-    let crashed = Writer::create(&path, &about()).unwrap();
-    let next = Writer::create(&path, &about()).unwrap();
-    assert_ne!(crashed.partial_path(), next.partial_path());
+    let crashed = Writer::create(&Target::new(&path), &about()).unwrap();
+    let left = crashed.partial_path().to_owned();
+    drop(crashed);
+    let next = Writer::create(&Target::new(&path), &about()).unwrap();
+    assert_ne!(left, next.partial_path());
     next.finish().unwrap();
-    assert!(crashed.partial_path().exists() && path.exists());
+    assert!(left.exists() && path.exists());
+}
+
+#[test]
+fn a_name_has_one_writer_at_a_time_and_a_recording_that_comes_second_takes_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = Target::new(folder.path().join("strike.mcap"));
+    let first = Writer::create(&target, &about()).unwrap();
+    let refused = Writer::create(&target, &about()).err().unwrap();
+    assert!(matches!(refused, RecordingError::Busy(_)), "{refused}");
+    assert!(refused.to_string().contains("another program"), "{refused}");
+    // Where files cannot be locked, the name of the finished file decides.
+    fs::write(target.path(), "of another program").unwrap();
+    let finished = first.finish().unwrap();
+    assert_eq!(finished.path, folder.path().join("strike-2.mcap"));
+    assert_eq!(Recording::open(&finished.path).unwrap().state, State::Whole);
+    assert_eq!(fs::read_to_string(target.path()).unwrap(), "of another program");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 #[test]
@@ -298,7 +318,7 @@ fn other_files_are_refused_by_what_they_are() {
     foreign.finish().unwrap();
     assert!(matches!(
         refused(&foreign.into_inner().into_inner()),
-        RecordingError::NotOurs(_)
+        RecordingError::NotOurs(..)
     ));
     fs::remove_file(&path).unwrap();
     assert!(matches!(

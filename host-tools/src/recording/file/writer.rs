@@ -1,7 +1,7 @@
 //! Writes recordings.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -11,22 +11,25 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions};
 
 use crate::recording::file::about::{About, Part};
+use crate::recording::file::channels::{Channels, Said};
 use crate::recording::file::error::RecordingError;
 use crate::recording::file::layout::{
     CHUNK, ENCODING, FLUSH_EVERY, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC,
 };
 use crate::recording::file::times::Clock;
 use crate::recording::frames::{Item, Reader};
+use crate::recording::whole::Target;
 
 /// Writes a recording while it comes.
 ///
 /// Dropped before [`finish`](Self::finish), it leaves a readable file under its temporary name.
 pub struct Writer {
-    path: PathBuf,
+    target: Target,
     partial: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
     channel: u16,
     received: u16,
+    channels: Channels,
     run: Vec<u8>,
     reader: Reader,
     clock: Clock,
@@ -35,12 +38,12 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Begins a recording that will be called `path`.
+    /// Begins a recording that will be called as `target` says.
     ///
     /// # Errors
-    /// The directory cannot be written to.
-    pub fn create(path: &Path, about: &About) -> Result<Self, RecordingError> {
-        let (file, partial) = create_partial(path)?;
+    /// The directory cannot be written to, or another program is recording under that name.
+    pub fn create(target: &Target, about: &About) -> Result<Self, RecordingError> {
+        let (file, partial) = create_partial(target.path())?;
         let failed = RecordingError::unwritten(&partial);
         let mut mcap = WriteOptions::new()
             .compression(None)
@@ -58,16 +61,18 @@ impl Writer {
             let layout = BTreeMap::from([("version".into(), bead_wire::VERSION.to_string())]);
             let channel = mcap.add_channel(0, TOPIC, ENCODING, &layout)?;
             let received = mcap.add_channel(0, RECEIVED, RECEIVED_ENCODING, &BTreeMap::new())?;
+            let channels = Channels::begin(&mut mcap)?;
             mcap.flush()?;
-            Ok((channel, received))
+            Ok((channel, received, channels))
         };
-        let (channel, received) = begin().map_err(failed)?;
+        let (channel, received, channels) = begin().map_err(failed)?;
         Ok(Self {
-            path: path.to_owned(),
+            target: target.clone(),
             partial,
             mcap,
             channel,
             received,
+            channels,
             run: Vec::new(),
             reader: Reader::default(),
             clock: Clock {
@@ -109,14 +114,24 @@ impl Writer {
         mut sink: impl FnMut(Item),
     ) -> Result<(), RecordingError> {
         let before = self.written;
+        if let Some(received_ns) = received_ns {
+            self.clock.receive(received_ns);
+        }
+        let mut said = Vec::new();
         for byte in bytes {
-            let Self { reader, clock, .. } = self;
+            let Self {
+                reader,
+                clock,
+                channels,
+                ..
+            } = self;
             reader.feed(std::slice::from_ref(byte), received_ns, |item| {
                 if let Item::Frame(frame) = &item {
                     if let Message::Identity(identity) = &frame.message {
                         clock.sample_rate_hz = identity.sample_rate_hz;
                     }
                     clock.tick(frame.header.sample_index, frame.arrival);
+                    said.extend(channels.take(frame));
                 }
                 sink(item);
             });
@@ -125,6 +140,9 @@ impl Writer {
             }
             if *byte == 0 || self.run.len() == LONGEST_RUN {
                 self.end_run()?;
+            }
+            for Said { channel, data } in said.drain(..) {
+                self.message(channel, self.written.wrapping_sub(1), &data)?;
             }
         }
         if let Some(received_ns) = received_ns.filter(|_| self.written != before) {
@@ -186,28 +204,86 @@ impl Writer {
         &self.partial
     }
 
-    /// Completes the file and gives it its name. It replaces a file of that name.
+    /// Completes the file and gives it its name. A file of that name that is not to be replaced came meanwhile:
+    /// then the recording takes the next free name, `NAME-2.mcap` and so on.
     ///
     /// # Errors
     /// The file cannot be written or renamed; what is there stays under its temporary name.
-    pub fn finish(mut self) -> Result<Counters, RecordingError> {
+    pub fn finish(mut self) -> Result<Finished, RecordingError> {
         self.end_run()?;
         let finished = self.mcap.finish();
         finished.map_err(RecordingError::unwritten(&self.partial))?;
         let file = self.mcap.into_inner().into_inner();
         // The file must be on disk before it has its name: after a power cut no name may stand for an empty
         // file.
-        file.map_err(|error| error.into_error())
-            .and_then(|file| file.sync_all())
+        let file = file
+            .map_err(|error| error.into_error())
+            .and_then(|file| file.sync_all().map(|()| file))
             .map_err(RecordingError::refused("write", &self.partial))?;
-        fs::rename(&self.partial, &self.path)
-            .map_err(RecordingError::refused("rename the recording to", &self.path))?;
-        Ok(*self.reader.counters())
+        let path = take_name(&self.partial, &self.target).map_err(RecordingError::refused(
+            "rename the recording to",
+            self.target.path(),
+        ))?;
+        // Its lock is held until it has its name.
+        drop(file);
+        Ok(Finished {
+            path,
+            counters: *self.reader.counters(),
+        })
     }
 }
 
-/// Creates `path` with `.partial`, or `.2.partial` and so on. A file that an earlier crash left is not
-/// touched.
+/// A recording that is complete.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finished {
+    /// Where it is.
+    pub path: PathBuf,
+    /// What was received, refused and lost.
+    pub counters: Counters,
+}
+
+/// Gives a finished recording its name, or one like it.
+fn take_name(partial: &Path, target: &Target) -> io::Result<PathBuf> {
+    if target.replaces() {
+        fs::rename(partial, target.path())?;
+        return Ok(target.path().to_owned());
+    }
+    for number in 1.. {
+        let path = numbered(target.path(), number);
+        // Unlike a renaming, a link never takes another file's place.
+        match fs::hard_link(partial, &path) {
+            Ok(()) => {
+                fs::remove_file(partial)?;
+                return Ok(path);
+            }
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            // Not every file system has links.
+            Err(_) if !path.exists() => {
+                fs::rename(partial, &path)?;
+                return Ok(path);
+            }
+            Err(_) => {}
+        }
+    }
+    unreachable!("the numbers do not end");
+}
+
+/// `NAME.mcap`, then `NAME-2.mcap` and so on.
+fn numbered(path: &Path, number: u32) -> PathBuf {
+    if number == 1 {
+        return path.to_owned();
+    }
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(format!("-{number}"));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}
+
+/// Creates `path` with `.partial`, or `.2.partial` and so on, and locks it. A file that an earlier crash left is
+/// not touched. One that is locked is being written by another program.
 fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
     let mut attempt = 1u32;
     loop {
@@ -218,8 +294,19 @@ fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
         }
         let partial = PathBuf::from(partial);
         match File::create_new(&partial) {
-            Ok(file) => return Ok((file, partial)),
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => attempt += 1,
+            Ok(file) => {
+                // Somebody may look at this moment whether it is locked; that does not take long. A file system
+                // without locks leaves the last word to `take_name`.
+                let _ = file.lock();
+                return Ok((file, partial));
+            }
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                let other = File::open(&partial).map(|other| other.try_lock());
+                if let Ok(Err(TryLockError::WouldBlock)) = other {
+                    return Err(RecordingError::Busy(path.to_owned()));
+                }
+                attempt += 1;
+            }
             Err(error) => return Err(RecordingError::refused("create", &partial)(error)),
         }
     }

@@ -1,0 +1,170 @@
+//! Settings in files: blocks, and the physical quantities that blocks are made of.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use bead_model::design::{Bead, FrontEnd};
+use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
+use bead_wire::MAX_BLOCK;
+use clap::Args;
+use hertz_chain::text_of;
+
+use crate::bench::sensed::{bead_of, load_scenario, only_host, simulate_with_ring_down};
+use crate::cli::failure::{Blame, Failure};
+use crate::cli::place::{self, Force, Kind};
+use crate::recording::physical::{Change, Physical};
+
+const AFTER_HELP: &str = "\
+The file explains each of its keys. Masses are weighed, springs and damper come from ring-downs (`bead compare` finds k
+and c), scales from the drop test and the shaker: docs/calibration.md.
+
+Examples:
+  bead settings make --template bead.toml
+  bead settings make --template bead.toml --scenario docs/scenarios/own-chain.toml --bead 8
+  bead settings make --template bead.toml --from before.settings
+  bead settings make bead.toml --out left.settings";
+
+/// Arguments of `bead settings make`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct MakeArguments {
+    /// The physical quantities, a TOML file in SI units. With --template this file is written.
+    #[arg(value_name = "F.toml")]
+    file: PathBuf,
+    /// Where the settings go [default: beside F.toml, with its name and the ending .settings].
+    #[arg(long, value_name = "F.settings", conflicts_with = "template")]
+    out: Option<PathBuf>,
+    /// Write F.toml, to be edited: the paper's bead behind the reference front end, unless --scenario or --from says
+    /// otherwise.
+    #[arg(long)]
+    template: bool,
+    /// Take the bead of this scenario.
+    #[arg(long, value_name = "S.toml", requires = "template", conflicts_with = "from")]
+    scenario: Option<PathBuf>,
+    /// Which bead of the scenario [default: the only one with an intruder].
+    #[arg(long, value_name = "N", requires = "scenario")]
+    bead: Option<usize>,
+    /// Take the bead of this settings block.
+    #[arg(long, value_name = "F.settings", requires = "template")]
+    from: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+}
+
+/// Makes settings of physical quantities, or a file of these.
+pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
+    let file = &arguments.file;
+    if arguments.template {
+        let inputs = [&arguments.scenario, &arguments.from];
+        let inputs: Vec<&Path> = inputs.iter().filter_map(|path| path.as_deref()).collect();
+        let target = place::target(file, Kind::Scenario, &inputs, arguments.force)?;
+        let text = template(arguments)?.to_toml();
+        target.write_bytes(text)?;
+        eprintln!(
+            "bead: wrote {0}; edit it, then: bead settings make {0}",
+            file.display()
+        );
+        return Ok(());
+    }
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| file.with_extension("settings"));
+    let target = place::target(&out, Kind::Settings, &[file], arguments.force)?;
+    let (_, settings) = physical(file)?;
+    let block = block(&settings).or_input(|| file.display().to_string())?;
+    target.write_bytes(&block)?;
+    let (length, out) = (block.len(), out.display());
+    eprintln!("bead: wrote {out}, {length} bytes; give it to the bead: bead settings write {out} --port P");
+    Ok(())
+}
+
+/// The bead to start from.
+fn template(arguments: &MakeArguments) -> Result<Physical, Failure> {
+    if let Some(from) = &arguments.from {
+        let settings = Settings::decode(&load(from, None)?);
+        let settings = settings.map_err(|error| Failure::input(format!("{}: {error}", from.display())))?;
+        return Ok(Physical::of(&settings));
+    }
+    let bead = match &arguments.scenario {
+        None => Bead::paper(),
+        Some(path) => {
+            let (scenario, _) = load_scenario(path)?;
+            let bead = match arguments.bead {
+                Some(bead) => bead,
+                None => only_host(&scenario)?,
+            };
+            bead_of(&simulate_with_ring_down(&scenario)?, bead)?
+        }
+    };
+    Ok(Physical::new(&bead, &FrontEnd::reference()))
+}
+
+/// Reads a file of physical quantities.
+fn physical(file: &Path) -> Result<(Physical, Settings), Failure> {
+    let text = text_of(file, "a file that `bead settings make --template` wrote")?;
+    Ok(Physical::parse(&text, &file.display().to_string())?)
+}
+
+fn block(settings: &Settings) -> Result<Vec<u8>, SettingsError> {
+    let mut block = [0; BLOCK_MAX];
+    let length = settings.encode(&mut block)?;
+    Ok(block[..length].to_vec())
+}
+
+/// The block in a file, or the one made of a file of physical quantities; with another address if one is given.
+///
+/// # Errors
+/// A file that is neither.
+pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure> {
+    let name = file.display();
+    let refused = |error| Failure::input(format!("{name}: {error}"));
+    let is_toml = file.extension().is_some_and(|ending| ending == "toml");
+    let bytes = match is_toml {
+        true => block(&physical(file)?.1).map_err(refused)?,
+        false => fs::read(file).or_input(|| format!("cannot read {name}"))?,
+    };
+    if bytes.len() > MAX_BLOCK {
+        return Err(Failure::input(format!(
+            "{name}: {} bytes are no settings, which have at most {MAX_BLOCK}; give a file that `bead settings read`, \
+             `bead settings make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml",
+            bytes.len()
+        )));
+    }
+    let Some(address) = address else {
+        return Ok(bytes);
+    };
+    let settings = Settings::decode(&bytes).map_err(refused)?;
+    block(&Settings { address, ..settings }).map_err(refused)
+}
+
+/// Settings after some changes.
+pub(super) struct Changed {
+    /// What differs.
+    pub(super) changes: Vec<Change>,
+    /// The new block.
+    pub(super) block: Vec<u8>,
+}
+
+/// Changes some keys of settings: see [`Physical::set`].
+pub(super) fn changed(settings: &Settings, assignments: &[String]) -> Result<Changed, Failure> {
+    let before = Physical::of(settings);
+    let mut after = before.clone();
+    for assignment in assignments {
+        after.set(assignment)?;
+    }
+    let changes = before.changes(&after);
+    let derived = after.settings()?;
+    // Name and address have no part in the coefficients, which then keep every bit.
+    let told_only = |change: &Change| matches!(change.key, "name" | "address");
+    let settings = match changes.iter().all(told_only) {
+        true => Settings {
+            name: derived.name,
+            address: derived.address,
+            ..*settings
+        },
+        false => derived,
+    };
+    let block = block(&settings).map_err(Failure::input)?;
+    Ok(Changed { changes, block })
+}

@@ -1,0 +1,93 @@
+//! Lines for standard output, and a spinner, that must not hold up the work.
+
+use std::sync::mpsc::{self, SyncSender, TrySendError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use crate::cli::failure::Failure;
+use crate::cli::output;
+
+/// Lines that wait while the reader of standard output pauses. Those beyond are left out.
+const WAITING: usize = 4096;
+/// At the end a paused reader gets this time.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Between two changes of the spinner's text.
+const STATUS_EVERY: Duration = Duration::from_millis(100);
+
+enum Said {
+    Line(String),
+    Status(String),
+}
+
+/// Prints lines on a thread of its own, which alone touches the terminal: a paused terminal stops whoever does.
+pub(crate) struct Printer {
+    said: SyncSender<Said>,
+    thread: JoinHandle<Result<(), Failure>>,
+    left_out: u64,
+    status: Option<Instant>,
+}
+
+impl Printer {
+    /// A printer with a spinner that names the step under way.
+    pub(crate) fn new(step: String) -> Self {
+        let (said, receiver) = mpsc::sync_channel(WAITING);
+        let thread = thread::spawn(move || {
+            let spinner = output::spinner(step);
+            let printed = receiver.iter().try_for_each(|said| match said {
+                Said::Line(line) => spinner.suspend(|| output::print_line(&line)),
+                Said::Status(status) => {
+                    spinner.set_message(status);
+                    Ok(())
+                }
+            });
+            spinner.finish_and_clear();
+            printed
+        });
+        Self {
+            said,
+            thread,
+            left_out: 0,
+            status: None,
+        }
+    }
+
+    /// Prints a line when the reader is ready for it.
+    pub(crate) fn line(&mut self, line: String) {
+        // Where printing has failed, `finish` says why.
+        if let Err(TrySendError::Full(_)) = self.said.try_send(Said::Line(line)) {
+            self.left_out += 1;
+        }
+    }
+
+    /// Changes the spinner's text, ten times a second at most.
+    pub(crate) fn status(&mut self, status: impl FnOnce() -> String) {
+        if self.status.is_none_or(|last| last.elapsed() >= STATUS_EVERY) {
+            self.status = Some(Instant::now());
+            // One that is left out is soon followed by the next.
+            let _ = self.said.try_send(Said::Status(status()));
+        }
+    }
+
+    /// Waits for what is still to be printed, if the reader goes on.
+    ///
+    /// # Errors
+    /// Standard output is closed or full.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        drop(self.said);
+        let deadline = Instant::now() + PATIENCE;
+        while !self.thread.is_finished() && Instant::now() < deadline {
+            thread::sleep(Duration::from_millis(5));
+        }
+        let paused = !self.thread.is_finished();
+        if self.left_out > 0 || paused {
+            eprintln!(
+                "bead: the reader of standard output was too slow: lines are missing there, and the recording has all"
+            );
+        }
+        match paused {
+            // It ends with the program.
+            true => Ok(()),
+            false => self.thread.join().expect("printing does not panic"),
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! From physical quantities to the bits of a block, and back.
+
+use bead_model::calibration::Channel;
+use bead_model::design::{Bead, Capture, ChannelFrontEnd, DesignError, FrontEnd, SensorFrontEnd, derive};
+use bead_model::sensor::Sensor;
+use bead_model::settings::{Name, Settings};
+use fixed::types::extra::LeEqU32;
+use hertz_chain::InputError;
+use serde_json::Value;
+
+use crate::recording::physical::keys::KEYS;
+use crate::recording::physical::quantities::{Contact, Host, Intruder, Physical, SensorScale, Taking};
+
+impl Physical {
+    /// The settings that a bead measures with.
+    ///
+    /// # Errors
+    /// The key that no bead has, what is wrong, and what would do.
+    pub fn settings(&self) -> Result<Settings, InputError> {
+        let name = Name::new(&self.name).ok_or_else(|| {
+            let what = format!("`{}` is no name", self.name.escape_debug());
+            InputError::at(
+                "name",
+                what,
+                "give up to 16 bytes of text without control characters",
+            )
+        })?;
+        if self.address == 0xFF {
+            let what = "255 is the address of every bead";
+            return Err(InputError::at("address", what, "give 0 to 254"));
+        }
+        let derived = derive(&self.physics(), &self.front_end(), &self.capture()).map_err(refused)?;
+        let settings = Settings {
+            name,
+            address: self.address,
+            ..derived
+        };
+        settings.validate().map_err(|error| refused(error.into()))?;
+        Ok(settings)
+    }
+
+    fn physics(&self) -> Bead {
+        Bead {
+            mass: self.bead.mass,
+            intruder_mass: self.intruder.mass,
+            front_mass: self.bead.front_mass,
+            stiffness: self.intruder.stiffness,
+            damping: self.intruder.damping,
+            contact_stiffness: self.contact.stiffness,
+            relaxation: self.contact.relaxation,
+        }
+    }
+
+    fn front_end(&self) -> FrontEnd {
+        let sensor = |scale: &SensorScale| {
+            let channel = |per_code: f64, pole: f64, noise_rms: f64| ChannelFrontEnd {
+                per_code,
+                // The bead finds it in every window.
+                zero_code: 0.0,
+                pole_hz: (pole != 0.0).then_some(pole),
+                noise_rms,
+            };
+            SensorFrontEnd {
+                sensitive: channel(scale.per_code, scale.pole, scale.noise),
+                wide: channel(scale.wide_per_code, scale.wide_pole, 0.0),
+                delay: FrontEnd::CONVERSION,
+            }
+        };
+        FrontEnd {
+            force: sensor(&self.force),
+            acceleration: sensor(&self.acceleration),
+        }
+    }
+
+    fn capture(&self) -> Capture {
+        let Taking {
+            sample_rate,
+            threshold,
+            lookback,
+            history,
+            length,
+            disagreement,
+            ring_frequency_tolerance,
+            ring_decay_tolerance,
+        } = self.capture;
+        Capture {
+            sample_rate_hz: sample_rate,
+            history,
+            length,
+            threshold,
+            lookback,
+            disagreement,
+            ring_frequency_tolerance,
+            ring_decay_tolerance,
+        }
+    }
+
+    /// The numbers that the bits of a block stand for.
+    pub fn of(settings: &Settings) -> Self {
+        let rate = f64::from(settings.sample_rate_hz.max(1));
+        let bead = &settings.bead;
+        let per_code: f64 = settings.force.sensitive.per_code.to_num();
+        let gate: f64 = settings.chain.gate.to_num();
+        let time = |samples: u16| f64::from(samples) / rate;
+        let physical = Self {
+            name: settings.name.as_str().to_owned(),
+            address: settings.address,
+            bead: Host {
+                mass: short(bead.mass),
+                front_mass: short(bead.front_mass),
+            },
+            intruder: Intruder {
+                mass: short(bead.intruder_mass),
+                stiffness: short(bead.stiffness),
+                damping: short(bead.damping),
+            },
+            contact: Contact {
+                stiffness: short(bead.contact_stiffness),
+                relaxation: short(bead.relaxation),
+            },
+            force: SensorScale {
+                // The gate is three standard deviations of noise and rounding.
+                noise: ((gate / 3.0).powi(2) - per_code * per_code / 12.0)
+                    .max(0.0)
+                    .sqrt(),
+                ..scale(&settings.force, rate)
+            },
+            acceleration: scale(&settings.acceleration, rate),
+            capture: Taking {
+                sample_rate: settings.sample_rate_hz,
+                threshold: f64::from(settings.window.threshold) * per_code,
+                lookback: time(settings.window.lookback),
+                history: time(settings.window.history),
+                length: time(settings.window.length),
+                disagreement: settings.disagreement.to_num(),
+                ring_frequency_tolerance: settings.ringing.frequency_tolerance.to_num(),
+                ring_decay_tolerance: settings.ringing.decay_tolerance.to_num(),
+            },
+        };
+        physical.shortened()
+    }
+
+    /// The shortest numbers that give the same bits.
+    fn shortened(self) -> Self {
+        let Ok(bits) = self.settings() else {
+            return self;
+        };
+        let mut best = self;
+        for key in KEYS {
+            let Value::Number(number) = best.get(key) else {
+                continue;
+            };
+            let Some(number) = number.as_f64().filter(|number| number.fract() != 0.0) else {
+                continue;
+            };
+            let shorter = (0..15)
+                .filter_map(|digits| format!("{number:.digits$e}").parse::<f64>().ok())
+                .filter_map(|number| best.with(key, number.into()).ok())
+                .find(|shorter| shorter.settings() == Ok(bits));
+            best = shorter.unwrap_or(best);
+        }
+        best
+    }
+}
+
+/// The shortest number that is this one in the block.
+fn short(value: f32) -> f64 {
+    // The shortest text of an f32 is a number.
+    value.to_string().parse().unwrap_or(value.into())
+}
+
+/// The scale of a sensor without its noise: the block has only that of the force.
+fn scale<F: LeEqU32>(sensor: &Sensor<F>, rate: f64) -> SensorScale {
+    // The slope of a channel is g f_s (1/ω_p - δ)/2.
+    let pole = |channel: &Channel<F>, delay: f64| {
+        let lead = 2.0 * channel.slope.to_num::<f64>() / channel.per_code.to_num::<f64>() / rate;
+        let lag = lead + delay;
+        if lag.abs() < 1e-12 {
+            0.0
+        } else {
+            1.0 / (std::f64::consts::TAU * lag)
+        }
+    };
+    SensorScale {
+        per_code: sensor.sensitive.per_code.to_num(),
+        wide_per_code: sensor.wide.per_code.to_num(),
+        pole: pole(&sensor.sensitive, 0.0),
+        wide_pole: pole(&sensor.wide, FrontEnd::CONVERSION),
+        noise: 0.0,
+    }
+}
+
+/// Why no settings follow, at the key that is to blame.
+fn refused(error: DesignError) -> InputError {
+    match error {
+        DesignError::Input {
+            name,
+            value,
+            expected,
+        } => {
+            let key = KEYS
+                .iter()
+                .find(|key| key.refused_as == name)
+                .map_or("", |key| key.path);
+            InputError::at(
+                key,
+                format!("{value} is out of range"),
+                format!("give a value that is {expected}"),
+            )
+        }
+        DesignError::TooFast { .. } => {
+            InputError::at("bead", error.to_string(), "take a larger or a softer sphere")
+        }
+        other => InputError::at(
+            "",
+            other.to_string(),
+            "check the masses, springs and scales, which are in SI units",
+        ),
+    }
+}

@@ -1,0 +1,84 @@
+//! Commands that are interrupted: what they leave behind, and how they end.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
+use std::fs;
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
+
+/// A child that is killed if the test fails before it ends.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Running {
+    fn signal(&self, name: &str) {
+        let kill = format!("kill -{name} {}", self.0.id());
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    }
+}
+
+/// Waits until something holds.
+fn until(what: &str, holds: impl Fn() -> bool) {
+    let started = Instant::now();
+    while !holds() {
+        assert!(started.elapsed() < Duration::from_secs(60), "never: {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn names(directory: &Path) -> Vec<String> {
+    let entries = fs::read_dir(directory).unwrap();
+    entries
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect()
+}
+
+#[test]
+fn a_result_that_is_interrupted_leaves_no_part_of_it() {
+    for (signal, status) in [("INT", 130), ("TERM", 143), ("HUP", 129)] {
+        let directory = tempfile::tempdir().unwrap();
+        let mut running = Running(
+            Command::new(env!("CARGO_BIN_EXE_bead"))
+                .current_dir(&directory)
+                // Half a gigabyte of rows: there is time to interrupt it.
+                .args(["simulate", SCENARIO, "--out", "a.parquet", "--rate", "1e8"])
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap(),
+        );
+        let hidden = || {
+            names(directory.path())
+                .iter()
+                .any(|name| name.starts_with(".bead-"))
+        };
+        // The first such file only shows that the directory can be written to.
+        until("the result is being written", || {
+            hidden() && {
+                std::thread::sleep(Duration::from_millis(100));
+                hidden()
+            }
+        });
+        running.signal(signal);
+        let ended = running.0.wait().unwrap();
+        assert_eq!((ended.code(), ended.signal()), (Some(status), None));
+        assert_eq!(names(directory.path()), [""; 0]);
+        let mut said = String::new();
+        std::io::Read::read_to_string(&mut running.0.stderr.take().unwrap(), &mut said).unwrap();
+        assert!(
+            said.starts_with("bead: interrupted; nothing is left behind"),
+            "{said}"
+        );
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
+}
