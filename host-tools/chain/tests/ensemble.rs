@@ -213,7 +213,7 @@ fn a_scenario_that_cannot_run_leaves_the_others_alone() {
     };
     assert_eq!(error.key, "chain.radius");
     assert!(
-        matches!(outcomes[3], Err(SimulateError::TooLong { .. })),
+        matches!(outcomes[3], Err(SimulateError::TooStiff { bead: 8, .. })),
         "{:?}",
         outcomes[3]
     );
