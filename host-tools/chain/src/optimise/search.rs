@@ -75,7 +75,7 @@ impl Search {
             speeds: Vec::new(),
             aim: Aim::default(),
             alike: false,
-            evaluations: 60_000,
+            evaluations: 200_000,
         })
     }
 }

@@ -61,7 +61,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     alike: bool,
     /// Greatest number of designs to try, each at every speed.
-    #[arg(long, value_name = "N", default_value_t = 60_000)]
+    #[arg(long, value_name = "N", default_value_t = 200_000)]
     evaluations: usize,
     /// Write the scenario with the intruders found to this file, for `bead simulate`.
     #[arg(long, value_name = "F.toml")]
