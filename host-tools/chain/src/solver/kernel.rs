@@ -83,11 +83,11 @@ impl<S: Simd<f64s = f64x8>> NullaryFnOnce for Call<'_, S> {
                 0.0
             }
             Task::Curve => {
-                curve(simd, work, length);
+                curve(simd, work, lanes, length);
                 0.0
             }
             Task::Look { x } => {
-                look(simd, work, x * length, x);
+                look(simd, work, lanes, (x * length, x));
                 0.0
             }
             Task::Error { tolerance } => error(simd, work, lanes, tolerance),
@@ -435,19 +435,11 @@ fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: 
     let (mut greatest, mut trace) = (zero, zero);
     let (start, end) = (&work.start, &work.end);
     let rates = all_rates(&work.rates);
-    let mut take = |at: usize| {
+    for at in moving(work, lanes) {
         let (from, to) = (pulp::cast(blocks(&start.v)[at]), pulp::cast(blocks(&end.v)[at]));
         let error = errors(simd, &rates[at], (from, to), allowed);
         greatest = simd.max_f64s(greatest, error);
         trace = simd.add_f64s(trace, simd.mul_f64s(zero, simd.add_f64s(error, to)));
-    };
-    for run in &work.active {
-        for at in run.start + 1..run.end + 1 {
-            take(at);
-        }
-    }
-    for &at in work.active_guests.iter().filter(|_| lanes.guests.home.is_none()) {
-        take(at);
     }
     let greatest: Block = pulp::cast(greatest);
     let trace: Block = pulp::cast(trace);
@@ -456,18 +448,21 @@ fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: 
 }
 
 /// The blocks of an array that move.
-fn moving(work: &Work) -> impl Iterator<Item = usize> + use<'_> {
+#[inline(always)]
+fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + use<'a> {
+    let shared = lanes.guests.home.is_some();
     let bodies = work.active.iter().flat_map(|run| run.start + 1..run.end + 1);
-    bodies.chain(work.active_guests.iter().copied())
+    let guests = work.active_guests.iter().copied();
+    bodies.chain(guests.filter(move |_| !shared))
 }
 
 #[inline(always)]
-fn curve<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, length: f64) {
+fn curve<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64) {
     let (mut curves, rates) = (std::mem::take(&mut work.curves), all_rates(&work.rates));
     let to = blocks_mut(&mut curves).as_chunks_mut::<2>().0;
     let to: &mut [Curves] = to.as_chunks_mut().0;
     let (speed, place) = (simd.splat_f64s(length), simd.splat_f64s(length * length));
-    for at in moving(work) {
+    for at in moving(work, lanes) {
         for (power, of_power) in to[at].iter_mut().enumerate() {
             let (mut once, mut twice) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
             for (weights, rate) in POWERS.iter().zip(&rates[at]) {
@@ -485,7 +480,7 @@ fn curve<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, length: f64) {
 }
 
 #[inline(always)]
-fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, time: f64, x: f64) {
+fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, (time, x): (f64, f64)) {
     let mut stage = std::mem::take(&mut work.stage);
     let curves: &[Curves] = blocks(&work.curves).as_chunks::<2>().0.as_chunks().0;
     let (u_start, v_start) = (blocks(&work.start.u), blocks(&work.start.v));
@@ -495,7 +490,7 @@ fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, time: f64, x: f64) {
         simd.splat_f64s(x - 0.5),
         simd.splat_f64s(x),
     );
-    for at in moving(work) {
+    for at in moving(work, lanes) {
         let (mut once, mut twice) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
         for [speed, place] in curves[at].iter().rev() {
             once = simd.add_f64s(simd.mul_f64s(once, s), pulp::cast(*speed));
