@@ -3,6 +3,7 @@
 mod absorption;
 mod collision;
 mod dop853;
+mod ensemble;
 mod fit;
 mod flow;
 mod injection;
@@ -31,6 +32,7 @@ mod transmission;
 
 pub use absorption::Absorption;
 pub use collision::Collision;
+pub use ensemble::{EnsembleOptions, Outcome, ensemble};
 pub use fit::FitError;
 pub use flow::{Flow, Passed};
 pub use injection::Injection;
