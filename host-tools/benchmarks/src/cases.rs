@@ -12,12 +12,9 @@ pub(crate) struct Case {
     pub(crate) scenario: Scenario,
     /// Velocities of all bodies at the end, m/s.
     pub(crate) end: Vec<f64>,
-    /// The same at each of [`SAMPLES`] times, one after another.
+    /// The same at each of [`ours::SAMPLES`] times, one after another.
     pub(crate) samples: Vec<f64>,
 }
-
-/// Samples of a run.
-pub(crate) const SAMPLES: usize = 1000;
 
 fn plain(beads: usize, relaxation: f64, host: usize, stiffness: f64) -> Scenario {
     let mut scenario = Scenario::paper();

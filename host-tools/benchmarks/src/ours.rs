@@ -2,7 +2,8 @@
 
 use hertz_chain::{Accuracy, Channel, Run, Samples, Scenario};
 
-use crate::cases::SAMPLES;
+/// Samples of a run.
+pub(crate) const SAMPLES: usize = 1000;
 
 /// Velocities of all bodies at the end, m/s.
 pub(crate) fn end(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {

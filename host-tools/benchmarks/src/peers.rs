@@ -7,7 +7,7 @@ use hertz_chain::{Model, Scenario};
 use ode_solvers::dop_shared::OutputType;
 use ode_solvers::{Dop853, SVector, System};
 
-use crate::cases::SAMPLES;
+use crate::ours::SAMPLES;
 
 /// Unit of displacements, m.
 const UNIT: f64 = 1e-5;

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use hertz_chain::{Accuracy, Model};
 
-use crate::cases::{Case, SAMPLES};
-use crate::ours;
+use crate::cases::Case;
+use crate::ours::{self, SAMPLES};
 use crate::peers::{Chain, Peer};
 use crate::report::{Comparison, Row};
 

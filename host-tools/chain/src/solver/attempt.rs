@@ -49,6 +49,15 @@ impl Work {
         dispatch(self, lanes, Task::Curve, length);
     }
 
+    /// Finds displacements and velocities at the part `x` of the step, and puts them where a stage's are.
+    pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) {
+        dispatch(self, lanes, Task::Look { x }, length);
+        for crossing in &self.crossings {
+            let integrals = crossing.integrals(x);
+            give(lanes, &mut self.stage, crossing.lane, integrals.over(length));
+        }
+    }
+
     /// The part of the step just made at which the force of a contact is first cut off at zero, or ceases to
     /// be; none if that is at an end of the step. The force has a kink there, which the estimate of the error
     /// misses when it falls between two stages.

@@ -12,7 +12,7 @@ use std::ops::Range;
 use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
 
 use super::lanes::{BLOCK, Block, Lanes, before, behind, blocks, blocks_mut, first, push, select};
-use super::method::{ERROR, NODES, POWERS, ROWS, Weight, quadrature};
+use super::method::{CURVE, ERROR, NODES, POWERS, ROWS, Weight, quadrature};
 use super::verner::{MAIN, STAGES};
 use super::work::Work;
 
@@ -106,9 +106,6 @@ fn all_rates(rates: &[f64]) -> &[Rates] {
 
 /// Polynomials of a block: power by power, of velocities and of displacements.
 type Curves = [[Block; 2]; CURVE / 2];
-
-/// Numbers of a lane that describe its motion in a step: eight powers, twice.
-pub(super) const CURVE: usize = 16;
 
 #[inline(always)]
 fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(

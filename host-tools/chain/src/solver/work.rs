@@ -4,9 +4,8 @@ use std::ops::Range;
 
 use super::aligned::Aligned;
 use super::crossing::{Crossing, Ends};
-use super::kernel::{CURVE, Task, dispatch};
 use super::lanes::{BLOCK, Lanes, first};
-use super::method::{self, NODES, ROWS};
+use super::method::{self, CURVE, NODES, ROWS};
 use super::verner::{MAIN, STAGES};
 
 /// Where the stages of a step lie.
@@ -249,15 +248,6 @@ impl Work {
                     kept.wall[stage] -= force;
                 }
             }
-        }
-    }
-
-    /// Finds displacements and velocities at the part `x` of the step, and puts them where a stage's are.
-    pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) {
-        dispatch(self, lanes, Task::Look { x }, length);
-        for crossing in &self.crossings {
-            let integrals = crossing.integrals(x);
-            give(lanes, &mut self.stage, crossing.lane, integrals.over(length));
         }
     }
 
