@@ -20,8 +20,8 @@ fn scenario(beads: usize, relaxation: f64) -> Scenario {
     scenario
 }
 
-fn velocities(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
-    let mut run = Run::new(scenario, accuracy).expect("the chain is sound");
+fn velocities(scenario: &Scenario) -> Vec<f64> {
+    let mut run = Run::new(scenario, ACCURACY).expect("the chain is sound");
     run.to(scenario.duration).expect("it runs");
     let snapshot = run.snapshot();
     (0..=scenario.chain.beads)
@@ -34,23 +34,10 @@ fn seconds(beads: usize, relaxation: f64, rounds: usize) -> f64 {
     let scenario = scenario(beads, relaxation);
     let once = |_| {
         let clock = Instant::now();
-        std::hint::black_box(velocities(&scenario, ACCURACY));
+        std::hint::black_box(velocities(&scenario));
         clock.elapsed().as_secs_f64()
     };
     (0..rounds).map(once).fold(f64::INFINITY, f64::min)
-}
-
-/// Greatest difference of a velocity of two accuracies, as a part of the greatest.
-fn error(beads: usize) -> f64 {
-    let scenario = scenario(beads, 0.0);
-    let converged = Accuracy {
-        tolerance: 1e-13,
-        longest_step: 0.125,
-    };
-    let (one, other) = (velocities(&scenario, ACCURACY), velocities(&scenario, converged));
-    let greatest = other.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-    let pairs = one.iter().zip(&other);
-    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / greatest
 }
 
 /// The most memory that this process has had, in GB; none where the system does not tell.
@@ -80,15 +67,9 @@ pub(crate) fn measure(report: &mut Report, quick: bool) {
     report
         .targets
         .push(Target::at_most(name, Some(milliseconds), 100.0, "ms"));
-    let beads = if quick { 1024 } else { 16_384 };
-    let name = format!("{beads} elastic beads at tolerance 1e-10: error of a velocity");
-    let unit = "of the greatest velocity";
-    report
-        .targets
-        .push(Target::at_most(name, Some(error(beads)), 1e-9, unit));
     let mut huge = scenario(100_000, 4.2e-6);
     huge.duration = 1e-3;
-    std::hint::black_box(velocities(&huge, ACCURACY));
+    std::hint::black_box(velocities(&huge));
     let name = "100,000 beads: greatest memory of the whole process";
     report.targets.push(Target::at_most(name, memory(), 1.0, "GB"));
 }
