@@ -13,7 +13,7 @@ mod printer;
 use clap::{Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, figures, optimise, record, replay, settings,
+    accuracy, clock, command, compare, decode, emulate, figures, optimise, record, recover, replay, settings,
     simulate, spheres,
 };
 use failure::{Blame, Failure};
@@ -47,6 +47,8 @@ enum Command {
     Emulate(emulate::Arguments),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
+    /// Make a recording that is cut or damaged whole, as far as it goes.
+    Recover(recover::Arguments),
     /// Send a bead a request: status, identity, self-test, arm, raw samples, reboot.
     #[command(name = "command")]
     Request(command::Arguments),
@@ -81,6 +83,7 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
+            Command::Recover(arguments) => recover::run(&arguments),
             Command::Request(arguments) => command::run(&arguments),
             Command::Settings(arguments) => settings::run(&arguments),
             Command::Decode(arguments) => decode::run(&arguments),

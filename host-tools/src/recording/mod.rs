@@ -5,6 +5,7 @@ pub mod file;
 pub mod frames;
 pub mod json;
 pub mod physical;
+pub mod raw;
 pub mod received;
 pub mod strikes;
 pub mod time_series;

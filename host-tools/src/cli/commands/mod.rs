@@ -10,6 +10,7 @@ pub(crate) mod figures;
 mod measured;
 pub(crate) mod optimise;
 pub(crate) mod record;
+pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod settings;
 mod settings_file;
