@@ -179,7 +179,7 @@ fn a_recorder_that_is_killed_twenty_times_never_loses_more_than_its_help_says() 
 #[test]
 fn a_flood_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_signal() {
     let noise = b"x\0".repeat(32 * 1024);
-    let restarts: Vec<u8> = (0..=255).flat_map(|boot| identity(boot)).collect();
+    let restarts: Vec<u8> = (0..=255).flat_map(identity).collect();
     let zeros = vec![0; 64 * 1024];
     let line = vec![1; 64 * 1024];
     for flood in [noise, restarts, zeros, line] {

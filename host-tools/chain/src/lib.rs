@@ -9,11 +9,13 @@ mod injection;
 mod model;
 mod observe;
 mod optimise;
+mod options;
 mod oscillator;
 mod oscillator_fit;
 mod pulse;
 mod quantity;
 mod region;
+mod run;
 mod scenario;
 mod shaker;
 mod signal;
@@ -23,6 +25,7 @@ mod solution;
 mod solver;
 mod spectrum;
 mod split;
+mod summarise;
 mod transmission;
 
 pub use absorption::Absorption;
@@ -38,6 +41,7 @@ pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
 pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
+pub use run::{Moment, Run, Step};
 pub use scenario::{
     Chain, ContactForce, InputError, Intruder, Material, Scenario, Section, Start, Striker, TomlFile, Wall,
     text_of,
@@ -48,4 +52,5 @@ pub use simulate::{Accuracy, Options, SimulateError, simulate, simulate_with};
 pub use solution::{Sampler, Snapshot, Solution};
 pub use spectrum::{Spectrum, Taper};
 pub use split::Split;
+pub use summarise::{Summariser, summarise};
 pub use transmission::TransmissionFit;

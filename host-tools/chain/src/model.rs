@@ -382,13 +382,21 @@ impl Model {
         self.push(contact, change, rate).0
     }
 
+    /// The same for any change of the overlap since rest, at any rate.
+    pub(crate) fn force_beyond_at(&self, j: usize, change: f64, rate: f64) -> f64 {
+        self.push(&self.contacts[j - 1], change, rate).0
+    }
+
     /// Whether the force of contact `j` (from 1) is being kept from falling below zero.
+    #[cfg(test)]
     pub(crate) fn limited(&self, y: &[f64], j: usize) -> bool {
         let (overlap, approach) = self.overlap(y, j);
+        self.limits(&self.contacts[j - 1], overlap, approach)
+    }
+
+    fn limits(&self, contact: &Contact, overlap: f64, approach: f64) -> bool {
         // Without the common factor (κ/2) √δ.
-        self.clipped
-            && overlap > 0.0
-            && 2.0 * overlap + 3.0 * self.contacts[j - 1].relaxation * approach < 0.0
+        self.clipped && overlap > 0.0 && 2.0 * overlap + 3.0 * contact.relaxation * approach < 0.0
     }
 
     fn limit(&self, force: f64) -> f64 {
@@ -447,18 +455,30 @@ impl Model {
             let rate = 2.0 * contact.linear_stiffness() / reduced;
             rate.sqrt().max(rate * contact.relaxation)
         });
-        self.intruders
-            .iter()
-            .map(|intruder| {
-                let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
-                let oscillator = intruder.oscillator;
-                let reduced = oscillator.mass * shell / host;
-                (oscillator.stiffness / reduced)
-                    .sqrt()
-                    .max(oscillator.damping / reduced)
-            })
-            .chain(loaded)
-            .fold(0.0, f64::max)
+        let intruders = self.intruders.iter().map(|intruder| self.rate_of(intruder));
+        intruders.chain(loaded).fold(0.0, f64::max)
+    }
+
+    fn rate_of(&self, intruder: &HostedIntruder) -> f64 {
+        let (host, shell) = (self.masses[intruder.bead], self.shells[intruder.bead]);
+        let oscillator = intruder.oscillator;
+        let reduced = oscillator.mass * shell / host;
+        let undamped = (oscillator.stiffness / reduced).sqrt();
+        undamped.max(oscillator.damping / reduced)
+    }
+
+    /// The bead and the rate of an intruder that is more than 100,000 times faster than any collision. No
+    /// resonator is.
+    pub(crate) fn absurd_intruder(&self) -> Option<(usize, f64)> {
+        let of = |intruder: &HostedIntruder| (intruder.bead, self.rate_of(intruder));
+        let fastest = self.intruders.iter().map(of).max_by(|a, b| a.1.total_cmp(&b.1));
+        fastest.filter(|(_, rate)| rate * self.shortest_contact() > 6e5)
+    }
+
+    /// Steps that so much time takes at least. The method is stable for steps of up to some 6 of the shortest
+    /// time constants.
+    pub(crate) fn fewest_steps(&self, duration: f64, longest_step: f64) -> f64 {
+        duration * (1.0 / (longest_step * self.shortest_contact())).max(self.fastest_rate() / 6.0)
     }
 
     /// How deep the body of greatest energy, which is the striker as a rule, would go into a bead at rest: the
@@ -673,12 +693,18 @@ impl Model {
 impl Model {
     /// Rate of the total force of contact `j` (from 1) where the state changes by `dy`.
     pub(crate) fn force_rate(&self, y: &[f64], dy: &[f64], j: usize) -> f64 {
-        let (overlap, approach) = self.overlap(y, j);
-        if overlap <= 0.0 || self.limited(y, j) {
+        let (change, approach) = self.change(y, j);
+        let (_, acceleration) = self.change(dy, j);
+        self.force_rate_at(j, change, approach, acceleration)
+    }
+
+    /// The same for any change of the overlap since rest, its rate, and the rate of that.
+    pub(crate) fn force_rate_at(&self, j: usize, change: f64, approach: f64, acceleration: f64) -> f64 {
+        let contact = &self.contacts[j - 1];
+        let overlap = contact.static_overlap + change;
+        if overlap <= 0.0 || self.limits(contact, overlap, approach) {
             return 0.0;
         }
-        let (_, acceleration) = self.overlap(dy, j);
-        let contact = &self.contacts[j - 1];
         let root = overlap.sqrt();
         let viscous = contact.relaxation * (0.5 * approach * approach / root + root * acceleration);
         1.5 * contact.stiffness * (root * approach + viscous)

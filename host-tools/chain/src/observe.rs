@@ -109,7 +109,7 @@ pub struct SolverSummary {
 }
 
 /// The integration does not resolve forces below this part of the greatest: such a contact carried none.
-const NO_FORCE: f64 = 1e-12;
+pub(crate) const NO_FORCE: f64 = 1e-12;
 
 /// Signs of the peaks that are looked for.
 const GREATEST: f64 = 1.0;

@@ -2,103 +2,11 @@
 
 use std::time::Instant;
 
-use crate::model::Model;
+use crate::options::MOST_VALUES;
+pub use crate::options::{Accuracy, Options, SimulateError};
+use crate::run::Run;
 use crate::scenario::{InputError, Scenario};
 use crate::solution::Solution;
-use crate::solver::{Lanes, Stepper};
-
-/// How closely the integration follows the equations.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Accuracy {
-    /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth
-    /// of its scale. The scales are the striker's speed, its depth in a bead at rest, and its energy.
-    pub tolerance: f64,
-    /// Longest step, as a part of the scenario's shortest contact. It keeps a step from passing over a
-    /// collision of bodies in free flight.
-    pub longest_step: f64,
-}
-
-impl Accuracy {
-    /// Every stated number of this crate is computed at this accuracy.
-    pub const REFERENCE: Self = Self {
-        tolerance: 1e-14,
-        longest_step: 1.0 / 8.0,
-    };
-    /// For pictures and sweeps.
-    pub const DRAFT: Self = Self {
-        tolerance: 1e-8,
-        longest_step: 1.0 / 2.0,
-    };
-
-    fn check(self) -> Result<(), InputError> {
-        let (key, value, range) = if !(1e-14..=1e-3).contains(&self.tolerance) {
-            ("tolerance", self.tolerance, "1e-14 (rounding) to 1e-3")
-        } else if !(self.longest_step > 0.0 && self.longest_step <= 1.0) {
-            ("longest_step", self.longest_step, "a part above 0 and at most 1")
-        } else {
-            return Ok(());
-        };
-        let what = format!("{key} {value} is out of range");
-        Err(InputError::at("accuracy", what, format!("give {range}")))
-    }
-}
-
-impl Default for Accuracy {
-    fn default() -> Self {
-        Self::REFERENCE
-    }
-}
-
-/// How to run a scenario.
-#[derive(Clone, Copy, Default)]
-pub struct Options<'a> {
-    /// Time to simulate, s, in place of the scenario's; longer for a signal that goes on past it. The
-    /// [`Summary`](crate::Summary) covers the scenario's duration, or this one where it is shorter.
-    pub duration: Option<f64>,
-    /// How closely.
-    pub accuracy: Accuracy,
-    /// Called now and then with the part done, 0 to 1.
-    pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
-}
-
-impl std::fmt::Debug for Options<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Options")
-            .field("duration", &self.duration)
-            .field("accuracy", &self.accuracy)
-            .field("progress", &self.progress.map(|_| "…"))
-            .finish()
-    }
-}
-
-/// Why a scenario could not be run.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SimulateError {
-    /// A value of the scenario or of the [`Options`] is out of range.
-    #[error(transparent)]
-    Input(#[from] InputError),
-    /// The run needs more steps than memory should hold: it is too long, has too many beads, or something in
-    /// it is much faster than a strike.
-    #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or soften the intruders and relaxation that need short steps", MOST_VALUES * 8 / 1_000_000_000)]
-    TooLong {
-        /// How far the run came, s; 0 if it was clear from the start.
-        time: f64,
-        /// How far it was to go, s.
-        end: f64,
-    },
-    /// The steps became too short to move the clock: values of the scenario lie too many powers of ten apart.
-    #[error(
-        "the integration is stuck at {time} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
-    )]
-    Stuck {
-        /// When, s.
-        time: f64,
-    },
-}
-
-/// Values that a solution may keep: 4 GB.
-const MOST_VALUES: usize = 500_000_000;
 
 /// Integrates a scenario over its duration at [`Accuracy::REFERENCE`].
 ///
@@ -121,32 +29,25 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         return Err(InputError::at("duration", what, "give a number above zero").into());
     }
     options.accuracy.check()?;
-    let tolerance = options.accuracy.tolerance;
-
-    let model = Model::new(scenario);
-    let longest = options.accuracy.longest_step * model.shortest_contact();
-    // The method is stable for steps of up to some 6 of the shortest time constants. A run takes at least
-    // that many.
-    let fewest_steps = end * (1.0 / longest).max(model.fastest_rate() / 6.0);
-    if fewest_steps * model.layout().dimension() as f64 > MOST_VALUES as f64 {
+    let mut run = Run::new(scenario, options.accuracy)?;
+    run.check(end, options.accuracy.longest_step)?;
+    let mut state = run.model().initial();
+    if run.model().fewest_steps(end, options.accuracy.longest_step) * state.len() as f64 > MOST_VALUES as f64
+    {
         return Err(SimulateError::TooLong { time: 0.0, end });
     }
-    let (lanes, start) = (Lanes::new(&model), model.initial());
-    let mut stepper = Stepper::new(&lanes, model.layout(), &start, tolerance, longest);
-    let mut times = vec![stepper.time];
-    let mut states = start;
-    let mut state = states.clone();
+    let mut times = vec![run.time()];
+    let mut states = state.clone();
     let progress = |part| options.progress.iter().for_each(|told| told(part));
     // A step ends where the scenario does, so that the summary never looks inside one.
     let covered = scenario.duration.min(end);
     let mut summary_end = 0;
     for stop in [covered, end] {
-        while stepper.time < stop {
-            let time = stepper.time;
-            stepper.advance(stop).map_err(|_| SimulateError::Stuck { time })?;
-            let time = stepper.time;
+        while run.time() < stop {
+            run.advance(stop)?;
+            let time = run.time();
             times.push(time);
-            stepper.state(&mut state);
+            run.write_state(&mut state);
             states.extend_from_slice(&state);
             if states.len() > MOST_VALUES {
                 return Err(SimulateError::TooLong { time, end });
@@ -160,15 +61,14 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         }
     }
     progress(1.0);
-    let evaluations = stepper.evaluations;
     Ok(Solution {
-        model,
-        lanes,
-        tolerance,
+        model: run.shared_model(),
+        lanes: run.lanes(),
+        tolerance: options.accuracy.tolerance,
         times,
         states,
         summary_end,
-        evaluations,
+        evaluations: run.evaluations(),
         seconds: clock.elapsed().as_secs_f64(),
     })
 }

@@ -7,6 +7,7 @@
 //! into.
 
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 use crate::model::{Energies, Model};
 use crate::region::RegionEnergies;
@@ -19,8 +20,8 @@ use crate::solver::{Dense, Lanes};
 /// strike. A run that would keep more than 4 GB is refused.
 #[derive(Debug, Clone)]
 pub struct Solution {
-    pub(crate) model: Model,
-    pub(crate) lanes: Lanes,
+    pub(crate) model: Arc<Model>,
+    pub(crate) lanes: Arc<Lanes>,
     pub(crate) tolerance: f64,
     /// Ends of the steps, s.
     pub(crate) times: Vec<f64>,
@@ -108,26 +109,35 @@ impl<'a> Sampler<'a> {
         let mut state = vec![0.0; solution.model.layout().dimension()];
         dense.at(t, &mut state);
         self.dense = Some(dense);
-        Snapshot {
-            model: &solution.model,
-            time: t,
-            state,
-        }
+        Snapshot::new(&solution.model, t, state)
     }
 }
 
 /// A chain at one time. Bodies are counted from 0, the striker; beads and contacts from 1.
 #[derive(Debug, Clone)]
 pub struct Snapshot<'a> {
-    model: &'a Model,
+    model: &'a Arc<Model>,
     time: f64,
     state: Vec<f64>,
 }
 
-impl Snapshot<'_> {
+impl<'a> Snapshot<'a> {
+    pub(crate) fn new(model: &'a Arc<Model>, time: f64, state: Vec<f64>) -> Self {
+        Self { model, time, state }
+    }
+
+    pub(crate) fn parts(&self) -> (&Arc<Model>, &[f64]) {
+        (self.model, &self.state)
+    }
+
     /// The time, s.
     pub fn time(&self) -> f64 {
         self.time
+    }
+
+    /// Masses, contacts and intruders of the chain.
+    pub fn model(&self) -> &'a Model {
+        self.model
     }
 
     /// Displacement of `body` since t = 0, m. A chain under a static load is at rest there.

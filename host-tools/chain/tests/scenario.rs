@@ -1,6 +1,6 @@
 //! Bad scenarios: each gets one line that says where, what and what would do.
 
-use hertz_chain::{Options, Scenario, SimulateError, simulate, simulate_with};
+use hertz_chain::{Options, Scenario, SimulateError, simulate, simulate_with, summarise};
 
 const SOUND: &str = "\
 title = \"One absorber at bead 8\"
@@ -566,15 +566,30 @@ fn a_run_that_no_memory_holds_is_refused_before_it_starts() {
     scenario.duration = 1e4;
     let error = simulate(&scenario).expect_err("hours");
     assert_eq!(error, SimulateError::TooLong { time: 0.0, end: 1e4 });
-    scenario.duration = 0.006;
-    scenario.intruders[0].damping = 1e9;
-    let error = simulate(&scenario).expect_err("a damper of glass");
-    assert_eq!(
-        error,
-        SimulateError::TooLong {
-            time: 0.0,
-            end: 0.006
-        }
-    );
-    assert!(error.to_string().contains("soften the intruders"), "{error}");
+    assert!(error.to_string().contains("the summary alone"), "{error}");
+}
+
+#[test]
+fn an_intruder_of_wrong_units_is_refused_with_the_time_it_would_take() {
+    let sound = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let bead = sound.intruders[0].beads[0];
+    let change: [fn(&mut hertz_chain::Intruder); 2] = [|one| one.damping = 1e9, |one| one.mass = 1e-9];
+    for change in change {
+        let mut scenario = sound.clone();
+        change(&mut scenario.intruders[0]);
+        let kept = simulate(&scenario).expect_err("a damper of glass");
+        assert!(matches!(kept, SimulateError::TooStiff { .. }), "{kept}");
+        assert_eq!(summarise(&scenario, &Options::default()), Err(kept.clone()));
+        let text = kept.to_string();
+        assert!(text.starts_with(&format!("intruder in bead {bead}: ")), "{text}");
+        assert!(
+            text.contains(" steps, more than ") && text.contains("mass in kg"),
+            "{text}"
+        );
+    }
+    // A stiff one is slow, and no mistake.
+    let mut scenario = sound;
+    scenario.duration = 1e-6;
+    scenario.intruders[0].stiffness = 1e9;
+    assert!(simulate(&scenario).is_ok());
 }

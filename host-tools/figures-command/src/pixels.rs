@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use hertz_figures::chart::{Chart, FINE};
+use hertz_figures::chart::Chart;
 use hertz_figures::error::Error;
 use rayon::prelude::*;
 use resvg::tiny_skia::{Pixmap, Transform};
@@ -10,6 +10,8 @@ use resvg::usvg;
 
 /// Pixels of a PNG for each pixel of the chart: 560 dots an inch for a chart of a column's width.
 const PRINT: f32 = 4.0;
+/// Pixels of a PNG a metre, so that a chart of a column's width is 86 mm wide.
+const DENSITY: u32 = 22_326;
 /// Pixels of an animation for each pixel of the chart.
 const SCREEN: f32 = 1.5;
 
@@ -19,9 +21,21 @@ const SCREEN: f32 = 1.5;
 /// # Errors
 /// As [`Chart::inline_svg`].
 pub(crate) fn png(chart: &Chart) -> Result<Vec<u8>, Error> {
-    pixels(chart, PRINT)?
-        .encode_png()
-        .map_err(|reason| Error::drawing(&chart.description, " as PNG", reason))
+    let pixels = pixels(chart, PRINT)?;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, pixels.width(), pixels.height());
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_pixel_dims(Some(png::PixelDimensions {
+        xppu: DENSITY,
+        yppu: DENSITY,
+        unit: png::Unit::Meter,
+    }));
+    // The paper is opaque, so no colour has been multiplied by less than 1.
+    let written = encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(pixels.data()));
+    written.map_err(|reason| Error::drawing(&chart.description, " as PNG", reason))?;
+    Ok(bytes)
 }
 
 /// The pixels of [`png`] at any scale.
@@ -32,7 +46,6 @@ fn pixels(chart: &Chart, scale: f32) -> Result<Pixmap, Error> {
     fonts.load_font_data(dejavu::sans::regular().to_vec());
     fonts.set_sans_serif_family("DejaVu Sans");
     let tree = usvg::Tree::from_str(&chart.inline_svg()?, &options).map_err(|error| refused(&error))?;
-    let scale = scale / FINE as f32;
     let [width, height] =
         [tree.size().width(), tree.size().height()].map(|size| (size * scale).ceil() as u32);
     let mut pixels = Pixmap::new(width, height).ok_or_else(|| refused(&"it has no extent"))?;

@@ -3,17 +3,18 @@
 
 use std::fmt::Write;
 
-use crate::chart::{STYLE, escape};
+use crate::chart::{escape, raised, style};
 use crate::check::{Check, Relation};
 use crate::plan::Outcome;
 
 const PAGE_STYLE: &str = "\
 body{margin:0;background:var(--paper);color:var(--text);font:16px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,sans-serif}\
-main{max-width:1120px;margin:0 auto;padding:32px 20px}h1{font-size:1.6rem}\
-section{display:grid;grid-template-columns:minmax(280px,440px) 1fr;gap:8px 28px;align-items:start;\
+main{max-width:1280px;margin:0 auto;padding:32px 20px}h1{font-size:1.6rem}\
+nav{columns:3 280px;font-size:.9rem}nav a{display:block;color:var(--measured);text-decoration:none;padding:.1em 0}\
+section{display:grid;grid-template-columns:minmax(280px,520px) 1fr;gap:8px 28px;align-items:start;\
 border-top:1px solid var(--grid);padding:20px 0}\
 section h2{grid-column:1/-1;font-size:1.05rem;margin:0}section p{grid-column:1/-1;margin:0;color:var(--faint);font-size:.9rem}\
-img{width:100%;height:auto}table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums}\
+section p a{color:var(--measured)}img{width:100%;height:auto}th{text-align:left;font-weight:600;padding:.3em .6em .3em 0}table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums}\
 td{padding:.3em .6em .3em 0;border-bottom:1px solid var(--grid);vertical-align:top}td+td{white-space:nowrap}\
 .fail{color:var(--predicted);font-weight:600}\
 @media(max-width:760px){section{grid-template-columns:1fr}}";
@@ -92,7 +93,7 @@ fn what_of(check: &Check) -> String {
 fn push_row(text: &mut String, figure: &str, what: &str, check: &Check) {
     text.push_str(&format!(
         "| {figure} | {} | {} | {} | {} |\n",
-        what.replace('|', "\\|"),
+        raised(what, |plain| plain.replace('|', "\\|")),
         with_unit(number(check.value), check.unit),
         with_unit(expectation(check), check.unit),
         verdict(check)
@@ -105,23 +106,40 @@ pub fn html(outcomes: &[Outcome]) -> String {
     let mut body = String::new();
     // Writing to a String cannot fail.
     let mut push = |text: std::fmt::Arguments<'_>| body.write_fmt(text).unwrap_or_default();
+    let checks: usize = outcomes.iter().map(|outcome| outcome.checks.len()).sum();
     push(format_args!(
-        "<h1>Figures</h1><p>{} drawn, {failed} out of tolerance.</p>",
+        "<h1>Figures</h1><p>{} drawn with {checks} checks, {failed} out of tolerance.</p><nav>",
         outcomes.len()
     ));
     for outcome in outcomes {
         push(format_args!(
-            "<section id=\"{0}\"><h2>{0} · {1}</h2><p>{2}</p><img src=\"figure-{0}.{4}\" alt=\"{3}\"><table>",
+            "<a href=\"#{0}\">{0} · {1}{2}</a>",
             escape(outcome.name),
-            escape(outcome.title),
-            escape(outcome.setting),
+            raised(outcome.title, escape),
+            if outcome.pass {
+                ""
+            } else {
+                " <span class=\"fail\">FAILED</span>"
+            },
+        ));
+    }
+    push(format_args!("</nav>\n"));
+    for outcome in outcomes {
+        push(format_args!(
+            "<section id=\"{0}\"><h2>{0} · {1}</h2><p>{2}. As <a href=\"figure-{0}.svg\">SVG</a>, \
+             <a href=\"figure-{0}.png\">PNG</a>, <a href=\"figure-{0}.csv\">CSV</a>, \
+             <a href=\"figure-{0}.parquet\">Parquet</a>.</p><img src=\"figure-{0}.{4}\" alt=\"{3}\"><table>\
+             <tr><th>what</th><th>value</th><th>expected</th><th></th></tr>",
+            escape(outcome.name),
+            raised(outcome.title, escape),
+            raised(outcome.setting, escape),
             escape(outcome.title),
             if outcome.animated { "gif" } else { "svg" },
         ));
         for check in &outcome.checks {
             push(format_args!(
                 "<tr><td>{}</td><td>{}</td><td>{}</td><td class=\"{}\">{}</td></tr>",
-                escape(&what_of(check)),
+                raised(&what_of(check), escape),
                 escape(&with_unit(number(check.value), check.unit)),
                 escape(&with_unit(expectation(check), check.unit)),
                 if check.pass { "pass" } else { "fail" },
@@ -133,7 +151,8 @@ pub fn html(outcomes: &[Outcome]) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>Figures</title>\
-         <style>{STYLE}{PAGE_STYLE}</style></head>\n<body><main>{body}</main></body></html>\n"
+         <style>{}{PAGE_STYLE}</style></head>\n<body><main>{body}</main></body></html>\n",
+        style()
     )
 }
 
@@ -180,7 +199,8 @@ mod tests {
         let page = html(&[outcome(vec![Check::at_most("x < y", "N", 2.0, 1.0)])]);
         assert!(page.contains("force &lt;at&gt; contact") && page.contains("x &lt; y"));
         assert!(
-            page.contains("<td class=\"fail\">FAILED</td>") && page.contains("1 drawn, 1 out of tolerance")
+            page.contains("<td class=\"fail\">FAILED</td>")
+                && page.contains("1 drawn with 1 checks, 1 out of tolerance")
         );
     }
 }

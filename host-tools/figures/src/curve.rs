@@ -19,6 +19,14 @@ pub(crate) fn line(name: impl Into<String>, place: usize, points: Vec<(f64, f64)
     }
 }
 
+/// A curve of a family whose dashes tell it apart from the others.
+pub(crate) fn told_apart(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
+    Series {
+        mark: Mark::Family(place),
+        ..line(name, place, points)
+    }
+}
+
 /// A dashed curve of a family.
 pub(crate) fn dashed(name: impl Into<String>, place: usize, points: Vec<(f64, f64)>) -> Series {
     Series {

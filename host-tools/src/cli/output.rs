@@ -101,6 +101,19 @@ pub fn progress(steps: u64) -> ProgressBar {
     shown(ProgressBar::new(steps), "{bar:24} {pos}/{len} {elapsed} {msg}")
 }
 
+/// A progress bar of the part done and the time left, on standard error; silent when standard error is not a
+/// terminal. [`set_part`] moves it.
+pub fn part_done(step: impl Into<String>) -> ProgressBar {
+    shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {eta} left").with_message(step.into())
+}
+
+const PARTS: u64 = 10_000;
+
+/// Moves a bar of [`part_done`] to a part of 0 to 1.
+pub fn set_part(bar: &ProgressBar, part: f64) {
+    bar.set_position((part * PARTS as f64) as u64);
+}
+
 fn shown(bar: ProgressBar, template: &str) -> ProgressBar {
     if !io::stderr().is_terminal() {
         bar.set_draw_target(ProgressDrawTarget::hidden());

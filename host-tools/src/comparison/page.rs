@@ -2,7 +2,7 @@
 
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, SettingsSource, Status};
-use hertz_figures::chart::{STYLE, escape};
+use hertz_figures::chart::{escape, style};
 use hertz_figures::error::Error;
 
 use crate::bench::emulation::EmulatorReport;
@@ -79,11 +79,11 @@ impl Page<'_> {
             self.log(),
         ];
         let title = escape(&format!("Bead {}: {}", self.bead, self.title));
-        let body = body.concat();
+        let (body, sheet) = (body.concat(), style());
         Ok(format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-             <title>{title}</title><style>{STYLE}{PAGE_STYLE}</style></head>\n<body><main>{body}</main></body></html>\n"
+             <title>{title}</title><style>{sheet}{PAGE_STYLE}</style></head>\n<body><main>{body}</main></body></html>\n"
         ))
     }
 

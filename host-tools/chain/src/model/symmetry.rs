@@ -1,6 +1,8 @@
 //! Symmetries of the equations of motion, on states that no scenario starts from; and a static load left out
 //! on both sides.
 
+use std::sync::Arc;
+
 use super::{Contact, Model};
 use crate::dop853::System;
 use crate::oscillator::Oscillator;
@@ -27,9 +29,9 @@ fn with_intruder(mut scenario: Scenario, bead: usize, damping: f64) -> Scenario 
 
 /// The state a time `duration` after `state`, at the reference accuracy.
 fn evolve(model: &Model, state: Vec<f64>, duration: f64) -> Vec<f64> {
-    let lanes = Lanes::new(model);
+    let lanes = Arc::new(Lanes::new(model));
     let longest = model.shortest_contact() / 8.0;
-    let mut stepper = Stepper::new(&lanes, model.layout(), &state, 1e-14, longest);
+    let mut stepper = Stepper::new(lanes, model.layout(), (0.0, &state), 1e-14, longest);
     while stepper.time < duration {
         stepper.advance(duration).expect("the motion goes on");
     }

@@ -1,6 +1,8 @@
 //! Every kind of chain, drawn at random, against an integration of another method by other code: Dormand and
 //! Prince's 8(5,3) on the model's own equations, with steps that shrink where contacts open and close.
 
+use std::sync::Arc;
+
 use super::{Lanes, Stepper};
 use crate::dop853::{self, Dense, crossing};
 use crate::model::Model;
@@ -133,9 +135,9 @@ fn two_hundred_random_scenarios_move_as_another_method_says() {
     for number in 0..200 {
         let scenario = draw.scenario();
         let model = Model::new(&scenario);
-        let (lanes, layout) = (Lanes::new(&model), model.layout());
+        let (lanes, layout) = (Arc::new(Lanes::new(&model)), model.layout());
         let longest = model.shortest_contact() / 8.0;
-        let mut stepper = Stepper::new(&lanes, layout, &model.initial(), 1e-14, longest);
+        let mut stepper = Stepper::new(lanes, layout, (0.0, &model.initial()), 1e-14, longest);
         while stepper.time < scenario.duration {
             stepper.advance(scenario.duration).expect("it goes on");
         }

@@ -45,6 +45,7 @@ impl<'a> Dense<'a> {
         tolerance: f64,
     ) -> Self {
         let mut work = Work::new(lanes, true);
+        work.keep_powers(lanes);
         work.activate_all(lanes);
         unpack(lanes, layout, state, &mut work.start);
         let length = end - start;
@@ -63,8 +64,10 @@ impl<'a> Dense<'a> {
     /// The state at time `t` of the step.
     pub(crate) fn at(&mut self, t: f64, out: &mut [f64]) {
         let (lanes, layout) = (self.lanes, self.layout);
-        let inside = self.work.look(lanes, self.length, (t - self.start) / self.length);
+        let x = (t - self.start) / self.length;
+        self.work.look(lanes, self.length, x);
         pack(lanes, layout, &self.work.stage, out);
+        let inside = self.work.lost_inside(lanes, self.length, x);
         let loss = layout.contact_loss();
         out[loss] = self.state[loss] + inside.contacts;
         for (index, lost) in inside.guests.iter().enumerate() {

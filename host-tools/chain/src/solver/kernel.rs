@@ -157,13 +157,8 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     };
     let added = work.added.as_deref().filter(|_| number >= MAIN);
     let mut powers = work.powers.as_deref_mut();
-    let keeps = powers.is_some();
     let kept = guests.blocks;
     let (x_start, w_start) = (&blocks(&work.start.x)[..kept], &blocks(&work.start.w)[..kept]);
-    let (x_to, w_to) = (
-        &mut blocks_mut(&mut work.stage.x)[..kept],
-        &mut blocks_mut(&mut work.stage.w)[..kept],
-    );
     let pulls = &mut blocks_mut(&mut work.pulls)[..kept];
     let guest_rates = &mut work.guest_rates.as_chunks_mut::<{ STAGES * BLOCK }>().0[..kept];
     let (stiffness, damping) = (
@@ -185,7 +180,6 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
         }
         if let Some(powers) = &mut powers {
             blocks_mut(&mut powers.guests)[at * STAGES + number] = pulp::cast(power);
-            (x_to[at], w_to[at]) = (pulp::cast(x), pulp::cast(w));
         }
     }
 
@@ -228,10 +222,6 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
                 if lanes.wall.is_some_and(|wall| wall / BLOCK == at) {
                     let forces: Block = pulp::cast(force);
                     wall_force = forces[lanes.bodies % BLOCK];
-                }
-                if keeps {
-                    blocks_mut(&mut work.stage.u)[at] = pulp::cast(u);
-                    blocks_mut(&mut work.stage.v)[at] = pulp::cast(v);
                 }
             }
             if at > run.start + 1 {

@@ -21,7 +21,7 @@ pub(super) struct Weight {
 }
 
 impl Weight {
-    const ZERO: Self = Self {
+    pub(super) const ZERO: Self = Self {
         velocity: 0.0,
         displacement: 0.0,
     };
@@ -150,7 +150,7 @@ pub(super) static ERROR: &[(usize, f64)] = &{
 };
 
 /// Powers of the dense output, stage by stage.
-const POWERS: [[Weight; 8]; STAGES] = {
+pub(super) static POWERS: [[Weight; 8]; STAGES] = {
     // The printed digits leave a trace of 1e-11. So that constant and linear rates are integrated exactly, it is
     // taken from the first stage and that at the end; and the last power makes the output end where the step
     // does.

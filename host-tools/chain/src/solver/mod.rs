@@ -17,14 +17,21 @@ mod aligned;
 mod attempt;
 mod crossing;
 mod dense;
+mod glimpse;
 mod kernel;
 mod lanes;
 mod method;
 mod rest;
 mod stepper;
 mod verner;
+#[cfg(test)]
+mod window;
 mod work;
 
 pub(crate) use dense::Dense;
+pub(crate) use glimpse::Glimpse;
 pub(crate) use lanes::Lanes;
 pub(crate) use stepper::Stepper;
+
+/// Bodies that move or rest together, from a multiple of this.
+pub(crate) const TOGETHER: usize = lanes::BLOCK;

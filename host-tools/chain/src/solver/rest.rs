@@ -1,16 +1,28 @@
-//! Which blocks of beads need no computation: those that the wave has not reached, and those that fly freely.
+//! Which blocks of beads need no computation: those that the wave has not reached, and those that it has left.
 //!
 //! # Design
 //!
-//! A block is asleep while no contact of it carries a force and no intruder in it moves. Its bodies keep their
-//! velocities, so where they are follows from when it fell asleep, and so does when two of them will meet. A
-//! bead ahead of a wave moves as the motion two beads before to the power 3/2 each, so a block that touches
-//! wakes when the third bead before it has moved by [`STILL`] of the scale: what is left out then is far
-//! below rounding.
+//! A block sleeps while no contact of it carries a force that matters and no intruder in it moves. A contact is
+//! out of the game in one of two ways. It is *open*: its bodies fly freely, so when they will meet follows from
+//! where they are. Or it is *quiet*: speed and overlap are less than the error that a single step may make
+//! ([`FLOOR`] of the tolerance), and bodies that it joins go on together at their common speed, or stand still
+//! if that too is quiet. What a wave leaves behind in an elastic chain is such dust. So what is left out of a
+//! body's velocity is at most FLOOR × tolerance × the striker's speed, once after each wave that passes it.
+//!
+//! A bead ahead of a wave moves as the motion two beads before to the power 3/2 each. So a block that touches
+//! wakes when the third bead before it is no longer quiet: what is left out then is far below rounding.
+//!
+//! No step looks at more blocks than are awake and their neighbours: a pulse costs the same in a chain of any
+//! length.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 use super::lanes::{BLOCK, Lanes, first};
 use super::work::Work;
 
+/// The part of the tolerance, of the striker's speed, that any step may err by.
+pub(super) const FLOOR: f64 = 0.01;
 /// Motion, as a part of its scale, that nothing in f64 can notice.
 const STILL: f64 = 1e-16;
 /// Beads at the edge of a block that are watched.
@@ -18,42 +30,82 @@ const WATCHED: usize = 3;
 /// Steps ahead of a collision at which a block wakes.
 const AHEAD: f64 = 3.0;
 
-#[derive(Debug)]
+/// The overlap at which a contact of the chain first has the elastic energy of its lighter body at the speed
+/// `quiet`, m.
+fn shallow(lanes: &Lanes, quiet: f64) -> f64 {
+    let rates =
+        (1..lanes.len()).map(|lane| lanes.stiffness[lane] * lanes.inverse[lane - 1].max(lanes.inverse[lane]));
+    (1.25 * quiet * quiet / rates.fold(0.0, f64::max)).powf(0.4)
+}
+
+#[derive(Debug, Clone)]
 pub(super) struct Rest {
     /// Since when each block is asleep.
     asleep: Vec<Option<f64>>,
+    /// The others, in order.
+    awake: Vec<usize>,
     /// When two bodies of a sleeping block, or of it and a sleeping neighbour, will meet.
     touch: Vec<f64>,
-    next_touch: f64,
+    /// The same as a queue: bits of the time, which order as it does, and the block. What does not agree with
+    /// `touch` is out of date.
+    queue: BinaryHeap<Reverse<(u64, usize)>>,
+    /// Speed of a contact that may be left out, m/s, and overlap, m.
+    quiet: f64,
+    shallow: f64,
     steps: u64,
+    /// Steps between looks for blocks that may sleep.
+    patience: u64,
 }
 
 impl Rest {
-    /// Blocks at rest sleep from the start.
-    pub(super) fn new(lanes: &Lanes, work: &mut Work) -> Self {
-        let moves = |block: usize| {
-            let lanes = first(block)..first(block) + BLOCK;
-            work.start.u[lanes.clone()]
-                .iter()
-                .chain(&work.start.v[lanes])
-                .any(|value| *value != 0.0)
-        };
-        let asleep = (0..lanes.blocks)
-            .map(|block| (!moves(block)).then_some(0.0))
+    /// Blocks at rest sleep from the start, at `time`.
+    pub(super) fn new(lanes: &Lanes, work: &mut Work, time: f64, tolerance: f64) -> Self {
+        let mut moves: Vec<bool> = (0..lanes.blocks)
+            .map(|block| {
+                let lanes = first(block)..first(block) + BLOCK;
+                let motion = work.start.u[lanes.clone()].iter().chain(&work.start.v[lanes]);
+                motion.clone().any(|value| *value != 0.0)
+            })
             .collect();
+        for (guest, host) in lanes.guests.hosts.iter().enumerate() {
+            moves[host / BLOCK - 1] |= work.start.x[guest] != 0.0 || work.start.w[guest] != 0.0;
+        }
+        let quiet = (FLOOR * tolerance).max(STILL) * lanes.speed;
         let mut rest = Self {
-            asleep,
+            asleep: moves.iter().map(|moves| (!moves).then_some(time)).collect(),
+            awake: (0..lanes.blocks).filter(|&block| moves[block]).collect(),
             touch: vec![f64::INFINITY; lanes.blocks],
-            next_touch: f64::INFINITY,
+            queue: BinaryHeap::new(),
+            quiet,
+            shallow: shallow(lanes, quiet),
             steps: 0,
+            patience: 4,
         };
-        rest.follow_guests(lanes, work, 0.0);
         rest.arrange(lanes, work);
         rest
     }
 
-    pub(super) fn next_touch(&self) -> f64 {
-        self.next_touch
+    /// Wakes all blocks, and lets none sleep again.
+    #[cfg(test)]
+    pub(super) fn keep_awake(&mut self, lanes: &Lanes, work: &mut Work, time: f64) {
+        for block in 0..lanes.blocks {
+            if self.asleep[block].is_some() {
+                self.wake(work, block, time);
+            }
+        }
+        self.patience = u64::MAX;
+        self.arrange(lanes, work);
+    }
+
+    /// When a sleeping block will have a collision.
+    pub(super) fn next_touch(&mut self) -> f64 {
+        while let Some(Reverse((bits, block))) = self.queue.peek() {
+            if self.touch[*block].to_bits() == *bits {
+                return f64::from_bits(*bits);
+            }
+            self.queue.pop();
+        }
+        f64::INFINITY
     }
 
     /// Brings a sleeping block up to `time`.
@@ -71,134 +123,128 @@ impl Rest {
         self.settle(work, block, time);
         self.asleep[block] = None;
         self.touch[block] = f64::INFINITY;
-    }
-
-    /// Wakes the hosts of intruders that move.
-    fn follow_guests(&mut self, lanes: &Lanes, work: &mut Work, time: f64) {
-        for (guest, host) in lanes.guests.hosts.iter().enumerate() {
-            let moves = work.start.x[guest] != 0.0 || work.start.w[guest] != 0.0;
-            let block = host / BLOCK - 1;
-            if moves && self.asleep[block].is_some() {
-                self.wake(work, block, time);
-            }
-        }
+        let at = self.awake.partition_point(|&other| other < block);
+        self.awake.insert(at, block);
     }
 
     /// Notes runs of blocks that move, and intruders in them.
     fn arrange(&mut self, lanes: &Lanes, work: &mut Work) {
         work.active.clear();
-        for block in (0..lanes.blocks).filter(|&block| self.asleep[block].is_none()) {
+        work.active_guests.clear();
+        for &block in &self.awake {
             match work.active.last_mut() {
                 Some(run) if run.end == block => run.end += 1,
                 _ => work.active.push(block..block + 1),
             }
-        }
-        work.active_guests.clear();
-        for run in &work.active {
-            for block in run.clone() {
-                for guest in lanes.guests.of_block[block].clone() {
-                    if work.active_guests.last() != Some(&(guest / BLOCK)) {
-                        work.active_guests.push(guest / BLOCK);
-                    }
+            for guest in lanes.guests.of_block[block].clone() {
+                if work.active_guests.last() != Some(&(guest / BLOCK)) {
+                    work.active_guests.push(guest / BLOCK);
                 }
             }
         }
-        self.next_touch = self.touch.iter().copied().fold(f64::INFINITY, f64::min);
     }
 
-    /// The sleeping blocks beside the runs, each with whether it is behind the run.
-    fn neighbours(lanes: &Lanes, work: &Work) -> Vec<(usize, bool)> {
-        let mut neighbours = Vec::with_capacity(2 * work.active.len());
-        for run in &work.active {
+    /// Calls for each sleeping block beside a run: the block, and whether it is behind the run.
+    fn for_neighbours(
+        &mut self,
+        lanes: &Lanes,
+        work: &mut Work,
+        mut call: impl FnMut(&mut Self, &mut Work, usize, bool),
+    ) {
+        for run in 0..work.active.len() {
+            let run = work.active[run].clone();
             if run.start > 0 {
-                neighbours.push((run.start - 1, false));
+                call(self, work, run.start - 1, false);
             }
             if run.end < lanes.blocks {
-                neighbours.push((run.end, true));
+                call(self, work, run.end, true);
             }
         }
-        neighbours
     }
 
-    fn all_move(lanes: &Lanes, work: &Work) -> bool {
-        work.active.first() == Some(&(0..lanes.blocks))
+    fn all_move(&self, lanes: &Lanes) -> bool {
+        self.awake.len() == lanes.blocks
     }
 
     /// Wakes what a step of about `h` could reach.
     pub(super) fn before_step(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) {
-        if Self::all_move(lanes, work) {
+        if self.all_move(lanes) {
             return;
         }
         loop {
-            let mut woken = false;
-            if time + AHEAD * h >= self.next_touch {
-                // With nothing else awake, no step is lost by waiting for the collision itself.
-                let until = if work.active.is_empty() {
-                    time
-                } else {
-                    time + AHEAD * h
+            let before = self.awake.len();
+            // With nothing else awake, no step is lost by waiting for the collision itself.
+            let until = if work.active.is_empty() {
+                time
+            } else {
+                time + AHEAD * h
+            };
+            while self.next_touch() <= until {
+                let Some(Reverse((_, block))) = self.queue.pop() else {
+                    break;
                 };
-                for block in 0..lanes.blocks {
-                    if self.touch[block] <= until {
-                        self.wake(work, block, time);
-                        woken = true;
+                self.wake(work, block, time);
+            }
+            self.for_neighbours(lanes, work, |rest, work, block, behind| {
+                if rest.asleep[block].is_some() {
+                    rest.settle(work, block, time);
+                    if rest.reaches(lanes, work, block, behind, h) {
+                        rest.wake(work, block, time);
                     }
                 }
-            }
-            for (block, behind) in Self::neighbours(lanes, work) {
-                if self.asleep[block].is_none() {
-                    continue;
-                }
-                self.settle(work, block, time);
-                // The contact between the block and the run, and the edge of the run.
-                let (lane, edge) = if behind {
-                    (first(block), first(block) - WATCHED..first(block))
-                } else {
-                    (
-                        first(block) + BLOCK,
-                        first(block) + BLOCK..first(block) + BLOCK + WATCHED,
-                    )
-                };
-                let gap = work.start.u[lane] - work.start.u[lane - 1] - lanes.rest[lane];
-                let approach = work.start.v[lane - 1] - work.start.v[lane];
-                let reached = if lanes.stiffness[lane] == 0.0 {
-                    false
-                } else if gap > 0.0 {
-                    gap < AHEAD * h * approach
-                } else {
-                    let moved = |lane: usize| {
-                        work.start.u[lane].abs() > STILL * lanes.depth
-                            || work.start.v[lane].abs() > STILL * lanes.speed
-                    };
-                    edge.into_iter().any(moved)
-                };
-                if reached {
-                    self.wake(work, block, time);
-                    woken = true;
-                }
-            }
-            if !woken {
+            });
+            if self.awake.len() == before {
                 return;
             }
-            self.follow_guests(lanes, work, time);
             self.arrange(lanes, work);
         }
     }
 
-    /// Whether a step of length `h` has closed a contact with a sleeping block. The block is woken.
-    pub(super) fn touched(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) -> bool {
-        if Self::all_move(lanes, work) {
+    /// Whether a run soon moves the sleeping block beside it.
+    fn reaches(&self, lanes: &Lanes, work: &Work, block: usize, behind: bool, h: f64) -> bool {
+        // The contact between the block and the run, and the edge of the run.
+        let (lane, edge) = if behind {
+            (first(block), first(block) - WATCHED..first(block))
+        } else {
+            let edge = first(block) + BLOCK;
+            (edge, edge..edge + WATCHED)
+        };
+        if lanes.stiffness[lane] == 0.0 {
             return false;
         }
-        let mut woken = false;
-        for (block, behind) in Self::neighbours(lanes, work) {
+        let (u, v) = (&work.start.u, &work.start.v);
+        let gap = u[lane] - u[lane - 1] - lanes.rest[lane];
+        let approach = v[lane - 1] - v[lane];
+        if lanes.loaded {
+            // A loaded chain is linear: what is weak goes on.
+            return edge
+                .into_iter()
+                .any(|lane| u[lane].abs() > STILL * lanes.depth || v[lane].abs() > STILL * lanes.speed);
+        }
+        if gap > 0.0 {
+            return approach > self.quiet && gap < AHEAD * h * approach;
+        }
+        let of_block = if behind { lane } else { lane - 1 };
+        gap < -4.0 * self.shallow
+            || edge
+                .into_iter()
+                .any(|lane| (v[lane] - v[of_block]).abs() > 2.0 * self.quiet)
+    }
+
+    /// Whether a step of length `h` has closed a contact with a sleeping block. The block is woken.
+    pub(super) fn touched(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) -> bool {
+        if self.all_move(lanes) {
+            return false;
+        }
+        let before = self.awake.len();
+        self.for_neighbours(lanes, work, |rest, work, block, behind| {
             let lane = if behind {
                 first(block)
             } else {
                 first(block) + BLOCK
             };
             let gap = |near: f64, far: f64| far - near - lanes.rest[lane];
-            let open = gap(work.start.u[lane - 1], work.start.u[lane]) > 0.0;
+            let start = gap(work.start.u[lane - 1], work.start.u[lane]);
             let there = |lane: usize, sleeps: bool| {
                 if sleeps {
                     work.start.u[lane] + h * work.start.v[lane]
@@ -207,103 +253,135 @@ impl Rest {
                 }
             };
             let end = gap(there(lane - 1, !behind), there(lane, behind));
-            if open && end <= 0.0 && lanes.stiffness[lane] > 0.0 {
-                self.wake(work, block, time);
-                woken = true;
+            let closes = start > 0.0 && end <= 0.0 && start - end > h * rest.quiet;
+            if closes && lanes.stiffness[lane] > 0.0 && rest.asleep[block].is_some() {
+                rest.wake(work, block, time);
             }
-        }
+        });
+        let woken = self.awake.len() > before;
         if woken {
-            self.follow_guests(lanes, work, time);
             self.arrange(lanes, work);
         }
         woken
     }
 
-    /// Lets blocks fall asleep that fly freely.
+    /// Lets blocks fall asleep that fly freely or hardly move.
     pub(super) fn after_step(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) {
         self.steps += 1;
-        if lanes.loaded || !self.steps.is_multiple_of(4) {
+        if lanes.loaded || !self.steps.is_multiple_of(self.patience) {
             return;
         }
-        let awake = work.active.iter().flat_map(|run| run.clone());
-        let free: Vec<usize> = awake
-            .filter(|&block| Self::flies(lanes, work, block, h))
-            .collect();
-        if free.is_empty() {
-            return;
-        }
-        for &block in &free {
-            self.asleep[block] = Some(time);
+        let before = self.awake.len();
+        let mut awake = std::mem::take(&mut self.awake);
+        let mut fallen = Vec::new();
+        awake.retain(|&block| {
+            if !self.may_sleep(lanes, work, block, h) {
+                return true;
+            }
+            self.join(lanes, work, block);
             for guest in lanes.guests.of_block[block].clone() {
                 (work.start.x[guest], work.start.w[guest]) = (0.0, 0.0);
             }
             work.still(block);
+            self.asleep[block] = Some(time);
+            fallen.push(block);
+            false
+        });
+        self.awake = awake;
+        if self.awake.len() == before {
+            return;
         }
-        for block in free {
-            if self.asleep[block].is_some() {
-                self.touch[block] = self.meeting(lanes, work, block, time);
+        for block in fallen {
+            let touch = self.meeting(lanes, work, block, time);
+            self.touch[block] = touch;
+            if touch < f64::INFINITY {
+                self.queue.push(Reverse((touch.to_bits(), block)));
             }
         }
         self.arrange(lanes, work);
     }
 
-    /// Whether no contact of a block is closed or will be soon, and no intruder in it moves.
-    fn flies(lanes: &Lanes, work: &Work, block: usize, h: f64) -> bool {
-        let contacts = first(block)..first(block) + BLOCK + 1;
-        let open = contacts.clone().all(|lane| {
+    fn guests_are_quiet(&self, lanes: &Lanes, work: &Work, block: usize) -> bool {
+        lanes.guests.of_block[block].clone().all(|guest| {
+            let (x, w) = (work.start.x[guest], work.start.w[guest]);
+            let elastic = lanes.guests.stiffness[guest] * lanes.guests.inverse[guest] * x * x;
+            w.abs() <= self.quiet && elastic <= self.quiet * self.quiet
+        })
+    }
+
+    /// Whether every contact of a block is open for some time or quiet, and its intruders are quiet.
+    fn may_sleep(&self, lanes: &Lanes, work: &Work, block: usize, h: f64) -> bool {
+        let may = |lane: usize| {
             let gap = work.start.u[lane] - work.start.u[lane - 1];
             let approach = work.start.v[lane - 1] - work.start.v[lane];
-            lanes.stiffness[lane] == 0.0 || (gap > 0.0 && gap > 4.0 * AHEAD * h * approach)
-        });
-        let still = |guest: usize| {
-            work.start.x[guest].abs() <= STILL * lanes.depth
-                && work.start.w[guest].abs() <= STILL * lanes.speed
+            let open = gap > 0.0 && gap > 4.0 * AHEAD * h * approach;
+            let quiet = gap >= -self.shallow && approach.abs() <= self.quiet;
+            lanes.stiffness[lane] == 0.0 || open || quiet
         };
-        open && lanes.guests.of_block[block].clone().all(still)
+        (first(block)..=first(block + 1)).all(may) && self.guests_are_quiet(lanes, work, block)
+    }
+
+    /// Lets bodies of a block that touch quietly go on together, and those that hardly move stand still.
+    fn join(&self, lanes: &Lanes, work: &mut Work, block: usize) {
+        let (u, v) = (&work.start.u, &mut work.start.v);
+        let mut from = first(block);
+        for lane in from + 1..=first(block + 1) {
+            let joined = lane < first(block + 1)
+                && lanes.stiffness[lane] > 0.0
+                && lanes.inverse[lane] > 0.0
+                && u[lane] <= u[lane - 1]
+                && (v[lane - 1] - v[lane]).abs() <= self.quiet;
+            if joined {
+                continue;
+            }
+            if lanes.inverse[from] > 0.0 {
+                let momentum: f64 = (from..lane).map(|lane| v[lane] / lanes.inverse[lane]).sum();
+                let mass: f64 = (from..lane).map(|lane| 1.0 / lanes.inverse[lane]).sum();
+                let speed = if lane == from + 1 {
+                    v[from]
+                } else {
+                    momentum / mass
+                };
+                v[from..lane].fill(if speed.abs() <= self.quiet { 0.0 } else { speed });
+            }
+            from = lane;
+        }
     }
 
     /// When two bodies will meet in a sleeping block, or between it and a sleeping neighbour.
     fn meeting(&mut self, lanes: &Lanes, work: &mut Work, block: usize, time: f64) -> f64 {
-        let sleeps = |rest: &Self, block: Option<usize>| {
-            block.is_some_and(|block| rest.asleep.get(block).is_some_and(Option::is_some))
-        };
-        let (before, behind) = (block.checked_sub(1), Some(block + 1));
-        for neighbour in [before, behind]
-            .into_iter()
-            .flatten()
-            .filter(|&block| block < lanes.blocks)
-        {
-            self.settle(work, neighbour, time);
-        }
-        let mut from = first(block) + 1;
-        let mut to = first(block) + BLOCK;
-        if sleeps(self, before) {
+        let (mut from, mut to) = (first(block) + 1, first(block + 1));
+        if block > 0 && self.asleep[block - 1].is_some() {
+            self.settle(work, block - 1, time);
             from -= 1;
         }
-        if sleeps(self, behind) {
+        if block + 1 < lanes.blocks && self.asleep[block + 1].is_some() {
+            self.settle(work, block + 1, time);
             to += 1;
         }
-        (from..to)
-            .filter(|&lane| lanes.stiffness[lane] > 0.0)
-            .map(|lane| {
-                let gap = work.start.u[lane] - work.start.u[lane - 1];
-                let approach = work.start.v[lane - 1] - work.start.v[lane];
-                if approach > 0.0 {
-                    time + gap.max(0.0) / approach
-                } else {
-                    f64::INFINITY
-                }
-            })
-            .fold(f64::INFINITY, f64::min)
+        let meet = |lane: usize| {
+            let gap = work.start.u[lane] - work.start.u[lane - 1];
+            let approach = work.start.v[lane - 1] - work.start.v[lane];
+            if lanes.stiffness[lane] == 0.0 || approach <= 0.0 {
+                f64::INFINITY
+            } else if approach > self.quiet {
+                time + gap.max(0.0) / approach
+            } else {
+                // It may be left out until the overlap matters.
+                time + (gap + 4.0 * self.shallow).max(0.0) / approach
+            }
+        };
+        (from..to).map(meet).fold(f64::INFINITY, f64::min)
     }
 
-    /// Moves the bodies of sleeping blocks on to `time`.
-    pub(super) fn fly(&self, lanes: &Lanes, time: f64, displacements: &mut [f64], v: &[f64]) {
-        for (block, since) in self.asleep.iter().enumerate() {
-            let Some(since) = since else { continue };
-            for body in block * BLOCK..((block + 1) * BLOCK).min(lanes.bodies) {
-                displacements[body] += v[BLOCK + body] * (time - since);
-            }
-        }
+    /// Whether a body is in a block that moves.
+    pub(super) fn moves(&self, lane: usize) -> bool {
+        self.asleep[lane / BLOCK - 1].is_none()
+    }
+
+    /// Where a sleeping body is at `time`.
+    pub(super) fn place(&self, work: &Work, lane: usize, time: f64) -> f64 {
+        let since = self.asleep[lane / BLOCK - 1].unwrap_or(time);
+        work.start.u[lane] + work.start.v[lane] * (time - since)
     }
 }

@@ -1,18 +1,23 @@
 //! A run, step by step: how long a step may be, and which beads it moves.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use super::dense::{pack, unpack};
-use super::lanes::Lanes;
+use super::glimpse::Glimpse;
+use super::lanes::{BLOCK, Lanes};
 use super::rest::Rest;
-use super::work::Work;
+use super::work::{Motion, Work};
 use crate::model::Layout;
 
-/// A trajectory as far as it is known: its state, the length of the next step, and counts.
-#[derive(Debug)]
-pub(crate) struct Stepper<'a> {
+/// A trajectory as far as it is known: its last step, the length of the next, and counts.
+#[derive(Debug, Clone)]
+pub(crate) struct Stepper {
+    /// Where the last step ends.
     pub(crate) time: f64,
     pub(crate) evaluations: u64,
     pub(crate) steps: u64,
-    lanes: &'a Lanes,
+    lanes: Arc<Lanes>,
     layout: Layout,
     work: Work,
     rest: Rest,
@@ -22,6 +27,10 @@ pub(crate) struct Stepper<'a> {
     tolerance: f64,
     step: f64,
     longest: f64,
+    /// Length of the last step, as long as its stages are kept.
+    made: Option<f64>,
+    /// Whether [`Stepper::look`] can be asked about it at once.
+    prepared: bool,
 }
 
 /// How a step should change to have the error 1: error^(-1/8), whose root is the same on every computer.
@@ -33,17 +42,22 @@ fn shorten(error: f64) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Stuck;
 
-impl<'a> Stepper<'a> {
-    /// Starts at t = 0 from `state`; no step exceeds `longest`.
-    pub(crate) fn new(lanes: &'a Lanes, layout: Layout, state: &[f64], tolerance: f64, longest: f64) -> Self {
-        let mut work = Work::new(lanes, lanes.clipped);
-        unpack(lanes, layout, state, &mut work.start);
-        let rest = Rest::new(lanes, &mut work);
+impl Stepper {
+    /// Starts at `time` from `state`; no step exceeds `longest`.
+    pub(crate) fn new(
+        lanes: Arc<Lanes>,
+        layout: Layout,
+        (time, state): (f64, &[f64]),
+        tolerance: f64,
+        longest: f64,
+    ) -> Self {
+        let mut work = Work::new(&lanes, lanes.clipped);
+        unpack(&lanes, layout, state, &mut work.start);
+        let rest = Rest::new(&lanes, &mut work, time, tolerance);
         Self {
-            time: 0.0,
+            time,
             evaluations: 0,
             steps: 0,
-            lanes,
             layout,
             work,
             rest,
@@ -52,24 +66,142 @@ impl<'a> Stepper<'a> {
                 .map(|index| state[layout.intruder_loss(index)])
                 .collect(),
             wall_impulse: layout.wall_impulse().map_or(0.0, |index| state[index]),
+            lanes,
             tolerance,
-            // Short, for the striker meets bead 1 at the first moment.
+            // Short, for bodies that touch may begin to push at the first moment.
             step: 0.02 * longest,
             longest,
+            made: None,
+            prepared: false,
         }
+    }
+
+    pub(crate) fn lanes(&self) -> Arc<Lanes> {
+        self.lanes.clone()
+    }
+
+    /// Makes room for [`Stepper::look`].
+    pub(crate) fn keep_inside(&mut self) {
+        if self.work.added.is_none() {
+            self.work.added = Some(Box::new(Motion::zeros(&self.lanes)));
+        }
+    }
+
+    /// Makes the last step ready to be looked into; gives its length.
+    fn prepare(&mut self) -> Option<f64> {
+        let length = self.made?;
+        if !self.prepared {
+            self.keep_inside();
+            self.work.prepare(&self.lanes, length);
+            self.prepared = true;
+        }
+        Some(length)
+    }
+
+    /// Finds the motion at time `t` of the last step, for [`Stepper::body`] and [`Stepper::guest`].
+    pub(crate) fn look(&mut self, t: f64) {
+        if let Some(length) = self.prepare() {
+            let x = 1.0 - (self.time - t) / length;
+            self.work.look(&self.lanes, length, x.clamp(0.0, 1.0));
+        }
+    }
+
+    /// The overlap of a contact that moves, less that at rest, in the last step. None if nothing moved.
+    pub(crate) fn glimpse_contact(&mut self, contact: usize, from: f64) -> Option<Glimpse> {
+        self.prepare()?;
+        let times = (from, self.time);
+        Some(self.work.glimpse_contact(&self.lanes, BLOCK + contact, times))
+    }
+
+    /// The displacement of an intruder that moves, relative to its host, in the last step.
+    pub(crate) fn glimpse_guest(&mut self, guest: usize, from: f64) -> Option<Glimpse> {
+        self.prepare()?;
+        Some(self.work.glimpse_guest(&self.lanes, guest, (from, self.time)))
+    }
+
+    /// Displacement and velocity of a body at the start of the last step, and at its end.
+    pub(crate) fn body_at_ends(&self, body: usize, from: f64) -> [(f64, f64); 2] {
+        let (lane, start) = (BLOCK + body, &self.work.start);
+        if self.made.is_some() && self.rest.moves(lane) {
+            let end = &self.work.end;
+            [(start.u[lane], start.v[lane]), (end.u[lane], end.v[lane])]
+        } else {
+            let place = |t: f64| (self.rest.place(&self.work, lane, t), start.v[lane]);
+            [place(from), place(self.time)]
+        }
+    }
+
+    /// The same of an intruder, relative to its host.
+    pub(crate) fn guest_at_ends(&self, guest: usize) -> [(f64, f64); 2] {
+        let (start, end) = (&self.work.start, &self.work.end);
+        let before = (start.x[guest], start.w[guest]);
+        if self.made.is_some() && self.rest.moves(self.lanes.guests.hosts[guest]) {
+            [before, (end.x[guest], end.w[guest])]
+        } else {
+            [before, before]
+        }
+    }
+
+    /// What all contacts, and each intruder, have dissipated by the end of the last step.
+    pub(crate) fn lost(&self) -> (f64, impl Iterator<Item = f64> + '_) {
+        let made = self.made.is_some();
+        let of_step = &self.work.guests_lost[..];
+        let guests = self.guests_lost.iter().zip(of_step);
+        (
+            self.contacts_lost + if made { self.work.lost_in_contacts() } else { 0.0 },
+            guests.map(move |(before, now)| before + if made { *now } else { 0.0 }),
+        )
+    }
+
+    /// Bodies whose motion the last step has computed. All others fly freely.
+    pub(crate) fn moving(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let made = if self.made.is_some() {
+            &self.work.active[..]
+        } else {
+            &[]
+        };
+        made.iter()
+            .map(|run| run.start * BLOCK..(run.end * BLOCK).min(self.lanes.bodies))
+    }
+
+    /// Displacement and velocity of a body: at `t` if that is where [`Stepper::look`] has looked.
+    pub(crate) fn body(&self, body: usize, t: f64) -> (f64, f64) {
+        let lane = BLOCK + body;
+        if self.made.is_some() && self.rest.moves(lane) {
+            (self.work.stage.u[lane], self.work.stage.v[lane])
+        } else {
+            (self.rest.place(&self.work, lane, t), self.work.start.v[lane])
+        }
+    }
+
+    /// The same of an intruder, relative to its host.
+    pub(crate) fn guest(&self, guest: usize) -> (f64, f64) {
+        let host = self.lanes.guests.hosts[guest];
+        let motion = if self.made.is_some() && self.rest.moves(host) {
+            &self.work.stage
+        } else {
+            &self.work.start
+        };
+        (motion.x[guest], motion.w[guest])
+    }
+
+    /// Computes all bodies in every step.
+    #[cfg(test)]
+    pub(super) fn leave_nothing_out(&mut self) {
+        self.rest.keep_awake(&self.lanes, &mut self.work, self.time);
     }
 
     /// Makes one step that meets the tolerance and does not pass `stop`. A step that reaches `stop` ends on
     /// it exactly.
     pub(crate) fn advance(&mut self, stop: f64) -> Result<(), Stuck> {
         const SAFETY: f64 = 0.9;
-        let lanes = self.lanes;
+        self.settle();
         let mut rejected = false;
         loop {
             let left = stop - self.time;
-            self.rest
-                .before_step(lanes, &mut self.work, self.time, self.step.min(left));
-            if self.work.active.is_empty() {
+            let (lanes, work) = (&self.lanes, &mut self.work);
+            self.rest.before_step(lanes, work, self.time, self.step.min(left));
+            if work.active.is_empty() {
                 // All fly freely: nothing happens until two of them meet.
                 let next = self.rest.next_touch().min(stop);
                 self.time = next.max(self.time);
@@ -86,21 +218,25 @@ impl<'a> Stepper<'a> {
             let error = self.attempt(h);
             // What is not a number counts as too great an error, and the step shrinks until it is stuck.
             if error <= 1.0 {
-                if self.rest.touched(lanes, &mut self.work, self.time, h) {
+                let (lanes, work) = (&self.lanes, &mut self.work);
+                if self.rest.touched(lanes, work, self.time, h) {
                     continue;
                 }
-                let kink = lanes.clipped.then(|| self.work.first_kink(lanes, h)).flatten();
+                let kink = lanes.clipped.then(|| work.first_kink(lanes, h)).flatten();
                 let whole = kink.is_none();
                 if let Some(part) = kink {
                     h *= part;
                     self.attempt(h);
                 }
-                self.accept(h, (last && whole).then_some(stop));
                 let growth = (SAFETY * shorten(error)).clamp(0.2, if rejected { 1.0 } else { 6.0 });
                 let next = if whole { h * growth } else { self.step };
                 // A step that `stop` cut short does not tell how long the next may be.
                 let next = if last { next.max(self.step) } else { next };
                 self.step = next.min(self.longest);
+                self.steps += 1;
+                self.made = Some(h);
+                self.prepared = false;
+                self.time = if last && whole { stop } else { self.time + h };
                 return Ok(());
             }
             rejected = true;
@@ -111,31 +247,30 @@ impl<'a> Stepper<'a> {
 
     fn attempt(&mut self, h: f64) -> f64 {
         self.evaluations += 16;
-        self.work.attempt(self.lanes, h, self.tolerance)
+        self.work.attempt(&self.lanes, h, self.tolerance)
     }
 
-    fn accept(&mut self, h: f64, stop: Option<f64>) {
-        self.steps += 1;
+    /// Makes the end of the last step the start of the next. What was inside the step is forgotten.
+    fn settle(&mut self) {
+        let Some(length) = self.made.take() else { return };
         self.contacts_lost += self.work.lost_in_contacts();
         for (sum, lost) in self.guests_lost.iter_mut().zip(&self.work.guests_lost[..]) {
             *sum += lost;
         }
         self.wall_impulse += self.work.wall_impulse;
-        self.work.accept(self.lanes);
-        self.time = stop.unwrap_or(self.time + h);
-        self.rest.after_step(self.lanes, &mut self.work, self.time, h);
+        self.work.accept(&self.lanes);
+        self.rest
+            .after_step(&self.lanes, &mut self.work, self.time, length);
     }
 
     /// Writes the state as it is now.
-    pub(crate) fn state(&self, out: &mut [f64]) {
+    pub(crate) fn state(&mut self, out: &mut [f64]) {
+        self.settle();
         let layout = self.layout;
-        pack(self.lanes, layout, &self.work.start, out);
-        self.rest.fly(
-            self.lanes,
-            self.time,
-            &mut out[..self.lanes.bodies],
-            &self.work.start.v,
-        );
+        pack(&self.lanes, layout, &self.work.start, out);
+        for (body, place) in out[..self.lanes.bodies].iter_mut().enumerate() {
+            *place = self.rest.place(&self.work, BLOCK + body, self.time);
+        }
         out[layout.contact_loss()] = self.contacts_lost;
         for (index, lost) in self.guests_lost.iter().enumerate() {
             out[layout.intruder_loss(index)] = *lost;

@@ -29,7 +29,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    fn zeros(lanes: &Lanes) -> Self {
+    pub(super) fn zeros(lanes: &Lanes) -> Self {
         let (bodies, guests) = (lanes.len(), lanes.guests.blocks * BLOCK);
         Self {
             u: Aligned::zeros(bodies),
@@ -49,7 +49,7 @@ pub(super) struct Work {
     pub(super) active_guests: Vec<usize>,
     pub(super) start: Motion,
     pub(super) end: Motion,
-    /// The argument of the stage computed last, or what [`Work::look`] has found.
+    /// What [`Work::look`] has found.
     pub(super) stage: Motion,
     /// Accelerations: block by block, stage by stage.
     pub(super) rates: Aligned,
@@ -64,7 +64,7 @@ pub(super) struct Work {
     pub(super) wall_impulse: f64,
     /// Contacts that open or close in the step.
     pub(super) crossings: Vec<Crossing>,
-    /// Kept where the dense output is wanted.
+    /// Kept where the losses inside a step are wanted.
     pub(super) powers: Option<Box<Powers>>,
 }
 
@@ -83,8 +83,8 @@ pub(super) const fn place(lane: usize, stage: usize) -> usize {
 }
 
 impl Work {
-    /// Room for the steps of a chain at rest.
-    pub(super) fn new(lanes: &Lanes, dense: bool) -> Self {
+    /// Room for the steps of a chain at rest. Where `inside` holds, the motion inside them can be looked at.
+    pub(super) fn new(lanes: &Lanes, inside: bool) -> Self {
         let guests = lanes.guests.blocks * BLOCK;
         Self {
             active: Vec::new(),
@@ -94,20 +94,23 @@ impl Work {
             stage: Motion::zeros(lanes),
             rates: Aligned::zeros((lanes.blocks + 2) * BLOCK * STAGES),
             guest_rates: Aligned::zeros(guests * STAGES),
-            added: dense.then(|| Box::new(Motion::zeros(lanes))),
+            added: inside.then(|| Box::new(Motion::zeros(lanes))),
             pulls: Aligned::zeros(guests),
             lost: Aligned::zeros(lanes.len()),
             guests_lost: Aligned::zeros(guests),
             wall_impulse: 0.0,
             crossings: Vec::new(),
-            powers: dense.then(|| {
-                Box::new(Powers {
-                    contacts: [0.0; STAGES],
-                    wall: [0.0; STAGES],
-                    guests: Aligned::zeros(guests * STAGES),
-                })
-            }),
+            powers: None,
         }
+    }
+
+    /// Keeps the losses of every stage, for [`Work::lost_inside`].
+    pub(super) fn keep_powers(&mut self, lanes: &Lanes) {
+        self.powers = Some(Box::new(Powers {
+            contacts: [0.0; STAGES],
+            wall: [0.0; STAGES],
+            guests: Aligned::zeros(lanes.guests.blocks * BLOCK * STAGES),
+        }));
     }
 
     /// Lets all blocks move.
@@ -239,9 +242,8 @@ impl Work {
     }
 
     /// Finds displacements and velocities at the part `x` of the step, and puts them where a stage's are.
-    pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) -> Inside {
+    pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) {
         let weights = method::inside(x);
-        let powers = self.powers.as_ref().expect("the step was made to be looked into");
         let moved = |rates: &[f64], from: (&[f64], &[f64]), to: (&mut [f64], &mut [f64])| {
             let (mut once, mut twice) = ([0.0; BLOCK], [0.0; BLOCK]);
             for (weight, rates) in weights.iter().zip(rates.chunks_exact(BLOCK)) {
@@ -268,28 +270,32 @@ impl Work {
             let to = (&mut stage.x[guests.clone()], &mut stage.w[guests.clone()]);
             moved(rates, (&start.x[guests.clone()], &start.w[guests]), to);
         }
-        let sum = |of: &[f64]| {
-            length
-                * weights
-                    .iter()
-                    .zip(of)
-                    .map(|(weight, rate)| weight.velocity * rate)
-                    .sum::<f64>()
-        };
-        let of_guest = |guest: usize| -> f64 {
-            let rate = |(stage, weight): (usize, &method::Weight)| {
-                weight.velocity * powers.guests[place(guest, stage)]
-            };
-            length * weights.iter().enumerate().map(rate).sum::<f64>()
-        };
-        let mut inside = Inside {
-            contacts: sum(&powers.contacts),
-            wall: sum(&powers.wall),
-            guests: (0..lanes.guests.count).map(of_guest).collect(),
-        };
         for crossing in &self.crossings {
             let integrals = crossing.integrals(x);
             give(lanes, &mut self.stage, crossing.lane, integrals.over(length));
+        }
+    }
+
+    /// What is lost or given from the start of the step to its part `x`.
+    pub(super) fn lost_inside(&self, lanes: &Lanes, length: f64, x: f64) -> Inside {
+        let weights = method::inside(x);
+        let powers = self.powers.as_ref().expect("the powers were kept");
+        let sum = |rate: &dyn Fn(usize) -> f64| {
+            let parts = weights.iter().enumerate();
+            length
+                * parts
+                    .map(|(stage, weight)| weight.velocity * rate(stage))
+                    .sum::<f64>()
+        };
+        let mut inside = Inside {
+            contacts: sum(&|stage| powers.contacts[stage]),
+            wall: sum(&|stage| powers.wall[stage]),
+            guests: (0..lanes.guests.count)
+                .map(|guest| sum(&|stage| powers.guests[place(guest, stage)]))
+                .collect(),
+        };
+        for crossing in &self.crossings {
+            let integrals = crossing.integrals(x);
             inside.contacts += length * integrals.power;
             if Some(crossing.lane) == lanes.wall {
                 inside.wall += length * integrals.once;

@@ -72,7 +72,7 @@ fn restitution(lab: &Lab) -> Result<Figure, Error> {
     let curves = vec![
         line("series to α⁴", 0, curve),
         discs("simulated", 1, printed),
-        dashed("never pulling", 2, clipped),
+        dashed("clipped: never pulling", 2, clipped),
     ];
     let panel = Panel::new("coefficient of restitution", curves);
     let axis = Axis::log("α = τ (κ/μ)^(2/5) V^(1/5)", 1e-3..0.3);
@@ -157,7 +157,7 @@ fn scaling(lab: &Lab) -> Result<Figure, Error> {
     let per_speed = |of: fn(&Run) -> f64, power: f64| {
         ratio(struck().map(|(run, speed)| of(run) / speed.powf(power))) - 1.0
     };
-    let mut series = vec![guide("", curves[2].clone())];
+    let mut series = vec![guide("whole curve, 1 m/s", curves[2].clone())];
     for (place, (curve, speed)) in curves.iter().zip(speeds).enumerate() {
         // A few points of each curve, shifted from curve to curve, so that all curves are seen.
         let some = curve.iter().skip(8 * place).step_by(40).copied().collect();

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use hertz_chain::ContactForce;
 
-use crate::chart::{Chart, Panel};
+use crate::chart::{Axis, Chart, Panel};
 use crate::check::{Check, checks};
-use crate::curve::{dashed, force_over_time, guide, line, over_time, time_axis};
+use crate::curve::{dashed, dotted, force_over_time, guide, line, over_time, time_axis};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{greatest, last, peak};
@@ -49,6 +49,25 @@ fn forces(run: &Run, contacts: std::ops::RangeInclusive<usize>) -> Chart {
     Chart::new(time_axis(span), vec![Panel::new("contact force (N)", curves)])
 }
 
+/// The highest forces of these contacts against their numbers, for both runs: what the intruder takes beyond
+/// what viscosity takes.
+fn decrease(plain: &Run, run: &Run, contacts: std::ops::RangeInclusive<usize>) -> Panel {
+    let of = |run: &Run| {
+        contacts
+            .clone()
+            .map(|contact| (contact as f64, peak(run, contact)))
+            .collect()
+    };
+    let ends = (*contacts.start() as f64 - 0.3, *contacts.end() as f64 + 0.3);
+    let curves = [
+        dotted("without intruder", 0, of(plain)),
+        dotted("with intruder", 1, of(run)),
+    ];
+    Panel::new("highest force (N)", curves.concat())
+        .height(170)
+        .over(Axis::new("contact", ends.0..ends.1))
+}
+
 fn forces_without(lab: &Lab) -> Result<Figure, Error> {
     let run = without(lab)?;
     let mut scenario = strike(16, VISCOUS, DURATION);
@@ -75,7 +94,10 @@ fn forces_with(lab: &Lab) -> Result<Figure, Error> {
         "loss of force at contact 9, the host's right", "%": loss(9) => close(3.03985, 1e-3);
         "loss of force at contact 12", "%": loss(12) => close(1.37682, 1e-3);
     ];
-    Ok(Figure::new(forces(&run, 6..=12), checks))
+    let mut chart = forces(&run, 6..=12);
+    chart.panels[0].x = Some(chart.x.clone());
+    chart.panels.push(decrease(&plain, &run, 6..=12));
+    Ok(Figure::new(chart, checks))
 }
 
 /// Times at which `value` rises through zero within the points.

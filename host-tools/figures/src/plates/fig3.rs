@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use crate::chart::{Axis, Chart, Panel};
+use crate::chart::{Axis, Chart, Mark, Panel, Series};
 use crate::check::checks;
-use crate::curve::{guide, line, over_time, time_axis};
+use crate::curve::{guide, line, over_time, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{greatest, half_power, magnitudes, spectrum};
@@ -100,7 +100,7 @@ fn energy(lab: &Lab) -> Result<Figure, Error> {
     for (place, stiffness) in STIFFNESSES.into_iter().enumerate() {
         let run = run(lab, stiffness)?;
         let name = format!("k = 10{} N/m", ["³", "⁵", "⁷"][place]);
-        curves.push(line(name, place, micro(&run)));
+        curves.push(told_apart(name, place, micro(&run)));
         let before = plain.summary.energy.chain_final;
         losses.push(100.0 * run.summary.energy.dissipated_intruders / before);
     }
@@ -133,7 +133,11 @@ fn responses(lab: &Lab) -> Result<Figure, Error> {
     let half = half_power(&pulse);
     let impulse = pulse.values()[0].norm();
     let frequencies: Vec<f64> = (0..=300).map(|n| f64::from(n) * 10.0).collect();
-    let mut curves = vec![guide("pulse", magnitudes(&pulse, 3000.0, 1.0 / impulse))];
+    let pulse_curve = Series {
+        mark: Mark::Broad,
+        ..guide("pulse", magnitudes(&pulse, 3000.0, 1.0 / impulse))
+    };
+    let mut curves = vec![pulse_curve];
     for (place, stiffness) in STIFFNESSES.into_iter().enumerate() {
         let points = frequencies.iter().map(|frequency| {
             let omega = TAU * frequency;
@@ -142,7 +146,7 @@ fn responses(lab: &Lab) -> Result<Figure, Error> {
             (*frequency, f64::hypot(spring, damper) / left)
         });
         let name = format!("k = 10{} N/m", ["³", "⁵", "⁷"][place]);
-        curves.push(line(name, place, points.collect()));
+        curves.push(told_apart(name, place, points.collect()));
     }
     let resonance = (STIFFNESSES[1] / MASS).sqrt() / TAU;
     let checks = checks![

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use hertz_chain::{Intruder, PulseSearch, Split};
 use rayon::prelude::*;
 
-use crate::chart::{Axis, Chart, Panel};
+use crate::chart::{Axis, Chart, Panel, Series};
 use crate::check::{Check, checks};
-use crate::curve::{dotted, force_over_time, geometric, line, time_axis};
+use crate::curve::{dotted, force_over_time, geometric, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{greatest, peak, summit};
@@ -38,30 +38,35 @@ pub(crate) fn run(lab: &Lab, intruder: Intruder) -> Result<Arc<Run>, Error> {
     lab.run(&with(strike(46, ELASTIC, DURATION), intruder))
 }
 
-/// Forces at contacts 10 and 25, and the small waves that follow the main ones, for runs with names.
+/// Forces at contacts 10 and 25, and the small waves that follow the main ones, for runs with names. All
+/// panels have one axis of time. In a magnified panel the main wave leaves through the upper edge.
 pub(crate) fn force_panels(runs: &[(String, Arc<Run>)]) -> Chart {
-    let of = |contact: usize, y_range: Option<(f64, f64)>, span: std::ops::Range<f64>| {
-        let curves = runs.iter().enumerate().map(|(place, (name, run))| {
-            let force = force_over_time(&run.solution, &span, contact);
-            let named = contact == NEAR && y_range.is_none();
-            line(if named { name } else { "" }, place, force)
-        });
-        Panel {
-            y_range,
-            ..Panel::new(format!("force at {contact} (N)"), curves.collect())
-                .height(170)
-                .over(time_axis(span.clone()))
-        }
+    let span = 1.5e-3..13e-3;
+    let curves = |contact: usize| -> Vec<Series> {
+        let named = |(place, (name, run)): (usize, &(String, Arc<Run>))| {
+            let name = if contact == NEAR { name.as_str() } else { "" };
+            told_apart(name, place, force_over_time(&run.solution, &span, contact))
+        };
+        runs.iter().enumerate().map(named).collect()
     };
-    Chart::new(
-        time_axis(0.0..DURATION),
-        vec![
-            of(NEAR, None, 1.5e-3..8e-3),
-            of(NEAR, Some((0.0, 0.5)), 2.5e-3..10e-3),
-            of(FAR, None, 5e-3..11e-3),
-            of(FAR, Some((0.0, 0.5)), 6e-3..13e-3),
-        ],
-    )
+    let label = |contact: usize| format!("force at {contact} (N)");
+    let whole = |contact: usize| Panel::new(label(contact), curves(contact)).height(150);
+    // `from`, ms: the main wave has passed the contact.
+    let magnified = |contact: usize, from: f64| {
+        let mut curves = curves(contact);
+        let later = |series: &Series| {
+            let after = series.points.iter().filter(|(time, _)| *time > from);
+            after.map(|(_, force)| *force).fold(0.0, f64::max)
+        };
+        let highest = curves.iter().map(later).fold(0.0, f64::max);
+        curves.iter_mut().for_each(|series| series.name.clear());
+        Panel::new(label(contact), curves)
+            .height(150)
+            .range(0.0, 1.12 * highest)
+            .note("the same, magnified")
+    };
+    let panels = vec![whole(NEAR), magnified(NEAR, 4.0), whole(FAR), magnified(FAR, 7.5)];
+    Chart::new(time_axis(span.clone()), panels)
 }
 
 fn forces(lab: &Lab) -> Result<Figure, Error> {

@@ -83,7 +83,7 @@ fn over_the_run(lab: &Lab) -> Result<Figure, Error> {
     ];
     let named = curves.into_iter().zip(counts).enumerate();
     let series = named.map(|(place, (points, n))| line(format!("n = {n}"), place, points));
-    let panel = Panel::new("energy of the chain (µJ)", series.collect());
+    let panel = Panel::new("energy of the chain (µJ)", series.collect()).named_at_end();
     Ok(Figure::new(
         Chart::new(time_axis(1e-3..DURATION), vec![panel]),
         checks,

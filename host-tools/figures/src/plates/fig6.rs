@@ -3,12 +3,12 @@
 
 use std::sync::Arc;
 
-use hertz_chain::{Collision, Scenario};
+use hertz_chain::{Collision, Pulse, Scenario};
 use rayon::prelude::*;
 
 use crate::chart::{Axis, Chart, Panel, Series};
 use crate::check::{Check, checks};
-use crate::curve::{dashed, force_over_time, line, time_axis};
+use crate::curve::{dashed, force_over_time, guide, line, time_axis, told_apart};
 use crate::error::Error;
 use crate::lab::{Lab, Run};
 use crate::observe::{
@@ -94,7 +94,7 @@ fn forces(
     let named = runs.iter().zip(family.values).enumerate();
     let curve = |(place, (run, value)): (usize, (&Arc<Run>, f64))| {
         let force = force_over_time(&run.solution, &span, contact);
-        line((family.name)(value), place, force)
+        told_apart((family.name)(value), place, force)
     };
     let label = format!("force at contact {contact} (N)");
     let panel = Panel::new(label, named.map(curve).collect());
@@ -106,16 +106,22 @@ fn forces(
 
 fn far_spectrum(lab: &Lab, family: &Family, checks: Checks) -> Result<Figure, Error> {
     let runs = family.runs(lab)?;
+    let pulses: Vec<Vec<Pulse>> = runs.iter().map(|run| train(&run.solution, FAR)).collect();
+    let trains = pulses.iter().any(|pulses| pulses.len() > 1);
     let mut curves: Vec<Series> = Vec::new();
     for (place, (run, value)) in runs.iter().zip(family.values).enumerate() {
-        for (number, pulse) in train(&run.solution, FAR).iter().take(2).enumerate() {
+        for (number, pulse) in pulses[place].iter().take(2).enumerate() {
             let points = magnitudes(&pulse_spectrum(&run.solution, pulse), 3000.0, 1e3);
-            curves.push(if number == 0 {
-                line((family.name)(value), place, points)
-            } else {
-                dashed("", place, points)
+            let name = (family.name)(value);
+            curves.push(match (number, trains) {
+                (0, false) => told_apart(name, place, points),
+                (0, true) => line(name, place, points),
+                _ => dashed("", place, points),
             });
         }
+    }
+    if trains {
+        curves.push(guide("second pulses", Vec::new()));
     }
     let panel = Panel::new("force spectrum (mN·s)", curves).log();
     let axis = Axis::new("frequency (Hz)", 0.0..3000.0);

@@ -227,5 +227,5 @@ fn transmitted(lab: &Lab, family: &Family) -> Result<Figure, Error> {
 }
 
 fn small(label: &str, place: usize, points: Vec<(f64, f64)>) -> Panel {
-    Panel::new(label, dotted("", place, points).into()).height(170)
+    Panel::new(label, dotted("", place, points).into()).height(210)
 }

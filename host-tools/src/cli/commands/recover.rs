@@ -48,7 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = output::spinner(format!("reading {}", file.display()));
     let recovered = match Recording::salvage(file) {
         Ok(recording) => recover(&recording, &target)?,
-        Err(RecordingError::NotOurs(_)) if raw::frames_in(file) > 0 => from_raw(file, &target)?,
+        Err(RecordingError::NotOurs(..)) if raw::frames_in(file) > 0 => from_raw(file, &target)?,
         Err(error) => return Err(error.into()),
     };
     progress.finish_and_clear();

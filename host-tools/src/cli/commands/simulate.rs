@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hertz_chain::{Scenario, Summary, simulate};
+use hertz_chain::{Options, Scenario, Summary, simulate_with, summarise};
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -43,14 +43,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         &[&arguments.scenario],
         arguments.force,
     )?;
-    let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-    let solution = simulate(&scenario)?;
-    if let Some(out) = &out {
-        progress.set_message(format!("writing {}", out.path().display()));
-        time_series::write(&scenario, &solution, arguments.rate, out)?;
-    }
+    let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
+    let told = |part| output::set_part(&progress, part);
+    let options = Options {
+        progress: Some(&told),
+        ..Options::default()
+    };
+    let summary = match &out {
+        // Without a file nothing is kept: a chain may have any length.
+        None => summarise(&scenario, &options)?,
+        Some(out) => {
+            let solution = simulate_with(&scenario, &options)?;
+            progress.set_message(format!("writing {}", out.path().display()));
+            time_series::write(&scenario, &solution, arguments.rate, out)?;
+            solution.summary()
+        }
+    };
     progress.finish_and_clear();
-    let summary = solution.summary();
     output::print(arguments.format, &summary, || table(&scenario, &summary))
 }
 

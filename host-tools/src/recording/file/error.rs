@@ -46,11 +46,12 @@ pub enum RecordingError {
         "{0} does not begin as a recording does, and its beginning may be damaged; try: bead recover {0}"
     )]
     NoBeginning(PathBuf),
-    /// An MCAP file, but not of a bead.
+    /// An MCAP file, but not of a bead: what it is instead.
     #[error(
-        "{0} is an MCAP file without a channel `frames`; give one made by `bead record` or `bead emulate`"
+        "{0} is an MCAP file with {1}, and has no channel `frames` of a bead; give one made by `bead record` or \
+         `bead emulate`"
     )]
-    NotOurs(PathBuf),
+    NotOurs(PathBuf, String),
     /// A recording without a strike: a check has nothing to check.
     #[error("{path}: no strike among its {frames} frames, so there is nothing to check; record one")]
     NoStrike {

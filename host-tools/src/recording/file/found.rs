@@ -3,13 +3,18 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::recording::file::about::{About, Part};
-use crate::recording::file::layout::{FIRST_CHANNEL, LONGEST_RUN, METADATA, RECEIVED, TOPIC};
+use crate::recording::file::layout::{
+    ENCODING, FIRST_CHANNEL, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC,
+};
 use crate::recording::file::records::{self, op};
 use crate::recording::frames::Piece;
 
 /// Greatest number of bytes in runs that wait for the time of their piece. A piece has up to 64 KiB and may
 /// end a run that began before it.
 const HELD_MOST: usize = 4 * LONGEST_RUN;
+
+/// Channels that are named of a file that is not a bead's.
+const TOPICS_MOST: usize = 12;
 
 /// What is found on the way through a file.
 #[derive(Default)]
@@ -18,6 +23,9 @@ pub(super) struct Found {
     pub(super) parts: BTreeMap<Part, Vec<u8>>,
     pub(super) channel: Option<u16>,
     received_channel: Option<u16>,
+    /// What wrote the file, and its first channels: to name a file that is not a bead's.
+    made_by: String,
+    topics: BTreeSet<String>,
     /// Channels of other programs' making.
     others: BTreeSet<u16>,
     /// Whether the records that come now are of a chunk whose CRC is wrong.
@@ -41,10 +49,11 @@ impl Found {
 
     fn read(&mut self, opcode: u8, data: &[u8]) -> Option<()> {
         match opcode {
-            op::CHANNEL => match records::channel(data)? {
-                (id, TOPIC) => self.channel = Some(id),
-                (id, RECEIVED) => self.received_channel = Some(id),
-                (id, _) if !self.doubtful => {
+            op::HEADER => self.made_by = records::library(data)?.to_owned(),
+            op::CHANNEL => match self.named(records::channel(data)?) {
+                (id, TOPIC, ENCODING) => self.channel = Some(id),
+                (id, RECEIVED, RECEIVED_ENCODING) => self.received_channel = Some(id),
+                (id, ..) if !self.doubtful => {
                     self.others.insert(id);
                 }
                 _ => {}
@@ -72,6 +81,26 @@ impl Found {
             _ => {}
         }
         Some(())
+    }
+
+    fn named<'a>(&mut self, channel: (u16, &'a str, &'a str)) -> (u16, &'a str, &'a str) {
+        if self.topics.len() < TOPICS_MOST {
+            self.topics.insert(channel.1.to_owned());
+        }
+        channel
+    }
+
+    /// What a file is that has no frames of a bead, for people.
+    pub(super) fn stranger(&self) -> String {
+        let topics: Vec<_> = self.topics.iter().map(|topic| format!("`{topic}`")).collect();
+        let topics = match topics[..] {
+            [] => "no channels".to_owned(),
+            _ => format!("the channels {}", topics.join(", ")),
+        };
+        match self.made_by.as_str() {
+            "" => topics,
+            by => format!("{topics}, written by `{by}`"),
+        }
     }
 
     /// Whether this channel has the bytes. Where the record that says so is damaged, it is the first channel, unless

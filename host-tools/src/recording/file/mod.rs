@@ -7,9 +7,15 @@
 //! from 0, so that a damaged file tells how many are missing. Beside it
 //! stand a metadata record `recording` (see [`About`]) and attachments (see [`Part`]).
 //!
+//! For programs that know nothing of beads the channels `strikes`, `shapes`, `waveforms`, `status`, `health` and
+//! `faults` say in Protobuf and SI units what the frames say ([`crate::recording::protobuf`]). This program
+//! does not read them: what it tells of a recording it finds in the frames.
+//!
 //! **Times.** A message's publish time is the bead's own: sample index over sample rate, in nanoseconds. Its
-//! log time is the same but never runs back: after a restart of the bead, whose index begins again, it goes
-//! on from the last one. Bytes that are no frame have the time of the frame before them.
+//! log time is the host's, when the bytes were received, in nanoseconds since 1970. Where the host's is not
+//! known, it is the bead's, but never runs back: after a restart of the bead, whose index begins again, it goes
+//! on from the last one. An emulated bead was received at times that count from its power-up, so that equal
+//! runs have equal recordings. Bytes that are no frame have the time of the frame before them.
 //!
 //! A second channel, `received`, says when the host received the bytes: for each piece of bytes in which runs
 //! ended, the number of the last run (u32) and the host's time (u64, ns since 1970), little-endian. From this
@@ -22,6 +28,8 @@
 //! The chunks are not compressed, as frames are dense and a cut chunk must stay readable.
 
 mod about;
+mod channels;
+mod chunk;
 mod error;
 mod found;
 mod layout;

@@ -38,7 +38,7 @@ impl Recording {
         let runs = pieces.by_ref().count() as u64;
         let Pieces { found, walk, .. } = pieces;
         if found.channel.is_none() && (walk.state == State::Whole || walk.salvages && runs == 0) {
-            return Err(RecordingError::NotOurs(path.to_owned()));
+            return Err(RecordingError::NotOurs(path.to_owned(), found.stranger()));
         }
         Ok(Self {
             path: path.to_owned(),

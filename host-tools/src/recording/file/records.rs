@@ -16,6 +16,22 @@ pub(super) const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
 pub(super) use mcap::records::op;
 
+/// The records in the bytes of a chunk: opcode and data of each. None for what follows the last sound one.
+pub(super) fn in_chunk(mut bytes: &[u8]) -> impl Iterator<Item = Option<(u8, &[u8])>> {
+    std::iter::from_fn(move || {
+        if bytes.is_empty() {
+            return None;
+        }
+        let taken = Head::read(bytes).and_then(|head| {
+            let length = usize::try_from(head.length).ok()?;
+            let (data, rest) = bytes.get(RECORD_HEAD..)?.split_at_checked(length)?;
+            Some(((head.opcode, data), rest))
+        });
+        bytes = taken.map_or(&[], |(_, rest)| rest);
+        Some(taken.map(|(record, _)| record))
+    })
+}
+
 /// Opcode and length at the head of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Head {
@@ -91,11 +107,18 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Number and topic of a channel.
-pub(super) fn channel(data: &[u8]) -> Option<(u16, &str)> {
+/// The library that wrote a file.
+pub(super) fn library(data: &[u8]) -> Option<&str> {
+    let mut data = Cursor(data);
+    let _profile = data.text()?;
+    data.text()
+}
+
+/// Number, topic and encoding of a channel.
+pub(super) fn channel(data: &[u8]) -> Option<(u16, &str, &str)> {
     let mut data = Cursor(data);
     let (id, _schema) = (data.u16()?, data.u16()?);
-    Some((id, data.text()?))
+    Some((id, data.text()?, data.text()?))
 }
 
 /// Channel, sequence number and data of a message.

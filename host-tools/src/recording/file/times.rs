@@ -12,6 +12,8 @@ pub(super) struct Clock {
     pub(super) log: u64,
     /// Log time at the bead's reset.
     pub(super) reset: u64,
+    /// Whether log times are those of the host.
+    pub(super) received: bool,
 }
 
 impl Clock {
@@ -22,6 +24,14 @@ impl Clock {
         let ns = u128::from(sample_index) * 1_000_000_000;
         let time = ns.checked_div(u128::from(self.sample_rate_hz)).unwrap_or(0);
         self.bead = u64::try_from(time).unwrap_or(u64::MAX);
-        self.log = self.log.max(self.reset.saturating_add(self.bead));
+        if !self.received {
+            self.log = self.log.max(self.reset.saturating_add(self.bead));
+        }
+    }
+
+    /// What follows was received at this time of the host.
+    pub(super) fn receive(&mut self, received_ns: u64) {
+        self.received = true;
+        self.log = self.log.max(received_ns);
     }
 }

@@ -16,9 +16,10 @@ use std::{fmt, io};
 
 use crc32fast::Hasher;
 
+use crate::recording::file::chunk;
 use crate::recording::file::error::RecordingError;
 use crate::recording::file::found::Found;
-use crate::recording::file::records::{self, Head, MESSAGE_HEAD, RECORD_HEAD, op};
+use crate::recording::file::records::{self, Head, MESSAGE_HEAD, RECORD_HEAD, RECORD_MOST, op};
 use crate::recording::file::source::Source;
 
 /// How much of a recording is there.
@@ -204,7 +205,7 @@ impl Walk {
                 let end = at + RECORD_HEAD as u64 + head.length;
                 let inside = self.chunk.is_none_or(|chunk_end| end <= chunk_end);
                 // A chunk is known by more than its opcode, which would cost all that is in it.
-                if head.length >= CHUNK_LEAST && self.enter_chunk(at, head)? {
+                if head.length >= CHUNK_LEAST && self.enter_chunk(at, head, found)? {
                     if head.opcode != op::CHUNK {
                         self.wrong("the opcode of a chunk is wrong");
                     }
@@ -218,7 +219,7 @@ impl Walk {
                 self.search(found)
             }
             Place::Cut(head) => {
-                if head.opcode == op::CHUNK && self.enter_chunk(at, head)? {
+                if head.opcode == op::CHUNK && self.enter_chunk(at, head, found)? {
                     return Ok(());
                 }
                 self.search(found)
@@ -282,7 +283,7 @@ impl Walk {
     }
 
     /// Goes on with the records in a chunk. False if it is not sound.
-    fn enter_chunk(&mut self, at: u64, head: Head) -> io::Result<bool> {
+    fn enter_chunk(&mut self, at: u64, head: Head, found: &mut Found) -> io::Result<bool> {
         let body = at + RECORD_HEAD as u64;
         // Times, sizes and CRC, and the name of the compression.
         let bytes = self.source.at(body, 64)?;
@@ -302,10 +303,22 @@ impl Walk {
             self.chunk = Some(end);
         } else {
             self.at = body + head.length;
-            let by = chunk.compression;
-            self.wrong(&format!(
-                "chunks are compressed with {by}: run `mcap decompress` on it"
-            ));
+            self.chunk = None;
+            let length = usize::try_from(chunk.length).unwrap_or(usize::MAX);
+            let data = self.source.at(begin, length)?;
+            let data = &data[..data.len().min(length)];
+            match chunk::records(&chunk, data, RECORD_MOST as usize) {
+                Ok(records) => {
+                    let is_sound = chunk.crc == 0 || crc32fast::hash(&records) == chunk.crc;
+                    found.doubtful = !is_sound;
+                    let odd = records::in_chunk(&records)
+                        .filter(|record| !record.is_some_and(|(opcode, data)| found.record(opcode, data)));
+                    if odd.count() > 0 || !is_sound {
+                        self.wrong("a compressed chunk is damaged");
+                    }
+                }
+                Err(what) => self.wrong(&what),
+            }
         }
         Ok(true)
     }

@@ -11,6 +11,7 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions};
 
 use crate::recording::file::about::{About, Part};
+use crate::recording::file::channels::{Channels, Said};
 use crate::recording::file::error::RecordingError;
 use crate::recording::file::layout::{
     CHUNK, ENCODING, FLUSH_EVERY, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC,
@@ -28,6 +29,7 @@ pub struct Writer {
     mcap: mcap::Writer<BufWriter<File>>,
     channel: u16,
     received: u16,
+    channels: Channels,
     run: Vec<u8>,
     /// Runs that are no frames, each with a delimiter.
     noise: Vec<u8>,
@@ -61,16 +63,18 @@ impl Writer {
             let layout = BTreeMap::from([("version".into(), bead_wire::VERSION.to_string())]);
             let channel = mcap.add_channel(0, TOPIC, ENCODING, &layout)?;
             let received = mcap.add_channel(0, RECEIVED, RECEIVED_ENCODING, &BTreeMap::new())?;
+            let channels = Channels::begin(&mut mcap)?;
             mcap.flush()?;
-            Ok((channel, received))
+            Ok((channel, received, channels))
         };
-        let (channel, received) = begin().map_err(failed)?;
+        let (channel, received, channels) = begin().map_err(failed)?;
         Ok(Self {
             target: target.clone(),
             partial,
             mcap,
             channel,
             received,
+            channels,
             run: Vec::new(),
             noise: Vec::new(),
             reader: Reader::default(),
@@ -113,8 +117,17 @@ impl Writer {
         mut sink: impl FnMut(Item),
     ) -> Result<(), RecordingError> {
         let before = self.written;
+        if let Some(received_ns) = received_ns {
+            self.clock.receive(received_ns);
+        }
+        let mut said = Vec::new();
         for byte in bytes {
-            let Self { reader, clock, .. } = self;
+            let Self {
+                reader,
+                clock,
+                channels,
+                ..
+            } = self;
             let mut is_frame = false;
             reader.feed(std::slice::from_ref(byte), received_ns, |item| {
                 if let Item::Frame(frame) = &item {
@@ -123,6 +136,7 @@ impl Writer {
                         clock.sample_rate_hz = identity.sample_rate_hz;
                     }
                     clock.tick(frame.header.sample_index, frame.arrival);
+                    said.extend(channels.take(frame));
                 }
                 sink(item);
             });
@@ -139,6 +153,9 @@ impl Writer {
                 0 => self.end_run()?,
                 _ if self.run.len() == LONGEST_RUN => self.end_run()?,
                 _ => {}
+            }
+            for Said { channel, data } in said.drain(..) {
+                self.message(channel, self.written.wrapping_sub(1), &data)?;
             }
         }
         self.end_noise()?;

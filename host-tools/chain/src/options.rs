@@ -1,0 +1,111 @@
+//! How a scenario is run, and why it cannot be.
+
+use crate::scenario::InputError;
+
+/// Values that a solution may keep: 4 GB.
+pub(crate) const MOST_VALUES: usize = 500_000_000;
+
+/// How closely the integration follows the equations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Accuracy {
+    /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth
+    /// of its scale. The scales are the striker's speed, its depth in a bead at rest, and its energy.
+    pub tolerance: f64,
+    /// Longest step, as a part of the scenario's shortest contact. It keeps a step from passing over a
+    /// collision of bodies in free flight.
+    pub longest_step: f64,
+}
+
+impl Accuracy {
+    /// Every stated number of this crate is computed at this accuracy.
+    pub const REFERENCE: Self = Self {
+        tolerance: 1e-14,
+        longest_step: 1.0 / 8.0,
+    };
+    /// For pictures and sweeps.
+    pub const DRAFT: Self = Self {
+        tolerance: 1e-8,
+        longest_step: 1.0 / 2.0,
+    };
+
+    pub(crate) fn check(self) -> Result<(), InputError> {
+        let (key, value, range) = if !(1e-14..=1e-3).contains(&self.tolerance) {
+            ("tolerance", self.tolerance, "1e-14 (rounding) to 1e-3")
+        } else if !(self.longest_step > 0.0 && self.longest_step <= 1.0) {
+            ("longest_step", self.longest_step, "a part above 0 and at most 1")
+        } else {
+            return Ok(());
+        };
+        let what = format!("{key} {value} is out of range");
+        Err(InputError::at("accuracy", what, format!("give {range}")))
+    }
+}
+
+impl Default for Accuracy {
+    fn default() -> Self {
+        Self::REFERENCE
+    }
+}
+
+/// How to run a scenario.
+#[derive(Clone, Copy, Default)]
+pub struct Options<'a> {
+    /// Time to simulate, s, in place of the scenario's; longer for a signal that goes on past it. The
+    /// [`Summary`](crate::Summary) covers the scenario's duration, or this one where it is shorter.
+    pub duration: Option<f64>,
+    /// How closely.
+    pub accuracy: Accuracy,
+    /// Called now and then with the part done, 0 to 1.
+    pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
+}
+
+impl std::fmt::Debug for Options<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Options")
+            .field("duration", &self.duration)
+            .field("accuracy", &self.accuracy)
+            .field("progress", &self.progress.map(|_| "…"))
+            .finish()
+    }
+}
+
+/// Why a scenario could not be run.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulateError {
+    /// A value of the scenario or of the [`Options`] is out of range.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A run that keeps everything needs more steps than memory should hold: it is too long, has too many
+    /// beads, or something in it is much faster than a strike. [`Run`](crate::Run) and
+    /// [`summarise`](crate::summarise) keep nothing.
+    #[error("duration: after {time:.3e} s of {end:.3e} s the run fills {} GB; simulate less time or fewer beads, or ask for the summary alone, which keeps nothing", MOST_VALUES * 8 / 1_000_000_000)]
+    TooLong {
+        /// How far the run came, s; 0 if it was clear from the start.
+        time: f64,
+        /// How far it was to go, s.
+        end: f64,
+    },
+    /// An intruder is so much faster than a strike that its units are probably wrong.
+    #[error(
+        "intruder in bead {bead}: its time constant of {time:.1e} s takes {steps:.1e} steps, more than {seconds:.0} s of computing; check units: mass in kg, stiffness in N/m, damping in N·s/m"
+    )]
+    TooStiff {
+        /// The host bead.
+        bead: usize,
+        /// The time constant, s.
+        time: f64,
+        /// Steps that the run needs at least.
+        steps: f64,
+        /// Wall-clock time that they take on a fast computer, s.
+        seconds: f64,
+    },
+    /// The steps became too short to move the clock: values of the scenario lie too many powers of ten apart.
+    #[error(
+        "the integration is stuck at {time} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
+    )]
+    Stuck {
+        /// When, s.
+        time: f64,
+    },
+}

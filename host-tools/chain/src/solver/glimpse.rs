@@ -1,0 +1,106 @@
+//! One coordinate inside one step: how two bodies approach, or how an intruder moves in its host.
+//!
+//! It costs a few sums, where the dense output of a chain costs as many for each body. And it outlives its step.
+
+use super::crossing::Crossing;
+use super::lanes::Lanes;
+use super::method::{POWERS, Weight};
+use super::work::{Work, place};
+
+/// The coordinate as a polynomial of the part of the step, and the exact parts of contacts that open or close.
+#[derive(Debug, Clone)]
+pub(crate) struct Glimpse {
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+    /// At the start, with its rate.
+    start: [f64; 2],
+    /// The step's part in both, power by power from the first.
+    powers: [Weight; 8],
+    /// Contacts, and what one unit of their force accelerates the coordinate by.
+    crossings: Vec<(Crossing, f64)>,
+}
+
+impl Glimpse {
+    /// The coordinate at time `t`, its rate, and the rate of that.
+    pub(crate) fn at(&self, t: f64) -> [f64; 3] {
+        let length = self.to - self.from;
+        let x = ((t - self.from) / length).clamp(0.0, 1.0);
+        let (mut once, mut twice, mut rate) = (0.0, 0.0, 0.0);
+        for (power, weight) in self.powers.iter().enumerate().rev() {
+            once = (once + weight.velocity) * x;
+            twice = (twice + weight.displacement) * x;
+            rate = rate * x + (power + 1) as f64 * weight.velocity;
+        }
+        for (crossing, factor) in &self.crossings {
+            let integrals = crossing.integrals(x);
+            once += factor * integrals.once;
+            twice += factor * integrals.twice;
+            rate += factor * crossing.force(x).0;
+        }
+        let [place, speed] = self.start;
+        [
+            place + (x * length * speed + length * length * twice),
+            speed + length * once,
+            rate,
+        ]
+    }
+}
+
+fn powers(rate: impl Fn(usize) -> f64) -> [Weight; 8] {
+    let mut sums = [Weight::ZERO; 8];
+    for (stage, weights) in POWERS.iter().enumerate() {
+        let rate = rate(stage);
+        for (sum, weight) in sums.iter_mut().zip(weights) {
+            sum.velocity += weight.velocity * rate;
+            sum.displacement += weight.displacement * rate;
+        }
+    }
+    sums
+}
+
+impl Work {
+    /// The overlap at `lane` less that at rest, in the step that [`Work::prepare`] was called for.
+    pub(super) fn glimpse_contact(&self, lanes: &Lanes, lane: usize, (from, to): (f64, f64)) -> Glimpse {
+        let (near, far) = (lane - 1, lane);
+        let difference = |of: &[f64]| of[near] - of[far];
+        let (near_push, far_push) = (lanes.inverse[near], lanes.inverse[far]);
+        let factor = |crossing: &Crossing| match crossing.lane {
+            own if own == lane => -(near_push + far_push),
+            before if before + 1 == lane => near_push,
+            behind if behind == lane + 1 => far_push,
+            _ => 0.0,
+        };
+        Glimpse {
+            from,
+            to,
+            start: [difference(&self.start.u), difference(&self.start.v)],
+            powers: powers(|stage| self.rates[place(near, stage)] - self.rates[place(far, stage)]),
+            crossings: self.crossings_that(factor),
+        }
+    }
+
+    /// The displacement of an intruder relative to its host.
+    pub(super) fn glimpse_guest(&self, lanes: &Lanes, guest: usize, (from, to): (f64, f64)) -> Glimpse {
+        let host = lanes.guests.hosts[guest];
+        let factor = |crossing: &Crossing| match crossing.lane {
+            before if before == host => -lanes.inverse[host],
+            behind if behind == host + 1 => lanes.inverse[host],
+            _ => 0.0,
+        };
+        Glimpse {
+            from,
+            to,
+            start: [self.start.x[guest], self.start.w[guest]],
+            powers: powers(|stage| self.guest_rates[place(guest, stage)]),
+            crossings: self.crossings_that(factor),
+        }
+    }
+
+    fn crossings_that(&self, factor: impl Fn(&Crossing) -> f64) -> Vec<(Crossing, f64)> {
+        let factors = self
+            .crossings
+            .iter()
+            .map(|crossing| (*crossing, factor(crossing)));
+        factors.filter(|(_, factor)| *factor != 0.0).collect()
+    }
+}

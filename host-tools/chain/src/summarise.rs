@@ -1,0 +1,524 @@
+//! The summary of a run, found while it runs: nothing of the motion is kept.
+//!
+//! # Design
+//!
+//! It follows the definitions of [`Solution::summary`](crate::Solution::summary). A peak inside a step is the
+//! root of the quantity's rate in the step's dense output. A width needs to know when a force rose through half
+//! of a peak that came later, so while a force rises, its steps are kept as [`Glimpse`]s of that contact alone.
+//! Quantities of beads that do not move do not change, so a step costs by what moves in it.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::time::Instant;
+
+use crate::dop853::crossing;
+use crate::model::{Energies, Model};
+use crate::observe::{
+    ContactPeak, EnergySummary, FinalState, IntruderSummary, NO_FORCE, SolverSummary, Summary,
+};
+use crate::options::{Options, SimulateError};
+use crate::run::{Run, Step};
+use crate::scenario::{InputError, Scenario};
+use crate::solver::{Glimpse, Stepper};
+
+/// Runs a scenario and gives its summary. The motion is not kept, so the chain may have any length.
+///
+/// [`Options::duration`] cuts a run short.
+///
+/// # Errors
+/// [`SimulateError`]: the scenario or an option is out of range, or the integration cannot go on.
+pub fn summarise(scenario: &Scenario, options: &Options<'_>) -> Result<Summary, SimulateError> {
+    let clock = Instant::now();
+    let end = options.duration.unwrap_or(scenario.duration);
+    if !(end.is_finite() && end > 0.0) {
+        let what = format!("{end} s cannot be simulated");
+        return Err(InputError::at("duration", what, "give a number above zero").into());
+    }
+    let mut run = Run::new(scenario, options.accuracy)?;
+    run.check(end, options.accuracy.longest_step)?;
+    let mut found = Summariser::new(&mut run);
+    run.watch(end, |step| {
+        found.look(step);
+        if step.number().is_multiple_of(64) {
+            options.progress.iter().for_each(|told| told(step.to() / end));
+        }
+    })?;
+    options.progress.iter().for_each(|told| told(1.0));
+    let mut summary = found.summary(&mut run);
+    summary.solver.seconds = clock.elapsed().as_secs_f64();
+    Ok(summary)
+}
+
+/// A greatest value so far, and when.
+#[derive(Debug, Clone, Copy)]
+struct Best {
+    value: f64,
+    time: f64,
+}
+
+impl Best {
+    /// Takes the greatest value of a step: at its end, or inside where the rate changes its sign.
+    fn consider(&mut self, from: f64, to: f64, mut of: impl FnMut(f64) -> [f64; 2]) -> bool {
+        let before = self.value;
+        let mut take = |time: f64, value: f64| {
+            if value > self.value {
+                (self.value, self.time) = (value, time);
+            }
+        };
+        let end = of(to);
+        take(to, end[0]);
+        if of(from)[1] > 0.0 && end[1] <= 0.0 {
+            let time = crossing(from, to, |t| of(t)[1] > 0.0);
+            take(time, of(time)[0]);
+        }
+        self.value > before
+    }
+}
+
+/// The greatest force of a contact beyond its load, and how wide its pulse is.
+#[derive(Debug, Clone)]
+struct ForceWatch {
+    best: Best,
+    width: Option<f64>,
+    /// The pulse of the greatest force has not fallen to half yet.
+    falls: bool,
+    /// Steps in which the force may have risen through half of it, each with the force at its end.
+    rising: VecDeque<(Glimpse, f64)>,
+}
+
+/// Greatest and least values of an intruder's motion.
+#[derive(Debug, Clone, Copy)]
+struct IntruderWatch {
+    acceleration: [Best; 2],
+    displacement: [Best; 2],
+}
+
+/// Finds the summary of a [`Run`] step by step; see [`Summariser::look`].
+///
+/// ```
+/// use hertz_chain::{Accuracy, Run, Scenario, Summariser};
+///
+/// let mut run = Run::new(&Scenario::paper(), Accuracy::DRAFT)?;
+/// let mut found = Summariser::new(&mut run);
+/// run.watch(4e-3, |step| found.look(step))?;
+/// println!("{:?}", found.summary(&mut run).peak_force);
+/// # Ok::<(), hertz_chain::SimulateError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Summariser {
+    initial: f64,
+    balance_error: f64,
+    chain: Best,
+    chain_now: f64,
+    chain_rate: f64,
+    forces: Vec<ForceWatch>,
+    intruders: Vec<IntruderWatch>,
+    books: Books,
+}
+
+/// The energies of the beads and intruders of each eight bodies when they moved last, J.
+#[derive(Debug, Clone)]
+struct Books {
+    chain: Vec<f64>,
+    intruders: Vec<f64>,
+    /// Bodies that moved in the last step.
+    moving: Vec<Range<usize>>,
+    /// Sums over all others.
+    at_rest: [f64; 2],
+}
+
+const TOGETHER: usize = crate::solver::TOGETHER;
+
+/// Motion of all bodies and intruders at one time: displacements or changes of overlap, and velocities.
+trait Motion {
+    fn body(&self, body: usize) -> (f64, f64);
+    fn guest(&self, guest: usize) -> (f64, f64);
+}
+
+struct AtEnd<'a>(&'a Stepper, f64);
+
+impl Motion for AtEnd<'_> {
+    fn body(&self, body: usize) -> (f64, f64) {
+        self.0.body_at_ends(body, self.1)[1]
+    }
+
+    fn guest(&self, guest: usize) -> (f64, f64) {
+        self.0.guest_at_ends(guest)[1]
+    }
+}
+
+struct Looked<'a>(&'a Stepper, f64);
+
+impl Motion for Looked<'_> {
+    fn body(&self, body: usize) -> (f64, f64) {
+        self.0.body(body, self.1)
+    }
+
+    fn guest(&self, guest: usize) -> (f64, f64) {
+        self.0.guest(guest)
+    }
+}
+
+/// Change of the overlap of a contact since rest, and its rate.
+fn change(model: &Model, motion: &impl Motion, contact: usize) -> (f64, f64) {
+    let near = motion.body(contact - 1);
+    let far = if contact < model.bodies() {
+        motion.body(contact)
+    } else {
+        (0.0, 0.0)
+    };
+    (near.0 - far.0, near.1 - far.1)
+}
+
+/// The contacts of some bodies as the books have them: each belongs to the body behind it, the wall's to the
+/// last bead.
+fn contacts(model: &Model, bodies: &Range<usize>) -> Range<usize> {
+    let end = if bodies.end == model.bodies() {
+        model.contacts() + 1
+    } else {
+        bodies.end
+    };
+    bodies.start.max(1)..end
+}
+
+/// Energies of some beads with their contacts, and of their intruders, J.
+fn energies(model: &Model, motion: &impl Motion, bodies: &Range<usize>) -> [f64; 2] {
+    let kinetic = |mass: f64, speed: f64| 0.5 * mass * speed * speed;
+    let beads = bodies.start.max(1)..bodies.end;
+    let mut chain: f64 = beads
+        .map(|bead| kinetic(model.shells[bead], motion.body(bead).1))
+        .sum();
+    chain += contacts(model, bodies)
+        .map(|contact| {
+            model
+                .contact(contact)
+                .energy_beyond(change(model, motion, contact).0)
+        })
+        .sum::<f64>();
+    let of_guest = |guest: usize| {
+        let intruder = &model.intruders()[guest];
+        let (x, w) = motion.guest(guest);
+        let oscillator = &intruder.oscillator;
+        kinetic(oscillator.mass, motion.body(intruder.bead).1 + w) + 0.5 * oscillator.stiffness * x * x
+    };
+    [chain, guests(model, bodies).map(of_guest).sum()]
+}
+
+/// The intruders of some bodies.
+fn guests(model: &Model, bodies: &Range<usize>) -> Range<usize> {
+    let until = |bead: usize| model.intruders().partition_point(|intruder| intruder.bead < bead);
+    until(bodies.start)..until(bodies.end)
+}
+
+/// Rate of the chain's energy: what the striker gives, less losses, and what intruders give back.
+fn chain_rate(model: &Model, motion: &impl Motion, moving: &[Range<usize>]) -> f64 {
+    let (first, rate) = change(model, motion, 1);
+    let mut sum = model.force_beyond_at(1, first, rate) * motion.body(0).1;
+    for bodies in moving {
+        for contact in contacts(model, bodies) {
+            let (change, rate) = change(model, motion, contact);
+            let elastic = model.contact(contact).elastic_force_beyond(change);
+            sum -= (model.force_beyond_at(contact, change, rate) - elastic) * rate;
+        }
+        for guest in guests(model, bodies) {
+            let intruder = &model.intruders()[guest];
+            let (x, w) = motion.guest(guest);
+            sum += intruder.oscillator.pull(x, w) * motion.body(intruder.bead).1;
+        }
+    }
+    sum
+}
+
+impl Summariser {
+    /// For a run from where it is now.
+    pub fn new(run: &mut Run) -> Self {
+        let time = run.time();
+        let snapshot = run.snapshot();
+        let (model, energies) = (snapshot.model().clone(), snapshot.energies());
+        let forces = (1..=model.contacts()).map(|contact| ForceWatch {
+            best: Best {
+                value: snapshot.force(contact) - model.contact(contact).load,
+                time,
+            },
+            width: None,
+            falls: false,
+            rising: VecDeque::new(),
+        });
+        let forces = forces.collect();
+        let intruders = model.intruders().iter().map(|intruder| {
+            let best = |value: Option<f64>| {
+                let value = value.expect("this bead has an intruder");
+                [1.0, -1.0].map(|sign| Best {
+                    value: sign * value,
+                    time,
+                })
+            };
+            IntruderWatch {
+                acceleration: best(snapshot.intruder_acceleration(intruder.bead)),
+                displacement: best(snapshot.intruder_displacement(intruder.bead)),
+            }
+        });
+        let intruders = intruders.collect();
+        let blocks = model.bodies().div_ceil(TOGETHER);
+        let mut books = Books {
+            chain: vec![0.0; blocks],
+            intruders: vec![0.0; blocks],
+            moving: Vec::new(),
+            at_rest: [0.0; 2],
+        };
+        let all = std::iter::once(0..model.bodies()).collect::<Vec<_>>();
+        books.enter(&model, &AtEnd(run.stepper(), time), &all);
+        books.settle(&[]);
+        Self {
+            initial: energies.total(),
+            balance_error: 0.0,
+            chain: Best {
+                value: energies.chain,
+                time,
+            },
+            chain_now: energies.chain,
+            chain_rate: f64::INFINITY,
+            forces,
+            intruders,
+            books,
+        }
+    }
+
+    /// Takes account of a step: all of them, in order.
+    pub fn look(&mut self, step: &mut Step<'_>) {
+        let (from, to) = (step.from(), step.to());
+        let (model, stepper) = step.parts();
+        let moving: Vec<Range<usize>> = stepper.moving().collect();
+        self.balance(model, stepper, &moving, (from, to));
+        for bodies in &moving {
+            for contact in bodies.start.max(1)..=bodies.end.min(model.contacts()) {
+                self.forces[contact - 1].look(model, stepper, contact, (from, to));
+            }
+            for guest in guests(model, bodies) {
+                self.intruders[guest].look(model, stepper, guest, (from, to));
+            }
+        }
+    }
+
+    fn balance(
+        &mut self,
+        model: &Model,
+        stepper: &mut Stepper,
+        moving: &[Range<usize>],
+        (from, to): (f64, f64),
+    ) {
+        if self.books.moving != moving {
+            self.books.settle(moving);
+        }
+        let end = &AtEnd(stepper, from);
+        let [chain, intruders] = self.books.enter(model, end, moving);
+        let rate = chain_rate(model, end, moving);
+        let speed = end.body(0).1;
+        let striker = 0.5 * model.mass(0) * speed * speed;
+        let (contacts, of_guests) = stepper.lost();
+        let total = striker + chain + intruders + contacts + of_guests.sum::<f64>();
+        self.balance_error = self
+            .balance_error
+            .max((total - self.initial).abs() / self.initial);
+        // No more than this can lie between the ends of the step.
+        let before = self.chain_rate.abs();
+        let most = self.chain_now.max(chain) + (before + rate.abs()) * (to - from);
+        if chain > self.chain.value {
+            self.chain = Best {
+                value: chain,
+                time: to,
+            };
+        }
+        if most > self.chain.value && self.chain_rate > 0.0 && rate <= 0.0 && !moving.is_empty() {
+            let mut at = |t: f64| {
+                stepper.look(t);
+                let inside = &Looked(stepper, t);
+                let parts = moving.iter().map(|bodies| energies(model, inside, bodies)[0]);
+                let value = self.books.at_rest[0] + parts.sum::<f64>();
+                [value, chain_rate(model, inside, moving)]
+            };
+            let time = crossing(from, to, |t| at(t)[1] > 0.0);
+            let value = at(time)[0];
+            if value > self.chain.value {
+                self.chain = Best { value, time };
+            }
+        }
+        (self.chain_now, self.chain_rate) = (chain, rate);
+    }
+
+    /// The summary so far, up to where the run is.
+    pub fn summary(&self, run: &mut Run) -> Summary {
+        let (time, steps, evaluations) = (run.time(), run.steps(), run.evaluations());
+        let snapshot = run.snapshot();
+        let (model, energies): (&Model, Energies) = (snapshot.model(), snapshot.energies());
+        Summary {
+            peak_force: self.contact_peaks(model),
+            final_state: FinalState {
+                time,
+                displacement: (0..model.bodies())
+                    .map(|body| snapshot.displacement(body))
+                    .collect(),
+                velocity: (0..model.bodies()).map(|body| snapshot.velocity(body)).collect(),
+            },
+            energy: EnergySummary {
+                striker_initial: model.striker_energy(),
+                striker_final: energies.striker,
+                chain_final: energies.chain,
+                intruders_final: energies.intruders,
+                chain_max: self.chain.value,
+                dissipated_contacts: energies.dissipated_contacts,
+                dissipated_intruders: energies.dissipated_intruders,
+                balance_error: self.balance_error,
+            },
+            intruders: model
+                .intruders()
+                .iter()
+                .zip(&self.intruders)
+                .map(|(intruder, watch)| IntruderSummary {
+                    bead: intruder.bead,
+                    acceleration_max: watch.acceleration[0].value,
+                    acceleration_min: -watch.acceleration[1].value,
+                    relative_displacement_max: watch.displacement[0].value.max(watch.displacement[1].value),
+                    dissipated: snapshot.intruder_dissipated(intruder.bead).unwrap_or(0.0),
+                })
+                .collect(),
+            solver: SolverSummary {
+                steps,
+                evaluations,
+                seconds: 0.0,
+            },
+        }
+    }
+
+    fn contact_peaks(&self, model: &Model) -> Vec<ContactPeak> {
+        let force = |contact: usize| model.contact(contact).load + self.forces[contact - 1].best.value;
+        let contacts = 1..=model.contacts();
+        let least = NO_FORCE * contacts.clone().map(force).fold(0.0, f64::max);
+        contacts
+            .filter(|&contact| force(contact) > least)
+            .map(|contact| {
+                let watch = &self.forces[contact - 1];
+                let reached = watch.best.value > least;
+                ContactPeak {
+                    contact,
+                    force: force(contact),
+                    time: if reached { watch.best.time } else { 0.0 },
+                    fwhm: watch.width.filter(|_| reached),
+                }
+            })
+            .collect()
+    }
+}
+
+impl Books {
+    /// Enters the energies of what moves now. Gives the sums over all.
+    fn enter(&mut self, model: &Model, motion: &impl Motion, moving: &[Range<usize>]) -> [f64; 2] {
+        let [mut chain, mut intruders] = self.at_rest;
+        for bodies in moving {
+            for from in bodies.clone().step_by(TOGETHER) {
+                let block = from / TOGETHER;
+                let of_block = energies(model, motion, &(from..(from + TOGETHER).min(bodies.end)));
+                [self.chain[block], self.intruders[block]] = of_block;
+                chain += of_block[0];
+                intruders += of_block[1];
+            }
+        }
+        [chain, intruders]
+    }
+
+    /// Takes what moves from now on out of the sums of what is at rest.
+    fn settle(&mut self, moving: &[Range<usize>]) {
+        self.moving = moving.to_vec();
+        let blocks = |bodies: &Range<usize>| bodies.start / TOGETHER..bodies.end.div_ceil(TOGETHER);
+        let sum = |of: &[f64]| {
+            let (mut sum, mut from) = (0.0, 0);
+            for run in moving
+                .iter()
+                .map(blocks)
+                .chain(std::iter::once(of.len()..of.len()))
+            {
+                sum += of[from..run.start].iter().sum::<f64>();
+                from = run.end;
+            }
+            sum
+        };
+        self.at_rest = [sum(&self.chain), sum(&self.intruders)];
+    }
+}
+
+impl ForceWatch {
+    fn look(&mut self, model: &Model, stepper: &mut Stepper, contact: usize, (from, to): (f64, f64)) {
+        let force = |place: f64, rate: f64| model.force_beyond_at(contact, place, rate);
+        let near = stepper.body_at_ends(contact - 1, from);
+        let far = if contact < model.bodies() {
+            stepper.body_at_ends(contact, from)
+        } else {
+            [(0.0, 0.0); 2]
+        };
+        let [start, end] = [0, 1].map(|at| force(near[at].0 - far[at].0, near[at].1 - far[at].1));
+        let half = 0.5 * self.best.value;
+        if start.max(end) <= half.max(0.0) {
+            self.rising.clear();
+            return;
+        }
+        let Some(glimpse) = stepper.glimpse_contact(contact, from) else {
+            return;
+        };
+        let of = |glimpse: &Glimpse, t: f64| {
+            let [place, rate, acceleration] = glimpse.at(t);
+            let slope = model.force_rate_at(contact, place, rate, acceleration);
+            [force(place, rate), slope]
+        };
+        if self.best.consider(from, to, |t| of(&glimpse, t)) {
+            (self.falls, self.width) = (true, None);
+        }
+        let half = 0.5 * self.best.value;
+        let through =
+            |glimpse: &Glimpse, from: f64, to: f64| crossing(from, to, |t| of(glimpse, t)[0] > half);
+        self.rising.push_back((glimpse, end));
+        while self.rising.len() > 1 && self.rising.front().is_some_and(|(_, end)| *end < half) {
+            self.rising.pop_front();
+        }
+        if self.falls && end < half {
+            self.falls = false;
+            let last = &self.rising[self.rising.len() - 1].0;
+            let fall = through(last, from.max(self.best.time), to);
+            let first = &self.rising[0].0;
+            let low = of(first, first.from)[0] < half;
+            let rise = low.then(|| through(first, first.from, first.to.min(self.best.time)));
+            self.width = rise.map(|rise| fall - rise);
+        }
+        if end < half {
+            self.rising.clear();
+        }
+    }
+}
+
+impl IntruderWatch {
+    fn look(&mut self, model: &Model, stepper: &mut Stepper, guest: usize, (from, to): (f64, f64)) {
+        let oscillator = &model.intruders()[guest].oscillator;
+        let acceleration = |x: f64, w: f64| -oscillator.pull(x, w) / oscillator.mass;
+        let ends = stepper.guest_at_ends(guest);
+        let [places, accelerations] = [ends.map(|(x, _)| x), ends.map(|(x, w)| acceleration(x, w))];
+        let mut glimpse = None;
+        let mut look = |best: &mut [Best; 2], values: [f64; 2], accelerates: bool| {
+            for (best, sign) in best.iter_mut().zip([1.0, -1.0]) {
+                if (sign * values[0]).max(sign * values[1]) <= 0.5 * best.value {
+                    continue;
+                }
+                glimpse = glimpse.take().or_else(|| stepper.glimpse_guest(guest, from));
+                let Some(glimpse) = &glimpse else { continue };
+                best.consider(from, to, |t| {
+                    let [x, w, rate] = glimpse.at(t);
+                    if accelerates {
+                        [sign * acceleration(x, w), sign * acceleration(w, rate)]
+                    } else {
+                        [sign * x, sign * w]
+                    }
+                });
+            }
+        };
+        look(&mut self.displacement, places, false);
+        look(&mut self.acceleration, accelerations, true);
+    }
+}

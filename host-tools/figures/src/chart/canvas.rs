@@ -1,0 +1,206 @@
+//! A drawing as SVG: lines, marks and text, in pixels of the chart.
+
+use std::fmt::Write;
+
+use super::ink::Ink;
+use super::series::{Glyph, Stroke};
+
+/// Text escaped for HTML and SVG, for content and for attributes.
+pub fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+        .replace('\'', "&#39;")
+}
+
+/// A text as pieces that stand on the line and pieces that are raised, in turn: `F^(1/6)` has a raised `1/6`.
+pub(super) fn pieces(text: &str) -> Vec<(&str, bool)> {
+    let mut pieces = Vec::new();
+    let mut rest = text;
+    while let Some((plain, after)) = rest.split_once("^(") {
+        let Some((raised, after)) = after.split_once(')') else {
+            break;
+        };
+        pieces.extend([(plain, false), (raised, true)]);
+        rest = after;
+    }
+    pieces.push((rest, false));
+    pieces.retain(|(piece, _)| !piece.is_empty());
+    pieces
+}
+
+/// The same text for HTML and Markdown, with `<sup>` where it is raised. `plain` makes each piece safe.
+pub fn raised(text: &str, plain: impl Fn(&str) -> String) -> String {
+    let piece = |(piece, raised): (&str, bool)| match raised {
+        true => format!("<sup>{}</sup>", plain(piece)),
+        false => plain(piece),
+    };
+    pieces(text).into_iter().map(piece).collect()
+}
+
+/// Size of raised text, of that on the line.
+const RAISED: f64 = 0.72;
+
+/// The width of a text of this size in pixels, about: no font is at hand. It is that of a rather wide font.
+pub(super) fn width(text: &str, size: f64) -> f64 {
+    let of = |character: char| match character {
+        'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '|' | '\'' => 0.30,
+        ' ' | 't' | 'f' | 'r' | '(' | ')' | '/' => 0.38,
+        'm' | 'w' | 'M' | 'W' | '%' => 0.92,
+        '=' | '+' | '−' | '<' | '>' | '≤' => 0.80,
+        _ => 0.62,
+    };
+    let piece = |(piece, raised): (&str, bool)| {
+        let size = if raised { RAISED * size } else { size };
+        size * piece.chars().map(of).sum::<f64>()
+    };
+    pieces(text).into_iter().map(piece).sum()
+}
+
+/// Where a text stands.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Anchor {
+    Start,
+    Middle,
+    End,
+    /// The middle of a text that runs upwards.
+    Upwards,
+}
+
+/// A drawing that grows.
+#[derive(Debug, Default)]
+pub(super) struct Canvas {
+    svg: String,
+}
+
+impl Canvas {
+    /// The elements of the drawing.
+    pub(super) fn into_svg(self) -> String {
+        self.svg
+    }
+
+    fn push(&mut self, text: std::fmt::Arguments<'_>) {
+        // Writing to a String cannot fail.
+        self.svg.write_fmt(text).unwrap_or_default();
+        self.svg.push('\n');
+    }
+
+    /// A filled rectangle from the origin.
+    pub(super) fn fill(&mut self, (width, height): (f64, f64), ink: Ink) {
+        self.push(format_args!(
+            "<rect width=\"{width}\" height=\"{height}\" fill=\"{}\"/>",
+            ink.literal()
+        ));
+    }
+
+    /// A line through these points.
+    pub(super) fn line(&mut self, points: &[(f64, f64)], ink: Ink, width: f64, dashes: &str) {
+        let mut path = String::new();
+        let mut last = String::new();
+        for (x, y) in points {
+            let point = format!("{x:.2},{y:.2}");
+            if point != last {
+                path.push_str(if path.is_empty() { "" } else { " " });
+                path.push_str(&point);
+                last = point;
+            }
+        }
+        let dashes = match dashes {
+            "" => String::new(),
+            dashes => format!(" stroke-dasharray=\"{dashes}\""),
+        };
+        self.push(format_args!(
+            "<polyline points=\"{path}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\" \
+             stroke-linejoin=\"round\"{dashes}/>",
+            ink.literal()
+        ));
+    }
+
+    /// What a stroke draws at one point; nothing for a line.
+    pub(super) fn mark(&mut self, (x, y): (f64, f64), ink: Ink, stroke: Stroke) {
+        let colour = ink.literal();
+        match stroke {
+            Stroke::Line { .. } => {}
+            Stroke::Ring { radius, width } => self.push(format_args!(
+                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"none\" stroke=\"{colour}\" \
+                 stroke-width=\"{width}\"/>"
+            )),
+            Stroke::Filled {
+                glyph: Glyph::Disc,
+                radius,
+            } => self.push(format_args!(
+                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{colour}\"/>"
+            )),
+            Stroke::Filled { glyph, radius } => {
+                // Corners in units of the radius; the areas are about that of the disc.
+                let corners: &[(f64, f64)] = match glyph {
+                    Glyph::Square => &[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)],
+                    Glyph::Up => &[(0.0, -1.35), (1.2, 0.8), (-1.2, 0.8)],
+                    Glyph::Down => &[(0.0, 1.35), (1.2, -0.8), (-1.2, -0.8)],
+                    _ => &[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
+                };
+                let corner = |(dx, dy): &(f64, f64)| format!("{:.2},{:.2}", x + radius * dx, y + radius * dy);
+                let corners: Vec<String> = corners.iter().map(corner).collect();
+                let corners = corners.join(" ");
+                self.push(format_args!("<polygon points=\"{corners}\" fill=\"{colour}\"/>"));
+            }
+        }
+    }
+
+    /// A text of this size whose middle, seen across the line, is at `y`.
+    pub(super) fn text(&mut self, text: &str, (x, y): (f64, f64), size: f64, ink: Ink, anchor: Anchor) {
+        let (name, turn) = match anchor {
+            Anchor::Start => ("start", String::new()),
+            Anchor::Middle => ("middle", String::new()),
+            Anchor::End => ("end", String::new()),
+            Anchor::Upwards => ("middle", format!(" transform=\"rotate(-90 {x:.2} {y:.2})\"")),
+        };
+        // A third of the size: half the height of a figure.
+        let down = 0.35 * size;
+        let mut spans = String::new();
+        let mut lifted = false;
+        for (piece, raised) in pieces(text) {
+            let piece = escape(piece);
+            let up = 0.38 * size;
+            let (shift, small) = match (lifted, raised) {
+                (false, true) => (
+                    format!(" dy=\"{:.2}\"", -up),
+                    format!(" font-size=\"{:.1}\"", RAISED * size),
+                ),
+                (true, false) => (format!(" dy=\"{up:.2}\""), String::new()),
+                _ => (String::new(), String::new()),
+            };
+            lifted = raised;
+            match shift.is_empty() && small.is_empty() {
+                true => spans.push_str(&piece),
+                false => spans.push_str(&format!("<tspan{shift}{small}>{piece}</tspan>")),
+            }
+        }
+        self.push(format_args!(
+            "<text x=\"{x:.2}\" y=\"{y:.2}\" dy=\"{down:.2}\" font-size=\"{size}\" font-family=\"sans-serif\" \
+             text-anchor=\"{name}\" fill=\"{}\"{turn}>{spans}</text>",
+            ink.literal()
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_stands_behind_a_caret_is_raised() {
+        assert_eq!(
+            pieces("F / V^(6/5) (N)"),
+            [("F / V", false), ("6/5", true), (" (N)", false)]
+        );
+        assert_eq!(pieces("10^(−3)"), [("10", false), ("−3", true)]);
+        assert_eq!(pieces("a^(b"), [("a^(b", false)]);
+    }
+
+    #[test]
+    fn a_raised_piece_needs_less_room() {
+        assert!(width("10^(12)", 14.0) < width("1012", 14.0));
+    }
+}

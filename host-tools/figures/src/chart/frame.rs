@@ -1,0 +1,274 @@
+//! One panel, drawn: its axes with ticks, its grid, and its curves.
+
+use super::canvas::{Anchor, Canvas, width};
+use super::ink::Ink;
+use super::legend::{Legend, draw_at_end, room_at_end};
+use super::panel::{Axis, Panel};
+use super::scale::Ticks;
+use super::series::{Series, Stroke};
+
+/// Between the drawing and the edge of the picture, pixels.
+pub(super) const MARGIN: f64 = 8.0;
+/// Right of the axes: room for half of the last tick's number.
+const RIGHT: f64 = 16.0;
+const NUMBERS: f64 = 14.0;
+const TITLES: f64 = 15.0;
+const TICK: f64 = 5.0;
+const FINE: f64 = 3.0;
+/// From the ticks to the numbers, and from the numbers to the title.
+const GAP: f64 = 5.0;
+/// Between panels.
+const APART: f64 = 12.0;
+
+/// A panel with what its drawing needs to know.
+#[derive(Debug)]
+pub(super) struct Frame<'a> {
+    panel: &'a Panel,
+    x: &'a Axis,
+    x_places: (f64, f64),
+    y_places: (f64, f64),
+    x_ticks: Ticks,
+    y_ticks: Ticks,
+    legend: Legend<'a>,
+    /// Whether it shows its horizontal axis' numbers and title.
+    labelled: bool,
+}
+
+/// Where the axes of all panels begin and end, pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Columns {
+    pub(super) left: f64,
+    pub(super) right: f64,
+}
+
+impl<'a> Frame<'a> {
+    pub(super) fn new(panel: &'a Panel, x: &'a Axis, labelled: bool, picture: f64) -> Self {
+        let (x_places, y_places) = (x.places(), panel.y_places(x.range));
+        let rows = (f64::from(panel.height) / 30.0).clamp(3.0, 9.0) as usize;
+        let columns = (picture / 70.0).clamp(4.0, 10.0) as usize;
+        Self {
+            panel,
+            x,
+            x_places,
+            y_places,
+            x_ticks: Ticks::new(x.scale, x_places, columns),
+            y_ticks: Ticks::new(panel.y_scale, y_places, rows),
+            // Less room than there is: the axes begin right of the numbers.
+            legend: Legend::new(panel, picture - 2.0 * MARGIN - 50.0),
+            labelled,
+        }
+    }
+
+    /// Whether both axes have an extent.
+    pub(super) fn has_extent(&self) -> bool {
+        let extent = |(low, high): (f64, f64)| low.is_finite() && high.is_finite() && low < high;
+        extent(self.x_places) && extent(self.y_places)
+    }
+
+    /// The columns that it needs in a picture of this width.
+    pub(super) fn columns(&self, picture: f64) -> Columns {
+        let numbers = self.y_ticks.major.iter().map(|(_, label)| width(label, NUMBERS));
+        let left = MARGIN + TITLES + 2.0 * GAP + numbers.fold(0.0, f64::max) + GAP + TICK;
+        let right = picture - MARGIN - RIGHT.max(room_at_end(self.panel));
+        Columns { left, right }
+    }
+
+    /// Its height with all around it, pixels.
+    pub(super) fn height(&self) -> f64 {
+        self.above() + f64::from(self.panel.height) + self.below()
+    }
+
+    /// The height of what stands above the axes.
+    fn above(&self) -> f64 {
+        let note = if self.panel.note.is_empty() {
+            0.0
+        } else {
+            NUMBERS + GAP
+        };
+        self.legend.height() + note
+    }
+
+    /// The height of what stands below the axes.
+    fn below(&self) -> f64 {
+        match self.labelled {
+            true => TICK + GAP + NUMBERS + GAP + TITLES + APART,
+            false => APART,
+        }
+    }
+
+    /// Draws it below `top`.
+    pub(super) fn draw(&self, canvas: &mut Canvas, top: f64, columns: Columns) {
+        let Columns { left, right } = columns;
+        self.legend.draw(canvas, (left, top));
+        let top = top + self.above();
+        let bottom = top + f64::from(self.panel.height);
+        let x = |place: f64| {
+            let (low, high) = self.x_places;
+            left + (place - low) / (high - low) * (right - left)
+        };
+        let y = |place: f64| {
+            let (low, high) = self.y_places;
+            bottom - (place - low) / (high - low) * (bottom - top)
+        };
+        for (place, _) in &self.x_ticks.major {
+            canvas.line(&[(x(*place), top), (x(*place), bottom)], Ink::Grid, 1.0, "");
+        }
+        for (place, _) in &self.y_ticks.major {
+            canvas.line(&[(left, y(*place)), (right, y(*place))], Ink::Grid, 1.0, "");
+        }
+        self.axes(canvas, (left, right), (top, bottom), x, y);
+        let at_end = self.curves(canvas, x, y);
+        if self.panel.named_at_end {
+            draw_at_end(canvas, at_end, right, (top, bottom));
+        }
+        if !self.panel.note.is_empty() {
+            let corner = (left, top - 0.5 * NUMBERS - 0.5 * GAP);
+            canvas.text(&self.panel.note, corner, NUMBERS, Ink::Text, Anchor::Start);
+        }
+    }
+
+    fn axes(
+        &self,
+        canvas: &mut Canvas,
+        (left, right): (f64, f64),
+        (top, bottom): (f64, f64),
+        x: impl Fn(f64) -> f64,
+        y: impl Fn(f64) -> f64,
+    ) {
+        canvas.line(
+            &[(left, top), (left, bottom), (right, bottom)],
+            Ink::Guide,
+            1.0,
+            "",
+        );
+        let mut across = |place: f64, length: f64| {
+            let at = x(place);
+            canvas.line(&[(at, bottom), (at, bottom + length)], Ink::Guide, 1.0, "");
+        };
+        self.x_ticks.major.iter().for_each(|tick| across(tick.0, TICK));
+        self.x_ticks.minor.iter().for_each(|place| across(*place, FINE));
+        let mut up = |place: f64, length: f64| {
+            let at = y(place);
+            canvas.line(&[(left - length, at), (left, at)], Ink::Guide, 1.0, "");
+        };
+        self.y_ticks.major.iter().for_each(|tick| up(tick.0, TICK));
+        self.y_ticks.minor.iter().for_each(|place| up(*place, FINE));
+        for (place, label) in &self.y_ticks.major {
+            let at = (left - TICK - GAP, y(*place));
+            canvas.text(label, at, NUMBERS, Ink::Guide, Anchor::End);
+        }
+        let title = (MARGIN + 0.5 * TITLES, 0.5 * (top + bottom));
+        canvas.text(&self.panel.y_label, title, TITLES, Ink::Text, Anchor::Upwards);
+        if self.labelled {
+            let line = bottom + TICK + GAP + 0.5 * NUMBERS;
+            for (place, label) in &self.x_ticks.major {
+                canvas.text(label, (x(*place), line), NUMBERS, Ink::Guide, Anchor::Middle);
+            }
+            let title = (0.5 * (left + right), line + 0.5 * NUMBERS + GAP + 0.5 * TITLES);
+            canvas.text(&self.x.label, title, TITLES, Ink::Text, Anchor::Middle);
+        }
+    }
+
+    /// Draws the curves, and gives those with names, with the heights at which they end.
+    fn curves(
+        &self,
+        canvas: &mut Canvas,
+        x: impl Fn(f64) -> f64,
+        y: impl Fn(f64) -> f64,
+    ) -> Vec<(&'a Series, f64)> {
+        let mut ends = Vec::new();
+        for series in &self.panel.series {
+            let place = |&(at, value): &(f64, f64)| (self.x.scale.place(at), self.panel.y_scale.place(value));
+            let points: Vec<(f64, f64)> = series.points.iter().map(place).collect();
+            let pixels = |&(at, value): &(f64, f64)| (x(at), y(value));
+            let stroke = series.stroke();
+            match stroke {
+                Stroke::Line { width, dashes } => {
+                    let pieces = visible(&points, self.x_places, self.y_places);
+                    for piece in &pieces {
+                        let piece: Vec<(f64, f64)> = piece.iter().map(pixels).collect();
+                        canvas.line(&piece, series.ink, width, dashes);
+                    }
+                    let last = pieces.last().and_then(|piece| piece.last());
+                    ends.extend(last.map(|point| (series, pixels(point).1)));
+                }
+                _ => {
+                    let inside = |value: f64, (low, high): (f64, f64)| value >= low && value <= high;
+                    for point in &points {
+                        if inside(point.0, self.x_places) && inside(point.1, self.y_places) {
+                            canvas.mark(pixels(point), series.ink, stroke);
+                        }
+                    }
+                }
+            }
+        }
+        ends.retain(|(series, _)| !series.name.is_empty());
+        ends
+    }
+}
+
+/// The parts of a line that lie in a rectangle. A point that is no number ends a part.
+fn visible(points: &[(f64, f64)], x: (f64, f64), y: (f64, f64)) -> Vec<Vec<(f64, f64)>> {
+    let mut pieces: Vec<Vec<(f64, f64)>> = Vec::new();
+    let mut joined = false;
+    for pair in points.windows(2) {
+        let [from, to] = [pair[0], pair[1]];
+        let Some((enter, leave)) = inside(from, to, x, y) else {
+            joined = false;
+            continue;
+        };
+        let at = |part: f64| (from.0 + part * (to.0 - from.0), from.1 + part * (to.1 - from.1));
+        match pieces.last_mut() {
+            Some(piece) if joined && enter == 0.0 => piece.push(at(leave)),
+            _ => pieces.push(vec![at(enter), at(leave)]),
+        }
+        joined = leave == 1.0;
+    }
+    pieces
+}
+
+/// The part of a segment inside a rectangle, from 0 to 1 (Liang and Barsky, ACM Trans. Graphics 3, 1, 1984).
+fn inside(from: (f64, f64), to: (f64, f64), x: (f64, f64), y: (f64, f64)) -> Option<(f64, f64)> {
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    for (start, end, (low, high)) in [(from.0, to.0, x), (from.1, to.1, y)] {
+        let run = end - start;
+        if !run.is_finite() {
+            return None;
+        }
+        if run == 0.0 {
+            if start < low || start > high {
+                return None;
+            }
+            continue;
+        }
+        let (one, other) = ((low - start) / run, (high - start) / run);
+        enter = enter.max(one.min(other));
+        leave = leave.min(one.max(other));
+    }
+    (enter < leave).then_some((enter, leave))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_ends_where_it_leaves_the_panel_and_begins_again_where_it_comes_back() {
+        let points = [(0.0, 0.0), (1.0, 2.0), (2.0, 0.0)];
+        let pieces = visible(&points, (0.0, 2.0), (0.0, 1.0));
+        assert_eq!(pieces, [[(0.0, 0.0), (0.5, 1.0)], [(1.5, 1.0), (2.0, 0.0)]]);
+    }
+
+    #[test]
+    fn a_point_that_is_no_number_is_a_gap() {
+        let points = [(0.0, 0.0), (1.0, 0.5), (2.0, f64::NAN), (3.0, 0.5), (4.0, 0.5)];
+        let pieces = visible(&points, (0.0, 4.0), (0.0, 1.0));
+        assert_eq!(pieces, [[(0.0, 0.0), (1.0, 0.5)], [(3.0, 0.5), (4.0, 0.5)]]);
+    }
+
+    #[test]
+    fn a_line_inside_is_one_piece() {
+        let points = [(0.0, 0.0), (1.0, 0.5), (2.0, 0.5), (3.0, 1.0)];
+        assert_eq!(visible(&points, (0.0, 3.0), (0.0, 1.0)), [points.to_vec()]);
+    }
+}

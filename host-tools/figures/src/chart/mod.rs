@@ -1,0 +1,223 @@
+//! Line charts as SVG, with colours for light and for dark pages.
+//!
+//! # Design
+//! A [`Chart`] is data: panels with curves over axes. Drawing has three layers: `frame` places a panel's axes,
+//! ticks and curves, `legend` the names, and `canvas` writes lines, marks and text as SVG. All axes of a chart
+//! begin and end in the same columns. A chart inside a page and a chart in its own file share the sheet
+//! [`style`].
+
+mod canvas;
+mod frame;
+mod ink;
+mod legend;
+mod panel;
+mod scale;
+mod series;
+
+pub use canvas::{escape, raised};
+pub use ink::{FAMILY, Ink, style};
+pub use panel::{Axis, Panel};
+pub use scale::Scale;
+pub use series::{Mark, Series};
+
+use canvas::Canvas;
+use frame::{Columns, Frame, MARGIN};
+
+use crate::error::Error;
+
+/// Panels over one horizontal axis.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    /// What the chart shows, for readers that cannot see it.
+    pub description: String,
+    /// The horizontal axis that the panels share.
+    pub x: Axis,
+    /// The panels, top to bottom.
+    pub panels: Vec<Panel>,
+    /// Width in pixels: [`WIDTH`] for a page, [`COLUMN`] for a column of print.
+    pub width: u32,
+}
+
+/// Width in pixels of a chart that fills a page; text sizes are chosen for it.
+pub const WIDTH: u32 = 860;
+/// Width in pixels of a chart that stays legible in a column of print (86 mm: text of 7 points).
+pub const COLUMN: u32 = 480;
+
+impl Chart {
+    /// A chart for a column of print, without a description.
+    pub fn new(x: Axis, panels: Vec<Panel>) -> Self {
+        Self {
+            description: String::new(),
+            x,
+            panels,
+            width: COLUMN,
+        }
+    }
+
+    /// The chart as an `<svg>` element that fills its column and takes its colours from [`style`] in the
+    /// page.
+    ///
+    /// # Errors
+    /// An axis has no extent, or one that is no number.
+    pub fn inline_svg(&self) -> Result<String, Error> {
+        self.svg("", "")
+    }
+
+    /// The chart as a file of its own, with its style sheet.
+    ///
+    /// # Errors
+    /// As [`Chart::inline_svg`].
+    pub fn standalone_svg(&self) -> Result<String, Error> {
+        let (width, height) = self.size();
+        let size = format!(" width=\"{width}\" height=\"{height}\"");
+        self.svg(&size, &format!("<style>{}</style>\n", style()))
+    }
+
+    fn svg(&self, size: &str, head: &str) -> Result<String, Error> {
+        let (width, height) = self.size();
+        Ok(format!(
+            "<svg{size} class=\"chart\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width} {height}\" \
+             xmlns=\"http://www.w3.org/2000/svg\">\n{head}{}</svg>\n",
+            escape(&self.description),
+            self.draw()?
+        ))
+    }
+
+    fn frames(&self) -> Vec<Frame<'_>> {
+        let last = self.panels.len().saturating_sub(1);
+        let panels = self.panels.iter().enumerate();
+        panels
+            .map(|(place, panel)| {
+                // An axis of a panel's own has its numbers, and the shared one has them below the last panel.
+                let labelled = place == last || panel.x.is_some();
+                let x = panel.x.as_ref().unwrap_or(&self.x);
+                Frame::new(panel, x, labelled, f64::from(self.width))
+            })
+            .collect()
+    }
+
+    fn size(&self) -> (f64, f64) {
+        let frames: f64 = self.frames().iter().map(Frame::height).sum();
+        (f64::from(self.width), (2.0 * MARGIN + frames).ceil())
+    }
+
+    fn draw(&self) -> Result<String, Error> {
+        let size = self.size();
+        let frames = self.frames();
+        if !frames.iter().all(Frame::has_extent) {
+            return Err(Error::drawing(&self.description, "", "an axis has no extent"));
+        }
+        let needed = frames.iter().map(|frame| frame.columns(size.0));
+        let columns = needed.reduce(|one, other| Columns {
+            left: one.left.max(other.left),
+            right: one.right.min(other.right),
+        });
+        let mut canvas = Canvas::default();
+        canvas.fill(size, Ink::Paper);
+        let mut top = MARGIN;
+        for frame in &frames {
+            // There are columns if there is a frame.
+            let columns = columns.unwrap_or(Columns {
+                left: 0.0,
+                right: size.0,
+            });
+            frame.draw(&mut canvas, top, columns);
+            top += frame.height();
+        }
+        Ok(canvas.into_svg())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart() -> Chart {
+        let points = (0..100)
+            .map(|i| (f64::from(i) * 0.1, (f64::from(i) * 0.2).sin()))
+            .collect();
+        let sensed = Series {
+            name: "sensed".to_owned(),
+            ink: Ink::Sensed,
+            mark: Mark::Line,
+            points,
+        };
+        let panel = Panel::new("force (N)", vec![sensed]).height(200);
+        Chart {
+            description: "a \"sine\" & more".to_owned(),
+            width: WIDTH,
+            ..Chart::new(Axis::new("time (ms)", 0.0..10.0), vec![panel])
+        }
+    }
+
+    #[test]
+    fn every_colour_of_a_chart_has_a_light_and_a_dark_value() {
+        let mut chart = chart();
+        let series = chart.panels[0].series[0].clone();
+        for (ink, mark) in [
+            (Ink::Chain, Mark::Broad),
+            (Ink::Measured, Mark::Dashed),
+            (Ink::Predicted, Mark::Rings),
+            (Ink::Sensed, Mark::Dots),
+            (Ink::Sensed, Mark::Discs),
+            (Ink::Guide, Mark::Dashed),
+        ]
+        .into_iter()
+        .chain((0..FAMILY).map(|index| (Ink::Curve(index), Mark::Family(index))))
+        .chain((0..FAMILY).map(|index| (Ink::Curve(index), Mark::Discs)))
+        {
+            chart.panels[0].series.push(Series {
+                ink,
+                mark,
+                ..series.clone()
+            });
+        }
+        let svg = chart.inline_svg().unwrap();
+        let sheet = style();
+        for attribute in ["fill=\"#", "stroke=\"#"] {
+            for (at, _) in svg.match_indices(attribute) {
+                let literal = &svg[at..at + attribute.len() + 7].replace('"', "'");
+                assert!(
+                    sheet.contains(literal.as_str()),
+                    "{literal} is not in the style sheet"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_chart_needs_nothing_from_outside_and_escapes_its_text() {
+        let svg = chart().standalone_svg().unwrap();
+        assert!(svg.contains("a &quot;sine&quot; &amp; more"));
+        assert!(svg.contains("time (ms)") && svg.contains("force (N)") && svg.contains("sensed"));
+        assert_eq!(svg.matches("http").count(), 1, "only the name space");
+    }
+
+    #[test]
+    fn an_empty_panel_is_still_drawn() {
+        let mut chart = chart();
+        chart.panels[0].series.clear();
+        assert!(chart.inline_svg().unwrap().contains("</svg>"));
+    }
+
+    #[test]
+    fn an_axis_without_extent_is_refused() {
+        let mut chart = chart();
+        chart.x.range = (1.0, 1.0);
+        assert!(chart.inline_svg().is_err());
+    }
+
+    #[test]
+    fn all_axes_of_a_chart_stand_in_line() {
+        let mut chart = chart();
+        let mut wide = chart.panels[0].clone().range(0.0, 1e-5);
+        wide.y_label = "energy (J)".to_owned();
+        chart.panels.push(wide);
+        let frames = chart.frames();
+        let columns = |frame: &Frame<'_>| frame.columns(860.0).left;
+        assert!(columns(&frames[0]) != columns(&frames[1]));
+        let svg = chart.inline_svg().unwrap();
+        let left = columns(&frames[0]).max(columns(&frames[1]));
+        assert!(svg.matches(&format!("points=\"{left:.2},")).count() >= 2, "{svg}");
+    }
+}

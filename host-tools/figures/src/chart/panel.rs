@@ -1,0 +1,147 @@
+//! Axes and panels.
+
+use std::ops::Range;
+
+use super::scale::Scale;
+use super::series::Series;
+
+/// A horizontal axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// Its quantity and unit. `^(…)` raises an exponent.
+    pub label: String,
+    /// Its two ends.
+    pub range: (f64, f64),
+    /// Its scale.
+    pub scale: Scale,
+}
+
+impl Axis {
+    /// A linear axis.
+    pub fn new(label: impl Into<String>, range: Range<f64>) -> Self {
+        Self {
+            label: label.into(),
+            range: (range.start, range.end),
+            scale: Scale::Linear,
+        }
+    }
+
+    /// A logarithmic axis.
+    pub fn log(label: impl Into<String>, range: Range<f64>) -> Self {
+        Self {
+            scale: Scale::Log,
+            ..Self::new(label, range)
+        }
+    }
+
+    /// Its ends, as places on its scale.
+    pub(super) fn places(&self) -> (f64, f64) {
+        (self.scale.place(self.range.0), self.scale.place(self.range.1))
+    }
+}
+
+/// One panel: a pair of axes with curves. A curve ends where it leaves the panel.
+#[derive(Debug, Clone)]
+pub struct Panel {
+    /// The quantity and unit of the vertical axis. `^(…)` raises an exponent.
+    pub y_label: String,
+    /// The scale of the vertical axis.
+    pub y_scale: Scale,
+    /// The vertical range; without one, the extent of the curves.
+    pub y_range: Option<(f64, f64)>,
+    /// The curves, drawn in order.
+    pub series: Vec<Series>,
+    /// Height in pixels at the chart's width.
+    pub height: u32,
+    /// A horizontal axis of its own, in place of the chart's.
+    pub x: Option<Axis>,
+    /// What a reader must know of this panel, written above its axes; empty for nothing.
+    pub note: String,
+    /// The names stand at the ends of the curves, and not in a legend above them.
+    pub named_at_end: bool,
+}
+
+impl Panel {
+    /// A panel of 240 pixels with a linear vertical axis, over the chart's horizontal axis.
+    pub fn new(y_label: impl Into<String>, series: Vec<Series>) -> Self {
+        Self {
+            y_label: y_label.into(),
+            y_scale: Scale::Linear,
+            y_range: None,
+            series,
+            height: 240,
+            x: None,
+            note: String::new(),
+            named_at_end: false,
+        }
+    }
+
+    /// The same with a logarithmic vertical axis.
+    #[must_use]
+    pub fn log(mut self) -> Self {
+        self.y_scale = Scale::Log;
+        self
+    }
+
+    /// The same with this vertical range.
+    #[must_use]
+    pub fn range(mut self, low: f64, high: f64) -> Self {
+        self.y_range = Some((low, high));
+        self
+    }
+
+    /// The same with this height, pixels.
+    #[must_use]
+    pub fn height(mut self, height: u32) -> Self {
+        self.height = height;
+        self
+    }
+
+    /// The same over a horizontal axis of its own.
+    #[must_use]
+    pub fn over(mut self, x: Axis) -> Self {
+        self.x = Some(x);
+        self
+    }
+
+    /// The same with a note above its axes.
+    #[must_use]
+    pub fn note(mut self, note: impl Into<String>) -> Self {
+        self.note = note.into();
+        self
+    }
+
+    /// The same with the names at the ends of the curves.
+    #[must_use]
+    pub fn named_at_end(mut self) -> Self {
+        self.named_at_end = true;
+        self
+    }
+
+    /// The vertical range, as places on its scale: the given range, or the extent of the curves inside the
+    /// horizontal range with a margin. It is never empty.
+    pub(super) fn y_places(&self, x_range: (f64, f64)) -> (f64, f64) {
+        if let Some((low, high)) = self.y_range {
+            return (self.y_scale.place(low), self.y_scale.place(high));
+        }
+        let values = self
+            .series
+            .iter()
+            .flat_map(|series| &series.points)
+            .filter(|(x, _)| (x_range.0..=x_range.1).contains(x))
+            .map(|(_, y)| self.y_scale.place(*y))
+            .filter(|y| y.is_finite());
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| {
+            (l.min(y), h.max(y))
+        });
+        if low > high {
+            return (-1.0, 1.0);
+        }
+        let margin = 0.06 * (high - low);
+        if margin > 0.0 {
+            (low - margin, high + margin)
+        } else {
+            (low - 1.0, high + 1.0)
+        }
+    }
+}

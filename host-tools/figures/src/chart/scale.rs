@@ -1,0 +1,181 @@
+//! Scales of axes, and where their ticks stand.
+
+/// The scale of an axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Scale {
+    /// Equal steps have equal lengths.
+    #[default]
+    Linear,
+    /// Equal factors have equal lengths; points that are not positive are left out.
+    Log,
+}
+
+impl Scale {
+    /// The place of a value on the axis.
+    pub(super) fn place(self, value: f64) -> f64 {
+        match self {
+            Self::Linear => value,
+            Self::Log => value.log10(),
+        }
+    }
+}
+
+/// The ticks of an axis, as places on its scale.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Ticks {
+    /// Those with a number.
+    pub(super) major: Vec<(f64, String)>,
+    /// Those between them.
+    pub(super) minor: Vec<f64>,
+}
+
+/// The steps between decades that may have numbers, the densest first.
+const DIGITS: [&[u8]; 5] = [
+    &[1, 2, 3, 4, 5, 6, 7, 8, 9],
+    &[1, 2, 3, 5],
+    &[1, 2, 5],
+    &[1, 3],
+    &[1],
+];
+/// Over more decades than this, the steps between them have no ticks.
+const DECADES: f64 = 7.0;
+
+impl Ticks {
+    /// The ticks of an axis from one place to another, at most about `most` of them with numbers.
+    pub(super) fn new(scale: Scale, (low, high): (f64, f64), most: usize) -> Self {
+        let slack = 1e-9 * (high - low);
+        let inside = |place: &f64| (low - slack..=high + slack).contains(place);
+        match scale {
+            Scale::Linear => Self::linear((low, high), most, inside),
+            Scale::Log => Self::log((low, high), most, inside),
+        }
+    }
+
+    /// Steps of 1, 2 or 5.
+    fn linear((low, high): (f64, f64), most: usize, inside: impl Fn(&f64) -> bool) -> Self {
+        let rough = (high - low) / most as f64;
+        let decade = 10_f64.powf(rough.log10().floor());
+        // A step, and the parts into which minor ticks divide it.
+        let steps = [(1.0, 5), (2.0, 4), (5.0, 5), (10.0, 5)];
+        let fits = |(digit, _): &(f64, i64)| digit * decade >= rough * (1.0 - 1e-9);
+        let (digit, parts) = steps.into_iter().find(fits).unwrap_or((10.0, 5));
+        let step = digit * decade;
+        let fine = step / parts as f64;
+        let all = ((low / fine).floor() as i64..=(high / fine).ceil() as i64).map(|n| (n, n as f64 * fine));
+        let (major, minor): (Vec<_>, Vec<_>) = all
+            .filter(|(_, place)| inside(place))
+            .partition(|(n, _)| n % parts == 0);
+        Self {
+            major: major
+                .into_iter()
+                .map(|(_, place)| (place, number(place)))
+                .collect(),
+            minor: minor.into_iter().map(|(_, place)| place).collect(),
+        }
+    }
+
+    /// Decades, with as many steps between them as there is room for.
+    fn log((low, high): (f64, f64), most: usize, inside: impl Fn(&f64) -> bool) -> Self {
+        let decades = || low.floor() as i32..=high.ceil() as i32;
+        let at = |digits: &[u8]| -> Vec<f64> {
+            let steps = |decade: i32| {
+                digits
+                    .iter()
+                    .map(move |&digit| f64::from(decade) + f64::from(digit).log10())
+            };
+            decades().flat_map(steps).filter(&inside).collect()
+        };
+        let mut major = DIGITS
+            .iter()
+            .map(|digits| at(digits))
+            .find(|places| places.len() <= most)
+            .unwrap_or_else(|| {
+                let apart = ((high - low) / most as f64).ceil().max(1.0) as i32;
+                let kept = decades().filter(|decade| decade % apart == 0).map(f64::from);
+                kept.filter(&inside).collect()
+            });
+        let mut minor = match high - low < DECADES {
+            true => at(DIGITS[0]),
+            false => at(&[1]),
+        };
+        if major.len() < 2 {
+            // Less than a decade without a round number: equal steps of the value do.
+            let ends = (10_f64.powf(low), 10_f64.powf(high));
+            let value = |place: &f64| (ends.0..=ends.1).contains(place);
+            let linear = Self::linear(ends, most, value);
+            major = linear.major.into_iter().map(|(value, _)| value.log10()).collect();
+            minor = linear.minor.into_iter().map(f64::log10).collect();
+        }
+        minor.retain(|place| major.iter().all(|tick| (tick - place).abs() > 1e-9));
+        let plain = major.iter().all(|place| (-3.01..4.01).contains(place));
+        let label = |place: f64| match plain {
+            true => number(10_f64.powf(place)),
+            false => power(place),
+        };
+        Self {
+            major: major.into_iter().map(|place| (place, label(place))).collect(),
+            minor,
+        }
+    }
+}
+
+/// A number as a power of ten, with a raised exponent.
+fn power(place: f64) -> String {
+    let mut exponent = place.floor();
+    let mut digit = 10_f64.powf(place - exponent);
+    if digit > 9.999 {
+        (digit, exponent) = (1.0, exponent + 1.0);
+    }
+    let raised = format!("10^({})", number(exponent));
+    match number(digit).as_str() {
+        "1" => raised,
+        digit => format!("{digit}·{raised}"),
+    }
+}
+
+/// A number with as many decimals as it needs, a true minus, no negative zero.
+fn number(value: f64) -> String {
+    let rounded = (value * 1e6).round() / 1e6;
+    if rounded == 0.0 {
+        return "0".to_owned();
+    }
+    format!("{rounded}").replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(scale: Scale, low: f64, high: f64, most: usize) -> String {
+        let ticks = Ticks::new(scale, (scale.place(low), scale.place(high)), most);
+        let labels: Vec<String> = ticks.major.into_iter().map(|(_, label)| label).collect();
+        labels.join(" ")
+    }
+
+    #[test]
+    fn a_linear_axis_has_round_numbers_and_finer_ticks_between_them() {
+        assert_eq!(labels(Scale::Linear, 0.0, 1.0, 5), "0 0.2 0.4 0.6 0.8 1");
+        assert_eq!(labels(Scale::Linear, -3.0, 8.0, 6), "−2 0 2 4 6 8");
+        let ticks = Ticks::new(Scale::Linear, (0.0, 2.0), 2);
+        assert_eq!(ticks.minor.len(), 8);
+    }
+
+    #[test]
+    fn a_logarithmic_axis_has_numbers_between_its_decades_where_there_is_room() {
+        assert_eq!(labels(Scale::Log, 27.0, 105.0, 9), "30 40 50 60 70 80 90 100");
+        assert_eq!(labels(Scale::Log, 0.3, 300.0, 8), "0.3 1 3 10 30 100 300");
+        assert_eq!(
+            labels(Scale::Log, 1e-16, 1e-3, 6),
+            "10^(−15) 10^(−12) 10^(−9) 10^(−6) 10^(−3)"
+        );
+        assert_eq!(labels(Scale::Log, 101.0, 149.0, 5), "110 120 130 140");
+    }
+
+    #[test]
+    fn numbers_of_one_axis_are_written_alike() {
+        assert_eq!(
+            labels(Scale::Log, 1e3, 1e7, 5),
+            "10^(3) 10^(4) 10^(5) 10^(6) 10^(7)"
+        );
+    }
+}
