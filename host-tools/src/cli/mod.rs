@@ -10,11 +10,11 @@ pub mod output;
 pub mod place;
 mod printer;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, export, figures, optimise, record, recover, replay,
-    settings, simulate, spheres,
+    accuracy, clock, command, compare, decode, emulate, export, figures, manual, optimise, record, recover,
+    replay, settings, simulate, spheres,
 };
 use failure::{Blame, Failure};
 
@@ -73,6 +73,10 @@ enum Command {
     Spheres(spheres::Arguments),
     /// Draw the paper's figures, with their data and their checks.
     Figures(figures::Arguments),
+    /// Print what a shell needs to complete commands and options: bash, zsh, fish.
+    Completions(manual::Completions),
+    /// Write the manual pages of all commands.
+    Man(manual::Manual),
 }
 
 impl Cli {
@@ -98,6 +102,8 @@ impl Cli {
             Command::Accuracy(arguments) => accuracy::run(&arguments),
             Command::Spheres(arguments) => spheres::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),
+            Command::Completions(arguments) => manual::completions(&arguments, Self::command()),
+            Command::Man(arguments) => manual::manual(&arguments, Self::command()),
         }
     }
 }

@@ -8,6 +8,7 @@ pub(crate) mod decode;
 pub(crate) mod emulate;
 pub(crate) mod export;
 pub(crate) mod figures;
+pub(crate) mod manual;
 mod measured;
 pub(crate) mod optimise;
 pub(crate) mod record;
