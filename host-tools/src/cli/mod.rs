@@ -13,8 +13,8 @@ mod printer;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, export, figures, manual, optimise, record, replay,
-    settings, simulate, spheres,
+    accuracy, clock, command, compare, decode, emulate, export, figures, manual, optimise, record, recover,
+    replay, settings, simulate, spheres,
 };
 use failure::{Blame, Failure};
 
@@ -48,6 +48,8 @@ enum Command {
     Emulate(emulate::Arguments),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
+    /// Make a recording that is cut or damaged whole, as far as it goes.
+    Recover(recover::Arguments),
     /// Send a bead a request: status, identity, self-test, arm, raw samples, reboot.
     #[command(name = "command")]
     Request(command::Arguments),
@@ -88,6 +90,7 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
+            Command::Recover(arguments) => recover::run(&arguments),
             Command::Request(arguments) => command::run(&arguments),
             Command::Settings(arguments) => settings::run(&arguments),
             Command::Decode(arguments) => decode::run(&arguments),

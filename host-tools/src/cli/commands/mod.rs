@@ -12,6 +12,7 @@ pub(crate) mod manual;
 mod measured;
 pub(crate) mod optimise;
 pub(crate) mod record;
+pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod settings;
 mod settings_file;
