@@ -29,6 +29,7 @@ mod spectrum;
 mod split;
 mod summarise;
 mod transmission;
+mod validity;
 
 pub use absorption::Absorption;
 pub use collision::Collision;
@@ -58,3 +59,4 @@ pub use spectrum::{Spectrum, Taper};
 pub use split::Split;
 pub use summarise::{Summariser, summarise};
 pub use transmission::TransmissionFit;
+pub use validity::Validity;
