@@ -14,6 +14,7 @@ impl Work {
         self.guests_lost.fill(0.0);
         let crossed = dispatch(self, lanes, super::kernel::Task::Step, length);
         self.crossings.clear();
+        self.sooner = None;
         if crossed > 0.0 || lanes.clipped {
             self.find_crossings(lanes, length, tolerance);
         }
