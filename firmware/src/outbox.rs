@@ -63,12 +63,30 @@ pub(crate) fn tell(message: impl Into<Message>) {
     queue(&mut Packed::new(), &message.into(), 0);
 }
 
+/// As [`tell`], if this still holds when the message is put in. Returns whether it did.
+pub(crate) fn tell_if(message: impl Into<Message>, holds: impl FnOnce() -> bool) -> bool {
+    let mut packed = Packed::new();
+    let whole = pack(&mut packed, &message.into());
+    critical_section::with(|_| {
+        let holds = holds();
+        if holds {
+            put(&mut packed, whole, 0);
+        }
+        holds
+    })
+}
+
 // Once in the image: a message is long to build, and it is built where the core should do something else
 // quickly.
 #[inline(never)]
 fn queue(packed: &mut Packed, message: &Message, keep: usize) {
-    let whole = packed.pack(address(), trace::boot() as u8, message).is_ok();
+    let whole = pack(packed, message);
     put(packed, whole, keep);
+}
+
+/// Whether the message is whole in `packed`.
+fn pack(packed: &mut Packed, message: &Message) -> bool {
+    packed.pack(address(), trace::boot() as u8, message).is_ok()
 }
 
 #[inline(never)]

@@ -106,13 +106,14 @@ pub(crate) fn keep_written(written: u32) {
     change(|kept| kept.written = written);
 }
 
+/// Changes the record. Called by tasks of the lowest priority only, so no two changes meet. What ends the boot may
+/// come between the words of a write, but not of this one; the checksums take 20 µs and are made before it.
 fn change(change: impl FnOnce(&mut Kept)) {
-    critical_section::with(|_| {
-        if let Some(mut kept) = Kept::load() {
-            change(&mut kept);
-            kept.store();
-        }
-    });
+    if let Some(mut kept) = Kept::load() {
+        change(&mut kept);
+        let kept = kept.sealed();
+        critical_section::with(|_| region::write(kept));
+    }
 }
 
 /// Keeps how many frames wait, so that the next boot can tell how many were lost with this one.
@@ -245,9 +246,13 @@ impl Kept {
         (kept.magic == MAGIC && kept.crc == kept.checksum()).then_some(kept)
     }
 
-    fn store(mut self) {
+    fn store(self) {
+        region::write(self.sealed());
+    }
+
+    fn sealed(mut self) -> Self {
         self.crc = self.checksum();
-        region::write(self);
+        self
     }
 
     fn checksum(&self) -> u32 {

@@ -1,12 +1,13 @@
 //! Host tools of the sensing absorber bead.
 //!
 //! # Design
-//! The library has five rooms. A file imports from its own room and from the rooms below it, never from a
+//! The library has six rooms. A file imports from its own room and from the rooms below it, never from a
 //! higher one.
 //!
 //! | room | holds |
 //! |---|---|
 //! | [`cli`] | the command line: commands, options, output, exit statuses |
+//! | [`export`] | strikes and samples as tables, and as files of other trades |
 //! | [`comparison`] | replay, estimates in f64, a strike held against the simulation, the report page |
 //! | [`mod@bench`] | what a bead senses, its front end, the image in QEMU, faults |
 //! | [`mod@line`] | ports, and conversations with a bead |
@@ -15,5 +16,6 @@
 pub mod bench;
 pub mod cli;
 pub mod comparison;
+pub mod export;
 pub mod line;
 pub mod recording;

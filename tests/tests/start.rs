@@ -56,6 +56,80 @@ fn the_sample_index_is_the_same_whether_or_not_software_can_start_a_scan() {
     }
 }
 
+/// The run of three strikes with a fault, and each strike: the index of its first scan less the row of the
+/// stimulus that this scan read, which must be the same for all.
+fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
+    let mut machine = paper(3, 0.1, Some(1)).machine();
+    machine.faults.push(fault);
+    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+    let heard = bead_tests::Heard::new(outcome.uart);
+    let faults = heard
+        .faults()
+        .map(|fault| (fault.cause, fault.detail.as_str().to_owned()));
+    let offset = |strike: &bead::recording::strikes::RecordedStrike| {
+        let first = strike.said.first_index;
+        let same = |offset: &u64| {
+            let rows = &machine.stimulus[(first - offset) as usize..];
+            let codes = strike.scans.iter().map(|codes| codes.sensitive);
+            rows.iter()
+                .map(|[force, _, acceleration, _]| [*force, *acceleration])
+                .zip(codes)
+                .all(|(a, b)| a == b)
+        };
+        (0..10)
+            .find(same)
+            .expect("the scans of a strike are rows of the stimulus")
+    };
+    let strikes = assemble(heard.frames.clone(), None);
+    (faults.collect(), strikes.iter().map(offset).collect())
+}
+
+/// The codes of a strike are of the trigger that its index says: row 0 is what the first trigger finds that makes
+/// a scan.
+#[test]
+fn a_start_that_makes_a_scan_more_or_less_is_corrected_and_told_and_every_strike_has_its_true_index() {
+    for (kind, first) in [(FaultKind::ExtraScan, 1), (FaultKind::MissedTrigger, 2)] {
+        let (faults, offsets) = indices(Fault::after_power_up(0, kind));
+        let [(FaultCause::IndexCorrected, _)] = &faults[..] else {
+            panic!("{kind:?}: {faults:?}")
+        };
+        assert_eq!(offsets, [first; 3], "{kind:?}");
+    }
+}
+
+#[test]
+fn a_trigger_that_is_missed_later_ends_the_epoch_and_the_strikes_after_it_have_their_true_index() {
+    let missed = Fault::after_first_scan(60 * MS, FaultKind::MissedTrigger);
+    let (faults, offsets) = indices(missed);
+    assert_eq!(
+        faults,
+        [(
+            FaultCause::AdcOverrun,
+            "there were more or fewer scans than triggers".to_owned()
+        )]
+    );
+    assert_eq!(offsets, [1; 3]);
+}
+
+/// Longest stretch without interrupts, in instructions: 8 µs at 1.34 cycles each. The processor takes up a block, an
+/// edge or a byte later by this at most. It is a line of the log.
+const MASKED: u64 = 1000;
+
+#[test]
+fn interrupts_are_never_masked_for_longer_than_is_said() {
+    let machine = paper(5, 0.03, Some(1)).machine();
+    assert!(machine.count_instructions);
+    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+    let masked = outcome.instructions.and_then(|all| all.masked).expect("some are");
+    println!("{} instructions from {}", masked.instructions, masked.from);
+    assert!(
+        masked.instructions < MASKED,
+        "{} from {}",
+        masked.instructions,
+        masked.from
+    );
+}
+
 #[test]
 fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
     const RISE: u64 = 1000 * MS;

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use bead_store::{MAX_BLOCK, Opened, Store, StoreError};
+use bead_store::{MAX_BLOCK, Opened, Secret, Store, StoreError, Vault};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use proptest::prelude::*;
 
@@ -396,6 +396,96 @@ fn a_power_cut_in_any_operation_of_any_write_leaves_the_old_block_or_the_new_one
     println!("{cuts} cuts");
     // A write is about 50 words.
     assert!(cuts > 5 * 23 * 45, "{cuts}");
+}
+
+/// What an owner has on a bead: a key with its counter, and settings.
+type Owned = (Option<([u8; 16], u64)>, Option<Vec<u8>>);
+
+fn owned(ram: &Ram) -> (Vault<Ram>, Owned) {
+    let (store, opened) = open(ram);
+    assert!(!opened.lost);
+    let mut vault = Vault::new(store);
+    let secret = vault.secret().map(|secret| (secret.key, secret.counter));
+    let block = vault.read().unwrap().map(<[u8]>::to_vec);
+    (vault, (secret, block))
+}
+
+/// The operations of an owner on key and settings, in turn, so that a full sector is met in each.
+fn change(vault: &mut Vault<Ram>, n: usize) -> Result<(), StoreError> {
+    let secret = |key: usize| Secret {
+        key: [key as u8 + 1; 16],
+        counter: 64 * n as u64,
+    };
+    match n % 5 {
+        // A key, the same key with a later counter, other settings, another key, no key.
+        0 => vault.keep(Some(secret(n))),
+        1 => vault.keep(vault.secret().map(|before| Secret {
+            counter: 64 * n as u64,
+            ..before
+        })),
+        2 => vault.write(&block(n)),
+        3 => vault.keep(Some(secret(n))),
+        _ => vault.keep(None),
+    }
+}
+
+/// Changes as a bead that restarts when its store is full.
+fn changed(mut vault: Vault<Ram>, n: usize) -> (Vault<Ram>, Result<(), StoreError>) {
+    match change(&mut vault, n) {
+        Err(StoreError::Full) => {
+            let mut vault = Vault::new(open(&vault.into_flash()).0);
+            let result = change(&mut vault, n);
+            (vault, result)
+        }
+        result => (vault, result),
+    }
+}
+
+#[test]
+fn a_power_cut_in_any_operation_on_the_key_leaves_the_old_key_or_the_new_one_and_the_settings_with_it() {
+    let mut cuts = 0;
+    for seed in [1, 2, 3] {
+        let mut vault = Vault::new(open(&Ram::blank()).0);
+        vault.write(&block(0)).unwrap();
+        // Some rounds through both sectors.
+        for n in 0..25 {
+            let before = vault.into_flash();
+            let (_, old) = owned(&before);
+            let (after, result) = changed(owned(&before).0, n);
+            result.unwrap();
+            let (_, new) = owned(&after.into_flash());
+            assert_ne!(old, new, "change {n}");
+            assert!(
+                old.1.is_some() && new.1.is_some(),
+                "there are settings before and after change {n}"
+            );
+            let ends = (1..).find(|&cut| {
+                let mut ram = before.clone();
+                (ram.left, ram.seed) = (Some(cut), seed * 977 + cut);
+                let (vault, result) = changed(Vault::new(Store::open(ram, RANGE).0), n);
+                let mut ram = vault.into_flash();
+                let finished = ram.left != Some(0);
+                assert!(!finished || result.is_ok());
+                // The next start may be cut too.
+                for again in [Some(1 + (seed + cut) % 7), None] {
+                    ram.left = again;
+                    ram = Store::open(ram, RANGE).0.into_flash();
+                }
+                let (vault, found) = owned(&ram);
+                assert!(
+                    found == new || !finished && found == old,
+                    "change {n} cut at {cut}: {found:?}"
+                );
+                // And the owner goes on.
+                assert_eq!(changed(vault, n + 5).1, Ok(()), "change {n} cut at {cut}");
+                finished
+            });
+            cuts += ends.expect("a change ends");
+            vault = changed(owned(&before).0, n).0;
+        }
+    }
+    println!("{cuts} cuts");
+    assert!(cuts > 3 * 25 * 45, "{cuts}");
 }
 
 proptest! {

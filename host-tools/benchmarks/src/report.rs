@@ -119,9 +119,10 @@ impl fmt::Display for Report {
         }
         writeln!(f)?;
         for target in &self.targets {
-            let value = target
-                .value
-                .map_or("none".to_owned(), |value| format!("{value:.2}"));
+            let value = target.value.map_or("none".to_owned(), |value| match value.abs() {
+                small if small < 0.01 => format!("{value:.1e}"),
+                _ => format!("{value:.2}"),
+            });
             let (name, aim, verdict) = (&target.name, target.target, target.verdict);
             let sign = if target.better == "greater" { "≥" } else { "≤" };
             writeln!(f, "{verdict:8} {name}: {value} (target {sign} {aim})")?;

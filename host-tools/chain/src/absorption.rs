@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::model::HostedIntruder;
-use crate::solution::Solution;
+use crate::solution::{Snapshot, Solution};
 
 /// The energy that one intruder has taken by some time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -22,17 +22,16 @@ pub struct Absorption {
     pub of_injected: f64,
 }
 
-impl Solution {
-    /// The energy that each intruder has taken by time `t`, s, in the order of the beads. Panics as
-    /// [`Solution::at`].
-    pub fn absorption(&self, t: f64) -> Vec<Absorption> {
-        let snapshot = self.at(t);
-        let striker = self.model().striker_energy();
-        let injected = self.model().initial_energy() - snapshot.energies().striker;
+impl Absorption {
+    /// The energy that each intruder has taken by the time of a snapshot.
+    pub(crate) fn all(snapshot: &Snapshot<'_>) -> Vec<Self> {
+        let model = snapshot.model();
+        let striker = model.striker_energy();
+        let injected = model.initial_energy() - snapshot.energies().striker;
         let of = |intruder: &HostedIntruder| {
             let bead = intruder.bead;
             let region = snapshot.region(bead..=bead);
-            Absorption {
+            Self {
                 bead,
                 dissipated: region.intruder_dissipated,
                 stored: region.intruder_kinetic + region.intruder_elastic,
@@ -40,6 +39,14 @@ impl Solution {
                 of_injected: region.intruder_dissipated / injected,
             }
         };
-        self.model().intruders().iter().map(of).collect()
+        model.intruders().iter().map(of).collect()
+    }
+}
+
+impl Solution {
+    /// The energy that each intruder has taken by time `t`, s, in the order of the beads. Panics as
+    /// [`Solution::at`].
+    pub fn absorption(&self, t: f64) -> Vec<Absorption> {
+        Absorption::all(&self.at(t))
     }
 }

@@ -3,6 +3,7 @@
 mod absorption;
 mod collision;
 mod dop853;
+mod ensemble;
 mod fit;
 mod flow;
 mod injection;
@@ -30,6 +31,7 @@ mod transmission;
 
 pub use absorption::Absorption;
 pub use collision::Collision;
+pub use ensemble::{EnsembleOptions, Outcome, ensemble};
 pub use fit::FitError;
 pub use flow::{Flow, Passed};
 pub use injection::Injection;

@@ -307,6 +307,11 @@ impl Model {
         0.5 * self.masses[body] * velocity * velocity
     }
 
+    /// Momentum of a body at t = 0, kg·m/s.
+    pub(crate) fn initial_momentum(&self, body: usize) -> f64 {
+        self.masses[body] * self.starts[body].1
+    }
+
     /// Energy of all bodies at t = 0, J: the striker's, and that of beads which move then.
     pub fn initial_energy(&self) -> f64 {
         (0..self.bodies()).map(|body| self.kinetic(body)).sum()

@@ -19,6 +19,9 @@ pub enum End {
     Panicked,
     /// The processor does not leave the handler of a fault, and nothing resets it.
     Faulted,
+    /// The processor locked up: a fault in the handler of a fault, or nothing at the reset vector. The program
+    /// counter there, if QEMU said it.
+    LockedUp(Option<Place>),
     /// The image does nothing but read this register, which no model knows.
     Stuck(String),
     /// The host stopped it: its time was over.

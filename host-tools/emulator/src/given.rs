@@ -278,6 +278,11 @@ pub enum FaultKind {
     /// ADC1 loses a conversion, as it does when the DMA does not fetch in time. SR.OVR is set. DMA requests
     /// and triggers stop until it is cleared (RM0090 section 13.8.1).
     AdcOverrun,
+    /// ADC1 starts a scan without a trigger: as soon as it waits for triggers, if it does not yet. A trigger that
+    /// comes before that scan is over does nothing.
+    ExtraScan,
+    /// ADC1 misses the next trigger that it waits for.
+    MissedTrigger,
     /// The DMA stream that serves ADC1 meets a bus error. TEIF is set and the stream stops (section 10.3.18).
     /// Nothing happens if no stream serves ADC1.
     AdcDmaError,

@@ -14,8 +14,8 @@ mod vcd;
 pub use ending::{End, Exception, Place};
 pub use given::{AnalogInput, Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
 pub use outcome::{
-    Block, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Outcome, Pin, Reset, ResetCause,
-    Sampling, Uart, UnknownRegister,
+    Block, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Masked, Outcome, Pin, Reset,
+    ResetCause, Sampling, Uart, UnknownRegister,
 };
 #[doc(hidden)]
 pub use run::carry;

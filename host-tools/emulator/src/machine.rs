@@ -181,6 +181,11 @@ impl Machine {
         let units = &mut self.chip.units;
         match kind {
             FaultKind::AdcOverrun => units.adc.converters[adc].overrun(),
+            FaultKind::ExtraScan => {
+                units.adc.converters[adc].start_extra(now);
+                self.chip.note_scan(adc, now, false);
+            }
+            FaultKind::MissedTrigger => units.adc.converters[adc].miss_trigger(),
             FaultKind::AdcDmaError => {
                 if let Some(place) = serving_adc {
                     units.dma[place.dma].failed(place.stream);

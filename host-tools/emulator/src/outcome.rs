@@ -98,6 +98,17 @@ impl Outcome {
                 fault(),
                 last()
             ),
+            End::LockedUp(at) => format!(
+                "the processor locked up{}: a fault in the handler of a fault, or no image at the reset vector{}{}{}",
+                at.as_ref().map_or_else(String::new, |at| format!(" at {at}")),
+                if self.exceptions.is_empty() {
+                    ""
+                } else {
+                    "; it had "
+                },
+                fault(),
+                last()
+            ),
             End::Stuck(register) => format!(
                 "the image does nothing but read {register}, which no model knows{}",
                 self.whereabouts()
@@ -110,13 +121,16 @@ impl Outcome {
     pub(crate) fn name_functions(&mut self, name: impl Fn(&mut Place)) {
         let at_end = match &mut self.end {
             End::Breakpoint(place) => Some(place),
+            End::LockedUp(place) => place.as_mut(),
             _ => None,
         };
         let of_faults = self
             .exceptions
             .iter_mut()
             .flat_map(|e| [e.pc.as_mut(), e.lr.as_mut()]);
-        let places = of_faults.chain([at_end, self.stopped_at.as_mut()]);
+        let masked = self.instructions.as_mut().and_then(|all| all.masked.as_mut());
+        let masked = masked.map(|masked| &mut masked.from);
+        let places = of_faults.chain([at_end, self.stopped_at.as_mut(), masked]);
         places.flatten().for_each(name);
     }
 
@@ -169,6 +183,18 @@ pub struct Instructions {
     pub working: Option<Block>,
     /// All other stretches, taken together. `None` if there were none.
     pub idle: Option<Block>,
+    /// The longest stretch without interrupts (PRIMASK set), from the first interrupt of the ADC's DMA stream on.
+    pub masked: Option<Masked>,
+}
+
+/// A stretch from CPSID to CPSIE, or to the MSR that gives PRIMASK back. Sections in another are part of it. That
+/// MSR writes what was read before the CPSID is taken for granted.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Masked {
+    /// Executed instructions.
+    pub instructions: u64,
+    /// Where it begins.
+    pub from: Place,
 }
 
 /// Instructions inside the functions of one label. Functions that they call are not included.

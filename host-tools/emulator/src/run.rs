@@ -46,7 +46,7 @@ impl Run {
         let folder = Folder::new()?;
         let command = self.command(&folder, &description)?;
         let outcome = process::run(&qemu, &overlay, &folder, &command, shift, self.timeout);
-        let outcome = outcome.map_err(|error| error.with_functions(|place| image.name(place)))?;
+        let outcome = outcome?;
         let rtt = folder.read(exchange::RTT)?;
         let mut uarts = Vec::new();
         for (usart, port) in USARTS.iter().enumerate() {

@@ -224,6 +224,38 @@ fn an_image_that_faults_ends_with_where_and_why() {
 }
 
 #[test]
+fn each_line_of_a_peripheral_raises_its_own_interrupt_and_none_while_it_is_masked() {
+    let outcome = result(&run_of("wakeups")).unwrap();
+    let expected: Vec<String> = [(17, 41), (18, 42), (19, 62), (20, 76), (21, 2), (22, 3)]
+        .into_iter()
+        .flat_map(|(line, interrupt): (u32, u32)| {
+            [
+                format!("interrupt {interrupt}, lines {:#x}", 1 << line),
+                format!("line {line}: 0 masked, 1 unmasked"),
+            ]
+        })
+        .collect();
+    assert_eq!(lines(&outcome), expected);
+}
+
+#[test]
+fn a_fault_in_the_handler_of_a_fault_ends_the_run_with_a_verdict_and_its_log() {
+    let outcome = result(&run_of("locks-up")).unwrap();
+    let End::LockedUp(Some(at)) = &outcome.end else {
+        panic!("{:?}", outcome.end)
+    };
+    assert!(
+        at.function
+            .as_deref()
+            .is_some_and(|name| name.contains("HardFault")),
+        "{at}"
+    );
+    assert_eq!(lines(&outcome), ["looking", "and again in the handler"]);
+    let said = outcome.verdict().unwrap_err();
+    assert!(said.contains("locked up at"), "{said}");
+}
+
+#[test]
 fn an_image_that_waits_for_a_missing_peripheral_is_stopped_with_its_register() {
     let error = result(&run_of("polls")).unwrap_err();
     let said = error.to_string();
@@ -268,6 +300,7 @@ fn the_program_ends_with_a_status_for_each_end_of_an_image() {
             1,
             "the image stands in the handler of a fault: HardFault",
         ),
+        ("locks-up", &[], 1, "the processor locked up at"),
         ("polls", &[], 1, "busy with RNG_SR"),
         ("polls", &["--nonsense"], 2, "usage"),
         ("no-such-image", &[], 3, "cannot read the firmware image"),

@@ -10,7 +10,8 @@ use std::process::Command;
 use std::time::Duration;
 
 use stm32f405_qemu::{
-    Fault, FaultKind, FlashOperation, Outcome, PinInput, Poke, ResetCause, Run, RunError, Since, functions,
+    End, Fault, FaultKind, FlashOperation, Outcome, PinInput, Poke, ResetCause, Run, RunError, Since,
+    functions,
 };
 
 const FLASH: u32 = 0x0800_0000;
@@ -384,8 +385,12 @@ fn a_poke_over_the_code_locks_up_an_image_without_a_fault_handler() {
         address: HANDLER_AT,
         bytes: vec![0xde; 20],
     }];
-    let error = bench.run.execute().unwrap_err();
-    assert!(matches!(error, RunError::GuestLockup { .. }), "{error}");
+    let outcome = bench.run.execute().unwrap();
+    assert!(matches!(outcome.end, End::LockedUp(Some(_))), "{:?}", outcome.end);
+    let said = outcome.verdict().unwrap_err();
+    assert!(said.contains("locked up"), "{said}");
+    // What was there before it is there.
+    assert!(outcome.sampling.is_some());
 }
 
 #[test]

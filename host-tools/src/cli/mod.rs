@@ -13,7 +13,7 @@ mod printer;
 use clap::{Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, figures, optimise, record, replay, settings,
+    accuracy, clock, command, compare, decode, emulate, export, figures, optimise, record, replay, settings,
     simulate, spheres,
 };
 use failure::{Blame, Failure};
@@ -27,6 +27,7 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead replay run/bead-8.mcap
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
+  bead export run/bead-8.mcap --out tables
   bead record --port /dev/ttyUSB0
   bead command self-test --port /dev/ttyUSB0
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings";
@@ -58,6 +59,8 @@ enum Command {
     Replay(replay::Arguments),
     /// Compare a recording with the simulation: device, replay, f64 from the same samples, full chain.
     Compare(compare::Arguments),
+    /// Write strikes and samples as tables in SI units: Parquet, CSV, or UFF.
+    Export(export::Arguments),
     /// Find how the clocks of recorded beads run: against this host, and against one another.
     Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
@@ -86,6 +89,7 @@ impl Cli {
             Command::Decode(arguments) => decode::run(&arguments),
             Command::Replay(arguments) => replay::run(&arguments),
             Command::Compare(arguments) => compare::run(&arguments),
+            Command::Export(arguments) => export::run(&arguments),
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
             Command::Accuracy(arguments) => accuracy::run(&arguments),

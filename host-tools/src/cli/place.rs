@@ -29,6 +29,7 @@ pub struct Force {
 pub enum Kind {
     Recording,
     Parquet,
+    Universal,
     Page,
     Drawing,
     Picture,
@@ -48,6 +49,7 @@ impl Kind {
         match self {
             Self::Recording => "a recording",
             Self::Parquet => "a Parquet file",
+            Self::Universal => "a UFF file",
             Self::Page => "a web page",
             Self::Drawing => "an SVG picture",
             Self::Picture => "a picture",
@@ -91,6 +93,7 @@ impl Kind {
         Some(match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "mcap" | "partial" => Self::Recording,
             "parquet" => Self::Parquet,
+            "uff" | "unv" => Self::Universal,
             "html" => Self::Page,
             "svg" => Self::Drawing,
             "png" | "gif" | "jpg" => Self::Picture,

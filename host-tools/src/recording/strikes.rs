@@ -43,6 +43,14 @@ impl ScanCodes {
 pub struct RecordedStrike {
     /// Address of the bead that was struck.
     pub address: u8,
+    /// The low byte of its boot number.
+    pub boot: u8,
+    /// Its unique device id; none before its identity came.
+    pub uid: Option<[u8; 12]>,
+    /// Scans a second, in hertz, by its last identity before the strike.
+    pub sample_rate_hz: Option<u32>,
+    /// When the host received the strike frame, in ns since 1970, if that is known.
+    pub received_ns: Option<u64>,
     /// What the bead said of it.
     pub said: Strike,
     /// What it said of its shape, if that was received.
@@ -60,12 +68,22 @@ impl RecordedStrike {
     pub fn new(address: u8, said: Strike) -> Self {
         Self {
             address,
+            boot: 0,
+            uid: None,
+            sample_rate_hz: None,
+            received_ns: None,
             said,
             shape: None,
             scans: Vec::new(),
             chunks: Vec::new(),
             settings: None,
         }
+    }
+
+    /// Scans a second, Hz: as the bead's identity said, else as the settings hold for.
+    pub fn rate(&self) -> Option<u32> {
+        let of_settings = self.settings.map(|settings| settings.sample_rate_hz);
+        self.sample_rate_hz.or(of_settings).filter(|rate| *rate > 0)
     }
 
     /// Samples of the window that were not received, or came after a gap.
@@ -113,8 +131,9 @@ struct Boot {
     /// By the number of the strike.
     waveforms: BTreeMap<u32, Vec<Waveform>>,
     shapes: BTreeMap<u32, Shape>,
-    /// Each with the number of its frame, in the order of the strikes.
-    strikes: BTreeMap<u32, (u32, Strike)>,
+    /// Each with the number of its frame, in the order of the strikes; without samples yet.
+    strikes: BTreeMap<u32, (u32, RecordedStrike)>,
+    uid: Option<[u8; 12]>,
 }
 
 /// Puts frames together to strikes, over resets and with late frames in their place. It only keeps the
@@ -151,7 +170,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         match frame.arrival {
             Arrival::Restart { .. } => {
                 let boot = self.boots.remove(&address).unwrap_or_default();
-                self.ready.extend(boot.end(address, self.known));
+                self.ready.extend(boot.end(self.known));
             }
             Arrival::Duplicate => return,
             _ => {}
@@ -165,6 +184,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
                 let settings = settings.filter(|_| is_new);
                 boot.settings.extend(settings.map(|settings| (newest, settings)));
             }
+            Message::Identity(identity) => boot.uid = Some(identity.uid),
             Message::Waveform(waveform) => {
                 let waveforms = boot.waveforms.entry(waveform.strike).or_default();
                 if waveforms.len() < usize::from(WINDOW_MAX) {
@@ -175,7 +195,14 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
                 }
             }
             Message::Strike(strike) => {
-                boot.strikes.insert(strike.strike, (newest, strike));
+                let recorded = RecordedStrike {
+                    boot: frame.header.boot,
+                    uid: boot.uid,
+                    sample_rate_hz: frame.sample_rate_hz,
+                    received_ns: frame.received_ns,
+                    ..RecordedStrike::new(address, strike)
+                };
+                boot.strikes.insert(strike.strike, (newest, recorded));
             }
             Message::Shape(shape) => {
                 boot.shapes.insert(shape.strike, shape);
@@ -186,7 +213,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             _ => {}
         }
         if frame.arrival != Arrival::Late {
-            self.ready.extend(boot.settled(newest, address, self.known));
+            self.ready.extend(boot.settled(newest, self.known));
         }
     }
 }
@@ -204,8 +231,8 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
                 None => {
                     let mut boots: Vec<_> = self.boots.drain().collect();
                     boots.sort_by_key(|(address, _)| *address);
-                    for (address, boot) in boots {
-                        self.ready.extend(boot.end(address, self.known));
+                    for (_, boot) in boots {
+                        self.ready.extend(boot.end(self.known));
                     }
                     return self.ready.pop_front();
                 }
@@ -216,7 +243,7 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
 
 impl Boot {
     /// The strikes that are complete at the frame with the number `newest`.
-    fn settled(&mut self, newest: u32, address: u8, known: Option<Settings>) -> Vec<RecordedStrike> {
+    fn settled(&mut self, newest: u32, known: Option<Settings>) -> Vec<RecordedStrike> {
         let mut settled = Vec::new();
         while let Some((&strike, &(told, _))) = self.strikes.first_key_value() {
             let is_old = newest.wrapping_sub(told) > SETTLED;
@@ -224,24 +251,24 @@ impl Boot {
             if !(is_old && can_be_replayed) {
                 break;
             }
-            settled.extend(self.assemble(strike, address, known));
+            settled.extend(self.assemble(strike, known));
         }
         settled
     }
 
     /// All strikes that are left.
-    fn end(mut self, address: u8, known: Option<Settings>) -> Vec<RecordedStrike> {
+    fn end(mut self, known: Option<Settings>) -> Vec<RecordedStrike> {
         let strikes: Vec<u32> = self.strikes.keys().copied().collect();
         strikes
             .into_iter()
-            .filter_map(|strike| self.assemble(strike, address, known))
+            .filter_map(|strike| self.assemble(strike, known))
             .collect()
     }
 
     /// Takes one strike out, and everything before it.
-    fn assemble(&mut self, strike: u32, address: u8, known: Option<Settings>) -> Option<RecordedStrike> {
-        let (told, said) = self.strikes.remove(&strike)?;
-        let mut recorded = RecordedStrike::new(address, said);
+    fn assemble(&mut self, strike: u32, known: Option<Settings>) -> Option<RecordedStrike> {
+        let (told, mut recorded) = self.strikes.remove(&strike)?;
+        let said = recorded.said;
         recorded.shape = self.shapes.remove(&strike);
         recorded.settings = self.settings_before(told).or(known);
         let mut waveforms = self.waveforms.remove(&strike).unwrap_or_default();

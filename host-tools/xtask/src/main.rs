@@ -9,6 +9,7 @@ mod files;
 mod image;
 mod links;
 mod mutants;
+mod python;
 mod setup;
 mod step;
 
@@ -91,6 +92,12 @@ const TASKS: &[Task] = &[
         "Words that follow go to the benchmark: `--format json`, `--quick`. What it compares with is compiled for it \
          alone. docs/benchmarks.md says how to read it.",
         |steps| bench(steps, &[]),
+    ),
+    (
+        "python",
+        "Set up target/python with pandas, polars, xarray, pyuff and mcap, which a test opens exported files with",
+        "",
+        python::setup,
     ),
     (
         "mutants",
@@ -246,6 +253,7 @@ fn test(steps: &Steps) -> Result<(), Stop> {
     );
     let title = "the shared crates without their default features";
     steps.run(title, &Line::new(&bare))?;
+    python::setup_if_it_can_be(steps);
     // The figures' checks are left to the next step, which draws as well.
     let tests = format!("cargo test --release {HOST} -- --skip {}", mutants::TEST);
     steps.run("tests", &Line::new(&tests))?;

@@ -54,7 +54,7 @@ const WORKSPACE: &[Package] = &[
     Package {
         name: "bead",
         knows: HOST,
-        rooms: &["recording", "line", "bench", "comparison", "cli"],
+        rooms: &["recording", "line", "bench", "comparison", "export", "cli"],
     },
     package("bead-figures", HOST),
     package("bead-tests", HOST),

@@ -72,6 +72,10 @@ pub struct Adc {
     scan: Option<Scan>,
     /// Whether SWSTART starts a scan while EXTEN selects a trigger.
     pub software_scan_under_trigger: bool,
+    /// The converter starts a scan without a trigger as soon as it waits for one.
+    extra: bool,
+    /// It misses the next trigger.
+    misses: bool,
     /// A scan has started. Whoever looks clears it.
     pub scan_started: bool,
     /// DR holds data that was not read yet.
@@ -117,11 +121,30 @@ impl Adc {
 
     /// The trigger came.
     pub fn trigger(&mut self, now: u64) {
-        if self.scan.is_some() || self.blocked() {
+        let waits = self.external_trigger().is_some();
+        if waits && std::mem::take(&mut self.misses) || self.scan.is_some() || self.blocked() {
             self.triggers_ignored += 1;
         } else {
             self.start(now);
         }
+    }
+
+    /// Starts a scan without a trigger, now or as soon as the converter waits for one and has none under way.
+    pub fn start_extra(&mut self, now: u64) {
+        self.extra = true;
+        self.start_if_extra(now);
+    }
+
+    fn start_if_extra(&mut self, now: u64) {
+        if self.extra && self.external_trigger().is_some() && self.scan.is_none() && !self.blocked() {
+            self.extra = false;
+            self.start(now);
+        }
+    }
+
+    /// Misses the next trigger.
+    pub fn miss_trigger(&mut self) {
+        self.misses = true;
     }
 
     /// An overrun under DMA: no conversion until OVR is cleared.
@@ -310,6 +333,7 @@ impl Adc {
         } else if software && self.scan.is_none() && !self.blocked() {
             self.start(now);
         }
+        self.start_if_extra(now);
     }
 }
 
@@ -356,6 +380,8 @@ impl Peripheral for Adc {
             overruns: self.overruns,
             triggers_ignored: self.triggers_ignored,
             software_scan_under_trigger: self.software_scan_under_trigger,
+            extra: self.extra,
+            misses: self.misses,
             divider: self.divider,
             ..Self::new(self.pclk2)
         };

@@ -26,11 +26,13 @@ impl Blocks {
 
     /// The processor was reset: the next block has the start-up in it, and is not counted.
     pub(super) fn restart(&mut self) {
+        self.counters.watch_masks(false);
         self.began = None;
     }
 
     /// A block of this many scans ends, and the next one begins. One of no scans is not counted.
     pub(super) fn end(&mut self, scans: u64) {
+        self.counters.watch_masks(true);
         let now = [self.counters.total(), self.counters.labelled(&self.work)];
         let Some(began) = self.began.replace(now).filter(|_| scans > 0) else {
             return;
@@ -57,6 +59,7 @@ impl Blocks {
         Instructions {
             total: self.counters.total(),
             functions: self.counters.functions(),
+            masked: self.counters.longest_masked(),
             ..self.ended.clone()
         }
     }

@@ -10,6 +10,7 @@
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::io::Read;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -22,7 +23,7 @@ use super::overlay::{Entries, Overlay};
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
     QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess, exit, leave, log_moved,
-    log_seen, room, say, symbol, take_no_signals, wait_for_event,
+    log_seen, on_signal_of_abort, room, say, symbol, take_no_signals, wait_for_event,
 };
 use super::self_test::self_test;
 use crate::ending::End;
@@ -37,6 +38,11 @@ const WFI: u32 = 0xbf30;
 const WFE: u32 = 0xbf20;
 const WFI_WIDE: u32 = 0x8003_f3af;
 const WFE_WIDE: u32 = 0x8002_f3af;
+
+/// CPSID i, CPSIE i, and MSR PRIMASK from R0 to R15.
+const CPSID_I: u32 = 0xb672;
+const CPSIE_I: u32 = 0xb662;
+const MSR_PRIMASK: RangeInclusive<u32> = 0x8810_f380..=0x8810_f38f;
 
 static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
 static ENTRIES: OnceLock<Entries> = OnceLock::new();
@@ -138,6 +144,7 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     if let Some(counters) = counters {
         COUNTERS.get_or_init(|| (counters, Mutex::default()));
     }
+    on_signal_of_abort(on_abort);
     // SAFETY: `id` is what QEMU gave to this plugin.
     unsafe {
         (functions.qemu_plugin_register_vcpu_tb_trans_cb)(id, on_translate, null_mut());
@@ -160,6 +167,17 @@ fn watch_host(folder: &Path) {
         let _ = std::fs::remove_dir_all(folder);
     }
     leave(0);
+}
+
+/// QEMU aborts itself: so it does when the processor locks up. It does not return from here, and holds none of
+/// our locks then, or there is no report.
+extern "C" fn on_abort(_signal: c_int) {
+    if let (Some(overlay), Some(qemu)) = (OVERLAY.get(), QEMU.get())
+        && let Ok(mut overlay) = overlay.try_lock()
+    {
+        overlay.lock_up(qemu);
+        leave(0);
+    }
 }
 
 /// QEMU ends before the run does. With semihosting the image has asked for it; the host knows the status.
@@ -363,6 +381,14 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
             match QEMU.get().map(|qemu| qemu.instruction(address)) {
                 Some(WFI | WFI_WIDE) => watch(instruction, on_wait_for_interrupt, NO_REGISTERS, null_mut()),
                 Some(WFE | WFE_WIDE) => watch(instruction, on_wait_for_event, NO_REGISTERS, null_mut()),
+                Some(CPSID_I) => {
+                    let at = address as usize as Pointer;
+                    watch(instruction, on_mask, NO_REGISTERS, at);
+                }
+                Some(CPSIE_I) => watch(instruction, on_unmask, NO_REGISTERS, null_mut()),
+                Some(word) if MSR_PRIMASK.contains(&word) => {
+                    watch(instruction, on_restore_mask, NO_REGISTERS, null_mut());
+                }
                 _ => {}
             }
             if entries.panics.contains(&address) {
@@ -421,6 +447,24 @@ extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
 
 extern "C" fn on_wait_for_event(_processor: u32, _: Pointer) {
     wait_for_event();
+}
+
+extern "C" fn on_mask(_processor: u32, at: Pointer) {
+    if let Some((counters, _)) = COUNTERS.get() {
+        counters.masked(at as usize as u32);
+    }
+}
+
+extern "C" fn on_restore_mask(_processor: u32, _: Pointer) {
+    if let Some((counters, _)) = COUNTERS.get() {
+        counters.mask_restored();
+    }
+}
+
+extern "C" fn on_unmask(_processor: u32, _: Pointer) {
+    if let Some((counters, _)) = COUNTERS.get() {
+        counters.unmasked();
+    }
 }
 
 extern "C" fn on_panic(_processor: u32, _: Pointer) {

@@ -6,10 +6,10 @@
 //! translates its block. There is one processor thread, so a counter is a plain load and store of an atomic.
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use crate::exchange::FunctionRange;
-use crate::outcome::FunctionCount;
+use crate::outcome::{FunctionCount, Masked};
 
 /// The labels that an instruction counts for.
 #[derive(Debug, Default)]
@@ -32,6 +32,21 @@ pub(super) struct Counters {
     total: AtomicU64,
     labels: Vec<Label>,
     functions: Vec<FunctionRange>,
+    masks: Masks,
+}
+
+/// Stretches without interrupts.
+#[derive(Debug, Default)]
+struct Masks {
+    /// Whether they count now.
+    watched: AtomicBool,
+    /// How many times interrupts are masked now, one in the other; since which instruction, and where that was.
+    depth: AtomicU32,
+    since: AtomicU64,
+    from: AtomicU32,
+    /// The longest: instructions, and where it began.
+    longest: AtomicU64,
+    longest_from: AtomicU32,
 }
 
 impl Counters {
@@ -46,7 +61,53 @@ impl Counters {
                 })
                 .collect(),
             functions,
+            masks: Masks::default(),
         }
+    }
+
+    /// Interrupts are masked by the instruction at this address.
+    pub(super) fn masked(&self, address: u32) {
+        if self.masks.depth.fetch_add(1, Relaxed) == 0 {
+            self.masks.since.store(self.total(), Relaxed);
+            self.masks.from.store(address, Relaxed);
+        }
+    }
+
+    /// PRIMASK is what it was before it was set last: so a critical section in another ends. To know this needs
+    /// no register, and reading one for each section would take long.
+    pub(super) fn mask_restored(&self) {
+        match self.masks.depth.load(Relaxed) {
+            0 => {}
+            1 => self.unmasked(),
+            depth => self.masks.depth.store(depth - 1, Relaxed),
+        }
+    }
+
+    /// Interrupts are let through.
+    pub(super) fn unmasked(&self) {
+        let masks = &self.masks;
+        let masked = masks.depth.swap(0, Relaxed) > 0 && masks.watched.load(Relaxed);
+        let length = self.total() - masks.since.load(Relaxed);
+        if masked && length > masks.longest.load(Relaxed) {
+            masks.longest.store(length, Relaxed);
+            masks.longest_from.store(masks.from.load(Relaxed), Relaxed);
+        }
+    }
+
+    /// Stretches without interrupts count from now on, or no longer. After a reset none is masked.
+    pub(super) fn watch_masks(&self, watched: bool) {
+        if self.masks.watched.swap(watched, Relaxed) != watched && !watched {
+            self.masks.depth.store(0, Relaxed);
+        }
+    }
+
+    /// The longest stretch without interrupts.
+    pub(super) fn longest_masked(&self) -> Option<Masked> {
+        let instructions = Some(self.masks.longest.load(Relaxed)).filter(|longest| *longest > 0)?;
+        Some(Masked {
+            instructions,
+            from: self.masks.longest_from.load(Relaxed).into(),
+        })
     }
 
     /// What the instruction at an address counts for. `None` if only for the total.
@@ -119,6 +180,32 @@ impl Sites {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_longest_stretch_without_interrupts_is_found_and_none_outside_the_watch() {
+        let counters = Counters::new(&[], Vec::new());
+        let stretch = |from, length| {
+            counters.masked(from);
+            // A critical section in another masks once more, and lets nothing through.
+            counters.masked(from + 2);
+            (0..length).for_each(|_| counters.executed(None));
+            counters.mask_restored();
+            counters.executed(None);
+            counters.mask_restored();
+        };
+        stretch(100, 50);
+        assert_eq!(counters.longest_masked(), None);
+        counters.watch_masks(true);
+        for (from, length) in [(200, 7), (300, 9), (400, 8)] {
+            stretch(from, length);
+            counters.mask_restored();
+            counters.unmasked();
+        }
+        counters.watch_masks(false);
+        stretch(500, 90);
+        let longest = counters.longest_masked().unwrap();
+        assert_eq!((longest.instructions, longest.from.address), (10, 300));
+    }
 
     #[test]
     fn an_instruction_counts_for_its_labels_and_the_first_of_a_function_for_a_call() {

@@ -282,6 +282,20 @@ impl Overlay {
         self.report(end, now);
     }
 
+    /// QEMU gives up, since the processor has locked up. It cannot say the time any more.
+    pub(super) fn lock_up(&mut self, qemu: &Qemu) {
+        for sight in std::mem::take(&mut self.fate.sights) {
+            if let Sight::Exception(exception) = sight {
+                self.fate.exceptions.push(Exception {
+                    at_ns: self.now,
+                    ..exception
+                });
+            }
+        }
+        self.drain_log(qemu);
+        self.report(End::LockedUp(None), self.now);
+    }
+
     /// Writes the outcome and asks QEMU to stop. What it still executes until then is not recorded.
     fn end(&mut self, end: End, now: u64, qemu: &Qemu) {
         self.drain_log(qemu);

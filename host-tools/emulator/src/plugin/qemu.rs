@@ -363,6 +363,13 @@ pub(super) fn last_block() -> Option<u32> {
     Some(LAST_BLOCK.load(Relaxed)).filter(|address| *address != 0)
 }
 
+/// Has the function called when QEMU aborts itself.
+pub(super) fn on_signal_of_abort(function: extern "C" fn(c_int)) {
+    // SAFETY: the function is of the type of a handler. It is called in the thread that aborts, outside of any
+    // other code that a signal interrupts.
+    unsafe { libc::signal(libc::SIGABRT, function as *const () as libc::sighandler_t) };
+}
+
 /// Lets this thread take no signals: QEMU wants them in its own.
 pub(super) fn take_no_signals() {
     // SAFETY: the set is filled before it is used.

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::process::ExitStatus;
 use std::time::Duration;
 
-use crate::ending::Place;
 use crate::outcome::{Outcome, UnknownRegister};
 
 /// Why [`Run::execute`](crate::Run::execute) gave no outcome.
@@ -53,13 +52,6 @@ pub enum RunError {
         "the overlay does not fit this QEMU: {0}; Debian's and Ubuntu's qemu-system-arm 7.2, 10.0 and 11.1 are known to work"
     )]
     SelfTest(String),
-    /// The processor locked up: a fault inside the fault handler, or no image at the reset vector. QEMU said
-    /// this. Then come the program counter and the link register, if QEMU said them.
-    #[error(
-        "the guest locked up: {0}{at}; a fault was raised inside the HardFault handler, or the image has no vector table",
-        at = registers(.1)
-    )]
-    GuestLockup(String, Option<Box<[Place; 2]>>),
     /// QEMU ended without a report: its exit status, and the first line on its standard error.
     #[error("QEMU ended with {0}: {1}")]
     Qemu(ExitStatus, String),
@@ -90,21 +82,6 @@ impl RunError {
             Self::Timeout(_, outcome) | Self::Stuck(outcome) => Some(outcome),
             _ => None,
         }
-    }
-
-    /// Lets `name` fill in the function around each address.
-    pub(super) fn with_functions(mut self, name: impl Fn(&mut Place)) -> Self {
-        if let Self::GuestLockup(_, Some(places)) = &mut self {
-            places.iter_mut().for_each(name);
-        }
-        self
-    }
-}
-
-fn registers(places: &Option<Box<[Place; 2]>>) -> String {
-    match places.as_deref() {
-        Some([pc, lr]) => format!(", PC {pc}, LR {lr}"),
-        None => String::new(),
     }
 }
 

@@ -77,33 +77,31 @@ struct Ended {
 }
 
 impl Ended {
-    /// The program counter and the link register, which QEMU prints when it gives up.
-    fn registers(&self) -> Option<Box<[Place; 2]>> {
-        let register = |name: &str| {
-            let (_, value) = self.stderr.split_once(name)?;
-            Some(Place::from(u32::from_str_radix(value.get(..8)?, 16).ok()?))
-        };
-        Some(Box::new([register("R15=")?, register("R14=")?]))
+    /// The program counter, which QEMU prints when it gives up.
+    fn program_counter(&self) -> Option<Place> {
+        let (_, value) = self.stderr.split_once("R15=")?;
+        Some(Place::from(u32::from_str_radix(value.get(..8)?, 16).ok()?))
     }
 
     /// What the overlay reports, or why there is no report.
     fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
+        let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
+        let any = || first("").unwrap_or_else(|| "it said nothing".into());
         if let Ok(json) = std::fs::read(folder.path(exchange::OUTCOME)) {
             let outcome: Outcome = serde_json::from_slice(&json)
                 .map_err(|e| RunError::Qemu(self.status, format!("its report cannot be read ({e})")))?;
             let end = match outcome.end {
                 End::Exited(_) => End::Exited(self.status.code().unwrap_or(-1)),
+                End::LockedUp(_) if first("Lockup").is_some() => End::LockedUp(self.program_counter()),
+                // QEMU gave up for a reason of its own.
+                End::LockedUp(_) => return Err(RunError::Qemu(self.status, any())),
                 end => end,
             };
             return Ok(Outcome { end, ..outcome });
         }
-        let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
         let ours = first(LINE_PREFIX).map(|l| l.replace(LINE_PREFIX, ""));
-        let any = || first("").unwrap_or_else(|| "it said nothing".into());
         Err(if self.status.code() == Some(SELF_TEST_STATUS) {
             RunError::SelfTest(ours.unwrap_or_else(any))
-        } else if let Some(line) = first("Lockup") {
-            RunError::GuestLockup(line, self.registers())
         } else if let Some(line) = ours.or_else(|| first("plugin")) {
             RunError::OverlayRefused(line)
         } else {

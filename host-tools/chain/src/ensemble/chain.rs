@@ -1,0 +1,119 @@
+//! What distinguishes the chains of a group: eight chains of one shape, a lane each.
+
+use super::eight::Eight;
+use crate::model::Model;
+
+/// What chains must have in common to be computed together.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Shape {
+    /// The striker and the beads.
+    pub(super) bodies: usize,
+    pub(super) walled: bool,
+    /// The beads that host an intruder, in order.
+    pub(super) hosts: Vec<usize>,
+}
+
+impl Shape {
+    pub(super) fn of(model: &Model) -> Self {
+        Self {
+            bodies: model.bodies(),
+            walled: model.contacts() == model.bodies(),
+            hosts: model.intruders().iter().map(|intruder| intruder.bead).collect(),
+        }
+    }
+
+    /// Bodies, and the wall as one that nothing moves.
+    pub(super) fn places(&self) -> usize {
+        self.bodies + usize::from(self.walled)
+    }
+
+    /// The intruder of a body.
+    pub(super) fn guest(&self, body: usize) -> Option<usize> {
+        self.hosts.binary_search(&body).ok()
+    }
+}
+
+/// The constants of eight chains.
+#[derive(Debug)]
+pub(super) struct Constants {
+    /// κ, N/m^(3/2), and (3/2) τ, s, of contact j at index j; index 0 is not used.
+    pub(super) stiffness: Vec<Eight>,
+    pub(super) viscosity: Vec<Eight>,
+    /// 1 / (M - m), 1/kg; zero for the wall.
+    pub(super) inverse: Vec<Eight>,
+    /// k, N/m, c, N·s/m, and 1/m, 1/kg.
+    pub(super) guest_stiffness: Vec<Eight>,
+    pub(super) guest_damping: Vec<Eight>,
+    pub(super) guest_inverse: Vec<Eight>,
+    /// The overlap, m, below which a contact carries nothing: far below rounding of what matters.
+    pub(super) threshold: Eight,
+    /// One over the allowed error of a velocity, s/m, for each body and for the intruders.
+    pub(super) strictness: Vec<Eight>,
+    pub(super) guest_strictness: Eight,
+    /// The longest step, and the end of the run, s.
+    pub(super) longest: Eight,
+    pub(super) end: Eight,
+}
+
+/// Overlap without force, as a part of the striker's depth.
+const THRESHOLD: f64 = 1e-13;
+/// Longest step as a part of the shortest contact. It keeps a step from passing over a collision.
+const LONGEST: f64 = 1.0;
+
+impl Constants {
+    /// Lanes beyond the chains stand still.
+    pub(super) fn new(shape: &Shape, chains: &[(&Model, f64)], tolerance: f64) -> Self {
+        let lanes = |of: &dyn Fn(&Model) -> f64| {
+            let mut lanes = Eight([0.0; 8]);
+            for (lane, (model, _)) in lanes.0.iter_mut().zip(chains) {
+                *lane = of(model);
+            }
+            lanes
+        };
+        let contacts = 1..shape.places();
+        let of_contacts = |of: &dyn Fn(&Model, usize) -> f64| -> Vec<Eight> {
+            let zero = std::iter::once(Eight([0.0; 8]));
+            zero.chain(contacts.clone().map(|contact| lanes(&|model| of(model, contact))))
+                .collect()
+        };
+        let of_bodies = |of: &dyn Fn(&Model, usize) -> f64| -> Vec<Eight> {
+            let wall = shape.walled.then_some(Eight([0.0; 8]));
+            let bodies = 0..shape.bodies;
+            bodies
+                .map(|body| lanes(&|model| of(model, body)))
+                .chain(wall)
+                .collect()
+        };
+        let of_guests = |of: &dyn Fn(crate::Oscillator) -> f64| -> Vec<Eight> {
+            (0..shape.hosts.len())
+                .map(|guest| lanes(&|model| of(model.intruders()[guest].oscillator)))
+                .collect()
+        };
+        let mut end = Eight([0.0; 8]);
+        for (lane, (_, time)) in end.0.iter_mut().zip(chains) {
+            *lane = *time;
+        }
+        let scale = |model: &Model| tolerance * wave_speed(model);
+        Self {
+            stiffness: of_contacts(&|model, contact| model.contact(contact).stiffness),
+            viscosity: of_contacts(&|model, contact| 1.5 * model.contact(contact).relaxation),
+            inverse: of_bodies(&|model, body| 1.0 / model.shells[body]),
+            guest_stiffness: of_guests(&|oscillator| oscillator.stiffness),
+            guest_damping: of_guests(&|oscillator| oscillator.damping),
+            guest_inverse: of_guests(&|oscillator| 1.0 / oscillator.mass),
+            threshold: lanes(&|model| THRESHOLD * model.displacement_scale()),
+            // Errors of the same energy weigh the same.
+            strictness: of_bodies(&|model, body| (model.mass(body) / model.mass(1)).sqrt() / scale(model)),
+            guest_strictness: lanes(&|model| 1.0 / scale(model)),
+            longest: lanes(&|model| LONGEST * model.shortest_contact()),
+            end,
+        }
+    }
+}
+
+/// About the velocity of a bead in the wave, m/s: that of bead 1 after an elastic collision with the striker
+/// alone.
+fn wave_speed(model: &Model) -> f64 {
+    let ratio = model.mass(0) / model.mass(1);
+    model.speed_scale() * (2.0 * ratio / (1.0 + ratio)).min(1.0)
+}

@@ -1,0 +1,591 @@
+//! Eight chains on their way, each with steps of its own length.
+//!
+//! # Design
+//!
+//! All arithmetic is lane by lane, and no lane's steps depend on another's: a chain has the same bits in any
+//! company. Only what is computed is common: the contacts that carry a force, or might in this step, in any of
+//! the chains. What is left out has no force at all, so it makes no difference either.
+
+use std::ops::Range;
+
+use pulp::{Arch, NullaryFnOnce};
+
+use super::chain::{Constants, Shape};
+use super::crossing::{Changes, Contacts};
+use super::eight::{Eight, LANES, Vector, Wide, all};
+use super::method::{DISPLACEMENT, END, ERROR, NODES, STAGES, VELOCITY};
+use super::peak::Peaks;
+use crate::model::Model;
+
+/// Displacements and velocities: of the bodies, and of the intruders relative to their hosts.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    pub(super) u: Vec<Eight>,
+    pub(super) v: Vec<Eight>,
+    pub(super) x: Vec<Eight>,
+    pub(super) w: Vec<Eight>,
+}
+
+impl Motion {
+    pub(super) fn zeros(shape: &Shape) -> Self {
+        let (places, guests) = (shape.places(), shape.hosts.len());
+        Self {
+            u: vec![Eight::ZERO; places],
+            v: vec![Eight::ZERO; places],
+            x: vec![Eight::ZERO; guests],
+            w: vec![Eight::ZERO; guests],
+        }
+    }
+}
+
+type Rates = [Eight; STAGES];
+
+/// Eight chains of one shape.
+#[derive(Debug)]
+pub(super) struct Group<'a> {
+    shape: &'a Shape,
+    constants: &'a Constants,
+    pub(super) now: Motion,
+    next: Motion,
+    /// Accelerations at the stages.
+    rates: Vec<Rates>,
+    guest_rates: Vec<Rates>,
+    /// The pull of each intruder on its host.
+    pulls: Vec<Eight>,
+    /// Energy dissipated in each intruder: in this step, and so far, J.
+    lost: Vec<Eight>,
+    pub(super) dissipated: Vec<Eight>,
+    /// Error of the velocities in this step.
+    errors: Vec<Eight>,
+    guest_errors: Vec<Eight>,
+    /// s.
+    time: Eight,
+    /// The step to try next, and that being made, s.
+    step: Eight,
+    length: Eight,
+    /// Steps tried so far.
+    pub(super) tries: [u64; LANES],
+    /// One where the last attempt failed.
+    rejected: Eight,
+    /// Contacts that are computed.
+    active: Vec<bool>,
+    runs: Vec<Range<usize>>,
+    /// Intruders that are computed.
+    guests: Vec<usize>,
+    /// Contacts that open or close in the step, by number and lane.
+    crossings: Vec<(usize, usize)>,
+    changes: Vec<Changes>,
+    /// The models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
+    models: &'a [&'a Model],
+    pub(super) peaks: Vec<Peaks>,
+}
+
+/// Why a lane came to no end: the time that it reached.
+pub(super) type Stuck = [Option<f64>; LANES];
+
+impl<'a> Group<'a> {
+    pub(super) fn new(
+        shape: &'a Shape,
+        constants: &'a Constants,
+        models: &'a [&'a Model],
+        start: Motion,
+        peaks: &[usize],
+    ) -> Self {
+        let (places, guests) = (shape.places(), shape.hosts.len());
+        let mut step = constants.longest;
+        // Short, for the striker meets bead 1 at the first moment.
+        step.0.iter_mut().for_each(|step| *step *= 0.02);
+        Self {
+            shape,
+            constants,
+            next: start.clone(),
+            now: start,
+            rates: vec![[Eight::ZERO; STAGES]; places],
+            guest_rates: vec![[Eight::ZERO; STAGES]; guests],
+            pulls: vec![Eight::ZERO; guests],
+            lost: vec![Eight::ZERO; guests],
+            dissipated: vec![Eight::ZERO; guests],
+            errors: vec![Eight::ZERO; places],
+            guest_errors: vec![Eight::ZERO; guests],
+            time: Eight::ZERO,
+            step,
+            length: Eight::ZERO,
+            tries: [0; LANES],
+            rejected: Eight::ZERO,
+            active: vec![false; places + 1],
+            runs: Vec::new(),
+            guests: Vec::new(),
+            crossings: Vec::new(),
+            changes: Vec::new(),
+            models,
+            peaks: peaks.iter().map(|&contact| Peaks::of(contact)).collect(),
+        }
+    }
+
+    /// Goes on to the end, on the widest vectors of this processor.
+    pub(super) fn run(&mut self) -> Stuck {
+        macro_rules! call {
+            ($simd:expr) => {
+                Call {
+                    simd: $simd,
+                    group: self,
+                }
+            };
+        }
+        match Arch::new() {
+            #[cfg(target_arch = "x86_64")]
+            Arch::V4(simd) => simd.vectorize(call!(simd)),
+            #[cfg(target_arch = "x86_64")]
+            Arch::V3(simd) => simd.vectorize(call!(pulp::x86::V3_512b(simd))),
+            _ => call!(pulp::Scalar512b).call(),
+        }
+    }
+}
+
+struct Call<'a, 'b, S> {
+    simd: S,
+    group: &'a mut Group<'b>,
+}
+
+impl<S: Wide> NullaryFnOnce for Call<'_, '_, S> {
+    type Output = Stuck;
+
+    #[inline(always)]
+    fn call(self) -> Stuck {
+        let Self { simd, group } = self;
+        let mut stuck = Stuck::default();
+        while group.lengths(&mut stuck) {
+            group.activate(simd);
+            loop {
+                group.stages(simd);
+                if !group.missed(simd) {
+                    break;
+                }
+            }
+            group.cross(simd);
+            let before = group.time;
+            let allowed = group.judge(simd);
+            if !group.peaks.is_empty() {
+                group.look(&before, &allowed);
+            }
+            group.take(simd, &allowed);
+        }
+        stuck
+    }
+}
+
+/// Steps are this part of what the error would allow, and change by no more than these factors.
+const SAFETY: f64 = 0.75;
+const GROWTH: f64 = 5.0;
+const SHRINKAGE: f64 = 0.2;
+
+impl Group<'_> {
+    /// Sets the length of each lane's step; false once all are at their ends. A lane whose steps no longer move
+    /// its clock is taken out.
+    fn lengths(&mut self, stuck: &mut Stuck) -> bool {
+        let mut goes_on = false;
+        for (lane, stuck) in stuck.iter_mut().enumerate() {
+            let (time, end) = (self.time.0[lane], self.constants.end.0[lane]);
+            let (left, step) = (end - time, self.step.0[lane]);
+            let length = if step >= left * (1.0 - 1e-9) { left } else { step };
+            let moves = left > 0.0 && stuck.is_none();
+            self.length.0[lane] = 0.0;
+            if moves && (time + length <= time || step.is_nan()) {
+                *stuck = Some(time);
+            } else if moves {
+                self.length.0[lane] = length;
+                self.tries[lane] += 1;
+                goes_on = true;
+            }
+        }
+        goes_on
+    }
+}
+
+impl Group<'_> {
+    /// Finds the contacts that may carry a force in this step, and the intruders that move.
+    #[inline(always)]
+    fn activate<S: Wide>(&mut self, simd: S) {
+        let double = self.length.load(simd) * 2.0;
+        let threshold = self.constants.threshold.load(simd);
+        self.active.fill(false);
+        for contact in 1..self.shape.places() {
+            let approach = change(simd, &self.now.v, contact).positive();
+            let reach = double.times_plus(approach, change(simd, &self.now.u, contact));
+            if (reach - threshold).any_positive() {
+                self.mark(contact);
+            }
+        }
+        for guest in 0..self.shape.hosts.len() {
+            let (x, w) = (self.now.x[guest].load(simd), self.now.w[guest].load(simd));
+            if x.abs().max(w.abs()).any_positive() {
+                let host = self.shape.hosts[guest];
+                self.mark(host);
+                self.mark((host + 1).min(self.shape.places() - 1));
+            }
+        }
+        self.arrange();
+    }
+
+    /// Lets a contact be computed, and two on either side of it, which it may close within a step.
+    #[inline(always)]
+    fn mark(&mut self, contact: usize) {
+        let last = self.shape.places() - 1;
+        self.active[contact.saturating_sub(2).max(1)..=(contact + 2).min(last)].fill(true);
+    }
+
+    #[inline(always)]
+    fn arrange(&mut self) {
+        let last = self.shape.places() - 1;
+        self.runs.clear();
+        for contact in 1..=last {
+            if self.active[contact] {
+                match self.runs.last_mut() {
+                    Some(run) if run.end == contact => run.end += 1,
+                    _ => self.runs.push(contact..contact + 1),
+                }
+            }
+        }
+        self.guests.clear();
+        for (guest, &host) in self.shape.hosts.iter().enumerate() {
+            if self.active[host] || (host < last && self.active[host + 1]) {
+                self.guests.push(guest);
+            }
+        }
+    }
+
+    /// Whether a contact that was left out has closed. It is computed from now on.
+    #[inline(always)]
+    fn missed<S: Wide>(&mut self, simd: S) -> bool {
+        let threshold = self.constants.threshold.load(simd);
+        let mut missed = false;
+        for contact in 1..self.shape.places() {
+            if !self.active[contact] && (change(simd, &self.next.u, contact) - threshold).any_positive() {
+                self.mark(contact);
+                missed = true;
+            }
+        }
+        if missed {
+            self.arrange();
+        }
+        missed
+    }
+
+    /// All stages of the step.
+    #[inline(always)]
+    fn stages<S: Wide>(&mut self, simd: S) {
+        // Bodies without a force go on as they were.
+        let length = self.length.load(simd);
+        for body in 0..self.shape.places() {
+            let v = self.now.v[body];
+            self.next.v[body] = v;
+            self.next.u[body] = length
+                .times_plus(v.load(simd), self.now.u[body].load(simd))
+                .store();
+        }
+        for &guest in &self.guests {
+            self.lost[guest] = Eight::ZERO;
+        }
+        self.stage::<S, 0>(simd);
+        self.stage::<S, 1>(simd);
+        self.stage::<S, 2>(simd);
+        self.stage::<S, 3>(simd);
+        self.stage::<S, 4>(simd);
+        self.stage::<S, 5>(simd);
+        self.stage::<S, 6>(simd);
+        self.stage::<S, 7>(simd);
+        self.stage::<S, 8>(simd);
+    }
+
+    #[inline(always)]
+    fn stage<S: Wide, const STAGE: usize>(&mut self, simd: S) {
+        let constants = self.constants;
+        let length = self.length.load(simd);
+        for &guest in &self.guests {
+            let from = (self.now.x[guest].load(simd), self.now.w[guest].load(simd));
+            let (x, w) = moved::<S, STAGE>(simd, from, &self.guest_rates[guest], length);
+            let damped = constants.guest_damping[guest].load(simd) * w;
+            let stiffness = constants.guest_stiffness[guest].load(simd);
+            self.pulls[guest] = stiffness.times_plus(x, damped).store();
+            if STAGE == END {
+                (self.next.x[guest], self.next.w[guest]) = (x.store(), w.store());
+            }
+            if const { VELOCITY[END][STAGE] != 0.0 } {
+                let weight = length * VELOCITY[END][STAGE];
+                let lost = self.lost[guest].load(simd);
+                self.lost[guest] = weight.times_plus(damped * w, lost).store();
+            }
+        }
+        let threshold = constants.threshold.load(simd);
+        for run in &self.runs {
+            // Contact j and body j share a place; the run begins with the body before its first contact.
+            let places = run.start - 1..run.end;
+            let now_u = &self.now.u[places.clone()];
+            let now_v = &self.now.v[places.clone()];
+            let rates = &mut self.rates[places.clone()];
+            let stiffness = &constants.stiffness[places.clone()];
+            let viscosity = &constants.viscosity[places.clone()];
+            let inverse = &constants.inverse[places.clone()];
+            let next_u = &mut self.next.u[places.clone()];
+            let next_v = &mut self.next.v[places.clone()];
+            let count = places.len();
+            let from = (now_u[0].load(simd), now_v[0].load(simd));
+            let (mut u, mut v) = moved::<S, STAGE>(simd, from, &rates[0], length);
+            let mut force_before = all(simd, 0.0);
+            for at in 0..count {
+                if STAGE == END {
+                    (next_u[at], next_v[at]) = (u.store(), v.store());
+                }
+                let mut force = all(simd, 0.0);
+                if at + 1 < count {
+                    let from = (now_u[at + 1].load(simd), now_v[at + 1].load(simd));
+                    let (u_behind, v_behind) = moved::<S, STAGE>(simd, from, &rates[at + 1], length);
+                    let overlap = (u - u_behind - threshold).positive();
+                    let pressed = viscosity[at + 1].load(simd).times_plus(v - v_behind, overlap);
+                    force = stiffness[at + 1].load(simd) * overlap.sqrt() * pressed;
+                    (u, v) = (u_behind, v_behind);
+                }
+                rates[at][STAGE] = ((force_before - force) * inverse[at].load(simd)).store();
+                force_before = force;
+            }
+        }
+        for &guest in &self.guests {
+            let host = self.shape.hosts[guest];
+            let pull = self.pulls[guest].load(simd);
+            let pushed = self.rates[host][STAGE].load(simd);
+            let rate = pull.times_plus(constants.inverse[host].load(simd), pushed);
+            self.rates[host][STAGE] = rate.store();
+            let pulled = pull * constants.guest_inverse[guest].load(simd);
+            self.guest_rates[guest][STAGE] = (all(simd, 0.0) - pulled - rate).store();
+        }
+    }
+}
+
+/// By how much the body before a contact is ahead of the one behind it.
+#[inline(always)]
+fn change<S: Wide>(simd: S, of: &[Eight], contact: usize) -> Vector<S> {
+    of[contact - 1].load(simd) - of[contact].load(simd)
+}
+
+/// Displacement and velocity at a stage.
+#[inline(always)]
+fn moved<S: Wide, const STAGE: usize>(
+    simd: S,
+    (u, v): (Vector<S>, Vector<S>),
+    rates: &Rates,
+    length: Vector<S>,
+) -> (Vector<S>, Vector<S>) {
+    if STAGE == 0 {
+        return (u, v);
+    }
+    let (mut once, mut twice) = (all(simd, 0.0), all(simd, 0.0));
+    for stage in 0..STAGES {
+        let (velocity, displacement) = (VELOCITY[STAGE][stage], DISPLACEMENT[STAGE][stage]);
+        if velocity != 0.0 {
+            once = rates[stage].load(simd).scaled_plus(velocity, once);
+        }
+        if displacement != 0.0 {
+            twice = rates[stage].load(simd).scaled_plus(displacement, twice);
+        }
+    }
+    let way = length.times_plus(twice, v * NODES[STAGE]);
+    (length.times_plus(way, u), length.times_plus(once, v))
+}
+
+/// The error of a velocity, over the length of the step.
+#[inline(always)]
+fn estimate<S: Wide>(simd: S, rates: &Rates) -> Eight {
+    let mut error = all(simd, 0.0);
+    for stage in 0..STAGES {
+        if ERROR[stage] != 0.0 {
+            error = rates[stage].load(simd).scaled_plus(ERROR[stage], error);
+        }
+    }
+    error.store()
+}
+
+impl Group<'_> {
+    /// Integrates the contacts that open or close exactly.
+    #[inline(always)]
+    fn cross<S: Wide>(&mut self, simd: S) {
+        for run in &self.runs {
+            for body in run.start - 1..run.end {
+                self.errors[body] = estimate(simd, &self.rates[body]);
+            }
+        }
+        for &guest in &self.guests {
+            self.guest_errors[guest] = estimate(simd, &self.guest_rates[guest]);
+        }
+        let threshold = self.constants.threshold.load(simd);
+        self.crossings.clear();
+        for run in &self.runs {
+            for contact in run.clone() {
+                let from = (change(simd, &self.now.u, contact) - threshold).is_positive();
+                let to = (change(simd, &self.next.u, contact) - threshold).is_positive();
+                let turned = (from - to).abs();
+                if turned.any_positive() {
+                    for (lane, turned) in turned.store().0.into_iter().enumerate() {
+                        if turned > 0.0 {
+                            self.crossings.push((contact, lane));
+                        }
+                    }
+                }
+            }
+        }
+        let crossings = std::mem::take(&mut self.crossings);
+        let mut changes = std::mem::take(&mut self.changes);
+        changes.clear();
+        // All before any is given, or a contact would see what its neighbour got, or not, by their places here.
+        for some in crossings.chunks(LANES) {
+            changes.push(self.gather(some).changes(simd));
+        }
+        for (some, changes) in crossings.chunks(LANES).zip(&changes) {
+            for (index, &(contact, lane)) in some.iter().enumerate() {
+                self.give(changes, index, contact, lane);
+            }
+        }
+        self.changes = changes;
+        self.crossings = crossings;
+    }
+
+    #[inline(always)]
+    fn gather(&self, crossings: &[(usize, usize)]) -> Contacts {
+        let mut contacts = Contacts::NONE;
+        let threshold = &self.constants.threshold.0;
+        for (index, &(contact, lane)) in crossings.iter().enumerate() {
+            let between = |near: &Eight, far: &Eight| near.0[lane] - far.0[lane];
+            let (near, far) = (contact - 1, contact);
+            let ends = [
+                (&self.now, 0, &mut contacts.start),
+                (&self.next, END, &mut contacts.end),
+            ];
+            for (motion, stage, of) in ends {
+                of[0].0[index] = between(&motion.u[near], &motion.u[far]) - threshold[lane];
+                of[1].0[index] = between(&motion.v[near], &motion.v[far]);
+                of[2].0[index] = between(&self.rates[near][stage], &self.rates[far][stage]);
+            }
+            contacts.stiffness.0[index] = self.constants.stiffness[contact].0[lane];
+            contacts.viscosity.0[index] = self.constants.viscosity[contact].0[lane];
+            contacts.length.0[index] = self.length.0[lane];
+        }
+        contacts
+    }
+
+    /// Pushes the bodies of a contact apart.
+    #[inline(always)]
+    fn give(&mut self, changes: &Changes, index: usize, contact: usize, lane: usize) {
+        let shift = changes.displacement.0[index];
+        let (kick, error) = (changes.velocity.0[index], changes.error.0[index]);
+        for (body, sign) in [(contact - 1, -1.0), (contact, 1.0)] {
+            let part = sign * self.constants.inverse[body].0[lane];
+            self.next.u[body].0[lane] += shift * part;
+            self.next.v[body].0[lane] += kick * part;
+            self.errors[body].0[lane] -= error * part;
+            if let Some(guest) = self.shape.guest(body) {
+                self.next.x[guest].0[lane] -= shift * part;
+                self.next.w[guest].0[lane] -= kick * part;
+                self.guest_errors[guest].0[lane] += error * part;
+            }
+        }
+    }
+
+    /// One in the lanes whose error is allowed; sets their clocks, and the lengths of the next steps.
+    #[inline(always)]
+    fn judge<S: Wide>(&mut self, simd: S) -> Eight {
+        let (zero, one) = (all(simd, 0.0), all(simd, 1.0));
+        let (mut greatest, mut trace) = (zero, zero);
+        for run in &self.runs {
+            // The wall has no error.
+            for body in run.start - 1..run.end.min(self.shape.bodies) {
+                let error = self.errors[body].load(simd);
+                greatest = greatest.max(error.abs() * self.constants.strictness[body].load(simd));
+                trace = zero.times_plus(error + self.next.v[body].load(simd), trace);
+            }
+        }
+        for &guest in &self.guests {
+            let error = self.guest_errors[guest].load(simd);
+            greatest = greatest.max(error.abs() * self.constants.guest_strictness.load(simd));
+            trace = zero.times_plus(error + self.next.w[guest].load(simd), trace);
+        }
+        let length = self.length.load(simd);
+        // A maximum may pass over what is not a number; this sum of zeros does not.
+        let error = greatest * length + trace;
+        let allowed = error.at_most(one);
+
+        // A step that reaches the end ends on it exactly.
+        let (now, end) = (self.time.load(simd), self.constants.end.load(simd));
+        let last = (end - now).at_most(length);
+        let time = last.select(end, now + length);
+        self.time = allowed.select(time, now).store();
+
+        // error^(-1/6), nearly, by roots, which are the same on every computer: 1/8 + 1/32 + 1/128.
+        let eighth = error.max(all(simd, 1e-12)).sqrt().sqrt().sqrt();
+        let next = eighth.sqrt().sqrt();
+        let power = eighth * next * next.sqrt().sqrt();
+        let most = self
+            .rejected
+            .load(simd)
+            .above(zero)
+            .select(one, all(simd, GROWTH));
+        // What is not a number becomes the least change.
+        let (change, least) = (all(simd, SAFETY) / power, all(simd, SHRINKAGE));
+        let change = change.above(least).select(change, least);
+        let change = change.min(allowed.select(most, one));
+        self.step = (length * change).min(self.constants.longest.load(simd)).store();
+        self.rejected = allowed.select(zero, one).store();
+        allowed.number().store()
+    }
+
+    /// Takes the step in these lanes.
+    #[inline(always)]
+    fn take<S: Wide>(&mut self, simd: S, allowed: &Eight) {
+        let allowed = allowed.load(simd).above(all(simd, 0.0));
+        for body in 0..self.shape.bodies {
+            for (now, next) in [
+                (&mut self.now.u[body], &self.next.u[body]),
+                (&mut self.now.v[body], &self.next.v[body]),
+            ] {
+                *now = allowed.select(next.load(simd), now.load(simd)).store();
+            }
+        }
+        for &guest in &self.guests {
+            for (now, next) in [
+                (&mut self.now.x[guest], &self.next.x[guest]),
+                (&mut self.now.w[guest], &self.next.w[guest]),
+            ] {
+                *now = allowed.select(next.load(simd), now.load(simd)).store();
+            }
+            let before = self.dissipated[guest].load(simd);
+            let after = before + self.lost[guest].load(simd);
+            self.dissipated[guest] = allowed.select(after, before).store();
+        }
+    }
+
+    /// Looks for the greatest forces in the step, in these lanes.
+    fn look(&mut self, before: &Eight, allowed: &Eight) {
+        let threshold = &self.constants.threshold.0;
+        for peaks in &mut self.peaks {
+            let (near, far) = (peaks.contact - 1, peaks.contact);
+            if !self.active[far] {
+                continue;
+            }
+            for (lane, model) in self.models.iter().enumerate() {
+                let length = self.length.0[lane];
+                if allowed.0[lane] == 0.0 || length == 0.0 {
+                    continue;
+                }
+                let between = |near: &Eight, far: &Eight| near.0[lane] - far.0[lane];
+                let overlap = |motion: &Motion, stage: usize| {
+                    [
+                        between(&motion.u[near], &motion.u[far]) - threshold[lane],
+                        between(&motion.v[near], &motion.v[far]),
+                        between(&self.rates[near][stage], &self.rates[far][stage]),
+                    ]
+                };
+                let ends = (overlap(&self.now, 0), overlap(&self.next, END));
+                let contact = model.contact(far);
+                peaks.look(lane, &contact, (before.0[lane], length), ends);
+            }
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! The greatest force of chosen contacts, looked for while a group runs.
+
+use super::eight::LANES;
+use crate::model::Contact;
+
+/// The greatest force so far, N, and when, s, of one contact in each lane.
+#[derive(Debug, Clone)]
+pub(super) struct Peaks {
+    pub(super) contact: usize,
+    pub(super) greatest: [(f64, f64); LANES],
+}
+
+/// Overlap of a contact, its rate and its second rate.
+pub(super) type Overlap = [f64; 3];
+
+impl Peaks {
+    pub(super) fn of(contact: usize) -> Self {
+        Self {
+            contact,
+            greatest: [(0.0, 0.0); LANES],
+        }
+    }
+
+    /// Looks into a step of one lane, from `time` on, whose overlap is that of a polynomial of fifth order.
+    pub(super) fn look(
+        &mut self,
+        lane: usize,
+        contact: &Contact,
+        (time, length): (f64, f64),
+        (start, end): (Overlap, Overlap),
+    ) {
+        let known = self.greatest[lane].0;
+        let force = |[overlap, rate, _]: Overlap| {
+            contact.elastic_force(overlap) + contact.viscous_force(overlap, rate)
+        };
+        let (first, last) = (force(start), force(end));
+        if first.max(last) > known {
+            let (force, part) = if last > first { (last, 1.0) } else { (first, 0.0) };
+            self.greatest[lane] = (force, time + part * length);
+        }
+        // A top that is worth the search lies between ends that are not far below it.
+        if !(start[0] > 0.0 && end[0] > 0.0 && 2.0 * first.max(last) > known) {
+            return;
+        }
+        if !(force_rate(contact, start) > 0.0 && force_rate(contact, end) < 0.0) {
+            return;
+        }
+        let overlap = polynomial(length, start, end);
+        let inside = |x: f64| {
+            let (mut value, mut slope) = (0.0, 0.0);
+            for coefficient in overlap.into_iter().rev() {
+                slope = slope * x + value;
+                value = value * x + coefficient;
+            }
+            force([value, slope / length, 0.0])
+        };
+        let (part, force) = top(inside);
+        if force > self.greatest[lane].0 {
+            self.greatest[lane] = (force, time + part * length);
+        }
+    }
+}
+
+fn force_rate(contact: &Contact, [overlap, rate, bend]: Overlap) -> f64 {
+    let root = overlap.sqrt();
+    root * rate + contact.relaxation * (0.5 * rate * rate / root + root * bend)
+}
+
+/// Coefficients of the polynomial of the part of a step with these values at its ends.
+fn polynomial(length: f64, start: Overlap, end: Overlap) -> [f64; 6] {
+    let (h, square) = (length, length * length);
+    let (p0, p1, p2) = (start[0], start[1] * h, 0.5 * start[2] * square);
+    let (place, rate) = (end[0] - p0 - p1 - p2, end[1] * h - p1 - 2.0 * p2);
+    let bend = end[2] * square - 2.0 * p2;
+    [
+        p0,
+        p1,
+        p2,
+        10.0 * place - 4.0 * rate + 0.5 * bend,
+        -15.0 * place + 7.0 * rate - bend,
+        6.0 * place - 3.0 * rate + 0.5 * bend,
+    ]
+}
+
+/// The place of the greatest value between 0 and 1, and the value, of a function with one top: by thirds of the
+/// golden section.
+fn top(value: impl Fn(f64) -> f64) -> (f64, f64) {
+    const GOLDEN: f64 = 0.618_033_988_749_894_8;
+    let (mut low, mut high) = (0.0, 1.0);
+    let (mut left, mut right) = (1.0 - GOLDEN, GOLDEN);
+    let (mut of_left, mut of_right) = (value(left), value(right));
+    // Nearer than this the value does not change.
+    while high - low > 1e-7 {
+        if of_left > of_right {
+            (high, right, of_right) = (right, left, of_left);
+            left = high - GOLDEN * (high - low);
+            of_left = value(left);
+        } else {
+            (low, left, of_left) = (left, right, of_right);
+            right = low + GOLDEN * (high - low);
+            of_right = value(right);
+        }
+    }
+    let middle = 0.5 * (low + high);
+    (middle, value(middle))
+}

@@ -1,0 +1,272 @@
+//! `bead export`: strikes and samples for other programs.
+
+use std::collections::HashSet;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::{Args, ValueEnum};
+use indicatif::ProgressBar;
+
+use crate::cli::failure::{Blame, Failure};
+use crate::cli::output;
+use crate::cli::place::{self, Force, Kind};
+use crate::export::strikes::Strikes;
+use crate::export::table::{Csv, Parquet, Table};
+use crate::export::{Column, samples, uff};
+use crate::recording::file::RecordingError;
+use crate::recording::received::Received;
+use crate::recording::strikes::RecordedStrike;
+
+const AFTER_HELP: &str = "\
+Parquet and CSV are two tables: `strikes` has a row for each strike of each bead, with what the bead said of it and the
+settings that it measured with; `samples` has a row for each sample of each window. `id` joins them. All is in SI
+units, which end the names of the columns. Columns named _raw hold the bits that the bead computed, columns named
+_code the codes of its converter. docs/export.md says what each column is.
+
+UFF is one file of datasets 58: force and acceleration of each strike over time.
+
+Examples:
+  bead export run/bead-8.mcap --out tables
+  bead export monday/*.mcap --out monday/tables --format csv
+  bead export run/bead-8.mcap --out tables --format uff";
+
+/// In what form tables are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+enum Form {
+    /// `strikes.parquet` and `samples.parquet`.
+    #[default]
+    Parquet,
+    /// `strikes.csv` and `samples.csv`.
+    Csv,
+    /// `strikes.uff`: Universal File Format, datasets 58.
+    Uff,
+}
+
+/// Arguments of `bead export`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// Recordings made by `bead record` or `bead emulate`.
+    #[arg(value_name = "F.mcap", required = true)]
+    recordings: Vec<PathBuf>,
+    /// The directory for the files; it is made if it is not there.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// In what form.
+    #[arg(long, value_enum, default_value_t)]
+    format: Form,
+    #[command(flatten)]
+    force: Force,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let recordings = open(&arguments.recordings)?;
+    let out = arguments.out.as_path();
+    let inputs: Vec<&Path> = arguments.recordings.iter().map(PathBuf::as_path).collect();
+    let mut told = Told::new(recordings.len());
+    let write = |files: [(&str, Kind); 2]| -> Result<_, Failure> {
+        let targets = place::targets(out, files, &inputs, arguments.force)?;
+        place::make_directory(out)?;
+        Ok(targets)
+    };
+    match arguments.format {
+        Form::Parquet | Form::Csv => {
+            let (names, kind) = match arguments.format {
+                Form::Csv => (["strikes.csv", "samples.csv"], Kind::Table),
+                _ => (["strikes.parquet", "samples.parquet"], Kind::Parquet),
+            };
+            let [strikes, samples] = write(names.map(|name| (name, kind)))?;
+            let form = arguments.format;
+            strikes.write(|strikes| {
+                Ok(samples.write(|samples| tables(form, &recordings, strikes, samples, &mut told))?)
+            })?;
+        }
+        Form::Uff => {
+            let [target] = place::targets(out, [("strikes.uff", Kind::Universal)], &inputs, arguments.force)?;
+            place::make_directory(out)?;
+            target.write(|file| universal(&recordings, file, &mut told))?;
+        }
+    }
+    told.end(out);
+    output::print_line(&opened_by(arguments.format, out))
+}
+
+/// Opens all recordings before anything is written. Standard error says what is missing of them.
+fn open(paths: &[PathBuf]) -> Result<Vec<Received>, Failure> {
+    let mut seen = HashSet::new();
+    let mut recordings = Vec::new();
+    for path in paths {
+        let place = fs::canonicalize(path).or_input(|| format!("cannot read {}", path.display()))?;
+        if !seen.insert(place) {
+            let what = format!("{} is given twice; its strikes would count twice", path.display());
+            return Err(Failure::input(what));
+        }
+        recordings.push(Received::open(path)?);
+    }
+    Ok(recordings)
+}
+
+/// What was written, and how far the work is.
+struct Told {
+    recordings: usize,
+    strikes: u64,
+    samples: u64,
+    /// Strikes whose settings did not come: their samples have codes alone.
+    without_settings: u64,
+    progress: ProgressBar,
+}
+
+impl Told {
+    fn new(recordings: usize) -> Self {
+        Self {
+            recordings,
+            strikes: 0,
+            samples: 0,
+            without_settings: 0,
+            progress: output::spinner("reading"),
+        }
+    }
+
+    /// Hands on every strike of every recording, with its number and the name of its recording.
+    fn each(
+        &mut self,
+        recordings: &[Received],
+        mut see: impl FnMut(u64, &Arc<str>, &RecordedStrike) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        for (number, received) in (1..).zip(recordings) {
+            let name: Arc<str> = received.path.display().to_string().into();
+            let (mut strikes, before) = (received.strikes()?, self.strikes);
+            for strike in strikes.by_ref() {
+                see(self.strikes, &name, &strike)?;
+                self.strikes += 1;
+                self.samples += strike.scans.len() as u64;
+                self.without_settings += u64::from(strike.settings.is_none());
+                self.progress.set_message(format!(
+                    "recording {number} of {}: {} strikes",
+                    self.recordings, self.strikes
+                ));
+            }
+            if self.strikes == before {
+                match received.no_strike(strikes.frames()) {
+                    future @ RecordingError::FromTheFuture { .. } => return Err(future.into()),
+                    _ => self
+                        .progress
+                        .suspend(|| eprintln!("bead: {name}: no strike in it")),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn end(&self, out: &Path) {
+        self.progress.finish_and_clear();
+        let Self {
+            recordings,
+            strikes,
+            samples,
+            without_settings,
+            ..
+        } = self;
+        eprintln!(
+            "bead: {strikes} strikes with {samples} samples, of {recordings} {}, are in {}",
+            output::either(*recordings == 1, "recording", "recordings"),
+            out.display()
+        );
+        if *without_settings > 0 {
+            eprintln!(
+                "bead: {without_settings} of them came without settings, so their samples are codes and not in SI units"
+            );
+        }
+    }
+}
+
+/// Writes the two tables.
+fn tables(
+    form: Form,
+    recordings: &[Received],
+    strikes: &mut File,
+    samples: &mut File,
+    told: &mut Told,
+) -> anyhow::Result<()> {
+    fn table<'a>(
+        form: Form,
+        file: &'a mut File,
+        name: &str,
+        columns: &[Column],
+    ) -> anyhow::Result<Box<dyn Table + 'a>> {
+        Ok(match form {
+            Form::Csv => Box::new(Csv::new(file, columns)?),
+            _ => Box::new(Parquet::new(file, name, columns)?),
+        })
+    }
+    let mut rows = Strikes::default();
+    let mut strike_table = table(form, strikes, "strikes", rows.columns())?;
+    let mut sample_table = table(form, samples, "samples", &samples::columns())?;
+    told.each(recordings, |id, recording, strike| {
+        strike_table.push(rows.row(id, recording, strike))?;
+        samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))
+    })?;
+    strike_table.finish()?;
+    sample_table.finish()
+}
+
+/// Writes a UFF file.
+fn universal(recordings: &[Received], file: &mut File, told: &mut Told) -> anyhow::Result<()> {
+    let mut out = BufWriter::new(file);
+    uff::begin(&mut out)?;
+    told.each(recordings, |_, recording, strike| {
+        Ok(uff::strike(&mut out, recording, strike).map(drop)?)
+    })?;
+    Ok(out.flush()?)
+}
+
+/// Lines that open the files.
+fn opened_by(form: Form, out: &Path) -> String {
+    let path = |name: &str| format!("{:?}", out.join(name).display().to_string());
+    let lines = match form {
+        Form::Parquet => {
+            let samples = path("samples.parquet");
+            vec![
+                ("pandas", format!("pandas.read_parquet({samples})")),
+                ("polars", format!("polars.read_parquet({samples})")),
+                (
+                    "xarray",
+                    format!(
+                        "pandas.read_parquet({samples}).set_index([\"id\", \"sample\"])[[\"force_n\", \
+                         \"acceleration_mps2\"]].to_xarray()"
+                    ),
+                ),
+                ("MATLAB", format!("parquetread({samples})")),
+            ]
+        }
+        Form::Csv => {
+            let samples = path("samples.csv");
+            vec![
+                ("pandas", format!("pandas.read_csv({samples})")),
+                ("polars", format!("polars.read_csv({samples})")),
+                (
+                    "xarray",
+                    format!(
+                        "pandas.read_csv({samples}).set_index([\"id\", \"sample\"])\
+                         [[\"force_n\", \"acceleration_mps2\"]].to_xarray()"
+                    ),
+                ),
+                ("MATLAB", format!("readtable({samples})")),
+            ]
+        }
+        Form::Uff => {
+            let strikes = path("strikes.uff");
+            vec![
+                ("pyuff", format!("pyuff.UFF({strikes}).read_sets()")),
+                ("MATLAB", format!("readuff({strikes})")),
+            ]
+        }
+    };
+    let lines: Vec<_> = lines
+        .iter()
+        .map(|(name, line)| format!("{name:<8}{line}"))
+        .collect();
+    lines.join("\n")
+}

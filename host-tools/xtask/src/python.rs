@@ -1,0 +1,41 @@
+//! A Python with the readers of others, for the test that opens what `bead export` writes.
+
+use crate::step::{Line, Steps, Stop};
+
+/// What it needs.
+const REQUIREMENTS: &str = "host-tools/tests/requirements.txt";
+
+/// Sets up `target/python`, unless it is there.
+///
+/// # Errors
+/// There is no Python, or no network.
+pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
+    let (folder, python) = (steps.built("python"), steps.built("python/bin/python3"));
+    let ready = steps.built("python/ready");
+    if steps.root.join(&ready).exists() {
+        steps.announce(&format!("{} is in place", folder.display()));
+        return Ok(());
+    }
+    steps.run(
+        "a Python of its own",
+        &Line::new("python3 -m venv --clear").arg(&folder),
+    )?;
+    let install = Line::program(&python)
+        .words("-m pip install --quiet --requirement")
+        .arg(REQUIREMENTS);
+    steps.run("pandas, polars, xarray, pyuff and mcap, some 150 MB", &install)?;
+    std::fs::write(steps.root.join(&ready), "")
+        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", ready.display())))
+}
+
+/// As [`setup`]; without network the test that needs it is skipped, and this says so.
+pub(crate) fn setup_if_it_can_be(steps: &Steps) {
+    if let Err(stop) = setup(steps) {
+        eprintln!("{}", stop.message);
+        steps.announce(
+            "SKIPPED: no Python with pandas, polars, pyuff and mcap reads what `bead export` writes",
+        );
+        // A half of it would be taken for the whole.
+        let _ = std::fs::remove_dir_all(steps.target.join("python"));
+    }
+}
