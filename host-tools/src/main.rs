@@ -7,6 +7,7 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     stm32f405_qemu::carry_overlay!();
+    bead::bench::image::carry(include_bytes!(env!("BEAD_IMAGE")));
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -222,7 +222,14 @@ fn simulate_has_the_keys_of_the_contract() {
     let summary = json(&["simulate", SCENARIO, "--format", "json"]);
     assert_eq!(
         keys(&summary),
-        ["energy", "final", "intruders", "peak_force", "solver"]
+        [
+            "energy",
+            "final",
+            "intruders",
+            "peak_force",
+            "schema_version",
+            "solver"
+        ]
     );
     assert_eq!(
         keys(&summary["peak_force"][0]),
@@ -312,6 +319,7 @@ fn optimise_writes_a_scenario_that_simulate_finds_as_good_as_it_said() {
             "hosts",
             "mass",
             "optimum",
+            "schema_version",
             "stiffness",
             "total_mass",
         ]
@@ -579,7 +587,10 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
     writer.finish().unwrap();
     let timed = timed.to_str().unwrap();
     let report = json(&["clock", timed, "--format", "json"]);
-    assert_eq!(keys(&report), ["alignments", "clocks", "reference", "strikes"]);
+    assert_eq!(
+        keys(&report),
+        ["alignments", "clocks", "reference", "schema_version", "strikes"]
+    );
     let clock = &report["clocks"][0];
     assert_eq!(clock["uid"], "07".repeat(12));
     assert_eq!(clock["drift_ppm"], Value::Null, "a strike is too short to tell");
@@ -656,7 +667,17 @@ fn a_recording_cut_short_is_read_as_far_as_it_goes() {
     let directory = tempfile::tempdir().unwrap();
     let path = recording(&directory, |_| ());
     let whole = fs::read(&path).unwrap();
-    fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    // Within the waveform.
+    let run = Recording::open(&path)
+        .unwrap()
+        .pieces()
+        .unwrap()
+        .nth(12)
+        .unwrap()
+        .bytes;
+    let run = run.strip_suffix(b"\0").unwrap();
+    let cut = whole.windows(run.len()).position(|bytes| bytes == run).unwrap() + run.len() / 2;
+    fs::write(&path, &whole[..cut]).unwrap();
     let output = bead(&["replay", path.to_str().unwrap()]);
     let error = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{error}");

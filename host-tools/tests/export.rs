@@ -154,7 +154,7 @@ fn tables_hold_the_recording_bit_for_bit() {
             lines.contains("MATLAB") && lines.contains(&format!(".{form}\"")),
             "{lines}"
         );
-        assert!(stderr(&output).contains("4 strikes with 2688 samples, of 2 recordings"));
+        assert!(stderr(&output).contains("4 strikes with 2688 samples, of 2 recordings, now in tables"));
     }
     let tables = folder.join("tables");
     let wanted = expected(&all);

@@ -16,14 +16,13 @@ use stm32f405_qemu::{Outcome, PinInput, Run, Since};
 use crate::bench::error::BenchError;
 use crate::bench::faults::Planned;
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
+use crate::bench::image;
 use crate::bench::sensed::{Sensed, Timing, Truth, bead_of};
 use crate::recording::file::{RecordingError, Writer};
 use crate::recording::frames::{self, Frame};
 
 /// Where the image looks for settings that a probe has put there (`memory.x`).
 pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
-/// The image as `cargo xtask build` leaves it in the target directory.
-const IMAGE: &str = "thumbv7em-none-eabihf/firmware/bead-firmware";
 /// Quiet after the last strike, s: long enough for the next status, sent every second. The noise goes on, as
 /// a sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
@@ -34,34 +33,6 @@ const SYNC_PIN: &str = "PA15";
 const SYNC_PULSE: f64 = 1e-3;
 /// The crystal, Hz.
 const CRYSTAL_HZ: f64 = 8e6;
-
-/// Finds the image: the given one, or the built one in a target directory that holds this program or lies
-/// above the working directory.
-///
-/// # Errors
-/// The image is not there; the message says how to build it.
-pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
-    // This program lies in the target directory itself, unless it was installed.
-    let program = env::current_exe().unwrap_or_default();
-    let here = env::current_dir().unwrap_or_default();
-    let built_with = program.ancestors().map(|folder| folder.join(IMAGE));
-    let above = here.ancestors().map(|folder| folder.join("target").join(IMAGE));
-    let found = match given {
-        Some(path) => path.is_file().then(|| path.to_owned()),
-        None => built_with.chain(above).find(|path| path.is_file()),
-    };
-    found.ok_or_else(|| {
-        BenchError::Unfit(match given {
-            Some(path) => format!(
-                "--firmware {}: there is no such file; build the image with `cargo xtask build`",
-                path.display()
-            ),
-            None => format!(
-                "the image {IMAGE} was not found in a target directory here or above; build it with `cargo xtask build`, or name one with --firmware"
-            ),
-        })
-    })
-}
 
 /// The truth of a run, as attached to its recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -417,7 +388,7 @@ impl Emulation {
         let in_windows = windows.iter().sum();
         let estimated = windows.iter().map(|samples| samples - u64::from(BASELINE)).sum();
         Ok(EmulatorReport {
-            image: self.image.display().to_string(),
+            image: image::shown(&self.image),
             qemu: qemu_version(),
             instructions_per_sample: InstructionsPerSample {
                 observer: per_sample("observer", estimated),

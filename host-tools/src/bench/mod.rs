@@ -5,4 +5,5 @@ pub mod emulation;
 pub mod error;
 pub mod faults;
 pub mod front_end;
+pub mod image;
 pub mod sensed;

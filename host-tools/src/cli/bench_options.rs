@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::bench::emulation::find_image;
+use crate::bench::image::find_image;
 use crate::cli::failure::Failure;
 
 /// Scenario, bead and image.
@@ -15,7 +15,7 @@ pub(crate) struct BenchOptions {
     /// The bead that senses: one with an intruder.
     #[arg(long, value_name = "N")]
     pub(crate) bead: usize,
-    /// The flash image [default: as `cargo xtask build` leaves it].
+    /// The flash image [default: as `cargo xtask build` leaves it, else the one inside this program].
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
 }

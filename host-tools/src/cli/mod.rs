@@ -10,11 +10,11 @@ pub mod output;
 pub mod place;
 mod printer;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, export, figures, optimise, record, replay, settings,
-    simulate, spheres,
+    accuracy, clock, command, compare, decode, emulate, export, figures, manual, optimise, record, recover,
+    replay, settings, simulate, spheres,
 };
 use failure::{Blame, Failure};
 
@@ -48,6 +48,8 @@ enum Command {
     Emulate(emulate::Arguments),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
+    /// Make a recording that is cut or damaged whole, as far as it goes.
+    Recover(recover::Arguments),
     /// Send a bead a request: status, identity, self-test, arm, raw samples, reboot.
     #[command(name = "command")]
     Request(command::Arguments),
@@ -71,6 +73,10 @@ enum Command {
     Spheres(spheres::Arguments),
     /// Draw the paper's figures, with their data and their checks.
     Figures(figures::Arguments),
+    /// Print what a shell needs to complete commands and options: bash, zsh, fish.
+    Completions(manual::Completions),
+    /// Write the manual pages of all commands.
+    Man(manual::Manual),
 }
 
 impl Cli {
@@ -84,6 +90,7 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
+            Command::Recover(arguments) => recover::run(&arguments),
             Command::Request(arguments) => command::run(&arguments),
             Command::Settings(arguments) => settings::run(&arguments),
             Command::Decode(arguments) => decode::run(&arguments),
@@ -95,6 +102,8 @@ impl Cli {
             Command::Accuracy(arguments) => accuracy::run(&arguments),
             Command::Spheres(arguments) => spheres::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),
+            Command::Completions(arguments) => manual::completions(&arguments, Self::command()),
+            Command::Man(arguments) => manual::manual(&arguments, Self::command()),
         }
     }
 }

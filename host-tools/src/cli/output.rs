@@ -6,8 +6,10 @@ use std::time::Duration;
 use comfy_table::{CellAlignment, Table, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::cli::failure::{Blame, Failure};
+use crate::recording::json::SCHEMA_VERSION;
 
 /// The shape of a result on standard output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -30,13 +32,18 @@ pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> Str
     }
 }
 
-/// Prints `value` as one JSON document.
+/// Prints `value` as one JSON document, with the version of its schema (docs/schemas).
 ///
 /// # Errors
 /// Standard output is closed or full; a reader that has gone away (`bead … | head`) is not an error.
 pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(value).or_input(|| "cannot write the result as JSON")?;
-    print_line(&text)
+    let failed = || "cannot write the result as JSON";
+    let mut document = serde_json::to_value(value).or_input(failed)?;
+    // A list has no place for it.
+    if let Value::Object(entries) = &mut document {
+        entries.shift_insert(0, "schema_version".to_owned(), SCHEMA_VERSION.into());
+    }
+    print_line(&serde_json::to_string_pretty(&document).or_input(failed)?)
 }
 
 /// Prints one line, or several, to standard output.

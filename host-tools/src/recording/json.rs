@@ -15,6 +15,9 @@ use serde_json::{Map, Value, json};
 use crate::recording::frames::Frame;
 use crate::recording::physical::Physical;
 
+/// The version of all JSON that this program prints: higher if a key went away or means something else.
+pub const SCHEMA_VERSION: u32 = 1;
+
 impl Frame {
     /// One JSON object: the header, then the message.
     ///
@@ -31,6 +34,7 @@ impl Frame {
         let mut object = Map::new();
         let mut show = |key: &str, value: Value| object.insert(key.to_owned(), value);
         show("kind", self.message.kind().name().into());
+        show("schema_version", SCHEMA_VERSION.into());
         show("version", self.version.into());
         show("address", self.header.address.into());
         show("boot_low_byte", self.header.boot.into());

@@ -6,6 +6,7 @@ pub mod frames;
 pub mod json;
 pub mod physical;
 pub mod protobuf;
+pub mod raw;
 pub mod received;
 pub mod signal;
 pub mod strikes;

@@ -7,6 +7,7 @@ use bead_wire::{Counters, Identity, Message, Status};
 
 use crate::recording::file::{Part, Pieces, Recording, RecordingError};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
+use crate::recording::raw;
 use crate::recording::strikes::Strikes;
 
 /// A recording and where it is.
@@ -24,7 +25,13 @@ impl Received {
     /// # Errors
     /// The file cannot be read or is no recording.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let recording = Recording::open(path)?;
+        let recording = Recording::open(path).map_err(|error| match error {
+            RecordingError::NotMcap(_) if raw::frames_in(path) > 0 => RecordingError::Raw(path.to_owned()),
+            RecordingError::NotMcap(_) if Recording::salvage(path).is_ok() => {
+                RecordingError::NoBeginning(path.to_owned())
+            }
+            error => error,
+        })?;
         if let Some(warning) = recording.warning() {
             eprintln!("bead: {}: {warning}", path.display());
         }

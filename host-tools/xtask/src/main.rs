@@ -5,6 +5,7 @@
 
 mod book;
 mod checks;
+mod dist;
 mod files;
 mod image;
 mod links;
@@ -92,6 +93,17 @@ const TASKS: &[Task] = &[
         "Words that follow go to the benchmark: `--format json`, `--quick`. What it compares with is compiled for it \
          alone. docs/benchmarks.md says how to read it.",
         |steps| bench(steps, &[]),
+    ),
+    (
+        "dist",
+        "Make the archive of a release in target/dist, and try it from an empty folder without Rust",
+        "In it are `bead` as `cargo install --path host-tools` makes it, with the emulator's overlay and the flash image \
+         inside, completions, manual pages, the book, and the image for a debug probe.",
+        |steps| {
+            setup(steps, Need::Run)?;
+            build(steps, DEMO)?;
+            dist::make(steps, &image(steps))
+        },
     ),
     (
         "python",

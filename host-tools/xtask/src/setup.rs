@@ -155,7 +155,7 @@ fn advice() -> String {
 }
 
 /// Where `program` is, as a shell would look for it.
-fn find(program: &str) -> Option<PathBuf> {
+pub(crate) fn find(program: &str) -> Option<PathBuf> {
     std::env::split_paths(&std::env::var_os("PATH")?)
         .map(|dir| dir.join(program))
         .find(|path| path.is_file())

@@ -170,7 +170,8 @@ impl Told {
             ..
         } = self;
         eprintln!(
-            "bead: {strikes} strikes with {samples} samples, of {recordings} {}, are in {}",
+            "bead: {strikes} {} with {samples} samples, of {recordings} {}, now in {}",
+            output::either(*strikes == 1, "strike", "strikes"),
             output::either(*recordings == 1, "recording", "recordings"),
             out.display()
         );

@@ -1,24 +1,16 @@
 //! Chunks that another program has compressed: this one writes none, and reads them all the same.
 
-use std::borrow::Cow;
 use std::io::{Cursor, Read};
 
-use mcap::records::ChunkHeader;
+use crate::recording::file::records::ChunkHead;
 
 /// The records in a chunk, at most `most` bytes.
 ///
 /// # Errors
 /// What is wrong with it, for people.
-pub(super) fn records<'a>(
-    header: &ChunkHeader,
-    data: &'a [u8],
-    most: usize,
-) -> Result<Cow<'a, [u8]>, String> {
+pub(super) fn records(header: &ChunkHead, data: &[u8], most: usize) -> Result<Vec<u8>, String> {
     let by = header.compression.as_str();
-    if by.is_empty() {
-        return Ok(data.into());
-    }
-    let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
+    let size = usize::try_from(header.uncompressed).unwrap_or(usize::MAX);
     if size > most {
         return Err(format!(
             "a chunk of {size} bytes, compressed with {by}, is larger than any chunk"
@@ -26,7 +18,7 @@ pub(super) fn records<'a>(
     }
     let mut records = Vec::new();
     // A byte more than it should have is enough to see that it has too many.
-    let limit = header.uncompressed_size + 1;
+    let limit = header.uncompressed.saturating_add(1);
     let read = match by {
         "zstd" => ruzstd::decoding::StreamingDecoder::new(Cursor::new(data))
             .map_err(|error| error.to_string())
@@ -47,7 +39,7 @@ pub(super) fn records<'a>(
         }
     };
     match read {
-        Ok(length) if length == size => Ok(records.into()),
+        Ok(length) if length == size => Ok(records),
         Ok(_) => Err(format!(
             "a chunk, compressed with {by}, has another length than it says"
         )),

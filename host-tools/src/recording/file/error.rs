@@ -32,9 +32,20 @@ pub enum RecordingError {
     /// Nothing is in the file.
     #[error("{0} is empty: the recording was stopped before anything was written; record again")]
     Empty(PathBuf),
+    /// There is no file, but something else of that name.
+    #[error("{0} is a directory, a device or a pipe; give the file of a recording")]
+    NoFile(PathBuf),
     /// The file is something else.
     #[error("{0} is not an MCAP file; give a recording made by `bead record` or `bead emulate`")]
     NotMcap(PathBuf),
+    /// The file has frames, but is no recording.
+    #[error("{0} has raw bytes as a bead sent them; make a recording of it: bead recover {0}")]
+    Raw(PathBuf),
+    /// The beginning is not a recording's, and there are records of one in it.
+    #[error(
+        "{0} does not begin as a recording does, and its beginning may be damaged; try: bead recover {0}"
+    )]
+    NoBeginning(PathBuf),
     /// An MCAP file, but not of a bead: what it is instead.
     #[error(
         "{0} is an MCAP file with {1}, and has no channel `frames` of a bead; give one made by `bead record` or \
@@ -80,6 +91,11 @@ impl RecordingError {
             path: path.to_owned(),
             source,
         }
+    }
+
+    /// The system refused to read `path`.
+    pub(in crate::recording) fn unread(path: &Path) -> impl Fn(io::Error) -> Self {
+        Self::refused("read", path)
     }
 
     /// The library failed to write `path`.

@@ -6,6 +6,8 @@ pub(super) const TOPIC: &str = "frames";
 pub(super) const ENCODING: &str = "bead-wire";
 pub(super) const RECEIVED: &str = "received";
 pub(super) const RECEIVED_ENCODING: &str = "bead-received";
+/// The number of the first channel that the library gives.
+pub(super) const FIRST_CHANNEL: u16 = 1;
 pub(super) const METADATA: &str = "recording";
 /// Bytes after which a chunk is closed: few, so that little is lost in a crash, and many more than a frame
 /// has.

@@ -2,7 +2,9 @@
 //!
 //! # Design
 //! The channel `frames` has one message for each run of bytes between two delimiters, as received: sound
-//! frames and corrupt ones alike, so that a recording can be decoded again by a better decoder. Beside it
+//! frames and corrupt ones alike, so that a recording can be decoded again by a better decoder. Runs that are no
+//! frames and come together stand in one message, with the delimiters between them. The messages are numbered
+//! from 0, so that a damaged file tells how many are missing. Beside it
 //! stand a metadata record `recording` (see [`About`]) and attachments (see [`Part`]).
 //!
 //! For programs that know nothing of beads the channels `strikes`, `shapes`, `waveforms`, `status`, `health` and
@@ -21,23 +23,27 @@
 //!
 //! **Crashes.** A recording is written as `NAME.partial` and takes its name when it is finished: a file with
 //! that name is whole. The writer gives complete chunks to the system, at least once a second while bytes
-//! come. A recording cut short at any byte gives back every message before the cut, and says that it was cut.
+//! come. A recording cut short at any byte gives back every message before the cut, and says that it was cut. A
+//! damaged one gives back what is before and behind the damage ([`Damage`]).
 //! The chunks are not compressed, as frames are dense and a cut chunk must stay readable.
 
 mod about;
 mod channels;
 mod chunk;
 mod error;
+mod found;
 mod layout;
 mod read;
 mod records;
+mod source;
 #[cfg(test)]
 mod tests;
 mod times;
+mod walk;
 mod writer;
 
 pub use about::{About, Part};
 pub use error::RecordingError;
 pub use read::{Pieces, Recording};
-pub use records::State;
+pub use walk::{Damage, State};
 pub use writer::{Finished, Writer};

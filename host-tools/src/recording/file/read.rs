@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::recording::file::about::{About, Part};
 use crate::recording::file::error::RecordingError;
-use crate::recording::file::records::{Found, State, Walk};
+use crate::recording::file::found::Found;
+use crate::recording::file::walk::{State, Walk};
 use crate::recording::frames::{Frames, Piece};
 
 /// A recording on disk. It is read piece by piece and never kept whole.
@@ -16,8 +17,10 @@ pub struct Recording {
     pub about: About,
     /// Its attachments.
     pub parts: BTreeMap<Part, Vec<u8>>,
-    /// Runs of bytes between two delimiters.
+    /// Runs of bytes between two delimiters; what is no frame may stand together in one.
     pub runs: u64,
+    /// Runs that are missing: their numbers are.
+    pub runs_missing: u64,
     /// Whether this is all.
     pub state: State,
 }
@@ -28,10 +31,13 @@ impl Recording {
     /// # Errors
     /// The file cannot be read, or is no recording. One cut short or damaged is no error: see [`State`].
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let mut pieces = Pieces::open(path)?;
+        Self::read(path, Pieces::open(path)?)
+    }
+
+    fn read(path: &Path, mut pieces: Pieces) -> Result<Self, RecordingError> {
         let runs = pieces.by_ref().count() as u64;
         let Pieces { found, walk, .. } = pieces;
-        if found.channel.is_none() && walk.state == State::Whole {
+        if found.channel.is_none() && (walk.state == State::Whole || walk.salvages && runs == 0) {
             return Err(RecordingError::NotOurs(path.to_owned(), found.stranger()));
         }
         Ok(Self {
@@ -39,8 +45,17 @@ impl Recording {
             about: found.about,
             parts: found.parts,
             runs,
+            runs_missing: found.missing,
             state: walk.state,
         })
+    }
+
+    /// The same of a file whose beginning may be damaged too.
+    ///
+    /// # Errors
+    /// The file cannot be read, or nothing in it is of a recording.
+    pub fn salvage(path: &Path) -> Result<Self, RecordingError> {
+        Self::read(path, Pieces::salvage(path)?)
     }
 
     /// Its runs of bytes, in the order received.
@@ -48,7 +63,7 @@ impl Recording {
     /// # Errors
     /// The file cannot be read.
     pub fn pieces(&self) -> Result<Pieces, RecordingError> {
-        Pieces::open(&self.path)
+        Pieces::salvage(&self.path)
     }
 
     /// Its frames, in the order received, each with the time of its receipt.
@@ -71,8 +86,12 @@ impl Recording {
                 "recording is cut short: {runs} frames before the cut are read, those after it are gone"
             )),
             State::Damaged(what) => Some(format!(
-                "recording is damaged ({what}): {runs} frames are read, others may be missing; each frame \
-                 is still checked by its own CRC"
+                "recording is damaged ({what}): {runs} frames are read, {}; each frame is still checked by its own \
+                 CRC",
+                match self.runs_missing {
+                    0 => "others may be missing".to_owned(),
+                    missing => format!("{missing} before the last of them are missing"),
+                }
             )),
         }
     }
@@ -88,7 +107,15 @@ pub struct Pieces {
 impl Pieces {
     pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
         Ok(Self {
-            walk: Walk::open(path)?,
+            walk: Walk::open(path, false)?,
+            found: Found::default(),
+        })
+    }
+
+    /// The same of a file whose beginning may be damaged too.
+    fn salvage(path: &Path) -> Result<Self, RecordingError> {
+        Ok(Self {
+            walk: Walk::open(path, true)?,
             found: Found::default(),
         })
     }
@@ -103,7 +130,7 @@ impl Iterator for Pieces {
                 return Some(piece);
             }
             if !self.walk.step(&mut self.found) {
-                self.found.release(|_| true, None);
+                self.found.end();
                 return self.found.ready.pop_front();
             }
         }

@@ -82,6 +82,14 @@ fn kept(path: &Path) -> Vec<Vec<u8>> {
         .collect()
 }
 
+/// Changes a file in place: one that is cut to nothing first is written to the disk at once, which takes long.
+fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    use std::os::unix::fs::FileExt;
+    let file = fs::OpenOptions::new().write(true).open(path)?;
+    file.write_all_at(bytes, 0)?;
+    file.set_len(bytes.len() as u64)
+}
+
 fn about() -> About {
     About {
         source: "pty".into(),
@@ -93,11 +101,16 @@ fn about() -> About {
 
 /// A finished recording of `stream`, its folder, and its bytes.
 fn recorded(stream: &[u8]) -> (TempDir, PathBuf, Vec<u8>) {
+    recorded_in(stream, 33)
+}
+
+/// The same of a stream that came in pieces of this length.
+fn recorded_in(stream: &[u8], length: usize) -> (TempDir, PathBuf, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strike.mcap");
     let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
     writer.attach(Part::Scenario, b"title = \"x\"").unwrap();
-    for piece in stream.chunks(33) {
+    for piece in stream.chunks(length) {
         writer.write(piece, None, |_| {}).unwrap();
     }
     writer.attach(Part::EmulatorReport, b"{}").unwrap();
@@ -212,7 +225,7 @@ fn a_recording_cut_anywhere_gives_back_all_before_the_cut_and_says_so() {
         .collect();
     assert!(file.len() > 2 * CHUNK as usize, "several chunks are cut");
     for cut in (1..file.len()).step_by(37).chain([file.len() - 1]) {
-        fs::write(&path, &file[..cut]).unwrap();
+        put(&path, &file[..cut]).unwrap();
         let recording = Recording::open(&path).unwrap();
         let whole = ends.iter().filter(|&&end| end <= cut).count();
         assert_eq!(kept(&path), runs[..whole], "cut at {cut}");
@@ -240,12 +253,140 @@ fn a_damaged_byte_anywhere_is_noticed_and_survived() {
     for at in mcap::MAGIC.len()..file.len() {
         let mut damaged = file.clone();
         damaged[at] ^= 0x55;
-        fs::write(&path, &damaged).unwrap();
+        put(&path, &damaged).unwrap();
         match Recording::open(&path) {
             Ok(recording) => assert_ne!(recording.state, State::Whole, "byte {at}"),
             Err(error) => panic!("byte {at}: {error}"),
         }
     }
+}
+
+/// What a damaged file gives back: its runs are those that were sent, in order, and some may be missing.
+fn salvaged(path: &Path, sent: &[Vec<u8>]) -> (Recording, usize) {
+    let recording = Recording::salvage(path).unwrap();
+    let mut rest = sent.iter();
+    let mut sound = 0;
+    for piece in recording.pieces().unwrap() {
+        let run = piece.bytes.split_last().unwrap().1;
+        // A run that is damaged itself is given back as well.
+        let mut behind = rest.clone();
+        if behind.any(|sent| sent == run) {
+            rest = behind;
+            sound += 1;
+        }
+    }
+    (recording, sound)
+}
+
+#[test]
+fn behind_a_damaged_sector_the_recording_goes_on() {
+    const SECTOR: usize = 512;
+    let stream = stream(300);
+    let (_folder, path, file) = recorded(&stream);
+    let sent = runs(&stream);
+    let shortest = sent
+        .iter()
+        .map(Vec::len)
+        .filter(|length| *length > 40)
+        .min()
+        .unwrap();
+    for byte in [0xFF, 0x00, 0x05, 0x06] {
+        for at in (0..file.len() - SECTOR).step_by(SECTOR) {
+            let mut damaged = file.clone();
+            damaged[at..at + SECTOR].fill(byte);
+            put(&path, &damaged).unwrap();
+            let (recording, sound) = salvaged(&path, &sent);
+            let lost = sent.len() - sound;
+            assert_ne!(recording.state, State::Whole, "{byte:#x} at {at}");
+            // Those in the sector, one on each of its sides, and one whose length the sector ended in.
+            assert!(lost <= SECTOR / shortest + 3, "{byte:#x} at {at}: {lost} lost");
+        }
+    }
+}
+
+#[test]
+fn a_flipped_byte_costs_at_most_a_frame_or_two() {
+    let stream = stream(60);
+    let (_folder, path, file) = recorded(&stream);
+    let sent = runs(&stream);
+    // Every byte of the head, of the first messages and of the end; some of the rest.
+    let edge = 1500;
+    let some = (edge..file.len() - edge).step_by(29);
+    for at in (0..edge).chain(some).chain(file.len() - edge..file.len()) {
+        let mut damaged = file.clone();
+        damaged[at] ^= 0xFF;
+        put(&path, &damaged).unwrap();
+        let (recording, sound) = salvaged(&path, &sent);
+        assert_ne!(recording.state, State::Whole, "byte {at}");
+        assert!(
+            sound + 2 >= sent.len(),
+            "byte {at}: {sound} of {}: {:?} {:?}",
+            sent.len(),
+            recording.state,
+            &file[at.saturating_sub(40)..at + 40]
+        );
+    }
+}
+
+#[test]
+fn a_damaged_recording_says_where_and_how_much_is_missing() {
+    let stream = stream(300);
+    let (_folder, path, file) = recorded(&stream);
+    let mut damaged = file.clone();
+    damaged[8192..8192 + 2000].fill(0);
+    put(&path, &damaged).unwrap();
+    let (recording, sound) = salvaged(&path, &runs(&stream));
+    let State::Damaged(damage) = &recording.state else {
+        panic!("{:?}", recording.state)
+    };
+    assert_eq!(damage.places, 1);
+    assert!((8000..8300).contains(&damage.first.unwrap()), "{damage}");
+    assert!((1900..2300).contains(&damage.bytes), "{damage}");
+    // A run that is damaged itself is there.
+    let missing = recording.runs_missing as usize;
+    let lost = runs(&stream).len() - sound;
+    assert!(missing <= lost && lost <= missing + 1, "{missing} {lost}");
+    let said = recording.warning().unwrap();
+    assert!(
+        said.contains(&format!("{} before the last", recording.runs_missing)),
+        "{said}"
+    );
+}
+
+#[test]
+fn five_gigabytes_of_nothing_are_passed_over() {
+    let stream = stream(30);
+    let (_folder, path, file) = recorded(&stream);
+    // A file system that lost its blocks gives zeros, and a sparse file takes no room.
+    let hole: u64 = 5 << 30;
+    let middle = file.len() / 2;
+    let sparse = fs::File::create(&path).unwrap();
+    use std::os::unix::fs::FileExt;
+    sparse.write_all_at(&file[..middle], 0).unwrap();
+    sparse
+        .write_all_at(&file[middle..], middle as u64 + hole)
+        .unwrap();
+    let (recording, sound) = salvaged(&path, &runs(&stream));
+    let State::Damaged(damage) = &recording.state else {
+        panic!("{:?}", recording.state)
+    };
+    assert!(damage.bytes.abs_diff(hole) < 1000, "{damage}");
+    assert!(sound + 2 >= runs(&stream).len(), "{sound}");
+}
+
+#[test]
+fn noise_takes_little_more_room_than_it_has_bytes() {
+    // Runs of one byte, which took 48 bytes each.
+    let noise = b"x\0".repeat(500_000);
+    let (_folder, path, file) = recorded_in(&noise, 64 * 1024);
+    assert!(file.len() < noise.len() + noise.len() / 100, "{}", file.len());
+    let kept: Vec<u8> = Recording::open(&path)
+        .unwrap()
+        .pieces()
+        .unwrap()
+        .flat_map(|piece| piece.bytes)
+        .collect();
+    assert_eq!(kept, noise);
 }
 
 #[test]

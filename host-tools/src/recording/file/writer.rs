@@ -31,6 +31,8 @@ pub struct Writer {
     received: u16,
     channels: Channels,
     run: Vec<u8>,
+    /// Runs that are no frames, each with a delimiter.
+    noise: Vec<u8>,
     reader: Reader,
     clock: Clock,
     pub(super) written: u32,
@@ -74,6 +76,7 @@ impl Writer {
             received,
             channels,
             run: Vec::new(),
+            noise: Vec::new(),
             reader: Reader::default(),
             clock: Clock {
                 sample_rate_hz: about.sample_rate_hz,
@@ -125,8 +128,10 @@ impl Writer {
                 channels,
                 ..
             } = self;
+            let mut is_frame = false;
             reader.feed(std::slice::from_ref(byte), received_ns, |item| {
                 if let Item::Frame(frame) = &item {
+                    is_frame = true;
                     if let Message::Identity(identity) = &frame.message {
                         clock.sample_rate_hz = identity.sample_rate_hz;
                     }
@@ -138,13 +143,22 @@ impl Writer {
             if *byte != 0 {
                 self.run.push(*byte);
             }
-            if *byte == 0 || self.run.len() == LONGEST_RUN {
-                self.end_run()?;
+            match *byte {
+                0 if self.run.is_empty() => {}
+                // What is no frame stands together: each message costs some 50 bytes.
+                0 if !is_frame && self.noise.len() + self.run.len() < LONGEST_RUN => {
+                    self.noise.append(&mut self.run);
+                    self.noise.push(0);
+                }
+                0 => self.end_run()?,
+                _ if self.run.len() == LONGEST_RUN => self.end_run()?,
+                _ => {}
             }
             for Said { channel, data } in said.drain(..) {
                 self.message(channel, self.written.wrapping_sub(1), &data)?;
             }
         }
+        self.end_noise()?;
         if let Some(received_ns) = received_ns.filter(|_| self.written != before) {
             self.write_time(received_ns)?;
         }
@@ -161,11 +175,24 @@ impl Writer {
         self.message(self.received, last, &data)
     }
 
+    fn end_noise(&mut self) -> Result<(), RecordingError> {
+        // The reader puts a delimiter behind each message.
+        self.noise.pop();
+        let noise = std::mem::take(&mut self.noise);
+        self.put(noise)
+    }
+
     fn end_run(&mut self) -> Result<(), RecordingError> {
-        if self.run.is_empty() {
+        self.end_noise()?;
+        let run = std::mem::take(&mut self.run);
+        self.put(run)
+    }
+
+    /// Writes a run, or several with delimiters between them.
+    fn put(&mut self, run: Vec<u8>) -> Result<(), RecordingError> {
+        if run.is_empty() {
             return Ok(());
         }
-        let run = std::mem::take(&mut self.run);
         let number = self.written;
         self.written = number.wrapping_add(1);
         self.message(self.channel, number, &run)

@@ -1,0 +1,87 @@
+//! `bead completions` and `bead man`: what a shell and `man` know of the commands.
+
+use std::path::PathBuf;
+
+use clap::{Args, Command};
+use clap_complete::Shell;
+
+use crate::cli::failure::{Blame, Failure};
+use crate::cli::output;
+use crate::cli::place::{self, Force, Kind};
+
+const COMPLETIONS_HELP: &str = "\
+Examples:
+  bead completions bash > ~/.local/share/bash-completion/completions/bead
+  bead completions zsh > ~/.zfunc/_bead          (with fpath+=~/.zfunc before compinit in ~/.zshrc)
+  bead completions fish > ~/.config/fish/completions/bead.fish";
+
+/// Arguments of `bead completions`.
+#[derive(Debug, Args)]
+#[command(after_help = COMPLETIONS_HELP)]
+pub(crate) struct Completions {
+    /// For which shell.
+    #[arg(value_enum)]
+    shell: Shell,
+}
+
+/// Prints the completions of `command`.
+pub(crate) fn completions(arguments: &Completions, mut command: Command) -> Result<(), Failure> {
+    let mut script = Vec::new();
+    clap_complete::generate(arguments.shell, &mut command, "bead", &mut script);
+    output::print_line(String::from_utf8_lossy(&script).trim_end())
+}
+
+const MAN_HELP: &str = "\
+Examples:
+  bead man ~/.local/share/man/man1
+  man bead-emulate";
+
+/// Arguments of `bead man`.
+#[derive(Debug, Args)]
+#[command(after_help = MAN_HELP)]
+pub(crate) struct Manual {
+    /// The directory for the pages; it is made if it is not there.
+    #[arg(value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    force: Force,
+}
+
+/// Writes a manual page for `command` and for each of its commands.
+pub(crate) fn manual(arguments: &Manual, mut command: Command) -> Result<(), Failure> {
+    command.build();
+    let mut pages = Vec::new();
+    collect(&command, "", &mut pages);
+    let out = arguments.out.as_path();
+    let mut targets = Vec::new();
+    for (name, page) in pages {
+        let file = format!("{name}.1");
+        let [target] = place::targets(out, [(file.as_str(), Kind::Text)], &[], arguments.force)?;
+        targets.push((target, page));
+    }
+    place::make_directory(out)?;
+    for (target, page) in &targets {
+        let mut text = Vec::new();
+        page.render(&mut text)
+            .or_input(|| format!("cannot write {}", target.path().display()))?;
+        target.write_bytes(text)?;
+    }
+    eprintln!("bead: {} pages are in {}", targets.len(), out.display());
+    Ok(())
+}
+
+/// The pages of a command and of those below it: `bead`, `bead-settings`, `bead-settings-make`.
+fn collect(command: &Command, above: &str, pages: &mut Vec<(String, clap_mangen::Man)>) {
+    let name = format!("{above}{}", command.get_name());
+    let below = format!("{name}-");
+    for inner in command
+        .get_subcommands()
+        .filter(|inner| inner.get_name() != "help")
+    {
+        collect(inner, &below, pages);
+    }
+    pages.push((
+        name,
+        clap_mangen::Man::new(command.clone().disable_help_subcommand(true)),
+    ));
+}

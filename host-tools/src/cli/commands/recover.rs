@@ -1,0 +1,195 @@
+//! `bead recover`: a recording that is cut or damaged, made whole as far as it goes.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::json;
+
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
+use crate::recording::file::{About, Damage, Finished, Recording, RecordingError, State, Writer};
+use crate::recording::frames::Item;
+use crate::recording::raw;
+use crate::recording::whole::{Target, Unfinished};
+
+const AFTER_HELP: &str = "\
+What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all that is
+attached. Behind a damaged place the next record is looked for. What is missing is said; each frame is still checked by
+its own CRC. The file itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
+
+Exit status 0 also if something is missing, 2 if there is nothing to recover.
+
+Examples:
+  bead recover bead-20260718-101500.mcap.partial
+  bead recover damaged.mcap --out sound.mcap
+  bead recover uart.bin --out strikes.mcap";
+
+/// Arguments of `bead recover`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// The recording, or raw bytes as received.
+    file: PathBuf,
+    /// The new recording [default: F.mcap for F.mcap.partial, else F-recovered.mcap].
+    #[arg(long, value_name = "F.mcap")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+    /// How to print the result.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let file = &arguments.file;
+    let out = arguments.out.clone().unwrap_or_else(|| new_name(file));
+    let target = place::target(&out, Kind::Recording, &[file], arguments.force)?;
+    let progress = output::spinner(format!("reading {}", file.display()));
+    let recovered = match Recording::salvage(file) {
+        Ok(recording) => recover(&recording, &target)?,
+        Err(RecordingError::NotOurs(..)) if raw::frames_in(file) > 0 => from_raw(file, &target)?,
+        Err(error) => return Err(error.into()),
+    };
+    progress.finish_and_clear();
+    let Recovered {
+        finished: Finished { path, counters },
+        missing,
+        state,
+    } = recovered;
+    let state = match state {
+        State::Whole => "nothing is wrong with it".to_owned(),
+        State::CutShort { runs_whole: true } => "it is cut in its index, behind the last frame".to_owned(),
+        State::CutShort { runs_whole: false } => {
+            "it is cut short: what was received last is missing".to_owned()
+        }
+        State::Damaged(damage) => damage.to_string(),
+    };
+    let result = json!({
+        "schema_version": 1,
+        "recording": path,
+        "found": state,
+        "frames": counters.frames,
+        "bytes": counters.bytes,
+        "runs_missing": missing,
+        "frames_lost": counters.lost,
+        "frames_corrupt": counters.rejected.total(),
+        "restarts": counters.restarts,
+    });
+    output::print(arguments.format, &result, || {
+        let rows = [
+            ("recording", path.display().to_string()),
+            ("found", state.clone()),
+            ("frames", counters.frames.to_string()),
+            ("runs of bytes missing in the file", missing.to_string()),
+            ("frames missing by their numbers", counters.lost.to_string()),
+            ("corrupt frames kept", counters.rejected.total().to_string()),
+        ];
+        let rows = rows.map(|(name, value)| [name.to_owned(), value]);
+        output::table("|", rows).trim_start().to_owned()
+    })
+}
+
+/// What was recovered, and what is missing.
+struct Recovered {
+    finished: Finished,
+    missing: u64,
+    state: State,
+}
+
+/// `F.mcap` of `F.mcap.partial` and `F.mcap.2.partial`, else `F-recovered.mcap`.
+fn new_name(file: &Path) -> PathBuf {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let whole = name.strip_suffix(".partial").map(|name| {
+        let stem = name
+            .rsplit_once('.')
+            .filter(|(_, end)| end.parse::<u32>().is_ok());
+        stem.map_or(name, |(stem, _)| stem)
+    });
+    match whole.filter(|name| name.ends_with(".mcap")) {
+        Some(name) if !file.with_file_name(name).exists() => file.with_file_name(name),
+        Some(name) => file.with_file_name(format!("{}-recovered.mcap", name.trim_end_matches(".mcap"))),
+        None => {
+            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+            file.with_file_name(format!("{stem}-recovered.mcap"))
+        }
+    }
+}
+
+fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure> {
+    let mut about = recording.about.clone();
+    let how = match &recording.state {
+        State::Whole => "whole".to_owned(),
+        State::CutShort { .. } => "cut short".to_owned(),
+        State::Damaged(damage) => damage.to_string(),
+    };
+    about.notes.insert("recovered_from".into(), how);
+    let finished = write(target, &about, |writer| {
+        for (part, data) in &recording.parts {
+            writer.attach(*part, data)?;
+        }
+        for piece in recording.pieces()? {
+            writer.write(&piece.bytes, piece.received_ns, |_: Item| {})?;
+        }
+        Ok(())
+    })?;
+    Ok(Recovered {
+        finished,
+        missing: recording.runs_missing,
+        state: recording.state.clone(),
+    })
+}
+
+/// A recording of bytes as a bead sent them.
+fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
+    let about = About {
+        source: "raw bytes".to_owned(),
+        ..About::default()
+    };
+    let finished = write(target, &about, |writer| {
+        raw::read(file, |bytes| writer.write(bytes, None, |_: Item| {}))
+    })?;
+    let other = Some("it has raw bytes, without times of receipt".to_owned());
+    Ok(Recovered {
+        finished,
+        missing: 0,
+        state: State::Damaged(Damage {
+            other,
+            ..Damage::default()
+        }),
+    })
+}
+
+/// Writes a recording; one that fails is removed, as its source is there.
+fn write(
+    target: &Target,
+    about: &About,
+    fill: impl FnOnce(&mut Writer) -> Result<(), RecordingError>,
+) -> Result<Finished, Failure> {
+    let mut writer = Writer::create(target, about)?;
+    let partial = writer.partial_path().to_owned();
+    let _listed = Unfinished::list(&partial);
+    let finished = fill(&mut writer).and_then(|()| writer.finish());
+    finished.map_err(|error| {
+        // It may never have come into being.
+        let _ = std::fs::remove_file(&partial);
+        error.into()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unfinished_recording_gets_its_own_name_and_any_other_a_new_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = |file: &str| new_name(&folder.path().join(file));
+        assert_eq!(name("a.mcap.partial"), folder.path().join("a.mcap"));
+        assert_eq!(name("a.mcap.2.partial"), folder.path().join("a.mcap"));
+        assert_eq!(name("a.mcap"), folder.path().join("a-recovered.mcap"));
+        assert_eq!(name("uart.bin"), folder.path().join("uart-recovered.mcap"));
+        std::fs::write(folder.path().join("a.mcap"), "").unwrap();
+        assert_eq!(name("a.mcap.partial"), folder.path().join("a-recovered.mcap"));
+    }
+}

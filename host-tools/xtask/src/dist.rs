@@ -1,0 +1,142 @@
+//! The archive that a release carries: `bead` with all that it needs inside, completions, manual pages,
+//! scenarios, and the image for a debug probe.
+
+use std::fs;
+use std::path::Path;
+
+use crate::files::{below, write};
+use crate::setup::find;
+use crate::step::{Line, Steps, Stop};
+
+/// What is beside the program and the pages.
+const BESIDE: [&str; 3] = ["LICENSE-MIT", "LICENSE-APACHE", "CHANGELOG.md"];
+
+const README: &str = "\
+# bead
+
+The host tools of the sensing absorber bead. [docs/first-strike.md](docs/first-strike.md) goes from here to your own
+strike in pandas in ten minutes. QEMU (`qemu-system-arm`) is all that has to be there.
+
+| | |
+|---|---|
+| `bead` | the program; put it into a folder of your PATH |
+| `docs/` | the book, and scenarios to start from |
+| `completions/` | for bash, zsh (`_bead`) and fish |
+| `man/` | manual pages: `man -M man bead` |
+| `firmware/` | the image, for a debug probe: docs/how-to.md |
+";
+
+/// Greatest size of the program, bytes.
+const MOST: u64 = 40 << 20;
+
+/// Installs `bead` as its users do, packs it, and tries the archive where there is no Rust. The image is built.
+///
+/// # Errors
+/// It cannot be built or packed, is too large, or does not work from an empty folder.
+pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
+    let host = steps.read("this computer", &Line::new("rustc --print host-tuple"))?;
+    let name = format!("bead-{}-{}", env!("CARGO_PKG_VERSION"), host.trim());
+    let root = steps.target.join("dist");
+    let (installed, packed) = (root.join("install"), root.join(&name));
+    let _ = fs::remove_dir_all(&root);
+    let install =
+        Line::new("cargo install --path host-tools --bin bead --locked --force --root").arg(&installed);
+    steps.run("bead, as its users install it", &install)?;
+
+    let program = packed.join("bead");
+    let copy = |from: &Path, to: &str| {
+        let to = packed.join(to);
+        let made = to.parent().map_or(Ok(()), fs::create_dir_all);
+        let copied = made.and_then(|()| fs::copy(from, &to));
+        copied.map_err(|error| {
+            Stop::failed(format!(
+                "cannot copy {} to {}: {error}",
+                from.display(),
+                to.display()
+            ))
+        })
+    };
+    let size = copy(&installed.join("bin/bead"), "bead")?;
+    if size > MOST {
+        return Err(Stop::failed(format!(
+            "bead has {size} bytes, and {MOST} at most are meant"
+        )));
+    }
+    copy(&steps.root.join(image), "firmware/bead-firmware.elf")?;
+    let docs = steps.root.join("docs");
+    let pages =
+        below(&docs, &|_| true).map_err(|error| Stop::failed(format!("cannot read docs/: {error}")))?;
+    let beside = BESIDE.iter().map(|name| steps.root.join(name));
+    for from in beside.chain(pages) {
+        let to = from.strip_prefix(&steps.root).unwrap_or(&from);
+        copy(&from, &to.display().to_string())?;
+    }
+    let put = |to: &str, text: &str| {
+        let to = packed.join(to);
+        let failed = |error| Stop::failed(format!("cannot write {}: {error}", to.display()));
+        write(&to, text.as_bytes()).map_err(failed)
+    };
+    put("README.md", README)?;
+    for (shell, file) in [("bash", "bead"), ("zsh", "_bead"), ("fish", "bead.fish")] {
+        let script = Line::program(&program).words("completions").arg(shell);
+        let script = steps.read(&format!("completions for {shell}"), &script)?;
+        put(&format!("completions/{file}"), &script)?;
+    }
+    steps.run(
+        "manual pages",
+        &Line::program(&program).words("man").arg(packed.join("man/man1")),
+    )?;
+    let archive = root.join(format!("{name}.tar.gz"));
+    let pack = Line::new("tar --sort=name --owner=0 --group=0 --numeric-owner -czf")
+        .arg(&archive)
+        .arg("-C");
+    steps.run("the archive", &pack.arg(&root).arg(&name))?;
+
+    try_out(steps, &archive, &name)?;
+    let bytes = |path: &Path| fs::metadata(path).map_or(0.0, |found| found.len() as f64 / 1e6);
+    steps.announce(&format!(
+        "done. {} has {:.1} MB; bead has {:.1} MB",
+        archive.display(),
+        bytes(&archive),
+        bytes(&program)
+    ));
+    Ok(())
+}
+
+/// Unpacks the archive into an empty folder and follows its page, with nothing in PATH but QEMU.
+fn try_out(steps: &Steps, archive: &Path, name: &str) -> Result<(), Stop> {
+    let folder = std::env::temp_dir().join(format!("bead-dist-{}", std::process::id()));
+    let tried = unpack(steps, archive, &folder).and_then(|()| {
+        // Written as a user types it, in the folder of the archive.
+        let home = folder.join(name);
+        for words in [
+            "emulate docs/scenarios/paper-strike.toml --bead 8 --out run",
+            "replay run/bead-8.mcap",
+            "compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html",
+            "export run/bead-8.mcap --out tables",
+        ] {
+            let line = Line::new("env -i -C")
+                .arg(&home)
+                .arg(format!("PATH={}", folder.join("path").display()))
+                .arg("./bead")
+                .words(words);
+            steps.run_quietly("from an empty folder, without Rust", &line)?;
+        }
+        match home.join("tables/samples.parquet").is_file() {
+            true => Ok(()),
+            false => Err(Stop::failed("bead wrote no table")),
+        }
+    });
+    let _ = fs::remove_dir_all(&folder);
+    tried
+}
+
+/// The archive, and a folder `path` with QEMU alone.
+fn unpack(steps: &Steps, archive: &Path, folder: &Path) -> Result<(), Stop> {
+    let failed = |error| Stop::failed(format!("cannot make {}: {error}", folder.display()));
+    fs::create_dir_all(folder.join("path")).map_err(failed)?;
+    let qemu = find("qemu-system-arm").ok_or_else(|| Stop::missing("no qemu-system-arm in PATH"))?;
+    std::os::unix::fs::symlink(qemu, folder.join("path/qemu-system-arm")).map_err(failed)?;
+    let unpack = Line::new("tar -xzf").arg(archive).arg("-C").arg(folder);
+    steps.run("unpacked", &unpack)
+}
