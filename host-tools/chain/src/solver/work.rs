@@ -6,7 +6,7 @@ use super::aligned::Aligned;
 use super::crossing::Crossing;
 use super::lanes::{BLOCK, Lanes, first};
 use super::method::{self, NODES, ROWS};
-use super::overlap::{Ends, Overlap};
+use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
 
 /// Where the stages of a step lie.
