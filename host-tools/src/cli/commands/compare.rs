@@ -1,7 +1,10 @@
 //! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
 
+use std::env;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
+use chrono::{DateTime, Utc};
 use clap::Args;
 use serde_json::json;
 
@@ -10,7 +13,7 @@ use crate::bench::sensed::{load_scenario, only_host};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
-use crate::comparison::page::Page;
+use crate::comparison::page::{Fact, Page};
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
 use crate::comparison::verdict::{Soundness, failure};
@@ -60,7 +63,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         place::targets(directory, names, &inputs, arguments.force)
     });
     let figures = figures.transpose()?;
-    let (scenario, _) = load_scenario(&arguments.scenario)?;
+    let (scenario, text) = load_scenario(&arguments.scenario)?;
     let received = Received::open(&arguments.recording)?;
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
@@ -109,6 +112,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         status: heard.status.as_ref(),
         settings: settings.as_ref(),
         emulator: emulator.as_ref(),
+        made: &made(),
+        scenario: &text,
     };
     if let Some(report) = &report {
         report.write_bytes(page.html()?)?;
@@ -128,6 +133,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     });
     output::print(arguments.format, &result, || table(&strikes, &soundness))?;
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
+}
+
+/// How a page was made.
+fn made() -> [Fact; 3] {
+    let command: Vec<_> = env::args().collect();
+    let now = DateTime::<Utc>::from(SystemTime::now());
+    [
+        ("command", command.join(" ")),
+        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
+    ]
 }
 
 fn write_figures(
