@@ -38,7 +38,7 @@ pub use flow::{Flow, Passed};
 pub use injection::Injection;
 pub use model::{Contact, Energies, HostedIntruder, Model};
 pub use observe::{ContactPeak, EnergySummary, FinalState, IntruderSummary, SolverSummary, Summary};
-pub use optimise::{Aim, OptimiseError, Optimum, Remaining, Search, optimise, remaining};
+pub use optimise::{Aim, OptimiseError, Optimum, Remaining, Search, SoFar, Watch, optimise, remaining};
 pub use oscillator::Oscillator;
 pub use oscillator_fit::{OscillatorFit, fit_response, fit_ring_down};
 pub use pulse::{Pulse, PulseSearch};
