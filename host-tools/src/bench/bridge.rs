@@ -89,11 +89,17 @@ impl Bridge {
     }
 }
 
-/// Serves the programs that connect to the address, one after another, until `stop`.
+/// Serves the programs that connect to the address, one after another, until `stop`. Calls `ready` when they
+/// can.
 ///
 /// # Errors
 /// The address cannot be listened at, or QEMU fails.
-pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Result<(), BenchError> {
+pub fn serve(
+    bridge: &mut Bridge,
+    address: &Address,
+    ready: impl FnOnce(),
+    stop: &AtomicBool,
+) -> Result<(), BenchError> {
     let cannot = |error| {
         let what = format!("cannot listen at {address}; is something else there?");
         BenchError::unfit(&what, error)
@@ -105,6 +111,7 @@ pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Resul
         Address::Tcp(server) => {
             let listener = TcpListener::bind(server.as_str()).map_err(cannot)?;
             listener.set_nonblocking(true).map_err(cannot)?;
+            ready();
             accept(bridge, stop, || {
                 let (stream, _) = listener.accept()?;
                 stream.set_nonblocking(false)?;
@@ -116,6 +123,7 @@ pub fn serve(bridge: &mut Bridge, address: &Address, stop: &AtomicBool) -> Resul
             let listener = UnixListener::bind(path).map_err(cannot)?;
             let _removed = Removed(path.clone());
             listener.set_nonblocking(true).map_err(cannot)?;
+            ready();
             accept(bridge, stop, || {
                 let (stream, _) = listener.accept()?;
                 stream.set_nonblocking(false)?;

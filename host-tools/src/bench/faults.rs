@@ -83,6 +83,9 @@ const RIDDEN_OUT: f64 = 0.5;
 /// The bead always resets itself when its port sends nothing for this long, s.
 const GIVEN_UP: f64 = 1.5;
 
+/// The watchdog resets a bead that hangs for this long, s.
+const WATCHDOG: f64 = 2.0;
+
 impl Kind {
     /// Its name in the file.
     pub fn name(self) -> &'static str {
@@ -145,6 +148,23 @@ impl Planned {
         use FaultCause::{DmaError, HardFault, Panic, StackOverflow, Watchdog};
         let fatal = |cause| matches!(cause, DmaError | Panic | HardFault | Watchdog | StackOverflow);
         self.cause().is_some_and(fatal) || self.kind == Kind::PowerCut
+    }
+
+    /// After how long the bead has told of it at the latest, s: found it, and started again where it ends in a
+    /// reset.
+    pub fn told_after(&self) -> f64 {
+        const FRAME: f64 = 0.05;
+        const START: f64 = 0.5;
+        match self.kind {
+            Kind::AdcOverrun => FRAME,
+            Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
+                FOUND + FRAME
+            }
+            Kind::Supply => FOUND + FRAME,
+            Kind::Hang => WATCHDOG + START,
+            Kind::UartStall => self.duration.unwrap_or(0.0) + START,
+            _ => START,
+        }
     }
 
     fn found(&self) -> bool {

@@ -11,7 +11,7 @@ use indicatif::ProgressBar;
 
 use crate::bench::bridge::{self, Bridge};
 use crate::bench::emulation::{Emulation, Ran};
-use crate::bench::faults;
+use crate::bench::faults::{self, Planned};
 use crate::bench::front_end::SAMPLE_RATE_HZ;
 use crate::bench::sensed::{
     Timing, Truth, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
@@ -134,8 +134,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(address) = &arguments.listen {
         progress.finish_and_clear();
         let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
-        eprintln!("bead: a bead is at {address} until Ctrl-C; its time passes while somebody is connected");
-        return Ok(bridge::serve(&mut Bridge::new(&emulation), address, &stop)?);
+        let ready = || {
+            eprintln!(
+                "bead: a bead is at {address} until Ctrl-C; its time passes while somebody is connected"
+            );
+        };
+        return Ok(bridge::serve(
+            &mut Bridge::new(&emulation),
+            address,
+            ready,
+            &stop,
+        )?);
     }
     progress.set_message("running the image in QEMU");
     let ran = emulation.run()?;
@@ -179,6 +188,16 @@ fn prepare(arguments: &Arguments, scenario: &Scenario, progress: &ProgressBar) -
             "--faults: {} at {} s comes after the end of the run at {seconds} s; make it earlier, or strike more often",
             late.kind.name(),
             late.at,
+        )));
+    }
+    let untold = |fault: &&Planned| fault.cause().is_some() && fault.at + fault.told_after() > seconds;
+    if let Some(early) = faults.iter().find(untold) {
+        return Err(Failure::input(format!(
+            "--faults: the run ends at {seconds} s, before the bead can tell of {} at {} s, which takes up to {} s; \
+             give more --strikes or a longer --interval",
+            early.kind.name(),
+            early.at,
+            early.told_after(),
         )));
     }
     emulation.faults = faults;
