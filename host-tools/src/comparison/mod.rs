@@ -6,6 +6,7 @@ pub mod pictures;
 pub mod replay;
 pub mod run;
 mod signal;
+pub mod spread;
 pub mod strike;
 #[cfg(test)]
 mod testing;
