@@ -1,20 +1,20 @@
 //! The two chains of the comparison.
 
-use hertz_chain::{Accuracy, Intruder, Options, Oscillator, Scenario, simulate_with};
+use hertz_chain::{Accuracy, Intruder, Oscillator, Scenario};
 
-/// A chain, and its motion as an independent, converged run has it.
+use crate::ours;
+
+/// A chain, and its motion as a converged run of the simulator has it. How far a converged run of another
+/// solver is from that is measured with each case, for the simulator is compared here too.
 pub(crate) struct Case {
     pub(crate) name: &'static str,
     pub(crate) what: &'static str,
     pub(crate) scenario: Scenario,
     /// Velocities of all bodies at the end, m/s.
     pub(crate) end: Vec<f64>,
-    /// The same at each of [`SAMPLES`] times.
-    pub(crate) samples: Vec<Vec<f64>>,
+    /// The same at each of [`ours::SAMPLES`] times, one after another.
+    pub(crate) samples: Vec<f64>,
 }
-
-/// Samples of a run.
-pub(crate) const SAMPLES: usize = 1000;
 
 fn plain(beads: usize, relaxation: f64, host: usize, stiffness: f64) -> Scenario {
     let mut scenario = Scenario::paper();
@@ -50,25 +50,11 @@ impl Case {
             tolerance: 1e-14,
             longest_step: 1.0 / 16.0,
         };
-        let options = Options {
-            accuracy,
-            ..Options::default()
-        };
-        let solution = simulate_with(&scenario, &options).expect("the case can be run");
-        let mut sampler = solution.sampler();
-        let mut velocities = |t: f64| {
-            let snapshot = sampler.at(t);
-            (0..=scenario.chain.beads)
-                .map(|body| snapshot.velocity(body))
-                .collect()
-        };
         Self {
             name,
             what,
-            end: velocities(scenario.duration),
-            samples: (1..=SAMPLES)
-                .map(|i| velocities(scenario.duration * i as f64 / SAMPLES as f64))
-                .collect(),
+            end: ours::end(&scenario, accuracy),
+            samples: ours::samples(&scenario, accuracy),
             scenario,
         }
     }
@@ -79,17 +65,8 @@ impl Case {
     }
 
     /// The same over all samples.
-    pub(crate) fn sampled_error(&self, samples: &[Vec<f64>]) -> f64 {
-        let error = samples
-            .iter()
-            .zip(&self.samples)
-            .map(|(one, other)| distance(one, other));
-        error.fold(0.0, f64::max)
-            / self
-                .samples
-                .iter()
-                .map(|sample| greatest(sample))
-                .fold(0.0, f64::max)
+    pub(crate) fn sampled_error(&self, samples: &[f64]) -> f64 {
+        distance(samples, &self.samples) / greatest(&self.samples)
     }
 }
 

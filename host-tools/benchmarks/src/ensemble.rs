@@ -91,15 +91,19 @@ pub(crate) fn measure(report: &mut Report, quick: bool) {
     let contacts = chains[0].chain.beads as f64;
     let bound = roots / (STAGES * contacts * steps as f64 / chains.len() as f64);
     let name = "ensemble of chains like A, chains a second and core";
-    report.targets.push(Target::at_least(name, Some(rate), 20_000.0));
+    report
+        .targets
+        .push(Target::at_least(name, Some(rate), 20_000.0, "chains/s"));
     let name = format!(
         "the same: greatest error of the absorbed energy of {} chains",
         chains.len()
     );
-    report.targets.push(Target::at_most(name, Some(error), 1e-6));
+    report
+        .targets
+        .push(Target::at_most(name, Some(error), 1e-6, "of that energy"));
     // All that a chain can do but take the square roots of all contacts at every stage is in the rest.
     let name = "the same: share of what the square roots of all contacts alone would allow";
     report
         .targets
-        .push(Target::at_least(name, Some(rate / bound), 0.3));
+        .push(Target::at_least(name, Some(rate / bound), 0.3, ""));
 }

@@ -2,42 +2,74 @@
 
 use std::time::Instant;
 
-use hertz_chain::{Accuracy, Options, Scenario, simulate_with};
+use hertz_chain::{Accuracy, Run, Scenario};
 
 use crate::report::{Report, Target};
 
-/// Seconds to simulate a strike on a chain of so many beads until the pulse has crossed it.
-fn seconds(beads: usize, relaxation: f64) -> f64 {
+const ACCURACY: Accuracy = Accuracy {
+    tolerance: 1e-10,
+    longest_step: 1.0,
+};
+
+fn scenario(beads: usize, relaxation: f64) -> Scenario {
     let mut scenario = Scenario::paper();
     scenario.intruders.clear();
     scenario.chain.beads = beads;
     scenario.chain.relaxation = relaxation;
     scenario.duration = 0.235e-3 * beads as f64;
-    let accuracy = Accuracy {
-        tolerance: 1e-10,
-        longest_step: 0.5,
-    };
-    let options = Options {
-        accuracy,
-        ..Options::default()
-    };
-    let clock = Instant::now();
-    std::hint::black_box(simulate_with(&scenario, &options).expect("it runs"));
-    clock.elapsed().as_secs_f64()
+    scenario
 }
 
-/// From 256 beads to 1024, or 512: a run that keeps all it computes fills the memory soon.
+fn velocities(scenario: &Scenario) -> Vec<f64> {
+    let mut run = Run::new(scenario, ACCURACY).expect("the chain is sound");
+    run.to(scenario.duration).expect("it runs");
+    let snapshot = run.snapshot();
+    (0..=scenario.chain.beads)
+        .map(|body| snapshot.velocity(body))
+        .collect()
+}
+
+/// Least seconds to simulate a strike on a chain of so many beads until the pulse has crossed it.
+fn seconds(beads: usize, relaxation: f64, rounds: usize) -> f64 {
+    let scenario = scenario(beads, relaxation);
+    let once = |_| {
+        let clock = Instant::now();
+        std::hint::black_box(velocities(&scenario));
+        clock.elapsed().as_secs_f64()
+    };
+    (0..rounds).map(once).fold(f64::INFINITY, f64::min)
+}
+
+/// The most memory that this process has had, in GB; none where the system does not tell.
+fn memory() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: f64 = peak.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kilobytes / 1e6)
+}
+
+/// From 256 beads to 16,384.
 pub(crate) fn measure(report: &mut Report, quick: bool) {
-    let most = if quick { 512 } else { 1024 };
+    let (most, rounds) = if quick { (4096, 3) } else { (16_384, 7) };
     for (name, relaxation, target) in [("elastic", 0.0, 1.1), ("viscoelastic", 4.2e-6, 1.3)] {
-        let least = |beads: usize| {
-            (0..3)
-                .map(|_| seconds(beads, relaxation))
-                .fold(f64::INFINITY, f64::min)
-        };
-        let doublings = (most as f64 / 256.0).log2();
-        let exponent = (least(most) / least(256)).log2() / doublings;
-        let name = format!("{name} chain: exponent of time, 256 to {most} beads, all kept");
-        report.targets.push(Target::at_most(name, Some(exponent), target));
+        let (short, long) = (
+            seconds(256, relaxation, 4 * rounds),
+            seconds(most, relaxation, if relaxation > 0.0 { 1 } else { rounds }),
+        );
+        let exponent = (long / short).log2() / (most as f64 / 256.0).log2();
+        let name = format!("{name} chain: exponent of time, 256 to {most} beads");
+        report
+            .targets
+            .push(Target::at_most(name, Some(exponent), target, ""));
     }
+    let milliseconds = 1e3 * seconds(16_384, 0.0, rounds);
+    let name = "16,384 elastic beads crossed at tolerance 1e-10";
+    report
+        .targets
+        .push(Target::at_most(name, Some(milliseconds), 100.0, "ms"));
+    let mut huge = scenario(100_000, 4.2e-6);
+    huge.duration = 1e-3;
+    std::hint::black_box(velocities(&huge));
+    let name = "100,000 beads: greatest memory of the whole process";
+    report.targets.push(Target::at_most(name, memory(), 1.0, "GB"));
 }

@@ -5,6 +5,7 @@
 mod cases;
 mod ensemble;
 mod growth;
+mod ours;
 mod peers;
 mod report;
 mod single;

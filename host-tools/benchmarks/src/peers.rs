@@ -3,11 +3,11 @@
 //! out, which is less work than the simulator does.
 
 use differential_equations::prelude::{ExplicitRungeKutta, IVP, ODE};
-use hertz_chain::{Model, Scenario, simulate_with};
+use hertz_chain::{Model, Scenario};
 use ode_solvers::dop_shared::OutputType;
 use ode_solvers::{Dop853, SVector, System};
 
-use crate::cases::SAMPLES;
+use crate::ours::SAMPLES;
 
 /// Unit of displacements, m.
 const UNIT: f64 = 1e-5;
@@ -72,8 +72,20 @@ impl<const D: usize> Chain<D> {
         dv[bodies] = -pull / mass - dv[self.host];
     }
 
-    fn velocities(&self, state: &[f64]) -> Vec<f64> {
-        state[D / 2..D - 1].to_vec()
+    /// Velocities of the bodies at the end, or at each sample, one after another.
+    fn velocities<'a>(states: impl ExactSizeIterator<Item = &'a [f64]>, sampled: bool) -> Option<Vec<f64>> {
+        let count = states.len();
+        // The first is the start. A rounding of time may add one at the end.
+        let kept = if sampled {
+            1..SAMPLES + 1
+        } else {
+            count.checked_sub(1)?..count
+        };
+        let mut velocities = Vec::with_capacity(kept.len() * (D / 2 - 1));
+        for state in states.skip(kept.start).take(kept.len()) {
+            velocities.extend_from_slice(&state[D / 2..D - 1]);
+        }
+        (velocities.len() == kept.len() * (D / 2 - 1)).then_some(velocities)
     }
 }
 
@@ -108,16 +120,16 @@ impl Peer {
         }
     }
 
-    /// Velocities at the end, or at each sample; none if the solver gives up.
+    /// Velocities at the end, or at each sample, one after another; none if the solver gives up.
     pub(crate) fn run<const D: usize>(
         self,
         chain: &Chain<D>,
         (relative, absolute): (f64, f64),
         sampled: bool,
-    ) -> Option<Vec<Vec<f64>>> {
+    ) -> Option<Vec<f64>> {
         let end = chain.duration;
         let interval = end / SAMPLES as f64;
-        let states: Vec<Vec<f64>> = match self {
+        match self {
             Self::OdeSolvers => {
                 let start = SVector::<f64, D>::from(chain.start());
                 let dx = if sampled { interval } else { end };
@@ -128,11 +140,7 @@ impl Peer {
                     OutputType::Sparse
                 });
                 solver.integrate().ok()?;
-                solver
-                    .y_out()
-                    .iter()
-                    .map(|y| chain.velocities(y.as_slice()))
-                    .collect()
+                Chain::<D>::velocities(solver.y_out().iter().map(|y| y.as_slice()), sampled)
             }
             Self::Dop853 | Self::Verner => {
                 macro_rules! solve {
@@ -144,7 +152,7 @@ impl Peer {
                         } else {
                             problem.method(method).solve()
                         };
-                        solved.ok()?.y.iter().map(|y| chain.velocities(y)).collect()
+                        Chain::<D>::velocities(solved.ok()?.y.iter().map(|y| &y[..]), sampled)
                     }};
                 }
                 if self == Self::Dop853 {
@@ -153,23 +161,6 @@ impl Peer {
                     solve!(ExplicitRungeKutta::rkv988e())
                 }
             }
-        };
-        if !sampled {
-            return states.last().map(|last| vec![last.clone()]);
         }
-        // The first is the start. A rounding of time may add one at the end.
-        (states.len() > SAMPLES).then(|| states[1..=SAMPLES].to_vec())
     }
-}
-
-/// The model of a scenario.
-pub(crate) fn model(scenario: &Scenario) -> Model {
-    let options = hertz_chain::Options {
-        duration: Some(1e-6),
-        ..hertz_chain::Options::default()
-    };
-    simulate_with(scenario, &options)
-        .expect("a microsecond can be run")
-        .model()
-        .clone()
 }

@@ -21,6 +21,9 @@ pub(crate) struct Comparison {
     pub(crate) case: String,
     /// Greatest error allowed, as a part of the greatest velocity.
     pub(crate) allowed: f64,
+    /// How far a converged run of another solver is from the motion that the errors are taken from, in the same
+    /// measure.
+    pub(crate) reference: f64,
     /// The simulator first.
     pub(crate) rows: Vec<Row>,
     /// How many times faster than the best of the others it should be.
@@ -34,30 +37,59 @@ pub(crate) struct Target {
     pub(crate) value: Option<f64>,
     /// The least value that meets it, or the greatest, as `better` says.
     pub(crate) target: f64,
+    pub(crate) unit: &'static str,
     pub(crate) better: &'static str,
     pub(crate) verdict: &'static str,
 }
 
 impl Target {
-    pub(crate) fn at_least(name: impl Into<String>, value: Option<f64>, target: f64) -> Self {
+    pub(crate) fn at_least(
+        name: impl Into<String>,
+        value: Option<f64>,
+        target: f64,
+        unit: &'static str,
+    ) -> Self {
         let met = value.is_some_and(|value| value >= target);
-        Self::new(name.into(), value, target, "greater", met)
+        Self::new(name.into(), value, (target, unit), "greater", met)
     }
 
-    pub(crate) fn at_most(name: impl Into<String>, value: Option<f64>, target: f64) -> Self {
+    pub(crate) fn at_most(
+        name: impl Into<String>,
+        value: Option<f64>,
+        target: f64,
+        unit: &'static str,
+    ) -> Self {
         let met = value.is_some_and(|value| value <= target);
-        Self::new(name.into(), value, target, "less", met)
+        Self::new(name.into(), value, (target, unit), "less", met)
     }
 
-    fn new(name: String, value: Option<f64>, target: f64, better: &'static str, met: bool) -> Self {
-        let verdict = if met { "met" } else { "not met" };
+    fn new(
+        name: String,
+        value: Option<f64>,
+        (target, unit): (f64, &'static str),
+        better: &'static str,
+        met: bool,
+    ) -> Self {
+        let verdict = if met { "met" } else { "short" };
         Self {
             name,
             value,
             target,
+            unit,
             better,
             verdict,
         }
+    }
+}
+
+fn number(value: f64) -> String {
+    if value.abs() < 1e-3 {
+        format!("{value:.1e}")
+    } else {
+        format!("{value:.4}")
+            .trim_end_matches('0')
+            .trim_end_matches('.')
+            .to_owned()
     }
 }
 
@@ -94,7 +126,15 @@ impl Report {
         let ratio = ours.filter(|_| best.is_finite()).map(|ours| best / ours);
         let name = format!("{}: times faster than the best peer", comparison.case);
         self.targets
-            .push(Target::at_least(name, ratio, comparison.target));
+            .push(Target::at_least(name, ratio, comparison.target, "times"));
+        let name = format!("{}: error of the reference", comparison.case);
+        let most = 0.1 * comparison.allowed;
+        self.targets.push(Target::at_most(
+            name,
+            Some(comparison.reference),
+            most,
+            "of the greatest velocity",
+        ));
         self.comparisons.push(comparison);
     }
 
@@ -107,7 +147,11 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.machine)?;
         for comparison in &self.comparisons {
-            writeln!(f, "\n{}, error at most {:e}", comparison.case, comparison.allowed)?;
+            let (case, allowed, reference) = (&comparison.case, comparison.allowed, comparison.reference);
+            writeln!(
+                f,
+                "\n{case}, error at most {allowed:e} (reference: {reference:.1e} from another solver's)"
+            )?;
             for row in &comparison.rows {
                 match (row.milliseconds, row.error, &row.settings) {
                     (Some(ms), Some(error), Some(settings)) => {
@@ -119,13 +163,15 @@ impl fmt::Display for Report {
         }
         writeln!(f)?;
         for target in &self.targets {
-            let value = target.value.map_or("none".to_owned(), |value| match value.abs() {
-                small if small < 0.01 => format!("{value:.1e}"),
-                _ => format!("{value:.2}"),
-            });
+            let value = target.value.map_or("none".to_owned(), number);
             let (name, aim, verdict) = (&target.name, target.target, target.verdict);
             let sign = if target.better == "greater" { "≥" } else { "≤" };
-            writeln!(f, "{verdict:8} {name}: {value} (target {sign} {aim})")?;
+            writeln!(
+                f,
+                "{verdict:8} {name}: {value} {} (target {sign} {})",
+                target.unit,
+                number(aim)
+            )?;
         }
         Ok(())
     }

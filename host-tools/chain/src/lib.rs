@@ -17,6 +17,7 @@ mod pulse;
 mod quantity;
 mod region;
 mod run;
+mod samples;
 mod scenario;
 mod shaker;
 mod signal;
@@ -44,6 +45,7 @@ pub use pulse::{Pulse, PulseSearch};
 pub use realfft::num_complex::Complex64;
 pub use region::RegionEnergies;
 pub use run::{Moment, Run, Step};
+pub use samples::{Channel, Samples};
 pub use scenario::{
     Chain, ContactForce, InputError, Intruder, Material, Scenario, Section, Start, Striker, TomlFile, Wall,
     text_of,

@@ -70,10 +70,9 @@ fn dense_output_agrees_with_a_run_of_other_steps() {
     let mut clipped = paper();
     clipped.chain.contact_force = hertz_chain::ContactForce::Clipped;
     for (name, scenario, forces, energies) in [
-        // The weights inside a step have a rounding of 1e-11 of what a velocity changes in it.
-        ("paper", paper(), 2e-12, 1.5e-12),
-        ("clipped", clipped, 2e-12, 1.5e-12),
-        ("elastic", elastic(38, 0.006), 3e-11, 2e-12),
+        ("paper", paper(), 2e-12, 1e-13),
+        ("clipped", clipped, 2e-12, 1e-13),
+        ("elastic", elastic(38, 0.006), 3e-11, 2e-13),
     ] {
         let (force, energy) = distance(&run(&scenario), &run_finer(&scenario));
         println!("{name}: forces {force:.1e}, energies {energy:.1e}");

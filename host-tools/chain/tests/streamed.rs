@@ -3,8 +3,8 @@
 mod common;
 
 use hertz_chain::{
-    Accuracy, ContactForce, Intruder, Material, Options, Oscillator, Run, Scenario, Start, Summariser, Wall,
-    simulate_with, summarise,
+    Accuracy, Channel, ContactForce, Intruder, Material, Options, Oscillator, Run, Samples, Scenario, Start,
+    Summariser, Wall, simulate_with, summarise,
 };
 
 fn scenarios() -> Vec<Scenario> {
@@ -266,4 +266,35 @@ fn a_balance_that_was_broken_on_the_way_is_told_at_the_end() {
         worst,
         1e-6,
     );
+}
+
+#[test]
+fn samples_taken_on_the_way_are_those_of_a_run_that_was_kept() {
+    let scenario = Scenario::paper();
+    let kept = simulate_with(&scenario, &Options::default()).unwrap();
+    let mut sampler = kept.sampler();
+    let channels = vec![
+        Channel::Displacement(3),
+        Channel::Velocity(0),
+        Channel::Force(9),
+        Channel::IntruderDisplacement(8),
+        Channel::IntruderAcceleration(8),
+        Channel::IntruderAcceleration(9),
+    ];
+    let mut samples = Samples::new(1e-5, channels);
+    let mut run = Run::new(&scenario, Accuracy::REFERENCE).unwrap();
+    run.watch(scenario.duration, |step| samples.look(step)).unwrap();
+    assert_eq!(samples.len(), (scenario.duration / 1e-5).round() as usize + 1);
+    for index in 0..samples.len() {
+        let (row, there) = (
+            samples.row(index),
+            sampler.at(samples.time(index).min(kept.end())),
+        );
+        same("displacement", row[0], there.displacement(3), 1e-5, 1e-10);
+        same("velocity", row[1], there.velocity(0), 0.45, 1e-11);
+        same("force", row[2], there.force(9), 10.0, 1e-10);
+        same("x", row[3], there.intruder_displacement(8).unwrap(), 1e-5, 1e-10);
+        same("u''", row[4], there.intruder_acceleration(8).unwrap(), 1e3, 1e-10);
+        assert!(row[5].is_nan(), "bead 9 has none");
+    }
 }

@@ -7,6 +7,7 @@ pub mod replay;
 pub mod run;
 mod signal;
 pub mod spread;
+mod statistics;
 pub mod strike;
 #[cfg(test)]
 mod testing;

@@ -1,5 +1,7 @@
 //! The HTML page of a comparison: one file that needs nothing from outside.
 
+use std::collections::BTreeSet;
+
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, SettingsSource, Status};
 use hertz_figures::chart::{escape, style};
@@ -7,6 +9,7 @@ use hertz_figures::error::Error;
 
 use crate::bench::emulation::EmulatorReport;
 use crate::comparison::pictures::{residual_chart, strike_chart};
+use crate::comparison::statistics::{picture, section};
 use crate::comparison::strike::{StrikeComparison, percent};
 use crate::recording::json::hex;
 
@@ -33,7 +36,19 @@ pub struct Page<'a> {
     pub settings: Option<&'a Settings>,
     /// What the emulator measured, for an emulated run.
     pub emulator: Option<&'a EmulatorReport>,
+    /// How the page was made: command, versions, date.
+    pub made: &'a [Fact],
+    /// The scenario, as its author wrote it.
+    pub scenario: &'a str,
 }
+
+/// A fact of the run: its name and its value.
+pub type Fact = (&'static str, String);
+
+/// Strikes up to this many are shown in full. Of more, the first, the worst and the first that failed are.
+const IN_FULL: usize = 3;
+/// Strikes that have a line each.
+const LINES: usize = 1000;
 
 const PAGE_STYLE: &str = "\
 *{box-sizing:border-box}\
@@ -56,13 +71,19 @@ th,td{text-align:right;padding:.42em .7em;border-bottom:1px solid var(--grid);wh
 th:first-child,td:first-child{text-align:left;padding-left:0}\
 thead th{color:var(--faint);font-weight:500}\
 .facts td{white-space:normal;text-align:left}.facts td:first-child{color:var(--faint);width:34%}\
-svg.chart{display:block;width:100%;min-width:640px;height:auto;margin:.6em 0 0}\
+svg.chart{display:block;width:100%;height:auto;margin:.6em 0 0}.narrow{display:none}\
+.bins{display:inline-flex;align-items:flex-end;height:22px;width:84px;gap:1px}\
+.bins i{flex:1;min-height:1px;background:var(--measured)}\
 .bar{height:9px;border-radius:5px;background:var(--grid);min-width:180px;overflow:hidden}\
 .bar i{display:block;height:100%;background:var(--measured);border-radius:5px}\
 pre{overflow-x:auto;font:13px/1.5 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace;\
 border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
 details summary{cursor:pointer;color:var(--faint)}\
-@media print{main{max-width:none}}";
+@media(max-width:640px){main{padding:22px 14px 48px}h1{font-size:1.45rem}.wide,.more{display:none}\
+.narrow{display:block}table{font-size:.8rem}th,td{padding:.35em .4em}th:first-child,td:first-child{white-space:normal}\
+.key{grid-template-columns:1fr 1fr}.bar{min-width:70px}}\
+@media print{main{max-width:none;padding:0}.scroll{overflow:visible}table{font-size:.78rem}\
+th,td{padding:.25em .4em;white-space:normal}tr,svg.chart,.key div,pre{break-inside:avoid}h2,thead{break-after:avoid}}";
 
 impl Page<'_> {
     /// The page.
@@ -72,11 +93,13 @@ impl Page<'_> {
     pub fn html(&self) -> Result<String, Error> {
         let body = [
             self.head(),
+            section(self.strikes)?,
             self.agreement(),
             self.pictures()?,
             self.cost(),
             self.facts(),
             self.log(),
+            self.scenario(),
         ];
         let title = escape(&format!("Bead {}: {}", self.bead, self.title));
         let (body, sheet) = (body.concat(), style());
@@ -109,11 +132,20 @@ impl Page<'_> {
         let absorbed = strike.f64_chain.absorbed_measured * 1e9;
         let identical = format!("{} of {}", identical.count(), self.strikes.len());
         let gone = format!("{gone} of {}", self.counters.frames + self.counters.lost);
-        let off = strike.deviation;
+        let mean = |of: fn(&StrikeComparison) -> f64| {
+            percent(self.strikes.iter().map(of).sum::<f64>() / self.strikes.len() as f64)
+        };
+        let [measured, predicted] = match self.strikes.len() {
+            1 => ["A, measured by the acceleration", "B, predicted from the force"],
+            _ => [
+                "A, measured: mean of all strikes",
+                "B, predicted: mean of all strikes",
+            ],
+        };
         let tiles = [
             (format!("{absorbed:.1} nJ"), "absorbed, by the full simulation"),
-            (percent(off.absorbed_measured), "A, measured by the acceleration"),
-            (percent(off.absorbed_predicted), "B, predicted from the force"),
+            (mean(|strike| strike.deviation.absorbed_measured), measured),
+            (mean(|strike| strike.deviation.absorbed_predicted), predicted),
             (identical, "strikes replayed bit for bit"),
             (gone, "frames lost or corrupt"),
         ];
@@ -127,19 +159,20 @@ impl Page<'_> {
              twelve bits, noise and the reduced chain. The second adds fixed point. The last adds nothing: device and \
              replay must agree in every bit.</p>",
         );
-        for strike in self.strikes {
+        for strike in self.in_full() {
             out += &format!(
-                "<div class=\"scroll\"><table><thead><tr><th>Strike {}, sample {}</th><th>device</th><th>replay</th>\
-                 <th>f64, same samples</th><th>f64 chain</th><th>device off by</th><th>goal</th></tr></thead><tbody>",
+                "<div class=\"scroll\"><table><thead><tr><th>Strike {}, sample {}</th><th>device</th>\
+                 <th class=\"more\">replay</th><th class=\"more\">f64, same samples</th><th>f64 chain</th><th>device off by</th><th>goal</th></tr></thead><tbody>",
                 strike.strike, strike.sample_index,
             );
-            for row in strike.rows() {
+            for row in strike.rows().into_iter().chain(strike.shape_rows()) {
                 let class = row.met().map_or("", |met| if met { "pass" } else { "fail" });
                 let goal = row.goal.map(|goal| format!("±{:.1} %", goal * 100.0));
                 let [device, replay, f64_samples, f64_chain] =
                     row.cells.map(|cell| cell.unwrap_or_else(|| "–".to_owned()));
                 out += &format!(
-                    "<tr><td>{}</td><td>{device}</td><td>{replay}</td><td>{f64_samples}</td><td>{f64_chain}</td>\
+                    "<tr><td>{}</td><td>{device}</td><td class=\"more\">{replay}</td><td class=\"more\">{f64_samples}</td>\
+                     <td>{f64_chain}</td>\
                      <td class=\"{class}\">{}</td><td>{}</td></tr>",
                     row.name,
                     percent(row.off),
@@ -154,7 +187,58 @@ impl Page<'_> {
                 out += &format!("<p class=\"fail\">{}</p>", escape(what));
             }
         }
-        out
+        out + &self.lines()
+    }
+
+    /// The strikes that are shown in full.
+    fn in_full(&self) -> Vec<&StrikeComparison> {
+        let strikes = self.strikes;
+        if strikes.len() <= IN_FULL {
+            return strikes.iter().collect();
+        }
+        let off = |strike: &StrikeComparison| {
+            let off = strike.deviation;
+            f64::max(off.absorbed_measured.abs(), off.absorbed_predicted.abs())
+        };
+        let worst = (0..strikes.len()).max_by(|a, b| off(&strikes[*a]).total_cmp(&off(&strikes[*b])));
+        let failed = strikes.iter().position(|strike| !strike.replay_identical);
+        let shown: BTreeSet<usize> = [Some(0), worst, failed].into_iter().flatten().collect();
+        shown.into_iter().map(|at| &strikes[at]).collect()
+    }
+
+    /// A line for each strike, if they are not all shown in full.
+    fn lines(&self) -> String {
+        if self.strikes.len() <= IN_FULL {
+            return String::new();
+        }
+        let line = |strike: &StrikeComparison| {
+            let off = strike.deviation;
+            format!(
+                "<tr><td>{}</td><td class=\"more\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>\
+                 <td class=\"more\">{}</td></tr>",
+                strike.strike,
+                strike.sample_index,
+                percent(off.absorbed_measured),
+                percent(off.absorbed_predicted),
+                percent(off.peak_force),
+                if strike.replay_identical {
+                    "identical"
+                } else {
+                    "differs"
+                },
+                escape(&strike.flags.join(", "))
+            )
+        };
+        let lines: String = self.strikes.iter().take(LINES).map(line).collect();
+        let left = match self.strikes.len().saturating_sub(LINES) {
+            0 => String::new(),
+            left => format!("<p>and {left} more: <code>bead compare --format json</code> has them all.</p>"),
+        };
+        format!(
+            "<details><summary>Every strike, a line each</summary><div class=\"scroll\"><table><thead><tr><th>strike</th>\
+             <th class=\"more\">sample</th><th>A off by</th><th>B off by</th><th>peak off by</th><th>replay</th>\
+             <th class=\"more\">flags</th></tr></thead><tbody>{lines}</tbody></table></div>{left}</details>"
+        )
     }
 
     fn pictures(&self) -> Result<String, Error> {
@@ -164,12 +248,11 @@ impl Page<'_> {
         Ok(format!(
             "<h2>The strike</h2><p>Each dot is one sample, turned back into its unit with the bead’s own calibration. \
              Rings and discs are the running energies that the bead sent, one of each for a chunk of samples.</p>\
-             <div class=\"scroll\">{}</div>\
-             <h2>What is left when the simulation is subtracted</h2><p>For the sensors: noise, and the steps of the \
+             {}<h2>What is left when the simulation is subtracted</h2><p>For the sensors: noise, and the steps of the \
              twelve bits. For the energies: the error of each estimate on its way. f64 is the same estimate in \
-             floating point from the same samples.</p><div class=\"scroll\">{}</div>",
-            strike_chart(traces).inline_svg()?,
-            residual_chart(traces).inline_svg()?
+             floating point from the same samples.</p>{}",
+            picture(&strike_chart(traces))?,
+            picture(&residual_chart(traces))?
         ))
     }
 
@@ -198,6 +281,7 @@ impl Page<'_> {
 
     fn facts(&self) -> String {
         let facts = [
+            self.made.to_vec(),
             self.identity.map_or_else(Vec::new, of_identity),
             self.settings.map_or_else(Vec::new, of_settings),
             self.received(),
@@ -224,6 +308,11 @@ impl Page<'_> {
         noise.into_iter().chain([("frames", frames)]).collect()
     }
 
+    fn scenario(&self) -> String {
+        let text = escape(self.scenario);
+        format!("<h2>The scenario</h2><details><summary>as it was given</summary><pre>{text}</pre></details>")
+    }
+
     fn log(&self) -> String {
         let log = self.emulator.map(|emulator| &emulator.log);
         log.filter(|log| !log.is_empty()).map_or_else(String::new, |log| {
@@ -232,9 +321,6 @@ impl Page<'_> {
         })
     }
 }
-
-/// A fact of the run: its name and its value.
-type Fact = (&'static str, String);
 
 fn of_identity(identity: &Identity) -> Vec<Fact> {
     let causes: Vec<_> = identity.reset_cause.names().collect();
@@ -268,7 +354,21 @@ fn of_settings(settings: &Settings) -> Vec<Fact> {
         force.wide.per_code.to_num::<f64>(),
         acceleration.wide.per_code.to_num::<f64>(),
     );
-    vec![("window", window), ("resolution", resolution)]
+    let bead = &settings.bead;
+    let physics = format!(
+        "M = {:.3} g, m = {:.3} g, k = {:.1} kN/m, c = {:.2} N·s/m, κ = {:.4e} N/m^1.5, τ = {:.2} µs",
+        bead.mass * 1e3,
+        bead.intruder_mass * 1e3,
+        bead.stiffness * 1e-3,
+        bead.damping,
+        bead.contact_stiffness,
+        bead.relaxation * 1e6,
+    );
+    vec![
+        ("settings: bead", physics),
+        ("window", window),
+        ("resolution", resolution),
+    ]
 }
 
 fn of_status(status: &Status) -> Vec<Fact> {
@@ -324,19 +424,25 @@ mod tests {
     use hertz_chain::Scenario;
 
     fn page(failure: Option<&str>) -> String {
+        page_of(1, failure)
+    }
+
+    fn page_of(strikes: usize, failure: Option<&str>) -> String {
         let strike = recorded_strike();
         let comparison = FullChain::run(&Scenario::paper(), 8).unwrap().compare(&strike);
         let page = Page {
             title: "One <absorber> & more",
             recording: "bead-8.mcap",
             bead: 8,
-            strikes: &[comparison],
+            strikes: &vec![comparison; strikes],
             failure,
             counters: &Counters::default(),
             identity: None,
             status: None,
             settings: strike.settings.as_ref(),
             emulator: None,
+            made: &[("command", "bead compare".to_owned())],
+            scenario: "title = \"<x>\"",
         };
         page.html().unwrap()
     }
@@ -360,6 +466,26 @@ mod tests {
         assert!(page(None).contains("Every check passed"));
         let failed = page(Some("replay differs: strike 0"));
         assert!(failed.contains("replay differs: strike 0") && !failed.contains("Every check passed"));
+    }
+
+    #[test]
+    fn one_strike_has_every_quantity_and_many_have_their_mean_and_a_line_each() {
+        let one = page(None);
+        for name in [
+            "width at half height (µs)",
+            "impulse (mN·s)",
+            "so k is (kN/m)",
+            "and c (N·s/m)",
+        ] {
+            assert_eq!(one.matches(name).count(), 1, "{name}");
+        }
+        assert!(!one.contains("All 1 strikes") && !one.contains("Every strike, a line each"));
+        assert!(one.contains("title = &quot;&lt;x&gt;&quot;") || one.contains("title = \"&lt;x&gt;\""));
+        let many = page_of(100, None);
+        assert!(many.contains("All 100 strikes"));
+        assert_eq!(many.matches("<td>identical</td>").count(), 100);
+        // In full: the first and the worst.
+        assert_eq!(many.matches(">Strike 0, sample").count(), 2);
     }
 
     #[test]

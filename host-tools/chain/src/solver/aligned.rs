@@ -3,7 +3,7 @@
 use std::ops::{Deref, DerefMut};
 
 /// An array of f64 of a fixed length.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Aligned {
     room: Vec<f64>,
     start: usize,

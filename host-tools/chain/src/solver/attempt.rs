@@ -1,6 +1,6 @@
 //! Making a step, and looking for what a step should not pass over.
 
-use super::kernel::dispatch;
+use super::kernel::{Task, dispatch};
 use super::lanes::{Lanes, first};
 use super::method::NODES;
 use super::verner::MAIN;
@@ -11,13 +11,12 @@ impl Work {
     /// allowed.
     pub(super) fn attempt(&mut self, lanes: &Lanes, length: f64, tolerance: f64) -> f64 {
         self.wall_impulse = 0.0;
-        self.guests_lost.fill(0.0);
-        let crossed = dispatch(self, lanes, super::kernel::Task::Step, length);
+        let crossed = dispatch(self, lanes, Task::Step, length);
         self.crossings.clear();
         if crossed > 0.0 || lanes.clipped {
             self.find_crossings(lanes, length, tolerance);
         }
-        length * dispatch(self, lanes, super::kernel::Task::Error { tolerance }, length)
+        length * dispatch(self, lanes, Task::Error { tolerance }, length)
     }
 
     /// Prepares [`Work::look`] for the step that [`Work::attempt`] made last.
@@ -35,7 +34,7 @@ impl Work {
                 }
                 self.added = Some(added);
             }
-            dispatch(self, lanes, super::kernel::Task::Inner { stage }, length);
+            dispatch(self, lanes, Task::Inner { stage }, length);
             if let Some(added) = &mut self.added {
                 for crossing in &crossings {
                     clear(lanes, added, crossing.lane);
@@ -47,6 +46,16 @@ impl Work {
             }
         }
         self.crossings = crossings;
+        dispatch(self, lanes, Task::Curve, length);
+    }
+
+    /// Finds displacements and velocities at the part `x` of the step, and puts them where a stage's are.
+    pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) {
+        dispatch(self, lanes, Task::Look { x }, length);
+        for crossing in &self.crossings {
+            let integrals = crossing.integrals(x);
+            give(lanes, &mut self.stage, crossing.lane, integrals.over(length));
+        }
     }
 
     /// The part of the step just made at which the force of a contact is first cut off at zero, or ceases to

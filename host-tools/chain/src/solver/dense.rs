@@ -17,22 +17,22 @@ pub(crate) struct Dense<'a> {
 
 /// Puts a state into arrays.
 pub(super) fn unpack(lanes: &Lanes, layout: Layout, state: &[f64], motion: &mut Motion) {
-    let (bodies, guests) = (lanes.bodies, lanes.guests.count);
-    motion.u[BLOCK..BLOCK + bodies].copy_from_slice(&state[..bodies]);
-    motion.v[BLOCK..BLOCK + bodies].copy_from_slice(&state[bodies..2 * bodies]);
-    let relative = layout.relative(0);
-    motion.x[..guests].copy_from_slice(&state[relative..relative + guests]);
-    motion.w[..guests].copy_from_slice(&state[relative + guests..relative + 2 * guests]);
+    let (bodies, guests) = (BLOCK..BLOCK + lanes.bodies, lanes.guests.lanes());
+    let (count, relative, rate) = (lanes.bodies, layout.relative(0), layout.relative_velocity(0));
+    motion.u[bodies.clone()].copy_from_slice(&state[..count]);
+    motion.v[bodies].copy_from_slice(&state[count..2 * count]);
+    motion.u[guests.clone()].copy_from_slice(&state[relative..rate]);
+    motion.v[guests].copy_from_slice(&state[rate..layout.contact_loss()]);
 }
 
 /// Takes displacements and velocities out of arrays.
 pub(super) fn pack(lanes: &Lanes, layout: Layout, motion: &Motion, state: &mut [f64]) {
-    let (bodies, guests) = (lanes.bodies, lanes.guests.count);
-    state[..bodies].copy_from_slice(&motion.u[BLOCK..BLOCK + bodies]);
-    state[bodies..2 * bodies].copy_from_slice(&motion.v[BLOCK..BLOCK + bodies]);
-    let relative = layout.relative(0);
-    state[relative..relative + guests].copy_from_slice(&motion.x[..guests]);
-    state[relative + guests..relative + 2 * guests].copy_from_slice(&motion.w[..guests]);
+    let (bodies, guests) = (BLOCK..BLOCK + lanes.bodies, lanes.guests.lanes());
+    let (count, relative, rate) = (lanes.bodies, layout.relative(0), layout.relative_velocity(0));
+    state[..count].copy_from_slice(&motion.u[bodies.clone()]);
+    state[count..2 * count].copy_from_slice(&motion.v[bodies]);
+    state[relative..rate].copy_from_slice(&motion.u[guests.clone()]);
+    state[rate..layout.contact_loss()].copy_from_slice(&motion.v[guests]);
 }
 
 impl<'a> Dense<'a> {

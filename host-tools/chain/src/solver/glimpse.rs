@@ -4,7 +4,7 @@
 
 use super::crossing::Crossing;
 use super::lanes::Lanes;
-use super::method::{POWERS, Weight};
+use super::method::{POWERS, TERMS, Weight};
 use super::work::{Work, place};
 
 /// The coordinate as a polynomial of the part of the step, and the exact parts of contacts that open or close.
@@ -14,8 +14,8 @@ pub(crate) struct Glimpse {
     pub(crate) to: f64,
     /// At the start, with its rate.
     start: [f64; 2],
-    /// The step's part in both, power by power from the first.
-    powers: [Weight; 8],
+    /// The step's part in both, as [`POWERS`] are.
+    powers: [Weight; TERMS],
     /// Contacts, and what one unit of their force accelerates the coordinate by.
     crossings: Vec<(Crossing, f64)>,
 }
@@ -26,11 +26,13 @@ impl Glimpse {
         let length = self.to - self.from;
         let x = ((t - self.from) / length).clamp(0.0, 1.0);
         let (mut once, mut twice, mut rate) = (0.0, 0.0, 0.0);
-        for (power, weight) in self.powers.iter().enumerate().rev() {
-            once = (once + weight.velocity) * x;
-            twice = (twice + weight.displacement) * x;
-            rate = rate * x + (power + 1) as f64 * weight.velocity;
+        for weight in self.powers.iter().rev() {
+            rate = rate * (x - 0.5) + once;
+            once = once * (x - 0.5) + weight.velocity;
+            twice = twice * (x - 0.5) + weight.displacement;
         }
+        rate = rate * x + once;
+        (once, twice) = (once * x, twice * x);
         for (crossing, factor) in &self.crossings {
             let integrals = crossing.integrals(x);
             once += factor * integrals.once;
@@ -46,8 +48,8 @@ impl Glimpse {
     }
 }
 
-fn powers(rate: impl Fn(usize) -> f64) -> [Weight; 8] {
-    let mut sums = [Weight::ZERO; 8];
+fn powers(rate: impl Fn(usize) -> f64) -> [Weight; TERMS] {
+    let mut sums = [Weight::ZERO; TERMS];
     for (stage, weights) in POWERS.iter().enumerate() {
         let rate = rate(stage);
         for (sum, weight) in sums.iter_mut().zip(weights) {
@@ -81,7 +83,7 @@ impl Work {
 
     /// The displacement of an intruder relative to its host.
     pub(super) fn glimpse_guest(&self, lanes: &Lanes, guest: usize, (from, to): (f64, f64)) -> Glimpse {
-        let host = lanes.guests.hosts[guest];
+        let (host, lane) = (lanes.guests.hosts[guest], lanes.guests.lane(guest));
         let factor = |crossing: &Crossing| match crossing.lane {
             before if before == host => -lanes.inverse[host],
             behind if behind == host + 1 => lanes.inverse[host],
@@ -90,8 +92,8 @@ impl Work {
         Glimpse {
             from,
             to,
-            start: [self.start.x[guest], self.start.w[guest]],
-            powers: powers(|stage| self.guest_rates[place(guest, stage)]),
+            start: [self.start.u[lane], self.start.v[lane]],
+            powers: powers(|stage| self.rates[place(lane, stage)]),
             crossings: self.crossings_that(factor),
         }
     }

@@ -7,10 +7,12 @@
 //! cache. Numbers are added and multiplied one by one, in the same order on every processor: the results have
 //! the same bits everywhere.
 
+use std::ops::Range;
+
 use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
 
 use super::lanes::{BLOCK, Block, Lanes, before, behind, blocks, blocks_mut, first, push, select};
-use super::method::{ERROR, NODES, SPARSE, quadrature};
+use super::method::{CURVE, ERROR, NODES, POWERS, ROWS, Weight, quadrature};
 use super::verner::{MAIN, STAGES};
 use super::work::Work;
 
@@ -21,6 +23,10 @@ pub(super) enum Task {
     Step,
     /// One stage of the dense output, after that.
     Inner { stage: usize },
+    /// The motion in the step as polynomials, after all that.
+    Curve,
+    /// The motion at the part `x` of the step, after that.
+    Look { x: f64 },
     /// The greatest error of a velocity, over the length of the step and what is allowed. It is not a number if
     /// a velocity is none.
     Error { tolerance: f64 },
@@ -76,13 +82,30 @@ impl<S: Simd<f64s = f64x8>> NullaryFnOnce for Call<'_, S> {
                 stage::<S, true>(simd, work, lanes, number, length);
                 0.0
             }
+            Task::Curve => {
+                curve(simd, work, lanes, length);
+                0.0
+            }
+            Task::Look { x } => {
+                look(simd, work, lanes, (x * length, x));
+                0.0
+            }
             Task::Error { tolerance } => error(simd, work, lanes, tolerance),
         }
     }
 }
 
 /// The stages of a block, eight lanes each.
-type Rates = [f64; STAGES * BLOCK];
+type Rates = [Block; STAGES];
+
+/// An array of accelerations, block by block.
+#[inline(always)]
+fn all_rates(rates: &[f64]) -> &[Rates] {
+    blocks(rates).as_chunks().0
+}
+
+/// Polynomials of a block: power by power, of velocities and of displacements.
+type Curves = [[Block; 2]; CURVE / 2];
 
 #[inline(always)]
 fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
@@ -94,10 +117,48 @@ fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     for run in &work.active {
         work.lost[first(run.start)..first(run.end)].fill(0.0);
     }
+    for &at in &work.active_guests {
+        work.lost[at * BLOCK..(at + 1) * BLOCK].fill(0.0);
+    }
     for number in 0..MAIN {
         stage::<S, GENERAL>(simd, work, lanes, number, length);
     }
     finish(simd, work, lanes, length)
+}
+
+/// Stages that weigh something in the displacements of a row alone.
+const BENDS: [Range<usize>; STAGES] = terms(true);
+/// Stages after the first that weigh something in a row.
+const WEIGHS: [Range<usize>; STAGES] = terms(false);
+
+/// Stages after the first that weigh something in a row: those before the first that weighs in both sums, which
+/// bend displacements alone, or the others.
+const fn terms(bends: bool) -> [Range<usize>; STAGES] {
+    let mut ranges = [const { 0..0 }; STAGES];
+    let mut row = 0;
+    while row < STAGES {
+        let (mut from, mut split, mut end) = (STAGES, STAGES, 1);
+        let mut stage = 1;
+        while stage < STAGES {
+            let weight = ROWS[row][stage];
+            let (speeds, bends) = (weight.velocity != 0.0, weight.displacement != 0.0);
+            if speeds || bends {
+                if from == STAGES {
+                    from = stage;
+                }
+                if speeds && split == STAGES {
+                    split = stage;
+                }
+                end = stage + 1;
+            }
+            stage += 1;
+        }
+        if from < end {
+            ranges[row] = if bends { from..split } else { split..end };
+        }
+        row += 1;
+    }
+    ranges
 }
 
 /// Displacements and velocities of eight lanes at a stage, from those at the start.
@@ -110,9 +171,24 @@ fn moved<S: Simd<f64s = f64x8>>(
     length: f64,
 ) -> (f64x8, f64x8) {
     let (u, v): (f64x8, f64x8) = (pulp::cast(u), pulp::cast(v));
-    let (mut once, mut twice) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
-    for (stage, weight) in SPARSE[row].weights() {
-        let rate: f64x8 = pulp::cast(blocks(rates)[*stage]);
+    let weights = &ROWS[row];
+    let (once, twice) = (
+        simd.splat_f64s(weights[0].velocity),
+        simd.splat_f64s(weights[0].displacement),
+    );
+    let rate: f64x8 = pulp::cast(rates[0]);
+    let (mut once, mut twice) = (simd.mul_f64s(once, rate), simd.mul_f64s(twice, rate));
+    // Two early stages weigh nothing in the velocities of later ones.
+    for stage in BENDS[row].clone() {
+        let bend = simd.mul_f64s(
+            simd.splat_f64s(weights[stage].displacement),
+            pulp::cast(rates[stage]),
+        );
+        twice = simd.add_f64s(twice, bend);
+    }
+    let terms = WEIGHS[row].clone();
+    for (weight, rate) in weights[terms.clone()].iter().zip(&rates[terms]) {
+        let rate: f64x8 = pulp::cast(*rate);
         once = simd.add_f64s(once, simd.mul_f64s(simd.splat_f64s(weight.velocity), rate));
         twice = simd.add_f64s(twice, simd.mul_f64s(simd.splat_f64s(weight.displacement), rate));
     }
@@ -157,40 +233,45 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     };
     let added = work.added.as_deref().filter(|_| number >= MAIN);
     let mut powers = work.powers.as_deref_mut();
-    let kept = guests.blocks;
-    let (x_start, w_start) = (&blocks(&work.start.x)[..kept], &blocks(&work.start.w)[..kept]);
-    let pulls = &mut blocks_mut(&mut work.pulls)[..kept];
-    let guest_rates = &mut work.guest_rates.as_chunks_mut::<{ STAGES * BLOCK }>().0[..kept];
-    let (stiffness, damping) = (
-        &blocks(&guests.stiffness)[..kept],
-        &blocks(&guests.damping)[..kept],
-    );
-    for &at in &work.active_guests {
-        let (mut x, mut w) = moved(simd, (x_start[at], w_start[at]), &guest_rates[at], number, length);
-        if let Some(added) = added {
-            x = simd.add_f64s(x, pulp::cast(blocks(&added.x)[at]));
-            w = simd.add_f64s(w, pulp::cast(blocks(&added.w)[at]));
-        }
-        let damped = simd.mul_f64s(pulp::cast(damping[at]), w);
-        let pull = simd.add_f64s(simd.mul_f64s(pulp::cast(stiffness[at]), x), damped);
-        pulls[at] = pulp::cast(pull);
-        let power = simd.mul_f64s(damped, w);
-        if weight != 0.0 {
-            sum_into(simd, &mut blocks_mut(&mut work.guests_lost)[at], weight, power);
-        }
-        if let Some(powers) = &mut powers {
-            blocks_mut(&mut powers.guests)[at * STAGES + number] = pulp::cast(power);
-        }
-    }
-
-    let length_of = lanes.blocks + 2;
-    let contacts = lanes.contacts(length_of);
-    let inverse = &blocks(&lanes.inverse)[..length_of];
+    let length_of = lanes.len() / BLOCK;
     let (u_start, v_start) = (
         &blocks(&work.start.u)[..length_of],
         &blocks(&work.start.v)[..length_of],
     );
-    let rates = &mut work.rates.as_chunks_mut::<{ STAGES * BLOCK }>().0[..length_of];
+    let rates = &mut blocks_mut(&mut work.rates).as_chunks_mut::<STAGES>().0[..length_of];
+    let lost = &mut blocks_mut(&mut work.lost)[..length_of];
+    let seats = guests.blocks.len();
+    let pulls = &mut blocks_mut(&mut work.pulls)[..seats];
+    let (stiffness, damping) = (
+        &blocks(&guests.stiffness)[..seats],
+        &blocks(&guests.damping)[..seats],
+    );
+    // The block that bodies and intruders share, and its motion.
+    let mut shared = (0, zero, zero);
+    for &at in &work.active_guests {
+        let seat = at - guests.blocks.start;
+        let (mut x, mut w) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
+        if let Some(added) = added {
+            x = simd.add_f64s(x, pulp::cast(blocks(&added.u)[at]));
+            w = simd.add_f64s(w, pulp::cast(blocks(&added.v)[at]));
+        }
+        if guests.home.is_some() {
+            shared = (at, x, w);
+        }
+        let damped = simd.mul_f64s(pulp::cast(damping[seat]), w);
+        let pull = simd.add_f64s(simd.mul_f64s(pulp::cast(stiffness[seat]), x), damped);
+        pulls[seat] = pulp::cast(pull);
+        let power = simd.mul_f64s(damped, w);
+        if weight != 0.0 {
+            sum_into(simd, &mut lost[at], weight, power);
+        }
+        if let Some(powers) = &mut powers {
+            blocks_mut(&mut powers.guests)[seat * STAGES + number] = pulp::cast(power);
+        }
+    }
+
+    let contacts = lanes.contacts(length_of);
+    let inverse = &blocks(&lanes.inverse)[..length_of];
     let mut power_sum = zero;
     let mut wall_force = 0.0;
     for run in &work.active {
@@ -204,17 +285,20 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
         for at in run.start + 1..run.end + 2 {
             let mut force = zero;
             if at < run.end + 1 {
-                let (mut u, mut v) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
-                if let Some(added) = added {
-                    u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[at]));
-                    v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[at]));
+                let (mut u, mut v) = (shared.1, shared.2);
+                if at != shared.0 {
+                    (u, v) = moved(simd, (u_start[at], v_start[at]), &rates[at], number, length);
+                    if let Some(added) = added {
+                        u = simd.add_f64s(u, pulp::cast(blocks(&added.u)[at]));
+                        v = simd.add_f64s(v, pulp::cast(blocks(&added.v)[at]));
+                    }
                 }
                 let near = (before(u_before, u), before(v_before, v));
                 let power;
                 (force, power) = push::<S, GENERAL>(simd, contacts, at, near, (u, v));
                 if lanes.viscous {
                     if weight != 0.0 {
-                        sum_into(simd, &mut blocks_mut(&mut work.lost)[at], weight, power);
+                        sum_into(simd, &mut lost[at], weight, power);
                     }
                     power_sum = simd.add_f64s(power_sum, power);
                 }
@@ -227,25 +311,34 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
             if at > run.start + 1 {
                 let mut total = simd.sub_f64s(force_before, behind(force_before, force));
                 for guest in guests.of_block[at - 2].clone() {
-                    let pull = simd.splat_f64s(pulls[guest / BLOCK][guest % BLOCK]);
+                    let seat = guests.seat(guest);
+                    let pull = simd.splat_f64s(pulls[seat / BLOCK][seat % BLOCK]);
                     let one: f64x8 = pulp::cast(ONE[guests.hosts[guest] % BLOCK]);
                     total = simd.add_f64s(total, simd.mul_f64s(pull, one));
                 }
                 let rate = simd.mul_f64s(total, pulp::cast(inverse[at - 1]));
-                blocks_mut(&mut rates[at - 1])[number] = pulp::cast(rate);
+                rates[at - 1][number] = pulp::cast(rate);
             }
             force_before = force;
         }
     }
 
     for &at in &work.active_guests {
-        let pulled = simd.mul_f64s(pulp::cast(pulls[at]), pulp::cast(blocks(&guests.inverse)[at]));
-        let mut rate = simd.sub_f64s(zero, pulled);
-        for (lane, &host) in guests.hosts[at * BLOCK..].iter().take(BLOCK).enumerate() {
-            let of_host = simd.splat_f64s(blocks(&rates[host / BLOCK])[number][host % BLOCK]);
+        let seat = at - guests.blocks.start;
+        let pulled = simd.mul_f64s(pulp::cast(pulls[seat]), pulp::cast(blocks(&guests.inverse)[seat]));
+        let of_bodies = if at == shared.0 {
+            pulp::cast(rates[at][number])
+        } else {
+            zero
+        };
+        let mut rate = simd.sub_f64s(of_bodies, pulled);
+        for guest in guests.within(at) {
+            let host = guests.hosts[guest];
+            let of_host = simd.splat_f64s(rates[host / BLOCK][number][host % BLOCK]);
+            let lane = guests.lane(guest) % BLOCK;
             rate = simd.sub_f64s(rate, simd.mul_f64s(of_host, pulp::cast(ONE[lane])));
         }
-        blocks_mut(&mut guest_rates[at])[number] = pulp::cast(rate);
+        rates[at][number] = pulp::cast(rate);
     }
     work.wall_impulse += weight * wall_force;
     if let Some(powers) = powers {
@@ -270,7 +363,7 @@ fn closed<S: Simd<f64s = f64x8>>(simd: S, near: f64x8, far: f64x8, rest: f64x8) 
 /// The end of the step.
 #[inline(always)]
 fn finish<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64) -> f64 {
-    let count = lanes.blocks + 2;
+    let count = lanes.len() / BLOCK;
     let (start, end) = (&work.start, &mut work.end);
     let (u_start, v_start) = (&blocks(&start.u)[..count], &blocks(&start.v)[..count]);
     let (u_end, v_end) = (
@@ -278,7 +371,7 @@ fn finish<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length
         &mut blocks_mut(&mut end.v)[..count],
     );
     let rest = &blocks(&lanes.rest)[..count];
-    let rates = &work.rates.as_chunks::<{ STAGES * BLOCK }>().0[..count];
+    let rates = &all_rates(&work.rates)[..count];
     let mut crossed = simd.splat_f64s(0.0);
     for run in &work.active {
         assert!(run.end < count - 1, "blocks of this chain");
@@ -296,11 +389,9 @@ fn finish<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length
             (from_before, to_before) = (from, u);
         }
     }
-    let guest_rates = work.guest_rates.as_chunks::<{ STAGES * BLOCK }>().0;
-    for &at in &work.active_guests {
-        let from = (blocks(&start.x)[at], blocks(&start.w)[at]);
-        let (x, w) = moved(simd, from, &guest_rates[at], MAIN, length);
-        (blocks_mut(&mut end.x)[at], blocks_mut(&mut end.w)[at]) = (pulp::cast(x), pulp::cast(w));
+    for &at in work.active_guests.iter().filter(|_| lanes.guests.home.is_none()) {
+        let (x, w) = moved(simd, (u_start[at], v_start[at]), &rates[at], MAIN, length);
+        (u_end[at], v_end[at]) = (pulp::cast(x), pulp::cast(w));
     }
     let crossed: Block = pulp::cast(crossed);
     crossed.iter().sum()
@@ -321,7 +412,7 @@ fn errors<S: Simd<f64s = f64x8>>(
 ) -> f64x8 {
     let mut error = simd.splat_f64s(0.0);
     for &(stage, weight) in ERROR {
-        let part = simd.mul_f64s(simd.splat_f64s(weight), pulp::cast(blocks(rates)[stage]));
+        let part = simd.mul_f64s(simd.splat_f64s(weight), pulp::cast(rates[stage]));
         error = simd.add_f64s(error, part);
     }
     let scale = simd.max_f64s(size(simd, from), size(simd, to));
@@ -340,22 +431,9 @@ fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: 
     );
     let (mut greatest, mut trace) = (zero, zero);
     let (start, end) = (&work.start, &work.end);
-    let rates = work.rates.as_chunks::<{ STAGES * BLOCK }>().0;
-    for run in &work.active {
-        let at = run.start + 1..run.end + 1;
-        let velocities = blocks(&start.v)[at.clone()]
-            .iter()
-            .zip(&blocks(&end.v)[at.clone()]);
-        for (rates, (from, to)) in rates[at].iter().zip(velocities) {
-            let to = pulp::cast(*to);
-            let error = errors(simd, rates, (pulp::cast(*from), to), allowed);
-            greatest = simd.max_f64s(greatest, error);
-            trace = simd.add_f64s(trace, simd.mul_f64s(zero, simd.add_f64s(error, to)));
-        }
-    }
-    let rates = work.guest_rates.as_chunks::<{ STAGES * BLOCK }>().0;
-    for &at in &work.active_guests {
-        let (from, to) = (pulp::cast(blocks(&start.w)[at]), pulp::cast(blocks(&end.w)[at]));
+    let rates = all_rates(&work.rates);
+    for at in moving(work, lanes) {
+        let (from, to) = (pulp::cast(blocks(&start.v)[at]), pulp::cast(blocks(&end.v)[at]));
         let error = errors(simd, &rates[at], (from, to), allowed);
         greatest = simd.max_f64s(greatest, error);
         trace = simd.add_f64s(trace, simd.mul_f64s(zero, simd.add_f64s(error, to)));
@@ -364,4 +442,64 @@ fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: 
     let trace: Block = pulp::cast(trace);
     // A maximum may pass over what is not a number; this sum of zeros does not.
     greatest.into_iter().fold(0.0, f64::max) + trace.iter().sum::<f64>()
+}
+
+/// The blocks of an array that move.
+#[inline(always)]
+fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + use<'a> {
+    let shared = lanes.guests.home.is_some();
+    let bodies = work.active.iter().flat_map(|run| run.start + 1..run.end + 1);
+    let guests = work.active_guests.iter().copied();
+    bodies.chain(guests.filter(move |_| !shared))
+}
+
+#[inline(always)]
+fn curve<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64) {
+    let (mut curves, rates) = (std::mem::take(&mut work.curves), all_rates(&work.rates));
+    let to = blocks_mut(&mut curves).as_chunks_mut::<2>().0;
+    let to: &mut [Curves] = to.as_chunks_mut().0;
+    let (speed, place) = (simd.splat_f64s(length), simd.splat_f64s(length * length));
+    for at in moving(work, lanes) {
+        for (power, of_power) in to[at].iter_mut().enumerate() {
+            let (mut once, mut twice) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
+            for (weights, rate) in POWERS.iter().zip(&rates[at]) {
+                let (weight, rate): (Weight, f64x8) = (weights[power], pulp::cast(*rate));
+                once = simd.add_f64s(once, simd.mul_f64s(simd.splat_f64s(weight.velocity), rate));
+                twice = simd.add_f64s(twice, simd.mul_f64s(simd.splat_f64s(weight.displacement), rate));
+            }
+            *of_power = [
+                pulp::cast(simd.mul_f64s(speed, once)),
+                pulp::cast(simd.mul_f64s(place, twice)),
+            ];
+        }
+    }
+    work.curves = curves;
+}
+
+#[inline(always)]
+fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, (time, x): (f64, f64)) {
+    let mut stage = std::mem::take(&mut work.stage);
+    let curves: &[Curves] = blocks(&work.curves).as_chunks::<2>().0.as_chunks().0;
+    let (u_start, v_start) = (blocks(&work.start.u), blocks(&work.start.v));
+    let (u_to, v_to) = (blocks_mut(&mut stage.u), blocks_mut(&mut stage.v));
+    let (time, s, x) = (
+        simd.splat_f64s(time),
+        simd.splat_f64s(x - 0.5),
+        simd.splat_f64s(x),
+    );
+    for at in moving(work, lanes) {
+        let (mut once, mut twice) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
+        for [speed, place] in curves[at].iter().rev() {
+            once = simd.add_f64s(simd.mul_f64s(once, s), pulp::cast(*speed));
+            twice = simd.add_f64s(simd.mul_f64s(twice, s), pulp::cast(*place));
+        }
+        (once, twice) = (simd.mul_f64s(once, x), simd.mul_f64s(twice, x));
+        let (u, v): (f64x8, f64x8) = (pulp::cast(u_start[at]), pulp::cast(v_start[at]));
+        let way = simd.add_f64s(simd.mul_f64s(time, v), twice);
+        (u_to[at], v_to[at]) = (
+            pulp::cast(simd.add_f64s(u, way)),
+            pulp::cast(simd.add_f64s(v, once)),
+        );
+    }
+    work.stage = stage;
 }

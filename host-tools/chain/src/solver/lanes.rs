@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! Body n and contact n, which joins bodies n - 1 and n, share lane n. A wall is a body of infinite mass.
-//! Arrays begin one block before lane 0, so a neighbour can always be read. The intruders have blocks of their
-//! own, in the order of their hosts.
+//! Arrays begin one block before lane 0, so a neighbour can always be read. The intruders follow, in the order of
+//! their hosts: in what the last block of a short chain has left, or else in blocks of their own.
 
 use std::ops::Range;
 
@@ -15,6 +15,9 @@ use crate::model::Model;
 
 /// Lanes that are computed together.
 pub(super) const BLOCK: usize = 8;
+
+/// The longest chain, in blocks, whose intruders may share the last. It moves with them.
+const SHARED: usize = 4;
 
 /// Where a block begins in an array.
 pub(super) const fn first(block: usize) -> usize {
@@ -85,8 +88,13 @@ pub(crate) struct Lanes {
 #[derive(Debug, Clone)]
 pub(super) struct Guests {
     pub(super) count: usize,
-    pub(super) blocks: usize,
-    /// k, N/m, c, N·s/m, and 1/m, 1/kg.
+    /// The lane of the first. Those of bodies come before.
+    first: usize,
+    /// Where their blocks are in an array.
+    pub(super) blocks: Range<usize>,
+    /// The block of bodies that they share, if they do.
+    pub(super) home: Option<usize>,
+    /// k, N/m, c, N·s/m, and 1/m, 1/kg, in lanes from that of the first of the blocks.
     pub(super) stiffness: Aligned,
     pub(super) damping: Aligned,
     pub(super) inverse: Aligned,
@@ -102,13 +110,38 @@ impl Guests {
         let range = self.of_block.get((lane / BLOCK).wrapping_sub(1))?.clone();
         range.clone().find(|&guest| self.hosts[guest] == lane)
     }
+
+    /// The lane of a guest.
+    #[inline(always)]
+    pub(super) fn lane(&self, guest: usize) -> usize {
+        self.first + guest
+    }
+
+    /// The lanes of all.
+    pub(super) fn lanes(&self) -> Range<usize> {
+        self.first..self.first + self.count
+    }
+
+    /// Where a guest is in the arrays of guests.
+    #[inline(always)]
+    pub(super) fn seat(&self, guest: usize) -> usize {
+        self.first + guest - self.blocks.start * BLOCK
+    }
+
+    /// The guests in a block of an array.
+    pub(super) fn within(&self, block: usize) -> Range<usize> {
+        let until = |lane: usize| lane.saturating_sub(self.first).min(self.count);
+        until(block * BLOCK)..until((block + 1) * BLOCK)
+    }
 }
 
 impl Lanes {
     pub(crate) fn new(model: &Model) -> Self {
         let bodies = model.bodies();
         let blocks = (bodies + 1).div_ceil(BLOCK);
-        let zeros = || Aligned::zeros((blocks + 2) * BLOCK);
+        let guests = guests(model, blocks);
+        let length = (blocks + 2).max(guests.blocks.end + 1) * BLOCK;
+        let zeros = || Aligned::zeros(length);
         let mut lanes = Self {
             bodies,
             blocks,
@@ -118,7 +151,7 @@ impl Lanes {
             rest: zeros(),
             root: zeros(),
             load: zeros(),
-            guests: guests(model, blocks),
+            guests,
             wall: (model.contacts() == bodies).then_some(BLOCK + bodies),
             viscous: false,
             clipped: model.clipped,
@@ -144,14 +177,19 @@ impl Lanes {
 
     /// Length of an array of lanes.
     pub(super) fn len(&self) -> usize {
-        (self.blocks + 2) * BLOCK
+        self.inverse.len()
     }
 }
 
 fn guests(model: &Model, blocks: usize) -> Guests {
     let intruders = model.intruders();
     let count = intruders.len();
-    let zeros = || Aligned::zeros(count.div_ceil(BLOCK) * BLOCK);
+    // The lane after the last body is the wall's.
+    let (after, end) = (BLOCK + model.bodies() + 1, first(blocks));
+    let shares = count > 0 && blocks <= SHARED && after + count <= end;
+    let begin = if shares { after } else { end + BLOCK };
+    let seats = begin / BLOCK..(begin + count).div_ceil(BLOCK);
+    let zeros = || Aligned::zeros(seats.len() * BLOCK);
     let hosts: Vec<usize> = intruders.iter().map(|intruder| BLOCK + intruder.bead).collect();
     let of_block = (0..blocks)
         .map(|block| {
@@ -161,13 +199,16 @@ fn guests(model: &Model, blocks: usize) -> Guests {
         .collect();
     let (mut stiffness, mut damping, mut inverse) = (zeros(), zeros(), zeros());
     for (guest, intruder) in intruders.iter().enumerate() {
-        stiffness[guest] = intruder.oscillator.stiffness;
-        damping[guest] = intruder.oscillator.damping;
-        inverse[guest] = 1.0 / intruder.oscillator.mass;
+        let seat = begin + guest - seats.start * BLOCK;
+        stiffness[seat] = intruder.oscillator.stiffness;
+        damping[seat] = intruder.oscillator.damping;
+        inverse[seat] = 1.0 / intruder.oscillator.mass;
     }
     Guests {
         count,
-        blocks: count.div_ceil(BLOCK),
+        first: begin,
+        blocks: seats,
+        home: shares.then(|| blocks - 1),
         stiffness,
         damping,
         inverse,

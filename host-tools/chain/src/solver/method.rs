@@ -55,7 +55,7 @@ const fn twice(weights: &[f64; STAGES], stage: usize) -> f64 {
 }
 
 /// Sums that give the arguments of the stages. That of stage [`MAIN`] is the end of the step.
-pub(super) const ROWS: [[Weight; STAGES]; STAGES] = {
+pub(super) static ROWS: [[Weight; STAGES]; STAGES] = {
     let mut rows = [[Weight::ZERO; STAGES]; STAGES];
     let mut row = 0;
     while row < STAGES {
@@ -67,44 +67,6 @@ pub(super) const ROWS: [[Weight; STAGES]; STAGES] = {
             };
             stage += 1;
         }
-        row += 1;
-    }
-    rows
-};
-
-/// The weights of a row that are not zero, with their stages.
-#[derive(Debug)]
-pub(super) struct Row {
-    weights: [(usize, Weight); STAGES],
-    count: usize,
-}
-
-impl Row {
-    #[inline(always)]
-    pub(super) fn weights(&self) -> &[(usize, Weight)] {
-        &self.weights[..self.count]
-    }
-}
-
-pub(super) static SPARSE: [Row; STAGES] = {
-    let mut rows = [const {
-        Row {
-            weights: [(0, Weight::ZERO); STAGES],
-            count: 0,
-        }
-    }; STAGES];
-    let mut row = 0;
-    while row < STAGES {
-        let (mut stage, mut count) = (0, 0);
-        while stage < STAGES {
-            let weight = ROWS[row][stage];
-            if weight.velocity != 0.0 || weight.displacement != 0.0 {
-                rows[row].weights[count] = (stage, weight);
-                count += 1;
-            }
-            stage += 1;
-        }
-        rows[row].count = count;
         row += 1;
     }
     rows
@@ -149,39 +111,49 @@ pub(super) static ERROR: &[(usize, f64)] = &{
     error
 };
 
-/// Powers of the dense output, stage by stage.
-pub(super) static POWERS: [[Weight; 8]; STAGES] = {
+/// How many numbers give a weight of the dense output.
+pub(super) const TERMS: usize = 8;
+/// Numbers of a lane that describe its motion in a step.
+pub(super) const CURVE: usize = 2 * TERMS;
+
+/// The weights of the dense output, stage by stage. At the part x of the step a weight is x Σ POWERS[k] s^k with
+/// s = x - 1/2. In powers of x itself the terms would be ten thousand times the sum, and so would their rounding.
+pub(super) static POWERS: [[Weight; TERMS]; STAGES] = {
+    let mut velocities = [[0.0; TERMS]; STAGES];
+    let mut stage = 0;
+    while stage < STAGES {
+        velocities[stage] = about_the_middle(&INSIDE[stage]);
+        stage += 1;
+    }
     // The printed digits leave a trace of 1e-11. So that constant and linear rates are integrated exactly, it is
-    // taken from the first stage and that at the end; and the last power makes the output end where the step
-    // does.
-    let mut velocities = INSIDE;
-    let mut power = 0;
-    while power < 7 {
+    // taken from the first stage and that at the end.
+    let mut power = 1;
+    while power < TERMS {
         let (mut moment, mut sum, mut stage) = (0.0, 0.0, 0);
         while stage < STAGES {
-            moment += NODES[stage] * INSIDE[stage][power];
-            sum += INSIDE[stage][power];
+            moment += NODES[stage] * velocities[stage][power];
+            sum += velocities[stage][power];
             stage += 1;
         }
         let moment = moment - if power == 1 { 0.5 } else { 0.0 };
-        let sum = sum - moment - if power == 0 { 1.0 } else { 0.0 };
         velocities[MAIN][power] -= moment;
-        velocities[0][power] -= sum;
+        velocities[0][power] -= sum - moment;
         power += 1;
     }
-    let mut stage = 0;
+    // And the output ends where the step does.
+    stage = 0;
     while stage < STAGES {
-        let (mut sum, mut power) = (0.0, 0);
-        while power < 7 {
-            sum += velocities[stage][power];
-            power += 1;
+        let (mut rest, mut power) = (0.0, TERMS - 1);
+        while power > 0 {
+            rest = 0.5 * (rest + velocities[stage][power]);
+            power -= 1;
         }
-        velocities[stage][7] = DENSE_ROWS[MAIN][stage] - sum;
+        velocities[stage][0] = DENSE_ROWS[MAIN][stage] - rest;
         stage += 1;
     }
-    let mut powers = [[Weight::ZERO; 8]; STAGES];
+    let mut powers = [[Weight::ZERO; TERMS]; STAGES];
     let mut power = 0;
-    while power < 8 {
+    while power < TERMS {
         let mut weights = [0.0; STAGES];
         let mut stage = 0;
         while stage < STAGES {
@@ -201,12 +173,31 @@ pub(super) static POWERS: [[Weight; 8]; STAGES] = {
     powers
 };
 
+/// A polynomial Σ c[k] x^k in powers of x - 1/2.
+const fn about_the_middle(coefficients: &[f64; TERMS]) -> [f64; TERMS] {
+    let mut shifted = *coefficients;
+    let mut from = 0;
+    while from < TERMS {
+        let mut at = TERMS - 1;
+        while at > from {
+            shifted[at - 1] += 0.5 * shifted[at];
+            at -= 1;
+        }
+        from += 1;
+    }
+    shifted
+}
+
 /// The weights of all stages at the part `x` of a step.
 pub(super) fn inside(x: f64) -> [Weight; STAGES] {
     POWERS.map(|powers| {
-        powers.iter().rev().fold(Weight::ZERO, |sum, weight| Weight {
-            velocity: (sum.velocity + weight.velocity) * x,
-            displacement: (sum.displacement + weight.displacement) * x,
-        })
+        let sum = powers.iter().rev().fold(Weight::ZERO, |sum, weight| Weight {
+            velocity: sum.velocity * (x - 0.5) + weight.velocity,
+            displacement: sum.displacement * (x - 0.5) + weight.displacement,
+        });
+        Weight {
+            velocity: sum.velocity * x,
+            displacement: sum.displacement * x,
+        }
     })
 }

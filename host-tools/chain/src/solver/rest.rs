@@ -53,6 +53,8 @@ pub(super) struct Rest {
     quiet: f64,
     shallow: f64,
     steps: u64,
+    /// A block that has intruders in it, and the blocks of their hosts.
+    home: Option<(usize, Vec<usize>)>,
     /// Steps between looks for blocks that may sleep.
     patience: u64,
 }
@@ -68,10 +70,17 @@ impl Rest {
             })
             .collect();
         for (guest, host) in lanes.guests.hosts.iter().enumerate() {
-            moves[host / BLOCK - 1] |= work.start.x[guest] != 0.0 || work.start.w[guest] != 0.0;
+            let lane = lanes.guests.lane(guest);
+            moves[host / BLOCK - 1] |= work.start.u[lane] != 0.0 || work.start.v[lane] != 0.0;
+        }
+        let hosts = lanes.guests.hosts.iter().map(|host| host / BLOCK - 1);
+        let home = lanes.guests.home.map(|home| (home, hosts.collect::<Vec<_>>()));
+        if let Some((home, hosts)) = &home {
+            moves[*home] |= hosts.iter().any(|&host| moves[host]);
         }
         let quiet = (FLOOR * tolerance).max(STILL) * lanes.speed;
         let mut rest = Self {
+            home,
             asleep: moves.iter().map(|moves| (!moves).then_some(time)).collect(),
             awake: (0..lanes.blocks).filter(|&block| moves[block]).collect(),
             touch: vec![f64::INFINITY; lanes.blocks],
@@ -125,6 +134,12 @@ impl Rest {
         self.touch[block] = f64::INFINITY;
         let at = self.awake.partition_point(|&other| other < block);
         self.awake.insert(at, block);
+        if let Some((home, hosts)) = &self.home {
+            let home = *home;
+            if self.asleep[home].is_some() && hosts.contains(&block) {
+                self.wake(work, home, time);
+            }
+        }
     }
 
     /// Notes runs of blocks that move, and intruders in them.
@@ -137,8 +152,9 @@ impl Rest {
                 _ => work.active.push(block..block + 1),
             }
             for guest in lanes.guests.of_block[block].clone() {
-                if work.active_guests.last() != Some(&(guest / BLOCK)) {
-                    work.active_guests.push(guest / BLOCK);
+                let within = lanes.guests.lane(guest) / BLOCK;
+                if work.active_guests.last() != Some(&within) {
+                    work.active_guests.push(within);
                 }
             }
         }
@@ -280,7 +296,8 @@ impl Rest {
             }
             self.join(lanes, work, block);
             for guest in lanes.guests.of_block[block].clone() {
-                (work.start.x[guest], work.start.w[guest]) = (0.0, 0.0);
+                let lane = lanes.guests.lane(guest);
+                (work.start.u[lane], work.start.v[lane]) = (0.0, 0.0);
             }
             work.still(block);
             self.asleep[block] = Some(time);
@@ -303,8 +320,9 @@ impl Rest {
 
     fn guests_are_quiet(&self, lanes: &Lanes, work: &Work, block: usize) -> bool {
         lanes.guests.of_block[block].clone().all(|guest| {
-            let (x, w) = (work.start.x[guest], work.start.w[guest]);
-            let elastic = lanes.guests.stiffness[guest] * lanes.guests.inverse[guest] * x * x;
+            let (lane, seat) = (lanes.guests.lane(guest), lanes.guests.seat(guest));
+            let (x, w) = (work.start.u[lane], work.start.v[lane]);
+            let elastic = lanes.guests.stiffness[seat] * lanes.guests.inverse[seat] * x * x;
             w.abs() <= self.quiet && elastic <= self.quiet * self.quiet
         })
     }
@@ -318,7 +336,13 @@ impl Rest {
             let quiet = gap >= -self.shallow && approach.abs() <= self.quiet;
             lanes.stiffness[lane] == 0.0 || open || quiet
         };
-        (first(block)..=first(block + 1)).all(may) && self.guests_are_quiet(lanes, work, block)
+        let holds = |(home, hosts): &(usize, Vec<usize>)| {
+            let awake = |host: &usize| *host != block && self.asleep[*host].is_none();
+            *home == block && hosts.iter().any(awake)
+        };
+        !self.home.as_ref().is_some_and(holds)
+            && (first(block)..=first(block + 1)).all(may)
+            && self.guests_are_quiet(lanes, work, block)
     }
 
     /// Lets bodies of a block that touch quietly go on together, and those that hardly move stand still.

@@ -7,7 +7,7 @@ use super::dense::{pack, unpack};
 use super::glimpse::Glimpse;
 use super::lanes::{BLOCK, Lanes};
 use super::rest::Rest;
-use super::work::{Motion, Work};
+use super::work::Work;
 use crate::model::Layout;
 
 /// A trajectory as far as it is known: its last step, the length of the next, and counts.
@@ -82,9 +82,7 @@ impl Stepper {
 
     /// Makes room for [`Stepper::look`].
     pub(crate) fn keep_inside(&mut self) {
-        if self.work.added.is_none() {
-            self.work.added = Some(Box::new(Motion::zeros(&self.lanes)));
-        }
+        self.work.keep_inside(&self.lanes);
     }
 
     /// Makes the last step ready to be looked into; gives its length.
@@ -134,9 +132,10 @@ impl Stepper {
     /// The same of an intruder, relative to its host.
     pub(crate) fn guest_at_ends(&self, guest: usize) -> [(f64, f64); 2] {
         let (start, end) = (&self.work.start, &self.work.end);
-        let before = (start.x[guest], start.w[guest]);
+        let lane = self.lanes.guests.lane(guest);
+        let before = (start.u[lane], start.v[lane]);
         if self.made.is_some() && self.rest.moves(self.lanes.guests.hosts[guest]) {
-            [before, (end.x[guest], end.w[guest])]
+            [before, (end.u[lane], end.v[lane])]
         } else {
             [before, before]
         }
@@ -145,12 +144,20 @@ impl Stepper {
     /// What all contacts, and each intruder, have dissipated by the end of the last step.
     pub(crate) fn lost(&self) -> (f64, impl Iterator<Item = f64> + '_) {
         let made = self.made.is_some();
-        let of_step = &self.work.guests_lost[..];
-        let guests = self.guests_lost.iter().zip(of_step);
-        (
-            self.contacts_lost + if made { self.work.lost_in_contacts() } else { 0.0 },
-            guests.map(move |(before, now)| before + if made { *now } else { 0.0 }),
-        )
+        let contacts = if made {
+            self.work.lost_in_contacts(&self.lanes)
+        } else {
+            0.0
+        };
+        let guests = self.guests_lost.iter().enumerate().map(move |(guest, lost)| {
+            let now = if made {
+                self.work.lost_in_guest(&self.lanes, guest)
+            } else {
+                0.0
+            };
+            lost + now
+        });
+        (self.contacts_lost + contacts, guests)
     }
 
     /// Bodies whose motion the last step has computed. All others fly freely.
@@ -182,7 +189,8 @@ impl Stepper {
         } else {
             &self.work.start
         };
-        (motion.x[guest], motion.w[guest])
+        let lane = self.lanes.guests.lane(guest);
+        (motion.u[lane], motion.v[lane])
     }
 
     /// Computes all bodies in every step.
@@ -253,9 +261,9 @@ impl Stepper {
     /// Makes the end of the last step the start of the next. What was inside the step is forgotten.
     fn settle(&mut self) {
         let Some(length) = self.made.take() else { return };
-        self.contacts_lost += self.work.lost_in_contacts();
-        for (sum, lost) in self.guests_lost.iter_mut().zip(&self.work.guests_lost[..]) {
-            *sum += lost;
+        self.contacts_lost += self.work.lost_in_contacts(&self.lanes);
+        for (guest, lost) in self.guests_lost.iter_mut().enumerate() {
+            *lost += self.work.lost_in_guest(&self.lanes, guest);
         }
         self.wall_impulse += self.work.wall_impulse;
         self.work.accept(&self.lanes);

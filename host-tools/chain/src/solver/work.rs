@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::aligned::Aligned;
 use super::crossing::{Crossing, Ends};
 use super::lanes::{BLOCK, Lanes, first};
-use super::method::{self, NODES, ROWS};
+use super::method::{self, CURVE, NODES, ROWS};
 use super::verner::{MAIN, STAGES};
 
 /// Where the stages of a step lie.
@@ -19,23 +19,18 @@ const MAIN_NODES: [f64; MAIN] = {
     nodes
 };
 
-/// Displacements and velocities: of the bodies, lane by lane, and of the intruders relative to their hosts.
-#[derive(Debug, Clone)]
+/// Displacements and velocities, lane by lane: of the bodies, and of the intruders relative to their hosts.
+#[derive(Debug, Clone, Default)]
 pub(super) struct Motion {
     pub(super) u: Aligned,
     pub(super) v: Aligned,
-    pub(super) x: Aligned,
-    pub(super) w: Aligned,
 }
 
 impl Motion {
     pub(super) fn zeros(lanes: &Lanes) -> Self {
-        let (bodies, guests) = (lanes.len(), lanes.guests.blocks * BLOCK);
         Self {
-            u: Aligned::zeros(bodies),
-            v: Aligned::zeros(bodies),
-            x: Aligned::zeros(guests),
-            w: Aligned::zeros(guests),
+            u: Aligned::zeros(lanes.len()),
+            v: Aligned::zeros(lanes.len()),
         }
     }
 }
@@ -45,7 +40,7 @@ impl Motion {
 pub(super) struct Work {
     /// Runs of blocks that move.
     pub(super) active: Vec<Range<usize>>,
-    /// Blocks of intruders that move.
+    /// Blocks of an array with intruders that move.
     pub(super) active_guests: Vec<usize>,
     pub(super) start: Motion,
     pub(super) end: Motion,
@@ -53,14 +48,14 @@ pub(super) struct Work {
     pub(super) stage: Motion,
     /// Accelerations: block by block, stage by stage.
     pub(super) rates: Aligned,
-    pub(super) guest_rates: Aligned,
+    /// The motion in the step as polynomials, for [`Work::look`].
+    pub(super) curves: Aligned,
     /// What a contact's exact integral adds to a stage of the dense output.
     pub(super) added: Option<Box<Motion>>,
     /// The pull of each intruder's spring and damper on its host at a stage.
     pub(super) pulls: Aligned,
     /// Energy that the step dissipates in each contact and each intruder, and what it gives the wall.
     pub(super) lost: Aligned,
-    pub(super) guests_lost: Aligned,
     pub(super) wall_impulse: f64,
     /// Contacts that open or close in the step.
     pub(super) crossings: Vec<Crossing>,
@@ -85,22 +80,29 @@ pub(super) const fn place(lane: usize, stage: usize) -> usize {
 impl Work {
     /// Room for the steps of a chain at rest. Where `inside` holds, the motion inside them can be looked at.
     pub(super) fn new(lanes: &Lanes, inside: bool) -> Self {
-        let guests = lanes.guests.blocks * BLOCK;
+        let guests = lanes.guests.blocks.len() * BLOCK;
         Self {
             active: Vec::new(),
             active_guests: Vec::new(),
             start: Motion::zeros(lanes),
             end: Motion::zeros(lanes),
             stage: Motion::zeros(lanes),
-            rates: Aligned::zeros((lanes.blocks + 2) * BLOCK * STAGES),
-            guest_rates: Aligned::zeros(guests * STAGES),
+            rates: Aligned::zeros(lanes.len() * STAGES),
+            curves: Aligned::zeros(if inside { lanes.len() * CURVE } else { 0 }),
             added: inside.then(|| Box::new(Motion::zeros(lanes))),
             pulls: Aligned::zeros(guests),
             lost: Aligned::zeros(lanes.len()),
-            guests_lost: Aligned::zeros(guests),
             wall_impulse: 0.0,
             crossings: Vec::new(),
             powers: None,
+        }
+    }
+
+    /// Makes room for the motion inside steps.
+    pub(super) fn keep_inside(&mut self, lanes: &Lanes) {
+        if self.added.is_none() {
+            self.added = Some(Box::new(Motion::zeros(lanes)));
+            self.curves = Aligned::zeros(lanes.len() * CURVE);
         }
     }
 
@@ -109,42 +111,50 @@ impl Work {
         self.powers = Some(Box::new(Powers {
             contacts: [0.0; STAGES],
             wall: [0.0; STAGES],
-            guests: Aligned::zeros(lanes.guests.blocks * BLOCK * STAGES),
+            guests: Aligned::zeros(lanes.guests.blocks.len() * BLOCK * STAGES),
         }));
     }
 
     /// Lets all blocks move.
     pub(super) fn activate_all(&mut self, lanes: &Lanes) {
         self.active = std::iter::once(0..lanes.blocks).collect();
-        self.active_guests = (0..lanes.guests.blocks).collect();
+        self.active_guests = lanes.guests.blocks.clone().collect();
     }
 
     /// Makes the end of the step the start of the next.
     pub(super) fn accept(&mut self, lanes: &Lanes) {
-        if self.active.first() == Some(&(0..lanes.blocks)) {
+        let all_guests = self.active_guests.len() == lanes.guests.blocks.len();
+        if self.active.first() == Some(&(0..lanes.blocks)) && all_guests {
             std::mem::swap(&mut self.start, &mut self.end);
             return;
         }
         let (start, end) = (&mut self.start, &self.end);
-        for blocks in &self.active {
-            let lanes = first(blocks.start)..first(blocks.end);
+        let bodies = self.active.iter().map(|run| first(run.start)..first(run.end));
+        let guests = self
+            .active_guests
+            .iter()
+            .map(|&block| block * BLOCK..(block + 1) * BLOCK);
+        for lanes in bodies.chain(guests) {
             start.u[lanes.clone()].copy_from_slice(&end.u[lanes.clone()]);
             start.v[lanes.clone()].copy_from_slice(&end.v[lanes]);
-        }
-        for block in &self.active_guests {
-            let guests = block * BLOCK..(block + 1) * BLOCK;
-            start.x[guests.clone()].copy_from_slice(&end.x[guests.clone()]);
-            start.w[guests.clone()].copy_from_slice(&end.w[guests]);
         }
     }
 
     /// Energy that the step dissipates in all contacts.
-    pub(super) fn lost_in_contacts(&self) -> f64 {
-        let lanes = self
+    pub(super) fn lost_in_contacts(&self, lanes: &Lanes) -> f64 {
+        let end = BLOCK + lanes.bodies + 1;
+        let runs = self
             .active
             .iter()
-            .map(|blocks| first(blocks.start)..first(blocks.end));
-        lanes.map(|lanes| self.lost[lanes].iter().sum::<f64>()).sum()
+            .map(|run| first(run.start)..first(run.end).min(end));
+        runs.map(|lanes| self.lost[lanes].iter().sum::<f64>()).sum()
+    }
+
+    /// Energy that the step dissipates in an intruder.
+    pub(super) fn lost_in_guest(&self, lanes: &Lanes, guest: usize) -> f64 {
+        let lane = lanes.guests.lane(guest);
+        let moves = self.active_guests.contains(&(lane / BLOCK));
+        if moves { self.lost[lane] } else { 0.0 }
     }
 
     /// Forgets the accelerations of a block that is no longer computed.
@@ -225,7 +235,7 @@ impl Work {
                 *rate += force * inverse;
             }
             if let Some(guest) = lanes.guests.of(body) {
-                let rates = &mut self.guest_rates[place(guest, from)..];
+                let rates = &mut self.rates[place(lanes.guests.lane(guest), from)..];
                 for (rate, force) in rates.iter_mut().step_by(BLOCK).zip(forces) {
                     *rate -= force * inverse;
                 }
@@ -238,41 +248,6 @@ impl Work {
                     kept.wall[stage] -= force;
                 }
             }
-        }
-    }
-
-    /// Finds displacements and velocities at the part `x` of the step, and puts them where a stage's are.
-    pub(super) fn look(&mut self, lanes: &Lanes, length: f64, x: f64) {
-        let weights = method::inside(x);
-        let moved = |rates: &[f64], from: (&[f64], &[f64]), to: (&mut [f64], &mut [f64])| {
-            let (mut once, mut twice) = ([0.0; BLOCK], [0.0; BLOCK]);
-            for (weight, rates) in weights.iter().zip(rates.chunks_exact(BLOCK)) {
-                for lane in 0..BLOCK {
-                    once[lane] += weight.velocity * rates[lane];
-                    twice[lane] += weight.displacement * rates[lane];
-                }
-            }
-            for lane in 0..BLOCK {
-                to.0[lane] = from.0[lane] + (x * length * from.1[lane] + length * length * twice[lane]);
-                to.1[lane] = from.1[lane] + length * once[lane];
-            }
-        };
-        let (start, stage) = (&self.start, &mut self.stage);
-        for block in self.active.iter().flat_map(|run| run.clone()) {
-            let (from, lanes) = (place(first(block), 0), first(block)..first(block + 1));
-            let rates = &self.rates[from..from + STAGES * BLOCK];
-            let to = (&mut stage.u[lanes.clone()], &mut stage.v[lanes.clone()]);
-            moved(rates, (&start.u[lanes.clone()], &start.v[lanes]), to);
-        }
-        for &block in &self.active_guests {
-            let (from, guests) = (block * BLOCK * STAGES, block * BLOCK..(block + 1) * BLOCK);
-            let rates = &self.guest_rates[from..from + STAGES * BLOCK];
-            let to = (&mut stage.x[guests.clone()], &mut stage.w[guests.clone()]);
-            moved(rates, (&start.x[guests.clone()], &start.w[guests]), to);
-        }
-        for crossing in &self.crossings {
-            let integrals = crossing.integrals(x);
-            give(lanes, &mut self.stage, crossing.lane, integrals.over(length));
         }
     }
 
@@ -291,7 +266,7 @@ impl Work {
             contacts: sum(&|stage| powers.contacts[stage]),
             wall: sum(&|stage| powers.wall[stage]),
             guests: (0..lanes.guests.count)
-                .map(|guest| sum(&|stage| powers.guests[place(guest, stage)]))
+                .map(|guest| sum(&|stage| powers.guests[place(lanes.guests.seat(guest), stage)]))
                 .collect(),
         };
         for crossing in &self.crossings {
@@ -321,8 +296,9 @@ pub(super) fn give(lanes: &Lanes, motion: &mut Motion, lane: usize, (shift, kick
         motion.u[body] += shift * part;
         motion.v[body] += kick * part;
         if let Some(guest) = lanes.guests.of(body) {
-            motion.x[guest] -= shift * part;
-            motion.w[guest] -= kick * part;
+            let lane = lanes.guests.lane(guest);
+            motion.u[lane] -= shift * part;
+            motion.v[lane] -= kick * part;
         }
     }
 }
@@ -332,7 +308,8 @@ pub(super) fn clear(lanes: &Lanes, motion: &mut Motion, lane: usize) {
     for body in [lane - 1, lane] {
         (motion.u[body], motion.v[body]) = (0.0, 0.0);
         if let Some(guest) = lanes.guests.of(body) {
-            (motion.x[guest], motion.w[guest]) = (0.0, 0.0);
+            let lane = lanes.guests.lane(guest);
+            (motion.u[lane], motion.v[lane]) = (0.0, 0.0);
         }
     }
 }
@@ -351,7 +328,8 @@ fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
     };
     let rate = |body: usize| {
         let pull = lanes.guests.of(body).map_or(0.0, |guest| {
-            lanes.guests.stiffness[guest] * motion.x[guest] + lanes.guests.damping[guest] * motion.w[guest]
+            let (seat, lane) = (lanes.guests.seat(guest), lanes.guests.lane(guest));
+            lanes.guests.stiffness[seat] * u[lane] + lanes.guests.damping[seat] * v[lane]
         });
         (force(body) - force(body + 1) + pull) * lanes.inverse[body]
     };

@@ -1,7 +1,10 @@
 //! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
 
+use std::env;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
+use chrono::{DateTime, Utc};
 use clap::Args;
 use hertz_chain::Scenario;
 use serde_json::json;
@@ -11,7 +14,7 @@ use crate::bench::sensed::{load_scenario, only_host};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
-use crate::comparison::page::Page;
+use crate::comparison::page::{Fact, Page};
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::spread::Spread;
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
@@ -65,7 +68,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     });
     let figures = figures.transpose()?;
     let received = Received::open(&arguments.recording)?;
-    let scenario = scenario(arguments, &received)?;
+    let (scenario, text) = scenario(arguments, &received)?;
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
     let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
@@ -117,6 +120,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         status: heard.status.as_ref(),
         settings: settings.as_ref(),
         emulator: emulator.as_ref(),
+        made: &made(),
+        scenario: &text,
     };
     if let Some(report) = &report {
         report.write_bytes(page.html()?)?;
@@ -140,9 +145,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The scenario that is given, or the one in the recording.
-fn scenario(arguments: &Arguments, received: &Received) -> Result<Scenario, Failure> {
+fn scenario(arguments: &Arguments, received: &Received) -> Result<(Scenario, String), Failure> {
     if let Some(path) = &arguments.scenario {
-        return Ok(load_scenario(path)?.0);
+        return Ok(load_scenario(path)?);
     }
     let shown = received.path.display();
     let text = received.recording.parts.get(&Part::Scenario).ok_or_else(|| {
@@ -150,11 +155,20 @@ fn scenario(arguments: &Arguments, received: &Received) -> Result<Scenario, Fail
             "{shown} carries no scenario; say what was struck with --scenario S.toml"
         ))
     })?;
-    let text = String::from_utf8_lossy(text);
-    Ok(Scenario::from_toml(
-        &text,
-        &format!("{shown}: {}", Part::Scenario.name()),
-    )?)
+    let text = String::from_utf8_lossy(text).into_owned();
+    let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()))?;
+    Ok((scenario, text))
+}
+
+/// How a page was made.
+fn made() -> [Fact; 3] {
+    let command: Vec<_> = env::args().collect();
+    let now = DateTime::<Utc>::from(SystemTime::now());
+    [
+        ("command", command.join(" ")),
+        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
+    ]
 }
 
 fn write_figures(

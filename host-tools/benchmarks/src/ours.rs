@@ -1,0 +1,28 @@
+//! The simulator, as a user would run it for the same results that the other solvers give.
+
+use hertz_chain::{Accuracy, Channel, Run, Samples, Scenario};
+
+/// Samples of a run.
+pub(crate) const SAMPLES: usize = 1000;
+
+/// Velocities of all bodies at the end, m/s.
+pub(crate) fn end(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
+    let mut run = Run::new(scenario, accuracy).expect("the case is sound");
+    run.to(scenario.duration).expect("the case can be run");
+    let snapshot = run.snapshot();
+    (0..=scenario.chain.beads)
+        .map(|body| snapshot.velocity(body))
+        .collect()
+}
+
+/// The same at each of [`SAMPLES`] times, one after another.
+pub(crate) fn samples(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
+    let channels: Vec<Channel> = (0..=scenario.chain.beads).map(Channel::Velocity).collect();
+    let bodies = channels.len();
+    let mut samples = Samples::new(scenario.duration / SAMPLES as f64, channels);
+    let mut run = Run::new(scenario, accuracy).expect("the case is sound");
+    run.watch(scenario.duration, |step| samples.look(step))
+        .expect("the case can be run");
+    // The first is the start.
+    samples.values()[bodies..].to_vec()
+}
