@@ -228,8 +228,13 @@ fn simulate_has_the_keys_of_the_contract() {
             "intruders",
             "peak_force",
             "schema_version",
-            "solver"
+            "solver",
+            "validity"
         ]
+    );
+    assert_eq!(
+        keys(&summary["validity"][0]),
+        ["contact", "periods", "pressure", "radius_ratio", "softer"]
     );
     assert_eq!(
         keys(&summary["peak_force"][0]),

@@ -82,3 +82,27 @@ fn a_result_that_is_interrupted_leaves_no_part_of_it() {
         assert_eq!(said.lines().count(), 1, "{said}");
     }
 }
+
+#[test]
+fn a_search_that_is_interrupted_prints_the_best_so_far() {
+    let mut running = Running(
+        Command::new(env!("CARGO_BIN_EXE_bead"))
+            // Five speeds and nine hosts: there is time to interrupt it.
+            .args(["optimise", SCENARIO, "--hosts", "2-10", "--total-mass", "0.05"])
+            .args(["--speeds", "0.1,0.2,0.5,1,2", "--format", "json"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap(),
+    );
+    std::thread::sleep(Duration::from_secs(2));
+    running.signal("INT");
+    let mut said = String::new();
+    std::io::Read::read_to_string(&mut running.0.stdout.take().unwrap(), &mut said).unwrap();
+    assert_eq!(running.0.wait().unwrap().code(), Some(0));
+    let found: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(found["optimum"]["stopped"], true);
+    assert_eq!(found["optimum"]["settled"], false);
+    let share = found["optimum"]["share"].as_f64().unwrap();
+    assert!((0.1..0.99).contains(&share), "{share}");
+}

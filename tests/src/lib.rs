@@ -10,7 +10,9 @@ use bead::bench::image::find_image;
 use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::frames::{self, Frame};
 use bead_model::Settings;
-use bead_model::design::{Bead, Capture, FrontEnd as FrontEndDesign, derive};
+use bead_model::design::{
+    Bead, Capture, FrontEnd as FrontEndDesign, Intruder, Neighbours, derive, derive_among,
+};
 use bead_wire::Message;
 use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -118,7 +120,23 @@ fn draw_settings(random: &mut dyn FnMut() -> u64) -> Settings {
             _ => least + random() % (most - least + 1),
         }
     }
-    let mut settings = settings_at(100_000);
+    let places = random();
+    let neighbours = Neighbours {
+        behind: std::array::from_fn(|follower| places >> follower & 1 == 1),
+        elsewhere: places >> 8 & 1 == 1,
+        intruder: Intruder {
+            mass: corner(random, 1, 12) as f64 * 1e-3,
+            stiffness: corner(random, 50, 400) as f64 * 1e3,
+            damping: corner(random, 1, 40) as f64,
+        },
+    };
+    let among = derive_among(
+        &Bead::paper(),
+        &neighbours,
+        &FrontEndDesign::reference(),
+        &Capture::default(),
+    );
+    let mut settings = among.unwrap_or_else(|error| panic!("{error}"));
     let window = &mut settings.window;
     window.history = corner(random, 128, 256) as u16;
     window.length = corner(random, u64::from(window.history) + 1, 1024) as u16;

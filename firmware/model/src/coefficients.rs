@@ -39,6 +39,37 @@ pub struct Bead<T = f64> {
     pub relaxation: T,
 }
 
+/// An intruder, SI units.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Intruder<T = f64> {
+    /// m, its mass, kg.
+    pub mass: T,
+    /// k, stiffness of its springs, N/m.
+    pub stiffness: T,
+    /// c, its damping, N·s/m.
+    pub damping: T,
+}
+
+impl<T: Float> Intruder<T> {
+    /// Coefficients of this intruder in a follower of mass `bead_mass`: [`Company::stiffness`], `damping` and
+    /// `ratio`. All are zero for an intruder of zeros, which is none.
+    ///
+    /// [`Company::stiffness`]: crate::company::Company::stiffness
+    pub fn coefficients(&self, bead_mass: T, sample_rate_hz: T) -> [T; 3] {
+        if self.mass <= T::zero() {
+            return [T::zero(); 3];
+        }
+        let number = |value: f64| T::from(value).expect("a float is made of any f64");
+        let dt = sample_rate_hz.recip();
+        let twelfth = dt * dt / number(12.0);
+        [
+            number(4.0) * self.stiffness / self.mass * twelfth,
+            self.damping / self.mass * twelfth / dt,
+            self.mass / (bead_mass - self.mass),
+        ]
+    }
+}
+
 /// The coefficients before they are converted to their formats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients<T> {

@@ -9,10 +9,11 @@
 
 use crate::calibration::Channel;
 use crate::coefficients::coefficients;
+use crate::company::Company;
 use crate::layout::{HISTORY_MAX, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
 use crate::quantity::Force;
-use crate::reduced_chain::ReducedChain;
+use crate::reduced_chain::{FOLLOWERS, ReducedChain};
 use crate::scale::{INCOMING_MAX, SHIFT_MAX, Scale};
 use crate::sensor::Sensor;
 use crate::settings::{Name, Settings, SettingsError};
@@ -22,7 +23,7 @@ use fixed::types::extra::LeEqU32;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
-pub use crate::coefficients::{Bead, SOLITARY_WAVE_ENERGY};
+pub use crate::coefficients::{Bead, Intruder, SOLITARY_WAVE_ENERGY};
 
 impl Bead {
     /// The paper's bead: Bakelite, R = 19 mm, Y = 4.5 GPa as fitted; m = 3.7 g, k = 3.95e5 N/m, c = 12 N·s/m.
@@ -213,8 +214,29 @@ pub enum DesignError {
     Window(#[from] SettingsError),
 }
 
-/// Derives the settings of a bead. The bead has no name yet: see [`Settings::name`].
+/// The intruders of the beads around.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Neighbours {
+    /// Which of the beads behind the host hold an intruder, from the one next to it on.
+    pub behind: [bool; FOLLOWERS],
+    /// Whether others near by do: in front of the host, or further behind.
+    pub elsewhere: bool,
+    /// The intruder that those behind hold. Not looked at if none does.
+    pub intruder: Intruder,
+}
+
+/// Derives the settings of a bead that is alone. It has no name yet: see [`Settings::name`].
 pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Settings, DesignError> {
+    derive_among(bead, &Neighbours::default(), front_end, capture)
+}
+
+/// Derives the settings of a bead among others that hold intruders.
+pub fn derive_among(
+    bead: &Bead,
+    neighbours: &Neighbours,
+    front_end: &FrontEnd,
+    capture: &Capture,
+) -> Result<Settings, DesignError> {
     for (name, value) in [
         ("bead mass", bead.mass),
         ("intruder mass", bead.intruder_mass),
@@ -249,10 +271,36 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         return Err(DesignError::TooFast { samples, least });
     }
     let coefficient = coefficients(bead, f64::from(capture.sample_rate_hz));
+    let behind = neighbours
+        .behind
+        .iter()
+        .rev()
+        .fold(0, |bits, holds| bits << 1 | u8::from(*holds));
+    let intruder = match behind {
+        0 => Intruder::default(),
+        _ => neighbours.intruder,
+    };
+    if behind > 0 {
+        for (name, value) in [
+            ("mass of the intruders behind", intruder.mass),
+            ("stiffness of the intruders behind", intruder.stiffness),
+            ("damping of the intruders behind", intruder.damping),
+        ] {
+            require(value.is_finite() && value > 0.0, name, value, "positive")?;
+        }
+        let mass = intruder.mass;
+        require(
+            mass < bead.mass,
+            "mass of the intruders behind",
+            mass,
+            "below the bead's",
+        )?;
+    }
+    let [stiffness, damping, ratio] = intruder.coefficients(bead.mass, f64::from(capture.sample_rate_hz));
     let scale = Scale {
         contact: shift(coefficient.contact, SHIFT_MAX),
         incoming: shift(coefficient.incoming, INCOMING_MAX),
-        masses: shift(coefficient.intruder.max(coefficient.host), SHIFT_MAX),
+        masses: shift(coefficient.intruder.max(coefficient.host).max(ratio), SHIFT_MAX),
         observer: shift(coefficient.end, 1),
         measured: shift_into(coefficient.measured, 1.0 / 65536.0..1.0),
         predicted: shift_into(coefficient.predicted, 0.1..16384.0),
@@ -306,6 +354,21 @@ pub fn derive(bead: &Bead, front_end: &FrontEnd, capture: &Capture) -> Result<Se
         name: Name::default(),
         address: 0,
         scale,
+        company: Company {
+            behind,
+            elsewhere: neighbours.elsewhere,
+            intruder: Intruder {
+                mass: intruder.mass as f32,
+                stiffness: intruder.stiffness as f32,
+                damping: intruder.damping as f32,
+            },
+            stiffness: fix("stiffness of the intruders behind", stiffness)?,
+            damping: fix("damping of the intruders behind", damping)?,
+            ratio: fix(
+                "mass of the intruders behind over that of their beads",
+                without(ratio, scale.masses),
+            )?,
+        },
         sample_rate_hz: capture.sample_rate_hz,
         bead: Bead {
             mass: bead.mass as f32,

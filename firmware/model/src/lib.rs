@@ -30,6 +30,7 @@ struct Readme;
 
 pub mod calibration;
 pub mod coefficients;
+pub mod company;
 #[cfg(feature = "design")]
 pub mod design;
 pub mod layout;

@@ -20,6 +20,8 @@
 //! the Taylor expansion, with a at n extrapolated from the two samples before.) It needs a quarter of the
 //! force evaluations of RK4, and no force between samples.
 
+use crate::company::Company;
+pub use crate::company::FOLLOWERS;
 use crate::quantity::{Energy, EnergyScale, Force, Length, SquareSum, Step, high, high_rounded, square};
 use crate::scale::Scale;
 use crate::sqrt::sqrt;
@@ -28,9 +30,6 @@ use serde::{Deserialize, Serialize};
 
 /// Number of samples in a row below the gate that still belong to a pulse.
 pub const FOOT: u16 = 64;
-
-/// Beads behind the host in the reduced chain.
-pub const FOLLOWERS: usize = 4;
 
 /// Coefficients of estimate B. Accelerations are in twelfths of a µm/sample², the unit of Störmer's formula.
 /// The powers of two follow from the formats of the products ([`crate::quantity`]).
@@ -132,6 +131,8 @@ pub struct ReducedChainState {
     overlaps: [Coordinate; FOLLOWERS],
     /// The intruder's displacement relative to its host.
     intruder: Coordinate,
+    /// The same of the followers' intruders, where they hold one.
+    behind: [Coordinate; FOLLOWERS],
     squares: SquareSum<{ 2 * Length::FRAC_NBITS }>,
     watch: Watch,
     /// Samples since the force was above the gate, or since the start.
@@ -176,34 +177,53 @@ impl ReducedChain {
     /// Takes the forces at the host's incoming contact at the next samples, at most
     /// [`PIECE`](crate::layout::PIECE). Never inlined, so that its instructions can be counted by its symbol.
     #[inline(never)]
-    pub fn process(&self, scale: &Scale, state: &mut ReducedChainState, forces: &[Force]) {
-        if [scale.contact, scale.incoming, scale.masses] == [0; 3] {
-            self.run::<false>(&Powers::default(), state, forces);
-        } else {
-            self.run::<true>(&Powers::new(scale), state, forces);
+    pub fn process(&self, scale: &Scale, company: &Company, state: &mut ReducedChainState, forces: &[Force]) {
+        let scaled = [scale.contact, scale.incoming, scale.masses] != [0; 3];
+        let powers = &Powers::new(scale);
+        match (scaled, company.behind > 0) {
+            (false, false) => self.run::<false, false>(powers, company, state, forces),
+            (true, false) => self.run::<true, false>(powers, company, state, forces),
+            (false, true) => self.run::<false, true>(powers, company, state, forces),
+            (true, true) => self.run::<true, true>(powers, company, state, forces),
         }
     }
 
-    /// [`ReducedChain::process`], with `powers` if `SCALED`, and as if they were zero otherwise.
+    /// [`ReducedChain::process`], with `powers` if `SCALED`, and as if they were zero otherwise; with the
+    /// intruders of `company` if `ROW`, and as if there were none otherwise.
     #[inline(always)]
-    fn run<const SCALED: bool>(&self, powers: &Powers, state: &mut ReducedChainState, forces: &[Force]) {
+    fn run<const SCALED: bool, const ROW: bool>(
+        &self,
+        powers: &Powers,
+        company: &Company,
+        state: &mut ReducedChainState,
+        forces: &[Force],
+    ) {
         let gate = self.gate.max(state.gate).to_bits();
         let mut silent = state.silent;
         let ReducedChainState {
             mut overlaps,
             mut intruder,
+            behind: mut intruders,
             mut watch,
             ..
         } = *state;
         let mut squares = 0;
         for &measured in forces {
             // From the free end to the host: in this order the fewest values are needed at a time.
-            let mut behind = 0;
             let mut contact = self.contact_force::<SCALED>(powers, &overlaps[FOLLOWERS - 1], &mut watch);
+            // Acceleration of the bead behind the contact.
+            let mut behind = contact;
+            if ROW {
+                behind = company.follow::<SCALED>(FOLLOWERS - 1, contact, powers, &mut intruders, &mut watch);
+            }
             for i in (1..FOLLOWERS).rev() {
                 let ahead = self.contact_force::<SCALED>(powers, &overlaps[i - 1], &mut watch);
-                overlaps[i].advance(ahead - 2 * contact + behind, &mut watch);
-                (behind, contact) = (contact, ahead);
+                let mut bead = ahead - contact;
+                if ROW {
+                    bead = company.follow::<SCALED>(i - 1, bead, powers, &mut intruders, &mut watch);
+                }
+                overlaps[i].advance(bead - behind, &mut watch);
+                (behind, contact) = (bead, ahead);
             }
 
             let velocity = intruder.velocity;
@@ -228,11 +248,14 @@ impl ReducedChain {
                 - high_rounded(self.host.to_bits(), pulled);
             // Unscaled, the ratios of the masses are below a half, and the sum has room.
             let host = if SCALED { watch.limited(host) } else { host };
-            overlaps[0].advance(host - contact + behind, &mut watch);
+            overlaps[0].advance(host - behind, &mut watch);
             intruder.advance(-springs - host, &mut watch);
             watch.state(intruder.position);
         }
         (state.overlaps, state.intruder, state.watch) = (overlaps, intruder, watch);
+        if ROW {
+            state.behind = intruders;
+        }
         state.silent = silent;
         state.squares.add(squares);
     }
@@ -266,6 +289,36 @@ impl ReducedChain {
     /// The energy absorbed so far. `energy` has `powers` of two more than its bits say.
     pub fn absorbed(&self, powers: i8, state: &ReducedChainState) -> Energy {
         state.squares.energy(self.energy, powers)
+    }
+}
+
+impl Company {
+    /// The acceleration of a follower, in twelfths, on which its contacts alone would have `pushed`. Advances its
+    /// intruder, if it holds one.
+    #[inline(always)]
+    fn follow<const SCALED: bool>(
+        &self,
+        follower: usize,
+        pushed: i32,
+        powers: &Powers,
+        intruders: &mut [Coordinate; FOLLOWERS],
+        watch: &mut Watch,
+    ) -> i32 {
+        if !self.holds(follower) {
+            return pushed;
+        }
+        let intruder = &mut intruders[follower];
+        // (k x + c ẋ)/m
+        let springs = watch.limited(
+            high_rounded(self.stiffness.to_bits(), intruder.position)
+                + high_rounded(self.damping.to_bits(), intruder.velocity),
+        );
+        // M/(M - m) = 1 + m/(M - m). Both terms are limited, so there is room for the powers.
+        let drawn = (pushed + springs) << if SCALED { powers.masses } else { 0 };
+        let bead = watch.limited(pushed + high_rounded(self.ratio.to_bits(), drawn));
+        intruder.advance(-springs - bead, watch);
+        watch.state(intruder.position);
+        bead
     }
 }
 

@@ -5,6 +5,7 @@
 //! ```
 
 use crate::coefficients::{Bead, coefficients};
+use crate::company::Company;
 use crate::layout::{BASELINE, HISTORY_MAX, LEAD, PIECE, WINDOW_MAX, WindowSettings};
 use crate::observer::Observer;
 use crate::quantity::Force;
@@ -18,15 +19,14 @@ use fixed::types::extra::{U26, U30};
 use fixed::types::{I2F30, I16F16};
 use serde::{Deserialize, Serialize};
 
-/// Version of the settings block. Blocks of versions 3 and 4 are migrated; others are refused.
-pub const VERSION: u16 = 5;
+/// Version of the settings block. Blocks of versions 3 to 5 are migrated; others are refused.
+pub const VERSION: u16 = 6;
 /// The oldest version that is migrated.
 pub(crate) const OLDEST: u16 = 3;
-/// Bytes that bring a body of version 3 to version 5, all zero: version 4 added the address, version 5 the
-/// powers of two.
-const SINCE_OLDEST: usize = 7;
-/// The same for version 4.
-const SINCE_ADDRESS: usize = 6;
+/// Bytes that bring a body of version 3, 4 or 5 to version 6, all zero: version 4 added the address, version 5 the
+/// powers of two, version 6 the company.
+const SINCE: [usize; 3] = [1 + 6 + COMPANY, 6 + COMPANY, COMPANY];
+const COMPANY: usize = 2 + 3 * 4 + 3;
 /// Upper bound of an encoded block, bytes.
 pub const BLOCK_MAX: usize = 256;
 
@@ -93,6 +93,8 @@ pub struct Settings {
     pub address: u8,
     /// Powers of two between coefficients and their formats.
     pub scale: Scale,
+    /// Other intruders around.
+    pub company: Company,
 }
 
 /// Why a settings block is refused.
@@ -146,7 +148,7 @@ impl Settings {
         Ok(end + 4)
     }
 
-    /// Reads the block at the start of `bytes`, which may be a whole flash sector. A block of version 3 or 4
+    /// Reads the block at the start of `bytes`, which may be a whole flash sector. A block of version 3 to 5
     /// is migrated.
     pub fn decode(bytes: &[u8]) -> Result<Self, SettingsError> {
         let header = bytes.get(..HEADER).ok_or(SettingsError::Truncated)?;
@@ -165,8 +167,7 @@ impl Settings {
         let mut migrated = [0; BLOCK_MAX];
         let added = match u16::from_le_bytes([header[4], header[5]]) {
             VERSION => 0,
-            4 => SINCE_ADDRESS,
-            OLDEST => SINCE_OLDEST,
+            old @ OLDEST..VERSION => SINCE[usize::from(old - OLDEST)],
             other => return Err(SettingsError::Version(other)),
         };
         // What was added stands at the end, and its zeros say what was meant before it was there.
@@ -276,6 +277,10 @@ impl Settings {
                 self.scale.is_bounded(),
                 "a power of two of a coefficient is out of range",
             ),
+            (
+                self.company.is_bounded(bead.mass),
+                "the intruders behind have a number that is not above 0, or too much mass",
+            ),
             (self.disagreement > 0, "disagreement is not above 0"),
             (self.observer.is_bounded(), "a weight of the observer is negative"),
             (
@@ -305,7 +310,12 @@ impl Settings {
             ..
         } = self;
         // Bits, and the power of two that the last of them stands for. A table, for the size of the image.
+        let company = &self.company;
+        let [stiffness, damping, ratio] = company.intruder.coefficients(self.bead.mass, rate);
         let rows = [
+            ("stiffness behind", whole(company.stiffness, 0), stiffness),
+            ("damping behind", whole(company.damping, 0), damping),
+            ("mass behind", whole(company.ratio, scale.masses as i8), ratio),
             (
                 "weight of the old acceleration",
                 whole(observer.start, 0),

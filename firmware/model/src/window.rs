@@ -209,7 +209,9 @@ impl Window {
             self.force_samples += forces.len() as u16;
             return;
         }
-        settings.chain.process(scale, &mut self.chain, forces);
+        settings
+            .chain
+            .process(scale, &settings.company, &mut self.chain, forces);
     }
 
     fn note(&mut self, loudness: Loudness, railed: Flags) {
@@ -283,7 +285,8 @@ impl Window {
         };
         let mut flags = self.railed;
         flags.set_if(Flags::CHAIN_RANGE, self.chain.saturated());
-        flags.set_if(Flags::INTRUDER_DRIFTED, settings.ringing.is_other_than(&shape));
+        let drifted = settings.company.is_alone() && settings.ringing.is_other_than(&shape);
+        flags.set_if(Flags::INTRUDER_DRIFTED, drifted);
         let gains = [shape.force_gains, shape.acceleration_gains];
         let gains_differ = gains.iter().flatten().any(|gains| gains.differ(GAIN_TOLERANCE));
         flags.set_if(Flags::GAINS_DIFFER, gains_differ);

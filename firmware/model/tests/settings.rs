@@ -2,6 +2,7 @@
 //! number.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
+use bead_model::company::Company;
 use bead_model::scale::Scale;
 use bead_model::{Settings, SettingsError};
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -10,6 +11,10 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 const YESTERDAY: &[u8] = include_bytes!("../../../tests/data/settings-v3.bin");
 /// A block of version 4: the built-in settings of its last day.
 const VERSION_4: &[u8] = include_bytes!("../../../tests/data/settings-v4.bin");
+/// The same of version 5.
+const VERSION_5: &[u8] = include_bytes!("../../../tests/data/settings-v5.bin");
+/// What version 6 added, of a bead that is alone.
+const ALONE: [u8; 17] = [0; 17];
 /// Bytes of a block before its body: magic, version, length.
 const HEADER: usize = 8;
 
@@ -44,10 +49,10 @@ fn settings_of_version_3_are_migrated_with_address_0() {
     // The ringing stood last.
     assert_eq!(settings.ringing.frequency.to_bits(), 110_409_876);
     assert_eq!(settings.ringing.decay_tolerance.to_bits(), 19_661);
-    // Every bit is kept: written anew, it is the old body, the address, no powers of two.
+    // Every bit is kept: written anew, it is the old body, the address, no powers of two, no company.
     let mut buffer = [0; bead_model::settings::BLOCK_MAX];
     let length = settings.encode(&mut buffer).unwrap();
-    assert_eq!(buffer[..length], block(5, &[body(), &[0; 7]].concat()));
+    assert_eq!(buffer[..length], block(6, &[body(), &[0; 7], &ALONE].concat()));
 }
 
 #[test]
@@ -58,17 +63,29 @@ fn settings_of_version_4_are_migrated_without_powers_of_two() {
     let length = settings.encode(&mut buffer).unwrap();
     let body = &VERSION_4[HEADER..VERSION_4.len() - 4];
     assert_eq!(VERSION_4, block(4, body));
-    assert_eq!(buffer[..length], block(5, &[body, &[0; 6]].concat()));
+    assert_eq!(buffer[..length], block(6, &[body, &[0; 6], &ALONE].concat()));
+}
+
+#[test]
+fn settings_of_version_5_are_migrated_as_of_a_bead_that_is_alone() {
+    let settings = Settings::decode(VERSION_5).unwrap();
+    assert_eq!(settings.company, Company::default());
+    assert!(settings.company.is_alone());
+    let mut buffer = [0; bead_model::settings::BLOCK_MAX];
+    let length = settings.encode(&mut buffer).unwrap();
+    let body = &VERSION_5[HEADER..VERSION_5.len() - 4];
+    assert_eq!(VERSION_5, block(5, body));
+    assert_eq!(buffer[..length], block(6, &[body, &ALONE].concat()));
 }
 
 #[test]
 fn settings_of_an_older_or_a_later_version_are_refused_by_their_number() {
-    for version in [0, 1, 2, 6, 0xFFFF] {
+    for version in [0, 1, 2, 7, 0xFFFF] {
         let error = Settings::decode(&block(version, body())).unwrap_err();
         assert_eq!(error, SettingsError::Version(version));
         assert_eq!(
             error.to_string(),
-            format!("settings block of version {version}, this program knows 3 to 5")
+            format!("settings block of version {version}, this program knows 3 to 6")
         );
     }
 }

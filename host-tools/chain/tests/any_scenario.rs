@@ -1,6 +1,8 @@
 //! Laws that hold for every scenario, on scenarios drawn at random.
 
-use hertz_chain::{Chain, ContactForce, Intruder, Oscillator, Scenario, Section, Striker, Wall, simulate};
+use hertz_chain::{
+    Chain, ContactForce, Intruder, Material, Oscillator, Scenario, Section, Striker, Wall, simulate,
+};
 use proptest::prelude::*;
 
 /// Numbers between two positive ones, each decade as likely as the next.
@@ -130,5 +132,64 @@ proptest! {
                 prop_assert!(acceleration >= intruder.acceleration_min - slack);
             }
         }
+    }
+}
+
+/// Strikers and walls for which a contact closes in the last tenth of a step, after the last stage inside it:
+/// radius, modulus and speed of the striker, beads, modulus of the wall. The energy was off by up to 9e-10.
+const LATE: [(f64, f64, f64, usize, f64); 3] = [
+    (
+        0.014551500512789977,
+        584126443.8081733,
+        0.5861155989378576,
+        8,
+        1544492617.1270607,
+    ),
+    (
+        0.014836038552657008,
+        78623880519.0,
+        2.6354678087335706,
+        16,
+        15053764000.0,
+    ),
+    (
+        0.010402780300305543,
+        187961390000.0,
+        1.221798274088617,
+        10,
+        2361052900.0,
+    ),
+];
+
+#[test]
+fn a_contact_that_closes_late_in_a_step_keeps_the_energy() {
+    for (radius, young, velocity, beads, wall) in LATE {
+        let scenario = Scenario {
+            duration: 0.004,
+            chain: Chain {
+                beads,
+                relaxation: 0.0,
+                ..Chain::PAPER
+            },
+            striker: Striker {
+                radius,
+                young,
+                velocity,
+                ..Striker::PAPER
+            },
+            wall: Some(Wall::flat(Material {
+                density: 1000.0,
+                young: wall,
+                poisson: 0.3,
+            })),
+            intruders: Vec::new(),
+            ..Scenario::paper()
+        };
+        let error = simulate(&scenario)
+            .expect("the scenario is sound")
+            .summary()
+            .energy
+            .balance_error;
+        assert!(error < 1e-12, "{beads} beads: {error:e}");
     }
 }

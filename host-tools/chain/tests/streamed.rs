@@ -234,8 +234,8 @@ fn a_balance_that_was_broken_on_the_way_is_told_at_the_end() {
     let mut scenario = Scenario::paper();
     scenario.chain.relaxation = 0.0;
     let accuracy = Accuracy {
-        tolerance: 1e-4,
-        longest_step: 1.0,
+        tolerance: 1e-3,
+        longest_step: 0.5,
     };
     let mut run = Run::new(&scenario, accuracy).unwrap();
     let mut found = Summariser::new(&mut run);
@@ -256,7 +256,7 @@ fn a_balance_that_was_broken_on_the_way_is_told_at_the_end() {
     let kept = simulate_with(&scenario, &options).unwrap();
     let last = (kept.at(kept.end()).energies().total() / run.model().striker_energy() - 1.0).abs();
     assert!(
-        last < 0.95 * worst,
+        last < 0.7 * worst,
         "the last step alone would tell {last:e} of {worst:e}"
     );
     same(

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use bead_model::design::{Capture, DesignError, derive};
+use bead_model::design::{Capture, DesignError, derive_among};
 use bead_model::layout::BASELINE;
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::{Counters, Message};
@@ -17,7 +17,7 @@ use crate::bench::error::BenchError;
 use crate::bench::faults::Planned;
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::image;
-use crate::bench::sensed::{Sensed, Timing, Truth, bead_of};
+use crate::bench::sensed::{Sensed, Timing, Truth, bead_of, neighbours_of};
 use crate::recording::file::{RecordingError, Writer};
 use crate::recording::frames::{self, Frame};
 
@@ -219,7 +219,8 @@ impl Emulation {
     ) -> Result<Self, BenchError> {
         let physics = bead_of(solution, bead)?;
         let front = front_end.calibration();
-        let derived = derive(&physics, &front, &Capture::of(&physics, &front));
+        let neighbours = neighbours_of(solution, bead);
+        let derived = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front));
         let settings = derived.map_err(|error| match error {
             DesignError::TooFast { samples, least } => {
                 let diameter = 2e3 * solution.model().radius(bead);

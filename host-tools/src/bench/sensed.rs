@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bead_model::design::{Bead, LEAST_WIDTH};
+use bead_model::design::{Bead, Intruder, LEAST_WIDTH, Neighbours};
 use bead_model::reduced_chain::FOLLOWERS;
 use hertz_chain::{Options, Sampler, Scenario, Solution, simulate_with};
 use serde::{Deserialize, Serialize};
@@ -44,6 +44,45 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
         contact_stiffness: behind.stiffness,
         relaxation: behind.relaxation,
     })
+}
+
+/// How far away other intruders change how a bead rings within a window, in beads: a wave goes there and back in
+/// 6 ms.
+const NEAR: usize = 8;
+
+/// The intruders around a bead. Those of its followers count for estimate B if they are like that of the first
+/// follower that holds one.
+pub fn neighbours_of(solution: &Solution, bead: usize) -> Neighbours {
+    let intruders = solution.model().intruders();
+    let at = |place: usize| {
+        intruders
+            .iter()
+            .find(|one| one.bead == place)
+            .map(|one| one.oscillator)
+    };
+    let followers = std::array::from_fn::<_, FOLLOWERS, _>(|follower| at(bead + 1 + follower));
+    let first = followers.iter().flatten().next().copied();
+    let behind = followers.map(|held| held.is_some() && held == first);
+    let counted = |place: usize| {
+        place == bead
+            || place
+                .checked_sub(bead + 1)
+                .and_then(|follower| behind.get(follower))
+                == Some(&true)
+    };
+    let others = intruders
+        .iter()
+        .map(|one| one.bead)
+        .filter(|place| !counted(*place));
+    Neighbours {
+        behind,
+        elsewhere: others.into_iter().any(|place| place.abs_diff(bead) <= NEAR),
+        intruder: first.map_or_else(Intruder::default, |held| Intruder {
+            mass: held.mass,
+            stiffness: held.stiffness,
+            damping: held.damping,
+        }),
+    }
 }
 
 /// A warning where the reduced chain of estimate B is not like the real chain, or its steps are long.

@@ -7,7 +7,7 @@
 //! samples; B runs the reduced chain by Runge-Kutta with [`SUBSTEPS`] steps a sample, on a force interpolated
 //! by cubics. Both return the running energy, sample by sample.
 
-use bead_model::design::Bead;
+use bead_model::design::{Bead, Intruder, Neighbours};
 use bead_model::reduced_chain::FOLLOWERS;
 
 use crate::bench::front_end::first_order_hold;
@@ -61,8 +61,10 @@ pub fn measured(bead: &Bead, acceleration: &[f64], rate_hz: f64) -> Vec<f64> {
 }
 
 /// Estimate B: energy in J absorbed since the first sample, at each sample, from the total force at the
-/// host's incoming contact in N. Everything is at rest, just touching, at the first sample.
-pub fn predicted(bead: &Bead, force: &[f64], rate_hz: f64) -> Vec<f64> {
+/// host's incoming contact in N. Everything is at rest, just touching, at the first sample. The followers hold
+/// the intruders of `neighbours`.
+pub fn predicted(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -> Vec<f64> {
+    let row = &row(bead, neighbours);
     let step = 1.0 / rate_hz / SUBSTEPS as f64;
     let at = |i: isize| force[i.clamp(0, force.len() as isize - 1) as usize];
     let mut state = State::default();
@@ -74,7 +76,7 @@ pub fn predicted(bead: &Bead, force: &[f64], rate_hz: f64) -> Vec<f64> {
             let phase = substep as f64 / SUBSTEPS as f64;
             let half = 0.5 / SUBSTEPS as f64;
             let phases = [phase, phase + half, phase + 2.0 * half];
-            state = runge_kutta(bead, &state, step, phases.map(|phase| cubic(points, phase)));
+            state = runge_kutta(bead, row, &state, step, phases.map(|phase| cubic(points, phase)));
         }
     }
     energies
@@ -90,11 +92,26 @@ fn cubic([before, start, end, after]: [f64; 4], phase: f64) -> f64 {
         - after * p * q * (1.0 + p) / 6.0
 }
 
-/// Bodies: the host, then its followers. Layout: displacements, velocities, intruder relative displacement
-/// and velocity, energy absorbed.
+/// Bodies: the host, then its followers. Layout: displacements, velocities; displacements and velocities of the
+/// intruders relative to these; energy absorbed by the host's.
 const BODIES: usize = FOLLOWERS + 1;
-const INTRUDER: usize = 2 * BODIES;
-const ENERGY: usize = INTRUDER + 2;
+const INTRUDERS: usize = 2 * BODIES;
+const ENERGY: usize = 4 * BODIES;
+
+/// The intruder of each body.
+type Row = [Option<Intruder>; BODIES];
+
+fn row(bead: &Bead, neighbours: &Neighbours) -> Row {
+    let own = Intruder {
+        mass: bead.intruder_mass,
+        stiffness: bead.stiffness,
+        damping: bead.damping,
+    };
+    std::array::from_fn(|body| match body.checked_sub(1) {
+        None => Some(own),
+        Some(follower) => neighbours.behind[follower].then_some(neighbours.intruder),
+    })
+}
 
 #[derive(Clone, Copy, Default)]
 struct State([f64; ENERGY + 1]);
@@ -109,28 +126,34 @@ impl State {
     }
 }
 
-fn rate(bead: &Bead, state: &State, incoming: f64) -> State {
+fn rate(bead: &Bead, row: &Row, state: &State, incoming: f64) -> State {
     let y = &state.0;
     let mut rate = State::default();
     let mut push = incoming;
-    let suspension = bead.stiffness * y[INTRUDER] + bead.damping * y[INTRUDER + 1];
     for body in 0..BODIES {
         let velocity = BODIES + body;
         let outgoing = match body + 1 {
             BODIES => 0.0,
             next => contact_force(bead, y[body] - y[next], y[velocity] - y[velocity + 1]),
         };
-        let (mass, spring) = match body {
-            0 => (bead.mass - bead.intruder_mass, suspension),
-            _ => (bead.mass, 0.0),
-        };
         rate.0[body] = y[velocity];
-        rate.0[velocity] = (push - outgoing + spring) / mass;
+        let (displacement, relative) = (INTRUDERS + body, INTRUDERS + BODIES + body);
+        match row[body] {
+            Some(Intruder {
+                mass,
+                stiffness,
+                damping,
+            }) => {
+                let spring = stiffness * y[displacement] + damping * y[relative];
+                rate.0[velocity] = (push - outgoing + spring) / (bead.mass - mass);
+                rate.0[displacement] = y[relative];
+                rate.0[relative] = -spring / mass - rate.0[velocity];
+            }
+            None => rate.0[velocity] = (push - outgoing) / bead.mass,
+        }
         push = outgoing;
     }
-    rate.0[INTRUDER] = y[INTRUDER + 1];
-    rate.0[INTRUDER + 1] = -suspension / bead.intruder_mass - rate.0[BODIES];
-    rate.0[ENERGY] = bead.damping * y[INTRUDER + 1] * y[INTRUDER + 1];
+    rate.0[ENERGY] = bead.damping * y[INTRUDERS + BODIES].powi(2);
     rate
 }
 
@@ -142,11 +165,11 @@ fn contact_force(bead: &Bead, overlap: f64, approach: f64) -> f64 {
     bead.contact_stiffness * overlap.sqrt() * (overlap + 1.5 * bead.relaxation * approach)
 }
 
-fn runge_kutta(bead: &Bead, state: &State, step: f64, [start, middle, end]: [f64; 3]) -> State {
-    let k1 = rate(bead, state, start);
-    let k2 = rate(bead, &state.plus(0.5 * step, &k1), middle);
-    let k3 = rate(bead, &state.plus(0.5 * step, &k2), middle);
-    let k4 = rate(bead, &state.plus(step, &k3), end);
+fn runge_kutta(bead: &Bead, row: &Row, state: &State, step: f64, [start, middle, end]: [f64; 3]) -> State {
+    let k1 = rate(bead, row, state, start);
+    let k2 = rate(bead, row, &state.plus(0.5 * step, &k1), middle);
+    let k3 = rate(bead, row, &state.plus(0.5 * step, &k2), middle);
+    let k4 = rate(bead, row, &state.plus(step, &k3), end);
     state
         .plus(step / 6.0, &k1)
         .plus(step / 3.0, &k2)
@@ -157,7 +180,7 @@ fn runge_kutta(bead: &Bead, state: &State, step: f64, [start, middle, end]: [f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::sensed::bead_of;
+    use crate::bench::sensed::{bead_of, neighbours_of};
     use hertz_chain::Scenario;
 
     const RATE: f64 = 100e3;
@@ -200,16 +223,46 @@ mod tests {
     #[test]
     fn b_is_within_one_part_in_fifty_thousand_of_the_full_chain() {
         let (bead, force, _, truth) = samples(None);
-        let error = error(&predicted(&bead, &force, RATE), truth);
+        let error = error(&predicted(&bead, &Neighbours::default(), &force, RATE), truth);
         println!("B, no pole: {error:.2e}");
         assert!(error.abs() < 2e-5, "{error:e}");
+    }
+
+    #[test]
+    fn b_in_a_row_of_absorbers_is_within_a_thousandth_of_the_full_chain_with_its_neighbours_and_not_without()
+    {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../docs/scenarios/ten-intruders.toml"
+        );
+        let scenario = Scenario::load(file).unwrap();
+        let solution = crate::bench::sensed::simulate_with_ring_down(&scenario).unwrap();
+        for host in [7, 10, 14] {
+            let (bead, neighbours) = (bead_of(&solution, host).unwrap(), neighbours_of(&solution, host));
+            let end = (scenario.duration * RATE) as usize;
+            // As long as a window goes on after the wave has come.
+            let forces: Vec<f64> = (0..=end)
+                .map(|i| solution.at(i as f64 / RATE).force(host))
+                .collect();
+            let came = forces.iter().position(|force| *force > 0.1).unwrap();
+            let forces = &forces[..end.min(came + 512)];
+            let truth = solution
+                .at(forces.len() as f64 / RATE)
+                .intruder_dissipated(host)
+                .unwrap();
+            let among = error(&predicted(&bead, &neighbours, forces, RATE), truth);
+            let alone = error(&predicted(&bead, &Neighbours::default(), forces, RATE), truth);
+            println!("bead {host}: B {among:.2e} among others, {alone:.2e} as if alone");
+            assert!(among.abs() < 1e-3, "{among:e}");
+            assert!(alone.abs() > among.abs());
+        }
     }
 
     #[test]
     fn compensation_takes_the_anti_alias_pole_out_of_both() {
         let (bead, force, acceleration, truth) = samples(Some(40e3));
         let a = |samples: &[f64]| error(&measured(&bead, samples, RATE), truth);
-        let b = |samples: &[f64]| error(&predicted(&bead, samples, RATE), truth);
+        let b = |samples: &[f64]| error(&predicted(&bead, &Neighbours::default(), samples, RATE), truth);
         let (raw_a, raw_b) = (a(&acceleration), b(&force));
         let (a, b) = (
             a(&lead(&acceleration, RATE / (std::f64::consts::TAU * 40e3))),

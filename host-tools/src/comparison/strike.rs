@@ -8,14 +8,16 @@
 //! The recording does not say when the striker hit. Each strike is therefore placed at the time where its
 //! force fits the simulated force best. The acceleration was taken [`SCAN_SKEW`] later.
 
-use bead_model::design::Bead;
+use bead_model::design::{Bead, Neighbours};
 use bead_model::layout::BASELINE;
 use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
 use serde::Serialize;
 
 use crate::bench::error::BenchError;
 use crate::bench::front_end::SCAN_SKEW;
-use crate::bench::sensed::{Truth, bead_of, simulate_with_ring_down, unlike_the_reduced_chain};
+use crate::bench::sensed::{
+    Truth, bead_of, neighbours_of, simulate_with_ring_down, unlike_the_reduced_chain,
+};
 use crate::comparison::f64_estimators;
 use crate::comparison::replay::{Replay, replay};
 use crate::comparison::signal::{force_noise, gated, least, sensed};
@@ -278,6 +280,7 @@ pub struct Traces {
 pub struct FullChain {
     bead: usize,
     physics: Bead,
+    neighbours: Neighbours,
     solution: Solution,
     truth: Truth,
     peak_time: f64,
@@ -291,6 +294,7 @@ impl FullChain {
     pub fn run(scenario: &Scenario, bead: usize) -> Result<Self, BenchError> {
         let solution = simulate_with_ring_down(scenario)?;
         let physics = bead_of(&solution, bead)?;
+        let neighbours = neighbours_of(&solution, bead);
         let truth = Truth::of(scenario, &solution, bead)?;
         let peaks = solution.summary().peak_force;
         let peak = peaks.iter().find(|peak| peak.contact == bead);
@@ -298,6 +302,7 @@ impl FullChain {
         Ok(Self {
             bead,
             physics,
+            neighbours,
             solution,
             truth,
             peak_time,
@@ -394,7 +399,7 @@ impl FullChain {
         let noise = strike.said.force_noise.newtons();
         let gated = gated(&force, settings, noise);
         let measured = f64_estimators::measured(&self.physics, &acceleration, rate);
-        let predicted = f64_estimators::predicted(&self.physics, &gated, rate);
+        let predicted = f64_estimators::predicted(&self.physics, &self.neighbours, &gated, rate);
         let start = self.place(&force, rate);
         let at = |sample: f64| start + sample / rate;
         let force = self.beside(&force, at(0.0), rate, |s| s.force(self.bead));

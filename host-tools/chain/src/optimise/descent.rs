@@ -8,28 +8,41 @@ use super::problem::{Problem, Properties, Tried};
 use super::search::Search;
 use crate::simulate::SimulateError;
 
-/// Change of a variable that makes a difference quotient.
-const STEP: f64 = 1e-3;
+/// Change of a variable, to either side, that makes a difference quotient.
+const STEP: f64 = 2e-3;
 /// Relative change of the share below which a descent ends.
-const SETTLED: f64 = 1e-5;
+const SETTLED: f64 = 1e-9;
+/// What a descent that begins anew where the last has ended must gain, in the share, or that was the end. A descent
+/// forgets then what it has learnt of the curvature, which may be wrong.
+const GAINED: f64 = 1e-6;
 
 impl Problem<'_> {
-    /// Improves a design until nothing near it is better, or until `most` evaluations are `spent` in all. The
-    /// intruders stay alike if the design has one entry.
-    pub(super) fn descend(
-        &self,
-        start: Tried,
-        most: usize,
-        spent: &mut usize,
-    ) -> Result<Tried, SimulateError> {
+    /// Improves a design until nothing near it is better, or until `most` evaluations are made. The intruders stay
+    /// alike if the design has one entry.
+    pub(super) fn descend(&self, start: Tried, most: usize) -> Result<Tried, SimulateError> {
+        let mut sofar = self.sofar.get();
+        sofar.descents += 1;
+        self.tell(sofar);
+        let full = sofar.evaluations + most.min(self.left());
+        let mut best = start;
+        loop {
+            let before = best.value;
+            best = self.follow_down(best, full)?;
+            if !best.settled || before - best.value < GAINED {
+                return Ok(best);
+            }
+        }
+    }
+
+    /// One run of the method, until `full` evaluations are made in all.
+    fn follow_down(&self, start: Tried, full: usize) -> Result<Tried, SimulateError> {
         let variables = Variables::new(self.search, start.design.len());
         let first = variables.of(&start.design);
         let descent = RefCell::new(Descent {
             problem: self,
             variables: &variables,
-            most,
+            most: full,
             best: start,
-            spent,
             full: false,
             failed: None,
         });
@@ -39,9 +52,9 @@ impl Problem<'_> {
             &variables.bounds,
             &[&overweight as &dyn slsqp::Func<()>],
             (),
-            // Calls. Those after `most` evaluations cost nothing, so the budget never ends a descent before
-            // its time.
-            most.min(1_000_000),
+            // Calls. Those after the last evaluation cost nothing, so the budget never ends a descent before its
+            // time.
+            full.min(1_000_000),
             Some(StopTols {
                 ftol_rel: SETTLED,
                 ..StopTols::default()
@@ -100,11 +113,18 @@ impl Variables {
             .collect()
     }
 
-    /// Steps to designs beside `x`, one for each variable. Each goes away from the nearer bound, so none
-    /// crosses it.
-    fn steps(&self, x: &[f64]) -> Vec<f64> {
-        let away = |(x, (low, high)): (&f64, &(f64, f64))| if *x > 0.5 * (low + high) { -STEP } else { STEP };
-        x.iter().zip(&self.bounds).map(away).collect()
+    /// Designs beside `x` in each variable, a pair each, and how far apart they are. None lies beyond a bound.
+    fn beside(&self, x: &[f64]) -> Vec<([Vec<f64>; 2], f64)> {
+        let pair = |(index, (low, high)): (usize, &(f64, f64))| {
+            let ends = [(x[index] - STEP).max(*low), (x[index] + STEP).min(*high)];
+            let designs = ends.map(|end| {
+                let mut beside = x.to_vec();
+                beside[index] = end;
+                beside
+            });
+            (designs, ends[1] - ends[0])
+        };
+        self.bounds.iter().enumerate().map(pair).collect()
     }
 }
 
@@ -112,10 +132,10 @@ impl Variables {
 struct Descent<'a> {
     problem: &'a Problem<'a>,
     variables: &'a Variables,
+    /// Evaluations that may be made in all.
     most: usize,
     best: Tried,
-    spent: &'a mut usize,
-    /// The evaluations are spent.
+    /// The evaluations are spent, or the search was asked to stop.
     full: bool,
     failed: Option<SimulateError>,
 }
@@ -123,45 +143,55 @@ struct Descent<'a> {
 impl Descent<'_> {
     /// The smooth aim at `x`, and its derivatives where they are asked for.
     fn value(&mut self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
-        let steps = gradient
+        let beside = gradient
             .as_ref()
-            .map_or_else(Vec::new, |_| self.variables.steps(x));
-        let Some(shares) = self.shares(x, &steps) else {
+            .map_or_else(Vec::new, |_| self.variables.beside(x));
+        let Some(shares) = self.shares(x, &beside) else {
             // No objective function can stop the descent. A value that no longer changes does.
             gradient.into_iter().for_each(|gradient| gradient.fill(0.0));
             return self.best.value;
         };
         let problem = self.problem;
         let value = problem.search.aim.of(&shares[0]);
-        if value < self.best.value {
+        // A fresh start may weigh a little too much, where its masses were brought up to the least.
+        if value < self.best.value && overweight(x, None, &mut ()) <= 1e-9 {
             self.best.value = value;
             self.best.design = self.variables.design(x);
+            problem.note(value);
         }
-        let here = problem.follow(&shares[0]);
-        let slopes = shares[1..].iter().zip(&steps);
-        let slopes = slopes.map(|(beside, step)| (problem.follow(beside) - here) / step);
+        let pairs = shares[1..].chunks_exact(2).zip(&beside);
+        let slopes =
+            pairs.map(|(pair, (_, apart))| (problem.follow(&pair[1]) - problem.follow(&pair[0])) / apart);
         for (entry, slope) in gradient.into_iter().flatten().zip(slopes) {
             *entry = slope;
         }
-        here
+        problem.follow(&shares[0])
     }
 
-    /// Shares at `x`, then a step beside it in each variable; none once the evaluations are spent or a run
-    /// has failed.
-    fn shares(&mut self, x: &[f64], steps: &[f64]) -> Option<Vec<Vec<f64>>> {
-        self.full |= *self.spent + 1 + steps.len() > self.most;
+    /// Shares at `x`, then beside it; none once the evaluations are spent, the search was asked to stop, or a run has
+    /// failed.
+    fn shares(&mut self, x: &[f64], beside: &[([Vec<f64>; 2], f64)]) -> Option<Vec<Vec<f64>>> {
+        let made = self.problem.sofar.get().evaluations;
+        self.full |= made + 1 + 2 * beside.len() > self.most;
         if self.full || self.failed.is_some() {
             return None;
         }
-        let intruders = |x: &[f64]| self.problem.intruders(&self.variables.design(x));
-        let beside = steps.iter().enumerate().map(|(index, step)| {
-            let mut beside = x.to_vec();
-            beside[index] += step;
-            intruders(&beside)
-        });
-        let sets = std::iter::once(intruders(x)).chain(beside).collect();
-        let shares = self.problem.shares(sets, self.spent);
-        shares.map_err(|error| self.failed = Some(error)).ok()
+        let beside = beside.iter().flat_map(|(pair, _)| pair).map(Vec::as_slice);
+        let designs: Vec<_> = std::iter::once(x)
+            .chain(beside)
+            .map(|x| self.variables.design(x))
+            .collect();
+        match self.problem.shares(&designs) {
+            Ok(Some(shares)) => Some(shares),
+            Ok(None) => {
+                self.full = true;
+                None
+            }
+            Err(error) => {
+                self.failed = Some(error);
+                None
+            }
+        }
     }
 }
 

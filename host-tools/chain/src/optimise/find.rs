@@ -1,8 +1,10 @@
 //! The search for the best intruders.
 
+use std::cell::Cell;
+
 use serde::Serialize;
 
-use super::problem::Problem;
+use super::problem::{Problem, Watch};
 use super::remaining::Remaining;
 use super::search::{OptimiseError, Search};
 use crate::scenario::{Intruder, MOST_BEADS, Scenario};
@@ -27,9 +29,15 @@ pub struct Optimum {
     pub far_end: f64,
     /// Number of designs tried.
     pub evaluations: usize,
-    /// Whether the descent that led here found no better design near by. If not, it spent its part of the
-    /// evaluations.
+    /// Whether the search ended by itself: nothing better was near this design, and [`Optimum::in_vain`] descents in
+    /// succession from elsewhere found nothing better either. If not, it spent its evaluations or was stopped.
     pub settled: bool,
+    /// Descents made, each until nothing near its end was better.
+    pub descents: usize,
+    /// How many of them, the last ones, from fresh starts about the best design, led to nothing better.
+    pub in_vain: usize,
+    /// Whether the search was asked to stop.
+    pub stopped: bool,
 }
 
 impl Optimum {
@@ -42,18 +50,23 @@ impl Optimum {
     }
 }
 
-/// Finds the intruders that leave the least energy. The scenario's own are left out. `progress` is called
-/// with the part of the evaluations spent. The same input gives the same result, on any number of processors.
+/// Descents in vain after which a search ends.
+const IN_VAIN: usize = 3;
+/// What a descent must gain, in the share, not to be in vain.
+const GAINED: f64 = 1e-6;
+
+/// Finds the intruders that leave the least energy. The scenario's own are left out. `watch` hears how far the
+/// search has come and may stop it. The same input gives the same result, on any number of processors.
 ///
-/// The result is a local optimum, the best of four descents (of one if [`Search::alike`]). Nothing proves
-/// that there is no better one.
+/// The result is a local optimum, the best of several descents. Nothing proves that there is no better one. Designs
+/// are compared with [`ensemble`](crate::ensemble()), and the result is run again at [`Accuracy::REFERENCE`].
 ///
 /// # Errors
 /// [`OptimiseError`]: a value of scenario or search is out of range, or a run cannot go on.
 pub fn optimise(
     scenario: &Scenario,
     search: &Search,
-    progress: Option<&(dyn Fn(f64) + Sync)>,
+    watch: Option<&Watch<'_>>,
 ) -> Result<Optimum, OptimiseError> {
     search.check(scenario)?;
     let mut hosts = search.hosts.clone();
@@ -70,25 +83,55 @@ pub fn optimise(
         hosts,
         search,
         speeds,
-        progress,
+        watch,
+        sofar: Cell::default(),
+        stopped: Cell::new(false),
     };
-
-    let mut spent = 0;
-    let coarse = problem.coarse(&mut spent)?;
-    let most = spent + (search.evaluations - spent) / if search.alike { 1 } else { 8 };
-    let alike = problem.descend(coarse, most, &mut spent)?;
+    let Some(coarse) = problem.coarse()? else {
+        return Err(OptimiseError::Stopped);
+    };
+    let alone = search.alike || problem.hosts.len() == 1;
+    let most = if search.alike {
+        problem.left()
+    } else {
+        problem.left() / 8
+    };
+    let alike = problem.descend(coarse, most)?;
     let share_alike = alike.value;
     let mut best = alike;
-    if !search.alike && problem.hosts.len() > 1 {
+    if !alone {
+        // A third of what is left is for fresh starts.
         let starts = problem.starts(&best);
         for (index, start) in starts.iter().enumerate() {
-            let most = spent + (search.evaluations - spent) / (starts.len() - index);
-            let found = problem.descend(start.clone(), most, &mut spent)?;
+            let most = problem.left() * 2 / 3 / (starts.len() - index);
+            let found = problem.descend(start.clone(), most)?;
             if found.value < best.value {
                 best = found;
             }
         }
     }
+    let mut in_vain = 0;
+    let mut number = 0;
+    while in_vain < IN_VAIN && problem.left() > 0 && !problem.stopped.get() {
+        number += 1;
+        let found = problem.descend(problem.restart(&best, number), problem.left())?;
+        if !found.settled {
+            // Its evaluations were spent before it had a chance.
+            if found.value < best.value {
+                best = found;
+            }
+            break;
+        }
+        in_vain = if found.value < best.value - GAINED {
+            0
+        } else {
+            in_vain + 1
+        };
+        if found.value < best.value {
+            best = found;
+        }
+    }
+    let settled = best.settled && in_vain == IN_VAIN;
 
     let mut intruders = problem.intruders(&best.design);
     // Take back the rounding that breaks the bound on the sum.
@@ -113,7 +156,10 @@ pub fn optimise(
         share_searched: best.value,
         share_alike,
         far_end,
-        evaluations: spent,
-        settled: best.settled,
+        evaluations: problem.sofar.get().evaluations,
+        settled,
+        descents: problem.sofar.get().descents,
+        in_vain,
+        stopped: problem.stopped.get(),
     })
 }

@@ -1,11 +1,31 @@
 //! Designs, and the energy that they leave.
 
+use std::cell::Cell;
+use std::ops::ControlFlow;
+
 use rayon::prelude::*;
 
-use super::remaining::{Remaining, remaining};
+use super::remaining::{Remaining, remaining, struck_at};
 use super::search::{Aim, COARSE, Search};
+use crate::ensemble::{EnsembleOptions, ensemble};
 use crate::scenario::{Intruder, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
+
+/// How far a search has come.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct SoFar {
+    /// Designs tried.
+    pub evaluations: usize,
+    /// The share that the best of them leaves.
+    pub best: Option<f64>,
+    /// Descents begun.
+    pub descents: usize,
+}
+
+/// Hears how far a search has come, often, and says whether it goes on. A search that is told to stop gives the best
+/// so far.
+pub type Watch<'a> = dyn Fn(SoFar) -> ControlFlow<()> + Sync + 'a;
 
 /// Mass, stiffness, damping.
 pub(super) type Properties = [f64; 3];
@@ -21,6 +41,8 @@ pub(super) struct Tried {
 
 /// Stiffnesses of a ramp go from 1/RAMP at one end of the hosts to RAMP at the other.
 const RAMP: f64 = 4.0;
+/// How far fresh starts lie from the best design, in turn: near, for a valley that was left too soon, and far.
+const APART: [f64; 3] = [1.3, 2.0, 4.0];
 /// Exponent of the power mean that stands for the greatest share. Of three speeds it is at most 1.7 % below
 /// it.
 const POWER: f64 = 64.0;
@@ -30,7 +52,11 @@ pub(super) struct Problem<'a> {
     pub(super) hosts: Vec<usize>,
     pub(super) search: &'a Search,
     pub(super) speeds: Vec<f64>,
-    pub(super) progress: Option<&'a (dyn Fn(f64) + Sync)>,
+    pub(super) watch: Option<&'a Watch<'a>>,
+    /// How far the search has come.
+    pub(super) sofar: Cell<SoFar>,
+    /// It was asked to stop.
+    pub(super) stopped: Cell<bool>,
 }
 
 impl Problem<'_> {
@@ -62,26 +88,56 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// The shares that remain at each speed, for each set of intruders.
-    pub(super) fn shares(
-        &self,
-        sets: Vec<Vec<Intruder>>,
-        spent: &mut usize,
-    ) -> Result<Vec<Vec<f64>>, SimulateError> {
-        *spent += sets.len();
-        let shares = sets
-            .into_par_iter()
-            .map(|intruders| {
-                let mut scenario = self.bare.clone();
-                scenario.intruders = intruders;
-                let strikes = self.strikes(&scenario, self.search.accuracy)?;
-                Ok(strikes.iter().map(|strike| strike.share).collect())
+    /// The shares that remain at each speed, for each design; none once the search was asked to stop.
+    pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Option<Vec<Vec<f64>>>, SimulateError> {
+        if self.stopped.get() {
+            return Ok(None);
+        }
+        let scenarios: Vec<Scenario> = designs
+            .iter()
+            .flat_map(|design| self.speeds.iter().map(move |&speed| (design, speed)))
+            .map(|(design, speed)| {
+                let mut scenario = struck_at(&self.bare, speed);
+                scenario.intruders = self.intruders(design);
+                scenario
             })
             .collect();
-        if let Some(progress) = self.progress {
-            progress(*spent as f64 / self.search.evaluations as f64);
+        let shares = ensemble(&scenarios, &EnsembleOptions::default()).into_iter();
+        let shares: Vec<f64> = shares
+            .map(|outcome| outcome.map(|outcome| 1.0 - outcome.absorbed() / outcome.injected()))
+            .collect::<Result<_, _>>()?;
+        let mut sofar = self.sofar.get();
+        sofar.evaluations += designs.len();
+        self.tell(sofar);
+        Ok(Some(
+            shares.chunks(self.speeds.len()).map(<[f64]>::to_vec).collect(),
+        ))
+    }
+
+    /// Evaluations that are left.
+    pub(super) fn left(&self) -> usize {
+        self.search
+            .evaluations
+            .saturating_sub(self.sofar.get().evaluations)
+    }
+
+    /// Tells how far the search has come, and hears whether it goes on.
+    pub(super) fn tell(&self, sofar: SoFar) {
+        self.sofar.set(sofar);
+        if let Some(watch) = self.watch
+            && watch(sofar).is_break()
+        {
+            self.stopped.set(true);
         }
-        shares
+    }
+
+    /// Notes a design that is the best so far.
+    pub(super) fn note(&self, share: f64) {
+        let mut sofar = self.sofar.get();
+        if sofar.best.is_none_or(|best| share < best) {
+            sofar.best = Some(share);
+            self.sofar.set(sofar);
+        }
     }
 
     /// The smooth aim that the descent follows.
@@ -95,8 +151,8 @@ impl Problem<'_> {
         }
     }
 
-    /// The best of intruders all alike, on a grid.
-    pub(super) fn coarse(&self, spent: &mut usize) -> Result<Tried, SimulateError> {
+    /// The best of intruders all alike, on a grid; none if the search was asked to stop.
+    pub(super) fn coarse(&self) -> Result<Option<Tried>, SimulateError> {
         let [masses, stiffnesses, dampings] = COARSE;
         let search = self.search;
         let heaviest = search.mass[1].min(search.total_mass / self.hosts.len() as f64);
@@ -116,20 +172,19 @@ impl Problem<'_> {
                 }
             }
         }
-        let sets = designs.iter().map(|design| self.intruders(design)).collect();
-        let values: Vec<f64> = self
-            .shares(sets, spent)?
-            .iter()
-            .map(|shares| self.search.aim.of(shares))
-            .collect();
+        let Some(shares) = self.shares(&designs)? else {
+            return Ok(None);
+        };
+        let values: Vec<f64> = shares.iter().map(|shares| self.search.aim.of(shares)).collect();
         let best = (0..values.len())
             .min_by(|&a, &b| values[a].total_cmp(&values[b]))
             .expect("the grid has points");
-        Ok(Tried {
+        self.note(values[best]);
+        Ok(Some(Tried {
             design: designs[best].clone(),
             value: values[best],
             settled: false,
-        })
+        }))
     }
 
     /// The designs from which each bead goes its own way.
@@ -152,5 +207,31 @@ impl Problem<'_> {
                 }
             })
             .into()
+    }
+
+    /// A design beside the best one: each number is multiplied or divided by up to one of [`APART`]. The same for the same
+    /// number.
+    pub(super) fn restart(&self, best: &Tried, number: usize) -> Tried {
+        let apart = APART[number % APART.len()];
+        let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(number as u64 + 1);
+        let mut factor = || {
+            // Xorshift.
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            let part = (state >> 11) as f64 / (1_u64 << 53) as f64;
+            apart.powf(2.0 * part - 1.0)
+        };
+        let mut design: Vec<Properties> = best.design.clone();
+        design.iter_mut().flatten().for_each(|value| *value *= factor());
+        let each = if design.len() == 1 { self.hosts.len() } else { 1 };
+        let total = each as f64 * design.iter().map(|[mass, ..]| mass).sum::<f64>();
+        let most = (self.search.total_mass / total).min(1.0);
+        design.iter_mut().for_each(|[mass, ..]| *mass *= most);
+        Tried {
+            design,
+            value: f64::INFINITY,
+            settled: false,
+        }
     }
 }

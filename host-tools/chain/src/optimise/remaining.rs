@@ -39,9 +39,7 @@ pub struct Remaining {
 /// # Errors
 /// As [`simulate_with`].
 pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<Remaining, SimulateError> {
-    let mut struck = scenario.clone();
-    struck.striker.velocity = speed;
-    struck.duration *= (scenario.striker.velocity / speed).powf(0.2);
+    let struck = struck_at(scenario, speed);
     let options = Options {
         accuracy,
         ..Options::default()
@@ -73,4 +71,12 @@ pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<
         contacts: energies.dissipated_contacts / injected,
         intruders: solution.absorption(solution.end()),
     })
+}
+
+/// The scenario with its striker at `speed`, for the time in which the wave comes equally far.
+pub(super) fn struck_at(scenario: &Scenario, speed: f64) -> Scenario {
+    let mut struck = scenario.clone();
+    struck.striker.velocity = speed;
+    struck.duration *= (scenario.striker.velocity / speed).powf(0.2);
+    struck
 }

@@ -4,10 +4,11 @@ use serde::Serialize;
 
 use crate::model::Model;
 use crate::scenario::{InputError, Scenario, Table};
-use crate::simulate::{Accuracy, SimulateError};
+use crate::simulate::SimulateError;
 
 /// The input of a search. [`Search::new`] sets bounds that suit the chain.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Search {
     /// The beads that may hold an intruder each.
     pub hosts: Vec<usize>,
@@ -27,8 +28,6 @@ pub struct Search {
     pub alike: bool,
     /// Most designs to try, each at every speed.
     pub evaluations: usize,
-    /// Accuracy while searching; the result is run again at [`Accuracy::REFERENCE`].
-    pub accuracy: Accuracy,
 }
 
 /// How the shares that remain of several strikes become one number.
@@ -76,8 +75,7 @@ impl Search {
             speeds: Vec::new(),
             aim: Aim::default(),
             alike: false,
-            evaluations: 6000,
-            accuracy: Accuracy::DRAFT,
+            evaluations: 200_000,
         })
     }
 }
@@ -89,6 +87,9 @@ pub enum OptimiseError {
     /// A scenario could not be run.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
+    /// It was stopped before it had tried any design.
+    #[error("the search was stopped before it had tried any design")]
+    Stopped,
     /// A value of the [`Search`] cannot be used; the key is its field.
     #[error(transparent)]
     Search(InputError),

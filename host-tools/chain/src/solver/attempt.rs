@@ -13,6 +13,7 @@ impl Work {
         self.wall_impulse = 0.0;
         let crossed = dispatch(self, lanes, Task::Step, length);
         self.crossings.clear();
+        self.sooner = None;
         if crossed > 0.0 || lanes.clipped {
             self.find_crossings(lanes, length, tolerance);
         }

@@ -3,10 +3,12 @@
 //! # Design
 //!
 //! There the force goes as δ^(3/2), and with viscosity as δ^(1/2): the one place where the motion is not smooth,
-//! and where a Runge-Kutta method loses its order. But the force near it is known: δ is close to the polynomial
-//! of fifth order through overlap, rate and acceleration at both ends of the step. So the stages keep what the
-//! force differs from that of the polynomial, which is small and smoother, and the integral of the latter is
-//! computed exactly (Gauss' rule for a root at one end). Neither a rejected step nor a search is needed.
+//! and where a Runge-Kutta method loses its order. But the overlap near it is known ([`Overlap`]), from its
+//! value, rate and acceleration at both ends of the step. So the stages keep what the force differs from that
+//! of the known overlap, which is small and smoother, and the integral of the latter is computed (Gauss' rule
+//! for a root at one end). Neither a rejected step nor a search is needed.
+
+use super::overlap::{Ends, Overlap};
 
 /// Abscissae of Gauss' rule for ∫ √y g(y) dy over 0 to 1.
 const PLACES: [f64; 8] = [
@@ -31,16 +33,12 @@ const WEIGHTS: [f64; 8] = [
     0.06302729990024045,
 ];
 
-/// Overlap, its rate and its acceleration.
-pub(super) type Ends = [f64; 3];
-
 /// A contact that crosses δ = 0 once in a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
     /// Its lane.
     pub(super) lane: usize,
-    /// δ as a polynomial of the part x of the step.
-    overlap: [f64; 6],
+    overlap: Overlap,
     /// The part of the step at which δ = 0.
     root: f64,
     closes: bool,
@@ -72,39 +70,44 @@ impl Integrals {
 }
 
 impl Crossing {
-    /// The contact at `lane`, whose overlap has other signs at both ends of a step of `length`.
+    /// The contact at `lane`, whose overlap has other signs at both ends of a step of `length`. `compliance` is
+    /// the sum of its bodies' inverse masses.
     #[inline(always)]
     pub(super) fn new(
         lane: usize,
         (stiffness, viscosity): (f64, f64),
+        compliance: f64,
         length: f64,
         start: Ends,
         end: Ends,
     ) -> Self {
-        let h = length;
-        let (p0, p1, p2) = (start[0], start[1] * h, 0.5 * start[2] * h * h);
-        let (place, rate) = (end[0] - p0 - p1 - p2, end[1] * h - p1 - 2.0 * p2);
-        let bend = end[2] * h * h - 2.0 * p2;
-        let overlap = [
-            p0,
-            p1,
-            p2,
-            10.0 * place - 4.0 * rate + 0.5 * bend,
-            -15.0 * place + 7.0 * rate - bend,
-            6.0 * place - 3.0 * rate + 0.5 * bend,
-        ];
-        let mut crossing = Self {
+        let by_mass = stiffness * compliance;
+        let (overlap, root) = Overlap::crossing(length, start, end, by_mass, viscosity);
+        Self {
             lane,
             overlap,
-            root: 0.0,
+            root,
             closes: end[0] > 0.0,
             stiffness,
             viscosity: viscosity / length,
             pace: 1.0 / length,
             cut: false,
-        };
-        crossing.root = crossing.find();
-        crossing
+        }
+    }
+
+    /// The part of the step at which δ = 0.
+    pub(super) fn root(&self) -> f64 {
+        self.root
+    }
+
+    /// How much of the impulse, over the length of the step, rests on the end of the step alone, because the
+    /// contact closes after the last stage inside it. That end is known without the contact's own force.
+    pub(super) fn unseen(&self, last: f64) -> f64 {
+        if !self.closes || self.root <= last {
+            return 0.0;
+        }
+        let deep = self.overlap.at(1.0).0.max(0.0);
+        1.5 * self.stiffness * deep.sqrt() * self.overlap.own_at_end() * (1.0 - self.root)
     }
 
     /// The same for a contact that opens while its force is cut off at zero.
@@ -112,46 +115,10 @@ impl Crossing {
         Self { cut: true, ..self }
     }
 
-    /// Newton's way to the root, kept between bounds.
-    #[inline(always)]
-    fn find(&self) -> f64 {
-        let (mut low, mut high) = (0.0, 1.0);
-        let ends = (self.at(0.0).0, self.at(1.0).0);
-        let mut x = (ends.0 / (ends.0 - ends.1)).clamp(0.0, 1.0);
-        for _ in 0..60 {
-            let (value, slope) = self.at(x);
-            if (value > 0.0) == self.closes {
-                high = x;
-            } else {
-                low = x;
-            }
-            let newton = x - value / slope;
-            let next = if newton > low && newton < high {
-                newton
-            } else {
-                0.5 * (low + high)
-            };
-            if (next - x).abs() < 1e-15 {
-                return next;
-            }
-            x = next;
-        }
-        x
-    }
-
-    /// Overlap and its slope.
-    #[inline(always)]
-    fn at(&self, x: f64) -> (f64, f64) {
-        let p = &self.overlap;
-        let value = ((((p[5] * x + p[4]) * x + p[3]) * x + p[2]) * x + p[1]) * x + p[0];
-        let slope = (((5.0 * p[5] * x + 4.0 * p[4]) * x + 3.0 * p[3]) * x + 2.0 * p[2]) * x + p[1];
-        (value, slope)
-    }
-
     /// Force and dissipated power of the polynomial at the part `x` of the step.
     #[inline(always)]
     pub(super) fn force(&self, x: f64) -> (f64, f64) {
-        let (overlap, slope) = self.at(x);
+        let (overlap, slope) = self.overlap.at(x);
         let overlap = if overlap > 0.0 { overlap } else { 0.0 };
         let stiff = self.stiffness * overlap.sqrt();
         if self.cut {
@@ -195,7 +162,7 @@ impl Crossing {
         // ∫ F, ∫ x F and ∫ power from the root to `end`, where the contact is closed all the way.
         if self.cut {
             let energy = |x: f64| {
-                let overlap = self.at(x).0.max(0.0);
+                let overlap = self.overlap.at(x).0.max(0.0);
                 0.4 * self.stiffness * overlap * overlap * overlap.sqrt()
             };
             return Integrals {

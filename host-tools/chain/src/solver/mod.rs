@@ -21,6 +21,7 @@ mod glimpse;
 mod kernel;
 mod lanes;
 mod method;
+mod overlap;
 mod rest;
 mod stepper;
 mod verner;

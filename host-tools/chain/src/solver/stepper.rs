@@ -230,6 +230,11 @@ impl Stepper {
                 if self.rest.touched(lanes, work, self.time, h) {
                     continue;
                 }
+                if let Some(part) = work.sooner {
+                    self.step = h * part;
+                    rejected = true;
+                    continue;
+                }
                 let kink = lanes.clipped.then(|| work.first_kink(lanes, h)).flatten();
                 let whole = kink.is_none();
                 if let Some(part) = kink {

@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use super::aligned::Aligned;
-use super::crossing::{Crossing, Ends};
+use super::crossing::Crossing;
 use super::lanes::{BLOCK, Lanes, first};
 use super::method::{self, CURVE, NODES, ROWS};
+use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
 
 /// Where the stages of a step lie.
@@ -17,6 +18,18 @@ const MAIN_NODES: [f64; MAIN] = {
         stage += 1;
     }
     nodes
+};
+
+/// The last of them before the end of the step.
+const LAST: f64 = {
+    let (mut last, mut stage) = (0.0, 0);
+    while stage < MAIN {
+        if MAIN_NODES[stage] > last && MAIN_NODES[stage] < 1.0 - 1e-9 {
+            last = MAIN_NODES[stage];
+        }
+        stage += 1;
+    }
+    last
 };
 
 /// Displacements and velocities, lane by lane: of the bodies, and of the intruders relative to their hosts.
@@ -59,6 +72,9 @@ pub(super) struct Work {
     pub(super) wall_impulse: f64,
     /// Contacts that open or close in the step.
     pub(super) crossings: Vec<Crossing>,
+    /// The part of the step at which it should end, so that the next one sees a contact close that this one
+    /// does not.
+    pub(super) sooner: Option<f64>,
     /// Kept where the losses inside a step are wanted.
     pub(super) powers: Option<Box<Powers>>,
 }
@@ -94,6 +110,7 @@ impl Work {
             lost: Aligned::zeros(lanes.len()),
             wall_impulse: 0.0,
             crossings: Vec::new(),
+            sooner: None,
             powers: None,
         }
     }
@@ -165,8 +182,6 @@ impl Work {
 
     /// Replaces the force of contacts that open or close by what their polynomial leaves of it.
     pub(super) fn find_crossings(&mut self, lanes: &Lanes, length: f64, tolerance: f64) {
-        // Below this acceleration a force may be wrong by itself without harm to a velocity.
-        let least = 1e-4 * tolerance * lanes.speed / length;
         for run in 0..self.active.len() {
             // The contact with a block at rest is open, or it would not be at rest.
             for lane in first(self.active[run].start) + 1..first(self.active[run].end) {
@@ -174,7 +189,7 @@ impl Work {
                 let crosses = (overlap(&self.start) > 0.0) != (overlap(&self.end) > 0.0);
                 let cut = lanes.clipped && self.stays_cut_off(lanes, lane);
                 if (crosses || cut) && lanes.stiffness[lane] > 0.0 {
-                    self.cross(lanes, lane, length, least, cut);
+                    self.cross(lanes, lane, length, tolerance, cut);
                 }
             }
         }
@@ -192,7 +207,9 @@ impl Work {
         from > 0.0 && start < 1e-9 * from && (to <= 0.0 || end <= 0.0)
     }
 
-    fn cross(&mut self, lanes: &Lanes, lane: usize, length: f64, least: f64, cut: bool) {
+    fn cross(&mut self, lanes: &Lanes, lane: usize, length: f64, tolerance: f64, cut: bool) {
+        // Below this acceleration a force may be wrong by itself without harm to a velocity.
+        let least = 1e-4 * tolerance * lanes.speed / length;
         let (start, end) = (bend(lanes, lane, &self.start), bend(lanes, lane, &self.end));
         let (stiffness, viscosity) = (lanes.stiffness[lane], lanes.viscosity[lane]);
         let (deepest, fastest) = (start[0].max(end[0]), start[1].abs().max(end[1].abs()));
@@ -200,9 +217,17 @@ impl Work {
         if force * lanes.inverse[lane - 1].max(lanes.inverse[lane]) < least {
             return;
         }
-        let mut crossing = Crossing::new(lane, (stiffness, viscosity), length, start, end);
+        // One that is cut off has no force that could move its bodies.
+        let compliance = match cut {
+            true => 0.0,
+            false => lanes.inverse[lane - 1] + lanes.inverse[lane],
+        };
+        let mut crossing = Crossing::new(lane, (stiffness, viscosity), compliance, length, start, end);
         if cut {
             crossing = crossing.cut_off();
+        } else if crossing.unseen(LAST) * compliance * length > tolerance * lanes.speed {
+            // Before the root, for what a step does not see at its start is as bad.
+            self.sooner = Some(0.97 * crossing.root());
         }
         let exact = crossing.integrals(1.0);
         let (mut once, mut twice, mut power) = (exact.once, exact.twice, exact.power);

@@ -1,17 +1,20 @@
 //! `bead optimise`: the intruders that leave least energy in the chain.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::sync::atomic::Ordering;
 
 use clap::Args;
 use hertz_chain::{
     Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Scenario, Search,
-    optimise, remaining,
+    SoFar, optimise, remaining,
 };
 use serde::Serialize;
 use serde_json::json;
 
 use crate::cli::failure::Failure;
+use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
 
@@ -58,7 +61,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     alike: bool,
     /// Greatest number of designs to try, each at every speed.
-    #[arg(long, value_name = "N", default_value_t = 6000)]
+    #[arg(long, value_name = "N", default_value_t = 200_000)]
     evaluations: usize,
     /// Write the scenario with the intruders found to this file, for `bead simulate`.
     #[arg(long, value_name = "F.toml")]
@@ -141,9 +144,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     )?;
     let search = search(arguments, &scenario)?;
     let bar = output::progress(search.evaluations as u64);
-    bar.set_message(format!("designs for {} hosts", search.hosts.len()));
-    let progress = |part: f64| bar.set_position((part * search.evaluations as f64) as u64);
-    let optimum = optimise(&scenario, &search, Some(&progress)).map_err(refusal)?;
+    let stop = interrupt::orderly("the search did not end in time and nothing was written".to_owned());
+    let watch = |sofar: SoFar| {
+        bar.set_position(sofar.evaluations as u64);
+        if let Some(best) = sofar.best {
+            bar.set_message(format!(
+                "designs; {:.4} % remains, descent {}",
+                100.0 * best,
+                sofar.descents
+            ));
+        }
+        if stop.load(Ordering::Relaxed) {
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    };
+    let optimum = optimise(&scenario, &search, Some(&watch)).map_err(refusal)?;
     bar.set_message("comparing");
     let compared = compare(&scenario, &search, &optimum)?;
     bar.finish_and_clear();
@@ -325,12 +341,20 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
         100.0 * optimum.share,
         100.0 * optimum.far_end,
     )];
-    if !optimum.settled {
-        remarks.push(
-            "The designs were spent before the search had settled: more --evaluations may find better."
-                .to_owned(),
-        );
-    }
+    remarks.push(match (optimum.settled, optimum.stopped) {
+        (true, _) => format!(
+            "Settled: {} descents; nothing better is near, and the last {}, from fresh starts about the best, found nothing better.",
+            optimum.descents, optimum.in_vain,
+        ),
+        (false, true) => format!(
+            "Stopped in descent {}: this is the best so far, and more time may find better.",
+            optimum.descents
+        ),
+        (false, false) => format!(
+            "The designs were spent in descent {}, before the search had settled: more --evaluations may find better.",
+            optimum.descents
+        ),
+    });
     if optimum.far_end > 1e-3 {
         remarks.push(
             "The far end has a part in this: give the chain more beads, or the run less time.".to_owned(),

@@ -305,6 +305,7 @@ fn table(settings: &Settings) -> String {
         ringing,
         address,
         scale,
+        company: _,
     } = settings;
     let rate = f64::from(*sample_rate_hz);
     let samples = |count: u16| format!("{count} samples ({:.2} ms)", f64::from(count) / rate * 1e3);
@@ -376,6 +377,7 @@ fn table(settings: &Settings) -> String {
             "B, intruder",
             scaled(chain.intruder.to_num(), powers(scale.masses)),
         ),
+        ("B, intruders behind", behind(settings)),
         ("B, gate", format!("{:.3} mN", chain.gate.to_num::<f64>() * 1e3)),
         (
             "B, energy",
@@ -390,6 +392,29 @@ fn table(settings: &Settings) -> String {
     ]);
     let rows = rows.into_iter().map(|(name, value)| [name.to_owned(), value]);
     output::table("setting |", rows)
+}
+
+/// The intruders of the followers.
+fn behind(settings: &Settings) -> String {
+    let company = &settings.company;
+    let places: Vec<_> = (0..8)
+        .filter(|follower| company.behind >> follower & 1 == 1)
+        .collect();
+    let places: Vec<_> = places.iter().map(|follower| (follower + 1).to_string()).collect();
+    let elsewhere = match company.elsewhere {
+        true => "; others near by",
+        false => "",
+    };
+    match places.is_empty() {
+        true => format!("none{elsewhere}"),
+        false => format!(
+            "in bead {} behind: {} g, {} N/m, {} N·s/m{elsewhere}",
+            places.join(", "),
+            company.intruder.mass * 1e3,
+            company.intruder.stiffness,
+            company.intruder.damping
+        ),
+    }
 }
 
 /// Of a sensor: a code at the high gain, the pole, a code at the low gain, and how much later that is

@@ -3,13 +3,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bead_model::design::{Bead, FrontEnd};
+use bead_model::design::{Bead, FrontEnd, Neighbours};
 use bead_model::settings::{BLOCK_MAX, Settings, SettingsError};
 use bead_wire::MAX_BLOCK;
 use clap::Args;
 use hertz_chain::text_of;
 
-use crate::bench::sensed::{bead_of, load_scenario, only_host, simulate_with_ring_down};
+use crate::bench::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::place::{self, Force, Kind};
 use crate::recording::physical::{Change, Physical};
@@ -86,18 +86,19 @@ fn template(arguments: &MakeArguments) -> Result<Physical, Failure> {
         let settings = settings.map_err(|error| Failure::input(format!("{}: {error}", from.display())))?;
         return Ok(Physical::of(&settings));
     }
-    let bead = match &arguments.scenario {
-        None => Bead::paper(),
+    let (bead, neighbours) = match &arguments.scenario {
+        None => (Bead::paper(), Neighbours::default()),
         Some(path) => {
             let (scenario, _) = load_scenario(path)?;
             let bead = match arguments.bead {
                 Some(bead) => bead,
                 None => only_host(&scenario)?,
             };
-            bead_of(&simulate_with_ring_down(&scenario)?, bead)?
+            let solution = simulate_with_ring_down(&scenario)?;
+            (bead_of(&solution, bead)?, neighbours_of(&solution, bead))
         }
     };
-    Ok(Physical::new(&bead, &FrontEnd::reference()))
+    Ok(Physical::new(&bead, &neighbours, &FrontEnd::reference()))
 }
 
 /// Reads a file of physical quantities.

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hertz_chain::{Options, Scenario, Summary, simulate_with, summarise};
+use hertz_chain::{Options, Scenario, Summary, Validity, simulate_with, summarise};
+use serde::Serialize;
 
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
@@ -15,6 +16,9 @@ Examples:
   bead simulate docs/scenarios/paper-strike.toml
   bead simulate docs/scenarios/paper-strike.toml --format json | jq .energy
   bead simulate docs/scenarios/paper-strike.toml --out strike.parquet --rate 1e6";
+
+/// Remarks that are printed, the first ones.
+const REMARKS: usize = 5;
 
 /// Arguments of `bead simulate`.
 #[derive(Debug, Args)]
@@ -60,28 +64,58 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     };
     progress.finish_and_clear();
-    output::print(arguments.format, &summary, || table(&scenario, &summary))
+    let validity = Validity::of(&scenario, &summary.peak_force)?;
+    let report = Report {
+        summary: &summary,
+        validity: &validity,
+    };
+    output::print(arguments.format, &report, || {
+        table(&scenario, &summary, &validity)
+    })
 }
 
-fn table(scenario: &Scenario, summary: &Summary) -> String {
+/// The summary, and how far each contact was what the model takes it for.
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    validity: &'a [Validity],
+}
+
+fn table(scenario: &Scenario, summary: &Summary, validity: &[Validity]) -> String {
     let mut parts = Vec::new();
     if !scenario.title.is_empty() {
         parts.push(scenario.title.clone());
     }
 
-    let contacts = summary.peak_force.iter().map(|peak| {
+    let contacts = summary.peak_force.iter().zip(validity).map(|(peak, valid)| {
         [
             peak.contact.to_string(),
             format!("{:.4}", peak.force),
             format!("{:.4}", peak.time * 1e3),
             peak.fwhm
                 .map_or_else(|| "-".to_owned(), |width| format!("{:.4}", width * 1e3)),
+            format!("{:.1}", valid.pressure * 1e-6),
+            format!("{:.4}", valid.radius_ratio),
+            valid
+                .periods
+                .map_or_else(|| "-".to_owned(), |periods| format!("{periods:.2}")),
         ]
     });
     parts.push(output::table(
-        "contact | peak force (N) | at (ms) | width at half (ms)",
+        "contact | peak force (N) | at (ms) | width at half (ms) | p₀ (MPa) | a/R | width/period",
         contacts,
     ));
+    let remarks: Vec<_> = validity.iter().flat_map(Validity::remarks).collect();
+    if !remarks.is_empty() {
+        let more = remarks.len().saturating_sub(REMARKS);
+        let first = remarks.into_iter().take(REMARKS);
+        let mut lines: Vec<_> = first.map(|remark| format!("Remark: {remark}.")).collect();
+        if more > 0 {
+            lines.push(format!("And {more} more such remarks."));
+        }
+        parts.push(lines.join("\n"));
+    }
 
     if !summary.intruders.is_empty() {
         let intruders = summary.intruders.iter().map(|intruder| {

@@ -1,7 +1,9 @@
 //! From physical quantities to the bits of a block, and back.
 
 use bead_model::calibration::Channel;
-use bead_model::design::{Bead, Capture, ChannelFrontEnd, DesignError, FrontEnd, SensorFrontEnd, derive};
+use bead_model::design::{
+    self, Bead, Capture, ChannelFrontEnd, DesignError, FrontEnd, Neighbours, SensorFrontEnd, derive_among,
+};
 use bead_model::sensor::Sensor;
 use bead_model::settings::{Name, Settings};
 use fixed::types::extra::LeEqU32;
@@ -9,7 +11,9 @@ use hertz_chain::InputError;
 use serde_json::Value;
 
 use crate::recording::physical::keys::KEYS;
-use crate::recording::physical::quantities::{Contact, Host, Intruder, Physical, SensorScale, Taking};
+use crate::recording::physical::quantities::{
+    Company, Contact, Host, Intruder, Physical, SensorScale, Taking,
+};
 
 impl Physical {
     /// The settings that a bead measures with.
@@ -29,7 +33,9 @@ impl Physical {
             let what = "255 is the address of every bead";
             return Err(InputError::at("address", what, "give 0 to 254"));
         }
-        let derived = derive(&self.physics(), &self.front_end(), &self.capture()).map_err(refused)?;
+        let neighbours = self.neighbours()?;
+        let derived = derive_among(&self.physics(), &neighbours, &self.front_end(), &self.capture());
+        let derived = derived.map_err(refused)?;
         let settings = Settings {
             name,
             address: self.address,
@@ -49,6 +55,47 @@ impl Physical {
             contact_stiffness: self.contact.stiffness,
             relaxation: self.contact.relaxation,
         }
+    }
+
+    fn neighbours(&self) -> Result<Neighbours, InputError> {
+        let Company {
+            behind,
+            elsewhere,
+            mass,
+            stiffness,
+            damping,
+        } = self.company;
+        let mut neighbours = Neighbours {
+            elsewhere: elsewhere == 1,
+            intruder: design::Intruder {
+                mass,
+                stiffness,
+                damping,
+            },
+            ..Neighbours::default()
+        };
+        let digits = behind.to_string();
+        for digit in digits.bytes().filter(|_| behind > 0) {
+            let place = usize::from(digit - b'0').checked_sub(1);
+            match place.and_then(|place| neighbours.behind.get_mut(place)) {
+                Some(holds) if !*holds => *holds = true,
+                _ => {
+                    let what = format!("{behind} names no beads behind");
+                    let would_do =
+                        "give the places of those with an intruder, each once: 1234, 13, or 0 for none";
+                    return Err(InputError::at("company.behind", what, would_do));
+                }
+            }
+        }
+        if elsewhere > 1 {
+            let what = format!("{elsewhere} is neither 0 nor 1");
+            return Err(InputError::at(
+                "company.elsewhere",
+                what,
+                "give 1 if there are other intruders near by",
+            ));
+        }
+        Ok(neighbours)
     }
 
     fn front_end(&self) -> FrontEnd {
@@ -118,6 +165,15 @@ impl Physical {
                 stiffness: short(bead.contact_stiffness),
                 relaxation: short(bead.relaxation),
             },
+            company: Company::of(&Neighbours {
+                behind: std::array::from_fn(|follower| settings.company.behind >> follower & 1 == 1),
+                elsewhere: settings.company.elsewhere,
+                intruder: design::Intruder {
+                    mass: short(settings.company.intruder.mass),
+                    stiffness: short(settings.company.intruder.stiffness),
+                    damping: short(settings.company.intruder.damping),
+                },
+            }),
             force: SensorScale {
                 // The gate is three standard deviations of noise and rounding.
                 noise: ((gate / 3.0).powi(2) - per_code * per_code / 12.0)

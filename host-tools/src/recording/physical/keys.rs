@@ -38,6 +38,11 @@ keys! {
     "intruder.damping" "c" "N·s/m" "of its damper, from ring-downs" "intruder damping"
     "contact.stiffness" "kappa" "N/m^1.5" "in F = kappa x^1.5: (R/2)^0.5 2Y / (3 (1 - nu^2))" "contact stiffness"
     "contact.relaxation" "tau" "s" "viscoelastic relaxation time; 0 is elastic" "relaxation"
+    "company.behind" "" "" "which of the four beads behind hold an intruder, by place: 1234 for all, 0 for none" ""
+    "company.elsewhere" "" "" "1 if other beads near by hold one: in front, or further behind" ""
+    "company.mass" "" "kg" "of the intruder in each of those behind; 0 without one" "mass of the intruders behind"
+    "company.stiffness" "" "N/m" "of its springs" "stiffness of the intruders behind"
+    "company.damping" "" "N·s/m" "of its damper" "damping of the intruders behind"
     "force.per_code" "" "N" "a code at the high gain, from the drop test" "force per code"
     "force.wide_per_code" "" "N" "a code at the low gain" "wide force per code"
     "force.pole" "" "Hz" "of the filter before the converter, high gain; 0 for none" ""
@@ -63,6 +68,10 @@ pub(super) const TABLES: &[(&str, &str)] = &[
     ("bead", "The host: a sphere of the chain."),
     ("intruder", "The mass on springs inside it."),
     ("contact", "The contacts between the beads of the chain."),
+    (
+        "company",
+        "The intruders of the beads around. Leave it out for a bead that is alone.",
+    ),
     (
         "force",
         "The force sensor at the contact that the wave comes in by.",

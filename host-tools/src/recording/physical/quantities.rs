@@ -1,6 +1,6 @@
 //! The quantities.
 
-use bead_model::design::{Bead, Capture, FrontEnd, SensorFrontEnd};
+use bead_model::design::{Bead, Capture, FrontEnd, Neighbours, SensorFrontEnd};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -22,6 +22,9 @@ pub struct Physical {
     pub intruder: Intruder,
     /// The contacts of the chain.
     pub contact: Contact,
+    /// The intruders of the beads around.
+    #[serde(default)]
+    pub company: Company,
     /// The force sensor; quantities in N.
     pub force: SensorScale,
     /// The acceleration sensor; quantities in m/s².
@@ -62,6 +65,36 @@ pub struct Contact {
     pub stiffness: f64,
     /// s.
     pub relaxation: f64,
+}
+
+/// The intruders of the beads around. All zeros for a bead that is alone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Company {
+    /// Which of the four beads behind hold an intruder, by their places: 1234 for all, 0 for none.
+    pub behind: u32,
+    /// 1 if beads near by hold one that `behind` does not name: those in front, or further behind.
+    pub elsewhere: u32,
+    /// Of the intruder that each of those behind holds, kg.
+    pub mass: f64,
+    /// N/m.
+    pub stiffness: f64,
+    /// N·s/m.
+    pub damping: f64,
+}
+
+impl Company {
+    pub(super) fn of(neighbours: &Neighbours) -> Self {
+        let places = (1..).zip(neighbours.behind).filter(|(_, holds)| *holds);
+        let intruder = &neighbours.intruder;
+        Self {
+            behind: places.fold(0, |digits, (place, _)| 10 * digits + place),
+            elsewhere: neighbours.elsewhere.into(),
+            mass: intruder.mass,
+            stiffness: intruder.stiffness,
+            damping: intruder.damping,
+        }
+    }
 }
 
 /// What the codes of a sensor are worth.
@@ -136,7 +169,7 @@ impl Taking {
 
 impl Physical {
     /// A bead and its front end with the usual capture.
-    pub fn new(bead: &Bead, front_end: &FrontEnd) -> Self {
+    pub fn new(bead: &Bead, neighbours: &Neighbours, front_end: &FrontEnd) -> Self {
         let scale = |sensor: &SensorFrontEnd| SensorScale {
             per_code: sensor.sensitive.per_code,
             wide_per_code: sensor.wide.per_code,
@@ -160,6 +193,7 @@ impl Physical {
                 stiffness: bead.contact_stiffness,
                 relaxation: bead.relaxation,
             },
+            company: Company::of(neighbours),
             force: scale(&front_end.force),
             acceleration: scale(&front_end.acceleration),
             capture: Taking::of(&Capture::of(bead, front_end)),

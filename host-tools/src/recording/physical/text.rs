@@ -59,7 +59,7 @@ impl Physical {
         let key = find(name)?;
         let value = match (key.path, text.parse::<u64>(), text.parse::<f64>()) {
             ("name", ..) => text.into(),
-            ("address" | "capture.sample_rate", Ok(whole), _) => whole.into(),
+            (path, Ok(whole), _) if is_whole(path) => whole.into(),
             (_, _, Ok(number)) if number.is_finite() => number.into(),
             _ => Value::Null,
         };
@@ -140,10 +140,17 @@ fn find(name: &str) -> Result<&'static Key, InputError> {
     })
 }
 
+fn is_whole(path: &str) -> bool {
+    matches!(
+        path,
+        "address" | "capture.sample_rate" | "company.behind" | "company.elsewhere"
+    )
+}
+
 fn kind(key: &Key) -> &'static str {
-    match key.path {
-        "address" | "capture.sample_rate" => "a whole number",
-        _ => "a number",
+    match is_whole(key.path) {
+        true => "a whole number",
+        false => "a number",
     }
 }
 
@@ -163,13 +170,13 @@ fn shown(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bead_model::design::{Bead, FrontEnd};
+    use bead_model::design::{Bead, FrontEnd, Neighbours};
 
     fn paper() -> Physical {
         Physical {
             name: "left".into(),
             address: 3,
-            ..Physical::new(&Bead::paper(), &FrontEnd::reference())
+            ..Physical::new(&Bead::paper(), &Neighbours::default(), &FrontEnd::reference())
         }
     }
 

@@ -1,0 +1,108 @@
+//! Whether the contacts of a run were what the model takes them for: elastic, small, and slow.
+
+use std::f64::consts::{PI, TAU};
+
+use serde::Serialize;
+
+use crate::model::Model;
+use crate::observe::ContactPeak;
+use crate::scenario::{InputError, Material, Scenario};
+
+/// What Hertz' theory supposes, at the greatest force of one contact (Johnson, *Contact Mechanics*, 1985, chapters 4
+/// and 6).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Validity {
+    /// The contact.
+    pub contact: usize,
+    /// Highest pressure p₀ = 3 F / (2 π a²), Pa. Ductile bodies yield below the surface where it is 1.6 times their
+    /// strength.
+    pub pressure: f64,
+    /// Radius a of the contact over that of the smaller body. Hertz' law is for small ones.
+    pub radius_ratio: f64,
+    /// Width of the pulse at half its height over the period of the slower body's lowest vibration. Below some 1
+    /// the bodies ring, which the model leaves out. None where the width is not known.
+    pub periods: Option<f64>,
+    /// Young's modulus of the softer body, Pa.
+    pub softer: f64,
+}
+
+/// Polymers have a modulus below this, Pa, and the pressure at which Bakelite, a strong one, yields.
+const POLYMERS: f64 = 20e9;
+const BAKELITE_YIELDS: f64 = 200e6;
+/// Beyond this Hertz' parabolas differ from spheres by some per cent.
+const LARGE: f64 = 0.1;
+const SHORT: f64 = 1.0;
+
+impl Validity {
+    /// What each of these contacts went through.
+    ///
+    /// # Errors
+    /// [`InputError`]: the scenario is out of range.
+    pub fn of(scenario: &Scenario, peaks: &[ContactPeak]) -> Result<Vec<Self>, InputError> {
+        let model = Model::of(scenario)?;
+        let striker = &scenario.striker;
+        let mut bodies = vec![Some((striker.radius, striker.material()))];
+        bodies.extend(
+            scenario
+                .spheres()
+                .iter()
+                .map(|bead| Some((bead.radius, bead.material))),
+        );
+        let wall = scenario.wall.as_ref().map(|wall| {
+            // It does not move, so it has no vibration of interest: as dense as makes none.
+            let material = Material::new(0.0, wall.young, wall.poisson);
+            (wall.radius.unwrap_or(f64::INFINITY), material)
+        });
+        bodies.push(wall);
+        let of = |peak: &ContactPeak| {
+            let (near, far) = (bodies[peak.contact - 1]?, bodies[peak.contact]?);
+            let overlap = (peak.force / model.contact(peak.contact).stiffness).powf(2.0 / 3.0);
+            let area = PI * overlap / (1.0 / near.0 + 1.0 / far.0);
+            let slowest = period(near).max(period(far));
+            Some(Self {
+                contact: peak.contact,
+                pressure: 1.5 * peak.force / area,
+                radius_ratio: (area / PI).sqrt() / near.0.min(far.0),
+                periods: peak.fwhm.map(|width| width / slowest),
+                softer: near.1.young.min(far.1.young),
+            })
+        };
+        Ok(peaks.iter().filter_map(of).collect())
+    }
+
+    /// What the theory does not cover here, in a few words each.
+    pub fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        let contact = self.contact;
+        if self.softer < POLYMERS && self.pressure > BAKELITE_YIELDS {
+            remarks.push(format!(
+                "contact {contact} is pressed with {:.0} MPa: Bakelite yields near {:.0} MPa, and elastic contact no longer holds",
+                1e-6 * self.pressure,
+                1e-6 * BAKELITE_YIELDS,
+            ));
+        }
+        if self.radius_ratio > LARGE {
+            remarks.push(format!(
+                "contact {contact} is {:.2} of a sphere's radius wide: Hertz' law is for small contacts",
+                self.radius_ratio,
+            ));
+        }
+        if let Some(periods) = self.periods.filter(|periods| *periods < SHORT) {
+            remarks.push(format!(
+                "the pulse at contact {contact} lasts {periods:.2} of a sphere's own period: the sphere rings, which is left out",
+            ));
+        }
+        remarks
+    }
+}
+
+/// Period of a sphere's lowest vibration, in which it becomes long and flat by turns: 2 π R / (2.65 √(G/ρ)). The
+/// factor goes from 2.6 to 2.7 with Poisson's ratio (Lamb, 1882).
+fn period((radius, material): (f64, Material)) -> f64 {
+    if material.density == 0.0 {
+        return 0.0;
+    }
+    let shear = 0.5 * material.young / (1.0 + material.poisson);
+    TAU * radius / (2.65 * (shear / material.density).sqrt())
+}
