@@ -718,6 +718,21 @@ fn a_recording_of_another_strike_misses_its_goals_and_the_report_says_so() {
 }
 
 #[test]
+fn the_scenario_that_a_recording_carries_need_not_be_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let recording = recording(&directory, |_| {});
+    let recording = recording.to_str().unwrap();
+    let named = json(&["compare", recording, "--scenario", SCENARIO, "--format", "json"]);
+    assert_eq!(json(&["compare", recording, "--format", "json"]), named);
+    // One that was recorded from a bead carries none.
+    let bare = directory.path().join("bare.mcap");
+    let writer = Writer::create(&Target::new(&bare), &About::default()).unwrap();
+    writer.finish().unwrap();
+    let parts = ["carries no scenario", "--scenario S.toml"];
+    refused(&["compare", bare.to_str().unwrap()], 2, &parts);
+}
+
+#[test]
 fn output_that_is_no_terminal_has_no_colour() {
     for arguments in [
         &["--help"][..],

@@ -6,6 +6,7 @@ pub mod pictures;
 pub mod replay;
 pub mod run;
 mod signal;
+pub mod spread;
 mod statistics;
 pub mod strike;
 #[cfg(test)]

@@ -24,7 +24,7 @@ use crate::comparison::signal::{force_noise, gated, least, sensed};
 use crate::recording::strikes::RecordedStrike;
 
 /// Goals for the two estimates against the full chain.
-const GOAL: Goal = Goal {
+pub(crate) const GOAL: Goal = Goal {
     absorbed_measured: 2e-3,
     absorbed_predicted: 5e-3,
 };
@@ -89,8 +89,11 @@ pub struct StrikeComparison {
     pub flags: Vec<&'static str>,
     /// Its shape; none if the shape or the samples were not received.
     pub shape: Option<ShapeComparison>,
-    /// Whether the goals are met and replay is identical.
+    /// Whether the goals are met and replay is identical; of one of several strikes, only the latter.
     pub pass: bool,
+    /// Whether it is the only strike, and is itself held to the goals.
+    #[serde(skip)]
+    pub alone: bool,
     /// What the figures show.
     #[serde(skip)]
     pub traces: Option<Traces>,
@@ -118,6 +121,16 @@ impl Row {
 }
 
 impl StrikeComparison {
+    /// The same as one of several strikes, which are judged together.
+    #[must_use]
+    pub fn among_others(self) -> Self {
+        Self {
+            pass: self.replay_identical,
+            alone: false,
+            ..self
+        }
+    }
+
     /// Both energies and the highest force.
     pub fn rows(&self) -> [Row; 3] {
         let row = |name, of: fn(&Values) -> f64, scale: f64, digits: usize, goal| {
@@ -135,7 +148,9 @@ impl StrikeComparison {
                 goal,
             }
         };
-        let goals = [self.goal.absorbed_measured, self.goal.absorbed_predicted].map(Some);
+        // One of several strikes says little: see [`crate::comparison::spread`].
+        let alone = |goal| Some(goal).filter(|_| self.alone);
+        let goals = [self.goal.absorbed_measured, self.goal.absorbed_predicted].map(alone);
         [
             row("A, measured (nJ)", |v| v.absorbed_measured, 1e9, 3, goals[0]),
             row("B, predicted (nJ)", |v| v.absorbed_predicted, 1e9, 3, goals[1]),
@@ -338,6 +353,7 @@ impl FullChain {
             flags: strike.said.flags.names().collect(),
             shape: self.shape(strike, traces.as_ref()),
             pass,
+            alone: true,
             traces,
         }
     }

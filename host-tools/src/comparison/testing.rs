@@ -11,10 +11,15 @@ use crate::recording::strikes::RecordedStrike;
 
 /// The paper's strike as bead 8 would report it, made by the model on this computer.
 pub(crate) fn recorded_strike() -> RecordedStrike {
-    let solution = simulate_with_ring_down(&Scenario::paper()).unwrap();
+    recorded(&Scenario::paper(), &Scenario::paper(), 1)
+}
+
+/// A strike of `scenario` with the noise of a seed, measured with the settings of bead 8 of `believed`.
+pub(crate) fn recorded(scenario: &Scenario, believed: &Scenario, seed: u64) -> RecordedStrike {
+    let solution = simulate_with_ring_down(scenario).unwrap();
     let front_end = FrontEnd::default();
     let settings = derive(
-        &bead_of(&solution, 8).unwrap(),
+        &bead_of(&simulate_with_ring_down(believed).unwrap(), 8).unwrap(),
         &front_end.calibration(),
         &Capture::default(),
     )
@@ -27,7 +32,7 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
     let codes = front_end.digitise(
         &mut Sensed::new(&solution, 8, timing),
         timing.scans(solution.end()),
-        Some(1),
+        Some(seed),
     );
     let nothing = Window::open(0, 0).report(&settings, &WindowRecord::new());
     let mut strike = RecordedStrike::new(0, bead_telemetry::strike(&nothing, StrikeFlags::NONE));

@@ -3,7 +3,8 @@
 use bead_wire::{Counters, Status};
 
 use crate::bench::emulation::EmulatorReport;
-use crate::comparison::strike::{StrikeComparison, percent};
+use crate::comparison::spread::Spread;
+use crate::comparison::strike::StrikeComparison;
 
 /// Part of the core that work on a strike may take.
 const BUSY_MOST: f64 = 0.75;
@@ -72,18 +73,5 @@ pub fn failure(strikes: &[StrikeComparison], soundness: &Soundness) -> Option<St
             BUSY_MOST * 100.0
         ));
     }
-    strikes.iter().find_map(|strike| {
-        let (off, goal) = (&strike.deviation, &strike.goal);
-        let estimates = [
-            ("A", off.absorbed_measured, goal.absorbed_measured),
-            ("B", off.absorbed_predicted, goal.absorbed_predicted),
-        ];
-        let (name, off, goal) = estimates.into_iter().find(|(_, off, goal)| off.abs() > *goal)?;
-        Some(format!(
-            "strike {}: {name} is {} off the full chain, more than its goal of {:.1} %; see docs/accuracy.md",
-            strike.strike,
-            percent(off),
-            goal * 100.0
-        ))
-    })
+    Spread::of(strikes).iter().find_map(Spread::failure)
 }

@@ -6,6 +6,7 @@ use std::time::SystemTime;
 
 use chrono::{DateTime, Utc};
 use clap::Args;
+use hertz_chain::Scenario;
 use serde_json::json;
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
@@ -15,6 +16,7 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
 use crate::comparison::page::{Fact, Page};
 use crate::comparison::pictures::{residual_chart, strike_chart};
+use crate::comparison::spread::Spread;
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
 use crate::comparison::verdict::{Soundness, failure};
 use crate::recording::file::Part;
@@ -22,7 +24,8 @@ use crate::recording::received::Received;
 use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
-Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. An emulated run
+Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. Several strikes are
+judged together: the mean by these goals, the scatter of A by 0.5 % and of B by 1 %, each with its uncertainty. An emulated run
 must also leave a quarter of the core free while a strike is measured. Exit status 1 if a goal is missed.
 
 Examples:
@@ -36,9 +39,9 @@ Examples:
 pub(crate) struct Arguments {
     /// The recording.
     recording: PathBuf,
-    /// The scenario that was recorded.
+    /// The scenario that was recorded [default: the one that the recording carries, if it was emulated].
     #[arg(long, value_name = "S.toml")]
-    scenario: PathBuf,
+    scenario: Option<PathBuf>,
     /// The bead that sensed [default: as the recording says, else the only one with an intruder].
     #[arg(long, value_name = "N")]
     bead: Option<usize>,
@@ -56,15 +59,16 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let inputs: [&Path; 2] = [&arguments.recording, &arguments.scenario];
+    let inputs = [Some(&arguments.recording), arguments.scenario.as_ref()];
+    let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     let report = place::optional(arguments.report.as_deref(), Kind::Page, &inputs, arguments.force)?;
     let figures = arguments.figures.as_deref().map(|directory| {
         let names = ["strike.svg", "residuals.svg"].map(|name| (name, Kind::Drawing));
         place::targets(directory, names, &inputs, arguments.force)
     });
     let figures = figures.transpose()?;
-    let (scenario, text) = load_scenario(&arguments.scenario)?;
     let received = Received::open(&arguments.recording)?;
+    let (scenario, text) = scenario(arguments, &received)?;
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
     let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
@@ -99,6 +103,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(received.no_strike(heard).into());
     }
 
+    if strikes.len() > 1 {
+        strikes = strikes.into_iter().map(StrikeComparison::among_others).collect();
+    }
+    let spread = Spread::of(&strikes);
     let soundness = Soundness::of(heard.counters(), heard.status.as_ref(), emulator.as_ref());
     let failure = failure(&strikes, &soundness);
     let page = Page {
@@ -124,6 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let result = json!({
         "bead": bead,
         "strikes": &strikes,
+        "spread": &spread,
         "frames_lost": soundness.lost,
         "frames_corrupt": soundness.corrupt,
         "overruns": soundness.overruns,
@@ -131,8 +140,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "pass": failure.is_none(),
         "failure": &failure,
     });
-    output::print(arguments.format, &result, || table(&strikes, &soundness))?;
+    output::print(arguments.format, &result, || table(&strikes, &spread, &soundness))?;
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
+}
+
+/// The scenario that is given, or the one in the recording.
+fn scenario(arguments: &Arguments, received: &Received) -> Result<(Scenario, String), Failure> {
+    if let Some(path) = &arguments.scenario {
+        return Ok(load_scenario(path)?);
+    }
+    let shown = received.path.display();
+    let text = received.recording.parts.get(&Part::Scenario).ok_or_else(|| {
+        Failure::input(format!(
+            "{shown} carries no scenario; say what was struck with --scenario S.toml"
+        ))
+    })?;
+    let text = String::from_utf8_lossy(text).into_owned();
+    let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()))?;
+    Ok((scenario, text))
 }
 
 /// How a page was made.
@@ -161,7 +186,7 @@ fn write_figures(
     Ok(())
 }
 
-fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
+fn table(strikes: &[StrikeComparison], spread: &[Spread; 2], soundness: &Soundness) -> String {
     let mut rows = Vec::new();
     for strike in strikes {
         let (number, sample) = (strike.strike, strike.sample_index);
@@ -173,6 +198,26 @@ fn table(strikes: &[StrikeComparison], soundness: &Soundness) -> String {
         if !strike.flags.is_empty() {
             rows.push(vec!["  flags".to_owned(), strike.flags.join(", ")]);
         }
+    }
+    for spread in spread {
+        let (Some(within), Some(scatter)) = (spread.uncertainty, spread.scatter) else {
+            continue;
+        };
+        let mean = format!("{:+.3} ± {:.3} %", spread.mean * 100.0, within * 100.0);
+        let goals = [spread.goal, spread.scatter_goal].map(|goal| goal * 100.0);
+        let mut row = vec![format!("{}, mean of {} strikes", spread.estimate, spread.strikes)];
+        row.extend(["", "", "", ""].map(str::to_owned));
+        row.extend([mean, format!("{:.1} %", goals[0]), String::new()]);
+        rows.push(row);
+        let mut row = vec![format!("{}, scatter (rms)", spread.estimate)];
+        row.extend(["", "", "", ""].map(str::to_owned));
+        let met = output::either(spread.pass, "met", "missed");
+        row.extend([
+            format!("{:.3} %", scatter * 100.0),
+            format!("{:.1} %", goals[1]),
+            met,
+        ]);
+        rows.push(row);
     }
     for (name, value, goal, met) in soundness.rows() {
         let mut row = vec![name.to_owned(), value];

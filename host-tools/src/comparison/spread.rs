@@ -1,0 +1,217 @@
+//! Several strikes against the simulation: mean and scatter of the deviations, with their uncertainty.
+//!
+//! # Design
+//! Noise moves each strike's estimate by itself, so that a strike says little about the bead. Over several
+//! strikes the mean says how far off the bead is, and the root mean square how much noise adds. A goal is missed
+//! where the deviation is beyond it by more than can be chance: where the whole interval that holds the true
+//! value in nineteen cases of twenty lies beyond the goal. The interval of the mean is Student's, the lower end
+//! of that of the scatter comes from the chi-squared distribution (Wilson and Hilferty's approximation, PNAS 17,
+//! 684, 1931). A strike alone is held to the goal of the mean.
+
+use serde::Serialize;
+
+use crate::comparison::strike::{GOAL, StrikeComparison, Values, percent};
+
+/// Greatest root mean square of the deviations of A and of B, as parts of the full chain's value: what
+/// docs/accuracy.md promises with the front end's noise.
+const SCATTER: [f64; 2] = [5e-3, 1e-2];
+
+/// The deviations of one estimate over several strikes, as parts of the full chain's value.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Spread {
+    /// `A` or `B`.
+    pub estimate: &'static str,
+    /// How many strikes.
+    pub strikes: usize,
+    /// Mean of the deviations.
+    pub mean: f64,
+    /// The true mean lies within this much of it in 19 cases of 20; none for a strike alone.
+    pub uncertainty: Option<f64>,
+    /// Root mean square of the deviations about their mean; none for a strike alone.
+    pub scatter: Option<f64>,
+    /// The true scatter is above this in 39 cases of 40.
+    pub scatter_at_least: Option<f64>,
+    /// How great the mean may be.
+    pub goal: f64,
+    /// How great the scatter may be.
+    pub scatter_goal: f64,
+    /// Whether neither is missed by more than chance explains.
+    pub pass: bool,
+}
+
+impl Spread {
+    /// Of A and of B.
+    pub fn of(strikes: &[StrikeComparison]) -> [Self; 2] {
+        let of = |estimate, value: fn(&Values) -> f64, goal: f64, scatter_goal: f64| {
+            let deviations: Vec<f64> = strikes.iter().map(|strike| value(&strike.deviation)).collect();
+            Self::from(estimate, &deviations, goal, scatter_goal)
+        };
+        [
+            of(
+                "A",
+                |off| off.absorbed_measured,
+                GOAL.absorbed_measured,
+                SCATTER[0],
+            ),
+            of(
+                "B",
+                |off| off.absorbed_predicted,
+                GOAL.absorbed_predicted,
+                SCATTER[1],
+            ),
+        ]
+    }
+
+    fn from(estimate: &'static str, deviations: &[f64], goal: f64, scatter_goal: f64) -> Self {
+        let count = deviations.len() as f64;
+        let mean = deviations.iter().sum::<f64>() / count;
+        let squares: f64 = deviations.iter().map(|one| (one - mean).powi(2)).sum();
+        let free = deviations.len().saturating_sub(1);
+        let scatter = (free > 0).then(|| (squares / free as f64).sqrt());
+        let uncertainty = scatter.map(|scatter| student(free) * scatter / count.sqrt());
+        let scatter_at_least = scatter.map(|scatter| scatter * (free as f64 / chi_squared(free)).sqrt());
+        let off = mean.abs() - uncertainty.unwrap_or(0.0);
+        Self {
+            estimate,
+            strikes: deviations.len(),
+            mean,
+            uncertainty,
+            scatter,
+            scatter_at_least,
+            goal,
+            scatter_goal,
+            pass: off <= goal && scatter_at_least.is_none_or(|least| least <= scatter_goal),
+        }
+    }
+
+    /// What is missed, in words; none if the goals are met.
+    pub fn failure(&self) -> Option<String> {
+        let estimate = self.estimate;
+        let (within, over) = match self.uncertainty {
+            Some(within) => (
+                format!(" ± {:.3} %", within * 100.0),
+                format!(" in the mean of {} strikes", self.strikes),
+            ),
+            None => Default::default(),
+        };
+        if self.mean.abs() - self.uncertainty.unwrap_or(0.0) > self.goal {
+            return Some(format!(
+                "{estimate} is {}{within} off the full chain{over}, more than its goal of {:.1} %; see docs/accuracy.md",
+                percent(self.mean),
+                self.goal * 100.0
+            ));
+        }
+        let scatter = self.scatter.filter(|_| !self.pass)?;
+        Some(format!(
+            "{estimate} scatters by {:.2} % rms over {} strikes, more than the {:.1} % that noise explains; see \
+             docs/accuracy.md",
+            scatter * 100.0,
+            self.strikes,
+            self.scatter_goal * 100.0
+        ))
+    }
+}
+
+/// Student's t: 97.5 % of it is below this.
+fn student(free: usize) -> f64 {
+    const FIRST: [f64; 10] = [
+        12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228,
+    ];
+    match FIRST.get(free - 1) {
+        Some(t) => *t,
+        // Within 0.002 (Abramowitz and Stegun, 26.7.5, to second order).
+        None => {
+            let (z, free) = (1.959_964_f64, free as f64);
+            z + (z.powi(3) + z) / (4.0 * free)
+                + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * free * free)
+        }
+    }
+}
+
+/// Chi-squared: 97.5 % of it is below this.
+fn chi_squared(free: usize) -> f64 {
+    let part = 2.0 / (9.0 * free as f64);
+    free as f64 * (1.0 - part + 1.959_964 * part.sqrt()).powi(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use hertz_chain::Scenario;
+
+    use super::*;
+    use crate::comparison::strike::FullChain;
+    use crate::comparison::testing::recorded;
+
+    fn passes(deviations: &[f64]) -> bool {
+        Spread::from("A", deviations, 2e-3, 5e-3).pass
+    }
+
+    /// Five noisy strikes at a speed, by a bead whose spring is `stiffer` than its settings say.
+    fn strikes(speed: f64, stiffer: f64) -> [Spread; 2] {
+        let mut believed = Scenario::paper();
+        believed.striker.velocity = speed;
+        let mut real = believed.clone();
+        real.intruders[0].stiffness *= stiffer;
+        let chain = FullChain::run(&believed, 8).unwrap();
+        let strikes: Vec<_> = (1..=5)
+            .map(|seed| chain.compare(&recorded(&real, &believed, seed)))
+            .collect();
+        Spread::of(&strikes)
+    }
+
+    #[test]
+    fn five_noisy_strikes_of_a_healthy_bead_pass_at_every_speed() {
+        for speed in [0.45, 0.55, 0.6, 0.7] {
+            let spread = strikes(speed, 1.0);
+            println!("{speed} m/s: {spread:#?}");
+            assert!(
+                spread.iter().all(|estimate| estimate.pass),
+                "{speed} m/s: {spread:#?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_bead_whose_spring_is_off_by_a_tenth_fails() {
+        for stiffer in [0.9, 1.1] {
+            let spread = strikes(0.55, stiffer);
+            assert!(
+                spread.iter().any(|estimate| !estimate.pass),
+                "{stiffer}: {spread:#?}"
+            );
+        }
+    }
+
+    #[test]
+    fn quantiles_are_those_of_the_tables() {
+        // Abramowitz and Stegun, tables 26.8 and 26.10.
+        for (free, t) in [(1, 12.706), (4, 2.776), (15, 2.131), (30, 2.042), (120, 1.980)] {
+            assert!((student(free) - t).abs() < 3e-3, "{free}: {}", student(free));
+        }
+        for (free, chi) in [
+            (1, 5.024),
+            (4, 11.143),
+            (10, 20.483),
+            (30, 46.979),
+            (100, 129.561),
+        ] {
+            assert!(
+                (chi_squared(free) / chi - 1.0).abs() < 0.03,
+                "{free}: {}",
+                chi_squared(free)
+            );
+        }
+    }
+
+    #[test]
+    fn noise_about_the_truth_passes_and_a_bead_that_is_off_does_not() {
+        assert!(passes(&[0.0019]) && !passes(&[0.0021]));
+        // Strikes beyond the goal, whose mean is not.
+        assert!(passes(&[0.004, -0.003, 0.002, -0.002, 0.0035]));
+        assert!(!passes(&[0.014, 0.007, 0.012, 0.008, 0.0135]));
+        // A mean that is right does not excuse any scatter.
+        assert!(!passes(&[0.03, -0.03, 0.025, -0.028, 0.01]));
+        let said = Spread::from("A", &[0.03, -0.03, 0.025, -0.028, 0.01], 2e-3, 5e-3);
+        assert!(said.failure().unwrap().contains("A scatters by"), "{said:?}");
+    }
+}
