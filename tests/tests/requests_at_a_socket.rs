@@ -34,7 +34,7 @@ fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
     thread::scope(|scope| {
         let server = scope.spawn(|| {
             let at = address.parse().unwrap_or_else(|error| panic!("{error}"));
-            serve(&mut Bridge::new(run), &at, &stop)
+            serve(&mut Bridge::new(run), &at, || (), &stop)
         });
         // The path is there a moment before anybody listens.
         while UnixStream::connect(&socket).is_err() && !server.is_finished() {

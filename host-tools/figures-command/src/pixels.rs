@@ -38,7 +38,7 @@ pub(crate) fn png(chart: &Chart) -> Result<Vec<u8>, Error> {
     Ok(bytes)
 }
 
-/// The pixels of [`png`] at any scale.
+/// The pixels of [`png()`] at any scale.
 fn pixels(chart: &Chart, scale: f32) -> Result<Pixmap, Error> {
     let refused = |reason: &dyn Display| Error::drawing(&chart.description, " as pixels", reason);
     let mut options = usvg::Options::default();

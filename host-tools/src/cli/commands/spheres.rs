@@ -338,7 +338,7 @@ fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {
 
 Written by
 
-    bead spheres {} --bead {} --table docs/spheres.md
+    bead spheres {} --bead {} --force --table docs/spheres.md
 
 from runs of the flash image in QEMU: {} strikes a cell, each at another phase of the sample clock, with noise. Every chain is
 of equal spheres and is struck by one of them at {} m/s. The intruder is the scenario's in units of the sphere: the same part

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 /// Opcode u8 and length u64 before each record.
 pub(super) const RECORD_HEAD: usize = 1 + 8;
-/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of some 64 KiB
+/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of 16 KiB
 /// here and of some MB by other programs, and attachments much below this.
 pub(super) const RECORD_MOST: u64 = 32 << 20;
 /// Channel u16, sequence u32, two times u64.

@@ -1,6 +1,6 @@
 //! The keys, each with its unit and what it is.
 
-/// A key of [`Physical`].
+/// A key of the physical settings.
 #[derive(Debug)]
 pub struct Key {
     /// Its place: `intruder.stiffness`.
