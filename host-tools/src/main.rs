@@ -11,7 +11,7 @@ fn main() -> ExitCode {
     match Cli::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("bead: {failure}");
+            bead::cli::output::note(format_args!("{failure}"));
             ExitCode::from(&failure)
         }
     }

@@ -770,6 +770,60 @@ fn a_run_that_cannot_start_leaves_nothing_behind() {
 }
 
 #[test]
+fn text_from_outside_never_steers_the_terminal() {
+    let directory = TempDir::new().unwrap();
+    // Writes into the clipboard, clears the screen, and does so with one character for both.
+    let hostile = "\u{1b}]52;c;eA==\u{7}\u{1b}[2J\u{9b}2J";
+    let file = |name: &str, text: &str| {
+        let path = directory.path().join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let scenario = fs::read_to_string(SCENARIO).unwrap();
+    let quoted = r"\u001b]52;c;eA==\u0007\u001b[2J\u009b2J";
+    let key = file("key.toml", &format!("\"{quoted}\" = 1\n{scenario}"));
+    let value = scenario.replacen("\"printed\"", &format!("\"{quoted}\""), 1);
+    let value = file("value.toml", &format!("{value}\n[chain.{}]\n", "more"));
+    let named = file(&format!("{hostile}.toml"), "no table");
+    for arguments in [
+        vec!["simulate", &key],
+        vec!["simulate", &value],
+        vec!["simulate", &named],
+        vec!["decode", &named],
+        vec!["replay", &named],
+        vec!["recover", &named],
+        vec!["settings", "show", &named],
+    ] {
+        let output = bead(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        for text in [output.stdout, output.stderr] {
+            let text = String::from_utf8(text).unwrap();
+            let steers = |c: char| c.is_control() && c != '\n' && c != '\t';
+            assert!(!text.contains(steers), "{arguments:?}: {text:?}");
+        }
+    }
+}
+
+#[test]
+fn a_fault_that_the_run_is_too_short_to_tell_is_refused() {
+    let directory = TempDir::new().unwrap();
+    let faults = directory.path().join("faults.toml");
+    fs::write(&faults, "[[fault]]\nat = 0.03\nkind = \"hang\"\n").unwrap();
+    refused(
+        &[
+            "emulate",
+            SCENARIO,
+            "--bead",
+            "8",
+            "--faults",
+            faults.to_str().unwrap(),
+        ],
+        2,
+        &["before the bead can tell of hang at 0.03 s", "--strikes"],
+    );
+}
+
+#[test]
 fn figures_are_the_program_beside_this_one_with_its_arguments_and_its_status() {
     let built = Path::new(env!("CARGO_BIN_EXE_bead"));
     // A hard link: through a symbolic one the program would find what was built beside it.

@@ -57,7 +57,7 @@ fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("bead: {failure}");
+            output::note(format_args!("{failure}"));
             ExitCode::from(&failure)
         }
     }

@@ -20,6 +20,7 @@ use std::{fs, io, process, thread};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
+use crate::recording::printable::note;
 use crate::recording::whole::remove_unfinished;
 
 /// A command that was asked to end ends within this time.
@@ -76,8 +77,8 @@ pub fn orderly(left: String) -> Arc<AtomicBool> {
 fn end(signal: i32) -> ! {
     remove_unfinished();
     match ORDERLY.get() {
-        Some(Orderly { left, .. }) => eprintln!("bead: interrupted; {left}"),
-        None => eprintln!("bead: interrupted; nothing is left behind, run it again"),
+        Some(Orderly { left, .. }) => note(format_args!("interrupted; {left}")),
+        None => note(format_args!("interrupted; nothing is left behind, run it again")),
     }
     process::exit(128 + signal)
 }

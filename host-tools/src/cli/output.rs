@@ -10,6 +10,8 @@ use serde_json::Value;
 
 use crate::cli::failure::{Blame, Failure};
 use crate::recording::json::SCHEMA_VERSION;
+pub use crate::recording::printable::note;
+use crate::recording::printable::printable;
 
 /// The shape of a result on standard output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -46,12 +48,12 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print_line(&serde_json::to_string_pretty(&document).or_input(failed)?)
 }
 
-/// Prints one line, or several, to standard output.
+/// Prints one line, or several, to standard output. What could steer a terminal is shown, not sent.
 ///
 /// # Errors
 /// As [`print_json`].
 pub fn print_line(text: &str) -> Result<(), Failure> {
-    written(writeln!(io::stdout().lock(), "{text}"))
+    written(writeln!(io::stdout().lock(), "{}", printable(text)))
 }
 
 /// What writing to standard output gave. A reader that has gone away is not an error.
@@ -100,7 +102,8 @@ pub fn either(holds: bool, yes: &str, no: &str) -> String {
 
 /// A spinner on standard error that names the step under way; silent when standard error is not a terminal.
 pub fn spinner(step: impl Into<String>) -> ProgressBar {
-    shown(ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}").with_message(step.into())
+    shown(ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}")
+        .with_message(printable(&step.into()).into_owned())
 }
 
 /// A progress bar of `steps` steps on standard error; silent when standard error is not a terminal.
@@ -111,7 +114,8 @@ pub fn progress(steps: u64) -> ProgressBar {
 /// A progress bar of the part done and the time left, on standard error; silent when standard error is not a
 /// terminal. [`set_part`] moves it.
 pub fn part_done(step: impl Into<String>) -> ProgressBar {
-    shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {eta} left").with_message(step.into())
+    shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {eta} left")
+        .with_message(printable(&step.into()).into_owned())
 }
 
 const PARTS: u64 = 10_000;

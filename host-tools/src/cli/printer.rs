@@ -80,9 +80,9 @@ impl Printer {
         }
         let paused = !self.thread.is_finished();
         if self.left_out > 0 || paused {
-            eprintln!(
-                "bead: the reader of standard output was too slow: lines are missing there, and the recording has all"
-            );
+            output::note(format_args!(
+                "the reader of standard output was too slow: lines are missing there, and the recording has all"
+            ));
         }
         match paused {
             // It ends with the program.

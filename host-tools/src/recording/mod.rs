@@ -5,6 +5,7 @@ pub mod file;
 pub mod frames;
 pub mod json;
 pub mod physical;
+pub mod printable;
 pub mod protobuf;
 pub mod raw;
 pub mod received;

@@ -7,6 +7,7 @@ use bead_wire::{Counters, Identity, Message, Status};
 
 use crate::recording::file::{Part, Pieces, Recording, RecordingError};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
+use crate::recording::printable::note;
 use crate::recording::raw;
 use crate::recording::strikes::Strikes;
 
@@ -33,7 +34,7 @@ impl Received {
             error => error,
         })?;
         if let Some(warning) = recording.warning() {
-            eprintln!("bead: {}: {warning}", path.display());
+            note(format_args!("{}: {warning}", path.display()));
         }
         Ok(Self {
             path: path.to_owned(),

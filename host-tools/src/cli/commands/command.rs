@@ -231,20 +231,29 @@ fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), F
         to.flush()
     };
     let received: usize = pieces.iter().map(|piece| piece.codes.len()).sum();
-    let sent = after.raw_sent - before.raw_sent;
-    let dropped = after.raw_dropped - before.raw_dropped;
-    let (scans, lost) = (sent + dropped, sent.saturating_sub(received as u64));
+    let (sent, dropped) = counted_since(&before, &after);
+    let (scans, lost) = (sent.saturating_add(dropped), sent.saturating_sub(received as u64));
     let summary = json!({ "scans": scans, "received": received, "dropped_by_bead": dropped, "lost": lost });
     let text = format!(
         "{received} of {scans} scans received; {dropped} did not fit the line, {lost} were lost on it"
     );
     let Some(out) = out else {
         output::written(write(&mut std::io::stdout().lock()))?;
-        eprintln!("bead: {text}");
+        output::note(format_args!("{text}"));
         return Ok(());
     };
     out.write(|file| Ok(write(file)?))?;
     output::print(common.format, &summary, || text)
+}
+
+/// The scans of a raw stream that were sent and dropped from one count to a later one. A bead that started anew
+/// between them counts from zero again.
+fn counted_since(before: &Link, after: &Link) -> (u64, u64) {
+    let since = |now: u64, then: u64| now.checked_sub(then).unwrap_or(now);
+    (
+        since(after.raw_sent, before.raw_sent),
+        since(after.raw_dropped, before.raw_dropped),
+    )
 }
 
 /// The pieces of a raw stream, and the counts at its end.
@@ -263,8 +272,9 @@ fn stream(
         }
         // A link frame comes every second, and one at the end of the stream, when all its scans are counted.
         Message::Link(link) => {
-            let counted = link.raw_sent + link.raw_dropped - before.raw_sent - before.raw_dropped;
-            let scans = duration_ms * u64::from(frame.sample_rate_hz.unwrap_or(0)) / 1000;
+            let (sent, dropped) = counted_since(&before, &link);
+            let counted = sent.saturating_add(dropped);
+            let scans = duration_ms.saturating_mul(u64::from(frame.sample_rate_hz.unwrap_or(0))) / 1000;
             (counted > 0 && counted >= scans).then_some(link)
         }
         _ => None,
@@ -278,5 +288,21 @@ fn stream(
         None => Err(Failure::device(
             "the bead began its raw stream and did not say that it ended; ask again",
         )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bead_that_starts_anew_in_a_stream_counts_from_zero() {
+        let counts = |raw_sent, raw_dropped| Link {
+            raw_sent,
+            raw_dropped,
+            ..Link::default()
+        };
+        assert_eq!(counted_since(&counts(100, 7), &counts(150, 9)), (50, 2));
+        assert_eq!(counted_since(&counts(100, 7), &counts(30, 0)), (30, 0));
     }
 }

@@ -80,7 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let chain = FullChain::run(&scenario, bead)?;
     if let Some(note) = chain.note() {
-        progress.suspend(|| eprintln!("bead: {note}"));
+        progress.suspend(|| output::note(format_args!("{note}")));
     }
     let mut strikes: Vec<StrikeComparison> = Vec::new();
     let mut settings = None;

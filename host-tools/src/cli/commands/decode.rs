@@ -10,8 +10,10 @@ use serde_json::Value;
 
 use super::clock::rfc3339;
 use crate::cli::failure::{Blame, Failure};
+use crate::cli::output;
 use crate::recording::clock::{Fit, Segments, Tracker};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
+use crate::recording::printable::printable;
 use crate::recording::received::Received;
 
 const AFTER_HELP: &str = "\
@@ -98,10 +100,10 @@ fn print(
             Item::Frame(frame) => {
                 from_the_future = frame.from_the_future().or(from_the_future);
                 let fit = fits.get(segments.place(&frame)).and_then(Option::as_ref);
-                writeln!(out, "{}", timed(&frame, fit))
+                writeln!(out, "{}", printable(&timed(&frame, fit).to_string()))
             }
             Item::Rejected(reject) => {
-                eprintln!("bead: {reject}");
+                output::note(format_args!("{reject}"));
                 Ok(())
             }
         };
@@ -120,8 +122,8 @@ fn print(
             counters.bytes
         )));
     }
-    eprintln!(
-        "bead: {} frames in {} bytes; {} lost, {} refused, {} late, {} twice, {} restarts{}",
+    output::note(format_args!(
+        "{} frames in {} bytes; {} lost, {} refused, {} late, {} twice, {} restarts{}",
         counters.frames,
         counters.bytes,
         counters.lost,
@@ -133,9 +135,9 @@ fn print(
             0 => String::new(),
             bytes => format!("; {bytes} bytes of a frame cut short at the end"),
         }
-    );
+    ));
     if let Some(who) = from_the_future {
-        eprintln!("bead: {who}");
+        output::note(format_args!("{who}"));
     }
     Ok(())
 }

@@ -135,9 +135,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         progress.finish_and_clear();
         let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
         let ready = || {
-            eprintln!(
-                "bead: a bead is at {address} until Ctrl-C; its time passes while somebody is connected"
-            );
+            output::note(format_args!(
+                "a bead is at {address} until Ctrl-C; its time passes while somebody is connected"
+            ));
         };
         return Ok(bridge::serve(
             &mut Bridge::new(&emulation),
@@ -172,7 +172,7 @@ fn prepare(arguments: &Arguments, scenario: &Scenario, progress: &ProgressBar) -
     let solution = simulate_with_ring_down(scenario)?;
     bead_of(&solution, bead)?;
     if let Some(note) = unlike_the_reduced_chain(&solution, bead) {
-        progress.suspend(|| eprintln!("bead: {note}"));
+        progress.suspend(|| output::note(format_args!("{note}")));
     }
     progress.set_message("digitising what the bead senses");
     let timing = Timing {

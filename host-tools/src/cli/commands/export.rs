@@ -153,7 +153,7 @@ impl Told {
                     future @ RecordingError::FromTheFuture { .. } => return Err(future.into()),
                     _ => self
                         .progress
-                        .suspend(|| eprintln!("bead: {name}: no strike in it")),
+                        .suspend(|| output::note(format_args!("{name}: no strike in it"))),
                 }
             }
         }
@@ -169,16 +169,16 @@ impl Told {
             without_settings,
             ..
         } = self;
-        eprintln!(
-            "bead: {strikes} {} with {samples} samples, of {recordings} {}, now in {}",
+        output::note(format_args!(
+            "{strikes} {} with {samples} samples, of {recordings} {}, now in {}",
             output::either(*strikes == 1, "strike", "strikes"),
             output::either(*recordings == 1, "recording", "recordings"),
             out.display()
-        );
+        ));
         if *without_settings > 0 {
-            eprintln!(
-                "bead: {without_settings} of them came without settings, so their samples are codes and not in SI units"
-            );
+            output::note(format_args!(
+                "{without_settings} of them came without settings, so their samples are codes and not in SI units"
+            ));
         }
     }
 }

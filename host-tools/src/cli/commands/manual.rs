@@ -66,7 +66,7 @@ pub(crate) fn manual(arguments: &Manual, mut command: Command) -> Result<(), Fai
             .or_input(|| format!("cannot write {}", target.path().display()))?;
         target.write_bytes(text)?;
     }
-    eprintln!("bead: {} pages are in {}", targets.len(), out.display());
+    output::note(format_args!("{} pages are in {}", targets.len(), out.display()));
     Ok(())
 }
 

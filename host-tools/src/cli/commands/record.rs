@@ -132,7 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         recorder.from_the_future,
     ];
     for line in lines.into_iter().flatten() {
-        eprintln!("bead: {line}");
+        output::note(format_args!("{line}"));
     }
     printed?;
     advice(&counters).map_or(Ok(()), |advice| Err(Failure::device(advice)))

@@ -147,7 +147,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let block = settings_file::load(file, *address)?;
             store(&mut line.open()?, &block)?;
             let (length, file) = (block.len(), file.display());
-            eprintln!("bead: the {length} bytes of {file} are stored and in force");
+            output::note(format_args!(
+                "the {length} bytes of {file} are stored and in force"
+            ));
             Ok(())
         }
         Action::Show { file, format } => {
@@ -161,7 +163,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         } => set(changes, *dry_run, line),
         Action::Reset { line } => {
             let answer = line.open()?.request_done(&Request::EraseSettings)?;
-            eprintln!("bead: settings {}", answer.reply.detail);
+            output::note(format_args!("settings {}", answer.reply.detail));
             Ok(())
         }
         Action::Key { new, give, line, .. } => set_key(new.as_deref(), give.as_deref(), line),
@@ -187,10 +189,10 @@ fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Resul
     };
     let shown = new.or(give).map(|path| path.display().to_string());
     match (took, asked, shown) {
-        (true, _, Some(path)) => eprintln!(
-            "bead: the bead has the key in {path}; keep it safe, and give --key {path} to what changes the bead's state"
-        ),
-        (true, _, None) => eprintln!("bead: the bead has no key any more"),
+        (true, _, Some(path)) => output::note(format_args!(
+            "the bead has the key in {path}; keep it safe, and give --key {path} to what changes the bead's state"
+        )),
+        (true, _, None) => output::note(format_args!("the bead has no key any more")),
         (false, Ok(answer), _) => {
             if let Some(path) = new {
                 let _ = fs::remove_file(path);
@@ -239,11 +241,13 @@ fn set(changes: &[String], dry_run: bool, line: &LineOptions) -> Result<(), Fail
         output::print_line(&change.to_string())?;
     }
     match (changed.changes.is_empty(), dry_run) {
-        (true, _) => eprintln!("bead: the bead has these settings already; nothing is sent"),
-        (_, true) => eprintln!("bead: nothing is sent: --dry-run"),
+        (true, _) => output::note(format_args!(
+            "the bead has these settings already; nothing is sent"
+        )),
+        (_, true) => output::note(format_args!("nothing is sent: --dry-run")),
         _ => {
             store(&mut bead, &changed.block)?;
-            eprintln!("bead: stored and in force");
+            output::note(format_args!("stored and in force"));
         }
     }
     Ok(())
@@ -266,9 +270,9 @@ fn store(bead: &mut Conversation, block: &[u8]) -> Result<(), Failure> {
 
 /// A bead makes room in a full store when it starts.
 fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Reply, Failure> {
-    eprintln!(
-        "bead: its flash has no room for another block; resetting it, which makes some and takes a few seconds"
-    );
+    output::note(format_args!(
+        "its flash has no room for another block; resetting it, which makes some and takes a few seconds"
+    ));
     bead.reboot()?;
     Ok(bead.request(request)?.reply)
 }

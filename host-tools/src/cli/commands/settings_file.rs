@@ -11,6 +11,7 @@ use hertz_chain::text_of;
 
 use crate::bench::sensed::{bead_of, load_scenario, neighbours_of, only_host, simulate_with_ring_down};
 use crate::cli::failure::{Blame, Failure};
+use crate::cli::output;
 use crate::cli::place::{self, Force, Kind};
 use crate::recording::physical::{Change, Physical};
 
@@ -60,10 +61,10 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
         let target = place::target(file, Kind::Scenario, &inputs, arguments.force)?;
         let text = template(arguments)?.to_toml();
         target.write_bytes(text)?;
-        eprintln!(
-            "bead: wrote {0}; edit it, then: bead settings make {0}",
+        output::note(format_args!(
+            "wrote {0}; edit it, then: bead settings make {0}",
             file.display()
-        );
+        ));
         return Ok(());
     }
     let out = arguments
@@ -75,7 +76,9 @@ pub(super) fn make(arguments: &MakeArguments) -> Result<(), Failure> {
     let block = block(&settings).or_input(|| file.display().to_string())?;
     target.write_bytes(&block)?;
     let (length, out) = (block.len(), out.display());
-    eprintln!("bead: wrote {out}, {length} bytes; give it to the bead: bead settings write {out} --port P");
+    output::note(format_args!(
+        "wrote {out}, {length} bytes; give it to the bead: bead settings write {out} --port P"
+    ));
     Ok(())
 }
 

@@ -1,0 +1,42 @@
+//! Text from outside, made safe to print.
+
+use std::borrow::Cow;
+
+/// The text with each control character as JSON writes it, such as `\u001b`; line ends and tabs stay. A
+/// device, a file or its name can hold sequences that steer a terminal: clear it, rename its window, write into
+/// the clipboard. All that this library and its programs print goes through here.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    let steers = |character: char| character.is_control() && !matches!(character, '\n' | '\t');
+    if !text.contains(steers) {
+        return Cow::Borrowed(text);
+    }
+    let shown = |character: char| match steers(character) {
+        true => format!("\\u{:04x}", u32::from(character)),
+        false => character.to_string(),
+    };
+    Cow::Owned(text.chars().map(shown).collect())
+}
+
+/// Says something beside the result, on standard error. What could steer a terminal is shown, not sent.
+pub fn note(what: std::fmt::Arguments<'_>) {
+    eprintln!("bead: {}", printable(&what.to_string()));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_steer_a_terminal_is_shown() {
+        assert_eq!(printable("a\tb\nµ"), "a\tb\nµ");
+        assert_eq!(printable("\u{1b}]52;c;eA==\u{7}"), "\\u001b]52;c;eA==\\u0007");
+        assert_eq!(printable("\r\u{9b}2J\u{7f}"), "\\u000d\\u009b2J\\u007f");
+    }
+
+    #[test]
+    fn json_stays_json() {
+        let text = serde_json::to_string("\u{9b}2J").expect("a string");
+        let back: String = serde_json::from_str(&printable(&text)).expect("still JSON");
+        assert_eq!(back, "\u{9b}2J");
+    }
+}
