@@ -165,7 +165,9 @@ fn a_bead_is_asked_from_the_command_line() {
                 .all(|row| row.len() == 3 && row[1] < 4096 && row[2] < 4096)
         );
         assert!(rows.is_sorted_by(|a, b| a[0] < b[0]));
-        let (status, why) = command("raw", &["--duration", "11"]);
+        let none = csv.with_extension("none");
+        let none = none.to_str().expect("a path in UTF-8");
+        let (status, why) = command("raw", &["--duration", "11", "--out", none]);
         assert_eq!(
             (status, &why[..]),
             (
