@@ -14,7 +14,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use commands::{
     accuracy, clock, command, compare, decode, emulate, export, figures, manual, optimise, record, recover,
-    replay, settings, simulate, spheres,
+    replay, settings, simulate, spheres, sweep,
 };
 use failure::{Blame, Failure};
 
@@ -24,6 +24,7 @@ Results go to standard output, everything else to standard error.
 
 Examples:
   bead simulate docs/scenarios/paper-strike.toml
+  bead sweep docs/scenarios/stiffness-and-speed.toml --out map.parquet
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead replay run/bead-8.mcap
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
@@ -67,6 +68,8 @@ enum Command {
     Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
     Optimise(optimise::Arguments),
+    /// Run a scenario over axes of its parameters, into one table.
+    Sweep(Box<sweep::Arguments>),
     /// Tabulate the error of the image's estimates over strikers and speeds.
     Accuracy(accuracy::Arguments),
     /// Tabulate the error of the image's estimates over materials and diameters of spheres.
@@ -99,6 +102,7 @@ impl Cli {
             Command::Export(arguments) => export::run(&arguments),
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
+            Command::Sweep(arguments) => sweep::run(&arguments),
             Command::Accuracy(arguments) => accuracy::run(&arguments),
             Command::Spheres(arguments) => spheres::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),

@@ -18,3 +18,6 @@ pub(crate) mod settings;
 mod settings_file;
 pub(crate) mod simulate;
 pub(crate) mod spheres;
+pub(crate) mod sweep;
+mod sweep_cluster;
+mod sweep_plot;
