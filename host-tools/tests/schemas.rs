@@ -150,8 +150,10 @@ fn every_result_is_what_its_schema_says() {
     let recording = "tests/data/recording-v2.mcap";
     let scenario = "docs/scenarios/paper-strike.toml";
     let own = "docs/scenarios/own-chain.toml";
+    let sweep = "docs/scenarios/stiffness-and-speed.toml";
+    let [swept, plan] = ["a.parquet", "plan"].map(|name| folder.path().join(name).display().to_string());
     let json = ["--format", "json"];
-    let commands: [(&str, Vec<Vec<&str>>); 6] = [
+    let commands: [(&str, Vec<Vec<&str>>); 9] = [
         (
             "simulate",
             vec![vec!["simulate", scenario], vec!["simulate", own]],
@@ -167,6 +169,12 @@ fn every_result_is_what_its_schema_says() {
             vec![vec!["settings", "show", "tests/data/settings-v4.bin"]],
         ),
         ("decode", vec![vec!["decode", recording], vec!["decode", &raw]]),
+        (
+            "sweep-plan",
+            vec![vec!["sweep", "plan", sweep, "--dir", &plan, "--chunks", "2"]],
+        ),
+        ("sweep-status", vec![vec!["sweep", "status", &plan]]),
+        ("sweep", vec![vec!["sweep", sweep, "--out", &swept]]),
     ];
     for (name, lines) in commands {
         let mut documents = Vec::new();
@@ -182,7 +190,7 @@ fn every_result_is_what_its_schema_says() {
             documents.iter().all(|document| document["schema_version"] == 1),
             "{name}"
         );
-        let title = format!("What `bead {name}` prints as JSON");
+        let title = format!("What `bead {}` prints as JSON", name.replace('-', " "));
         let mut found = json!({ "$schema": "https://json-schema.org/draft/2020-12/schema", "title": title });
         if name == "decode" {
             // A line is of one kind.

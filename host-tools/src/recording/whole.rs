@@ -13,6 +13,14 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::Context;
 
+/// How the hidden name of a file begins that is being written.
+const PREFIX: &str = ".bead-";
+
+/// Whether a name is that of a file that is being written, or was when its program was killed.
+pub fn is_unfinished(name: &str) -> bool {
+    name.starts_with(PREFIX)
+}
+
 /// Why a file was not written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {path}: {reason:#}")]
@@ -72,7 +80,7 @@ impl Target {
             _ => Path::new("."),
         };
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".bead-");
+        builder.prefix(PREFIX);
         // A temporary file is private to its owner; a result is as readable as any other new file.
         #[cfg(unix)]
         {

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::export::read::Reading;
 use crate::export::table::{Parquet, Table};
-use crate::recording::whole::{Target, WriteError};
+use crate::recording::whole::{Target, WriteError, is_unfinished};
 use crate::sweep::compute::compute;
 use crate::sweep::definition::Definition;
 use crate::sweep::plan::Plan;
@@ -278,6 +278,12 @@ impl Folder {
             let _ = fs::remove_file(self.part(chunk));
         }
         let _ = fs::remove_file(self.path.join(PAGE));
+        // Of programs that were killed: all chunks are finished, so nobody writes them.
+        for left in fs::read_dir(&self.path).into_iter().flatten().flatten() {
+            if is_unfinished(&left.file_name().to_string_lossy()) {
+                let _ = fs::remove_file(left.path());
+            }
+        }
         let _ = fs::remove_dir(&self.path);
     }
 

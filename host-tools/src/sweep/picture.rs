@@ -158,10 +158,19 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
         let y = view.y.as_deref().map_or_else(|| Ok(first()), result)?;
         Drawn::Curves { y, by }
     };
-    if let Some(axis) = open.first() {
-        let (name, count) = (plan.axes()[*axis].index(), plan.axes()[*axis].count);
+    if let Some(first) = open.first() {
+        let axis = |axis: &usize| {
+            format!(
+                "{} ({} values)",
+                plan.axes()[*axis].index(),
+                plan.axes()[*axis].count
+            )
+        };
+        let left: Vec<String> = open.iter().map(axis).collect();
+        let first = plan.axes()[*first].index();
         return Err(format!(
-            "the sweep has {count} values of {name} too; choose one with --at {name}=VALUE, or a curve for each with --by {name}"
+            "the sweep has more axes: {}; choose a place of each with --at {first}=VALUE, or a curve for each with --by {first}",
+            left.join(", ")
         ));
     }
     let count = |column: &Column| plan.axes()[column.axis].count;

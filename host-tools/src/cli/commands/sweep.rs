@@ -52,7 +52,7 @@ pub(crate) struct Arguments {
     #[command(subcommand)]
     action: Option<Action>,
     #[command(flatten)]
-    sweep: Option<Here>,
+    here: Here,
 }
 
 #[derive(Debug, Subcommand)]
@@ -75,10 +75,11 @@ enum Action {
 #[derive(Debug, Args)]
 struct Here {
     /// The sweep, a TOML file.
-    sweep: PathBuf,
+    #[arg(value_name = "SWEEP.toml", required = true)]
+    sweep: Option<PathBuf>,
     /// The table: a row for each point, units in the column names.
-    #[arg(long, value_name = "F.parquet")]
-    out: PathBuf,
+    #[arg(long, value_name = "F.parquet", required = true)]
+    out: Option<PathBuf>,
     /// Draw it too, as `bead sweep plot` does.
     #[arg(long, value_name = "F.svg")]
     plot: Option<PathBuf>,
@@ -150,9 +151,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(Action::Merge(merging)) => sweep_cluster::merge(merging),
         Some(Action::Plot(plotting)) => sweep_plot::plot(plotting),
         None => {
-            let missing = || Failure::input("give a SWEEP.toml and --out F.parquet; see bead sweep --help");
-            let here = arguments.sweep.as_ref().ok_or_else(missing)?;
-            here.threads.pool()?.install(|| sweep(here))
+            let here = &arguments.here;
+            // A subcommand does without them, so their types do too.
+            let (Some(file), Some(out)) = (&here.sweep, &here.out) else {
+                return Err(Failure::input(
+                    "give a SWEEP.toml and --out F.parquet; see bead sweep --help",
+                ));
+            };
+            here.threads.pool()?.install(|| sweep(here, file, out))
         }
     }
 }
@@ -163,10 +169,10 @@ const CHUNK_SECONDS: f64 = 5.0;
 const CHUNK_POINTS: u64 = 1 << 16;
 const CHUNKS: u64 = 10_000;
 
-fn sweep(here: &Here) -> Result<(), Failure> {
-    let plan = Plan::load(&here.sweep)?;
-    let inputs = [here.sweep.as_path()];
-    let out = place::target(&here.out, Kind::Parquet, &inputs, here.force)?;
+fn sweep(here: &Here, file: &Path, result: &Path) -> Result<(), Failure> {
+    let plan = Plan::load(file)?;
+    let inputs = [file];
+    let out = place::target(result, Kind::Parquet, &inputs, here.force)?;
     let picture = place::optional(here.plot.as_deref(), Kind::Drawing, &inputs, here.force)?;
     if picture.is_some() {
         sweep_plot::check(&here.choice, &plan)?;
@@ -176,7 +182,7 @@ fn sweep(here: &Here) -> Result<(), Failure> {
     let chunk =
         ((CHUNK_SECONDS / seconds) as u64).clamp(8 * rayon::current_num_threads() as u64, CHUNK_POINTS);
     let chunk = chunk.max(plan.points() / CHUNKS).next_multiple_of(8);
-    let mut name = here.out.as_os_str().to_owned();
+    let mut name = result.as_os_str().to_owned();
     name.push(".sweep");
     let folder = Folder::create(Path::new(&name), plan, chunk)?;
     interrupt::resumable(format!(
