@@ -344,7 +344,10 @@ fn curves_and_maps_are_drawn_of_any_two_axes() {
         "{said}"
     );
     assert!(!path.join("a.parquet").exists(), "it says so before the work");
-    done(path, "sweep.toml --out a.parquet --plot a.svg --at sample=3");
+    done(
+        path,
+        "sweep.toml --out a.parquet --plot a.svg --at sample=3 --x striker_velocity_m_per_s --y tuned",
+    );
     let map = fs::read_to_string(path.join("a.svg")).unwrap();
     assert_eq!(
         map.matches("crispEdges").count(),
