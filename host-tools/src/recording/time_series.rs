@@ -193,9 +193,9 @@ pub fn write(
                 Err(_) => anyhow::bail!("the run has not ended"),
             }
         })
-        .or_else(|error| match ran {
-            Err(stuck) => Err(TimeSeriesError::Simulate(stuck)),
-            Ok(_) => Err(error.into()),
+        .map_err(|error| match ran {
+            Err(stuck) => TimeSeriesError::Simulate(stuck),
+            Ok(_) => error.into(),
         })?;
     let mut summary = found.summary(&mut run);
     summary.solver.seconds = clock.elapsed().as_secs_f64();
