@@ -183,6 +183,7 @@ impl Work {
     /// Replaces the force of contacts that open or close by what their polynomial leaves of it.
     pub(super) fn find_crossings(&mut self, lanes: &Lanes, length: f64, tolerance: f64) {
         for run in 0..self.active.len() {
+            self.fly_beside(self.active[run].clone(), length);
             // The contact with a block at rest is open, or it would not be at rest.
             for lane in first(self.active[run].start) + 1..first(self.active[run].end) {
                 let overlap = |motion: &Motion| motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
@@ -192,6 +193,14 @@ impl Work {
                     self.cross(lanes, lane, length, tolerance, cut);
                 }
             }
+        }
+    }
+
+    /// Brings the two bodies beside a run of blocks to the end of the step: no stage does, for they fly freely.
+    fn fly_beside(&mut self, run: Range<usize>, length: f64) {
+        for lane in [first(run.start) - 1, first(run.end)] {
+            self.end.u[lane] = self.start.u[lane] + length * self.start.v[lane];
+            self.end.v[lane] = self.start.v[lane];
         }
     }
 
