@@ -161,7 +161,10 @@ fn every_result_is_what_its_schema_says() {
         ("replay", vec![vec!["replay", recording]]),
         (
             "compare",
-            vec![vec!["compare", recording, "--scenario", scenario]],
+            vec![
+                vec!["compare", recording, "--scenario", scenario],
+                vec!["compare", recording, "--scenario", scenario, "--velocity", "fit"],
+            ],
         ),
         ("clock", vec![vec!["clock", recording]]),
         (

@@ -10,6 +10,7 @@ mod error;
 mod folder;
 mod image;
 mod log;
+mod one_core;
 mod overlay;
 mod process;
 mod qemu;

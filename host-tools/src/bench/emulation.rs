@@ -27,6 +27,9 @@ pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
 /// a sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
 
+/// The longest run, s of the bead's time: its codes take 2.4 MB a second while it begins.
+const LONGEST: f64 = 1200.0;
+
 /// The pin of the sync input (`firmware/src/sync.rs`).
 const SYNC_PIN: &str = "PA15";
 /// Length of a sync pulse, s. The bead uses its rising edge.
@@ -98,6 +101,7 @@ impl Ran {
 }
 
 /// What a bead with a fast clock senses: its seconds are shorter.
+#[derive(Clone)]
 struct OnClock<S> {
     sensed: S,
     /// Seconds of the clock in a true second.
@@ -111,6 +115,10 @@ impl<S: Stimulus> Stimulus for OnClock<S> {
 
     fn acceleration(&mut self, time: f64) -> f64 {
         self.sensed.acceleration(time / self.rate)
+    }
+
+    fn silent_until(&self, time: f64) -> f64 {
+        self.sensed.silent_until(time / self.rate) * self.rate
     }
 }
 
@@ -244,8 +252,16 @@ impl Emulation {
                 solution.end()
             )));
         }
-        let mut sensed = Sensed::new(solution, bead, timing);
-        let codes = front_end.digitise(&mut sensed, timing.scans(solution.end() + TAIL), seed);
+        let long = timing.start(timing.strikes.saturating_sub(1)) + solution.end() + TAIL;
+        if long > LONGEST {
+            return Err(BenchError::Unfit(format!(
+                "{} strikes every {} s are {long:.0} s of the bead's time, and {LONGEST} s fit in memory; give fewer \
+                 --strikes or a shorter --interval",
+                timing.strikes, timing.interval
+            )));
+        }
+        let sensed = Sensed::new(solution, bead, timing);
+        let codes = front_end.digitise(&sensed, timing.scans(solution.end() + TAIL), seed);
         let truth = RunTruth {
             bead,
             truth: Truth::of(scenario, solution, bead)?,
@@ -280,12 +296,12 @@ impl Emulation {
             seed,
             ..
         } = self.truth;
-        let mut sensed = OnClock {
+        let sensed = OnClock {
             sensed: Sensed::new(solution, bead, self.timing),
             rate,
         };
         let scans = self.timing.scans(solution.end() + TAIL);
-        self.codes = front_end.digitise(&mut sensed, scans, seed);
+        self.codes = front_end.digitise(&sensed, scans, seed);
         self.truth.clock_ppm = ppm;
         self.truth.starts = self.timing.starts(rate);
         self

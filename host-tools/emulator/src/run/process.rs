@@ -3,12 +3,14 @@
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::Write;
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use super::error::{RunError, io};
 use super::folder::Folder;
+use super::one_core;
 use super::overlay::{self, Overlay};
 use super::qemu::{FoundQemu, wanted_version};
 use crate::ending::{End, Place};
@@ -56,12 +58,16 @@ fn start(
         .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
         .arg(format!("{},run={}", plugin.display(), run.display()))
         .args(arguments)
+        // Ctrl-C at a terminal goes to the whole group of the program in front. It is for the host to say what
+        // becomes of the run.
+        .process_group(0)
         // The overlay watches the other end: a QEMU whose host is gone ends.
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(stderr)
         .spawn()
         .map_err(|_| RunError::QemuMissing(qemu.program.to_string_lossy().into_owned()))?;
+    one_core::keep(&child);
     let status = wait(child, timeout)?;
     let stderr = std::fs::read(folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;
     Ok(Ended {

@@ -259,7 +259,9 @@ fn record(
         finished
     };
     let written = write()?;
-    settings.write_bytes(&emulation.block)?;
+    settings
+        .beside(recording.path(), &written.path)
+        .write_bytes(&emulation.block)?;
     Ok(written.path)
 }
 

@@ -1,7 +1,9 @@
 //! `bead recover`: a recording that is cut or damaged, made whole as far as it goes.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use bead_wire::{Arrival, Message};
 use clap::Args;
 use serde_json::json;
 
@@ -15,8 +17,8 @@ use crate::recording::whole::{Target, Unfinished};
 
 const AFTER_HELP: &str = "\
 What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all that is
-attached. Behind a damaged place the next record is looked for. What is missing is said; each frame is still checked by
-its own CRC. The file itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
+attached. Behind a damaged place the next record is looked for. What is missing is said, also a strike whose samples came
+and whose result did not; each frame is still checked by its own CRC. The file itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
 
 Exit status 0 also if something is missing, 2 if there is nothing to recover.
 
@@ -56,6 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         finished: Finished { path, counters },
         missing,
         state,
+        open,
     } = recovered;
     let state = match state {
         State::Whole => "nothing is wrong with it".to_owned(),
@@ -73,6 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "bytes": counters.bytes,
         "runs_missing": missing,
         "frames_lost": counters.lost,
+        "strikes_without_result": open.count(),
         "frames_corrupt": counters.rejected.total(),
         "restarts": counters.restarts,
     });
@@ -83,6 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             ("frames", counters.frames.to_string()),
             ("runs of bytes missing in the file", missing.to_string()),
             ("frames missing by their numbers", counters.lost.to_string()),
+            ("strikes without their result", open.count().to_string()),
             ("corrupt frames kept", counters.rejected.total().to_string()),
         ];
         let rows = rows.map(|(name, value)| [name.to_owned(), value]);
@@ -95,6 +100,47 @@ struct Recovered {
     finished: Finished,
     missing: u64,
     state: State,
+    open: Open,
+}
+
+/// Strikes that a bead keeps open at most: one is sent while the next is measured. More are of forged frames.
+const OPEN_MOST: usize = 16;
+
+/// Strikes whose samples came, and whose result did not.
+#[derive(Default)]
+struct Open {
+    /// By the bead's address.
+    strikes: BTreeMap<u8, BTreeSet<u32>>,
+    /// Those that a restart or more samples have put an end to.
+    ended: u64,
+}
+
+impl Open {
+    fn push(&mut self, item: Item) {
+        let Item::Frame(frame) = item else { return };
+        let open = self.strikes.entry(frame.header.address).or_default();
+        if let Arrival::Restart { .. } = frame.arrival {
+            self.ended += open.len() as u64;
+            open.clear();
+        }
+        match frame.message {
+            // One that comes late may be of a strike that was told.
+            Message::Waveform(waveform) if !matches!(frame.arrival, Arrival::Late | Arrival::Duplicate) => {
+                open.insert(waveform.strike);
+                if open.len() > OPEN_MOST {
+                    open.pop_first();
+                    self.ended += 1;
+                }
+            }
+            Message::Strike(strike) => _ = open.remove(&strike.strike),
+            _ => {}
+        }
+    }
+
+    /// How many there were.
+    fn count(&self) -> u64 {
+        self.ended + self.strikes.values().map(|open| open.len() as u64).sum::<u64>()
+    }
 }
 
 /// `F.mcap` of `F.mcap.partial` and `F.mcap.2.partial`, else `F-recovered.mcap`.
@@ -124,12 +170,13 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
         State::Damaged(damage) => damage.to_string(),
     };
     about.notes.insert("recovered_from".into(), how);
+    let mut open = Open::default();
     let finished = write(target, &about, |writer| {
         for (part, data) in &recording.parts {
             writer.attach(*part, data)?;
         }
         for piece in recording.pieces()? {
-            writer.write(&piece.bytes, piece.received_ns, |_: Item| {})?;
+            writer.write(&piece.bytes, piece.received_ns, |item| open.push(item))?;
         }
         Ok(())
     })?;
@@ -137,6 +184,7 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
         finished,
         missing: recording.runs_missing,
         state: recording.state.clone(),
+        open,
     })
 }
 
@@ -146,8 +194,9 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
         source: "raw bytes".to_owned(),
         ..About::default()
     };
+    let mut open = Open::default();
     let finished = write(target, &about, |writer| {
-        raw::read(file, |bytes| writer.write(bytes, None, |_: Item| {}))
+        raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item)))
     })?;
     let other = Some("it has raw bytes, without times of receipt".to_owned());
     Ok(Recovered {
@@ -157,6 +206,7 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
             other,
             ..Damage::default()
         }),
+        open,
     })
 }
 
