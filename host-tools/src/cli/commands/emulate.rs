@@ -69,8 +69,9 @@ pub(crate) struct Arguments {
     /// How fast the bead's crystal is, ppm; below 0 for a slow one.
     #[arg(long, value_name = "PPM", default_value = "0", allow_negative_numbers = true)]
     clock_ppm: f64,
-    /// How long an instruction takes, as QEMU's -icount counts it: 2^N ns [default: 3, which is 8 ns]; 4 is as
-    /// slow as a core that waits for flash at every turn.
+    /// How long an instruction takes, as QEMU's -icount counts it: 2^N ns [default: 3, which is 8 ns].
+    ///
+    /// With 4 it is as slow as a core that waits for flash at every turn.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
     shift: Option<u8>,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
