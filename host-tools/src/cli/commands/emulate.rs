@@ -90,6 +90,8 @@ pub(crate) struct Arguments {
 /// The bead reports edges that are more than 10 ms apart (`firmware/src/sync.rs`); the rest is for its own
 /// delay.
 const SYNC_LEAST: f64 = 0.02;
+/// A run's last strike comes this long after its first at the latest, s: its codes are in memory, 0.8 MB a second.
+const LONGEST: f64 = 1200.0;
 /// Quiet before the first strike, s: the image has started, its detector is armed.
 const LEAD_IN: f64 = 0.02;
 
@@ -111,6 +113,13 @@ impl Arguments {
         ensure!(
             interval.is_finite() && interval > 0.0,
             "--interval {interval}: give a time in s"
+        );
+        let seconds = interval * f64::from(self.strikes - 1);
+        ensure!(
+            seconds <= LONGEST,
+            "--strikes {} --interval {interval:?}: this takes {seconds:?} s, and a run {LONGEST} s at most; strike less often, \
+             or sooner",
+            self.strikes
         );
         if let Some(period) = self.sync_period {
             ensure!(
