@@ -230,7 +230,7 @@ impl Conversation {
                 }
             })?;
             if let Some((address, reply)) = found {
-                let asked = std::mem::replace(&mut self.replied, Some(address)).unwrap_or(self.asked);
+                let asked = self.replied.replace(address).unwrap_or(self.asked);
                 if self.asked != ANY {
                     self.asked = address;
                 }
