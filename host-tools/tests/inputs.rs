@@ -108,6 +108,8 @@ fn fixture(folder: &Path) {
         write(&format!("{name}.toml"), scenario.replacen(was, is, 1).as_bytes());
     }
     fs::create_dir(folder.join("folder")).unwrap();
+    fs::create_dir(folder.join("run")).unwrap();
+    copy("run/bead-8.mcap", "tests/data/recording-v2.mcap");
     symlink("nothing", folder.join("nowhere.mcap")).unwrap();
     symlink("loop.toml", folder.join("loop.toml")).unwrap();
     let pipe = folder.join("pipe");

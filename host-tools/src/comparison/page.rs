@@ -426,10 +426,9 @@ fn of_status(status: &Status) -> Vec<Fact> {
 
 fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
     let run = format!(
-        "{}: {:.2} s of virtual time in {:.2} s; {} resets; {} overruns seen by the converter",
+        "{}: {:.2} s of virtual time; {} resets; {} overruns seen by the converter",
         emulator.qemu.as_deref().unwrap_or("QEMU"),
         emulator.virtual_seconds,
-        emulator.real_seconds,
         emulator.resets,
         emulator.overruns
     );
