@@ -61,7 +61,10 @@ fn equal_runs_leave_equal_files() {
         run(&mut emulate, "emulate");
         ["run/bead-8.mcap", "run/bead-8.settings"].map(|name| fs::read(folder.path().join(name)).unwrap())
     });
-    assert!(files[0] == files[1], "a recording holds something of the machine or of the time");
+    assert!(
+        files[0] == files[1],
+        "a recording holds something of the machine or of the time"
+    );
 }
 
 #[test]

@@ -321,20 +321,3 @@ fn every_command_is_in_the_table() {
         );
     }
 }
-
-#[test]
-fn no_line_of_help_is_longer_than_a_wide_terminal() {
-    fn check(command: &mut clap::Command) {
-        let (short, long) = (command.render_help(), command.render_long_help());
-        for text in [short, long] {
-            for line in text.to_string().lines() {
-                let length = line.chars().count();
-                assert!(length <= 120, "{}: {length} columns: {line}", command.get_name());
-            }
-        }
-        command.get_subcommands_mut().for_each(check);
-    }
-    let mut command = bead::cli::Cli::command();
-    command.build();
-    check(&mut command);
-}

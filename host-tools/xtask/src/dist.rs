@@ -48,7 +48,12 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
     let _ = fs::remove_dir_all(&root);
     for (program, path) in PROGRAMS {
         let install = Line::new("cargo install --locked --force --path");
-        let install = install.arg(path).words("--bin").arg(program).words("--root").arg(&installed);
+        let install = install
+            .arg(path)
+            .words("--bin")
+            .arg(program)
+            .words("--root")
+            .arg(&installed);
         steps.run(&format!("{program}, as its users install it"), &install)?;
     }
 
