@@ -73,7 +73,7 @@ table{border-collapse:collapse;width:100%;font-size:.93rem;font-variant-numeric:
 th,td{text-align:right;padding:.42em .7em;border-bottom:1px solid var(--grid);white-space:nowrap}\
 th:first-child,td:first-child{text-align:left;padding-left:0}\
 thead th{color:var(--faint);font-weight:500}\
-.facts td{white-space:normal;text-align:left;overflow-wrap:anywhere}.facts td:first-child{color:var(--faint);width:34%}\
+.facts td{white-space:normal;text-align:left;overflow-wrap:anywhere}.facts td:first-child{color:var(--faint);width:25%}\
 svg.chart{display:block;width:100%;height:auto;margin:.6em 0 0}.narrow{display:none}\
 .bins{display:inline-flex;align-items:flex-end;height:22px;width:84px;gap:1px}\
 .bins i{flex:1;min-height:1px;background:var(--measured)}\
@@ -83,10 +83,11 @@ pre{overflow-x:auto;font:13px/1.5 ui-monospace,SFMono-Regular,Menlo,Consolas,mon
 border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
 details summary{cursor:pointer;color:var(--faint)}\
 @media(max-width:640px){main{padding:22px 14px 48px}h1{font-size:1.45rem}.wide,.more{display:none}\
-.narrow{display:block}table{font-size:.8rem}th,td{padding:.35em .4em}th:first-child,td:first-child{white-space:normal}\
+.narrow{display:block}table{font-size:.8rem}th,td{padding:.35em .25em}.bins{width:44px;gap:0}th:first-child,td:first-child{white-space:normal}\
 .key{grid-template-columns:1fr 1fr}.bar{min-width:70px}}\
 @media print{main{max-width:none;padding:0}.scroll{overflow:visible}table{font-size:.78rem}\
-th,td{padding:.25em .4em;white-space:normal}tr,svg.chart,.key div,pre{break-inside:avoid}h2,h2+p,thead{break-after:avoid}}";
+th,td{padding:.25em .4em;white-space:normal}pre{white-space:pre-wrap}\
+tr,svg.chart,.key div{break-inside:avoid}h2,h2+p,thead,summary{break-after:avoid}}";
 
 impl Page<'_> {
     /// The page.

@@ -131,10 +131,11 @@ pub(super) fn section(strikes: &[StrikeComparison], goals: &[spread::Spread; 2])
     Ok(format!(
         "<section><h2>All {} strikes</h2><p>By the bead. The spread is a standard deviation; the mean is off the full chain \
          by what stands beside it, give or take two standard errors. Bars show how often each value came, from the least \
-         to the greatest.</p><div class=\"scroll\"><table><thead><tr><th></th><th>mean</th><th>spread</th>\
-         <th class=\"more\">least</th><th class=\"more\">greatest</th><th>mean off by</th><th class=\"more\">goal</th><th>values</th></tr></thead>\
+         to the greatest. Goals: {}.</p><div class=\"scroll\"><table><thead><tr><th></th><th>mean</th><th>spread</th>\
+         <th class=\"more\">least</th><th class=\"more\">greatest</th><th>mean off by</th><th>values</th></tr></thead>\
          <tbody>{rows}</tbody></table></div>{}</section>",
         strikes.len(),
+        goals.each_ref().map(goal).join("; "),
         picture(&history(strikes))?
     ))
 }
@@ -173,20 +174,10 @@ fn row(quantity: &Quantity, strikes: &[StrikeComparison], goal: Option<&spread::
             100.0 * count as f64 / most as f64
         )
     });
-    let (class, goal) = match goal {
-        Some(goal) => (
-            if goal.pass { "pass" } else { "fail" },
-            format!(
-                "mean ±{:.1} %, scatter {:.1} %",
-                goal.goal * 100.0,
-                goal.scatter_goal * 100.0
-            ),
-        ),
-        None => ("", "–".to_owned()),
-    };
+    let class = goal.map_or("", |goal| if goal.pass { "pass" } else { "fail" });
     Some(format!(
         "<tr><td>{name}</td><td>{}</td><td>{}</td><td class=\"more\">{}</td><td class=\"more\">{}</td>\
-         <td class=\"{class}\">{off}</td><td class=\"more\">{goal}</td><td><span class=\"bins\">{}</span></td></tr>",
+         <td class=\"{class}\">{off}</td><td><span class=\"bins\">{}</span></td></tr>",
         shown(spread.mean),
         shown(spread.deviation),
         shown(spread.least),
