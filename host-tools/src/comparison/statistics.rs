@@ -140,6 +140,17 @@ pub(super) fn section(strikes: &[StrikeComparison], goals: &[spread::Spread; 2])
     ))
 }
 
+/// What is asked of the mean and the scatter of an estimate, and whether it is met.
+fn goal(spread: &spread::Spread) -> String {
+    format!(
+        "{}, mean ±{:.1} %, scatter {:.1} %, {}",
+        spread.estimate,
+        spread.goal * 100.0,
+        spread.scatter_goal * 100.0,
+        if spread.pass { "met" } else { "missed" }
+    )
+}
+
 fn row(quantity: &Quantity, strikes: &[StrikeComparison], goal: Option<&spread::Spread>) -> Option<String> {
     let Quantity {
         name,
