@@ -46,11 +46,11 @@ impl Writer {
     /// The directory cannot be written to, or another program is recording under that name.
     pub fn create(target: &Target, about: &About) -> Result<Self, RecordingError> {
         let (file, partial) = create_partial(target.path())?;
-        let unwritten = RecordingError::unwritten(&partial);
+        let named = partial.clone();
         let failed = |error| {
             // Nothing was received yet. If it cannot be removed either, the message names it.
-            let _ = std::fs::remove_file(&partial);
-            unwritten(error)
+            let _ = std::fs::remove_file(&named);
+            RecordingError::unwritten(&named)(error)
         };
         let mut mcap = WriteOptions::new()
             .compression(None)
