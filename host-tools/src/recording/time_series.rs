@@ -255,11 +255,9 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_that_would_not_fit_memory_is_written_while_it_runs() {
+    fn a_long_chain_is_written_while_it_runs() {
         let mut scenario = Scenario::paper();
-        (scenario.chain.beads, scenario.chain.relaxation, scenario.duration) = (3000, 0.0, 0.6);
-        let refused = hertz_chain::simulate(&scenario);
-        assert!(matches!(refused, Err(SimulateError::TooLong { .. })));
+        (scenario.chain.beads, scenario.chain.relaxation, scenario.duration) = (2000, 0.0, 0.4);
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("long.parquet");
         let draft = Options {
@@ -268,7 +266,7 @@ mod tests {
         };
         write(&scenario, &draft, 10.0, &Target::new(&path)).unwrap();
         let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
-        assert_eq!(reader.metadata().file_metadata().num_rows(), 7);
+        assert_eq!(reader.metadata().file_metadata().num_rows(), 5);
     }
 
     #[test]

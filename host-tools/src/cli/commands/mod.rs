@@ -21,3 +21,4 @@ pub(crate) mod spheres;
 pub(crate) mod sweep;
 mod sweep_cluster;
 mod sweep_plot;
+mod sweep_work;

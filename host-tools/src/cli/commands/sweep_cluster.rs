@@ -9,7 +9,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::sweep::{
+use super::sweep_work::{
     Consent, Threads, axes, compute_missing, grouped, measured, merge as merge_into, time, told,
 };
 use crate::cli::failure::{Blame, Failure};
