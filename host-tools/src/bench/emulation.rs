@@ -139,7 +139,8 @@ pub struct EmulatorReport {
     pub unmodelled: Vec<String>,
     /// Virtual time of the run, s.
     pub virtual_seconds: f64,
-    /// Time that the run took on this computer, s.
+    /// Time that the run took on this computer, s. Not kept in a recording: equal runs have equal files.
+    #[serde(default, skip_serializing)]
     pub real_seconds: f64,
     /// The image's own log.
     pub log: Vec<String>,
