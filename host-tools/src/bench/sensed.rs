@@ -4,7 +4,7 @@ use std::path::Path;
 
 use bead_model::design::{Bead, Intruder, LEAST_WIDTH, Neighbours};
 use bead_model::reduced_chain::FOLLOWERS;
-use hertz_chain::{Options, Sampler, Scenario, Solution, simulate_with};
+use hertz_chain::{Options, Sampler, Scenario, Solution, simulate_with, text_of};
 use serde::{Deserialize, Serialize};
 
 use crate::bench::error::BenchError;
@@ -148,9 +148,9 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
 /// # Errors
 /// The file is missing or is no scenario; the message names file, line and key.
 pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
-    let scenario = Scenario::load(path)?;
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| BenchError::Unfit(format!("cannot read {}: {error}", path.display())))?;
+    // Read once: a pipe has its text only once.
+    let text = text_of(path, "a scenario file in TOML")?;
+    let scenario = Scenario::from_toml(&text, &path.display().to_string())?;
     Ok((scenario, text))
 }
 

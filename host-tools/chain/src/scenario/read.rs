@@ -6,6 +6,8 @@
 //! knows only the key (`intruder[1].mass`). [`TomlFile::place`] adds the file and the line of that key.
 
 use std::fmt;
+use std::fs::File;
+use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
@@ -59,16 +61,26 @@ impl fmt::Display for InputError {
 
 impl std::error::Error for InputError {}
 
+/// Longest text that is read, in bytes. A device such as /dev/zero has no end.
+const LONGEST: u64 = 16 << 20;
+
 /// The text of a file; `wanted` names it in the advice if it cannot be read, such as `a scenario file in
 /// TOML`.
 ///
 /// # Errors
-/// [`InputError`] if the file cannot be read.
+/// [`InputError`] if the file cannot be read, or has more than 16 MiB.
 pub fn text_of(path: &Path, wanted: &str) -> Result<String, InputError> {
-    std::fs::read_to_string(path).map_err(|error| InputError {
+    let refused = |what: String| InputError {
         file: Some(path.display().to_string()),
-        ..InputError::at("", format!("cannot be read ({error})"), format!("name {wanted}"))
-    })
+        ..InputError::at("", what, format!("name {wanted}"))
+    };
+    let mut text = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(LONGEST + 1).read_to_end(&mut text));
+    read.map_err(|error| refused(format!("cannot be read ({error})")))?;
+    if text.len() as u64 > LONGEST {
+        return Err(refused("has more than 16 MiB".to_owned()));
+    }
+    String::from_utf8(text).map_err(|_| refused("is no text in UTF-8".to_owned()))
 }
 
 /// A TOML file that knows where each of its keys stands.

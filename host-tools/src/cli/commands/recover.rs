@@ -1,5 +1,7 @@
 //! `bead recover`: a recording that is cut or damaged, made whole as far as it goes.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -49,6 +51,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recovered = match Recording::salvage(file) {
         Ok(recording) => recover(&recording, &target)?,
         Err(RecordingError::NotOurs(..)) if raw::frames_in(file) > 0 => from_raw(file, &target)?,
+        Err(RecordingError::NotOurs(..)) if !begins_as_mcap(file) => {
+            return Err(Failure::input(format!(
+                "{}: there is no frame of a bead and no record of a recording in it; give a recording, or the bytes that a \
+                 bead sent",
+                file.display()
+            )));
+        }
         Err(error) => return Err(error.into()),
     };
     progress.finish_and_clear();
@@ -66,7 +75,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         State::Damaged(damage) => damage.to_string(),
     };
     let result = json!({
-        "schema_version": 1,
         "recording": path,
         "found": state,
         "frames": counters.frames,
@@ -114,6 +122,12 @@ fn new_name(file: &Path) -> PathBuf {
             file.with_file_name(format!("{stem}-recovered.mcap"))
         }
     }
+}
+
+fn begins_as_mcap(file: &Path) -> bool {
+    let mut head = [0; 5];
+    let read = File::open(file).and_then(|mut file| file.read_exact(&mut head));
+    read.is_ok() && head == *b"\x89MCAP"
 }
 
 fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure> {

@@ -1,6 +1,7 @@
 //! Settings in files: blocks, and the physical quantities that blocks are made of.
 
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use bead_model::design::{Bead, FrontEnd, Neighbours};
@@ -126,13 +127,18 @@ pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure>
     let is_toml = file.extension().is_some_and(|ending| ending == "toml");
     let bytes = match is_toml {
         true => block(&physical(file)?.1).map_err(refused)?,
-        false => fs::read(file).or_input(|| format!("cannot read {name}"))?,
+        false => {
+            let mut bytes = Vec::new();
+            let most = MAX_BLOCK as u64 + 1;
+            let read = fs::File::open(file).and_then(|file| file.take(most).read_to_end(&mut bytes));
+            read.or_input(|| format!("cannot read {name}"))?;
+            bytes
+        }
     };
-    if bytes.len() > MAX_BLOCK {
+    if bytes.is_empty() || bytes.len() > MAX_BLOCK {
         return Err(Failure::input(format!(
-            "{name}: {} bytes are no settings, which have at most {MAX_BLOCK}; give a file that `bead settings read`, \
+            "{name}: this is no settings block, which has 1 to {MAX_BLOCK} bytes; give a file that `bead settings read`, \
              `bead settings make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml",
-            bytes.len()
         )));
     }
     let Some(address) = address else {
