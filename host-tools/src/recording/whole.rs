@@ -11,8 +11,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::Context;
-
 /// Why a file was not written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {path}: {reason:#}")]
@@ -79,9 +77,12 @@ impl Target {
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
-        builder
-            .tempfile_in(directory)
-            .context("is the directory there, and writable?")
+        builder.tempfile_in(directory).map_err(|error| {
+            // Without the hidden name, which says nothing to anybody.
+            let reason = error.get_ref().and_then(|reason| reason.source());
+            let reason = reason.map_or_else(|| error.to_string(), ToString::to_string);
+            anyhow::anyhow!("is the directory there, and writable?: {reason}")
+        })
     }
 
     /// Writes what `fill` writes, whole or not at all.

@@ -46,7 +46,12 @@ impl Writer {
     /// The directory cannot be written to, or another program is recording under that name.
     pub fn create(target: &Target, about: &About) -> Result<Self, RecordingError> {
         let (file, partial) = create_partial(target.path())?;
-        let failed = RecordingError::unwritten(&partial);
+        let named = partial.clone();
+        let failed = |error| {
+            // Nothing was received yet. If it cannot be removed either, the message names it.
+            let _ = std::fs::remove_file(&named);
+            RecordingError::unwritten(&named)(error)
+        };
         let mut mcap = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK))
@@ -67,7 +72,7 @@ impl Writer {
             mcap.flush()?;
             Ok((channel, received, channels))
         };
-        let (channel, received, channels) = begin().map_err(failed)?;
+        let (channel, received, channels) = begin().map_err(&failed)?;
         Ok(Self {
             target: target.clone(),
             partial,
