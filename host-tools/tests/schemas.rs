@@ -125,15 +125,8 @@ fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
     let simulate = [SCENARIO, own].map(|scenario| format!("simulate {scenario}"));
     hold("simulate", &simulate.each_ref().map(String::as_str));
     hold("replay", &[&format!("replay {RECORDING}")]);
-<<<<<<< HEAD
     let compare = format!("compare {RECORDING} --scenario {SCENARIO}");
     hold("compare", &[&compare, &format!("{compare} --velocity fit")]);
-=======
-    hold(
-        "compare",
-        &[&format!("compare {RECORDING} --scenario {SCENARIO}")],
-    );
->>>>>>> pages
     hold("clock", &[&format!("clock {RECORDING}")]);
     hold("settings", &["settings show tests/data/settings-v4.bin"]);
     let folder = tempfile::tempdir().unwrap();
@@ -154,7 +147,6 @@ fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
         short.display()
     );
     hold("optimise", &[&search]);
-<<<<<<< HEAD
     let sweep = "docs/scenarios/stiffness-and-speed.toml";
     let [swept, plan] = ["a.parquet", "plan"].map(|name| folder.path().join(name).display().to_string());
     hold(
@@ -163,8 +155,6 @@ fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
     );
     hold("sweep-status", &[&format!("sweep status {plan}")]);
     hold("sweep", &[&format!("sweep {sweep} --out {swept}")]);
-=======
->>>>>>> pages
 }
 
 #[test]

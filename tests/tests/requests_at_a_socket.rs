@@ -34,7 +34,8 @@ fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
     thread::scope(|scope| {
         let server = scope.spawn(|| {
             let at = address.parse().unwrap_or_else(|error| panic!("{error}"));
-            serve(&mut Bridge::new(run), &at, || (), &stop)
+            let mut bridge = Bridge::new(run, None)?;
+            serve(&mut bridge, &at, || (), &stop)
         });
         // The path is there a moment before anybody listens.
         while UnixStream::connect(&socket).is_err() && !server.is_finished() {

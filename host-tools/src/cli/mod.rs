@@ -1,5 +1,6 @@
 //! The command line: the command tree, and below it the commands, their options and their output.
 
+mod beads;
 mod bench_options;
 mod commands;
 pub mod failure;
