@@ -11,6 +11,7 @@ use bead_wire::{AHEAD, ANY, Cause, Detail, Heard, KEY, Key, Lock, Moment, Outcom
 use cortex_m::peripheral::SCB;
 use embassy_time::{Duration, Instant, Timer};
 
+use crate::keep::{self, Again, Sent};
 use crate::settings::{self, Loaded, Refusal};
 use crate::storage;
 use crate::trace::{self, Boot};
@@ -62,6 +63,8 @@ enum Step {
     /// Settings were offered. Once they are in force, the answer has this line.
     InForce(&'static str),
     SelfTest,
+    /// A strike is to be sent again.
+    Fetch(Again),
     Reboot,
 }
 
@@ -87,6 +90,7 @@ impl Commands {
                     Detail::new(format_args!("{passed} of {checks} checks passed")),
                 )
             }
+            Step::Fetch(again) => fetch(again).await,
             Step::Reboot => {
                 reply(number, Answer::done());
                 reboot().await
@@ -215,6 +219,14 @@ impl Commands {
             }
             Request::ResetCounters => counters::reset(),
             Request::SetKey { key } => self.set_key(key)?,
+            Request::ListKept => {
+                let kept = keep::tell();
+                let detail = Detail::new(format_args!("{kept} strikes are kept"));
+                return Ok(Step::Answer(Answer(Outcome::Done, detail)));
+            }
+            Request::Fetch { boot, strike } => {
+                return keep::find(boot, strike).map(Step::Fetch).ok_or_else(not_kept);
+            }
             // None is left: the lock has taken out what it carries.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),
             Request::Reboot => return Ok(Step::Reboot),
@@ -293,6 +305,27 @@ fn not_understood(cause: Cause) -> Answer {
         _ => Outcome::Body,
     };
     Answer(outcome, Detail::new(format_args!("{cause}")))
+}
+
+/// Sends a strike again, frame by frame, while there is room.
+async fn fetch(mut again: Again) -> Answer {
+    loop {
+        if !outbox::has_spare().await {
+            return Answer(Outcome::Busy, "strikes come and take the line: ask again".into());
+        }
+        match again.push_next() {
+            Sent::Some => {}
+            Sent::All => return Answer::done(),
+            Sent::Gone => return not_kept(),
+        }
+    }
+}
+
+fn not_kept() -> Answer {
+    Answer(
+        Outcome::NotKept,
+        "this strike gave way to newer ones, was never measured, or is not yet complete".into(),
+    )
 }
 
 /// Flash that is written while the supply is low may keep something else.

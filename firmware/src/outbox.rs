@@ -29,6 +29,8 @@ use crate::{counters, trace};
 static WINDOW: AtomicUsize = AtomicUsize::new(0);
 /// How long a request waits for that.
 const PATIENCE: Duration = Duration::from_millis(20);
+/// How long a frame in bulk waits for more.
+const LONGER: Duration = Duration::from_millis(200);
 
 static QUEUE: Mutex<CriticalSectionRawMutex, RefCell<Queue<OUTBOX>>> = Mutex::new(RefCell::new(Queue::new()));
 /// A frame was put in.
@@ -50,6 +52,11 @@ pub(crate) fn readdress(address: u8) {
 /// Puts a message in that comes in bulk, or drops and counts it.
 pub(crate) fn push(message: impl Into<Message>) {
     queue(&mut Packed::new(), &message.into(), KEPT);
+}
+
+/// The same for a message of a strike: it is still in `packed` then.
+pub(crate) fn push_packed(packed: &mut Packed, message: impl Into<Message>) {
+    queue(packed, &message.into(), KEPT);
 }
 
 /// The same for a piece of a window, which comes by the dozen: `packed` is room to work in.
@@ -84,8 +91,8 @@ fn queue(packed: &mut Packed, message: &Message, keep: usize) {
     put(packed, whole, keep);
 }
 
-/// Whether the message is whole in `packed`.
-fn pack(packed: &mut Packed, message: &Message) -> bool {
+/// Packs a message. Returns whether it is whole, which it always is.
+pub(crate) fn pack(packed: &mut Packed, message: &Message) -> bool {
     packed.pack(address(), trace::boot() as u8, message).is_ok()
 }
 
@@ -144,6 +151,17 @@ pub(crate) async fn calm() {
             Timer::after(Duration::from_millis(1)).await;
         }
     }
+}
+
+/// Waits until another frame in bulk leaves the room that the window of a strike needs. Returns false if that
+/// does not come in time: then strikes are what takes it.
+pub(crate) async fn has_spare() -> bool {
+    let spare = async {
+        while room() < WINDOW.load(Ordering::Relaxed) + SPARE {
+            Timer::after(Duration::from_millis(1)).await;
+        }
+    };
+    with_timeout(LONGER, spare).await.is_ok()
 }
 
 /// Moves the oldest frame into `packed`; waits for one.

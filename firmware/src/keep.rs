@@ -1,0 +1,145 @@
+//! The last strikes, for a host that missed them: kept over a reset, and sent again on request.
+//!
+//! # Design
+//! What is queued for the host is copied into memory that a reset leaves alone
+//! ([`bead_store::Windows`]; region WINDOWS of `memory.x`): the settings, the waveform, the strike, its shape. The
+//! copy is made where the frame is, in some 100 instructions for 32 scans. The checksums take longer; a task of
+//! the lowest priority makes them after the strike.
+//!
+//! Fetched frames are bulk: they leave the room that the window of a strike needs, so they never cost one.
+
+use core::cell::RefCell;
+
+use bead_store::{Cursor, Windows};
+use bead_wire::{Fetched, Inner, Kept, Packed};
+use embassy_futures::yield_now;
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+
+use crate::trace::{self, RING};
+use crate::{outbox, settings};
+
+static WINDOWS: Mutex<CriticalSectionRawMutex, RefCell<Option<Windows<'static, RING>>>> =
+    Mutex::new(RefCell::new(None));
+/// A window was closed.
+static CLOSED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
+
+/// Takes up what the boot before left. Called once, before the tasks start.
+pub(crate) fn begin() {
+    let windows = trace::windows();
+    WINDOWS.lock(|cell| cell.replace(Some(windows)));
+    CLOSED.signal(());
+}
+
+fn with<T>(act: impl FnOnce(&mut Windows<'static, RING>) -> T) -> T {
+    WINDOWS.lock(|cell| {
+        act(cell
+            .borrow_mut()
+            .as_mut()
+            .expect("the windows are taken up before tasks start"))
+    })
+}
+
+/// Keeps a frame of a strike. The first one begins its window, with the settings in force.
+pub(crate) fn add(packed: &Packed, strike: u32) {
+    let boot = trace::boot();
+    if !with(|windows| windows.is_open(boot, strike)) {
+        let mut before = Packed::new();
+        if !outbox::pack(
+            &mut before,
+            &bead_wire::Settings {
+                block: settings::current(),
+            }
+            .into(),
+        ) {
+            return;
+        }
+        let (kind, body) = before.content();
+        with(|windows| {
+            windows.open(boot, strike);
+            windows.append(kind, body);
+        });
+    }
+    let (kind, body) = packed.content();
+    with(|windows| windows.append(kind, body));
+}
+
+/// The strike is complete.
+pub(crate) fn close() {
+    with(Windows::close);
+    CLOSED.signal(());
+}
+
+/// Makes the checksums of windows, for ever.
+#[embassy_executor::task]
+pub(crate) async fn seal() -> ! {
+    loop {
+        CLOSED.wait().await;
+        while with(Windows::seal) {
+            yield_now().await;
+        }
+    }
+}
+
+/// Queues the list of the strikes that are kept, and returns how many they are.
+pub(crate) fn tell() -> u32 {
+    let mut number = 0;
+    while let Some(kept) = with(|windows| windows.kept(number)) {
+        outbox::tell(Kept {
+            boot: kept.boot,
+            strike: kept.strike,
+            parts: kept.parts,
+            bytes: kept.bytes,
+        });
+        number += 1;
+    }
+    number
+}
+
+/// A strike that is being sent again.
+pub(crate) struct Again {
+    boot: u32,
+    strike: u32,
+    cursor: Cursor,
+}
+
+/// Finds a strike.
+pub(crate) fn find(boot: u32, strike: u32) -> Option<Again> {
+    let cursor = with(|windows| windows.find(boot, strike))?;
+    Some(Again { boot, strike, cursor })
+}
+
+/// How far a strike was sent again.
+pub(crate) enum Sent {
+    Some,
+    All,
+    /// It gave way to newer ones.
+    Gone,
+}
+
+impl Again {
+    /// Queues the next frame.
+    pub(crate) fn push_next(&mut self) -> Sent {
+        let mut part = Ok(None);
+        let body = Inner::filled_by(|room| {
+            part = with(|windows| windows.read(&mut self.cursor, room));
+            part.ok().flatten().map_or(0, |part| part.length)
+        });
+        match part {
+            Ok(Some(part)) => {
+                outbox::push(Fetched {
+                    boot: self.boot,
+                    strike: self.strike,
+                    part: part.number,
+                    parts: part.of,
+                    kind: part.kind,
+                    body,
+                });
+                Sent::Some
+            }
+            Ok(None) => Sent::All,
+            Err(_) => Sent::Gone,
+        }
+    }
+}
