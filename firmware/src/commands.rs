@@ -20,6 +20,9 @@ use crate::{counters, estimate, load, outbox, raw, report, self_test, supply};
 /// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: Duration = Duration::from_millis(500);
 
+/// A strike is sent again within this time, or not: other requests wait meanwhile.
+const FETCH: Duration = Duration::from_millis(500);
+
 /// Counters of signed requests that one write to flash covers.
 const COUNTERS: u64 = 64;
 
@@ -309,8 +312,9 @@ fn not_understood(cause: Cause) -> Answer {
 
 /// Sends a strike again, frame by frame, while there is room.
 async fn fetch(mut again: Again) -> Answer {
+    let deadline = Instant::now() + FETCH;
     loop {
-        if !outbox::has_spare().await {
+        if !outbox::has_spare(deadline).await {
             return Answer(Outcome::Busy, "strikes come and take the line: ask again".into());
         }
         match again.push_next() {

@@ -21,7 +21,7 @@ use bead_wire::{Message, Packed, Queue, taken};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use crate::{counters, trace};
 
@@ -29,8 +29,6 @@ use crate::{counters, trace};
 static WINDOW: AtomicUsize = AtomicUsize::new(0);
 /// How long a request waits for that.
 const PATIENCE: Duration = Duration::from_millis(20);
-/// How long a frame in bulk waits for more.
-const LONGER: Duration = Duration::from_millis(200);
 
 static QUEUE: Mutex<CriticalSectionRawMutex, RefCell<Queue<OUTBOX>>> = Mutex::new(RefCell::new(Queue::new()));
 /// A frame was put in.
@@ -155,13 +153,14 @@ pub(crate) async fn calm() {
 
 /// Waits until another frame in bulk leaves the room that the window of a strike needs. Returns false if that
 /// does not come in time: then strikes are what takes it.
-pub(crate) async fn has_spare() -> bool {
-    let spare = async {
-        while room() < WINDOW.load(Ordering::Relaxed) + SPARE {
-            Timer::after(Duration::from_millis(1)).await;
+pub(crate) async fn has_spare(deadline: Instant) -> bool {
+    while room() < WINDOW.load(Ordering::Relaxed) + SPARE {
+        if Instant::now() >= deadline {
+            return false;
         }
-    };
-    with_timeout(LONGER, spare).await.is_ok()
+        Timer::after(Duration::from_millis(1)).await;
+    }
+    true
 }
 
 /// Moves the oldest frame into `packed`; waits for one.

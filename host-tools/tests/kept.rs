@@ -55,6 +55,8 @@ struct Fate {
     /// It strikes no more.
     calm: AtomicBool,
     over: AtomicBool,
+    /// When it was last asked for something.
+    asked: Mutex<Option<Instant>>,
 }
 
 /// A bead in this process, at a socket: it sends a strike every [`EVERY`], and keeps its last ones.
@@ -172,7 +174,7 @@ impl Simulated {
         self.measured.lock().unwrap().push((self.boot, strike));
     }
 
-    fn listen(&mut self) {
+    fn listen(&mut self, fate: &Fate) {
         let mut buffer = [0; 4096];
         let length = match self.line.as_mut().map(|line| line.read(&mut buffer)) {
             Some(Ok(0)) => {
@@ -191,6 +193,7 @@ impl Simulated {
             let Some(Ok(heard)) = self.decoder.push(*byte) else {
                 continue;
             };
+            *fate.asked.lock().unwrap() = Some(Instant::now());
             let outcome = self.answer(heard.request.unwrap());
             self.send(&Message::Reply(Reply {
                 request: heard.number,
@@ -267,7 +270,7 @@ impl Simulated {
                 told = Instant::now();
                 self.tell();
             }
-            self.listen();
+            self.listen(fate);
             thread::sleep(Duration::from_millis(1));
         }
     }
@@ -320,6 +323,20 @@ impl Running {
 
     fn set(&self, of: impl Fn(&Fate) -> &AtomicBool, value: bool) {
         of(&self.fate).store(value, Ordering::Relaxed);
+    }
+
+    /// No more strikes; returns when nothing has been asked for a while.
+    fn settle(&self) {
+        self.set(|fate| &fate.calm, true);
+        let calm = Instant::now();
+        while calm.elapsed() < Duration::from_secs(40) {
+            pause(0.1);
+            let asked = self.fate.asked.lock().unwrap().unwrap_or(calm).max(calm);
+            if asked.elapsed() > Duration::from_millis(1500) {
+                return;
+            }
+        }
+        panic!("it is asked without end");
     }
 
     /// Strikes measured from this moment on.
@@ -397,8 +414,7 @@ fn cable_is_pulled(meanwhile: impl Fn(&Running)) -> String {
     pause(0.6);
     bead.set(|fate| &fate.pulled, false);
     pause(0.8);
-    bead.set(|fate| &fate.calm, true);
-    pause(1.5);
+    bead.settle();
     let (status, stderr) = interrupt(recorder);
     assert_eq!(status, 0, "{stderr}");
     let received = Received::open(&directory.path().join("a.mcap")).unwrap();
@@ -455,10 +471,8 @@ fn several_beads_go_into_one_recording_and_what_is_wrong_at_a_port_costs_a_line(
     pause(0.4);
     eight.set(|fate| &fate.pulled, false);
     pause(0.6);
-    for bead in [&seven, &eight] {
-        bead.set(|fate| &fate.calm, true);
-    }
-    pause(1.0);
+    seven.settle();
+    eight.settle();
     let (status, stderr) = interrupt(recorder);
     assert_eq!(status, 0, "{stderr}");
     assert!(

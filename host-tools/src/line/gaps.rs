@@ -5,14 +5,15 @@
 //! as long as newer ones have not taken its place. [`Gaps`] sees every frame of one bead and says when there is
 //! something to ask. It asks for nothing while nothing is missing.
 //!
-//! Strikes are wanted from the first status on: those before were measured before anybody listened. What is missing
-//! is known from the numbers: of strikes that came, and of the status. After a reset, or after the line was gone,
-//! the bead is asked for the list of what it keeps: there may be strikes that nobody has heard of.
+//! Strikes are wanted from the first one on that anything was heard of, or else from the first status on: those before
+//! were measured before anybody listened. What is missing
+//! of this boot is known from the numbers: of strikes that came, and of the status. Of boots before, only the bead knows:
+//! after a reset, or after the line was gone, it is asked for the list of what it keeps.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, Instant};
 
-use bead_wire::{Fetched, MAX_REQUEST, Message, Outcome, Request, encode_request};
+use bead_wire::{Arrival, Fetched, MAX_REQUEST, Message, Outcome, Request, encode_request};
 
 use crate::recording::again::{Again, Whole};
 use crate::recording::frames::Frame;
@@ -23,6 +24,10 @@ const OVERDUE: Duration = Duration::from_millis(200);
 const PATIENCE: Duration = Duration::from_secs(1);
 /// So often is the same thing asked.
 const ATTEMPTS: u32 = 5;
+/// Most strikes whose frames come at once.
+const COMING: usize = 64;
+/// Most strikes that are asked for at a time: a bead keeps no more.
+const WANTED: usize = 64;
 /// Most strikes that are remembered.
 const REMEMBERED: usize = 4096;
 
@@ -47,8 +52,8 @@ struct Asked {
     request: Request,
     since: Instant,
     attempts: u32,
-    /// Strikes that were due then.
-    due: u32,
+    /// Whether frames were lost since.
+    lost: bool,
 }
 
 /// Keeps count of one bead's strikes.
@@ -56,11 +61,15 @@ struct Asked {
 pub struct Gaps {
     address: u8,
     boot: Option<u8>,
-    /// The first strike that is wanted, in the boot in which the first status came.
+    /// Its whole number, as its identity says.
+    boot_number: Option<u32>,
+    /// The first strike that is wanted, in the boot that was heard first.
     from: Option<Name>,
     /// Strikes of this boot that are known to be, and those whose frames should have come.
     found: u32,
     due: u32,
+    /// All strikes of this boot below this one are here or gone.
+    settled: u32,
     /// How many strikes were known to be, and since when, until they are due.
     pending: VecDeque<(u32, Instant)>,
     coming: BTreeMap<u32, Coming>,
@@ -70,6 +79,8 @@ pub struct Gaps {
     /// Strikes that are to be fetched, by their whole boot numbers; how often each was sent.
     wanted: BTreeMap<(u32, u32), u32>,
     list: bool,
+    /// How often it was asked for in vain.
+    lists: u32,
     again: Again,
     asked: Option<Asked>,
     next_number: u16,
@@ -84,15 +95,18 @@ impl Gaps {
         Self {
             address,
             boot: None,
+            boot_number: None,
             from: None,
             found: 0,
             due: 0,
+            settled: 0,
             pending: VecDeque::new(),
             coming: BTreeMap::new(),
             whole: BTreeSet::new(),
             gone: BTreeSet::new(),
             wanted: BTreeMap::new(),
             list: false,
+            lists: 0,
             again: Again::default(),
             asked: None,
             // Other programs count from somewhere else.
@@ -105,6 +119,7 @@ impl Gaps {
     /// The line was gone and is back: there may be strikes that nobody has heard of.
     pub fn came_back(&mut self) {
         self.list = self.from.is_some();
+        self.lists = 0;
         self.asked = None;
     }
 
@@ -123,17 +138,26 @@ impl Gaps {
         let boot = frame.header.boot;
         if self.boot.replace(boot).is_some_and(|before| before != boot) {
             self.coming.clear();
-            (self.found, self.due) = (0, 0);
+            (self.found, self.due, self.settled) = (0, 0, 0);
             self.pending.clear();
+            self.boot_number = None;
             self.came_back();
         }
+        if let (Some(asked), Arrival::Next { lost: 1.. }) = (&mut self.asked, frame.arrival) {
+            asked.lost = true;
+        }
         match &frame.message {
+            Message::Identity(identity) => self.boot_number = Some(identity.boot),
             Message::Status(status) => {
                 self.from.get_or_insert((boot, status.strikes));
                 self.find(status.strikes, now);
             }
             Message::Waveform(waveform) => {
+                self.from.get_or_insert((boot, waveform.strike));
                 self.find(waveform.strike.saturating_add(1), now);
+                while self.coming.len() > COMING {
+                    self.coming.pop_first();
+                }
                 let coming = self.coming.entry(waveform.strike).or_insert_with(|| Coming {
                     scans: Some(0),
                     next_index: waveform.first_index,
@@ -147,11 +171,14 @@ impl Gaps {
                 coming.next_index = waveform.first_index.saturating_add(length);
             }
             Message::Strike(strike) => {
+                self.from.get_or_insert((boot, strike.strike));
                 self.find(strike.strike.saturating_add(1), now);
                 let coming = self.coming.entry(strike.strike).or_default();
                 coming.samples = Some(strike.samples.into());
             }
             Message::Shape(shape) => {
+                self.from.get_or_insert((boot, shape.strike));
+                self.find(shape.strike.saturating_add(1), now);
                 self.coming.entry(shape.strike).or_default().shape = true;
                 self.settle(boot, shape.strike);
             }
@@ -223,9 +250,9 @@ impl Gaps {
         };
         match (asked.request, outcome) {
             (Request::ListKept, Outcome::Done) => {
-                self.list = false;
-                // What is not in the list is not to be had.
-                self.give_up(asked.due);
+                // A strike of the list may be among what was lost.
+                self.lists += 1;
+                self.list = asked.lost && self.lists < ATTEMPTS;
             }
             (Request::Fetch { boot, strike }, Outcome::NotKept) => {
                 self.wanted.remove(&(boot, strike));
@@ -235,7 +262,9 @@ impl Gaps {
             (_, Outcome::Kind) => {
                 self.list = false;
                 self.wanted.clear();
-                self.give_up(asked.due);
+                let missing = self.missing();
+                self.gone
+                    .extend(missing.into_iter().map(|(boot, strike)| (boot as u8, strike)));
             }
             (Request::Fetch { boot, strike }, outcome) => {
                 // Its frames were lost on the way, unless it is wanted no more.
@@ -253,29 +282,22 @@ impl Gaps {
         }
     }
 
-    /// Of the first `due` strikes, those that did not come and cannot be fetched are gone.
-    fn give_up(&mut self, due: u32) {
-        let Some(boot) = self.boot else { return };
-        let wanted = |strike: u32| {
-            let mut names = self.wanted.keys().map(|&(boot, strike)| (boot as u8, strike));
-            names.any(|name| name == (boot, strike))
+    /// The strikes of this boot that should have come and did not, by its whole number.
+    fn missing(&mut self) -> Vec<(u32, u32)> {
+        let (Some(number), Some((first, from))) = (self.boot_number, self.from) else {
+            return Vec::new();
         };
-        let missing = self.missing(boot, due);
-        let gone: Vec<_> = missing.into_iter().filter(|&strike| !wanted(strike)).collect();
-        self.gone.extend(gone.into_iter().map(|strike| (boot, strike)));
-    }
-
-    /// Those of the first `due` strikes of this boot that are to be had and did not come.
-    fn missing(&self, boot: u8, due: u32) -> Vec<u32> {
-        let from = match self.from {
-            Some((first, from)) if first == boot => from,
-            Some(_) => 0,
-            None => return Vec::new(),
+        let boot = number as u8;
+        let from = if boot == first { from } else { 0 };
+        let is_missing = |strike: u32| {
+            let name = (boot, strike);
+            !self.whole.contains(&name) && !self.gone.contains(&name)
         };
-        let from = from.max(due.saturating_sub(REMEMBERED as u32 / 2));
-        (from..due)
-            .filter(|&strike| !self.whole.contains(&(boot, strike)) && !self.gone.contains(&(boot, strike)))
-            .collect()
+        let from = from.max(self.settled);
+        let missing = (from..self.due).filter(|&strike| is_missing(strike));
+        let missing: Vec<_> = missing.take(WANTED).map(|strike| (number, strike)).collect();
+        self.settled = missing.first().map_or(self.due, |&(_, strike)| strike);
+        missing
     }
 
     /// The bytes to send to the bead now, if there is something to ask. Called often.
@@ -303,16 +325,13 @@ impl Gaps {
         {
             self.due = found;
         }
+        for name in self.missing() {
+            self.wanted.entry(name).or_default();
+        }
         let request = match self.wanted.first_key_value() {
             Some((&(boot, strike), _)) => Request::Fetch { boot, strike },
-            None => {
-                let missing = |boot| !self.missing(boot, self.due).is_empty();
-                let missing = self.boot.is_some_and(missing);
-                if !(self.list || missing) {
-                    return None;
-                }
-                Request::ListKept
-            }
+            None if self.list => Request::ListKept,
+            None => return None,
         };
         let number = self.next_number;
         self.next_number = self.next_number.wrapping_add(1);
@@ -322,7 +341,7 @@ impl Gaps {
             request,
             since: now,
             attempts: 1,
-            due: self.due,
+            lost: false,
         });
         Some(bytes)
     }
