@@ -4,7 +4,7 @@
 //! What is queued for the host is copied into memory that a reset leaves alone
 //! ([`bead_store::Windows`]; region WINDOWS of `memory.x`): the settings, the waveform, the strike, its shape. The
 //! copy is made where the frame is, in some 100 instructions for 32 scans. The checksums take longer; a task of
-//! the lowest priority makes them after the strike.
+//! the lowest priority makes them little by little after the strike.
 //!
 //! Fetched frames are bulk: they leave the room that the window of a strike needs, so they never cost one.
 
@@ -12,10 +12,10 @@ use core::cell::RefCell;
 
 use bead_store::{Cursor, Windows};
 use bead_wire::{Fetched, Inner, Kept, Packed};
-use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
+use embassy_time::{Duration, Timer};
 
 use crate::trace::{self, RING};
 use crate::{outbox, settings};
@@ -25,8 +25,10 @@ static WINDOWS: Mutex<CriticalSectionRawMutex, RefCell<Option<Windows<'static, R
 /// A window was closed.
 static CLOSED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
-/// Steps of a checksum until other tasks of this priority have their turn: some 50 µs.
-const STEPS: u32 = 8;
+/// Steps of a checksum in each [`PAUSE`], 14 instructions a sample: so that no block gets too busy. A window of 672
+/// scans takes 25 ms, or 40 if it is loud.
+const STEPS: u32 = 4;
+const PAUSE: Duration = Duration::from_millis(2);
 
 /// Takes up what the boot before left. Called once, before the tasks start.
 pub(crate) fn begin() {
@@ -79,8 +81,9 @@ pub(crate) fn close() {
 pub(crate) async fn seal() -> ! {
     loop {
         CLOSED.wait().await;
+        Timer::after(PAUSE).await;
         while (0..STEPS).all(|_| with(Windows::seal)) {
-            yield_now().await;
+            Timer::after(PAUSE).await;
         }
     }
 }
@@ -136,7 +139,7 @@ impl Again {
                     strike: self.strike,
                     part: part.number,
                     parts: part.of,
-                    kind: part.kind,
+                    frame_kind: part.kind,
                     body,
                 });
                 Sent::Some

@@ -228,7 +228,7 @@ impl Simulated {
                         strike,
                         part,
                         parts: frames.len() as u8,
-                        kind,
+                        frame_kind: kind,
                         body,
                     }));
                 }

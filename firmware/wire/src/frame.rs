@@ -244,7 +244,7 @@ impl Fetched {
     /// # Errors
     /// It is of no kind that this version knows, or its body does not decode.
     pub fn message(&self) -> Result<Message, Cause> {
-        let kind = Kind::from_byte(self.kind).ok_or(Cause::Kind(self.kind))?;
+        let kind = Kind::from_byte(self.frame_kind).ok_or(Cause::Kind(self.frame_kind))?;
         match Message::decode(kind, self.body.bytes()) {
             Ok((message, [])) => Ok(message),
             Ok(_) => Err(Cause::Trailing),
@@ -264,7 +264,7 @@ mod tests {
         let fetched = fetched::example();
         assert_eq!(fetched.message(), Ok(settings::example().into()));
         let unknown = Fetched {
-            kind: 63,
+            frame_kind: 63,
             ..fetched.clone()
         };
         assert_eq!(unknown.message(), Err(Cause::Kind(63)));

@@ -111,7 +111,7 @@ fn no_frame_is_longer_than_max_frame_and_one_is_as_long() {
         strike: u32::MAX,
         part: 0xFF,
         parts: 0xFF,
-        kind: 0xFF,
+        frame_kind: 0xFF,
         body: Inner::filled_by(|room| {
             room.fill(0xFF);
             room.len()

@@ -16,7 +16,7 @@ body! {
         /// How many frames the strike has.
         pub parts: u8,
         /// Kind of the frame that it carries.
-        pub kind: u8,
+        pub frame_kind: u8,
         /// Body of that frame.
         pub body: Inner,
     }
@@ -29,7 +29,7 @@ pub(crate) fn example() -> Fetched {
         strike: 300,
         part: 22,
         parts: 24,
-        kind: 6,
+        frame_kind: 6,
         body: Inner::filled_by(|room| {
             room[..8].copy_from_slice(b"\x07BEAD\x01\x00\xff");
             8
