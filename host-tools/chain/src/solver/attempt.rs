@@ -47,7 +47,6 @@ impl Work {
             }
         }
         self.crossings = crossings;
-        dispatch(self, lanes, Task::Curve, length);
     }
 
     /// Finds displacements and velocities at the part `x` of the step, and puts them where a stage's are.

@@ -12,7 +12,7 @@ use std::ops::Range;
 use pulp::{Arch, NullaryFnOnce, Simd, f64x8};
 
 use super::lanes::{BLOCK, Block, Lanes, before, behind, blocks, blocks_mut, first, push, select};
-use super::method::{CURVE, ERROR, NODES, POWERS, ROWS, Weight, quadrature};
+use super::method::{ERROR, NODES, POWERS, ROWS, TERMS, quadrature};
 use super::verner::{MAIN, STAGES};
 use super::work::Work;
 
@@ -23,16 +23,16 @@ pub(super) enum Task {
     Step,
     /// One stage of the dense output, after that.
     Inner { stage: usize },
-    /// The motion in the step as polynomials, after all that.
-    Curve,
-    /// The motion at the part `x` of the step, after that.
+    /// The motion at the part `x` of the step, after all that.
     Look { x: f64 },
     /// The greatest error of a velocity, over the length of the step and what is allowed. It is not a number if
     /// a velocity is none.
     Error { tolerance: f64 },
 }
 
-struct Call<'a, S> {
+/// One kind of task on one kind of vectors. Each is a function of its own, so that what one keeps in registers
+/// is not another's loss.
+struct Call<'a, S, const KIND: u8> {
     simd: S,
     work: &'a mut Work,
     lanes: &'a Lanes,
@@ -42,9 +42,23 @@ struct Call<'a, S> {
 
 /// Runs a task on the widest vectors of this processor.
 pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
+    match task {
+        Task::Step => of_kind::<STEP>(work, lanes, task, length),
+        Task::Inner { .. } => of_kind::<INNER>(work, lanes, task, length),
+        Task::Look { .. } => of_kind::<LOOK>(work, lanes, task, length),
+        Task::Error { .. } => of_kind::<ERRS>(work, lanes, task, length),
+    }
+}
+
+const STEP: u8 = 0;
+const INNER: u8 = 1;
+const LOOK: u8 = 2;
+const ERRS: u8 = 3;
+
+fn of_kind<const KIND: u8>(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
     macro_rules! call {
         ($simd:expr) => {
-            Call {
+            Call::<_, KIND> {
                 simd: $simd,
                 work,
                 lanes,
@@ -62,7 +76,7 @@ pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) 
     }
 }
 
-impl<S: Simd<f64s = f64x8>> NullaryFnOnce for Call<'_, S> {
+impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for Call<'_, S, KIND> {
     type Output = f64;
 
     #[inline(always)]
@@ -75,22 +89,19 @@ impl<S: Simd<f64s = f64x8>> NullaryFnOnce for Call<'_, S> {
             length,
         } = self;
         let general = lanes.loaded || lanes.clipped;
-        match task {
-            Task::Step if general => step::<S, true>(simd, work, lanes, length),
-            Task::Step => step::<S, false>(simd, work, lanes, length),
-            Task::Inner { stage: number } => {
+        match (KIND, task) {
+            (STEP, _) if general => step::<S, true>(simd, work, lanes, length),
+            (STEP, _) => step::<S, false>(simd, work, lanes, length),
+            (INNER, Task::Inner { stage: number }) => {
                 stage::<S, true>(simd, work, lanes, number, length);
                 0.0
             }
-            Task::Curve => {
-                curve(simd, work, lanes, length);
+            (LOOK, Task::Look { x }) => {
+                look(simd, work, lanes, length, x);
                 0.0
             }
-            Task::Look { x } => {
-                look(simd, work, lanes, (x * length, x));
-                0.0
-            }
-            Task::Error { tolerance } => error(simd, work, lanes, tolerance),
+            (ERRS, Task::Error { tolerance }) => error(simd, work, lanes, tolerance),
+            _ => unreachable!("dispatch chose the kind"),
         }
     }
 }
@@ -103,9 +114,6 @@ type Rates = [Block; STAGES];
 fn all_rates(rates: &[f64]) -> &[Rates] {
     blocks(rates).as_chunks().0
 }
-
-/// Polynomials of a block: power by power, of velocities and of displacements.
-type Curves = [[Block; 2]; CURVE / 2];
 
 #[inline(always)]
 fn step<S: Simd<f64s = f64x8>, const GENERAL: bool>(
@@ -453,53 +461,74 @@ fn moving<'a>(work: &'a Work, lanes: &Lanes) -> impl Iterator<Item = usize> + us
     bodies.chain(guests.filter(move |_| !shared))
 }
 
+/// [`POWERS`] power by power: what all stages weigh in velocities, then what they weigh in displacements.
+static LOOKED: [[Block; 2 * WIDE]; TERMS] = {
+    let mut looked = [[[0.0; BLOCK]; 2 * WIDE]; TERMS];
+    let mut stage = 0;
+    while stage < STAGES {
+        let (block, lane) = (stage / BLOCK, stage % BLOCK);
+        let mut power = 0;
+        while power < TERMS {
+            looked[power][block][lane] = POWERS[stage][power].velocity;
+            looked[power][WIDE + block][lane] = POWERS[stage][power].displacement;
+            power += 1;
+        }
+        stage += 1;
+    }
+    looked
+};
+/// Blocks that hold a number for each stage.
+const WIDE: usize = STAGES.div_ceil(BLOCK);
+
+/// Weights at one part of the step, then one sum over the stages for each block. For the few looks that a step
+/// gets, this is less work than to bring each lane's motion into powers first.
 #[inline(always)]
-fn curve<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64) {
-    let (mut curves, rates) = (std::mem::take(&mut work.curves), all_rates(&work.rates));
-    let to = blocks_mut(&mut curves).as_chunks_mut::<2>().0;
-    let to: &mut [Curves] = to.as_chunks_mut().0;
-    let (speed, place) = (simd.splat_f64s(length), simd.splat_f64s(length * length));
-    for at in moving(work, lanes) {
-        for (power, of_power) in to[at].iter_mut().enumerate() {
-            let (mut once, mut twice) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
-            for (weights, rate) in POWERS.iter().zip(&rates[at]) {
-                let (weight, rate): (Weight, f64x8) = (weights[power], pulp::cast(*rate));
-                once = simd.add_f64s(once, simd.mul_f64s(simd.splat_f64s(weight.velocity), rate));
-                twice = simd.add_f64s(twice, simd.mul_f64s(simd.splat_f64s(weight.displacement), rate));
-            }
-            *of_power = [
-                pulp::cast(simd.mul_f64s(speed, once)),
-                pulp::cast(simd.mul_f64s(place, twice)),
-            ];
+fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64, x: f64) {
+    let mut weights = [simd.splat_f64s(0.0); 2 * WIDE];
+    let s = simd.splat_f64s(x - 0.5);
+    for powers in LOOKED.iter().rev() {
+        for (sum, power) in weights.iter_mut().zip(powers) {
+            *sum = simd.add_f64s(simd.mul_f64s(*sum, s), pulp::cast(*power));
         }
     }
-    work.curves = curves;
-}
+    let (once, twice) = (simd.splat_f64s(x * length), simd.splat_f64s(x * length * length));
+    let (mut of_speed, mut of_place) = ([[0.0; BLOCK]; WIDE], [[0.0; BLOCK]; WIDE]);
+    for at in 0..WIDE {
+        of_speed[at] = pulp::cast(simd.mul_f64s(once, weights[at]));
+        of_place[at] = pulp::cast(simd.mul_f64s(twice, weights[WIDE + at]));
+    }
+    let (of_speed, of_place) = (of_speed.as_flattened(), of_place.as_flattened());
 
-#[inline(always)]
-fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, (time, x): (f64, f64)) {
     let mut stage = std::mem::take(&mut work.stage);
-    let curves: &[Curves] = blocks(&work.curves).as_chunks::<2>().0.as_chunks().0;
+    let rates = all_rates(&work.rates);
     let (u_start, v_start) = (blocks(&work.start.u), blocks(&work.start.v));
     let (u_to, v_to) = (blocks_mut(&mut stage.u), blocks_mut(&mut stage.v));
-    let (time, s, x) = (
-        simd.splat_f64s(time),
-        simd.splat_f64s(x - 0.5),
-        simd.splat_f64s(x),
-    );
+    let time = simd.splat_f64s(x * length);
     for at in moving(work, lanes) {
-        let (mut once, mut twice) = (simd.splat_f64s(0.0), simd.splat_f64s(0.0));
-        for [speed, place] in curves[at].iter().rev() {
-            once = simd.add_f64s(simd.mul_f64s(once, s), pulp::cast(*speed));
-            twice = simd.add_f64s(simd.mul_f64s(twice, s), pulp::cast(*place));
+        let rates = &rates[at];
+        let rate: f64x8 = pulp::cast(rates[0]);
+        let mut change = simd.mul_f64s(simd.splat_f64s(of_speed[0]), rate);
+        let mut bent = simd.mul_f64s(simd.splat_f64s(of_place[0]), rate);
+        for stage in LOOKS {
+            let rate: f64x8 = pulp::cast(rates[stage]);
+            change = simd.add_f64s(change, simd.mul_f64s(simd.splat_f64s(of_speed[stage]), rate));
+            bent = simd.add_f64s(bent, simd.mul_f64s(simd.splat_f64s(of_place[stage]), rate));
         }
-        (once, twice) = (simd.mul_f64s(once, x), simd.mul_f64s(twice, x));
         let (u, v): (f64x8, f64x8) = (pulp::cast(u_start[at]), pulp::cast(v_start[at]));
-        let way = simd.add_f64s(simd.mul_f64s(time, v), twice);
+        let way = simd.add_f64s(simd.mul_f64s(time, v), bent);
         (u_to[at], v_to[at]) = (
             pulp::cast(simd.add_f64s(u, way)),
-            pulp::cast(simd.add_f64s(v, once)),
+            pulp::cast(simd.add_f64s(v, change)),
         );
     }
     work.stage = stage;
 }
+
+/// Stages after the first that weigh something inside a step.
+const LOOKS: Range<usize> = {
+    let mut from = 1;
+    while POWERS[from][TERMS - 1].displacement == 0.0 {
+        from += 1;
+    }
+    from..STAGES
+};

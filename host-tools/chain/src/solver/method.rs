@@ -113,12 +113,10 @@ pub(super) static ERROR: &[(usize, f64)] = &{
 
 /// How many numbers give a weight of the dense output.
 pub(super) const TERMS: usize = 8;
-/// Numbers of a lane that describe its motion in a step.
-pub(super) const CURVE: usize = 2 * TERMS;
 
 /// The weights of the dense output, stage by stage. At the part x of the step a weight is x Σ POWERS[k] s^k with
 /// s = x - 1/2. In powers of x itself the terms would be ten thousand times the sum, and so would their rounding.
-pub(super) static POWERS: [[Weight; TERMS]; STAGES] = {
+pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
     let mut velocities = [[0.0; TERMS]; STAGES];
     let mut stage = 0;
     while stage < STAGES {

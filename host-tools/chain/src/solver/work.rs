@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::aligned::Aligned;
 use super::crossing::Crossing;
 use super::lanes::{BLOCK, Lanes, first};
-use super::method::{self, CURVE, NODES, ROWS};
+use super::method::{self, NODES, ROWS};
 use super::overlap::Ends;
 use super::verner::{MAIN, STAGES};
 
@@ -61,8 +61,6 @@ pub(super) struct Work {
     pub(super) stage: Motion,
     /// Accelerations: block by block, stage by stage.
     pub(super) rates: Aligned,
-    /// The motion in the step as polynomials, for [`Work::look`].
-    pub(super) curves: Aligned,
     /// What a contact's exact integral adds to a stage of the dense output.
     pub(super) added: Option<Box<Motion>>,
     /// The pull of each intruder's spring and damper on its host at a stage.
@@ -104,7 +102,6 @@ impl Work {
             end: Motion::zeros(lanes),
             stage: Motion::zeros(lanes),
             rates: Aligned::zeros(lanes.len() * STAGES),
-            curves: Aligned::zeros(if inside { lanes.len() * CURVE } else { 0 }),
             added: inside.then(|| Box::new(Motion::zeros(lanes))),
             pulls: Aligned::zeros(guests),
             lost: Aligned::zeros(lanes.len()),
@@ -119,7 +116,6 @@ impl Work {
     pub(super) fn keep_inside(&mut self, lanes: &Lanes) {
         if self.added.is_none() {
             self.added = Some(Box::new(Motion::zeros(lanes)));
-            self.curves = Aligned::zeros(lanes.len() * CURVE);
         }
     }
 
@@ -183,6 +179,7 @@ impl Work {
     /// Replaces the force of contacts that open or close by what their polynomial leaves of it.
     pub(super) fn find_crossings(&mut self, lanes: &Lanes, length: f64, tolerance: f64) {
         for run in 0..self.active.len() {
+            self.fly_beside(self.active[run].clone(), length);
             // The contact with a block at rest is open, or it would not be at rest.
             for lane in first(self.active[run].start) + 1..first(self.active[run].end) {
                 let overlap = |motion: &Motion| motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
@@ -192,6 +189,14 @@ impl Work {
                     self.cross(lanes, lane, length, tolerance, cut);
                 }
             }
+        }
+    }
+
+    /// Brings the two bodies beside a run of blocks to the end of the step: no stage does, for they fly freely.
+    fn fly_beside(&mut self, run: Range<usize>, length: f64) {
+        for lane in [first(run.start) - 1, first(run.end)] {
+            self.end.u[lane] = self.start.u[lane] + length * self.start.v[lane];
+            self.end.v[lane] = self.start.v[lane];
         }
     }
 
