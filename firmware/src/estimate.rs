@@ -52,6 +52,7 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
             meter.restart();
             telemetry.stillness = Stillness::NONE;
             if cut {
+                keep::abandon();
                 counters::update(|c| c.health.strikes_cut += 1);
                 report::fault(FaultCause::StrikeCut, "samples of its window were lost");
             }

@@ -25,8 +25,8 @@ static WINDOWS: Mutex<CriticalSectionRawMutex, RefCell<Option<Windows<'static, R
 /// A window was closed.
 static CLOSED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
-/// Steps of a checksum in each [`PAUSE`], 14 instructions a sample: so that no block gets too busy. A window of 672
-/// scans takes 25 ms, or 40 if it is loud.
+/// Steps of a checksum in each [`PAUSE`], 18 instructions a sample. A window of 672 scans takes 25 ms, or 40 if it is
+/// loud.
 const STEPS: u32 = 4;
 const PAUSE: Duration = Duration::from_millis(2);
 
@@ -49,25 +49,33 @@ fn with<T>(act: impl FnOnce(&mut Windows<'static, RING>) -> T) -> T {
 /// Keeps a frame of a strike. The first one begins its window, with the settings in force.
 pub(crate) fn add(packed: &Packed, strike: u32) {
     let boot = trace::boot();
-    if !with(|windows| windows.is_open(boot, strike)) {
-        let mut before = Packed::new();
-        if !outbox::pack(
-            &mut before,
-            &bead_wire::Settings {
-                block: settings::current(),
-            }
-            .into(),
-        ) {
-            return;
+    let (kind, body) = packed.content();
+    let append = |windows: &mut Windows<'static, RING>| {
+        let is_open = windows.is_open(boot, strike);
+        if is_open {
+            windows.append(kind, body);
         }
-        let (kind, body) = before.content();
+        is_open
+    };
+    if !with(append) {
+        begin_window(boot, strike);
+        with(append);
+    }
+}
+
+#[inline(never)]
+fn begin_window(boot: u32, strike: u32) {
+    let mut settings = Packed::new();
+    let message = bead_wire::Settings {
+        block: settings::current(),
+    };
+    if outbox::pack(&mut settings, &message.into()) {
+        let (kind, body) = settings.content();
         with(|windows| {
             windows.open(boot, strike);
             windows.append(kind, body);
         });
     }
-    let (kind, body) = packed.content();
-    with(|windows| windows.append(kind, body));
 }
 
 /// The strike is complete.
@@ -76,14 +84,25 @@ pub(crate) fn close() {
     CLOSED.signal(());
 }
 
-/// Makes the checksums of windows, for ever.
+/// The strike was cut: it has no result.
+pub(crate) fn abandon() {
+    with(Windows::abandon);
+}
+
+/// Makes the checksums of windows while none is measured, for ever.
 #[embassy_executor::task]
 pub(crate) async fn seal() -> ! {
     loop {
         CLOSED.wait().await;
-        Timer::after(PAUSE).await;
-        while (0..STEPS).all(|_| with(Windows::seal)) {
+        loop {
             Timer::after(PAUSE).await;
+            // The blocks of a strike are busy enough.
+            if with(|windows| windows.is_filling()) {
+                continue;
+            }
+            if !(0..STEPS).all(|_| with(Windows::seal)) {
+                break;
+            }
         }
     }
 }

@@ -235,6 +235,16 @@ impl<'m, const N: usize> Windows<'m, N> {
         });
     }
 
+    /// Forgets the window that is being filled.
+    pub fn abandon(&mut self) {
+        self.open = None;
+    }
+
+    /// Whether a window is being filled.
+    pub fn is_filling(&self) -> bool {
+        self.open.is_some()
+    }
+
     /// Whether this window is being filled.
     pub fn is_open(&self, boot: u32, strike: u32) -> bool {
         self.open
