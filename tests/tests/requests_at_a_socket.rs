@@ -200,10 +200,8 @@ fn a_key_is_given_used_replaced_and_taken_away_from_the_command_line() {
         let [first, second] = ["first.key", "second.key"].map(path);
         let said = |arguments: &[&str]| bead(&[arguments, &["--port", port, "--timeout", "20"]].concat());
         let done = (0, String::new());
-        let unsigned =
-            "the bead at address 0 refused: unsigned; this bead has a key: sign the request with it, by --key F.key";
-        let forged =
-            "the bead at address 0 refused: forged; signed with another key, for another bead, or changed on the way";
+        let unsigned = "the bead at address 0 refused: unsigned; this bead has a key: sign the request with it, by --key F.key";
+        let forged = "the bead at address 0 refused: forged; signed with another key, for another bead, or changed on the way";
 
         assert_eq!(said(&["settings", "key", "--new", &first]), done);
         assert_eq!(said(&["command", "disarm"]), (1, unsigned.to_owned()));

@@ -16,7 +16,14 @@ fn constants(case: &Case) -> Value {
     let model = Model::of(&case.scenario).expect("the case is sound");
     let intruder = &model.intruders()[0];
     let oscillator = intruder.oscillator;
-    let shell = |body: usize| model.mass(body) - if body == intruder.bead { oscillator.mass } else { 0.0 };
+    let shell = |body: usize| {
+        model.mass(body)
+            - if body == intruder.bead {
+                oscillator.mass
+            } else {
+                0.0
+            }
+    };
     json!({
         "name": case.name,
         "stiffness": (1..model.bodies()).map(|j| model.contact(j).stiffness).collect::<Vec<_>>(),

@@ -192,7 +192,10 @@ impl fmt::Display for Report {
                 (.., why) => why.clone().unwrap_or_default(),
             };
             let error = row.error.map_or(String::new(), |error| format!("  {error:.1e}"));
-            let settings = row.settings.as_deref().map_or(String::new(), |text| format!("  ({text})"));
+            let settings = row
+                .settings
+                .as_deref()
+                .map_or(String::new(), |text| format!("  ({text})"));
             writeln!(f, "  {what}{error}  {}, {}{settings}", row.case, row.solver)?;
         }
         writeln!(f)?;

@@ -8,6 +8,7 @@ pub(crate) mod decode;
 pub(crate) mod emulate;
 mod emulated;
 pub(crate) mod export;
+pub(crate) mod fetch;
 pub(crate) mod figures;
 pub(crate) mod manual;
 mod measured;
