@@ -1,5 +1,6 @@
 //! `bead recover`: a recording that is cut or damaged, made whole as far as it goes.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -124,12 +125,31 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
         State::Damaged(damage) => damage.to_string(),
     };
     about.notes.insert("recovered_from".into(), how);
-    let finished = write(target, &about, |writer| {
+    let several = !recording.beads.is_empty();
+    let begin = if several {
+        Writer::create_for_several
+    } else {
+        Writer::create
+    };
+    let finished = write(begin(target, &about)?, |writer| {
         for (part, data) in &recording.parts {
             writer.attach(*part, data)?;
         }
+        let mut lanes = BTreeMap::new();
+        for bead in &recording.beads {
+            let lane = writer.join(&bead.origin)?;
+            for (part, data) in &bead.parts {
+                writer.attach_to(lane, *part, data)?;
+            }
+            lanes.insert(bead.origin.address, lane);
+        }
         for piece in recording.pieces()? {
-            writer.write(&piece.bytes, piece.received_ns, |_: Item| {})?;
+            let (bytes, received_ns) = (&piece.bytes, piece.received_ns);
+            match piece.bead.and_then(|address| lanes.get(&address)) {
+                Some(lane) => writer.write_of(*lane, bytes, received_ns, |_: Item| {})?,
+                None if several => {}
+                None => writer.write(bytes, received_ns, |_: Item| {})?,
+            }
         }
         Ok(())
     })?;
@@ -146,7 +166,7 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
         source: "raw bytes".to_owned(),
         ..About::default()
     };
-    let finished = write(target, &about, |writer| {
+    let finished = write(Writer::create(target, &about)?, |writer| {
         raw::read(file, |bytes| writer.write(bytes, None, |_: Item| {}))
     })?;
     let other = Some("it has raw bytes, without times of receipt".to_owned());
@@ -162,11 +182,9 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
 
 /// Writes a recording; one that fails is removed, as its source is there.
 fn write(
-    target: &Target,
-    about: &About,
+    mut writer: Writer,
     fill: impl FnOnce(&mut Writer) -> Result<(), RecordingError>,
 ) -> Result<Finished, Failure> {
-    let mut writer = Writer::create(target, about)?;
     let partial = writer.partial_path().to_owned();
     let _listed = Unfinished::list(&partial);
     let finished = fill(&mut writer).and_then(|()| writer.finish());
