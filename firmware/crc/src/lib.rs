@@ -6,7 +6,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use crc::{CRC_32_ISO_HDLC, Crc, Digest, Table};
 
 static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
@@ -30,6 +30,34 @@ fn of(parts: &[&[u8]]) -> u32 {
     digest.finalize()
 }
 
+/// The CRC of bytes that are taken piece by piece.
+#[derive(Clone)]
+pub struct Running(Digest<'static, u32, Table<1>>);
+
+impl Default for Running {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Running {
+    /// Of no bytes yet.
+    pub fn new() -> Self {
+        Self(CRC.digest())
+    }
+
+    /// Takes the next bytes.
+    #[inline(never)]
+    pub fn update(&mut self, bytes: &[u8]) {
+        self.0.update(bytes);
+    }
+
+    /// The CRC of all bytes so far.
+    pub fn finish(self) -> u32 {
+        self.0.finalize()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -38,5 +66,10 @@ mod tests {
     fn the_checksum_of_the_catalogues_text_is_the_catalogues() {
         assert_eq!(checksum(b"123456789"), 0xCBF4_3926);
         assert_eq!(checksum_of([b"1234", b"", b"56789"]), 0xCBF4_3926);
+        let mut running = Running::new();
+        [&b"12345"[..], b"6789"]
+            .into_iter()
+            .for_each(|piece| running.update(piece));
+        assert_eq!(running.finish(), 0xCBF4_3926);
     }
 }

@@ -1,4 +1,5 @@
-//! The settings block in flash. It is written while the bead runs, and survives a loss of power.
+//! What the bead keeps: its settings in flash, over a loss of power, and its last windows in RAM, over a reset
+//! ([`Windows`]). The settings are written while the bead runs.
 //!
 //! # Design
 //! The store is `sequential-storage` on two sectors. Each write appends the block with its checksum, and the
@@ -22,7 +23,9 @@ mod pace;
 mod sectors;
 mod store;
 mod vault;
+mod windows;
 
 pub use pace::{BURST, EVERY_MS, Pace};
 pub use store::{MAX_BLOCK, Opened, Store, StoreError};
 pub use vault::{MAX_SETTINGS, Secret, Vault};
+pub use windows::{Cursor, GaveWay, Kept, Memory, Part, WINDOWS, Windows};

@@ -33,7 +33,7 @@ const WORKSPACE: &[Package] = &[
     package("bead-crc", &[]),
     package("bead-model", &["bead-crc"]),
     package("bead-wire", &["bead-crc"]),
-    package("bead-store", &[]),
+    package("bead-store", &["bead-crc"]),
     package("hertz-chain", &[]),
     package("stm32f405-qemu", &[]),
     package("stm32f405-qemu-images", &[]),

@@ -1,0 +1,661 @@
+//! The last windows, in memory that a reset does not change.
+//!
+//! # Design
+//! A window is a run of parts, each a number and bytes: the frames of a strike without their headers. Windows
+//! lie one behind the other in a ring of bytes; the oldest give way. So there are the more of them, the
+//! shorter and quieter they are. A directory of [`WINDOWS`] entries says where each begins.
+//!
+//! **Over a reset** nothing of this program's state is trusted. Each entry has a checksum of its own and one
+//! of its window's bytes. After a reset the entries that pass are taken up again, and all else is forgotten.
+//! After a power-up the memory is random, and no entry passes.
+//!
+//! The bytes are copied in while a strike is measured, which has little time. Their checksum is made
+//! afterwards, [`STEP`] bytes at a time ([`Windows::seal`]). Until then a window can be read, but a reset
+//! loses it.
+
+use bead_crc::{Running, checksum};
+
+/// Most windows that are kept.
+pub const WINDOWS: usize = 32;
+/// Bytes before each part: its number, and its length in two bytes.
+const HEAD: usize = 4;
+/// Bytes that a step of [`Windows::seal`] takes: some 700 instructions.
+const STEP: usize = 64;
+
+/// The memory: plain numbers and bytes only, so that any contents are a value of it. `N` is a multiple of four.
+#[repr(C)]
+pub struct Memory<const N: usize> {
+    entries: [Entry; WINDOWS],
+    ring: [u8; N],
+}
+
+/// Where a window is, and what it is of.
+#[derive(Clone, Copy)]
+#[repr(C)]
+struct Entry {
+    /// Number of the window since the memory was cleared.
+    serial: u32,
+    boot: u32,
+    strike: u32,
+    /// Of its bytes in the ring.
+    start: u32,
+    length: u32,
+    parts: u32,
+    /// CRC-32 of its bytes.
+    contents: u32,
+    /// CRC-32 of the fields before it. It is 0 until the window is sealed.
+    crc: u32,
+}
+
+impl Entry {
+    /// It stands for no window.
+    const NONE: Self = Self {
+        serial: 0,
+        boot: 0,
+        strike: 0,
+        start: 0,
+        length: 0,
+        parts: 0,
+        contents: 0,
+        crc: 0,
+    };
+
+    fn checksum(&self) -> u32 {
+        let words = [
+            self.serial,
+            self.boot,
+            self.strike,
+            self.start,
+            self.length,
+            self.parts,
+            self.contents,
+        ];
+        // 0 stands for an entry that is not sealed.
+        checksum(words.map(u32::to_le_bytes).as_flattened()).max(1)
+    }
+}
+
+/// A window that is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// The boot in which it was measured, and the number of the strike in that boot.
+    pub boot: u32,
+    /// See `boot`.
+    pub strike: u32,
+    /// How many parts it has.
+    pub parts: u8,
+    /// How many bytes it takes.
+    pub bytes: u32,
+}
+
+/// A place in a window: the next part to read.
+#[derive(Clone, Copy, Debug)]
+pub struct Cursor {
+    serial: u32,
+    at: usize,
+    part: u8,
+}
+
+/// What was read of a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// How many parts come before it, and how many the window has.
+    pub number: u8,
+    /// See `number`.
+    pub of: u8,
+    /// The number that it was put in with.
+    pub kind: u8,
+    /// Bytes of it.
+    pub length: usize,
+}
+
+/// The window that is being filled.
+#[derive(Clone, Copy)]
+struct Open {
+    boot: u32,
+    strike: u32,
+    length: usize,
+    parts: u8,
+}
+
+/// The windows in a memory.
+pub struct Windows<'m, const N: usize> {
+    memory: &'m mut Memory<N>,
+    /// Serial numbers of the windows that are kept: from `oldest` to before `next`.
+    oldest: u32,
+    next: u32,
+    /// Where the window being filled begins.
+    head: usize,
+    /// Bytes before `head` that windows take.
+    used: usize,
+    open: Option<Open>,
+    /// The first window that is not sealed, how far its checksum is, and the checksum.
+    unsealed: u32,
+    summed: usize,
+    sum: Running,
+}
+
+impl<'m, const N: usize> Windows<'m, N> {
+    /// The windows that `memory` still holds, if it `survived`; otherwise none, whatever is in it.
+    pub fn new(memory: &'m mut Memory<N>, survived: bool) -> Self {
+        const { assert!(N.is_multiple_of(4) && N > 0) };
+        let mut windows = Self {
+            memory,
+            oldest: 0,
+            next: 0,
+            head: 0,
+            used: 0,
+            open: None,
+            unsealed: 0,
+            summed: 0,
+            sum: Running::new(),
+        };
+        windows.take_up(survived);
+        windows.unsealed = windows.next;
+        windows
+    }
+
+    /// Finds the windows that are whole, from the newest back. One between them that is not whole stays as a
+    /// window without parts.
+    fn take_up(&mut self, survived: bool) {
+        for slot in 0..WINDOWS {
+            let entry = self.memory.entries[slot];
+            let sound = survived && entry.crc == entry.checksum() && self.is_whole(&entry, slot);
+            if !sound {
+                self.memory.entries[slot] = Entry::NONE;
+            }
+        }
+        let sound = |entry: &&Entry| entry.parts > 0;
+        let Some(newest) = self
+            .memory
+            .entries
+            .iter()
+            .filter(sound)
+            .max_by_key(|entry| entry.serial)
+        else {
+            return;
+        };
+        let end = (newest.start + newest.length) as usize % N;
+        self.head = end;
+        self.next = newest.serial + 1;
+        self.oldest = self.next;
+        let mut start = end;
+        for serial in (0..self.next).rev().take(WINDOWS) {
+            let entry = &mut self.memory.entries[serial as usize % WINDOWS];
+            if entry.serial != serial || entry.parts == 0 {
+                *entry = Entry {
+                    serial,
+                    start: start as u32,
+                    ..Entry::NONE
+                };
+                continue;
+            }
+            // From its start to that of the window behind it.
+            let span = match (start + N - entry.start as usize) % N {
+                0 => N,
+                span => span,
+            };
+            if self.used + span > N {
+                break;
+            }
+            self.used += span;
+            start = entry.start as usize;
+            self.oldest = serial;
+        }
+    }
+
+    fn is_whole(&self, entry: &Entry, slot: usize) -> bool {
+        let (start, length) = (entry.start as usize, entry.length as usize);
+        let fits = entry.serial as usize % WINDOWS == slot
+            && entry.serial < u32::MAX
+            && start < N
+            && start.is_multiple_of(4)
+            && (1..=N).contains(&length)
+            && (1..=u32::from(u8::MAX)).contains(&entry.parts);
+        if !fits {
+            return false;
+        }
+        let mut sum = Running::new();
+        let (first, rest) = self.slices(start, length);
+        sum.update(first);
+        sum.update(rest);
+        sum.finish() == entry.contents
+    }
+
+    /// Begins a window. One that was begun and not closed is forgotten.
+    pub fn open(&mut self, boot: u32, strike: u32) {
+        if self.next - self.oldest == WINDOWS as u32 {
+            self.drop_oldest();
+        }
+        self.open = Some(Open {
+            boot,
+            strike,
+            length: 0,
+            parts: 0,
+        });
+    }
+
+    /// Forgets the window that is being filled.
+    pub fn abandon(&mut self) {
+        self.open = None;
+    }
+
+    /// Whether a window is being filled.
+    pub fn is_filling(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// Whether this window is being filled.
+    pub fn is_open(&self, boot: u32, strike: u32) -> bool {
+        self.open
+            .is_some_and(|open| (open.boot, open.strike) == (boot, strike))
+    }
+
+    /// Appends a part to the window being filled. The oldest windows give way. A window for which even the
+    /// whole memory has no room is forgotten.
+    pub fn append(&mut self, kind: u8, bytes: &[u8]) {
+        let needed = HEAD + bytes.len().next_multiple_of(4);
+        let Some(open) = self.open else { return };
+        while self.used + open.length + needed > N {
+            if self.oldest == self.next {
+                self.open = None;
+                return;
+            }
+            self.drop_oldest();
+        }
+        let [low, high] = (bytes.len() as u16).to_le_bytes();
+        let at = self.head + open.length;
+        // `HEAD` divides the ring, so a head never wraps.
+        let start = at % N;
+        self.memory.ring[start..start + HEAD].copy_from_slice(&[kind, 0, low, high]);
+        let start = (at + HEAD) % N;
+        let (first, rest) = bytes.split_at(bytes.len().min(N - start));
+        self.memory.ring[start..start + first.len()].copy_from_slice(first);
+        if !rest.is_empty() {
+            self.memory.ring[..rest.len()].copy_from_slice(rest);
+        }
+        self.open = open.parts.checked_add(1).map(|parts| Open {
+            length: open.length + needed,
+            parts,
+            ..open
+        });
+    }
+
+    /// Ends the window being filled: from now on it is kept.
+    pub fn close(&mut self) {
+        let Some(open) = self.open.take().filter(|open| open.parts > 0) else {
+            return;
+        };
+        self.memory.entries[self.next as usize % WINDOWS] = Entry {
+            serial: self.next,
+            boot: open.boot,
+            strike: open.strike,
+            start: self.head as u32,
+            length: open.length as u32,
+            parts: open.parts.into(),
+            contents: 0,
+            crc: 0,
+        };
+        self.next += 1;
+        self.used += open.length;
+        self.head = (self.head + open.length) % N;
+    }
+
+    fn drop_oldest(&mut self) {
+        let dropped = self.oldest;
+        let start = self.entry(dropped).start as usize;
+        self.memory.entries[dropped as usize % WINDOWS] = Entry::NONE;
+        self.oldest += 1;
+        self.used = if self.oldest == self.next {
+            0
+        } else {
+            let behind = self.entry(self.oldest).start as usize;
+            self.used - (behind + N - start) % N
+        };
+        if self.unsealed == dropped {
+            self.unsealed = self.oldest;
+            self.restart_sum();
+        }
+    }
+
+    fn restart_sum(&mut self) {
+        self.summed = 0;
+        self.sum = Running::new();
+    }
+
+    /// Makes a little of the checksums that are still to be made. Returns whether there is more to do.
+    pub fn seal(&mut self) -> bool {
+        if self.unsealed == self.next {
+            return false;
+        }
+        let entry = *self.entry(self.unsealed);
+        let step = STEP.min(entry.length as usize - self.summed);
+        let start = (entry.start as usize + self.summed) % N;
+        let first = step.min(N - start);
+        self.sum.update(&self.memory.ring[start..start + first]);
+        self.sum.update(&self.memory.ring[..step - first]);
+        self.summed += step;
+        if self.summed == entry.length as usize {
+            let contents = core::mem::take(&mut self.sum).finish();
+            let entry = Entry { contents, ..entry };
+            self.memory.entries[self.unsealed as usize % WINDOWS] = Entry {
+                crc: entry.checksum(),
+                ..entry
+            };
+            self.unsealed += 1;
+            self.restart_sum();
+        }
+        self.unsealed != self.next
+    }
+
+    /// The windows that are kept, oldest first: the one with this number among them, from 0.
+    pub fn kept(&self, number: u32) -> Option<Kept> {
+        let serials = self.oldest..self.next;
+        let entries = serials.map(|serial| self.entry(serial));
+        let entry = entries.filter(|entry| entry.parts > 0).nth(number as usize)?;
+        Some(Kept {
+            boot: entry.boot,
+            strike: entry.strike,
+            parts: entry.parts as u8,
+            bytes: entry.length,
+        })
+    }
+
+    /// The beginning of a window.
+    pub fn find(&self, boot: u32, strike: u32) -> Option<Cursor> {
+        (self.oldest..self.next)
+            .map(|serial| self.entry(serial))
+            .find(|entry| entry.parts > 0 && (entry.boot, entry.strike) == (boot, strike))
+            .map(|entry| Cursor {
+                serial: entry.serial,
+                at: 0,
+                part: 0,
+            })
+    }
+
+    /// Copies the next part of a window to the head of `room`. `Ok(None)` after the last one.
+    ///
+    /// # Errors
+    /// The window gave way to newer ones.
+    pub fn read(&self, cursor: &mut Cursor, room: &mut [u8]) -> Result<Option<Part>, GaveWay> {
+        if !(self.oldest..self.next).contains(&cursor.serial) {
+            return Err(GaveWay);
+        }
+        let entry = self.entry(cursor.serial);
+        if u32::from(cursor.part) == entry.parts {
+            return Ok(None);
+        }
+        let start = (entry.start as usize + cursor.at) % N;
+        let [kind, _, low, high] = [0, 1, 2, 3].map(|n| self.memory.ring[start + n]);
+        let length = usize::from(u16::from_le_bytes([low, high]));
+        let room = room.get_mut(..length).ok_or(GaveWay)?;
+        let (first, rest) = self.slices((start + HEAD) % N, length);
+        let (to_first, to_rest) = room.split_at_mut(first.len());
+        to_first.copy_from_slice(first);
+        if !rest.is_empty() {
+            to_rest.copy_from_slice(rest);
+        }
+        let number = cursor.part;
+        cursor.part += 1;
+        cursor.at += HEAD + length.next_multiple_of(4);
+        Ok(Some(Part {
+            number,
+            of: entry.parts as u8,
+            kind,
+            length,
+        }))
+    }
+
+    fn entry(&self, serial: u32) -> &Entry {
+        &self.memory.entries[serial as usize % WINDOWS]
+    }
+
+    /// Bytes of the ring, in two pieces if they wrap.
+    fn slices(&self, start: usize, length: usize) -> (&[u8], &[u8]) {
+        let first = length.min(N - start);
+        let ring = &self.memory.ring;
+        (&ring[start..start + first], &ring[..length - first])
+    }
+}
+
+/// A window is no longer kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GaveWay;
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+    use super::*;
+    use std::collections::VecDeque;
+    use std::vec::Vec;
+
+    const N: usize = 2048;
+
+    /// A window as it was put in.
+    #[derive(Clone, Debug, PartialEq)]
+    struct Given {
+        boot: u32,
+        strike: u32,
+        parts: Vec<(u8, Vec<u8>)>,
+    }
+
+    fn random(state: &mut u64) -> usize {
+        *state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 33) as usize
+    }
+
+    /// Memory as after power-up.
+    fn memory(state: &mut u64) -> Memory<N> {
+        let mut word = || random(state) as u32 * 2 + 1;
+        Memory {
+            entries: core::array::from_fn(|_| Entry {
+                serial: word(),
+                boot: word(),
+                strike: word(),
+                start: word() % N as u32,
+                length: word() % N as u32,
+                parts: 1,
+                contents: word(),
+                crc: word(),
+            }),
+            ring: core::array::from_fn(|_| word() as u8),
+        }
+    }
+
+    fn given(state: &mut u64, boot: u32, strike: u32) -> Given {
+        let parts = 1 + random(state) % 6;
+        let part = |state: &mut u64| {
+            let kind = random(state) as u8;
+            let length = random(state) % 60;
+            (kind, (0..length).map(|_| random(state) as u8).collect())
+        };
+        Given {
+            boot,
+            strike,
+            parts: (0..parts).map(|_| part(state)).collect(),
+        }
+    }
+
+    fn put(windows: &mut Windows<'_, N>, given: &Given) {
+        windows.open(given.boot, given.strike);
+        for (kind, bytes) in &given.parts {
+            windows.append(*kind, bytes);
+        }
+    }
+
+    fn all(windows: &Windows<'_, N>) -> Vec<Given> {
+        let kept = (0..).map_while(|number| windows.kept(number));
+        kept.map(|kept| {
+            let mut cursor = windows.find(kept.boot, kept.strike).unwrap();
+            let (mut parts, mut room) = (Vec::new(), [0; 64]);
+            while let Some(part) = windows.read(&mut cursor, &mut room).unwrap() {
+                assert_eq!((usize::from(part.number), part.of), (parts.len(), kept.parts));
+                parts.push((part.kind, room[..part.length].to_vec()));
+            }
+            assert_eq!(parts.len(), usize::from(kept.parts));
+            Given {
+                boot: kept.boot,
+                strike: kept.strike,
+                parts,
+            }
+        })
+        .collect()
+    }
+
+    /// Bytes that a window takes.
+    fn size(given: &Given) -> usize {
+        let parts = given.parts.iter();
+        parts
+            .map(|(_, bytes)| HEAD + bytes.len().next_multiple_of(4))
+            .sum()
+    }
+
+    #[test]
+    fn the_newest_windows_are_kept_whole_over_resets_and_the_oldest_give_way() {
+        let state = &mut 1;
+        let mut memory = memory(state);
+        let mut expected: VecDeque<Given> = VecDeque::new();
+        let (mut most, mut resets) = (0, 0);
+        for boot in 0..300 {
+            let mut windows = Windows::new(&mut memory, boot > 0);
+            assert_eq!(all(&windows), expected.make_contiguous(), "boot {boot}");
+            for strike in 0..random(state) as u32 % 40 {
+                let new = given(state, boot, strike);
+                put(&mut windows, &new);
+                if random(state) % 8 == 0 {
+                    continue; // it was cut, and is never closed
+                }
+                assert!(windows.is_open(boot, strike));
+                windows.close();
+                expected.push_back(new);
+                assert_eq!(all(&windows).last(), expected.back());
+                while windows.seal() {}
+            }
+            // The model keeps more than the memory can, which is then seen to keep the newest of them.
+            let kept = all(&windows);
+            let gone = expected.len() - kept.len();
+            expected.drain(..gone);
+            assert_eq!(kept, expected.make_contiguous(), "boot {boot}");
+            most = most.max(kept.len());
+            let bytes: usize = kept.iter().map(size).sum();
+            // What is free is less than the window that made the last one go, or the directory is full.
+            if gone > 0 {
+                assert!(kept.len() == WINDOWS || bytes + 2 * 6 * 64 > N, "{bytes} bytes");
+            }
+            resets += 1;
+        }
+        assert!(most > 15 && resets == 300, "{most}");
+    }
+
+    #[test]
+    fn of_a_memory_after_power_up_nothing_is_believed() {
+        for seed in 0..50_u64 {
+            let state = &mut { seed };
+            let mut memory = memory(state);
+            assert!(all(&Windows::new(&mut memory, true)).is_empty());
+        }
+    }
+
+    #[test]
+    fn a_short_loss_of_power_that_leaves_the_memory_as_it_was_clears_it() {
+        let state = &mut 3;
+        let mut memory = memory(state);
+        let mut windows = Windows::new(&mut memory, false);
+        put(&mut windows, &given(state, 0, 0));
+        windows.close();
+        while windows.seal() {}
+        assert_eq!(all(&Windows::new(&mut memory, true)).len(), 1);
+        assert!(all(&Windows::new(&mut memory, false)).is_empty());
+        assert!(all(&Windows::new(&mut memory, true)).is_empty());
+    }
+
+    #[test]
+    fn a_flipped_bit_costs_the_window_that_it_is_in_and_no_other() {
+        let state = &mut 5;
+        let mut memory = memory(state);
+        let mut windows = Windows::new(&mut memory, false);
+        let put_in: Vec<_> = (0..40).map(|strike| given(state, 1, strike)).collect();
+        for given in &put_in {
+            put(&mut windows, given);
+            windows.close();
+            while windows.seal() {}
+        }
+        let kept = all(&windows);
+        assert!(kept.len() > 8);
+        let (mut lost, places) = (0, N + WINDOWS);
+        for place in (0..places).step_by(7) {
+            let bit = 1 << (random(state) % 8);
+            let flip = |memory: &mut Memory<N>| match place.checked_sub(N) {
+                None => memory.ring[place] ^= bit,
+                Some(entry) => memory.entries[entry].start ^= u32::from(bit) << 2,
+            };
+            let mut copy = Memory {
+                entries: memory.entries,
+                ring: memory.ring,
+            };
+            flip(&mut copy);
+            let mut windows = Windows::new(&mut copy, true);
+            let left = all(&windows);
+            let missing: Vec<_> = kept.iter().filter(|window| !left.contains(window)).collect();
+            assert!(left.iter().all(|window| kept.contains(window)));
+            assert!(missing.len() <= 1, "{place}: {}", missing.len());
+            lost += missing.len();
+            // It goes on as before.
+            let next = given(state, 2, 0);
+            put(&mut windows, &next);
+            windows.close();
+            assert_eq!(all(&windows).last(), Some(&next));
+        }
+        assert!(lost > 100, "{lost}");
+    }
+
+    #[test]
+    fn a_window_that_gives_way_while_it_is_read_says_so() {
+        let state = &mut 7;
+        let mut memory = memory(state);
+        let mut windows = Windows::new(&mut memory, false);
+        let first = Given {
+            boot: 0,
+            strike: 0,
+            parts: std::vec![(4, std::vec![9; 50]); 10],
+        };
+        put(&mut windows, &first);
+        assert!(windows.find(0, 0).is_none(), "it is not complete");
+        windows.close();
+        let (mut cursor, mut room) = (windows.find(0, 0).unwrap(), [0; 64]);
+        assert!(windows.read(&mut cursor, &mut room).unwrap().is_some());
+        for strike in 1..4 {
+            put(
+                &mut windows,
+                &Given {
+                    strike,
+                    ..first.clone()
+                },
+            );
+            windows.close();
+        }
+        assert_eq!(windows.read(&mut cursor, &mut room), Err(GaveWay));
+        assert!(windows.find(0, 0).is_none());
+    }
+
+    #[test]
+    fn a_window_larger_than_the_memory_is_forgotten_and_the_next_one_is_kept() {
+        let mut memory = memory(&mut 9);
+        let mut windows = Windows::new(&mut memory, false);
+        let large = Given {
+            boot: 0,
+            strike: 0,
+            parts: std::vec![(4, std::vec![9; 200]); 12],
+        };
+        put(&mut windows, &large);
+        windows.close();
+        assert!(all(&windows).is_empty());
+        let small = given(&mut 1, 0, 1);
+        put(&mut windows, &small);
+        windows.close();
+        assert_eq!(all(&windows), [small]);
+    }
+}
