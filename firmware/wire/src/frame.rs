@@ -19,7 +19,7 @@
 
 use crate::body::Body;
 use crate::cause::Cause;
-use crate::message::{Kind, MAX_BODY, Message};
+use crate::message::{Fetched, Kind, MAX_BODY, Message};
 use crate::payload::{BufferTooSmall, CRC_LENGTH, VERSION, open, seal};
 use crate::sequence::Arrival;
 
@@ -156,6 +156,11 @@ impl Packed {
         self.payload[7..HEADER].copy_from_slice(&sample_index.to_le_bytes());
     }
 
+    /// Kind and body: what another frame can carry.
+    pub fn content(&self) -> (u8, &[u8]) {
+        (self.payload[1], &self.payload[Self::HEADER..self.length])
+    }
+
     /// Header and body.
     pub fn bytes(&self) -> &[u8] {
         &self.payload[..self.length]
@@ -230,5 +235,40 @@ impl<'a> Checked<'a> {
             Ok(_) => Err(Cause::Trailing),
             Err(_) => Err(Cause::Body),
         }
+    }
+}
+
+impl Fetched {
+    /// The message that it carries.
+    ///
+    /// # Errors
+    /// It is of no kind that this version knows, or its body does not decode.
+    pub fn message(&self) -> Result<Message, Cause> {
+        let kind = Kind::from_byte(self.frame_kind).ok_or(Cause::Kind(self.frame_kind))?;
+        match Message::decode(kind, self.body.bytes()) {
+            Ok((message, [])) => Ok(message),
+            Ok(_) => Err(Cause::Trailing),
+            Err(_) => Err(Cause::Body),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::{fetched, settings};
+    use crate::text::Inner;
+
+    #[test]
+    fn a_fetched_frame_gives_the_message_that_was_sent_first() {
+        let fetched = fetched::example();
+        assert_eq!(fetched.message(), Ok(settings::example().into()));
+        let unknown = Fetched {
+            frame_kind: 63,
+            ..fetched.clone()
+        };
+        assert_eq!(unknown.message(), Err(Cause::Kind(63)));
+        let body = Inner::default();
+        assert_eq!(Fetched { body, ..fetched }.message(), Err(Cause::Body));
     }
 }

@@ -11,10 +11,12 @@
 //! Kinds below 64 are the bead's. Kinds from 64 up are the host's: see [`Request`](crate::Request).
 
 pub(crate) mod fault;
+pub(crate) mod fetched;
 pub(crate) mod gap;
 pub(crate) mod guard;
 pub(crate) mod health;
 pub(crate) mod identity;
+pub(crate) mod kept;
 pub(crate) mod last_fault;
 pub(crate) mod link;
 pub(crate) mod load;
@@ -49,4 +51,6 @@ messages! {
     21 gap Gap,
     22 last_fault LastFault,
     23 guard Guard,
+    24 fetched Fetched,
+    25 kept Kept,
 }

@@ -84,6 +84,16 @@ requests! {
         /// The code over all of this.
         code: [u8; 16],
     },
+    /// Send a kept frame for each strike that the bead keeps, the oldest first.
+    77 "list kept" ListKept,
+    /// Send the frames of a strike that the bead keeps once more, as fetched frames. While strikes come, theirs go
+    /// first.
+    78 "fetch" Fetch {
+        /// The boot in which the strike was measured.
+        boot: u32,
+        /// Number of the strike in that boot.
+        strike: u32,
+    },
 }
 
 /// Writes one request, with both its delimiters, to the head of `buffer` and returns it. It is for the bead

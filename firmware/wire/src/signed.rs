@@ -109,7 +109,13 @@ impl Request {
     pub const fn changes_state(&self) -> bool {
         !matches!(
             self,
-            Self::Identity | Self::Status | Self::ReadSettings | Self::SelfTest | Self::Raw { .. }
+            Self::Identity
+                | Self::Status
+                | Self::ReadSettings
+                | Self::SelfTest
+                | Self::Raw { .. }
+                | Self::ListKept
+                | Self::Fetch { .. }
         )
     }
 

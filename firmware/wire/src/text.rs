@@ -104,10 +104,10 @@ impl<'de> Deserialize<'de> for Block {
     }
 }
 
-/// Longest body of a request that another one carries, in bytes: that of a settings block.
+/// Longest body of a frame that another one carries, in bytes: that of a settings block.
 const MAX_INNER: usize = counted(MAX_BLOCK);
 
-/// The body of a request that another one carries.
+/// The body of a frame that another one carries.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Inner(Vec<u8, MAX_INNER>);
 
@@ -115,6 +115,11 @@ impl Inner {
     /// Its bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.0
+    }
+
+    /// What `write` writes into the room for the longest body. It returns its length.
+    pub fn filled_by(write: impl FnOnce(&mut [u8]) -> usize) -> Self {
+        Self::filled(|room| Ok::<_, core::convert::Infallible>(write(room)))
     }
 
     /// What `write` writes, which returns its length. Nothing if it fails.

@@ -5,9 +5,9 @@
 mod common;
 
 use bead_wire::{
-    Block, BlockTooLong, BufferTooSmall, Cause, CodeError, Codes, Decoder, FaultCause, Fields, Force, Frame,
-    Header, MAX_BLOCK, MAX_DETAIL, MAX_FRAME, Message, Outcome, Settings, StrikeFlags, Text, VERSION, Value,
-    encode,
+    Block, BlockTooLong, BufferTooSmall, Cause, CodeError, Codes, Decoder, FaultCause, Fetched, Fields,
+    Force, Frame, Header, Inner, MAX_BLOCK, MAX_DETAIL, MAX_FRAME, Message, Outcome, Settings, StrikeFlags,
+    Text, VERSION, Value, encode,
 };
 use common::{block, decode, filler, message};
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -98,7 +98,7 @@ proptest! {
 
 #[test]
 fn no_frame_is_longer_than_max_frame_and_one_is_as_long() {
-    assert_eq!(MAX_FRAME, 282, "docs/protocol.md and hosts' buffers say so");
+    assert_eq!(MAX_FRAME, 297, "docs/protocol.md and hosts' buffers say so");
     // Bytes without a zero are the worst case of COBS.
     let header = Header {
         address: 0xFF,
@@ -106,8 +106,16 @@ fn no_frame_is_longer_than_max_frame_and_one_is_as_long() {
         sequence: u32::MAX,
         sample_index: u64::MAX,
     };
-    let message = Message::Settings(Settings {
-        block: block(&[0xFF; MAX_BLOCK]),
+    let message = Message::Fetched(Fetched {
+        boot: u32::MAX,
+        strike: u32::MAX,
+        part: 0xFF,
+        parts: 0xFF,
+        frame_kind: 0xFF,
+        body: Inner::filled_by(|room| {
+            room.fill(0xFF);
+            room.len()
+        }),
     });
     let mut buffer = [0; 2 * MAX_FRAME];
     assert_eq!(encode(&header, &message, &mut buffer).unwrap().len(), MAX_FRAME);
@@ -121,7 +129,9 @@ fn blocks_too_long_are_refused() {
     );
     // The decoder refuses them too: here the length says 257, and 257 bytes follow.
     let body = [&[0x81, 0x02][..], &[1; MAX_BLOCK + 1]].concat();
-    assert_eq!(cause(&by_hand(VERSION, 6, 0, &body)), Some(Cause::TooLong));
+    assert_eq!(cause(&by_hand(VERSION, 6, 0, &body)), Some(Cause::Body));
+    let longer = [&[0x90, 0x02][..], &[1; MAX_BLOCK + 16]].concat();
+    assert_eq!(cause(&by_hand(VERSION, 6, 0, &longer)), Some(Cause::TooLong));
     let detail = [&[0x07, 0x00, 97][..], &[b'x'; 97]].concat();
     assert_eq!(cause(&by_hand(VERSION, 16, 0, &detail)), Some(Cause::Body));
 }

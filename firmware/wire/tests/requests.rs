@@ -135,7 +135,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
         refused(Cause::Version(0xFF))
     );
     assert_eq!(only(&by_hand(VERSION, 63, 7, &[])), refused(Cause::Kind(63)));
-    assert_eq!(only(&by_hand(VERSION, 77, 7, &[])), refused(Cause::Kind(77)));
+    assert_eq!(only(&by_hand(VERSION, 99, 7, &[])), refused(Cause::Kind(99)));
     // A bead's kind is no request.
     assert_eq!(only(&by_hand(VERSION, 1, 7, &[])), refused(Cause::Kind(1)));
     assert_eq!(only(&by_hand(VERSION, 69, 7, &[0])), refused(Cause::Trailing));

@@ -37,6 +37,11 @@ names! {
         13 "late" Late,
         /// The request is signed, and the bead has no key.
         14 "no_key" NoKey,
+        /// The bead does not keep this strike: it gave way to newer ones, or was never measured, or is not yet
+        /// complete.
+        15 "not_kept" NotKept,
+        /// The line has no room for the answer, because strikes come. Ask again.
+        16 "busy" Busy,
     }
 }
 

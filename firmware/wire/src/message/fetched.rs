@@ -1,0 +1,42 @@
+use crate::body::body;
+use crate::text::Inner;
+
+body! {
+    /// A frame of an earlier strike, once more. A host asks for a strike with the request `fetch`. Its frames
+    /// come in this order: the settings that it was measured with, its waveform, the strike, its shape.
+    ///
+    /// The header is that of the answer. The boot in which the strike was measured is in the body.
+    pub struct Fetched {
+        /// The boot in which the strike was measured.
+        pub boot: u32,
+        /// Number of the strike in that boot.
+        pub strike: u32,
+        /// How many frames of the strike come before this one.
+        pub part: u8,
+        /// How many frames the strike has.
+        pub parts: u8,
+        /// Kind of the frame that it carries.
+        pub frame_kind: u8,
+        /// Body of that frame.
+        pub body: Inner,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Fetched {
+    Fetched {
+        boot: 2,
+        strike: 300,
+        part: 22,
+        parts: 24,
+        frame_kind: 6,
+        body: Inner::filled_by(|room| {
+            room[..8].copy_from_slice(b"\x07BEAD\x01\x00\xff");
+            8
+        }),
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str =
+    "000a031802040302010c0b01020a01010f0702ac021618060807424541440106ff50f782a000";

@@ -1,0 +1,29 @@
+use crate::body::body;
+
+body! {
+    /// A strike that the bead keeps, so that a host can fetch it. A host asks for the list of them; each gives
+    /// one frame, the oldest first. They outlive a reset, and the oldest give way to new ones.
+    pub struct Kept: Copy {
+        /// The boot in which the strike was measured.
+        pub boot: u32,
+        /// Number of the strike in that boot.
+        pub strike: u32,
+        /// How many frames the strike has.
+        pub parts: u8,
+        /// How many bytes of memory it takes.
+        pub bytes: u32,
+    }
+}
+
+#[cfg(test)]
+pub(crate) fn example() -> Kept {
+    Kept {
+        boot: 2,
+        strike: 300,
+        parts: 24,
+        bytes: 3_912,
+    }
+}
+
+#[cfg(test)]
+pub(crate) const GOLDEN: &str = "000a031902040302010c0b01020a01010c0702ac0218c81e075e234700";
