@@ -11,6 +11,7 @@ use bead_wire::{AHEAD, ANY, Cause, Detail, Heard, KEY, Key, Lock, Moment, Outcom
 use cortex_m::peripheral::SCB;
 use embassy_time::{Duration, Instant, Timer};
 
+use crate::keep::{self, Again, Sent};
 use crate::settings::{self, Loaded, Refusal};
 use crate::storage;
 use crate::trace::{self, Boot};
@@ -18,6 +19,9 @@ use crate::{counters, estimate, load, outbox, raw, report, self_test, supply};
 
 /// Longest wait for the frames that are queued when the host asks for a reboot.
 const DRAIN: Duration = Duration::from_millis(500);
+
+/// A strike is sent again within this time, or not: other requests wait meanwhile.
+const FETCH: Duration = Duration::from_millis(500);
 
 /// Counters of signed requests that one write to flash covers.
 const COUNTERS: u64 = 64;
@@ -62,6 +66,8 @@ enum Step {
     /// Settings were offered. Once they are in force, the answer has this line.
     InForce(&'static str),
     SelfTest,
+    /// A strike is to be sent again.
+    Fetch(Again),
     Reboot,
 }
 
@@ -87,6 +93,7 @@ impl Commands {
                     Detail::new(format_args!("{passed} of {checks} checks passed")),
                 )
             }
+            Step::Fetch(again) => fetch(again).await,
             Step::Reboot => {
                 reply(number, Answer::done());
                 reboot().await
@@ -215,6 +222,14 @@ impl Commands {
             }
             Request::ResetCounters => counters::reset(),
             Request::SetKey { key } => self.set_key(key)?,
+            Request::ListKept => {
+                let kept = keep::tell();
+                let detail = Detail::new(format_args!("{kept} strikes are kept"));
+                return Ok(Step::Answer(Answer(Outcome::Done, detail)));
+            }
+            Request::Fetch { boot, strike } => {
+                return keep::find(boot, strike).map(Step::Fetch).ok_or_else(not_kept);
+            }
             // None is left: the lock has taken out what it carries.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),
             Request::Reboot => return Ok(Step::Reboot),
@@ -293,6 +308,28 @@ fn not_understood(cause: Cause) -> Answer {
         _ => Outcome::Body,
     };
     Answer(outcome, Detail::new(format_args!("{cause}")))
+}
+
+/// Sends a strike again, frame by frame, while there is room.
+async fn fetch(mut again: Again) -> Answer {
+    let deadline = Instant::now() + FETCH;
+    loop {
+        if !outbox::has_spare(deadline).await {
+            return Answer(Outcome::Busy, "strikes come and take the line: ask again".into());
+        }
+        match again.push_next() {
+            Sent::Some => {}
+            Sent::All => return Answer::done(),
+            Sent::Gone => return not_kept(),
+        }
+    }
+}
+
+fn not_kept() -> Answer {
+    Answer(
+        Outcome::NotKept,
+        "this strike gave way to newer ones, was never measured, or is not yet complete".into(),
+    )
 }
 
 /// Flash that is written while the supply is low may keep something else.

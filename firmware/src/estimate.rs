@@ -14,7 +14,7 @@ use embassy_time::{Duration, Timer};
 use crate::block::{BLOCK_US, Block, SCANS_PER_BLOCK};
 use crate::counters;
 use crate::health::{Stillness, Watch};
-use crate::{handover, load, outbox, raw, report, settings};
+use crate::{handover, keep, load, outbox, raw, report, settings};
 
 /// Whether the meter is to look for strikes.
 static ARMED: AtomicBool = AtomicBool::new(true);
@@ -52,6 +52,7 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
             meter.restart();
             telemetry.stillness = Stillness::NONE;
             if cut {
+                keep::abandon();
                 counters::update(|c| c.health.strikes_cut += 1);
                 report::fault(FaultCause::StrikeCut, "samples of its window were lost");
             }
@@ -111,19 +112,20 @@ fn process_block(settings: &Settings, meter: &mut Meter, block: &Block, telemetr
     meter.process_words(settings, block.first_index, block.codes.words(), telemetry);
 }
 
-/// Sends what the meter finds.
+/// Sends what the meter finds, and keeps it.
 struct Telemetry {
     /// Scans of a window up to the trigger.
     history: u16,
     /// Of the sensors in the window that is being measured.
     stillness: Stillness,
-    /// Room for the frame of a piece.
+    /// Room for a frame.
     packed: Packed,
 }
 
 impl Sink for Telemetry {
     fn chunk(&mut self, chunk: &Chunk) {
         outbox::push_piece(&mut self.packed, chunk);
+        keep::add(&self.packed, chunk.strike);
         self.stillness.look(&chunk.scans, self.history);
     }
 
@@ -151,7 +153,10 @@ impl Sink for Telemetry {
             .into_iter()
             .filter(|(doubt, _)| *doubt)
             .fold(StrikeFlags::NONE, |flags, (_, flag)| flags.with(flag));
-        outbox::push(bead_telemetry::strike(report, doubts));
-        outbox::push(bead_telemetry::shape(report));
+        outbox::push_packed(&mut self.packed, bead_telemetry::strike(report, doubts));
+        keep::add(&self.packed, report.strike);
+        outbox::push_packed(&mut self.packed, bead_telemetry::shape(report));
+        keep::add(&self.packed, report.strike);
+        keep::close();
     }
 }

@@ -20,6 +20,7 @@ mod estimate;
 mod handover;
 mod health;
 mod heartbeat;
+mod keep;
 mod known_answer;
 mod load;
 mod outbox;
@@ -94,6 +95,8 @@ fn main() -> ! {
     defmt::info!("settings: {=str}", loaded.origin());
     settings::begin(loaded);
 
+    keep::begin();
+
     let converter = Converter::new(p.ADC1, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
@@ -132,6 +135,7 @@ fn main() -> ! {
     rest.spawn(transmit::transmit(transmitter, FRAME.take()).expect(ONCE));
     rest.spawn(report::report(boot, found.into_iter().flatten().collect()).expect(ONCE));
     rest.spawn(receive::receive(receiver, commands).expect(ONCE));
+    rest.spawn(keep::seal().expect(ONCE));
     rest.spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
     if sampling {
         estimate.spawn(estimate::estimate(settings, METER.take()).expect(ONCE));

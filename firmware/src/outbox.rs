@@ -21,7 +21,7 @@ use bead_wire::{Message, Packed, Queue, taken};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
 
 use crate::{counters, trace};
 
@@ -50,6 +50,11 @@ pub(crate) fn readdress(address: u8) {
 /// Puts a message in that comes in bulk, or drops and counts it.
 pub(crate) fn push(message: impl Into<Message>) {
     queue(&mut Packed::new(), &message.into(), KEPT);
+}
+
+/// The same for a message of a strike: it is still in `packed` then.
+pub(crate) fn push_packed(packed: &mut Packed, message: impl Into<Message>) {
+    queue(packed, &message.into(), KEPT);
 }
 
 /// The same for a piece of a window, which comes by the dozen: `packed` is room to work in.
@@ -84,8 +89,8 @@ fn queue(packed: &mut Packed, message: &Message, keep: usize) {
     put(packed, whole, keep);
 }
 
-/// Whether the message is whole in `packed`.
-fn pack(packed: &mut Packed, message: &Message) -> bool {
+/// Packs a message. Returns whether it is whole, which it always is.
+pub(crate) fn pack(packed: &mut Packed, message: &Message) -> bool {
     packed.pack(address(), trace::boot() as u8, message).is_ok()
 }
 
@@ -144,6 +149,18 @@ pub(crate) async fn calm() {
             Timer::after(Duration::from_millis(1)).await;
         }
     }
+}
+
+/// Waits until another frame in bulk leaves the room that the window of a strike needs. Returns false if that
+/// does not come in time: then strikes are what takes it.
+pub(crate) async fn has_spare(deadline: Instant) -> bool {
+    while room() < WINDOW.load(Ordering::Relaxed) + SPARE {
+        if Instant::now() >= deadline {
+            return false;
+        }
+        Timer::after(Duration::from_millis(1)).await;
+    }
+    true
 }
 
 /// Moves the oldest frame into `packed`; waits for one.

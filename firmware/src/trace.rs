@@ -4,13 +4,15 @@
 //! A panic or a hard fault writes its place and its cause into RAM that a reset does not change (region KEPT
 //! of `memory.x`), and resets the bead. The next boot finds the record and sends it to the host. The number
 //! of the boot is kept there too. A checksum tells a record from the random contents of RAM after power-up.
-//! The reset flag of a power-up is looked at as well, since RAM may survive a short loss of power.
+//! The reset flag of a power-up is looked at as well, since RAM may survive a short loss of power. The last
+//! windows lie in such memory too (region WINDOWS).
 
 use core::fmt;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use bead_crc::checksum_of;
+use bead_store::{Memory, Windows};
 use bead_wire::{Detail, FaultCause, MAX_DETAIL};
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
@@ -45,6 +47,16 @@ pub(crate) struct Left {
 }
 
 static BOOT: AtomicU32 = AtomicU32::new(0);
+
+/// Bytes for windows in the region WINDOWS of `memory.x`.
+pub(crate) const RING: usize = 62 * 1024;
+const _: () = assert!(size_of::<Memory<RING>>() <= 64 * 1024 - 256);
+
+/// The last windows, as far as the boot before has left them. Called once, after [`begin`].
+pub(crate) fn windows() -> Windows<'static, RING> {
+    // Boots are counted from power-up, after which there is nothing to take up.
+    Windows::new(region::windows(), boot() > 0)
+}
 
 /// The number of this boot.
 pub(crate) fn boot() -> u32 {
@@ -192,12 +204,28 @@ const _: () = assert!(
     reason = "the region KEPT is memory that no other Rust object stands for"
 )]
 mod region {
-    use super::{Kept, Region, Waiting};
+    use bead_store::Memory;
+    use static_cell::StaticCell;
+
+    use super::{Kept, RING, Region, Waiting};
 
     unsafe extern "C" {
         /// Start of the region KEPT of `memory.x`.
         #[link_name = "_kept"]
         static mut REGION: Region;
+        /// Start of the region WINDOWS of `memory.x`.
+        #[link_name = "_windows"]
+        static mut WINDOWS: Memory<RING>;
+    }
+
+    /// The region WINDOWS. A second call panics.
+    pub(super) fn windows() -> &'static mut Memory<RING> {
+        static ONCE: StaticCell<()> = StaticCell::new();
+        ONCE.init(());
+        let memory = &raw mut WINDOWS;
+        // SAFETY: the symbol is the start of 64 KiB - 256 B of RAM, aligned to 64 KiB, that are reserved for this;
+        // any contents are a `Memory`. This is the only reference to it, since `ONCE` is given away once.
+        unsafe { &mut *memory }
     }
 
     pub(super) fn read() -> Kept {
