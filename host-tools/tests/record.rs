@@ -265,7 +265,7 @@ fn a_recording_over_a_pty_holds_every_byte_sent_corrupt_ones_included() {
 fn an_unplugged_port_ends_with_status_3_and_a_whole_recording() {
     let (mut bead, port) = line();
     let directory = tempfile::tempdir().unwrap();
-    let mut running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    let mut running = Running::start(&directory, &["--port", &port, "--out", "a.mcap", "--wait", "0"]);
     bead.write_all(&stream()).unwrap();
     assert!(running.line().starts_with("strike 1 "));
     drop(bead);
@@ -288,7 +288,7 @@ fn a_megabyte_over_tcp_is_recorded_to_the_last_byte_before_the_server_closes() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let directory = tempfile::tempdir().unwrap();
     let port = format!("tcp:{}", listener.local_addr().unwrap());
-    let running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    let running = Running::start(&directory, &["--port", &port, "--out", "a.mcap", "--wait", "0"]);
     let (mut bead, _) = listener.accept().unwrap();
     let sent: Vec<u8> = (0..9000).flat_map(waveform).collect();
     assert!(sent.len() > 1 << 20);

@@ -29,6 +29,11 @@ pub(crate) struct LineOptions {
 }
 
 impl LineOptions {
+    /// Where the bead is.
+    pub(crate) fn port(&self) -> &Address {
+        &self.port
+    }
+
     pub(crate) fn open(&self) -> Result<Conversation, Failure> {
         let key = self.key.as_deref().map(key::read).transpose()?;
         let mut bead = Conversation::open(&self.port, self.baud, self.timeout)?;

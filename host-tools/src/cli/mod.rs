@@ -13,8 +13,8 @@ mod printer;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use commands::{
-    accuracy, clock, command, compare, decode, emulate, export, figures, manual, optimise, record, recover,
-    replay, settings, simulate, spheres,
+    accuracy, clock, command, compare, decode, emulate, export, fetch, figures, manual, optimise, record,
+    recover, replay, settings, simulate, spheres,
 };
 use failure::{Blame, Failure};
 
@@ -29,6 +29,7 @@ Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
   bead export run/bead-8.mcap --out tables
   bead record --port /dev/ttyUSB0
+  bead fetch --port /dev/ttyUSB0 --out kept.mcap
   bead command self-test --port /dev/ttyUSB0
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings";
 
@@ -48,6 +49,8 @@ enum Command {
     Emulate(emulate::Arguments),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
+    /// List the strikes that a bead keeps, or fetch them to a recording.
+    Fetch(fetch::Arguments),
     /// Make a recording that is cut or damaged whole, as far as it goes.
     Recover(recover::Arguments),
     /// Send a bead a request: status, identity, self-test, arm, raw samples, reboot.
@@ -90,6 +93,7 @@ impl Cli {
             Command::Simulate(arguments) => simulate::run(&arguments),
             Command::Emulate(arguments) => emulate::run(&arguments),
             Command::Record(arguments) => record::run(&arguments),
+            Command::Fetch(arguments) => fetch::run(&arguments),
             Command::Recover(arguments) => recover::run(&arguments),
             Command::Request(arguments) => command::run(&arguments),
             Command::Settings(arguments) => settings::run(&arguments),

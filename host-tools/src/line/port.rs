@@ -136,13 +136,27 @@ impl fmt::Display for Ports {
     }
 }
 
-fn port_names() -> Vec<String> {
+/// The serial ports of this computer.
+fn ports() -> Vec<serialport::SerialPortInfo> {
     // Where the kernel shows no terminals, as in some containers, serialport would panic.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
     }
     let mut ports = serialport::available_ports().unwrap_or_default();
     ports.sort_by(|a, b| a.port_name.cmp(&b.port_name));
+    ports
+}
+
+/// The serial ports of this computer that an adapter may be at: those at USB, if there are any.
+pub fn all_serial() -> Vec<Address> {
+    let ports = ports();
+    let is_usb = |port: &serialport::SerialPortInfo| matches!(port.port_type, SerialPortType::UsbPort(_));
+    let any_usb = ports.iter().any(is_usb);
+    let ports = ports.into_iter().filter(|port| is_usb(port) || !any_usb);
+    ports.map(|port| Address::Serial(port.port_name)).collect()
+}
+
+fn port_names() -> Vec<String> {
     let name = |port: serialport::SerialPortInfo| match port.port_type {
         SerialPortType::UsbPort(usb) => match usb.product {
             Some(product) => format!("{} ({product})", port.port_name),
@@ -150,7 +164,7 @@ fn port_names() -> Vec<String> {
         },
         _ => port.port_name,
     };
-    ports.into_iter().map(name).collect()
+    ports().into_iter().map(name).collect()
 }
 
 impl Address {
@@ -173,6 +187,16 @@ impl Address {
             }
         };
         Ok(Port { line })
+    }
+
+    /// Whether both are one port: a serial port may have several names.
+    pub fn is_same(&self, other: &Self) -> bool {
+        let file = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        match (self, other) {
+            (Self::Serial(one), Self::Serial(other)) => file(Path::new(one)) == file(Path::new(other)),
+            (Self::Unix(one), Self::Unix(other)) => file(one) == file(other),
+            _ => self == other,
+        }
     }
 
     fn unconnected(&self, source: io::Error) -> PortError {

@@ -1,11 +1,12 @@
-//! Bytes between the thread that reads a port and the one that records them.
+//! Bytes between the threads that read ports and the one that records them.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Received bytes, and when the last of them came.
-pub type Heard = (Instant, Vec<u8>);
+/// The number of a port, when the last of the bytes came, and the bytes received there. No bytes say that the port is
+/// there again after it was gone.
+pub type Heard = (usize, Instant, Vec<u8>);
 
 /// A queue of received bytes with an upper bound. Who fills it waits while it is full: the sender at the other
 /// end of a socket then waits too, and a serial line loses bytes, which its frames show.
@@ -42,7 +43,7 @@ impl Queue {
 
     /// Appends a piece. Waits while the queue is full; false if it is closed.
     pub fn push(&self, piece: Heard) -> bool {
-        let cost = piece.1.len() + PIECE;
+        let cost = piece.2.len() + PIECE;
         let mut state = self.state();
         while state.bytes > 0 && state.bytes + cost > self.most && !state.closed {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
@@ -65,7 +66,7 @@ impl Queue {
         let mut state = self.state();
         loop {
             if let Some(piece) = state.pieces.pop_front() {
-                state.bytes -= piece.1.len() + PIECE;
+                state.bytes -= piece.2.len() + PIECE;
                 self.changed.notify_all();
                 return Ok(Some(piece));
             }
@@ -102,7 +103,7 @@ mod tests {
     const AT_ONCE: Duration = Duration::ZERO;
 
     fn piece(byte: u8) -> Heard {
-        (Instant::now(), vec![byte; 1000])
+        (0, Instant::now(), vec![byte; 1000])
     }
 
     #[test]
@@ -116,7 +117,7 @@ mod tests {
             let mut came = Vec::new();
             while let Ok(piece) = queue.pop(Duration::from_secs(10)) {
                 assert!(queue.state().bytes <= 5000);
-                came.extend(piece.map(|(_, bytes)| bytes[0]));
+                came.extend(piece.map(|(_, _, bytes)| bytes[0]));
             }
             assert_eq!(came, (0..100).collect::<Vec<u8>>());
         });
@@ -134,7 +135,7 @@ mod tests {
             }
             assert!(!waiting.join().unwrap());
         });
-        assert_eq!(queue.pop(AT_ONCE).unwrap().unwrap().1[0], 7);
+        assert_eq!(queue.pop(AT_ONCE).unwrap().unwrap().2[0], 7);
         assert_eq!(queue.pop(AT_ONCE), Err(Closed));
     }
 
@@ -142,6 +143,6 @@ mod tests {
     fn a_piece_larger_than_the_queue_passes_when_it_is_empty() {
         let queue = Queue::new(10);
         assert!(queue.push(piece(1)));
-        assert_eq!(queue.pop(AT_ONCE).unwrap().unwrap().1.len(), 1000);
+        assert_eq!(queue.pop(AT_ONCE).unwrap().unwrap().2.len(), 1000);
     }
 }

@@ -10,7 +10,7 @@ use crate::recording::file::{Part, Pieces, Recording, RecordingError};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
 use crate::recording::printable::note;
 use crate::recording::raw;
-use crate::recording::strikes::{Known, Strikes};
+use crate::recording::strikes::{Known, Strikes, sent_again};
 
 /// A recording and where it is.
 #[derive(Debug, Clone)]
@@ -65,7 +65,12 @@ impl Received {
                 .collect(),
             any: given(&self.recording.parts),
         };
-        Ok(Strikes::new(LastSaid::new(self.recording.frames()?), known))
+        let strikes = Strikes::new(LastSaid::new(self.recording.frames()?), known);
+        if !self.recording.has_fetched {
+            return Ok(strikes);
+        }
+        let frames = self.recording.frames()?.filter_map(Item::frame);
+        Ok(strikes.knowing(sent_again(frames)))
     }
 
     /// Why there was no strike in what was heard: the check that was asked for has nothing to check.

@@ -1,12 +1,13 @@
 //! The strikes of a recording: each with its samples, the bead's result, and the settings in force.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 
 use bead_model::Scan;
 use bead_model::layout::WINDOW_MAX;
 use bead_model::settings::Settings;
 use bead_wire::{Arrival, Energy, Message, REORDER, Shape, Strike, Waveform};
 
+use crate::recording::again::{Again, Whole};
 use crate::recording::frames::Frame;
 
 /// Energies as they stood after a run of samples.
@@ -49,7 +50,8 @@ pub struct RecordedStrike {
     pub uid: Option<[u8; 12]>,
     /// Scans a second, in hertz, by its last identity before the strike.
     pub sample_rate_hz: Option<u32>,
-    /// When the host received the strike frame, in ns since 1970, if that is known.
+    /// When the host received the strike frame, in ns since 1970, if that is known. It is not of a strike that was
+    /// fetched later.
     pub received_ns: Option<u64>,
     /// What the bead said of it.
     pub said: Strike,
@@ -78,6 +80,20 @@ impl RecordedStrike {
             chunks: Vec::new(),
             settings: None,
         }
+    }
+
+    /// A strike that was sent once more.
+    fn from_whole(address: u8, whole: Whole) -> Self {
+        let mut strike = Self {
+            boot: whole.boot as u8,
+            shape: Some(whole.shape),
+            settings: Settings::decode(whole.settings.block.bytes()).ok(),
+            ..Self::new(address, whole.strike)
+        };
+        for waveform in &whole.waveforms {
+            strike.push(waveform);
+        }
+        strike
     }
 
     /// Scans a second, Hz: as the bead's identity said, else as the settings hold for.
@@ -160,6 +176,30 @@ impl From<Option<Settings>> for Known {
     }
 }
 
+/// A strike among all: address of the bead, low byte of its boot, number in that boot, first sample index.
+pub type Name = (u8, u8, u32, u64);
+
+/// Most strikes of which it is remembered that they were handed on whole.
+const REMEMBERED: usize = 1 << 16;
+
+fn name(address: u8, boot: u8, strike: &Strike) -> Name {
+    (address, boot, strike.strike, strike.first_index)
+}
+
+/// The strikes that were sent once more in `frames`, and came whole.
+pub fn sent_again(frames: impl IntoIterator<Item = Frame>) -> BTreeSet<Name> {
+    let mut again = Again::default();
+    let whole = |frame: Frame| match &frame.message {
+        Message::Fetched(fetched) => {
+            let address = frame.header.address;
+            let whole = again.take(address, fetched)?;
+            Some(name(address, whole.boot as u8, &whole.strike))
+        }
+        _ => None,
+    };
+    frames.into_iter().filter_map(whole).collect()
+}
+
 /// Puts frames together to strikes, over resets and with late frames in their place. It only keeps the
 /// strikes of the newest frames of each bead.
 #[derive(Debug, Clone)]
@@ -169,6 +209,11 @@ pub struct Strikes<I> {
     /// By address.
     boots: HashMap<u8, Boot>,
     ready: VecDeque<RecordedStrike>,
+    again: Again,
+    /// Strikes that come once more, further on.
+    to_come: BTreeSet<Name>,
+    /// Strikes that were handed on whole.
+    whole: BTreeSet<Name>,
 }
 
 impl<I: Iterator<Item = Frame>> Strikes<I> {
@@ -180,6 +225,36 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             known: known.into(),
             boots: HashMap::new(),
             ready: VecDeque::new(),
+            again: Again::default(),
+            to_come: BTreeSet::new(),
+            whole: BTreeSet::new(),
+        }
+    }
+
+    /// The same, if it is known which strikes come once more ([`sent_again`]): of a strike that is missing a part
+    /// where it came first, only the second copy is handed on.
+    pub fn knowing(self, sent_again: BTreeSet<Name>) -> Self {
+        Self {
+            to_come: sent_again,
+            ..self
+        }
+    }
+
+    /// Hands strikes on, each once.
+    fn hand_on(&mut self, strikes: Vec<RecordedStrike>) {
+        for strike in strikes {
+            let name = name(strike.address, strike.boot, &strike.said);
+            let is_whole = strike.missing() == 0 && strike.shape.is_some();
+            if self.whole.contains(&name) || !is_whole && self.to_come.contains(&name) {
+                continue;
+            }
+            if is_whole {
+                self.whole.insert(name);
+                while self.whole.len() > REMEMBERED {
+                    self.whole.pop_first();
+                }
+            }
+            self.ready.push_back(strike);
         }
     }
 
@@ -194,10 +269,22 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         match frame.arrival {
             Arrival::Restart { .. } => {
                 let boot = self.boots.remove(&address).unwrap_or_default();
-                self.ready.extend(boot.end(self.known.at(address)));
+                self.hand_on(boot.end(self.known.at(address)));
             }
             Arrival::Duplicate => return,
             _ => {}
+        }
+        if let Message::Fetched(fetched) = &frame.message {
+            if let Some(whole) = self.again.take(address, fetched) {
+                let uid = self.boots.get(&address).and_then(|boot| boot.uid);
+                let strike = RecordedStrike {
+                    uid,
+                    sample_rate_hz: frame.sample_rate_hz,
+                    ..RecordedStrike::from_whole(address, whole)
+                };
+                self.hand_on(vec![strike]);
+            }
+            return;
         }
         let boot = self.boots.entry(address).or_default();
         match frame.message {
@@ -237,7 +324,8 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             _ => {}
         }
         if frame.arrival != Arrival::Late {
-            self.ready.extend(boot.settled(newest, self.known.at(address)));
+            let settled = boot.settled(newest, self.known.at(address));
+            self.hand_on(settled);
         }
     }
 }
@@ -256,7 +344,7 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
                     let mut boots: Vec<_> = self.boots.drain().collect();
                     boots.sort_by_key(|(address, _)| *address);
                     for (address, boot) in boots {
-                        self.ready.extend(boot.end(self.known.at(address)));
+                        self.hand_on(boot.end(self.known.at(address)));
                     }
                     return self.ready.pop_front();
                 }
@@ -322,7 +410,8 @@ impl Boot {
 
 /// The strikes in `frames`: see [`Strikes`].
 pub fn assemble(frames: Vec<Frame>, known: Option<Settings>) -> Vec<RecordedStrike> {
-    Strikes::new(frames, known).collect()
+    let sent_again = sent_again(frames.iter().cloned());
+    Strikes::new(frames, known).knowing(sent_again).collect()
 }
 
 #[cfg(test)]

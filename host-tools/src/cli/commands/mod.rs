@@ -7,6 +7,7 @@ pub(crate) mod compare;
 pub(crate) mod decode;
 pub(crate) mod emulate;
 pub(crate) mod export;
+pub(crate) mod fetch;
 pub(crate) mod figures;
 pub(crate) mod manual;
 mod measured;

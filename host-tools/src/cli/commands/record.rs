@@ -1,18 +1,24 @@
-//! `bead record`: what a bead sends, to a recording.
+//! `bead record`: what beads send, to one recording.
 //!
 //! # Design
-//! One thread only reads the port. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before it costs a
-//! byte; a paused reader of standard output costs lines there and nothing else. The thread ends at
-//! `--duration`, at a signal, or when the port goes away. In each case all that it read is recorded.
+//! One thread for each port only reads it. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before it costs a
+//! byte; a paused reader of standard output costs lines there and nothing else. The threads end at
+//! `--duration`, at a signal, or when all ports have gone away for good. In each case all that they read is recorded.
+//!
+//! A bead is asked for strikes that did not come whole ([`Gaps`]), through the thread of its port.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::str::FromStr;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{self, Sender};
+use std::thread::{self, ScopedJoinHandle};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-use std::{iter, panic, thread};
+use std::{iter, panic};
 
-use bead_wire::{Arrival, Counters, Fault, Message, Strike};
+use bead_wire::{Arrival, Counters, Fault, Header, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
 
@@ -22,16 +28,26 @@ use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
 use crate::cli::printer::Printer;
-use crate::line::port::{Address, Port};
+use crate::line::gaps::Gaps;
+use crate::line::listener::{Listener, Shared};
+use crate::line::port::{Address, Port, all_serial};
 use crate::line::queue::{Closed, Queue};
+use crate::recording::again::Whole;
 use crate::recording::clock::{Live, Segment};
-use crate::recording::file::{About, RecordingError, Writer};
-use crate::recording::frames::{Frame, Item};
+use crate::recording::file::{About, Lane, Origin, RecordingError, Writer};
+use crate::recording::frames::{Frame, Item, Reader};
 use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
-Ends at Ctrl-C or after --duration with exit status 0, and with 3 when the port goes away or no frame came. The recording
-is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 seconds. Killed, it leaves F.mcap.partial,
+Several beads go into one recording, on the host's time: --port for each, or --port all for every serial port here. A
+port that does not open, that has no bead, or whose bead has another one's address costs one line; the others go on.
+A port that goes away is opened again as soon as it is back, and goes on in the same recording.
+
+No strike is lost with the cable: a bead keeps its last ten strikes and more. When one did not come whole, it is asked
+for, and stands in the recording once. --no-fetch only listens.
+
+Ends at Ctrl-C or after --duration with exit status 0, and with 3 when no port is left for --wait, or no frame came. The
+recording is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 seconds. Killed, it leaves F.mcap.partial,
 in which at most the last two seconds are missing; `bead recover` makes a whole recording of it. It takes at most 128 MB
 of memory, and an entry of an index for each 16 KiB recorded. It keeps every byte as received, corrupt frames included,
 with the time of receipt. Each strike is printed as it comes. The last line says how fast the bead's clock is against
@@ -40,15 +56,17 @@ this host's, if the recording is long enough; see `bead clock`.
 Examples:
   bead record --port /dev/ttyUSB0
   bead record --port /dev/ttyUSB0 --out strikes.mcap --duration 60
+  bead record --port /dev/ttyUSB0 --port /dev/ttyUSB1 --out chain.mcap
+  bead record --port all --out chain.mcap
   bead record --port tcp:192.168.1.7:4000 --format json | jq .absorbed_measured_j";
 
 /// Arguments of `bead record`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// A serial port or pty, tcp:HOST:PORT or unix:PATH.
-    #[arg(long, value_name = "P")]
-    port: Address,
+    /// A serial port or pty, tcp:HOST:PORT or unix:PATH; again for each further bead. Or all: every serial port here.
+    #[arg(long, value_name = "P", required = true)]
+    port: Vec<Choice>,
     /// The recording [default: bead-DATE-TIME.mcap, in UTC].
     #[arg(long, value_name = "F.mcap")]
     out: Option<PathBuf>,
@@ -60,23 +78,60 @@ pub(crate) struct Arguments {
     /// Stop after this time, s.
     #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
     duration: Option<Duration>,
+    /// How long to wait for the ports when all have gone away, s; 0 to end when one does.
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = wait)]
+    wait: Duration,
+    /// Do not ask the bead for strikes that did not come whole: only listen.
+    #[arg(long)]
+    no_fetch: bool,
     /// How to print the strikes; as JSON, one object a line, as `bead decode` does, with the time of
     /// receipt.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
 }
 
+/// A time, s, that may be 0.
+fn wait(text: &str) -> Result<Duration, String> {
+    match text.parse() {
+        Ok(0.0) => Ok(Duration::ZERO),
+        _ => output::seconds(text),
+    }
+}
+
 /// Received bytes go to the system at least this often.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// So often is it looked at whether there is something to ask a bead.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Received bytes that may wait for the disk: minutes of a serial line.
 const QUEUE: usize = 32 << 20;
+/// Bytes that are kept of a port from which no frame has come yet.
+const UNKNOWN: usize = 64 << 10;
+
+/// What `--port` names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Choice {
+    /// Every serial port that opens.
+    All,
+    One(Address),
+}
+
+impl FromStr for Choice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "all" => Ok(Self::All),
+            _ => text.parse().map(Self::One),
+        }
+    }
+}
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let started = DateTime::<Utc>::from(SystemTime::now());
     let mut target = arguments.target(started)?;
-    let mut port = arguments.port.open(arguments.baud).map_err(Failure::device)?;
+    let (addresses, ports): (Vec<_>, Vec<_>) = arguments.open()?.into_iter().unzip();
     let mut recorder = loop {
-        match Recorder::new(arguments, &target, started) {
+        match Recorder::new(arguments, &addresses, &target, started) {
             // Another program began a recording in the same second.
             Err(RecordingError::Busy(_)) if arguments.out.is_none() => target = arguments.target(started)?,
             recorder => break recorder?,
@@ -86,25 +141,51 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stop = interrupt::orderly(format!(
         "the disk was too slow to complete the recording; what came is in {partial}, for `bead recover`"
     ));
-    let deadline = arguments
-        .duration
-        .and_then(|duration| recorder.opened.checked_add(duration));
     let queue = Queue::new(QUEUE);
+    let shared = Shared {
+        stop: &stop,
+        deadline: arguments
+            .duration
+            .and_then(|duration| recorder.opened.checked_add(duration)),
+        wait: arguments.wait,
+        alive: Mutex::new(Instant::now()),
+        queue: &queue,
+    };
+    let (asks, asked): (Vec<_>, Vec<_>) = addresses.iter().map(|_| mpsc::channel()).unzip();
+    let listeners = addresses.iter().zip(asked).enumerate();
+    let listeners = listeners.map(|(source, (address, asks))| Listener {
+        source,
+        address,
+        baud: arguments.baud,
+        asks,
+        shared: &shared,
+    });
+    let left = AtomicUsize::new(addresses.len());
     let (heard, kept) = thread::scope(|scope| {
-        let listener = scope.spawn(|| {
-            let heard = listen(&mut port, &stop, deadline, &queue);
-            queue.close();
-            heard
-        });
-        let kept = recorder.keep(&queue);
+        let (left, queue) = (&left, &queue);
+        let threads: Vec<_> = listeners
+            .zip(ports)
+            .map(|(listener, port)| {
+                scope.spawn(move || {
+                    let heard = listener.listen(port, |line| output::note(format_args!("{line}")));
+                    if left.fetch_sub(1, Ordering::Relaxed) == 1 {
+                        queue.close();
+                    }
+                    heard
+                })
+            })
+            .collect();
+        let kept = recorder.keep(queue, &asks);
         queue.close();
         stop.store(true, Ordering::Relaxed);
-        let heard = listener
-            .join()
-            .unwrap_or_else(|cause| panic::resume_unwind(cause));
-        (heard, kept)
+        let join = |thread: ScopedJoinHandle<'_, io::Result<()>>| {
+            thread.join().unwrap_or_else(|cause| panic::resume_unwind(cause))
+        };
+        (threads.into_iter().map(join).collect::<Vec<_>>(), kept)
     });
     let seconds = recorder.opened.elapsed().as_secs_f64();
+    let beads = recorder.beads();
+    let several = recorder.is_of_several();
     let kept = kept.and_then(|()| recorder.writer.finish());
     let finished = kept.map_err(|error| {
         Failure::input(format!(
@@ -114,16 +195,26 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let counters = finished.counters;
     let printed = recorder.printer.finish();
 
+    let asked = asked_again(&recorder.gaps);
     let result = format!(
-        "{}: {}",
+        "{}: {}{asked}",
         finished.path.display(),
         summary(&counters, recorder.strikes, seconds)
     );
-    if let Err(reason) = heard {
+    let gone = |(address, heard): (&Address, &io::Result<()>)| {
+        let reason = heard.as_ref().err()?;
+        Some(format!("{address} went away ({reason})"))
+    };
+    let gone: Vec<_> = addresses.iter().zip(&heard).filter_map(gone).collect();
+    if several {
+        for line in beads {
+            output::note(format_args!("{line}"));
+        }
+    }
+    if !gone.is_empty() && gone.len() == addresses.len() {
         return Err(Failure::device(format!(
-            "{} went away ({reason}): all that came before is in {result}; plug it in or start it again, and record \
-             to another file",
-            arguments.port
+            "{}: all that came before is in {result}; plug it in or start it again, and record to another file",
+            gone.join(", ")
         )));
     }
     let lines = [
@@ -152,30 +243,81 @@ impl Arguments {
         let free = names.find(is_free).expect("the numbers do not end");
         given(&free)
     }
+
+    /// Opens the ports. Of several, those that do not open are told and left out.
+    fn open(&self) -> Result<Vec<(Address, Port)>, Failure> {
+        let mut addresses: Vec<Address> = Vec::new();
+        for choice in &self.port {
+            let found = match choice {
+                Choice::One(address) => vec![address.clone()],
+                Choice::All => all_serial(),
+            };
+            for address in found {
+                if !addresses.iter().any(|other| other.is_same(&address)) {
+                    addresses.push(address);
+                } else if self.port.contains(&Choice::One(address.clone())) {
+                    output::note(format_args!("{address} is named twice; it is recorded once"));
+                }
+            }
+        }
+        if addresses.is_empty() {
+            return Err(Failure::device(
+                "this computer has no serial port: plug the adapters in, or name a port",
+            ));
+        }
+        let one = addresses.len() == 1;
+        let mut open = Vec::new();
+        for address in addresses {
+            match address.open(self.baud) {
+                Ok(port) => open.push((address, port)),
+                Err(error) if one => return Err(Failure::device(error)),
+                Err(error) => output::note(format_args!("{error}; the others are recorded")),
+            }
+        }
+        if open.is_empty() {
+            return Err(Failure::device("none of the ports opens"));
+        }
+        Ok(open)
+    }
 }
 
-/// Reads the port until it is told to stop, at least once. An error means that the port went away.
-fn listen(port: &mut Port, stop: &AtomicBool, deadline: Option<Instant>, queue: &Queue) -> io::Result<()> {
-    let mut buffer = vec![0; 64 * 1024];
-    loop {
-        let length = port.read(&mut buffer)?;
-        // The time is taken here and not at the writer, where the disk would delay it.
-        let now = Instant::now();
-        let wanted = length == 0 || queue.push((now, buffer[..length].to_vec()));
-        let late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
-        if late || !wanted || stop.load(Ordering::Relaxed) {
-            return Ok(());
-        }
+/// What became of strikes that did not come whole, if there were any.
+fn asked_again(gaps: &BTreeMap<(usize, u8), Gaps>) -> String {
+    let fetched: u64 = gaps.values().map(Gaps::fetched).sum();
+    let gone: u64 = gaps.values().map(Gaps::gone).sum();
+    match (fetched, gone) {
+        (0, 0) => String::new(),
+        _ => format!("; {fetched} strikes fetched, {gone} not to be had"),
     }
+}
+
+/// A port that is recorded.
+struct Source {
+    address: Address,
+    /// Where its bytes go; none in a recording of one, and before its bead is known.
+    lane: Option<Lane>,
+    /// What came before its bead was known, and what looks for a frame in it.
+    before: Vec<(u64, Vec<u8>)>,
+    reader: Reader,
+    /// Its bead's address is another's.
+    refused: bool,
+    bead: Option<u8>,
+    strikes: u64,
 }
 
 struct Recorder {
     writer: Writer,
+    sources: Vec<Source>,
     live: Live,
     opened: Instant,
     /// The same in ns since 1970.
     opened_ns: u64,
     strikes: u64,
+    /// By port and address.
+    gaps: BTreeMap<(usize, u8), Gaps>,
+    fetch: bool,
+    /// Strikes that were printed, by port, boot and number.
+    printed: BTreeSet<(usize, u8, u32)>,
     /// See [`Frame::from_the_future`].
     from_the_future: Option<String>,
     format: Format,
@@ -184,8 +326,13 @@ struct Recorder {
 }
 
 impl Recorder {
-    /// A recorder of a port that was opened just now.
-    fn new(arguments: &Arguments, target: &Target, started: DateTime<Utc>) -> Result<Self, RecordingError> {
+    /// A recorder of ports that were opened just now.
+    fn new(
+        arguments: &Arguments,
+        addresses: &[Address],
+        target: &Target,
+        started: DateTime<Utc>,
+    ) -> Result<Self, RecordingError> {
         let opened = Instant::now();
         // From here on the monotonic clock counts, so that a step of the host's time is not taken for the
         // bead's drift.
@@ -193,62 +340,200 @@ impl Recorder {
             .duration_since(UNIX_EPOCH)
             .map_or(0, |since| since.as_nanos() as u64);
         let mut notes = BTreeMap::from([("started".into(), started.to_rfc3339())]);
-        if let Address::Serial(_) = arguments.port {
+        if addresses
+            .iter()
+            .any(|address| matches!(address, Address::Serial(_)))
+        {
             notes.insert("baud".into(), arguments.baud.to_string());
         }
+        let names: Vec<_> = addresses.iter().map(Address::to_string).collect();
+        let names = names.join(", ");
         let about = About {
-            source: arguments.port.to_string(),
+            source: names.clone(),
             notes,
             ..About::default()
         };
+        let source = |address: &Address| Source {
+            address: address.clone(),
+            lane: None,
+            before: Vec::new(),
+            reader: Reader::default(),
+            refused: false,
+            bead: None,
+            strikes: 0,
+        };
         Ok(Self {
-            writer: Writer::create(target, &about)?,
+            writer: match addresses {
+                [_] => Writer::create(target, &about)?,
+                _ => Writer::create_for_several(target, &about)?,
+            },
+            sources: addresses.iter().map(source).collect(),
             live: Live::default(),
             opened,
             opened_ns,
             strikes: 0,
+            gaps: BTreeMap::new(),
+            fetch: !arguments.no_fetch,
+            printed: BTreeSet::new(),
             from_the_future: None,
             format: arguments.format,
-            printer: Printer::new(format!("listening to {}", arguments.port)),
+            printer: Printer::new(format!("listening to {names}")),
         })
     }
 
-    /// Records what comes until the queue is closed.
-    fn keep(&mut self, queue: &Queue) -> Result<(), RecordingError> {
+    fn is_of_several(&self) -> bool {
+        self.sources.len() > 1
+    }
+
+    /// A line for each port of several: whose it is, and what was lost there.
+    fn beads(&self) -> Vec<String> {
+        let line = |source: &Source| match (source.bead, source.lane) {
+            (Some(bead), Some(lane)) => {
+                let counters = self.writer.counters_of(lane);
+                format!(
+                    "bead {bead} at {}: {} strikes, {} frames; {} lost, {} corrupt, {} restarts",
+                    source.address,
+                    source.strikes,
+                    counters.frames,
+                    counters.lost,
+                    counters.rejected.total(),
+                    counters.restarts
+                )
+            }
+            (Some(bead), None) => format!(
+                "{} was not recorded: its bead has the address {bead}, as another; give it another: bead settings \
+                 set address=N",
+                source.address
+            ),
+            (None, _) => format!(
+                "{}: no frame came; is there a bead, and does --baud match?",
+                source.address
+            ),
+        };
+        self.sources.iter().map(line).collect()
+    }
+
+    /// Records what comes until the queue is closed, and asks for what is missing.
+    fn keep(&mut self, queue: &Queue, asks: &[Sender<Vec<u8>>]) -> Result<(), RecordingError> {
+        let mut flushed = Instant::now();
         loop {
-            match queue.pop(FLUSH_EVERY) {
-                Ok(Some((received, bytes))) => {
+            match queue.pop(LOOK_EVERY) {
+                Ok(Some((source, _, bytes))) if bytes.is_empty() => {
+                    let of_port = self.gaps.iter_mut().filter(|((port, _), _)| *port == source);
+                    of_port.for_each(|(_, gaps)| gaps.came_back());
+                }
+                Ok(Some((source, received, bytes))) => {
                     let since = received.duration_since(self.opened);
                     let received_ns = self.opened_ns + since.as_nanos() as u64;
-                    self.keep_piece(&bytes, received_ns)?;
+                    self.take(source, bytes, received_ns)?;
                 }
-                Ok(None) => self.writer.flush()?,
+                Ok(None) if flushed.elapsed() >= FLUSH_EVERY => {
+                    flushed = Instant::now();
+                    self.writer.flush()?;
+                }
+                Ok(None) => {}
                 Err(Closed) => return Ok(()),
+            }
+            if self.fetch {
+                let now = Instant::now();
+                for ((source, _), gaps) in &mut self.gaps {
+                    if let Some(request) = gaps.next(now) {
+                        // A port that has gone away for good takes nothing.
+                        let _ = asks[*source].send(request);
+                    }
+                }
             }
         }
     }
 
-    fn keep_piece(&mut self, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
+    /// Takes bytes from a port: at once, or when it is known whose they are.
+    fn take(&mut self, source: usize, bytes: Vec<u8>, received_ns: u64) -> Result<(), RecordingError> {
+        let several = self.is_of_several();
+        let from = &mut self.sources[source];
+        if !several || from.lane.is_some() {
+            return self.keep_piece(source, &bytes, received_ns);
+        }
+        if from.refused {
+            return Ok(());
+        }
+        from.reader.feed(&bytes, None, |item| {
+            let address = item.frame().map(|frame| frame.header.address);
+            from.bead = from.bead.or(address);
+        });
+        from.before.push((received_ns, bytes));
+        let waiting = |from: &Source| from.before.iter().map(|(_, bytes)| bytes.len()).sum::<usize>();
+        while waiting(from) > UNKNOWN {
+            from.before.remove(0);
+        }
+        let Some(address) = from.bead else { return Ok(()) };
+        let before = std::mem::take(&mut from.before);
+        let origin = Origin {
+            address,
+            port: Some(from.address.to_string()),
+            clock: Some("host".to_owned()),
+            ..Origin::default()
+        };
+        match self.writer.join(&origin) {
+            Ok(lane) => from.lane = Some(lane),
+            Err(error @ RecordingError::SameAddress(_)) => {
+                from.refused = true;
+                output::note(format_args!(
+                    "{}: {error}; it is not recorded, the others are",
+                    from.address
+                ));
+                return Ok(());
+            }
+            Err(error) => return Err(error),
+        }
+        for (received_ns, bytes) in before {
+            self.keep_piece(source, &bytes, received_ns)?;
+        }
+        Ok(())
+    }
+
+    fn keep_piece(&mut self, source: usize, bytes: &[u8], received_ns: u64) -> Result<(), RecordingError> {
+        let several = self.is_of_several();
         let Self {
             writer,
+            sources,
             live,
             strikes,
+            gaps,
+            printed,
             from_the_future,
             format,
             printer,
             ..
         } = self;
-        writer.write(bytes, Some(received_ns), |item| {
+        let from = &mut sources[source];
+        let now = Instant::now();
+        let take = |item: Item| {
             let Item::Frame(frame) = item else { return };
             live.push(&frame);
             *from_the_future = frame.from_the_future().or(from_the_future.take());
             if frame.arrival == Arrival::Duplicate {
                 return;
             }
+            let address = frame.header.address;
+            let gaps = gaps
+                .entry((source, address))
+                .or_insert_with(|| Gaps::new(address));
+            let fetched = gaps.note(&frame, now);
+            let is_fetched = fetched.is_some();
+            let frame = fetched.map_or(frame.clone(), |whole| said_again(&frame, whole));
             let line = match &frame.message {
                 Message::Strike(strike) => {
+                    let is_new = printed.insert((source, frame.header.boot, strike.strike));
+                    while printed.len() > PRINTED {
+                        printed.pop_first();
+                    }
+                    if is_fetched && !is_new {
+                        return;
+                    }
                     *strikes += 1;
-                    strike_line(&frame, strike)
+                    from.strikes += 1;
+                    let fetched = if is_fetched { ", fetched" } else { "" };
+                    strike_line(&frame, strike) + fetched
                 }
                 Message::Fault(fault) => fault_line(fault),
                 _ => return,
@@ -259,9 +544,14 @@ impl Recorder {
                     json["received"] = rfc3339(received_ns as i64).into();
                     json.to_string()
                 }
+                Format::Table if several => format!("bead {address}: {line}"),
                 Format::Table => line,
             });
-        })?;
+        };
+        match from.lane {
+            Some(lane) => writer.write_of(lane, bytes, Some(received_ns), take)?,
+            None => writer.write(bytes, Some(received_ns), take)?,
+        }
         let counters = writer.counters();
         printer.status(|| {
             format!(
@@ -272,6 +562,21 @@ impl Recorder {
             )
         });
         Ok(())
+    }
+}
+
+/// Strikes of which it is remembered that they were printed.
+const PRINTED: usize = 4096;
+
+/// The strike frame of a strike that was fetched, as if it had come when it was measured.
+fn said_again(frame: &Frame, whole: Whole) -> Frame {
+    Frame {
+        header: Header {
+            boot: whole.boot as u8,
+            ..frame.header
+        },
+        message: whole.strike.into(),
+        ..frame.clone()
     }
 }
 

@@ -25,6 +25,8 @@ pub struct Recording {
     pub runs_missing: u64,
     /// Whether this is all.
     pub state: State,
+    /// Whether there are strikes in it that were fetched.
+    pub(in crate::recording) has_fetched: bool,
     lanes: Lanes,
     /// The bead that is looked at, if it is one of several.
     only: Option<u8>,
@@ -61,11 +63,16 @@ impl Recording {
     }
 
     fn read(path: &Path, damaged: bool) -> Result<Self, RecordingError> {
+        // The bytes of a frame begin with a length of COBS, the version, and the kind.
+        let fetched = |piece: &Piece| {
+            piece.bytes.get(1..3) == Some(&[bead_wire::VERSION, bead_wire::Kind::Fetched as u8])
+        };
+        let mut has_fetched = false;
         let mut pieces = Pieces::open(path, damaged, Lanes::default())?;
-        pieces.by_ref().for_each(drop);
+        pieces.by_ref().for_each(|piece| has_fetched |= fetched(&piece));
         if pieces.found.knew_too_late() {
             pieces = Pieces::open(path, damaged, pieces.found.lanes)?;
-            pieces.by_ref().for_each(drop);
+            pieces.by_ref().for_each(|piece| has_fetched |= fetched(&piece));
         }
         let Pieces { found, walk, .. } = pieces;
         let (runs, runs_missing) = found.counts(None);
@@ -93,6 +100,7 @@ impl Recording {
             runs,
             runs_missing,
             state: walk.state,
+            has_fetched,
             lanes: found.lanes,
             only: None,
         })

@@ -1,0 +1,164 @@
+//! `bead fetch`: the strikes that a bead keeps, listed, or to a recording.
+
+use std::path::PathBuf;
+
+use bead_wire::{Kept, MAX_FRAME, Message, Outcome, Request, encode};
+use clap::Args;
+use serde_json::json;
+
+use crate::cli::failure::Failure;
+use crate::cli::line_options::LineOptions;
+use crate::cli::output::{self, Format};
+use crate::cli::place::{self, Force, Kind};
+use crate::line::conversation::{Conversation, refused};
+use crate::recording::again::Again;
+use crate::recording::file::{About, Writer};
+use crate::recording::frames::Frame;
+
+const AFTER_HELP: &str = "\
+A bead keeps its last strikes, ten of the longest usual windows at least, also over a reset; a power cut clears them.
+Without --out they are listed. With --out they are sent again and written to a recording, bit for bit as they were
+measured, which `bead replay`, `bead compare` and `bead export` read as any other. A fetch changes nothing on the bead
+and needs no key; strikes that come meanwhile go first.
+
+`bead record` fetches by itself what was lost on the way.
+
+Exit status 1 if the bead does not keep what was asked for, 3 if it does not answer.
+
+Examples:
+  bead fetch --port /dev/ttyUSB0
+  bead fetch --port /dev/ttyUSB0 --out kept.mcap
+  bead fetch --port /dev/ttyUSB0 --boot 3 17 18 --out two.mcap";
+
+/// How often a strike is asked for whose frames are lost on the way, or while strikes take the line.
+const ATTEMPTS: u32 = 5;
+
+/// Arguments of `bead fetch`.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Arguments {
+    /// Numbers of the strikes [default: all that are kept].
+    strikes: Vec<u32>,
+    /// Only strikes of this boot.
+    #[arg(long, value_name = "N")]
+    boot: Option<u32>,
+    /// The recording to be written; without it the strikes are listed.
+    #[arg(long, value_name = "F.mcap")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+    #[command(flatten)]
+    line: LineOptions,
+    /// How to print the list.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let target = place::optional(arguments.out.as_deref(), Kind::Recording, &[], arguments.force)?;
+    let mut bead = arguments.line.open()?;
+    let kept = list(&mut bead)?;
+    let chosen: Vec<Kept> = kept.into_iter().filter(|kept| arguments.wants(kept)).collect();
+    let missing = |number: &&u32| !chosen.iter().any(|kept| kept.strike == **number);
+    if let Some(number) = arguments.strikes.iter().find(missing) {
+        return Err(Failure::Verdict(format!(
+            "the bead does not keep strike {number}: `bead fetch` without numbers lists those that it keeps"
+        )));
+    }
+    let Some(target) = target else {
+        let rows = chosen.iter().map(|kept| {
+            [kept.boot, kept.strike, kept.parts.into(), kept.bytes].map(|number| number.to_string())
+        });
+        return output::print(arguments.format, &json!({ "strikes": chosen }), || {
+            output::table("boot | strike | frames | bytes", rows)
+        });
+    };
+    if chosen.is_empty() {
+        return Err(Failure::Verdict(
+            "the bead keeps no strike: nothing is written".to_owned(),
+        ));
+    }
+    // Who the bead is gives the sample rate.
+    let identity = bead.request_done(&Request::Identity)?;
+    let mut frames: Vec<Frame> = identity.frames;
+    for kept in &chosen {
+        frames.extend(fetch(&mut bead, kept)?);
+    }
+    let about = About {
+        source: arguments.line.port().to_string(),
+        ..About::default()
+    };
+    let mut writer = Writer::create(&target, &about)?;
+    for frame in &frames {
+        let mut buffer = [0; MAX_FRAME];
+        let bytes = encode(&frame.header, &frame.message, &mut buffer);
+        let bytes = bytes.expect("MAX_FRAME bytes always suffice");
+        writer.write(bytes, frame.received_ns, |_| {})?;
+    }
+    let finished = writer.finish()?;
+    let strikes = chosen.len();
+    let path = finished.path.display().to_string();
+    output::print(
+        arguments.format,
+        &json!({ "fetched": strikes, "out": path }),
+        || format!("{path}: {strikes} strikes fetched"),
+    )
+}
+
+impl Arguments {
+    fn wants(&self, kept: &Kept) -> bool {
+        self.boot.is_none_or(|boot| boot == kept.boot)
+            && (self.strikes.is_empty() || self.strikes.contains(&kept.strike))
+    }
+}
+
+/// What the bead keeps, the oldest first.
+fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
+    let answer = bead.request(&Request::ListKept)?;
+    match answer.reply.outcome {
+        Outcome::Done => {}
+        Outcome::Kind => {
+            return Err(Failure::Verdict(
+                "the firmware of this bead keeps no strikes: flash a newer one".to_owned(),
+            ));
+        }
+        _ => return Err(refused(&answer.reply).into()),
+    }
+    let kept = |frame: &Frame| match frame.message {
+        Message::Kept(kept) => Some(kept),
+        _ => None,
+    };
+    Ok(answer.frames.iter().filter_map(kept).collect())
+}
+
+/// The frames of a strike, each of which came once at least.
+fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
+    let (boot, strike) = (kept.boot, kept.strike);
+    let mut again = Again::default();
+    let mut frames = Vec::new();
+    for _ in 0..ATTEMPTS {
+        let answer = bead.request(&Request::Fetch { boot, strike })?;
+        match answer.reply.outcome {
+            Outcome::Done | Outcome::Busy => {}
+            Outcome::NotKept => {
+                return Err(Failure::Verdict(format!(
+                    "strike {strike} of boot {boot} gave way to newer ones meanwhile: list again"
+                )));
+            }
+            _ => return Err(refused(&answer.reply).into()),
+        }
+        for frame in answer.frames {
+            let whole = match &frame.message {
+                Message::Fetched(fetched) => again.take(frame.header.address, fetched).is_some(),
+                _ => continue,
+            };
+            frames.push(frame);
+            if whole {
+                return Ok(frames);
+            }
+        }
+    }
+    Err(Failure::device(format!(
+        "strike {strike} of boot {boot} did not come whole in {ATTEMPTS} attempts: is the line noisy?"
+    )))
+}
