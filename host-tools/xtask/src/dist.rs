@@ -120,7 +120,7 @@ fn try_out(steps: &Steps, archive: &Path, name: &str) -> Result<(), Stop> {
                 .arg(format!("PATH={}", folder.join("path").display()))
                 .arg("./bead")
                 .words(words);
-            steps.run_quietly("from an empty folder, without Rust", &line)?;
+            steps.read("from an empty folder, without Rust", &line)?;
         }
         match home.join("tables/samples.parquet").is_file() {
             true => Ok(()),
