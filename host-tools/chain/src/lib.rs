@@ -23,6 +23,7 @@ mod scenario;
 mod shaker;
 mod signal;
 mod simulate;
+mod snapshots;
 pub mod solitary;
 mod solution;
 mod solver;
@@ -56,6 +57,7 @@ pub use scenario::{
 pub use shaker::{Shaken, Sweep};
 pub use signal::Signal;
 pub use simulate::{Accuracy, Options, SimulateError, simulate, simulate_with};
+pub use snapshots::Snapshots;
 pub use solution::{Sampler, Snapshot, Solution};
 pub use spectrum::{Spectrum, Taper};
 pub use split::Split;

@@ -149,6 +149,7 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
 /// # Errors
 /// The file is missing or is no scenario; the message names file, line and key.
 pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
+    // Read once: a pipe has its text only once.
     let text = text_of(path, "a scenario file in TOML")?;
     let scenario = Scenario::from_toml(&text, &path.display().to_string())?;
     Ok((scenario, text))

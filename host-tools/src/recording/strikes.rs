@@ -155,12 +155,36 @@ impl Count {
     }
 }
 
+/// Settings that beads were given, for boots whose settings frames are all lost.
+#[derive(Debug, Clone, Default)]
+pub struct Known {
+    /// By address.
+    pub of: BTreeMap<u8, Settings>,
+    /// For all others.
+    pub any: Option<Settings>,
+}
+
+impl Known {
+    fn at(&self, address: u8) -> Option<Settings> {
+        self.of.get(&address).copied().or(self.any)
+    }
+}
+
+impl From<Option<Settings>> for Known {
+    fn from(any: Option<Settings>) -> Self {
+        Self {
+            any,
+            ..Self::default()
+        }
+    }
+}
+
 /// Puts frames together to strikes, over resets and with late frames in their place. It only keeps the
 /// strikes of the newest frames of each bead.
 #[derive(Debug, Clone)]
 pub struct Strikes<I> {
     frames: I,
-    known: Option<Settings>,
+    known: Known,
     /// By address.
     boots: HashMap<u8, Boot>,
     ready: VecDeque<RecordedStrike>,
@@ -169,10 +193,10 @@ pub struct Strikes<I> {
 impl<I: Iterator<Item = Frame>> Strikes<I> {
     /// The strikes in `frames`. `known` are settings that the bead was given; they serve for a boot whose
     /// settings frames are all lost.
-    pub fn new(frames: impl IntoIterator<IntoIter = I>, known: Option<Settings>) -> Self {
+    pub fn new(frames: impl IntoIterator<IntoIter = I>, known: impl Into<Known>) -> Self {
         Self {
             frames: frames.into_iter(),
-            known,
+            known: known.into(),
             boots: HashMap::new(),
             ready: VecDeque::new(),
         }
@@ -188,7 +212,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         match frame.arrival {
             Arrival::Restart { .. } => {
                 let boot = self.boots.remove(&address).unwrap_or_default();
-                self.ready.extend(boot.end(self.known));
+                self.ready.extend(boot.end(self.known.at(address)));
             }
             Arrival::Duplicate => return,
             _ => {}
@@ -234,7 +258,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             _ => {}
         }
         if frame.arrival != Arrival::Late {
-            self.ready.extend(boot.settled(newest, self.known));
+            self.ready.extend(boot.settled(newest, self.known.at(address)));
         }
     }
 }
@@ -252,8 +276,8 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
                 None => {
                     let mut boots: Vec<_> = self.boots.drain().collect();
                     boots.sort_by_key(|(address, _)| *address);
-                    for (_, boot) in boots {
-                        self.ready.extend(boot.end(self.known));
+                    for (address, boot) in boots {
+                        self.ready.extend(boot.end(self.known.at(address)));
                     }
                     return self.ready.pop_front();
                 }

@@ -11,7 +11,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::Context;
+/// How the hidden name of a file begins that is being written.
+const PREFIX: &str = ".bead-";
+
+/// Whether a name is that of a file that is being written, or was when its program was killed.
+pub fn is_unfinished(name: &str) -> bool {
+    name.starts_with(PREFIX)
+}
 
 /// Why a file was not written.
 #[derive(Debug, thiserror::Error)]
@@ -88,16 +94,19 @@ impl Target {
             _ => Path::new("."),
         };
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".bead-");
+        builder.prefix(PREFIX);
         // A temporary file is private to its owner; a result is as readable as any other new file.
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
-        builder
-            .tempfile_in(directory)
-            .context("is the directory there, and writable?")
+        builder.tempfile_in(directory).map_err(|error| {
+            // Without the hidden name, which says nothing to anybody.
+            let reason = error.get_ref().and_then(|reason| reason.source());
+            let reason = reason.map_or_else(|| error.to_string(), ToString::to_string);
+            anyhow::anyhow!("is the directory there, and writable?: {reason}")
+        })
     }
 
     /// Writes what `fill` writes, whole or not at all.

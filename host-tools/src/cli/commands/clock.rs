@@ -117,9 +117,13 @@ fn table(report: &ClockComparison) -> String {
     if !report.strikes.is_empty() {
         let strikes = report.strikes.iter().map(|strike| {
             let arrival = format!("{:.9}", strike.arrival_s);
-            [named(&strike.place), strike.strike.to_string(), arrival]
+            let rise = strike.rise_s.map_or("-".to_owned(), |rise| format!("{rise:.9}"));
+            [named(&strike.place), strike.strike.to_string(), rise, arrival]
         });
-        parts.push(output::table("strike at | number | arrived at s", strikes));
+        parts.push(output::table(
+            "strike at | number | half its force at s | highest at s",
+            strikes,
+        ));
     }
     parts.join("\n\n")
 }

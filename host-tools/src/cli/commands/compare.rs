@@ -1,6 +1,8 @@
 //! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
 
 use std::env;
+use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::SystemTime;
@@ -9,10 +11,11 @@ use chrono::{DateTime, Utc};
 use clap::Args;
 use hertz_chain::Scenario;
 use serde_json::json;
+use sha2::{Digest, Sha256};
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::{load_scenario, only_host};
-use crate::cli::failure::Failure;
+use crate::cli::failure::{Blame, Failure};
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
 use crate::comparison::page::{Fact, Page};
@@ -22,6 +25,7 @@ use crate::comparison::strike::{FullChain, Row, StrikeComparison};
 use crate::comparison::velocity::{self, FittedVelocity};
 use crate::comparison::verdict::{Soundness, failure};
 use crate::recording::file::Part;
+use crate::recording::json::hex;
 use crate::recording::received::Received;
 use crate::recording::whole::Target;
 
@@ -192,7 +196,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let spread = deviations.spread();
     let soundness = Soundness::of(heard.counters(), heard.status.as_ref(), emulator.as_ref());
     let failure = failure(differs.as_deref(), &soundness, &spread);
-    let mut made = made().to_vec();
+    let mut made = report
+        .as_ref()
+        .map_or(Ok(Vec::new()), |_| made(&received, &text))?;
     made.extend(fitted.map(|fitted| ("striker's velocity", shown(&fitted))));
     if left_out > 0 {
         let of = format!("the first {STRIKES_MOST} of {compared}; the verdict is over all");
@@ -203,6 +209,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
         bead,
         strikes: &strikes,
+        spread: &spread,
         failure: failure.as_deref(),
         counters: heard.counters(),
         identity: heard.identity.as_ref(),
@@ -260,15 +267,20 @@ fn scenario(arguments: &Arguments, received: &Received) -> Result<(Scenario, Str
     Ok((scenario, text))
 }
 
-/// How a page was made.
-fn made() -> [Fact; 3] {
-    let command: Vec<_> = env::args().collect();
+/// How a page was made, and of what.
+fn made(received: &Received, scenario: &str) -> Result<Vec<Fact>, Failure> {
+    let command: Vec<_> = env::args().skip(1).collect();
     let now = DateTime::<Utc>::from(SystemTime::now());
-    [
-        ("command", command.join(" ")),
+    let mut recording = Sha256::new();
+    let read = File::open(&received.path).and_then(|mut file| io::copy(&mut file, &mut recording));
+    read.or_input(|| format!("cannot read {}", received.path.display()))?;
+    Ok(vec![
+        ("command", format!("bead {}", command.join(" "))),
+        ("recording, SHA-256", hex(&recording.finalize())),
+        ("scenario, SHA-256", hex(&Sha256::digest(scenario))),
         ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
         ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
-    ]
+    ])
 }
 
 fn write_figures(

@@ -1,6 +1,8 @@
 //! `bead recover`: a recording that is cut or damaged, made whole as far as it goes.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use bead_wire::{Arrival, Message};
@@ -51,6 +53,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recovered = match Recording::salvage(file) {
         Ok(recording) => recover(&recording, &target)?,
         Err(RecordingError::NotOurs(..)) if raw::frames_in(file) > 0 => from_raw(file, &target)?,
+        Err(RecordingError::NotOurs(..)) if !begins_as_mcap(file) => {
+            return Err(Failure::input(format!(
+                "{}: there is no frame of a bead and no record of a recording in it; give a recording, or the bytes that a \
+                 bead sent",
+                file.display()
+            )));
+        }
         Err(error) => return Err(error.into()),
     };
     progress.finish_and_clear();
@@ -69,7 +78,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         State::Damaged(damage) => damage.to_string(),
     };
     let result = json!({
-        "schema_version": 1,
         "recording": path,
         "found": state,
         "frames": counters.frames,
@@ -162,6 +170,12 @@ fn new_name(file: &Path) -> PathBuf {
     }
 }
 
+fn begins_as_mcap(file: &Path) -> bool {
+    let mut head = [0; 5];
+    let read = File::open(file).and_then(|mut file| file.read_exact(&mut head));
+    read.is_ok() && head == *b"\x89MCAP"
+}
+
 fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure> {
     let mut about = recording.about.clone();
     let how = match &recording.state {
@@ -171,12 +185,31 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
     };
     about.notes.insert("recovered_from".into(), how);
     let mut open = Open::default();
-    let finished = write(target, &about, |writer| {
+    let several = !recording.beads.is_empty();
+    let begin = if several {
+        Writer::create_for_several
+    } else {
+        Writer::create
+    };
+    let finished = write(begin(target, &about)?, |writer| {
         for (part, data) in &recording.parts {
             writer.attach(*part, data)?;
         }
+        let mut lanes = BTreeMap::new();
+        for bead in &recording.beads {
+            let lane = writer.join(&bead.origin)?;
+            for (part, data) in &bead.parts {
+                writer.attach_to(lane, *part, data)?;
+            }
+            lanes.insert(bead.origin.address, lane);
+        }
         for piece in recording.pieces()? {
-            writer.write(&piece.bytes, piece.received_ns, |item| open.push(item))?;
+            let (bytes, received_ns) = (&piece.bytes, piece.received_ns);
+            match piece.bead.and_then(|address| lanes.get(&address)) {
+                Some(lane) => writer.write_of(*lane, bytes, received_ns, |item| open.push(item))?,
+                None if several => {}
+                None => writer.write(bytes, received_ns, |item| open.push(item))?,
+            }
         }
         Ok(())
     })?;
@@ -195,7 +228,7 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
         ..About::default()
     };
     let mut open = Open::default();
-    let finished = write(target, &about, |writer| {
+    let finished = write(Writer::create(target, &about)?, |writer| {
         raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item)))
     })?;
     let other = Some("it has raw bytes, without times of receipt".to_owned());
@@ -212,11 +245,9 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
 
 /// Writes a recording; one that fails is removed, as its source is there.
 fn write(
-    target: &Target,
-    about: &About,
+    mut writer: Writer,
     fill: impl FnOnce(&mut Writer) -> Result<(), RecordingError>,
 ) -> Result<Finished, Failure> {
-    let mut writer = Writer::create(target, about)?;
     let partial = writer.partial_path().to_owned();
     let _listed = Unfinished::list(&partial);
     let finished = fill(&mut writer).and_then(|()| writer.finish());

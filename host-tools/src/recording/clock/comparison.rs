@@ -5,12 +5,15 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::recording::arrival::rise;
 use crate::recording::clock::alignment::{Alignment, common_edges};
 use crate::recording::clock::fit::Fit;
 use crate::recording::clock::segments::{Segment, Struck, Tracker};
 use crate::recording::file::RecordingError;
 use crate::recording::json::hex;
 use crate::recording::received::Received;
+use crate::recording::signal::Signal;
+use crate::recording::strikes::RecordedStrike;
 
 /// What `bead clock` finds: each recording against the host, and against the first.
 #[derive(Debug, Clone, Serialize)]
@@ -89,6 +92,9 @@ pub struct StrikeArrival {
     pub strike: u32,
     /// When its force was highest, in s of the reference since its reset.
     pub arrival_s: f64,
+    /// When its force rose through half of that, if its samples were received: the front is steep, and so this is
+    /// some times as exact.
+    pub rise_s: Option<f64>,
 }
 
 /// A boot of a bead, and its clock against the host's.
@@ -180,7 +186,7 @@ impl ClockComparison {
 fn fitted(path: &Path, left_out: &mut Vec<String>) -> Result<Vec<Vec<Fitted>>, RecordingError> {
     let received = Received::open(path)?;
     let mut beads = BTreeMap::<u8, Vec<Segment>>::new();
-    let tracker = Tracker::of(&received.recording)?;
+    let mut tracker = Tracker::of(&received.recording)?;
     let shown = path.display();
     if tracker.left_out {
         let kept = tracker.segments.len();
@@ -192,6 +198,7 @@ fn fitted(path: &Path, left_out: &mut Vec<String>) -> Result<Vec<Vec<Fitted>>, R
             "{shown}: {events} edges and strikes, as a boot has more than a million"
         ));
     }
+    find_fronts(&mut tracker.segments, received.strikes()?);
     for segment in tracker.segments {
         beads.entry(segment.address).or_default().push(segment);
     }
@@ -211,6 +218,23 @@ fn fitted(path: &Path, left_out: &mut Vec<String>) -> Result<Vec<Vec<Fitted>>, R
         .map(boots)
         .filter(|boots| !boots.is_empty())
         .collect())
+}
+
+/// Finds the front of each strike whose samples were received.
+fn find_fronts(segments: &mut [Segment], strikes: impl Iterator<Item = RecordedStrike>) {
+    for strike in strikes {
+        let found = segments
+            .iter_mut()
+            .filter(|segment| (segment.address, segment.boot) == (strike.address, strike.boot))
+            .flat_map(|segment| &mut segment.struck)
+            .find(|struck| struck.strike == strike.said.strike);
+        let whole = strike.settings.filter(|_| strike.missing() == 0);
+        let signal = whole.and_then(|settings| Signal::of(&strike.scans, &settings));
+        if let Some(struck) = found {
+            let rise = signal.as_ref().and_then(rise);
+            struck.rise = rise.map(|rise| strike.said.first_index as f64 + rise);
+        }
+    }
 }
 
 fn clock_report((place, fit, segment): &Fitted) -> ClockReport {
@@ -236,6 +260,7 @@ fn arrivals(segment: &Segment, place: &Place, reference: impl Fn(f64) -> f64) ->
             place: place.clone(),
             strike: struck.strike,
             arrival_s: reference(segment.seconds(struck.position)?),
+            rise_s: struck.rise.and_then(|rise| segment.seconds(rise)).map(&reference),
         })
     };
     segment.struck.iter().filter_map(arrival).collect()

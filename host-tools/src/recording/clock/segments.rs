@@ -41,6 +41,8 @@ pub struct Struck {
     pub strike: u32,
     /// Where it lies, in samples.
     pub position: f64,
+    /// Where the force rose through half of its height, in samples, if that was looked for and found.
+    pub rise: Option<f64>,
 }
 
 /// What a bead sent between two resets.
@@ -198,6 +200,7 @@ impl Segment {
             Message::Shape(shape) => self.struck.push(Struck {
                 strike: shape.strike,
                 position: shape.first_index as f64 + shape.arrival.samples(),
+                rise: None,
             }),
             _ => {}
         }
