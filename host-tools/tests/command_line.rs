@@ -470,13 +470,13 @@ fn files_without_end_and_files_that_are_no_text_are_refused_in_a_line() {
         std::fs::write(&path, bytes).unwrap();
         path.display().to_string()
     };
-    let long = at("long.toml", &b"# no end\n".repeat(200_000));
+    let long = at("long.toml", &b"# no end\n".repeat(2_000_000));
     let latin = at("latin.toml", b"title = \"Sto\xdf\"");
     let emulate = |faults: &str| ["emulate", SCENARIO, "--bead", "8", "--faults", faults].map(str::to_owned);
     for (file, why) in [
-        ("/dev/zero", "is no text: it has zero bytes"),
-        (&long, "is longer than 1 MiB"),
-        (&latin, "is no text: byte 12 is not UTF-8"),
+        ("/dev/zero", "has more than 16 MiB"),
+        (&long, "has more than 16 MiB"),
+        (&latin, "is no text in UTF-8"),
     ] {
         let lines = [
             vec!["simulate".to_owned(), file.to_owned()],
@@ -491,7 +491,7 @@ fn files_without_end_and_files_that_are_no_text_are_refused_in_a_line() {
     refused(
         &["settings", "show", "/dev/zero"],
         2,
-        &["/dev/zero", "are no settings"],
+        &["/dev/zero", "this is no settings block"],
     );
 }
 

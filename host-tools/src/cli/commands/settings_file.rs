@@ -124,10 +124,10 @@ fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
     File::open(file)
         .and_then(|open| open.take(MAX_BLOCK as u64 + 1).read_to_end(&mut bytes))
         .or_input(|| format!("cannot read {name}"))?;
-    if bytes.len() > MAX_BLOCK {
+    if bytes.is_empty() || bytes.len() > MAX_BLOCK {
         return Err(Failure::input(format!(
-            "{name}: more than {MAX_BLOCK} bytes are no settings; give a file that `bead settings read`, `bead settings \
-             make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml"
+            "{name}: this is no settings block, which has 1 to {MAX_BLOCK} bytes; give a file that `bead settings read`, \
+             `bead settings make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml"
         )));
     }
     Ok(bytes)
