@@ -16,6 +16,10 @@ use crate::counters;
 use crate::health::{Stillness, Watch};
 use crate::{handover, keep, load, outbox, raw, report, settings};
 
+/// Windows up to this length, in scans, are kept for a host that missed them. To copy a longer one beside measuring
+/// it would take a block over its budget.
+const KEPT_LONGEST: u16 = 672;
+
 /// Whether the meter is to look for strikes.
 static ARMED: AtomicBool = AtomicBool::new(true);
 
@@ -32,6 +36,7 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
     let mut watch = Watch::new();
     let mut telemetry = Telemetry {
         history: settings.window.history,
+        keeps: settings.window.length <= KEPT_LONGEST,
         stillness: Stillness::NONE,
         packed: Packed::new(),
     };
@@ -67,6 +72,7 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
             if let Some(new) = settings::take() {
                 settings = new;
                 telemetry.history = settings.window.history;
+                telemetry.keeps = settings.window.length <= KEPT_LONGEST;
                 room = bead_telemetry::room_for_window(&settings);
                 meter.restart();
             } else if armed && !before {
@@ -116,6 +122,8 @@ fn process_block(settings: &Settings, meter: &mut Meter, block: &Block, telemetr
 struct Telemetry {
     /// Scans of a window up to the trigger.
     history: u16,
+    /// Whether its windows are kept.
+    keeps: bool,
     /// Of the sensors in the window that is being measured.
     stillness: Stillness,
     /// Room for a frame.
@@ -125,7 +133,7 @@ struct Telemetry {
 impl Sink for Telemetry {
     fn chunk(&mut self, chunk: &Chunk) {
         outbox::push_piece(&mut self.packed, chunk);
-        keep::add(&self.packed, chunk.strike);
+        self.keep(chunk.strike);
         self.stillness.look(&chunk.scans, self.history);
     }
 
@@ -154,9 +162,20 @@ impl Sink for Telemetry {
             .filter(|(doubt, _)| *doubt)
             .fold(StrikeFlags::NONE, |flags, (_, flag)| flags.with(flag));
         outbox::push_packed(&mut self.packed, bead_telemetry::strike(report, doubts));
-        keep::add(&self.packed, report.strike);
+        self.keep(report.strike);
         outbox::push_packed(&mut self.packed, bead_telemetry::shape(report));
-        keep::add(&self.packed, report.strike);
-        keep::close();
+        self.keep(report.strike);
+        if self.keeps {
+            keep::close();
+        }
+    }
+}
+
+impl Telemetry {
+    /// Keeps the frame that was just packed.
+    fn keep(&self, strike: u32) {
+        if self.keeps {
+            keep::add(&self.packed, strike);
+        }
     }
 }
