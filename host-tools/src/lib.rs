@@ -1,12 +1,13 @@
 //! Host tools of the sensing absorber bead.
 //!
 //! # Design
-//! The library has six rooms. A file imports from its own room and from the rooms below it, never from a
+//! The library has seven rooms. A file imports from its own room and from the rooms below it, never from a
 //! higher one.
 //!
 //! | room | holds |
 //! |---|---|
 //! | [`cli`] | the command line: commands, options, output, exit statuses |
+//! | [`mod@sweep`] | many scenarios over axes of parameters: points, chunks, parts, clusters |
 //! | [`export`] | strikes and samples as tables, and as files of other trades |
 //! | [`comparison`] | replay, estimates in f64, a strike held against the simulation, the report page |
 //! | [`mod@bench`] | what a bead senses, its front end, the image in QEMU, faults |
@@ -19,3 +20,4 @@ pub mod comparison;
 pub mod export;
 pub mod line;
 pub mod recording;
+pub mod sweep;

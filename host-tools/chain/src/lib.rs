@@ -2,6 +2,7 @@
 
 mod absorption;
 mod collision;
+mod curve;
 mod dop853;
 mod ensemble;
 mod fit;
@@ -22,6 +23,7 @@ mod scenario;
 mod shaker;
 mod signal;
 mod simulate;
+mod snapshots;
 pub mod solitary;
 mod solution;
 mod solver;
@@ -33,6 +35,7 @@ mod validity;
 
 pub use absorption::Absorption;
 pub use collision::Collision;
+pub use curve::Curve;
 pub use ensemble::{EnsembleOptions, Outcome, ensemble};
 pub use fit::FitError;
 pub use flow::{Flow, Passed};
@@ -54,6 +57,7 @@ pub use scenario::{
 pub use shaker::{Shaken, Sweep};
 pub use signal::Signal;
 pub use simulate::{Accuracy, Options, SimulateError, simulate, simulate_with};
+pub use snapshots::Snapshots;
 pub use solution::{Sampler, Snapshot, Solution};
 pub use spectrum::{Spectrum, Taper};
 pub use split::Split;

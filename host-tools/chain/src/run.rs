@@ -6,7 +6,7 @@
 //! way. A step computes only the beads that the wave moves ([`crate::solver`]), so with nothing kept a pulse in
 //! a long elastic chain costs as much in each bead as in a short one.
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
 use crate::model::Model;
@@ -51,8 +51,11 @@ impl Run {
         Self::start(Arc::new(model), (0.0, &start), accuracy)
     }
 
-    /// Refuses a run to `end`, s, if it would take absurdly long.
-    pub(crate) fn check(&self, end: f64, longest_step: f64) -> Result<(), SimulateError> {
+    /// Refuses a run to `end`, s, if it would take absurdly long. `longest_step` is that of the accuracy.
+    ///
+    /// # Errors
+    /// [`SimulateError::TooStiff`].
+    pub fn check(&self, end: f64, longest_step: f64) -> Result<(), SimulateError> {
         let Some((bead, rate)) = self.model.absurd_intruder() else {
             return Ok(());
         };
@@ -141,11 +144,29 @@ impl Run {
     /// # Errors
     /// [`SimulateError::Stuck`].
     pub fn watch(&mut self, time: f64, mut look: impl FnMut(&mut Step<'_>)) -> Result<(), SimulateError> {
+        let all = self.watch_while(time, |step| {
+            look(step);
+            ControlFlow::<()>::Continue(())
+        });
+        all.map(|_| ())
+    }
+
+    /// [`Run::watch`] until `look` has seen enough.
+    ///
+    /// # Errors
+    /// [`SimulateError::Stuck`].
+    pub fn watch_while<B>(
+        &mut self,
+        time: f64,
+        mut look: impl FnMut(&mut Step<'_>) -> ControlFlow<B>,
+    ) -> Result<ControlFlow<B>, SimulateError> {
         self.stepper.keep_inside();
         while self.time() < time {
-            look(&mut self.step(time)?);
+            if let ControlFlow::Break(enough) = look(&mut self.step(time)?) {
+                return Ok(ControlFlow::Break(enough));
+            }
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Everything, at the time where the run is.
@@ -194,6 +215,19 @@ impl Step<'_> {
 
     pub(crate) fn parts(&mut self) -> (&Model, &mut Stepper) {
         (&self.run.model, &mut self.run.stepper)
+    }
+
+    pub(crate) fn shared_model(&self) -> &Arc<Model> {
+        &self.run.model
+    }
+
+    /// What it takes to repeat the step: the chain on lanes, and the tolerance.
+    pub(crate) fn method(&self) -> (Arc<Lanes>, f64) {
+        (self.run.lanes(), self.run.stepper.tolerance())
+    }
+
+    pub(crate) fn write_state(&mut self, out: &mut [f64]) {
+        self.run.write_state(out);
     }
 
     /// Bodies that something moves in this step, in runs of neighbours. All others stand still or fly freely.

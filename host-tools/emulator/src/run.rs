@@ -11,6 +11,7 @@ mod folder;
 mod image;
 mod live;
 mod log;
+mod one_core;
 mod overlay;
 mod process;
 mod qemu;

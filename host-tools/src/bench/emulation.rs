@@ -27,6 +27,9 @@ pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
 /// a sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
 
+/// The longest run, s of the bead's time: its codes take 2.4 MB a second while it begins.
+const LONGEST: f64 = 1200.0;
+
 /// The pin of the sync input (`firmware/src/sync.rs`).
 const SYNC_PIN: &str = "PA15";
 /// Length of a sync pulse, s. The bead uses its rising edge.
@@ -134,6 +137,7 @@ impl Placed {
 }
 
 /// What a bead with a fast clock senses: its seconds are shorter.
+#[derive(Clone)]
 struct OnClock<S> {
     sensed: S,
     /// Seconds of the clock in a true second.
@@ -147,6 +151,10 @@ impl<S: Stimulus> Stimulus for OnClock<S> {
 
     fn acceleration(&mut self, time: f64) -> f64 {
         self.sensed.acceleration(time / self.rate)
+    }
+
+    fn silent_until(&self, time: f64) -> f64 {
+        self.sensed.silent_until(time / self.rate) * self.rate
     }
 }
 
@@ -175,7 +183,8 @@ pub struct EmulatorReport {
     pub unmodelled: Vec<String>,
     /// Virtual time of the run, s.
     pub virtual_seconds: f64,
-    /// Time that the run took on this computer, s.
+    /// Time that the run took on this computer, s. Not kept in a recording: equal runs have equal files.
+    #[serde(default, skip_serializing)]
     pub real_seconds: f64,
     /// The image's own log.
     pub log: Vec<String>,
@@ -305,17 +314,25 @@ impl Emulation {
                 solution.end()
             )));
         }
+        let long = timing.start(timing.strikes.saturating_sub(1)) + solution.end() + TAIL;
+        if long > LONGEST {
+            return Err(BenchError::Unfit(format!(
+                "{} strikes every {} s are {long:.0} s of the bead's time, and {LONGEST} s fit in memory; give fewer \
+                 --strikes or a shorter --interval",
+                timing.strikes, timing.interval
+            )));
+        }
         let timing = Timing {
             lead_in: timing.lead_in - placed.began,
             ..timing
         };
         let clock_ppm = (placed.clock_ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
         let rate = 1.0 + clock_ppm * 1e-6;
-        let mut sensed = OnClock {
+        let sensed = OnClock {
             sensed: Sensed::new(solution, bead, timing),
             rate,
         };
-        let codes = front_end.digitise(&mut sensed, timing.scans(solution.end() + TAIL), seed);
+        let codes = front_end.digitise(&sensed, timing.scans(solution.end() + TAIL), seed);
         let truth = RunTruth {
             bead,
             truth: Truth::of(scenario, solution, bead)?,

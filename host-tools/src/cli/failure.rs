@@ -18,6 +18,7 @@ use crate::line::key::KeyError;
 use crate::recording::file::RecordingError;
 use crate::recording::time_series::TimeSeriesError;
 use crate::recording::whole::WriteError;
+use crate::sweep::folder::FolderError;
 
 /// Why a command did not end with exit status 0. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
@@ -68,6 +69,7 @@ input_errors!(
     hertz_chain::InputError,
     hertz_chain::SimulateError,
     hertz_figures::error::Error,
+    FolderError,
     KeyError,
     RecordingError,
     TimeSeriesError,

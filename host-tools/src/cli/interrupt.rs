@@ -9,6 +9,8 @@
 //! its recording; after [`PATIENCE`], or at the second signal, it ends all the same, and its file stays readable
 //! under its temporary name.
 //!
+//! A command that goes on where it was, such as a sweep, says so: [`resumable`].
+//!
 //! A signal that is ignored when the program starts stays ignored: under `nohup` a recording outlives its
 //! terminal.
 
@@ -34,6 +36,8 @@ struct Orderly {
 }
 
 static ORDERLY: OnceLock<Orderly> = OnceLock::new();
+/// How a command can be gone on with.
+static RESUMABLE: OnceLock<String> = OnceLock::new();
 
 /// Listens for signals from now on. Call it once, first.
 ///
@@ -73,11 +77,17 @@ pub fn orderly(left: String) -> Arc<AtomicBool> {
     Arc::clone(&orderly.stop)
 }
 
+/// A command that ends at once may leave finished parts of its work; `how` says how to go on with them.
+pub fn resumable(how: String) {
+    // A command says it once.
+    let _ = RESUMABLE.set(how);
+}
+
 /// Ends the program. Nothing half-done stays under a name that was asked for.
 fn end(signal: i32) -> ! {
     remove_unfinished();
-    match ORDERLY.get() {
-        Some(Orderly { left, .. }) => note(format_args!("interrupted; {left}")),
+    match ORDERLY.get().map(|orderly| &orderly.left).or(RESUMABLE.get()) {
+        Some(left) => note(format_args!("interrupted; {left}")),
         None => note(format_args!("interrupted; nothing is left behind, run it again")),
     }
     process::exit(128 + signal)

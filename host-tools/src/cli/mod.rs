@@ -11,11 +11,11 @@ pub mod output;
 pub mod place;
 mod printer;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     accuracy, clock, command, compare, decode, emulate, export, figures, manual, optimise, record, recover,
-    replay, settings, simulate, spheres,
+    replay, settings, simulate, spheres, sweep,
 };
 use failure::{Blame, Failure};
 
@@ -25,6 +25,7 @@ Results go to standard output, everything else to standard error.
 
 Examples:
   bead simulate docs/scenarios/paper-strike.toml
+  bead sweep docs/scenarios/stiffness-and-speed.toml --out map.parquet
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead replay run/bead-8.mcap
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
@@ -68,6 +69,8 @@ enum Command {
     Clock(clock::Arguments),
     /// Find the intruders that leave least energy in the chain.
     Optimise(optimise::Arguments),
+    /// Run a scenario over axes of its parameters, into one table.
+    Sweep(Box<sweep::Arguments>),
     /// Tabulate the error of the image's estimates over strikers and speeds.
     Accuracy(accuracy::Arguments),
     /// Tabulate the error of the image's estimates over materials and diameters of spheres.
@@ -81,6 +84,12 @@ enum Command {
 }
 
 impl Cli {
+    /// What was typed. Ends the program if that is no command, or asks for help.
+    pub fn typed() -> Self {
+        let matches = with_negative_numbers(Self::command()).get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
+
     /// Runs the command that was given.
     ///
     /// # Errors
@@ -100,6 +109,7 @@ impl Cli {
             Command::Export(arguments) => export::run(&arguments),
             Command::Clock(arguments) => clock::run(&arguments),
             Command::Optimise(arguments) => optimise::run(&arguments),
+            Command::Sweep(arguments) => sweep::run(&arguments),
             Command::Accuracy(arguments) => accuracy::run(&arguments),
             Command::Spheres(arguments) => spheres::run(&arguments),
             Command::Figures(arguments) => figures::run(&arguments),
@@ -107,4 +117,14 @@ impl Cli {
             Command::Man(arguments) => manual::manual(&arguments, Self::command()),
         }
     }
+}
+
+/// A command whose options take `-1` as a number, and say themselves what is wrong with it.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|argument| match argument.get_action().takes_values() {
+            true => argument.allow_negative_numbers(true),
+            false => argument,
+        })
+        .mut_subcommands(with_negative_numbers)
 }

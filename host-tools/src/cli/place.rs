@@ -18,7 +18,7 @@ use crate::recording::whole::Target;
 /// `--force`.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct Force {
-    /// Replace outputs of the same kind that are there already. Inputs and other files are never replaced.
+    /// Replace outputs of the same kind. Inputs and other files are never replaced.
     #[arg(long)]
     pub force: bool,
 }

@@ -8,6 +8,7 @@
 //! the recordings.
 
 mod columns;
+pub mod read;
 pub mod samples;
 pub mod strikes;
 pub mod table;

@@ -53,6 +53,19 @@ impl<'a> Parquet<'a> {
     /// # Errors
     /// The file cannot be written.
     pub fn new(file: &'a mut File, name: &str, columns: &[Column]) -> anyhow::Result<Self> {
+        Self::signed(file, name, columns, &[])
+    }
+
+    /// The same, with more that the file says of itself.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn signed(
+        file: &'a mut File,
+        name: &str,
+        columns: &[Column],
+        said: &[(&str, &str)],
+    ) -> anyhow::Result<Self> {
         let field = |column: &Column| {
             let (kind, end) = match column.kind {
                 Kind::Whole => ("INT64", ""),
@@ -63,7 +76,7 @@ impl<'a> Parquet<'a> {
         };
         let fields: String = columns.iter().map(field).collect();
         let schema = parse_message_type(&format!("message {name} {{ {fields} }}"))?;
-        let metadata = vec![
+        let mut metadata = vec![
             KeyValue::new(
                 "made_by".to_owned(),
                 concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -71,6 +84,10 @@ impl<'a> Parquet<'a> {
             KeyValue::new("table".to_owned(), name.to_owned()),
             KeyValue::new("schema_version".to_owned(), "1".to_owned()),
         ];
+        let said = said
+            .iter()
+            .map(|(key, value)| ((*key).to_owned(), (*value).to_owned()));
+        metadata.extend(said.map(|(key, value)| KeyValue::new(key, value)));
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_key_value_metadata(Some(metadata))

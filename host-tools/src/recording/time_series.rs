@@ -2,10 +2,13 @@
 //!
 //! The file's key-value metadata holds the scenario's title, the scenario itself (JSON) and the row rate.
 
+use std::fs::File;
+use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::Context;
-use hertz_chain::{Scenario, Snapshot, Solution};
+use hertz_chain::{Model, Options, Run, Scenario, SimulateError, Snapshot, Snapshots, Summariser, Summary};
 use parquet::basic::Compression;
 use parquet::data_type::DoubleType;
 use parquet::file::metadata::KeyValue;
@@ -19,7 +22,7 @@ use crate::recording::whole::{Target, WriteError};
 #[derive(Debug, thiserror::Error)]
 pub enum TimeSeriesError {
     /// A rate that gives no second row, or too many.
-    #[error("--rate {rate_hz}: gives {rows:.0} rows over {end} s; give a rate in Hz, such as 1e6")]
+    #[error("--rate {rate_hz:?}: gives {rows:?} rows over {end} s; give a rate in Hz, such as 1e6")]
     Rate {
         /// Rows a second, Hz.
         rate_hz: f64,
@@ -28,6 +31,9 @@ pub enum TimeSeriesError {
         /// The end of the simulation, s.
         end: f64,
     },
+    /// The scenario cannot be run.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
     /// The file cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -35,6 +41,8 @@ pub enum TimeSeriesError {
 
 /// Rows held in memory at a time.
 const ROW_GROUP: usize = 8192;
+/// Values held in memory at a time.
+const VALUES: usize = 1 << 22;
 
 /// A column: its name, and its value at a time.
 type Column = (String, Box<dyn Fn(&Snapshot<'_>) -> f64>);
@@ -43,8 +51,7 @@ fn column(name: impl Into<String>, value: impl Fn(&Snapshot<'_>) -> f64 + 'stati
     (name.into(), Box::new(value))
 }
 
-fn columns(solution: &Solution) -> Vec<Column> {
-    let model = solution.model();
+fn columns(model: &Model) -> Vec<Column> {
     let mut columns = vec![column("time_s", |s| s.time())];
     for contact in 1..=model.contacts() {
         let name = format!("contact_{contact}_force_N");
@@ -74,25 +81,18 @@ fn columns(solution: &Solution) -> Vec<Column> {
     columns
 }
 
-/// Writes `solution` on a regular grid of `rate_hz` rows a second, the first at 0.
-///
-/// # Errors
-/// A rate that is no positive number or gives no second row, or a file that cannot be written.
-pub fn write(
-    scenario: &Scenario,
-    solution: &Solution,
-    rate_hz: f64,
-    target: &Target,
-) -> Result<(), TimeSeriesError> {
-    let rows = solution.end() * rate_hz;
-    if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
-        let end = solution.end();
-        return Err(TimeSeriesError::Rate { rate_hz, rows, end });
-    }
-    // Rounding must not lose a last row that falls on the end.
-    let rows = (rows * (1.0 + 1e-12)).floor() as usize + 1;
-    let columns = columns(solution);
-    Ok(target.write(|file| {
+/// A file of rows that come one by one.
+struct Rows<'a> {
+    writer: SerializedFileWriter<&'a mut File>,
+    columns: Vec<Column>,
+    /// Of each column, those that are not written yet.
+    waiting: Vec<Vec<f64>>,
+    group: usize,
+}
+
+impl<'a> Rows<'a> {
+    fn new(file: &'a mut File, scenario: &Scenario, model: &Model, rate_hz: f64) -> anyhow::Result<Self> {
+        let columns = columns(model);
         let fields = columns
             .iter()
             .map(|(name, _)| format!("REQUIRED DOUBLE {name}; "));
@@ -107,25 +107,99 @@ pub fn write(
             .set_compression(Compression::SNAPPY)
             .set_key_value_metadata(Some(metadata))
             .build();
-        let mut writer = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))?;
-        let mut sampler = solution.sampler();
-        for first in (0..rows).step_by(ROW_GROUP) {
-            let snapshots: Vec<Snapshot<'_>> = (first..rows.min(first + ROW_GROUP))
-                .map(|row| sampler.at((row as f64 / rate_hz).min(solution.end())))
-                .collect();
-            let mut group = writer.next_row_group()?;
-            for (_, value) in &columns {
-                let values: Vec<f64> = snapshots.iter().map(value).collect();
-                let out = group.next_column()?;
-                let mut out = out.context("the schema has too few columns")?;
-                out.typed::<DoubleType>().write_batch(&values, None, None)?;
-                out.close()?;
-            }
-            group.close()?;
+        Ok(Self {
+            writer: SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))?,
+            waiting: vec![Vec::new(); columns.len()],
+            // A long chain has many columns.
+            group: ROW_GROUP.min(VALUES / columns.len()).max(1),
+            columns,
+        })
+    }
+
+    fn push(&mut self, snapshot: &Snapshot<'_>) -> anyhow::Result<()> {
+        for ((_, value), waiting) in self.columns.iter().zip(&mut self.waiting) {
+            waiting.push(value(snapshot));
         }
-        writer.close()?;
+        if self.waiting[0].len() == self.group {
+            self.flush()?;
+        }
         Ok(())
-    })?)
+    }
+
+    fn flush(&mut self) -> anyhow::Result<()> {
+        let mut group = self.writer.next_row_group()?;
+        for values in &mut self.waiting {
+            let out = group.next_column()?;
+            let mut out = out.context("the schema has too few columns")?;
+            out.typed::<DoubleType>().write_batch(values, None, None)?;
+            out.close()?;
+            values.clear();
+        }
+        group.close()?;
+        Ok(())
+    }
+
+    fn finish(mut self) -> anyhow::Result<()> {
+        if !self.waiting[0].is_empty() {
+            self.flush()?;
+        }
+        self.writer.close()?;
+        Ok(())
+    }
+}
+
+/// Runs a scenario and writes it on a regular grid of `rate_hz` rows a second, the first at 0, while it runs. Gives its
+/// summary. Nothing but some rows is kept, so the chain may have any length.
+///
+/// # Errors
+/// A rate that is no positive number or gives no second row, a scenario that cannot be run, or a file that cannot be
+/// written.
+pub fn write(
+    scenario: &Scenario,
+    options: &Options<'_>,
+    rate_hz: f64,
+    target: &Target,
+) -> Result<Summary, TimeSeriesError> {
+    let (clock, end) = (Instant::now(), scenario.duration);
+    let rows = end * rate_hz;
+    if !(rate_hz > 0.0 && (1.0..1e9).contains(&rows)) {
+        return Err(TimeSeriesError::Rate { rate_hz, rows, end });
+    }
+    let mut run = Run::new(scenario, options.accuracy)?;
+    run.check(end, options.accuracy.longest_step)?;
+    let mut found = Summariser::new(&mut run);
+    let mut snapshots = Snapshots::new(&mut run, rate_hz, end);
+    let mut ran = Ok(ControlFlow::Continue(()));
+    target
+        .write(|file| {
+            let mut table = Rows::new(file, scenario, run.model(), rate_hz)?;
+            ran = run.watch_while(end, |step| {
+                found.look(step);
+                if step.number().is_multiple_of(64) {
+                    options.progress.iter().for_each(|told| told(step.to() / end));
+                }
+                let mut written = Ok(());
+                snapshots.look(step, |snapshot| {
+                    if written.is_ok() {
+                        written = table.push(snapshot);
+                    }
+                });
+                written.map_or_else(ControlFlow::Break, ControlFlow::Continue)
+            });
+            match &mut ran {
+                Ok(ControlFlow::Continue(())) => table.finish(),
+                Ok(ControlFlow::Break(error)) => Err(std::mem::replace(error, anyhow::anyhow!("it is told"))),
+                // The file is not kept, and the caller hears why.
+                Err(_) => anyhow::bail!("the run has not ended"),
+            }
+        })
+        .map_err(|error| match ran {
+            Err(stuck) => TimeSeriesError::Simulate(stuck),
+            Ok(_) => error.into(),
+        })?;
+    let mut summary = found.summary(&mut run);
+    summary.solver.seconds = clock.elapsed().as_secs_f64();
+    Ok(summary)
 }
 
 #[cfg(test)]
@@ -148,7 +222,8 @@ mod tests {
         let solution = hertz_chain::simulate(&scenario).unwrap();
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("strike.parquet");
-        write(&scenario, &solution, 1e5, &Target::new(&path)).unwrap();
+        let summary = write(&scenario, &Options::default(), 1e5, &Target::new(&path)).unwrap();
+        assert_eq!(summary.final_state, solution.summary().final_state);
 
         let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
         let metadata = reader.metadata().file_metadata();
@@ -180,11 +255,31 @@ mod tests {
     }
 
     #[test]
+    fn a_long_chain_is_written_while_it_runs() {
+        let mut scenario = Scenario::paper();
+        (scenario.chain.beads, scenario.chain.relaxation, scenario.duration) = (2000, 0.0, 0.4);
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("long.parquet");
+        let draft = Options {
+            accuracy: hertz_chain::Accuracy::DRAFT,
+            ..Options::default()
+        };
+        write(&scenario, &draft, 10.0, &Target::new(&path)).unwrap();
+        let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
+        assert_eq!(reader.metadata().file_metadata().num_rows(), 5);
+    }
+
+    #[test]
     fn a_rate_without_rows_is_refused() {
         let scenario = short_scenario();
-        let solution = hertz_chain::simulate(&scenario).unwrap();
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1.0] {
-            let error = write(&scenario, &solution, rate, &Target::new("never.parquet")).unwrap_err();
+            let error = write(
+                &scenario,
+                &Options::default(),
+                rate,
+                &Target::new("never.parquet"),
+            )
+            .unwrap_err();
             assert!(matches!(error, TimeSeriesError::Rate { .. }), "{error}");
         }
     }

@@ -54,7 +54,7 @@ const WORKSPACE: &[Package] = &[
     Package {
         name: "bead",
         knows: HOST,
-        rooms: &["recording", "line", "bench", "comparison", "export", "cli"],
+        rooms: &["recording", "line", "bench", "comparison", "export", "sweep", "cli"],
     },
     package("bead-figures", HOST),
     package("bead-tests", HOST),

@@ -199,6 +199,11 @@ impl Stepper {
         self.rest.keep_awake(&self.lanes, &mut self.work, self.time);
     }
 
+    /// The error allowed to each step.
+    pub(crate) fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
     /// Makes one step that meets the tolerance and does not pass `stop`. A step that reaches `stop` ends on
     /// it exactly.
     pub(crate) fn advance(&mut self, stop: f64) -> Result<(), Stuck> {

@@ -3,12 +3,14 @@
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{BufReader, Write};
+use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use super::error::{RunError, io};
 use super::folder::Folder;
+use super::one_core;
 use super::overlay::{self, Overlay};
 use super::qemu::{FoundQemu, wanted_version};
 use crate::ending::{End, Place};
@@ -72,18 +74,23 @@ impl Job {
         let stderr =
             File::create(folder.path("stderr")).map_err(io("cannot write the run's temporary files"))?;
         let program = &self.qemu.program;
-        Command::new(program)
+        let child = Command::new(program)
             .args(["-M", "netduinoplus2", "-icount"])
             .arg(format!("shift={},sleep=off", self.shift))
             .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
             .arg(format!("{},run={}", plugin.display(), folder.path("").display()))
             .args(&self.arguments)
+            // Ctrl-C at a terminal goes to the whole group of the program in front. It is for the host to say
+            // what becomes of the run.
+            .process_group(0)
             // The overlay watches the other end: a QEMU whose host is gone ends.
             .stdin(Stdio::piped())
             .stdout(stdout)
             .stderr(stderr)
             .spawn()
-            .map_err(|_| RunError::QemuMissing(program.to_string_lossy().into_owned()))
+            .map_err(|_| RunError::QemuMissing(program.to_string_lossy().into_owned()))?;
+        one_core::keep(&child);
+        Ok(child)
     }
 
     /// Waits until QEMU ends. At the limit it is asked for its report.

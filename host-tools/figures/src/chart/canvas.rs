@@ -94,6 +94,16 @@ impl Canvas {
         ));
     }
 
+    /// A rectangle between two corners, of a colour that is data and the same on every page.
+    pub(super) fn cell(&mut self, one: (f64, f64), other: (f64, f64), colour: &str) {
+        let (x, y) = (one.0.min(other.0), one.1.min(other.1));
+        let (width, height) = ((one.0 - other.0).abs(), (one.1 - other.1).abs());
+        self.push(format_args!(
+            "<rect x=\"{x:.2}\" y=\"{y:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"{colour}\" \
+             shape-rendering=\"crispEdges\"/>"
+        ));
+    }
+
     /// A line through these points.
     pub(super) fn line(&mut self, points: &[(f64, f64)], ink: Ink, width: f64, dashes: &str) {
         let mut path = String::new();

@@ -3,6 +3,7 @@
 use super::canvas::{Anchor, Canvas, width};
 use super::ink::Ink;
 use super::legend::{Legend, draw_at_end, room_at_end};
+use super::map::Map;
 use super::panel::{Axis, Panel};
 use super::scale::Ticks;
 use super::series::{Series, Stroke};
@@ -85,7 +86,8 @@ impl<'a> Frame<'a> {
         } else {
             NUMBERS + GAP
         };
-        self.legend.height() + note
+        let bar = self.panel.map.as_ref().map_or(0.0, Map::bar_height);
+        self.legend.height() + note + bar
     }
 
     /// The height of what stands below the axes.
@@ -99,6 +101,9 @@ impl<'a> Frame<'a> {
     /// Draws it below `top`.
     pub(super) fn draw(&self, canvas: &mut Canvas, top: f64, columns: Columns) {
         let Columns { left, right } = columns;
+        if let Some(map) = &self.panel.map {
+            map.draw_bar(canvas, (left, right), top + self.legend.height());
+        }
         self.legend.draw(canvas, (left, top));
         let top = top + self.above();
         let bottom = top + f64::from(self.panel.height);
@@ -110,11 +115,20 @@ impl<'a> Frame<'a> {
             let (low, high) = self.y_places;
             bottom - (place - low) / (high - low) * (bottom - top)
         };
-        for (place, _) in &self.x_ticks.major {
-            canvas.line(&[(x(*place), top), (x(*place), bottom)], Ink::Grid, 1.0, "");
-        }
-        for (place, _) in &self.y_ticks.major {
-            canvas.line(&[(left, y(*place)), (right, y(*place))], Ink::Grid, 1.0, "");
+        match &self.panel.map {
+            // Lines to read values off would cut the cells.
+            Some(map) => {
+                let (across, up) = (self.x.scale, self.panel.y_scale);
+                map.draw(canvas, |value| x(across.place(value)), |value| y(up.place(value)));
+            }
+            None => {
+                for (place, _) in &self.x_ticks.major {
+                    canvas.line(&[(x(*place), top), (x(*place), bottom)], Ink::Grid, 1.0, "");
+                }
+                for (place, _) in &self.y_ticks.major {
+                    canvas.line(&[(left, y(*place)), (right, y(*place))], Ink::Grid, 1.0, "");
+                }
+            }
         }
         self.axes(canvas, (left, right), (top, bottom), x, y);
         let at_end = self.curves(canvas, x, y);

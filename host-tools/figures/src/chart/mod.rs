@@ -2,7 +2,7 @@
 //!
 //! # Design
 //! A [`Chart`] is data: panels with curves over axes. Drawing has three layers: `frame` places a panel's axes,
-//! ticks and curves, `legend` the names, and `canvas` writes lines, marks and text as SVG. All axes of a chart
+//! ticks and curves, `legend` the names, `map` colours cells, and `canvas` writes lines, marks and text as SVG. All axes of a chart
 //! begin and end in the same columns. A chart inside a page and a chart in its own file share the sheet
 //! [`style`].
 
@@ -10,12 +10,14 @@ mod canvas;
 mod frame;
 mod ink;
 mod legend;
+mod map;
 mod panel;
 mod scale;
 mod series;
 
 pub use canvas::{escape, raised};
 pub use ink::{FAMILY, Ink, style};
+pub use map::Map;
 pub use panel::{Axis, Panel};
 pub use scale::Scale;
 pub use series::{Mark, Series};

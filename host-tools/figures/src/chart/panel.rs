@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::map::Map;
 use super::scale::Scale;
 use super::series::Series;
 
@@ -59,6 +60,8 @@ pub struct Panel {
     pub note: String,
     /// The names stand at the ends of the curves, and not in a legend above them.
     pub named_at_end: bool,
+    /// Cells under the curves.
+    pub map: Option<Map>,
 }
 
 impl Panel {
@@ -73,6 +76,7 @@ impl Panel {
             x: None,
             note: String::new(),
             named_at_end: false,
+            map: None,
         }
     }
 
@@ -115,6 +119,13 @@ impl Panel {
     #[must_use]
     pub fn named_at_end(mut self) -> Self {
         self.named_at_end = true;
+        self
+    }
+
+    /// The same over cells coloured by a value.
+    #[must_use]
+    pub fn map(mut self, map: Map) -> Self {
+        self.map = Some(map);
         self
     }
 

@@ -152,8 +152,11 @@ fn speed_time(runs: &[Arc<Run>]) -> Vec<Check> {
 fn size_time(runs: &[Arc<Run>]) -> Vec<Check> {
     let times: Vec<f64> = runs.iter().map(|run| contact_time(run)).collect();
     checks![
-        "contact time, least growth from size to size": least_growth(&times) => at_least(1.2);
-        "contact time, 19 mm over 4.5 mm": times[3] / times[0] => at_least(4.0);
+        // By an integration of another kind (symplectic, fourth order, equal steps). The largest striker stays with
+        // bead 1 until the wave is back from the far end.
+        "contact time, 4.5 mm", "µs": 1e6 * times[0] => close(127.08, 1e-4);
+        "contact time, least growth from size to size": least_growth(&times) => close(1.5085, 2e-4);
+        "contact time, 19 mm over 4.5 mm": times[3] / times[0] => close(78.974, 2e-4);
     ]
 }
 
@@ -182,9 +185,9 @@ fn size_force(runs: &[Arc<Run>]) -> Vec<Check> {
     let pulses: Vec<f64> = runs.iter().map(count).collect();
     checks![
         "pulses from the striker of 4.5 mm": pulses[0] => near(1.0, 0.0);
-        "pulses from the striker of 19 mm": pulses[3] => at_least(4.0);
-        "pulses, least step from size to size":
-            pulses.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min) => at_least(0.0);
+        "pulses from the striker of 9 mm": pulses[1] => near(1.0, 0.0);
+        "pulses from the striker of 14 mm": pulses[2] => near(2.0, 0.0);
+        "pulses from the striker of 19 mm": pulses[3] => near(5.0, 0.0);
     ]
 }
 
@@ -201,8 +204,9 @@ fn frequencies(runs: &[Arc<Run>]) -> Vec<f64> {
 fn modulus_spectrum(runs: &[Arc<Run>]) -> Vec<Check> {
     let frequencies = frequencies(runs);
     checks![
-        "-3 dB frequency, stiffest striker", "Hz": frequencies[3] => near(900.0, 60.0);
-        "greatest over least, three decades of modulus": ratio(frequencies) => at_most(1.02);
+        // Both by an integration of another kind.
+        "-3 dB frequency, stiffest striker", "Hz": frequencies[3] => close(902.541, 2e-5), paper "some 900 Hz";
+        "greatest over least, three decades of modulus": ratio(frequencies) => close(1.007_675, 1e-5);
     ]
 }
 

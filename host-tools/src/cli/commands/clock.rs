@@ -33,6 +33,9 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let report = compare(&arguments.recordings)?;
+    for what in &report.left_out {
+        output::note(format_args!("left out: {what}"));
+    }
     output::print(arguments.format, &report, || table(&report))
 }
 

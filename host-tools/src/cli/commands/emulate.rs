@@ -102,8 +102,9 @@ pub(crate) struct Arguments {
     /// Let chance choose when each bead takes its first scan, within this time, s, by the seed of the noise.
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     start_spread: f64,
-    /// How long an instruction takes, as QEMU's -icount counts it: 2^N ns [default: 3, which is 8 ns]; 4 is as
-    /// slow as a core that waits for flash at every turn.
+    /// How long an instruction takes, as QEMU's -icount counts it: 2^N ns [default: 3, which is 8 ns].
+    ///
+    /// With 4 it is as slow as a core that waits for flash at every turn.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
     shift: Option<u8>,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
@@ -129,6 +130,8 @@ pub(crate) struct Arguments {
 /// The bead reports edges that are more than 10 ms apart (`firmware/src/sync.rs`); the rest is for its own
 /// delay.
 const SYNC_LEAST: f64 = 0.02;
+/// A run's last strike comes this long after its first at the latest, s: its codes are in memory, 0.8 MB a second.
+const LONGEST: f64 = 1200.0;
 /// The time between edges with several beads, s, if nobody gives another.
 const SYNC_OF_SEVERAL: f64 = 0.1;
 /// Quiet before the first strike, s: the image has started, its detector is armed.
@@ -170,6 +173,13 @@ impl Arguments {
         ensure!(
             interval.is_finite() && interval > 0.0,
             "--interval {interval}: give a time in s"
+        );
+        let seconds = interval * f64::from(self.strikes - 1);
+        ensure!(
+            seconds <= LONGEST,
+            "--strikes {} --interval {interval:?}: this takes {seconds:?} s, and a run {LONGEST} s at most; strike less often, \
+             or sooner",
+            self.strikes
         );
         if let Some(period) = self.sync_period {
             ensure!(
@@ -491,7 +501,9 @@ fn record(
     };
     let written = write()?;
     for (target, (emulation, _)) in settings.iter().zip(ran) {
-        target.write_bytes(&emulation.block)?;
+        target
+            .beside(recording.path(), &written.path)
+            .write_bytes(&emulation.block)?;
     }
     Ok(written.path)
 }

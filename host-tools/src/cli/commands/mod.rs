@@ -19,3 +19,7 @@ pub(crate) mod settings;
 mod settings_file;
 pub(crate) mod simulate;
 pub(crate) mod spheres;
+pub(crate) mod sweep;
+mod sweep_cluster;
+mod sweep_plot;
+mod sweep_work;

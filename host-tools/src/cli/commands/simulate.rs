@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use hertz_chain::{Options, Scenario, Summary, Validity, simulate_with, summarise};
+use hertz_chain::{Options, Scenario, Summary, Validity, summarise};
 use serde::Serialize;
 
 use crate::cli::failure::Failure;
@@ -54,14 +54,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ..Options::default()
     };
     let summary = match &out {
-        // Without a file nothing is kept: a chain may have any length.
+        // Nothing is kept in memory: a chain may have any length.
         None => summarise(&scenario, &options)?,
-        Some(out) => {
-            let solution = simulate_with(&scenario, &options)?;
-            progress.set_message(format!("writing {}", out.path().display()));
-            time_series::write(&scenario, &solution, arguments.rate, out)?;
-            solution.summary()
-        }
+        Some(out) => time_series::write(&scenario, &options, arguments.rate, out)?,
     };
     progress.finish_and_clear();
     let validity = Validity::of(&scenario, &summary.peak_force)?;

@@ -25,9 +25,14 @@ pub struct ClockComparison {
     pub reference: Option<Place>,
     /// One for each boot of another bead that has two edges or more in common with the reference.
     pub alignments: Vec<AlignmentReport>,
-    /// Strikes on the reference's time, in the order of their arrival.
+    /// Strikes on the reference's time, in the order of their arrival: at most 100 000.
     pub strikes: Vec<StrikeArrival>,
+    /// What memory had no room for, in words; empty if nothing.
+    pub left_out: Vec<String>,
 }
+
+/// Strikes that are shown at most.
+const STRIKES_MOST: usize = 100_000;
 
 /// A recording, a bead in it and one of its boots.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -100,9 +105,9 @@ type Fitted = (Place, Fit, Segment);
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
 pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
-    let mut recordings = Vec::new();
+    let (mut recordings, mut left_out) = (Vec::new(), Vec::new());
     for path in paths {
-        let beads = fitted(path)?;
+        let beads = fitted(path, &mut left_out)?;
         if beads.is_empty() {
             return Err(RecordingError::Clock(format!(
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
@@ -116,6 +121,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
         reference: None,
         alignments: Vec::new(),
         strikes: Vec::new(),
+        left_out,
     };
     let Some(([first, neighbours @ ..], others)) =
         recordings.split_first().map(|(own, rest)| (&own[..], rest))
@@ -141,6 +147,17 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
         }
     }
     report.strikes.sort_by(|a, b| a.arrival_s.total_cmp(&b.arrival_s));
+    if let Some(more) = report
+        .strikes
+        .len()
+        .checked_sub(STRIKES_MOST)
+        .filter(|more| *more > 0)
+    {
+        report.strikes.truncate(STRIKES_MOST);
+        report
+            .left_out
+            .push(format!("{more} strikes after the first {STRIKES_MOST}"));
+    }
     Ok(report)
 }
 
@@ -166,12 +183,23 @@ impl ClockComparison {
 }
 
 /// The boots of each bead in a recording, without those that have no receive times.
-fn fitted(path: &Path) -> Result<Vec<Vec<Fitted>>, RecordingError> {
+fn fitted(path: &Path, left_out: &mut Vec<String>) -> Result<Vec<Vec<Fitted>>, RecordingError> {
     let received = Received::open(path)?;
     let mut beads = BTreeMap::<u8, Vec<Segment>>::new();
-    let mut segments = Tracker::of(&received.recording)?.segments;
-    find_fronts(&mut segments, received.strikes()?);
-    for segment in segments {
+    let mut tracker = Tracker::of(&received.recording)?;
+    let shown = path.display();
+    if tracker.left_out {
+        let kept = tracker.segments.len();
+        left_out.push(format!("{shown}: boots of beads after the first {kept}"));
+    }
+    let events: u64 = tracker.segments.iter().map(|segment| segment.left_out).sum();
+    if events > 0 {
+        left_out.push(format!(
+            "{shown}: {events} edges and strikes, as a boot has more than a million"
+        ));
+    }
+    find_fronts(&mut tracker.segments, received.strikes()?);
+    for segment in tracker.segments {
         beads.entry(segment.address).or_default().push(segment);
     }
     let boots = |(address, segments): (u8, Vec<Segment>)| -> Vec<Fitted> {

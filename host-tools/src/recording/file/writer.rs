@@ -50,7 +50,12 @@ impl Writer {
     /// The directory cannot be written to, or another program is recording under that name.
     pub fn create_for_several(target: &Target, about: &About) -> Result<Self, RecordingError> {
         let (file, partial) = create_partial(target.path())?;
-        let failed = RecordingError::unwritten(&partial);
+        let named = partial.clone();
+        let failed = |error| {
+            // Nothing was received yet. If it cannot be removed either, the message names it.
+            let _ = std::fs::remove_file(&named);
+            RecordingError::unwritten(&named)(error)
+        };
         let mut mcap = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK))
@@ -66,7 +71,7 @@ impl Writer {
             })?;
             mcap.flush()
         };
-        begin().map_err(failed)?;
+        begin().map_err(&failed)?;
         Ok(Self {
             target: target.clone(),
             partial,

@@ -1,0 +1,137 @@
+//! Tables on their way out of a Parquet file that this program wrote: a row group at a time.
+
+use std::fs::File;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
+use parquet::basic::Type;
+use parquet::column::reader::{ColumnReader, get_typed_column_reader};
+use parquet::data_type::{ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+
+use crate::export::columns::{Cell, Column, Kind};
+
+/// A table that is read.
+pub struct Reading {
+    reader: SerializedFileReader<File>,
+    columns: Vec<Column>,
+}
+
+/// Some rows of a table, column by column.
+#[derive(Debug)]
+pub struct Group {
+    columns: Vec<Vec<Cell>>,
+}
+
+impl Reading {
+    /// Opens a table.
+    ///
+    /// # Errors
+    /// It cannot be read, or is no Parquet file with columns of this program's kinds.
+    pub fn open(path: &Path) -> anyhow::Result<Self> {
+        let file = File::open(path).context("it cannot be read")?;
+        let reader = SerializedFileReader::new(file).context("it is no Parquet file")?;
+        let schema = reader.metadata().file_metadata().schema_descr();
+        let column = |n: usize| {
+            let column = schema.column(n);
+            let kind = match column.physical_type() {
+                Type::INT64 => Kind::Whole,
+                Type::DOUBLE => Kind::Number,
+                Type::BYTE_ARRAY => Kind::Text,
+                other => anyhow::bail!(
+                    "column {} is of type {other}, which this program does not write",
+                    column.name()
+                ),
+            };
+            Ok(Column::new(column.name(), kind))
+        };
+        let columns = (0..schema.num_columns())
+            .map(column)
+            .collect::<anyhow::Result<_>>()?;
+        Ok(Self { reader, columns })
+    }
+
+    /// The columns, in their order.
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// Rows in all.
+    pub fn rows(&self) -> u64 {
+        self.reader.metadata().file_metadata().num_rows().unsigned_abs()
+    }
+
+    /// What the file says of itself under a key.
+    pub fn said(&self, key: &str) -> Option<&str> {
+        let pairs = self.reader.metadata().file_metadata().key_value_metadata()?;
+        pairs.iter().find(|pair| pair.key == key)?.value.as_deref()
+    }
+
+    /// The rows, in order.
+    pub fn groups(&self) -> impl Iterator<Item = anyhow::Result<Group>> + '_ {
+        (0..self.reader.num_row_groups()).map(|group| self.group(group, |_| true))
+    }
+
+    /// The cells of one column.
+    ///
+    /// # Errors
+    /// The file is damaged, or has no such column.
+    pub fn column(&self, name: &str) -> anyhow::Result<Vec<Cell>> {
+        let place = self.columns.iter().position(|column| column.name == name);
+        let place = place.with_context(|| format!("it has no column {name}"))?;
+        let mut cells = Vec::new();
+        for group in 0..self.reader.num_row_groups() {
+            cells.append(&mut self.group(group, |column| column == place)?.columns[place]);
+        }
+        Ok(cells)
+    }
+
+    fn group(&self, group: usize, wanted: impl Fn(usize) -> bool) -> anyhow::Result<Group> {
+        let group = self.reader.get_row_group(group)?;
+        let rows = usize::try_from(group.metadata().num_rows())?;
+        let column = |(place, column): (usize, &Column)| match wanted(place) {
+            true => cells(group.get_column_reader(place)?, column.kind, rows),
+            false => Ok(Vec::new()),
+        };
+        let columns = self.columns.iter().enumerate().map(column);
+        Ok(Group {
+            columns: columns.collect::<anyhow::Result<_>>()?,
+        })
+    }
+}
+
+fn cells(reader: ColumnReader, kind: Kind, rows: usize) -> anyhow::Result<Vec<Cell>> {
+    /// The values that are there, and 0 for each that is not.
+    fn read<T: DataType>(
+        reader: ColumnReader,
+        rows: usize,
+        cell: impl Fn(&T::T) -> anyhow::Result<Cell>,
+    ) -> anyhow::Result<Vec<Cell>> {
+        let (mut values, mut known) = (Vec::new(), Vec::new());
+        let mut reader = get_typed_column_reader::<T>(reader);
+        let depth = reader.read_records(rows, Some(&mut known), None, &mut values)?.0;
+        anyhow::ensure!(depth == rows && known.len() == rows, "the file is damaged");
+        let mut values = values.iter();
+        let next = |known: i16| match known {
+            0 => Ok(Cell::Null),
+            _ => cell(values.next().context("the file is damaged")?),
+        };
+        known.into_iter().map(next).collect()
+    }
+    match kind {
+        Kind::Whole => read::<Int64Type>(reader, rows, |value| Ok(Cell::Whole(*value))),
+        Kind::Number => read::<DoubleType>(reader, rows, |value| Ok(Cell::Number(*value))),
+        Kind::Text => read::<ByteArrayType>(reader, rows, |value| {
+            Ok(Cell::Text(Arc::from(std::str::from_utf8(value.data())?)))
+        }),
+    }
+}
+
+impl Group {
+    /// The rows.
+    pub fn into_rows(self) -> impl Iterator<Item = Vec<Cell>> {
+        let mut columns: Vec<_> = self.columns.into_iter().map(Vec::into_iter).collect();
+        std::iter::from_fn(move || columns.iter_mut().map(Iterator::next).collect())
+    }
+}

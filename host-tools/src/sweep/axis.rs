@@ -1,0 +1,238 @@
+//! Axes of a sweep: the values of one key, of several that go together, or of points that are drawn.
+
+use std::collections::HashSet;
+
+use toml::Value;
+
+use crate::export::{Cell, Kind};
+use crate::sweep::draw::{Method, coordinate};
+use crate::sweep::key::Key;
+
+/// One direction of a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// The column that numbers its places, where several keys change along it.
+    pub name: Option<String>,
+    /// What changes along it.
+    pub along: Vec<Along>,
+    /// How many places it has.
+    pub count: u64,
+}
+
+/// A key and its values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Along {
+    /// The key.
+    pub key: Key,
+    /// Its values.
+    pub values: Values,
+}
+
+/// Values by their place on the axis.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Values {
+    /// `from + place * step`.
+    Range {
+        /// First value.
+        from: f64,
+        /// Between two.
+        step: f64,
+    },
+    /// Equal steps.
+    Linear {
+        /// First value.
+        from: f64,
+        /// Last value.
+        to: f64,
+        /// How many.
+        count: u64,
+    },
+    /// Equal factors.
+    Log {
+        /// First value.
+        from: f64,
+        /// Last value.
+        to: f64,
+        /// How many.
+        count: u64,
+    },
+    /// As they were given.
+    List(Vec<Value>),
+    /// Between two values, evenly or in the logarithm.
+    Drawn {
+        /// How.
+        method: Method,
+        /// Of the whole axis.
+        seed: u64,
+        /// Which of `dimensions` this is.
+        dimension: usize,
+        /// How many are drawn together.
+        dimensions: usize,
+        /// Least value.
+        from: f64,
+        /// Greatest value.
+        to: f64,
+        /// Evenly in the logarithm.
+        log: bool,
+    },
+}
+
+impl Values {
+    fn number(&self, place: u64) -> Option<f64> {
+        let at = |part: f64, from: f64, to: f64, log: bool| match log {
+            true => from * (to / from).powf(part),
+            false => from + part * (to - from),
+        };
+        Some(match *self {
+            Self::Range { from, step } => from + place as f64 * step,
+            // The ends are exact.
+            Self::Linear { from, count, .. } | Self::Log { from, count, .. } if place == 0 || count < 2 => {
+                from
+            }
+            Self::Linear { to, count, .. } | Self::Log { to, count, .. } if place + 1 == count => to,
+            Self::Linear { from, to, count } => at(place as f64 / (count - 1) as f64, from, to, false),
+            Self::Log { from, to, count } => at(place as f64 / (count - 1) as f64, from, to, true),
+            Self::List(_) => return None,
+            Self::Drawn {
+                method,
+                seed,
+                dimension,
+                dimensions,
+                from,
+                to,
+                log,
+            } => at(
+                coordinate(method, seed, place, dimension, dimensions),
+                from,
+                to,
+                log,
+            ),
+        })
+    }
+}
+
+impl Along {
+    /// The value at a place of the axis.
+    pub fn value(&self, place: u64) -> Value {
+        let value = match &self.values {
+            Values::List(list) => list[place as usize].clone(),
+            other => Value::Float(other.number(place).expect("only lists hold anything but numbers")),
+        };
+        match value {
+            // Beads are counted.
+            Value::Float(number) if self.key.of_beads() => {
+                let drawn = matches!(self.values, Values::Drawn { .. });
+                // Steps of 1 may have been rounded; a drawn number is cut.
+                let whole = if drawn { number.floor() } else { number.round() };
+                if drawn || (whole - number).abs() < 1e-9 * number.abs().max(1.0) {
+                    Value::Integer(whole as i64)
+                } else {
+                    Value::Float(number)
+                }
+            }
+            Value::Integer(number) if !self.key.of_beads() => Value::Float(number as f64),
+            other => other,
+        }
+    }
+
+    /// What its column holds.
+    pub fn kind(&self) -> Kind {
+        let number = |value: &Value| value.is_integer() || value.is_float();
+        match &self.values {
+            Values::List(list) if !list.iter().all(number) => Kind::Text,
+            _ if self.key.of_beads() => Kind::Whole,
+            _ => Kind::Number,
+        }
+    }
+
+    /// The value at a place as a cell of its column.
+    pub fn cell(&self, place: u64) -> Cell {
+        let value = self.value(place);
+        match (self.kind(), &value) {
+            (Kind::Text, _) => Cell::Text(shown(&value).into()),
+            (Kind::Number, Value::Float(number)) => Cell::Number(*number),
+            (_, Value::Integer(number)) => Cell::Whole(*number),
+            _ => Cell::Null,
+        }
+    }
+
+    /// A value that the axis has twice, if any: a cube has no place for it.
+    pub fn twice(&self) -> Option<String> {
+        let Values::List(list) = &self.values else {
+            return None;
+        };
+        let mut seen = HashSet::new();
+        let shown = (0..list.len()).map(|place| shown(&self.value(place as u64)));
+        shown.into_iter().find(|value| !seen.insert(value.clone()))
+    }
+}
+
+/// A value for people: a list of beads with blanks between them.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(items) => items.iter().map(shown).collect::<Vec<_>>().join(" "),
+        other => other.to_string(),
+    }
+}
+
+impl Axis {
+    /// The column by which a table is turned into a cube.
+    pub fn index(&self) -> String {
+        self.name.clone().unwrap_or_else(|| self.along[0].key.column())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn along(key: &str, values: Values) -> Along {
+        Along {
+            key: Key::parse(key).unwrap(),
+            values,
+        }
+    }
+
+    #[test]
+    fn the_ends_of_a_space_are_exact() {
+        for log in [false, true] {
+            let (from, to, count) = (0.1, 0.7, 7);
+            let values = match log {
+                true => Values::Log { from, to, count },
+                false => Values::Linear { from, to, count },
+            };
+            let axis = along("striker.velocity", values);
+            assert_eq!(axis.value(0), Value::Float(0.1));
+            assert_eq!(axis.value(6), Value::Float(0.7));
+            let middle = if log { 0.07_f64.sqrt() } else { 0.4 };
+            assert!((axis.value(3).as_float().unwrap() - middle).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn beads_are_whole_and_lists_of_them_are_text() {
+        let beads = along("intruder.0.beads", Values::Range { from: 1.0, step: 1.0 });
+        assert_eq!((beads.value(6), beads.kind()), (Value::Integer(7), Kind::Whole));
+        let lists = vec![Value::Integer(7), Value::Array(vec![7.into(), 8.into()])];
+        let lists = along("intruder.0.beads", Values::List(lists));
+        assert_eq!(
+            (lists.kind(), lists.cell(1)),
+            (Kind::Text, Cell::Text("7 8".into()))
+        );
+        let wrong = along("chain.beads", Values::Range { from: 1.5, step: 1.0 });
+        assert_eq!(wrong.value(0), Value::Float(1.5));
+    }
+
+    #[test]
+    fn a_value_that_comes_twice_is_found() {
+        let list = |values: &[f64]| {
+            along(
+                "duration",
+                Values::List(values.iter().map(|v| (*v).into()).collect()),
+            )
+        };
+        assert_eq!(list(&[1.0, 2.0, 1.0]).twice(), Some("1.0".to_owned()));
+        assert_eq!(list(&[1.0, 2.0]).twice(), None);
+    }
+}

@@ -1,0 +1,638 @@
+//! SWEEP.toml: a scenario, axes and outputs.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use hertz_chain::{InputError, Scenario, TomlFile, text_of};
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use crate::sweep::axis::{Along, Axis, Values};
+use crate::sweep::draw::Method;
+use crate::sweep::key::Key;
+use crate::sweep::outputs::Outputs;
+
+/// What a file of a sweep says, with the scenario in it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Definition {
+    /// A title, for people.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub title: String,
+    /// The scenario that every point starts from.
+    scenario: Base,
+    /// What is kept of each run.
+    #[serde(default)]
+    pub outputs: Outputs,
+    /// The axes; the last turns fastest.
+    axis: Vec<AxisTable>,
+}
+
+/// A scenario in the sweep's file, or in one of its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+enum Base {
+    File(PathBuf),
+    Table(Table),
+}
+
+/// One `[[axis]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AxisTable {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    name: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    key: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    values: Option<Vec<Value>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    range: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    linspace: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    logspace: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    random: Option<u64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    quasirandom: Option<u64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    seed: Option<u64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    zip: Option<Vec<ZipTable>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    over: Option<Vec<OverTable>>,
+}
+
+/// A key of an axis on which several go together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ZipTable {
+    key: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    values: Option<Vec<Value>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    range: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    linspace: Option<[f64; 3]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    logspace: Option<[f64; 3]>,
+}
+
+/// A key of an axis of drawn points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OverTable {
+    key: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    uniform: Option<[f64; 2]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    loguniform: Option<[f64; 2]>,
+}
+
+/// Places of one axis.
+const MOST_PLACES: u64 = 1_000_000_000_000;
+const GIVE_VALUES: &str = "give one of values = […], range = [first, last, step], linspace = [first, last, how many], logspace = […]";
+
+impl Definition {
+    /// Reads a file, and the scenario that it names, and checks them.
+    ///
+    /// # Errors
+    /// [`InputError`] with file, line, key, what is wrong and what would do.
+    pub fn load(path: &Path) -> Result<Self, InputError> {
+        let text = text_of(path, "a sweep's file in TOML")?;
+        let name = path.display().to_string();
+        let file = TomlFile::parse(&text, &name)?;
+        let mut definition: Self = file.read()?;
+        if let Base::File(scenario) = &definition.scenario {
+            let scenario = path.parent().unwrap_or(Path::new("")).join(scenario);
+            let text = text_of(&scenario, "a scenario file in TOML").map_err(|error| {
+                file.place(InputError {
+                    key: "scenario".to_owned(),
+                    ..error
+                })
+            })?;
+            Scenario::from_toml(&text, &scenario.display().to_string())?;
+            let table = text.parse().expect("it has just been read");
+            definition.scenario = Base::Table(table);
+        }
+        definition.axes().map_err(|error| file.place(error))?;
+        Ok(definition)
+    }
+
+    /// Reads what [`Definition::to_toml`] wrote.
+    ///
+    /// # Errors
+    /// As [`Definition::load`].
+    pub fn from_toml(text: &str, name: &str) -> Result<Self, InputError> {
+        let file = TomlFile::parse(text, name)?;
+        let definition: Self = file.read()?;
+        definition.axes().map_err(|error| file.place(error))?;
+        Ok(definition)
+    }
+
+    /// The sweep as one text, the same for the same sweep.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("tables, numbers and strings are TOML")
+    }
+
+    /// The scenario that every point starts from.
+    pub fn scenario(&self) -> &Table {
+        match &self.scenario {
+            Base::Table(table) => table,
+            Base::File(_) => unreachable!("a file is read when the sweep is"),
+        }
+    }
+
+    /// The axes, checked: each key is one of a scenario's, once, and takes the kind of value given.
+    ///
+    /// # Errors
+    /// [`InputError`] without file and line.
+    pub fn axes(&self) -> Result<Vec<Axis>, InputError> {
+        let base = self.base()?;
+        self.check_outputs(&base)?;
+        if self.axis.is_empty() {
+            let advice = "write [[axis]] with a key of the scenario and its values";
+            return Err(InputError::at("axis", "the sweep has no axis", advice));
+        }
+        let mut axes = Vec::new();
+        let mut columns: HashSet<String> = self
+            .outputs
+            .columns()
+            .into_iter()
+            .map(|column| column.name)
+            .collect();
+        columns.extend(["point", "error"].map(str::to_owned));
+        for (table, number) in self.axis.iter().zip(1..) {
+            let at = format!("axis[{number}]");
+            let axis = table.axis(&at)?;
+            for along in &axis.along {
+                self.check_key(&at, along)?;
+                if !columns.insert(along.key.column()) {
+                    let what = format!("{} is swept twice", along.key);
+                    return Err(InputError::at(at, what, "give each key one axis"));
+                }
+            }
+            if let Some(name) = &axis.name
+                && !columns.insert(name.clone())
+            {
+                let what = format!("`{name}` is the name of another column");
+                return Err(InputError::at(format!("{at}.name"), what, "give another name"));
+            }
+            axes.push(axis);
+        }
+        Ok(axes)
+    }
+
+    fn base(&self) -> Result<Scenario, InputError> {
+        let text = toml::to_string(self.scenario()).expect("a table is TOML");
+        Scenario::from_toml(&text, "").map_err(|error| InputError {
+            file: None,
+            line: None,
+            key: format!("scenario.{}", error.key),
+            ..error
+        })
+    }
+
+    fn check_outputs(&self, base: &Scenario) -> Result<(), InputError> {
+        if self.outputs.columns().is_empty() {
+            let advice = "ask for absorbed, energies, intruders, peaks, arrivals or transmission";
+            return Err(InputError::at("outputs", "nothing is kept of the runs", advice));
+        }
+        let outputs = &self.outputs;
+        let swept = self
+            .axis
+            .iter()
+            .any(|table| table.keys().any(|key| key == "chain.beads"));
+        let most = if swept { usize::MAX - 1 } else { base.chain.beads };
+        let walled = usize::from(base.wall.is_some());
+        for (name, of, most) in [
+            ("intruders", &outputs.intruders, most),
+            ("peaks", &outputs.peaks, most + walled),
+            ("arrivals", &outputs.arrivals, most + walled),
+            ("transmission", &outputs.transmission, most),
+        ] {
+            let key = format!("outputs.{name}");
+            if let Some(wrong) = of.iter().find(|n| **n < 1 || **n > most) {
+                let advice = format!("give numbers from 1 to {most}");
+                return Err(InputError::at(
+                    key,
+                    format!("{wrong} is not in the chain"),
+                    advice,
+                ));
+            }
+            let mut seen = HashSet::new();
+            if let Some(twice) = of.iter().find(|n| !seen.insert(**n)) {
+                return Err(InputError::at(
+                    key,
+                    format!("{twice} is named twice"),
+                    "name it once",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a scenario has this key, and takes this kind of value.
+    fn check_key(&self, at: &str, along: &Along) -> Result<(), InputError> {
+        let (key, at) = (&along.key, format!("{at}.key"));
+        let mut table = self.scenario().clone();
+        key.set(&mut table, along.value(0)).map_err(|what| {
+            let (what, advice) = what.split_once("; ").expect("it has advice");
+            InputError::at(&at, what, advice)
+        })?;
+        // Through text, for messages that name the key which is meant.
+        let text = toml::to_string(&table).expect("a table is TOML");
+        let read = TomlFile::parse(&text, "").and_then(|file| file.read::<Scenario>());
+        read.map(drop)
+            .map_err(|error| InputError::at(&at, format!("{key}: {}", error.what), error.advice))
+    }
+}
+
+impl AxisTable {
+    fn keys(&self) -> impl Iterator<Item = &str> {
+        let zip = self.zip.iter().flatten().map(|table| table.key.as_str());
+        let over = self.over.iter().flatten().map(|table| table.key.as_str());
+        self.key.as_deref().into_iter().chain(zip).chain(over)
+    }
+
+    fn axis(&self, at: &str) -> Result<Axis, InputError> {
+        let wrong = |what: &str, advice: &str| Err(InputError::at(at, what, advice));
+        let drawn = [
+            (Method::Random, self.random),
+            (Method::Quasirandom, self.quasirandom),
+        ];
+        let drawn: Vec<_> = drawn
+            .into_iter()
+            .filter_map(|(method, count)| Some((method, count?)))
+            .collect();
+        let single = self.values.is_some()
+            || [self.range, self.linspace, self.logspace]
+                .iter()
+                .any(Option::is_some)
+            || self.key.is_some();
+        if usize::from(single) + usize::from(self.zip.is_some()) + drawn.len() != 1 {
+            return wrong(
+                "it must have either a key with its values, or zip, or random, or quasirandom",
+                "give one of them",
+            );
+        }
+        if (self.over.is_some() || self.seed.is_some()) && drawn.is_empty() {
+            return wrong(
+                "over and seed belong to random or quasirandom",
+                "give how many points to draw",
+            );
+        }
+        if single {
+            if self.name.is_some() {
+                return wrong("an axis of one key is named by it", "leave the name out");
+            }
+            let Some(key) = &self.key else {
+                return wrong("it has values and no key", "give a key such as striker.velocity");
+            };
+            let (along, count) = along(
+                at,
+                key,
+                self.values.as_ref(),
+                [self.range, self.linspace, self.logspace],
+            )?;
+            if let Some(value) = along.twice() {
+                return wrong(
+                    &format!("the value {value} is there twice"),
+                    "give each value once",
+                );
+            }
+            return Ok(Axis {
+                name: None,
+                along: vec![along],
+                count,
+            });
+        }
+        let name = self.name.clone().unwrap_or_else(|| match drawn.is_empty() {
+            true => "zip".to_owned(),
+            false => "sample".to_owned(),
+        });
+        let word = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !name.is_empty();
+        if !word {
+            let advice = "letters, digits and _ will do";
+            return Err(InputError::at(
+                format!("{at}.name"),
+                "it is no name of a column",
+                advice,
+            ));
+        }
+        let (along, count) = match drawn.first() {
+            Some((method, count)) => (self.drawn(at, *method, *count)?, *count),
+            None => self.zipped(at)?,
+        };
+        Ok(Axis {
+            name: Some(name),
+            along,
+            count,
+        })
+    }
+
+    fn zipped(&self, at: &str) -> Result<(Vec<Along>, u64), InputError> {
+        let mut all: Vec<Along> = Vec::new();
+        let mut counts = Vec::new();
+        for (table, number) in self.zip.iter().flatten().zip(1..) {
+            let at = format!("{at}.zip[{number}]");
+            let spaces = [table.range, table.linspace, table.logspace];
+            let (along, count) = along(&at, &table.key, table.values.as_ref(), spaces)?;
+            if counts.first().is_some_and(|first| *first != count) {
+                let what = format!("{count} values, and {} for the key before it", counts[0]);
+                return Err(InputError::at(
+                    at,
+                    what,
+                    "keys that go together need equally many",
+                ));
+            }
+            counts.push(count);
+            all.push(along);
+        }
+        match counts.first() {
+            Some(count) => Ok((all, *count)),
+            None => Err(InputError::at(format!("{at}.zip"), "it has no key", GIVE_VALUES)),
+        }
+    }
+
+    fn drawn(&self, at: &str, method: Method, count: u64) -> Result<Vec<Along>, InputError> {
+        number_of_values(at, count as f64)?;
+        let tables = self.over.as_deref().unwrap_or_default();
+        if tables.is_empty() {
+            let advice = "write over = [{ key = \"striker.velocity\", uniform = [0.2, 1.5] }]";
+            return Err(InputError::at(at, "it draws points over no key", advice));
+        }
+        let mut all = Vec::new();
+        for (dimension, table) in tables.iter().enumerate() {
+            let at = format!("{at}.over[{}]", dimension + 1);
+            let key = key(&at, &table.key)?;
+            let ([from, to], log) = match (table.uniform, table.loguniform) {
+                (Some(bounds), None) => (bounds, false),
+                (None, Some(bounds)) => (bounds, true),
+                _ => {
+                    let advice = "give one of uniform = [least, greatest] and loguniform = [least, greatest]";
+                    return Err(InputError::at(at, "it must have bounds", advice));
+                }
+            };
+            finite(&at, &[from, to])?;
+            if from > to || (log && from <= 0.0) {
+                let what = format!("from {from} to {to} there is nothing to draw from");
+                let advice = "give the least first; above 0 for loguniform";
+                return Err(InputError::at(at, what, advice));
+            }
+            let values = Values::Drawn {
+                method,
+                seed: self.seed.unwrap_or(0),
+                dimension,
+                dimensions: tables.len(),
+                from,
+                to,
+                log,
+            };
+            all.push(Along { key, values });
+        }
+        Ok(all)
+    }
+}
+
+fn key(at: &str, text: &str) -> Result<Key, InputError> {
+    Key::parse(text).map_err(|what| {
+        let (what, advice) = what.split_once("; ").expect("it has advice");
+        InputError::at(format!("{at}.key"), what, advice)
+    })
+}
+
+fn finite(at: &str, numbers: &[f64]) -> Result<(), InputError> {
+    match numbers.iter().find(|number| !number.is_finite()) {
+        Some(number) => Err(InputError::at(
+            at,
+            format!("{number} is no bound"),
+            "give a number",
+        )),
+        None => Ok(()),
+    }
+}
+
+/// A number of values as it stands in a list of numbers.
+fn number_of_values(at: &str, count: f64) -> Result<u64, InputError> {
+    if count >= 1.0 && count.fract() == 0.0 && count <= MOST_PLACES as f64 {
+        return Ok(count as u64);
+    }
+    let what = match count < 1.0 {
+        true => "it is empty".to_owned(),
+        false => format!("{count} is no number of values"),
+    };
+    Err(InputError::at(
+        at,
+        what,
+        format!("give a whole number from 1 to {MOST_PLACES}"),
+    ))
+}
+
+/// The values of one key.
+fn along(
+    at: &str,
+    text: &str,
+    list: Option<&Vec<Value>>,
+    [range, linspace, logspace]: [Option<[f64; 3]>; 3],
+) -> Result<(Along, u64), InputError> {
+    let key = key(at, text)?;
+    let given = [range, linspace, logspace].into_iter().flatten().count() + usize::from(list.is_some());
+    if given != 1 {
+        return Err(InputError::at(
+            at,
+            format!("{key} needs its values, once"),
+            GIVE_VALUES,
+        ));
+    }
+    let (values, count) = if let Some(list) = list {
+        if list.is_empty() {
+            return Err(InputError::at(
+                format!("{at}.values"),
+                "it is empty",
+                "give a value at least",
+            ));
+        }
+        (Values::List(list.clone()), list.len() as u64)
+    } else if let Some([from, to, step]) = range {
+        let at = format!("{at}.range");
+        finite(&at, &[from, to, step])?;
+        let steps = (to - from) / step;
+        if step == 0.0 || steps < 0.0 {
+            let what = format!("the range from {from} to {to} in steps of {step} is empty");
+            return Err(InputError::at(
+                at,
+                what,
+                "write [first, last, step], such as [0.1, 1.5, 0.1]",
+            ));
+        }
+        // A last value that rounding has moved belongs to it.
+        let count = number_of_values(&at, (steps * (1.0 + 1e-12) + 1e-9).floor() + 1.0)?;
+        (Values::Range { from, step }, count)
+    } else {
+        let (name, log, [from, to, count]) = match (linspace, logspace) {
+            (Some(space), _) => ("linspace", false, space),
+            (_, space) => ("logspace", true, space.expect("one of them is given")),
+        };
+        let at = format!("{at}.{name}");
+        finite(&at, &[from, to])?;
+        let count = number_of_values(&at, count)?;
+        if log && !(from > 0.0 && to > 0.0) {
+            let what = format!("from {from} to {to} has no equal factors");
+            return Err(InputError::at(at, what, "give ends above 0, or linspace"));
+        }
+        if count > 1 && from == to {
+            let what = format!("{count} values from {from} to {to} are all the same");
+            return Err(InputError::at(at, what, "give two ends"));
+        }
+        let values = match log {
+            true => Values::Log { from, to, count },
+            false => Values::Linear { from, to, count },
+        };
+        (values, count)
+    };
+    Ok((Along { key, values }, count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(axes: &str) -> Result<Definition, InputError> {
+        let text = format!(
+            "{axes}\n[scenario]\n{}",
+            Scenario::paper()
+                .to_toml()
+                .replace("[[intruder", "[[scenario.intruder")
+                .replace("[chain", "[scenario.chain")
+                .replace("[striker", "[scenario.striker")
+        );
+        Definition::from_toml(&text, "sweep.toml")
+    }
+
+    #[test]
+    fn every_kind_of_axis_is_read_and_written() {
+        let definition = read(
+            r#"
+            [[axis]]
+            key = "intruder.0.stiffness"
+            logspace = [1e4, 1e6, 5]
+            [[axis]]
+            key = "striker.velocity"
+            range = [0.1, 0.7, 0.1]
+            [[axis]]
+            name = "tuned"
+            zip = [{ key = "intruder.0.mass", linspace = [1e-3, 3e-3, 3] }, { key = "intruder.0.beads", values = [7, 8, [9, 10]] }]
+            [[axis]]
+            quasirandom = 10
+            seed = 3
+            over = [{ key = "chain.relaxation", uniform = [0, 8e-6] }, { key = "chain.young", loguniform = [1e9, 1e10] }]
+            [outputs]
+            peaks = [1, 8]
+            "#,
+        )
+        .unwrap();
+        let axes = definition.axes().unwrap();
+        assert_eq!(
+            axes.iter().map(|axis| axis.count).collect::<Vec<_>>(),
+            [5, 7, 3, 10]
+        );
+        let index: Vec<_> = axes.iter().map(Axis::index).collect();
+        let names = [
+            "intruder_0_stiffness_N_per_m",
+            "striker_velocity_m_per_s",
+            "tuned",
+            "sample",
+        ];
+        assert_eq!(index, names);
+        let again = Definition::from_toml(&definition.to_toml(), "again").unwrap();
+        assert_eq!((&again, again.to_toml()), (&definition, definition.to_toml()));
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_line_key_and_advice() {
+        for (axes, parts) in [
+            ("", ["sweep.toml:", "missing field `axis`"]),
+            (
+                "axis = []",
+                ["sweep.toml:1: axis: the sweep has no axis", "[[axis]]"],
+            ),
+            (
+                "[[axis]]\nkey = \"intruder.0.stifness\"\nvalues = [1.0]",
+                [
+                    "sweep.toml:2: axis[1].key: intruder.0.stifness: unknown key",
+                    "did you mean `stiffness`?",
+                ],
+            ),
+            (
+                "[[axis]]\nkey = \"intruder.3.mass\"\nvalues = [1.0]",
+                [
+                    "axis[1].key: intruder.3.mass is not in the scenario",
+                    "intruder.0",
+                ],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nrange = [1.0, 0.5, 0.1]",
+                [
+                    "sweep.toml:3: axis[1].range: the range from 1 to 0.5 in steps of 0.1 is empty",
+                    "[first, last, step]",
+                ],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nvalues = []",
+                ["axis[1].values: it is empty", "give"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nlinspace = [1, 2, 0]",
+                ["axis[1].linspace: it is empty", "whole"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nlinspace = [1, 2, 1.5]",
+                ["1.5 is no number of values", "whole"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nlogspace = [0, 2, 3]",
+                ["no equal factors", "linspace"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nvalues = [1, 1.0]",
+                ["the value 1.0 is there twice", "once"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"",
+                ["duration needs its values", "linspace"],
+            ),
+            ("[[axis]]\nvalues = [1]", ["no key", "striker.velocity"]),
+            (
+                "[[axis]]\nkey = \"duration\"\nvalues = [\"long\"]",
+                ["axis[1].key: duration: invalid type", "that kind"],
+            ),
+            (
+                "[[axis]]\nkey = \"chain.beads\"\nvalues = [1.5]",
+                ["axis[1].key: chain.beads: invalid type", "that kind"],
+            ),
+            ("[[axis]]\nrandom = 10", ["draws points over no key", "over ="]),
+            (
+                "[[axis]]\nzip = [{ key = \"duration\", values = [1, 2] }, { key = \"chain.young\", values = [1] }]",
+                ["axis[1].zip[2]: 1 values, and 2", "equally many"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nvalues = [1]\n[[axis]]\nkey = \"duration\"\nvalues = [1]",
+                ["sweep.toml:4: axis[2]: duration is swept twice", "one axis"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nvalues = [1]\n[outputs]\npeaks = [99]",
+                ["outputs.peaks: 99 is not in the chain", "1 to 16"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nvalues = [1]\n[outputs]\npeak = [9]",
+                ["outputs.peak: unknown key", "did you mean `peaks`?"],
+            ),
+        ] {
+            let said = read(axes).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| said.contains(part)), "{axes}: {said}");
+            assert_eq!(said.lines().count(), 1);
+        }
+    }
+}
