@@ -98,8 +98,8 @@ pub struct Run {
     /// Faults on demand.
     pub faults: Vec<Fault>,
     /// A TCP port of this computer at which QEMU's stub waits for a debugger. The image stands before its first
-    /// instruction until the debugger lets it go on, and the run has no [`timeout`](Self::timeout). A debugger
-    /// that only looks changes nothing: virtual time stands still while the image does.
+    /// instruction until the debugger lets it go on, and the run has no [`timeout`](Self::timeout).
+    /// Virtual time stands still while the image does; a step over a breakpoint costs some of it.
     #[serde(skip)]
     pub gdb: Option<u16>,
 }
