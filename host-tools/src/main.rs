@@ -3,12 +3,11 @@
 use std::process::ExitCode;
 
 use bead::cli::Cli;
-use clap::Parser;
 
 fn main() -> ExitCode {
     stm32f405_qemu::carry_overlay!();
     bead::bench::image::carry(include_bytes!(env!("BEAD_IMAGE")));
-    match Cli::parse().run() {
+    match Cli::typed().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             bead::cli::output::note(format_args!("{failure}"));

@@ -110,7 +110,7 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
         interval: 0.1,
     };
     let codes = front_end.digitise(
-        &mut Sensed::new(&solution, 8, timing),
+        &Sensed::new(&solution, 8, timing),
         timing.scans(solution.end()),
         Some(1),
     );
@@ -446,6 +446,85 @@ fn a_front_end_that_cannot_be_is_refused_by_option() {
     emulate("--acceleration-noise", "NaN");
     emulate("--pole", "inf");
     emulate("--interval", "0");
+    // 3 GB would be taken before anything else is said.
+    let far = [
+        "emulate",
+        SCENARIO,
+        "--bead",
+        "8",
+        "--firmware",
+        SCENARIO,
+        "--strikes",
+        "2",
+        "--interval",
+        "1e15",
+    ];
+    refused(&far, 2, &["--interval", "fit in memory"]);
+}
+
+#[test]
+fn files_without_end_and_files_that_are_no_text_are_refused_in_a_line() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str, bytes: &[u8]| {
+        let path = directory.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path.display().to_string()
+    };
+    let long = at("long.toml", &b"# no end\n".repeat(200_000));
+    let latin = at("latin.toml", b"title = \"Sto\xdf\"");
+    let emulate = |faults: &str| ["emulate", SCENARIO, "--bead", "8", "--faults", faults].map(str::to_owned);
+    for (file, why) in [
+        ("/dev/zero", "is no text: it has zero bytes"),
+        (&long, "is longer than 1 MiB"),
+        (&latin, "is no text: byte 12 is not UTF-8"),
+    ] {
+        let lines = [
+            vec!["simulate".to_owned(), file.to_owned()],
+            vec!["settings".to_owned(), "make".to_owned(), file.to_owned()],
+            emulate(file).to_vec(),
+        ];
+        for line in lines {
+            let line: Vec<&str> = line.iter().map(String::as_str).collect();
+            refused(&line, 2, &[file, why]);
+        }
+    }
+    refused(
+        &["settings", "show", "/dev/zero"],
+        2,
+        &["/dev/zero", "are no settings"],
+    );
+}
+
+#[test]
+fn a_striker_whose_velocity_is_not_known_is_fitted_and_the_rest_judged_against_that() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = recording(&directory, |_| ());
+    let path = path.to_str().unwrap();
+    // As the scenario would be written by someone who thinks that the striker had 0.6 m/s.
+    let text = std::fs::read_to_string(SCENARIO).unwrap();
+    let wrong = directory.path().join("wrong.toml");
+    std::fs::write(&wrong, text.replace("velocity = 0.45", "velocity = 0.6")).unwrap();
+    let wrong = wrong.to_str().unwrap();
+    let compare =
+        |more: &[&str]| bead(&[&["compare", path, "--scenario", wrong, "--format", "json"], more].concat());
+    assert_eq!(compare(&[]).status.code(), Some(1));
+    assert_eq!(compare(&["--velocity", "0.45"]).status.code(), Some(0));
+    let fitted = compare(&["--velocity", "fit"]);
+    let found: Value = serde_json::from_slice(&fitted.stdout).unwrap();
+    assert_eq!(fitted.status.code(), Some(0), "{found}");
+    let of = |key: &str| found["striker_velocity"][key].as_f64().unwrap();
+    assert!(
+        (of("velocity") - 0.45).abs() < of("uncertainty").max(2e-4),
+        "{found}"
+    );
+    assert!(of("uncertainty") < 1e-3 && of("scenario") == 0.6, "{found}");
+    let wrong = bead(&["compare", path, "--velocity", "fast"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(
+        String::from_utf8(wrong.stderr)
+            .unwrap()
+            .contains("give m/s, above 0, or fit")
+    );
 }
 
 #[test]
@@ -594,7 +673,14 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
     let report = json(&["clock", timed, "--format", "json"]);
     assert_eq!(
         keys(&report),
-        ["alignments", "clocks", "reference", "schema_version", "strikes"]
+        [
+            "alignments",
+            "clocks",
+            "left_out",
+            "reference",
+            "schema_version",
+            "strikes"
+        ]
     );
     let clock = &report["clocks"][0];
     assert_eq!(clock["uid"], "07".repeat(12));

@@ -50,6 +50,24 @@ fn a_program_that_was_copied_away_emulates_with_what_it_carries() {
 }
 
 #[test]
+fn equal_runs_leave_equal_files() {
+    let scenario = format!("{ROOT}/docs/scenarios/paper-strike.toml");
+    let files = [(); 2].map(|()| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut emulate = Command::new(env!("CARGO_BIN_EXE_bead"));
+        emulate
+            .current_dir(folder.path())
+            .args(["emulate", &scenario, "--bead", "8", "--out", "run"]);
+        run(&mut emulate, "emulate");
+        ["run/bead-8.mcap", "run/bead-8.settings"].map(|name| fs::read(folder.path().join(name)).unwrap())
+    });
+    assert!(
+        files[0] == files[1],
+        "a recording holds something of the machine or of the time"
+    );
+}
+
+#[test]
 fn every_shell_gets_completions_and_every_command_its_page() {
     let folder = tempfile::tempdir().unwrap();
     let program = env!("CARGO_BIN_EXE_bead");

@@ -227,6 +227,39 @@ fn a_flood_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_s
 }
 
 #[test]
+fn a_recording_that_is_cut_within_a_strike_is_said_to_lack_its_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let old = Recording::open(Path::new(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../tests/data/recording-v2.mcap"
+    )));
+    let sent: Vec<u8> = old
+        .unwrap()
+        .pieces()
+        .unwrap()
+        .flat_map(|piece| piece.bytes)
+        .collect();
+    let runs: Vec<&[u8]> = sent.split_inclusive(|byte| *byte == 0).collect();
+    let is_strike = |run: &&[u8]| {
+        matches!(
+            decode(run).0.first().map(|frame| &frame.message),
+            Some(Message::Strike(_))
+        )
+    };
+    let first = runs.iter().position(is_strike).unwrap();
+    for (kept, without) in [(runs.len(), 0), (first + 1, 0), (first, 1), (first - 3, 1)] {
+        fs::write(folder.path().join("uart.bin"), runs[..kept].concat()).unwrap();
+        let told = recover(folder.path(), &["uart.bin", "--out", "a.mcap", "--force"]);
+        assert_eq!(
+            told["strikes_without_result"],
+            without,
+            "{kept} of {} runs: {told}",
+            runs.len()
+        );
+    }
+}
+
+#[test]
 fn a_damaged_recording_is_made_whole_and_a_raw_stream_becomes_one() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -175,7 +175,7 @@ fn a_refusal_prints_the_beads_reason_and_ends_with_status_1() {
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(
         stderr(&output),
-        "bead: the bead refused: flash failed; worn out\n"
+        "bead: the bead at address 0 refused: flash failed; worn out\n"
     );
 }
 

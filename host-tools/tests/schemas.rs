@@ -1,27 +1,31 @@
 //! The JSON of every command, held by a schema in docs/schemas.
 //!
-//! A schema is made of what the command prints of recordings and of frames with random fields. After a change that
+//! A schema is made of what the command prints of recordings, runs, and frames with random fields. After a change that
 //! is meant: `SCHEMAS=overwrite cargo test --release -p bead --test schemas`, and a new `schema_version` if a key
-//! went away or means something else.
+//! went away or means something else. (`bead figures` has its own in host-tools/figures-command.)
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+mod beads;
+mod schema;
+
 use std::collections::BTreeSet;
 use std::fs;
-use std::process::Command;
+use std::io::Write;
+use std::os::unix::net::UnixListener;
+use std::process::{Command, Output, Stdio};
 
 use bead_wire::{Header, Kind, MAX_FRAME, Message, encode};
-use serde_json::{Map, Value, json};
+use beads::{Bead, Line};
+use serde_json::{Value, json};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+const SCHEMAS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/schemas");
+const SCENARIO: &str = "docs/scenarios/paper-strike.toml";
+const RECORDING: &str = "tests/data/recording-v2.mcap";
 
-/// What a command prints: a document, or one on each line.
-fn printed(arguments: &[&str]) -> Vec<Value> {
-    let output = Command::new(env!("CARGO_BIN_EXE_bead"))
-        .current_dir(ROOT)
-        .args(arguments)
-        .output()
-        .unwrap();
+/// The documents on standard output: one, or one on each line.
+fn documents(output: &Output) -> Vec<Value> {
     // A check that says no prints its result too.
     assert!(
         output.status.code().is_some_and(|code| code < 2),
@@ -32,81 +36,45 @@ fn printed(arguments: &[&str]) -> Vec<Value> {
     documents.map(Result::unwrap).collect()
 }
 
-/// The schema of one value.
-fn schema(value: &Value) -> Value {
-    let kind = match value {
-        Value::Null => "null",
-        Value::Bool(_) => "boolean",
-        Value::Number(number) if number.is_f64() => "number",
-        Value::Number(_) => "integer",
-        Value::String(_) => "string",
-        Value::Array(items) => {
-            let items = items.iter().map(schema).reduce(|one, other| merged(&one, &other));
-            return json!({ "type": ["array"], "items": items.unwrap_or(json!({})) });
-        }
-        Value::Object(entries) => {
-            let properties: Map<_, _> = entries
-                .iter()
-                .map(|(key, value)| (key.clone(), schema(value)))
-                .collect();
-            let required: Vec<_> = entries.keys().cloned().collect();
-            return json!({ "type": ["object"], "properties": properties, "required": required });
-        }
-    };
-    json!({ "type": [kind] })
+/// What a command prints.
+fn printed(arguments: &str) -> Vec<Value> {
+    let output = Command::new(env!("CARGO_BIN_EXE_bead"))
+        .current_dir(ROOT)
+        .args(arguments.split_whitespace())
+        .output()
+        .unwrap();
+    documents(&output)
 }
 
-/// A schema that both hold.
-fn merged(one: &Value, other: &Value) -> Value {
-    let list = |schema: &Value, key: &str| -> Vec<String> {
-        let list = schema[key].as_array().cloned().unwrap_or_default();
-        list.iter()
-            .filter_map(|item| item.as_str().map(str::to_owned))
-            .collect()
+/// What a command prints as JSON, over all these lines.
+fn hold(name: &str, lines: &[&str]) {
+    let printed: Vec<_> = lines
+        .iter()
+        .flat_map(|line| printed(&format!("{line} --format json")))
+        .collect();
+    hold_documents(name, &printed);
+}
+
+fn hold_documents(name: &str, documents: &[Value]) {
+    let objects = documents.iter().flat_map(|document| match document {
+        Value::Array(items) => &items[..],
+        one => std::slice::from_ref(one),
+    });
+    for object in objects {
+        assert_eq!(object["schema_version"], 1, "{name}: {object}");
+    }
+    schema::hold(SCHEMAS, name, &schema::of_all(documents));
+}
+
+/// One of several schemas, each of the documents for which `key` gives one value; `mark` makes it tell itself.
+fn one_of(documents: &[Value], key: impl Fn(&Value) -> String, mark: impl Fn(&mut Value, &str)) -> Value {
+    let keys: BTreeSet<_> = documents.iter().map(&key).collect();
+    let of_key = |wanted: &String| {
+        let mut of = schema::of_all(documents.iter().filter(|document| key(document) == *wanted));
+        mark(&mut of, wanted);
+        of
     };
-    let mut types: BTreeSet<_> = list(one, "type").into_iter().chain(list(other, "type")).collect();
-    if types.contains("number") {
-        types.remove("integer");
-    }
-    let mut all = json!({ "type": types });
-    let of = |key: &str| [one, other].map(|schema| schema.get(key).cloned());
-    match of("properties") {
-        [Some(Value::Object(mut ours)), Some(Value::Object(theirs))] => {
-            for (key, value) in theirs {
-                let both = ours.get(&key).map_or(value.clone(), |mine| merged(mine, &value));
-                ours.insert(key, both);
-            }
-            all["properties"] = ours.into();
-            let theirs = list(other, "required");
-            all["required"] = list(one, "required")
-                .into_iter()
-                .filter(|key| theirs.contains(key))
-                .collect();
-        }
-        [ours, theirs] => {
-            for (own, whose) in [(ours, one), (theirs, other)] {
-                if let Some(own) = own {
-                    all["properties"] = own;
-                    all["required"] = whose["required"].clone();
-                }
-            }
-        }
-    }
-    match of("items") {
-        [Some(ours), Some(theirs)] if ours != json!({}) && theirs != json!({}) => {
-            all["items"] = merged(&ours, &theirs)
-        }
-        [ours, theirs] => {
-            let known = [ours, theirs]
-                .into_iter()
-                .flatten()
-                .max_by_key(|items| items.to_string().len());
-            if let Some(items) = known {
-                all["items"] = items;
-            }
-        }
-    }
-    all
+    json!({ "oneOf": keys.iter().map(of_key).collect::<Vec<_>>() })
 }
 
 /// Frames of every kind, with fields of all ones, of zeros, and drawn.
@@ -141,99 +109,164 @@ fn frames() -> Vec<u8> {
     bytes
 }
 
+/// Of documents with frames: a schema for each kind.
+fn of_frames(documents: &[Value]) -> Value {
+    assert!(documents.iter().all(|line| line["schema_version"] == 1));
+    one_of(
+        documents,
+        |line| line["kind"].as_str().unwrap().to_owned(),
+        |schema, kind| schema["properties"]["kind"] = json!({ "const": kind }),
+    )
+}
+
 #[test]
-fn every_result_is_what_its_schema_says() {
+fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
+    let own = "docs/scenarios/own-chain.toml";
+    let simulate = [SCENARIO, own].map(|scenario| format!("simulate {scenario}"));
+    hold("simulate", &simulate.each_ref().map(String::as_str));
+    hold("replay", &[&format!("replay {RECORDING}")]);
+    let compare = format!("compare {RECORDING} --scenario {SCENARIO}");
+    hold("compare", &[&compare, &format!("{compare} --velocity fit")]);
+    hold("clock", &[&format!("clock {RECORDING}")]);
+    hold("settings", &["settings show tests/data/settings-v4.bin"]);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("whole.mcap");
+    hold(
+        "recover",
+        &[&format!("recover {RECORDING} --out {}", out.display())],
+    );
+    // A chain of twelve beads, and few tries: a search of half a second.
+    let short = folder.path().join("short.toml");
+    let text = fs::read_to_string(format!("{ROOT}/{SCENARIO}")).unwrap();
+    let text = text
+        .replace("beads = 16", "beads = 12")
+        .replace("= 0.006", "= 0.003");
+    fs::write(&short, text).unwrap();
+    let search = format!(
+        "optimise {} --hosts 7,8 --total-mass 0.01 --evaluations 400",
+        short.display()
+    );
+    hold("optimise", &[&search]);
+    let sweep = "docs/scenarios/stiffness-and-speed.toml";
+    let [swept, plan] = ["a.parquet", "plan"].map(|name| folder.path().join(name).display().to_string());
+    hold(
+        "sweep-plan",
+        &[&format!("sweep plan {sweep} --dir {plan} --chunks 2")],
+    );
+    hold("sweep-status", &[&format!("sweep status {plan}")]);
+    hold("sweep", &[&format!("sweep {sweep} --out {swept}")]);
+}
+
+#[test]
+fn results_of_the_image_are_what_their_schemas_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let faults = folder.path().join("faults.toml");
+    fs::write(&faults, "[[fault]]\nat = 0.05\nkind = \"adc_overrun\"\n").unwrap();
+    let run = format!("emulate {SCENARIO} --bead 8");
+    let out = folder.path().join("run");
+    let long = format!("{run} --strikes 4 --faults {}", faults.display());
+    hold(
+        "emulate",
+        &[&format!("{run} --strikes 2 --out {}", out.display()), &long],
+    );
+    hold(
+        "accuracy",
+        &[&format!(
+            "accuracy {SCENARIO} --bead 8 --radii 0.0045 --speeds 0.45 --strikes 2"
+        )],
+    );
+    // One sphere is measured, and one refused.
+    let spheres = format!("spheres {SCENARIO} --bead 8 --materials ptfe --diameters 0.002,0.02 --strikes 1");
+    hold("spheres", &[&spheres]);
+}
+
+#[test]
+fn every_frame_is_what_its_schema_says() {
     let folder = tempfile::tempdir().unwrap();
     let raw = folder.path().join("frames.bin");
     fs::write(&raw, frames()).unwrap();
-    let raw = raw.display().to_string();
-    let recording = "tests/data/recording-v2.mcap";
-    let scenario = "docs/scenarios/paper-strike.toml";
-    let own = "docs/scenarios/own-chain.toml";
-    let sweep = "docs/scenarios/stiffness-and-speed.toml";
-    let [swept, plan] = ["a.parquet", "plan"].map(|name| folder.path().join(name).display().to_string());
-    let json = ["--format", "json"];
-    let commands: [(&str, Vec<Vec<&str>>); 9] = [
-        (
-            "simulate",
-            vec![vec!["simulate", scenario], vec!["simulate", own]],
-        ),
-        ("replay", vec![vec!["replay", recording]]),
-        (
-            "compare",
-            vec![vec!["compare", recording, "--scenario", scenario]],
-        ),
-        ("clock", vec![vec!["clock", recording]]),
-        (
-            "settings",
-            vec![vec!["settings", "show", "tests/data/settings-v4.bin"]],
-        ),
-        ("decode", vec![vec!["decode", recording], vec!["decode", &raw]]),
-        (
-            "sweep-plan",
-            vec![vec!["sweep", "plan", sweep, "--dir", &plan, "--chunks", "2"]],
-        ),
-        ("sweep-status", vec![vec!["sweep", "status", &plan]]),
-        ("sweep", vec![vec!["sweep", sweep, "--out", &swept]]),
-    ];
-    for (name, lines) in commands {
-        let mut documents = Vec::new();
-        for line in lines {
-            let line = if name == "decode" {
-                line
-            } else {
-                [&line[..], &json].concat()
-            };
-            documents.extend(printed(&line));
+    let mut lines = printed(&format!("decode {RECORDING}"));
+    lines.extend(printed(&format!("decode {}", raw.display())));
+    let decode = of_frames(&lines);
+    assert_eq!(decode["oneOf"].as_array().unwrap().len(), Kind::ALL.len());
+    schema::hold(SCHEMAS, "decode", &decode);
+
+    // The same, received live: strikes and faults.
+    let listener = UnixListener::bind(folder.path().join("bead.sock")).unwrap();
+    let recorder = Command::new(env!("CARGO_BIN_EXE_bead"))
+        .current_dir(folder.path())
+        .args([
+            "record",
+            "--port",
+            "unix:bead.sock",
+            "--out",
+            "a.mcap",
+            "--format",
+            "json",
+        ])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let (mut bead, _) = listener.accept().unwrap();
+    bead.write_all(&frames()).unwrap();
+    // A bead that hangs up ends the recording, with status 3.
+    drop(bead);
+    let output = recorder.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    let lines = serde_json::Deserializer::from_slice(&output.stdout).into_iter();
+    let lines: Vec<Value> = lines.map(Result::unwrap).collect();
+    assert!(lines.iter().all(|line| line["received"].is_string()));
+    let record = of_frames(&lines);
+    assert_eq!(record["oneOf"].as_array().unwrap().len(), 2, "strike and fault");
+    schema::hold(SCHEMAS, "record", &record);
+}
+
+#[test]
+fn every_answer_of_a_bead_is_what_its_schema_says() {
+    let block = fs::read(format!("{ROOT}/tests/data/settings-v5.bin")).unwrap();
+    let line = Line::new();
+    let mut beads = [Bead::new(3, &block)];
+    let mut answers = Vec::new();
+    for action in [
+        "identity",
+        "status",
+        "self-test",
+        "arm",
+        "disarm",
+        "raw",
+        "reset-counters",
+        "reboot",
+    ] {
+        let mut arguments = vec!["command", action, "--format", "json"];
+        if action == "raw" {
+            arguments.extend(["--duration", "0.01", "--out", "raw.csv"]);
         }
-        assert!(
-            documents.iter().all(|document| document["schema_version"] == 1),
-            "{name}"
-        );
-        let title = format!("What `bead {}` prints as JSON", name.replace('-', " "));
-        let mut found = json!({ "$schema": "https://json-schema.org/draft/2020-12/schema", "title": title });
-        if name == "decode" {
-            // A line is of one kind.
-            let kinds: BTreeSet<_> = documents
-                .iter()
-                .map(|line| line["kind"].as_str().unwrap().to_owned())
-                .collect();
-            assert_eq!(kinds.len(), Kind::ALL.len());
-            let of_kind = |kind: &String| {
-                let lines = documents.iter().filter(|line| line["kind"] == **kind);
-                let mut of = lines
-                    .map(schema)
-                    .reduce(|one, other| merged(&one, &other))
-                    .unwrap();
-                of["properties"]["kind"] = json!({ "const": kind });
-                of
-            };
-            found["oneOf"] = kinds.iter().map(of_kind).collect();
-        } else {
-            let all = documents
-                .iter()
-                .map(schema)
-                .reduce(|one, other| merged(&one, &other));
-            found
-                .as_object_mut()
-                .unwrap()
-                .extend(all.unwrap().as_object().unwrap().clone());
+        for document in documents(&line.run(&mut beads, &arguments)) {
+            answers.push(json!({ "action": action, "document": document }));
         }
-        let found = serde_json::to_string_pretty(&found).unwrap() + "\n";
-        let path = format!("{ROOT}/docs/schemas/{name}.json");
-        if std::env::var("SCHEMAS").is_ok_and(|wish| wish == "overwrite") {
-            fs::create_dir_all(format!("{ROOT}/docs/schemas")).unwrap();
-            fs::write(&path, found).unwrap();
-            continue;
-        }
-        let kept = fs::read_to_string(&path).unwrap_or_default();
-        let first = kept
-            .lines()
-            .zip(found.lines())
-            .find(|(kept, found)| kept != found);
-        assert!(
-            kept == found,
-            "{path} says something else, first {first:?}; if that is meant, run this test with SCHEMAS=overwrite"
-        );
     }
+    let versions = |answer: &Value| match &answer["document"] {
+        Value::Array(items) => items.iter().all(|item| item["schema_version"] == 1),
+        one => one["schema_version"] == 1,
+    };
+    assert!(answers.iter().all(versions), "{answers:?}");
+    let mut command = one_of(
+        &answers,
+        |answer| answer["action"].as_str().unwrap().to_owned(),
+        |schema, action| {
+            *schema = schema["properties"]["document"].take();
+            schema["title"] = format!("bead command {action}").into();
+        },
+    );
+    assert_eq!(command["oneOf"].as_array_mut().unwrap().len(), 8);
+    schema::hold(SCHEMAS, "command", &command);
+    // What `read` prints of a bead is what `show` prints of a file.
+    let read = documents(&line.run(&mut beads, &["settings", "read", "--format", "json"]));
+    assert_eq!(
+        read,
+        printed("settings show tests/data/settings-v5.bin --format json")
+    );
 }

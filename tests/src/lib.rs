@@ -3,6 +3,7 @@
 //! The tests need the image and the overlay; `cargo xtask test` builds both before it runs them.
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use bead::bench::emulation::Emulation;
 use bead::bench::front_end::FrontEnd;
@@ -16,6 +17,7 @@ use bead_model::design::{
 use bead_wire::Message;
 use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};
+use hertz_chain::{Scenario, Solution};
 use stm32f405_qemu::{Outcome, Run, UartInput};
 
 /// The bead that senses.
@@ -84,11 +86,16 @@ pub fn paper(strikes: u32, interval: f64, seed: Option<u64>) -> Emulation {
 /// # Panics
 /// Something that it needs is missing; the message says what.
 pub fn paper_at(timing: Timing, seed: Option<u64>) -> Emulation {
-    let (scenario, _) = load_scenario(&scenario()).unwrap_or_else(|failure| panic!("{failure}"));
-    let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
+    // The same motion for all tests of a program.
+    static PAPER: LazyLock<(Scenario, Solution)> = LazyLock::new(|| {
+        let (scenario, _) = load_scenario(&scenario()).unwrap_or_else(|failure| panic!("{failure}"));
+        let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
+        (scenario, solution)
+    });
+    let (scenario, solution) = &*PAPER;
     Emulation::prepare(
-        &scenario,
-        &solution,
+        scenario,
+        solution,
         HOST,
         &FrontEnd::default(),
         seed,

@@ -34,7 +34,8 @@ fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
     thread::scope(|scope| {
         let server = scope.spawn(|| {
             let at = address.parse().unwrap_or_else(|error| panic!("{error}"));
-            serve(&mut Bridge::new(run), &at, || (), &stop)
+            let mut bridge = Bridge::new(run, None)?;
+            serve(&mut bridge, &at, || (), &stop)
         });
         // The path is there a moment before anybody listens.
         while UnixStream::connect(&socket).is_err() && !server.is_finished() {
@@ -91,7 +92,7 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
         };
         assert_eq!(write("other.settings"), (0, String::new()));
         assert_eq!(read("second.settings"), block(&other));
-        let arguments = ["settings", "write", &path("other.settings"), "--address", "9"];
+        let arguments = ["settings", "write", &path("other.settings"), "--new-address", "9"];
         assert_eq!(
             bead(&[&arguments[..], &["--port", port, "--timeout", "20"]].concat()),
             (0, String::new())
@@ -107,7 +108,7 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
 
         fs::write(path("rate.settings"), block(&settings_at(50_000)))
             .unwrap_or_else(|error| panic!("{error}"));
-        let refused = "the bead refused: sample rate; settings for 50000 Hz; this image samples at 100000 Hz";
+        let refused = "the bead at address 0 refused: sample rate; settings for 50000 Hz; this image samples at 100000 Hz";
         assert_eq!(write("rate.settings"), (1, refused.to_owned()));
         fs::write(path("long.settings"), [0; 257]).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(write("long.settings").0, 2);
@@ -172,7 +173,7 @@ fn a_bead_is_asked_from_the_command_line() {
             (status, &why[..]),
             (
                 1,
-                "the bead refused: out of range; a raw stream lasts 10000 ms at most"
+                "the bead at address 0 refused: out of range; a raw stream lasts 10000 ms at most"
             )
         );
     });
@@ -200,9 +201,9 @@ fn a_key_is_given_used_replaced_and_taken_away_from_the_command_line() {
         let said = |arguments: &[&str]| bead(&[arguments, &["--port", port, "--timeout", "20"]].concat());
         let done = (0, String::new());
         let unsigned =
-            "the bead refused: unsigned; this bead has a key: sign the request with it, by --key F.key";
+            "the bead at address 0 refused: unsigned; this bead has a key: sign the request with it, by --key F.key";
         let forged =
-            "the bead refused: forged; signed with another key, for another bead, or changed on the way";
+            "the bead at address 0 refused: forged; signed with another key, for another bead, or changed on the way";
 
         assert_eq!(said(&["settings", "key", "--new", &first]), done);
         assert_eq!(said(&["command", "disarm"]), (1, unsigned.to_owned()));

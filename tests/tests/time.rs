@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bead::bench::emulation::{Emulation, Ran};
+use bead::bench::emulation::{Emulation, Placed, Ran};
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::recording::clock::compare;
@@ -163,19 +163,14 @@ fn recorded(
         strikes: 4,
         interval: 1.0,
     };
-    let mut run = Emulation::prepare(
-        scenario,
-        solution,
-        bead,
-        &FrontEnd::default(),
-        Some(bead as u64),
-        timing,
-        &image(),
-    )
-    .unwrap_or_else(|failure| panic!("{failure}"))
-    .with_clock(solution, ppm);
+    let placed = Placed {
+        clock_ppm: ppm,
+        ..Placed::alone(bead, Some(bead as u64))
+    };
+    let mut run = Emulation::place(scenario, solution, placed, &FrontEnd::default(), timing, &image())
+        .unwrap_or_else(|failure| panic!("{failure}"));
     // In step with neither clock.
-    run.sync((1..16).map(|n| early + 0.250_371_9 * f64::from(n)).collect());
+    run.sync((1..16).map(|n| early + 0.250_371_9 * f64::from(n)));
     let ran = run.run().unwrap_or_else(|failure| panic!("{failure}"));
     assert_eq!((ran.report.overruns, ran.report.resets), (0, 0));
     assert_eq!(ran.report.unmodelled, [""; 0]);

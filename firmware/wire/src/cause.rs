@@ -75,6 +75,20 @@ impl Rejected {
         trailing: 0,
     };
 
+    /// These and others.
+    pub(crate) fn and(&self, other: &Self) -> Self {
+        Self {
+            too_long: self.too_long + other.too_long,
+            cobs: self.cobs + other.cobs,
+            too_short: self.too_short + other.too_short,
+            crc: self.crc + other.crc,
+            version: self.version + other.version,
+            kind: self.kind + other.kind,
+            body: self.body + other.body,
+            trailing: self.trailing + other.trailing,
+        }
+    }
+
     /// Number of rejects, of all causes.
     pub fn total(&self) -> u64 {
         let damaged = self.too_long + self.cobs + self.too_short + self.crc;

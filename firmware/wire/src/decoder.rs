@@ -42,6 +42,21 @@ impl Counters {
     pub fn from_start(&self) -> bool {
         self.first_sequence == Some(0)
     }
+
+    /// The counts of this line and of another one together.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            bytes: self.bytes + other.bytes,
+            frames: self.frames + other.frames,
+            lost: self.lost + other.lost,
+            late: self.late + other.late,
+            duplicates: self.duplicates + other.duplicates,
+            restarts: self.restarts + other.restarts,
+            first_sequence: self.first_sequence.max(other.first_sequence),
+            rejected: self.rejected.and(&other.rejected),
+        }
+    }
 }
 
 /// Takes bytes in any pieces, gives frames and rejects.

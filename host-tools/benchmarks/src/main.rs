@@ -7,6 +7,7 @@ mod ensemble;
 mod growth;
 mod ours;
 mod peers;
+mod python;
 mod report;
 mod single;
 
@@ -23,6 +24,10 @@ struct Words {
     /// Time each solver a few times only: for a look, not for numbers to quote.
     #[arg(long)]
     quick: bool,
+    /// Time solvers of Python too, those that are installed: SciPy, numba, diffrax, heyoka. BEAD_PYTHON names the
+    /// Python [default: python3].
+    #[arg(long)]
+    peers: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -35,7 +40,8 @@ fn main() {
     let words = Words::parse();
     let rounds = if words.quick { 5 } else { 60 };
     let mut report = Report::new();
-    for case in &cases::Case::all() {
+    let cases = cases::Case::all();
+    for case in &cases {
         for sampled in [false, true] {
             eprintln!(
                 "{}, {}",
@@ -49,6 +55,12 @@ fn main() {
     growth::measure(&mut report, words.quick);
     eprintln!("an ensemble");
     ensemble::measure(&mut report, words.quick);
+    if words.peers {
+        match python::rows(&cases) {
+            Ok(rows) => report.peers = rows,
+            Err(why) => eprintln!("no solvers of Python: {why}"),
+        }
+    }
     match words.format {
         Format::Table => print!("{report}"),
         Format::Json => println!("{}", report.json()),

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One solver's time for the error asked for.
 #[derive(Debug, Serialize)]
@@ -13,6 +13,23 @@ pub(crate) struct Row {
     pub(crate) error: Option<f64>,
     /// Tolerances: ours and the longest step, or relative and absolute.
     pub(crate) settings: Option<String>,
+}
+
+/// A solver of Python: its time for the error asked for, or its chains a second, or why it has neither.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Foreign {
+    case: String,
+    solver: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    milliseconds: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    chains_per_second: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    error: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    settings: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    left_out: Option<String>,
 }
 
 /// All solvers on one case.
@@ -98,6 +115,9 @@ pub(crate) struct Report {
     /// Processor, as its system names it.
     machine: String,
     comparisons: Vec<Comparison>,
+    /// Solvers of Python.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) peers: Vec<Foreign>,
     pub(crate) targets: Vec<Target>,
 }
 
@@ -115,6 +135,7 @@ impl Report {
         Self {
             machine: machine(),
             comparisons: Vec::new(),
+            peers: Vec::new(),
             targets: Vec::new(),
         }
     }
@@ -160,6 +181,19 @@ impl fmt::Display for Report {
                     _ => writeln!(f, "  not reached           {}", row.solver)?,
                 }
             }
+        }
+        for (place, row) in self.peers.iter().enumerate() {
+            if place == 0 {
+                writeln!(f, "\nsolvers of Python")?;
+            }
+            let what = match (row.milliseconds, row.chains_per_second, &row.left_out) {
+                (Some(ms), ..) => format!("{ms:8.3} ms"),
+                (_, Some(rate), _) => format!("{rate:8.1} chains/s"),
+                (.., why) => why.clone().unwrap_or_default(),
+            };
+            let error = row.error.map_or(String::new(), |error| format!("  {error:.1e}"));
+            let settings = row.settings.as_deref().map_or(String::new(), |text| format!("  ({text})"));
+            writeln!(f, "  {what}{error}  {}, {}{settings}", row.case, row.solver)?;
         }
         writeln!(f)?;
         for target in &self.targets {

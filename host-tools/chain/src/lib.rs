@@ -2,6 +2,7 @@
 
 mod absorption;
 mod collision;
+mod curve;
 mod dop853;
 mod ensemble;
 mod fit;
@@ -34,6 +35,7 @@ mod validity;
 
 pub use absorption::Absorption;
 pub use collision::Collision;
+pub use curve::Curve;
 pub use ensemble::{EnsembleOptions, Outcome, ensemble};
 pub use fit::FitError;
 pub use flow::{Flow, Passed};

@@ -372,8 +372,14 @@ impl Model {
 
     /// Total force of contact `j` (from 1).
     pub(crate) fn force(&self, y: &[f64], j: usize) -> f64 {
-        let (overlap, rate) = self.overlap(y, j);
+        let (change, rate) = self.change(y, j);
+        self.force_at(j, change, rate)
+    }
+
+    /// The same for any change of the overlap since rest, at any rate.
+    pub(crate) fn force_at(&self, j: usize, change: f64, rate: f64) -> f64 {
         let contact = &self.contacts[j - 1];
+        let overlap = contact.static_overlap + change;
         self.limit(contact.elastic_force(overlap) + contact.viscous_force(overlap, rate))
     }
 
@@ -674,9 +680,14 @@ impl Model {
     /// Absolute acceleration u'' of an intruder.
     pub(crate) fn intruder_acceleration(&self, y: &[f64], intruder: usize) -> f64 {
         let layout = self.layout();
-        let oscillator = &self.intruders[intruder].oscillator;
         let (x, x_rate) = (layout.relative(intruder), layout.relative_velocity(intruder));
-        -oscillator.pull(y[x], y[x_rate]) / oscillator.mass
+        self.acceleration_at(intruder, y[x], y[x_rate])
+    }
+
+    /// The same for any place of the intruder relative to its host, and the rate of that.
+    pub(crate) fn acceleration_at(&self, intruder: usize, place: f64, rate: f64) -> f64 {
+        let oscillator = &self.intruders[intruder].oscillator;
+        -oscillator.pull(place, rate) / oscillator.mass
     }
 
     /// The scale of each component of the state.

@@ -102,7 +102,7 @@ pub enum SimulateError {
     },
     /// The steps became too short to move the clock: values of the scenario lie too many powers of ten apart.
     #[error(
-        "the integration is stuck at {time} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
+        "the integration is stuck at {time:?} s: values lie too many powers of ten apart; check masses, stiffnesses and units"
     )]
     Stuck {
         /// When, s.

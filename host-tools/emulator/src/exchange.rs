@@ -7,17 +7,24 @@
 //! [`sent`] and [`RTT`] while the image runs and [`OUTCOME`] when it ends. A run that ends without an outcome
 //! has failed.
 //!
+//! In a live run nothing that grows with time is written to files. At a stop the plugin writes a message on standard
+//! output, what came out since the stop before ([`Reached`]), and reads what comes next from standard input
+//! ([`Step`], with [`STEP`] before it). A message is two lengths, a JSON text and bytes: see [`write_message`].
+//!
 //! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin sees whether both are
 //! of the same build: an older shared object is refused, not misread.
 
 use std::borrow::Cow;
+use std::io::{self, Read, Write};
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::given::Run;
+use crate::given::{Inputs, Run};
+use crate::outcome::{Sampling, Work};
 
 /// Changes with every change of these files.
-pub(crate) const FORMAT: u32 = 10;
+pub(crate) const FORMAT: u32 = 11;
 
 pub(crate) const DESCRIPTION: &str = "run.json";
 /// Rows of four little-endian u16: the codes of ADC channels 0 to 3.
@@ -56,6 +63,76 @@ pub(crate) struct Description<'a> {
     pub(crate) labels: Vec<String>,
     /// The labels whose functions make a block a working one.
     pub(crate) work: Vec<usize>,
+    /// Whether the host says how far time goes.
+    pub(crate) live: bool,
+}
+
+/// On standard input of QEMU: the host wants the report of a run that takes too long.
+pub(crate) const REPORT: u8 = b'r';
+/// On standard input of QEMU: a [`Step`] follows.
+pub(crate) const STEP: u8 = b's';
+
+/// How far time goes next, and what comes on the way. The bytes beside it are rows of the stimulus, as in
+/// [`STIMULUS`].
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(crate) struct Step {
+    /// Virtual time of the next stop. `None` ends the run here.
+    pub(crate) to_ns: Option<u64>,
+    pub(crate) inputs: Inputs,
+}
+
+/// A stop, and what came out since the one before. The bytes beside it are the records of each USART, as in
+/// [`sent`], and then those of the log.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(crate) struct Reached {
+    pub(crate) now_ns: u64,
+    /// Whether the run is over.
+    pub(crate) ended: bool,
+    pub(crate) sampling: Option<Sampling>,
+    /// When the last row of the stimulus ends, if the first has begun.
+    pub(crate) codes_until_ns: Option<u64>,
+    pub(crate) work: Work,
+    /// Bytes of records of each USART.
+    pub(crate) sent: Vec<usize>,
+}
+
+/// Writes a message: the lengths of its two parts (u32, little-endian), the JSON text, the bytes.
+pub(crate) fn write_message(to: &mut impl Write, text: &impl Serialize, bytes: &[u8]) -> io::Result<()> {
+    let text = serde_json::to_vec(text).map_err(io::Error::other)?;
+    for length in [text.len(), bytes.len()] {
+        let length = u32::try_from(length).map_err(io::Error::other)?;
+        to.write_all(&length.to_le_bytes())?;
+    }
+    to.write_all(&text)?;
+    to.write_all(bytes)?;
+    to.flush()
+}
+
+/// Reads a message.
+pub(crate) fn read_message<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<(T, Vec<u8>)> {
+    let mut length = || {
+        let mut length = [0; 4];
+        from.read_exact(&mut length)?;
+        Ok::<_, io::Error>(u32::from_le_bytes(length) as usize)
+    };
+    let (mut text, mut bytes) = (vec![0; length()?], vec![0; length()?]);
+    from.read_exact(&mut text)?;
+    from.read_exact(&mut bytes)?;
+    Ok((serde_json::from_slice(&text)?, bytes))
+}
+
+/// The rows in bytes: four little-endian u16 each.
+pub(crate) fn rows(bytes: &[u8]) -> Vec<[u16; 4]> {
+    let row = |row: &[[u8; 2]; 4]| row.map(u16::from_le_bytes);
+    bytes.as_chunks().0.as_chunks().0.iter().map(row).collect()
+}
+
+/// The bytes of rows.
+pub(crate) fn bytes_of(rows: &[[u16; 4]]) -> Vec<u8> {
+    rows.iter()
+        .flatten()
+        .flat_map(|code| code.to_le_bytes())
+        .collect()
 }
 
 /// A function of the image that belongs to a label: addresses `[start, end)`.

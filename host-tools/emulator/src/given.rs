@@ -97,6 +97,11 @@ pub struct Run {
     pub pokes: Vec<Poke>,
     /// Faults on demand.
     pub faults: Vec<Fault>,
+    /// A TCP port of this computer at which QEMU's stub waits for a debugger. The image stands before its first
+    /// instruction until the debugger lets it go on, and the run has no [`timeout`](Self::timeout).
+    /// Virtual time stands still while the image does; a step over a breakpoint costs some of it.
+    #[serde(skip)]
+    pub gdb: Option<u16>,
 }
 
 impl Run {
@@ -132,6 +137,7 @@ impl Run {
             wires: Vec::new(),
             pokes: Vec::new(),
             faults: Vec::new(),
+            gdb: None,
         }
     }
 }
@@ -176,6 +182,29 @@ impl UartInput {
             bytes: bytes.into(),
         }
     }
+}
+
+/// A new level on a pin from outside.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Level {
+    /// For example `PA15`.
+    pub pin: String,
+    /// Virtual time of the edge, in ns since power-up.
+    pub at_ns: u64,
+    /// Whether it is high from then on.
+    pub high: bool,
+}
+
+/// What comes to the image of a [`Live`](crate::Live) run while it runs.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Inputs {
+    /// Bytes for the receivers of the USARTs. Those for one port come in the order in which they are given.
+    pub uart: Vec<UartInput>,
+    /// Levels on pins. A pin that is not in [`Run::pin_inputs`] is undriven until its first one.
+    pub levels: Vec<Level>,
+    /// Rows that follow those of the stimulus given so far, one a period.
+    #[serde(skip)]
+    pub codes: Vec<[u16; 4]>,
 }
 
 /// Codes at an analog pin: a new one every period.

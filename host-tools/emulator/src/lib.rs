@@ -12,11 +12,11 @@ mod run;
 mod vcd;
 
 pub use ending::{End, Exception, Place};
-pub use given::{AnalogInput, Fault, FaultKind, PinInput, Poke, Run, Since, UartInput};
+pub use given::{AnalogInput, Fault, FaultKind, Inputs, Level, PinInput, Poke, Run, Since, UartInput};
 pub use outcome::{
     Block, FlashOperation, FunctionCount, Instructions, Interrupt, LogLine, Masked, Outcome, Pin, Reset,
-    ResetCause, Sampling, Uart, UnknownRegister,
+    ResetCause, Sampling, Uart, UnknownRegister, Work,
 };
 #[doc(hidden)]
 pub use run::carry;
-pub use run::{Function, RunError, functions};
+pub use run::{Function, Live, Passed, RunError, functions};

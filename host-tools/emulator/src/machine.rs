@@ -39,9 +39,10 @@ pub(crate) use registers::name_of;
 pub use stimulus::Stimulus;
 pub(crate) use wiring::{USARTS, interrupt_name, pin};
 
-use crate::given::{FaultKind, Run};
+use crate::given::{FaultKind, Inputs, Run};
 pub use crate::memory::{FLASH, SRAM, WRITABLE};
 use crate::outcome::{Outcome, Pin, Reset, ResetCause};
+use crate::peripherals::usart::Usart;
 use crate::peripherals::{Peripheral, flash};
 use chip::Chip;
 use crash::crash;
@@ -171,6 +172,30 @@ impl Machine {
             true => self.settle(board),
             false => self.deliver(board),
         }
+    }
+
+    /// Takes what comes from now on.
+    ///
+    /// # Panics
+    /// One of the pins or USARTs does not exist.
+    pub fn feed(&mut self, inputs: Inputs, now: u64) {
+        for input in &inputs.uart {
+            let usart = USARTS.iter().position(|name| *name == input.port);
+            let usart = usart.unwrap_or_else(|| panic!("there is no USART {:?}", input.port));
+            self.chip.units.usart[usart].feed(input.at_ns, &input.bytes);
+        }
+        for level in &inputs.levels {
+            let pin = pin(&level.pin).unwrap_or_else(|| panic!("there is no pin {:?}", level.pin));
+            self.levels.add(pin, level.at_ns, level.high);
+        }
+        self.chip.stimulus.append(inputs.codes, now);
+    }
+
+    /// Inputs and rows that are kept for later.
+    pub fn held(&self) -> usize {
+        let usarts = self.chip.units.usart.iter();
+        let bytes: usize = usarts.map(Usart::bytes_to_come).sum();
+        bytes + self.levels.count() + self.chip.stimulus.held()
     }
 
     /// Makes something fail.

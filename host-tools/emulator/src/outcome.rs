@@ -260,6 +260,18 @@ impl fmt::Display for LogLine {
     }
 }
 
+/// What a stretch of a live run has cost. It is counted and not timed, so it is the same in every run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Work {
+    /// How often QEMU called the overlay: for an access to a peripheral, or since a time had come.
+    pub calls: u64,
+    /// Executed instructions; 0 if they are not counted.
+    pub instructions: u64,
+    /// Inputs and rows of the stimulus that the emulator keeps at the end of it.
+    pub held: usize,
+}
+
 /// The externally triggered scans, of the converter that was triggered first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sampling {

@@ -19,3 +19,4 @@ mod qemu;
 mod recorder;
 mod rtt;
 mod self_test;
+mod stops;

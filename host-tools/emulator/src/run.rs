@@ -9,16 +9,21 @@
 mod error;
 mod folder;
 mod image;
+mod live;
 mod log;
+mod one_core;
 mod overlay;
 mod process;
 mod qemu;
+mod sent;
 
 use std::borrow::Cow;
 use std::ffi::OsString;
+use std::time::Duration;
 
 pub use error::RunError;
 pub use image::{Function, functions};
+pub use live::{Live, Passed};
 pub use overlay::carry;
 
 use crate::ending::End;
@@ -26,9 +31,10 @@ use crate::exchange::{self, Description, FORMAT};
 use crate::given::Run;
 use crate::machine::{USARTS, pin};
 use crate::memory::{FLASH, WRITABLE};
-use crate::outcome::{Outcome, Uart};
+use crate::outcome::Outcome;
 use folder::Folder;
 use image::Image;
+use process::Job;
 use qemu::FoundQemu;
 
 impl Run {
@@ -37,20 +43,53 @@ impl Run {
     /// # Errors
     /// See [`RunError`]. An image that never samples is not an error: then [`Outcome::sampling`] is `None`.
     pub fn execute(&self) -> Result<Outcome, RunError> {
+        let (image, job) = self.prepare(false)?;
+        let outcome = job.run(self.limit())?;
+        self.complete(&image, &job, outcome)
+    }
+
+    /// Begins a run whose time passes as the caller says: see [`Live`]. It has no end of its own: `tail_ns` and
+    /// `sampling_deadline_ns` mean nothing, and `timeout` counts from stop to stop.
+    ///
+    /// # Errors
+    /// See [`RunError`].
+    pub fn start(&self) -> Result<Live, RunError> {
+        let (image, job) = self.prepare(true)?;
+        Live::start(self.clone(), image, job)
+    }
+
+    /// How long it may take. A debugger may take any time.
+    fn limit(&self) -> Option<Duration> {
+        self.gdb.is_none().then_some(self.timeout)
+    }
+
+    /// Checks the run and writes its files.
+    fn prepare(&self, live: bool) -> Result<(Image, Job), RunError> {
         self.check()?;
         let shift = self.shift()?;
         let image = Image::read(&self.elf)?;
-        let description = self.describe(&image)?;
+        let description = self.describe(&image, live)?;
         let qemu = FoundQemu::find(self.qemu.as_deref())?;
         let overlay = overlay::find(self.overlay.as_deref())?;
         let folder = Folder::new()?;
-        let command = self.command(&folder, &description)?;
-        let outcome = process::run(&qemu, &overlay, &folder, &command, shift, self.timeout);
-        let outcome = outcome?;
+        let arguments = self.command(&folder, &description)?;
+        let job = Job {
+            qemu,
+            overlay,
+            folder,
+            arguments,
+            shift,
+        };
+        Ok((image, job))
+    }
+
+    /// The outcome with what stands in files beside it.
+    fn complete(&self, image: &Image, job: &Job, outcome: Outcome) -> Result<Outcome, RunError> {
+        let folder = &job.folder;
         let rtt = folder.read(exchange::RTT)?;
         let mut uarts = Vec::new();
         for (usart, port) in USARTS.iter().enumerate() {
-            uarts.push(sent(port, &folder.read(&exchange::sent(usart))?));
+            uarts.push(sent::read(port, &folder.read(&exchange::sent(usart))?));
         }
         let usart1 = uarts.remove(0);
         uarts.retain(|uart| !uart.bytes.is_empty());
@@ -63,7 +102,7 @@ impl Run {
             rtt,
             semihosting: folder.text(exchange::SEMIHOSTING),
             flash: (WRITABLE.start, folder.read(exchange::FLASH)?),
-            instruction_ns: 1 << shift,
+            instruction_ns: 1 << job.shift,
             ..outcome
         };
         outcome.name_functions(|place| image.name(place));
@@ -94,7 +133,7 @@ impl Run {
     }
 
     /// What the plugin is told.
-    fn describe(&self, image: &Image) -> Result<Description<'_>, RunError> {
+    fn describe(&self, image: &Image, live: bool) -> Result<Description<'_>, RunError> {
         let (labels, functions) = image.find(&self.functions)?;
         let position = |work: &String| {
             labels.iter().position(|label| label == work).ok_or_else(|| {
@@ -109,6 +148,7 @@ impl Run {
             fault_handlers: image.fault_handlers.clone(),
             panic_functions: image.panic_functions(),
             work: self.work.iter().map(position).collect::<Result<_, _>>()?,
+            live,
             labels,
             functions,
             run: Cow::Borrowed(self),
@@ -119,10 +159,11 @@ impl Run {
     fn command(&self, folder: &Folder, description: &Description<'_>) -> Result<Vec<OsString>, RunError> {
         let json = serde_json::to_vec(description).expect("a plain struct has a JSON form");
         folder.write(exchange::DESCRIPTION, &json)?;
-        let codes = self.stimulus.iter().flatten();
-        let rows: Vec<u8> = codes.flat_map(|code| code.to_le_bytes()).collect();
-        folder.write(exchange::STIMULUS, &rows)?;
+        folder.write(exchange::STIMULUS, &exchange::bytes_of(&self.stimulus))?;
         let mut arguments = vec!["-kernel".into(), self.elf.clone().into()];
+        if let Some(port) = self.gdb {
+            arguments.extend(["-gdb".into(), format!("tcp:127.0.0.1:{port}").into(), "-S".into()]);
+        }
         if self.semihosting {
             let said = folder.path(exchange::SEMIHOSTING);
             arguments.extend([
@@ -221,21 +262,4 @@ impl Run {
         }
         Ok(())
     }
-}
-
-/// What left a USART: the records of its file.
-fn sent(port: &str, records: &[u8]) -> Uart {
-    let mut uart = Uart {
-        port: port.into(),
-        ..Uart::default()
-    };
-    let (records, _) = records.as_chunks::<10>();
-    for (number, [time @ .., low, high]) in records.iter().enumerate() {
-        uart.ns.push(u64::from_le_bytes(*time));
-        uart.bytes.push(*low);
-        if *high != 0 {
-            uart.ninth.push(number);
-        }
-    }
-    uart
 }

@@ -10,8 +10,8 @@ use std::process::Command;
 use std::time::Duration;
 
 use stm32f405_qemu::{
-    End, Fault, FaultKind, FlashOperation, Outcome, PinInput, Poke, ResetCause, Run, RunError, Since,
-    functions,
+    End, Fault, FaultKind, FlashOperation, Inputs, Level, Outcome, PinInput, Poke, ResetCause, Run, RunError,
+    Since, Uart, UartInput, functions,
 };
 
 const FLASH: u32 = 0x0800_0000;
@@ -902,4 +902,108 @@ fn systick_follows_hclk_and_runs_from_a_reload_value_that_comes_late() {
     let reload_last = [(SYST_CSR, 0b111), (SYST_CVR, 0), (SYST_RVR, 999)];
     assert_eq!([usual, reload_last].map(|start| ticks(&[], start)), [15, 15]);
     assert_eq!(ticks(&on_crystal(0), usual), 7);
+}
+
+/// What a live run with stops every so often sent, and how it ended.
+fn live(run: &Run, step_ns: u64, until_ns: u64, mut rows: &[[u16; 4]]) -> (Uart, u64, Outcome) {
+    let mut live = run.start().unwrap();
+    let (mut sent, mut instructions) = (Uart::default(), 0);
+    while live.now_ns() < until_ns {
+        let to = (live.now_ns() + step_ns).min(until_ns);
+        // Some more than are needed.
+        let (next, rest) = rows.split_at(rows.len().min(2 + (step_ns / run.sample_period_ns) as usize));
+        rows = rest;
+        let inputs = Inputs {
+            codes: next.to_vec(),
+            ..Inputs::default()
+        };
+        let passed = live.advance(to, inputs).unwrap();
+        assert!((to..to + 8).contains(&passed.now_ns), "{to} {}", passed.now_ns);
+        instructions += passed.work.instructions;
+        for uart in passed.uarts {
+            sent.bytes.extend(uart.bytes);
+            sent.ns.extend(uart.ns);
+        }
+    }
+    (sent, instructions, live.finish().unwrap())
+}
+
+#[test]
+fn a_live_run_gives_the_same_bytes_times_and_counts_wherever_it_stops() {
+    let mut bench = bench(&acquiring());
+    bench.run.stimulus = (0..80).map(|i| [i, 4095 - i, 0, 0]).collect();
+    bench.run.sample_period_ns = 100_000;
+    bench.run.tail_ns = 700_000;
+    let whole = bench.run.execute().unwrap();
+    assert_eq!(whole.uart.len(), 320);
+    let rows = std::mem::take(&mut bench.run.stimulus);
+    for step_ns in [33_333, 1_000_000, 1_000_000_000] {
+        let (sent, instructions, outcome) = live(&bench.run, step_ns, whole.virtual_ns, &rows);
+        assert_eq!(
+            (&sent.bytes, &sent.ns),
+            (&whole.uart, &whole.uart_ns),
+            "{step_ns}"
+        );
+        assert_eq!(
+            Some(instructions),
+            whole.instructions.as_ref().map(|all| all.total)
+        );
+        assert_eq!(outcome.instructions, whole.instructions);
+        assert_eq!((outcome.sampling, outcome.end), (whole.sampling, End::Over));
+        assert!(outcome.uart.is_empty(), "what was handed over is kept nowhere");
+    }
+}
+
+#[test]
+fn what_comes_too_late_for_a_live_run_is_refused_and_no_time_passes() {
+    let bench = bench(&acquiring());
+    let mut live = bench.run.start().unwrap();
+    let now_ns = live.advance(500_000, Inputs::default()).unwrap().now_ns;
+    let byte = Inputs {
+        uart: vec![UartInput::usart1(now_ns - 1, [1])],
+        ..Inputs::default()
+    };
+    let edge = Inputs {
+        levels: vec![Level {
+            pin: "PA15".into(),
+            at_ns: 3,
+            high: true,
+        }],
+        ..Inputs::default()
+    };
+    let row = Inputs {
+        codes: vec![[0; 4]],
+        ..Inputs::default()
+    };
+    for (to_ns, inputs, what) in [
+        (600_000, byte, "a byte for USART1 is to come at 49"),
+        (
+            600_000,
+            edge,
+            "an edge on PA15 is to come at 3 ns, and the image is at 50",
+        ),
+        (600_000, row, "the next row of codes is to come"),
+        (400_000, Inputs::default(), "time does not go back to 400000 ns"),
+    ] {
+        let refused = live.advance(to_ns, inputs).unwrap_err().to_string();
+        assert!(refused.contains(what), "{refused}");
+        assert_eq!(live.now_ns(), now_ns);
+    }
+    assert_eq!(live.finish().unwrap().virtual_ns, now_ns);
+}
+
+#[test]
+fn a_live_image_that_ends_the_run_says_how_and_one_that_hangs_is_stopped() {
+    let ends = bench(&image(&[], 0xbe01, &[]));
+    let mut live = ends.run.start().unwrap();
+    assert!(live.advance(1_000_000, Inputs::default()).unwrap().ended);
+    assert!(live.advance(2_000_000, Inputs::default()).unwrap().ended);
+    assert!(matches!(live.finish().unwrap().end, End::LockedUp(_)));
+
+    let mut hangs = bench(&image(&[], BRANCH_TO_SELF, &[]));
+    hangs.run.timeout = Duration::from_millis(300);
+    let mut live = hangs.run.start().unwrap();
+    let stopped = live.advance(1_000_000_000_000, Inputs::default()).unwrap_err();
+    assert!(matches!(stopped, RunError::Timeout(..)), "{stopped}");
+    assert!(live.finish().is_err());
 }

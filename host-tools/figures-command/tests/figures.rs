@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
+#[path = "../../tests/schema/mod.rs"]
+mod schema;
+
 use std::fs;
 use std::process::{Command, Output};
 
@@ -57,12 +60,22 @@ fn a_figure_leaves_its_picture_its_data_and_its_checks() {
     assert_eq!(figures.as_array().unwrap().len(), 1);
     assert_eq!(
         keys(figure),
-        ["checks", "files", "name", "pass", "setting", "title"]
+        [
+            "checks",
+            "files",
+            "name",
+            "pass",
+            "schema_version",
+            "setting",
+            "title"
+        ]
     );
     assert_eq!((&figure["name"], &figure["pass"]), (&"2c".into(), &true.into()));
     for key in ["expected", "pass", "tolerance", "value", "what"] {
         assert!(keys(&figure["checks"][0]).contains(&key), "{key}");
     }
+    let schemas = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/schemas");
+    schema::hold(schemas, "figures", &schema::of_all([&figures]));
     let files: Vec<&str> = figure["files"]
         .as_array()
         .unwrap()

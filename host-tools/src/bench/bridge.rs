@@ -1,13 +1,12 @@
 //! The image in QEMU behind an address: programs reach it as they reach a bead's line.
 //!
 //! # Design
-//! Every run of the image is the same, byte for byte, and a longer run begins as a shorter one does. To let
-//! time pass, the bridge therefore runs the image again from power-up, sends it all that it was sent before,
-//! and stops a little later than last time. What the image says after the end of the last run is new. The
-//! image's time passes while a program is connected and stands still otherwise. Bead and strikes do exactly
-//! what they do in any other run.
+//! The image stands still in its virtual time until the bridge lets some of it pass ([`stm32f405_qemu::Live`]). So a
+//! request costs what its answer takes the image, however long the bead has run. Bead and strikes do exactly what they
+//! do in any other run: the same bytes at the same virtual times give the same answers.
 //!
-//! A longer run costs more: the bridge is for requests to a bead, not for hours of recording.
+//! Without a pace the image's time passes while a program is connected, as fast as it can, and stands still otherwise.
+//! With a pace it follows the time of this computer.
 
 use std::io::{self, Read, Write};
 use std::net::TcpListener;
@@ -15,77 +14,143 @@ use std::os::unix::net::UnixListener;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use stm32f405_qemu::{Run, UartInput};
+use stm32f405_qemu::{Inputs, Live, UartInput, Work};
 
 use crate::bench::emulation::Emulation;
 use crate::bench::error::BenchError;
-use crate::bench::front_end::SAMPLE_RATE_HZ;
 use crate::line::port::Address;
 
 /// After this time the image samples and hears.
 const START: Duration = Duration::from_millis(50);
 /// Time that passes after bytes came in. Most requests are answered within it.
 const ANSWER: Duration = Duration::from_millis(80);
-/// Time that passes in one run while a program only listens.
+/// Time that passes at once while a program only listens.
 const STEP: Duration = Duration::from_millis(250);
-/// From the end of one run to the first byte that comes in after it.
+/// From a stop to the first byte that comes in after it.
 const GAP_NS: u64 = 1_000_000;
 /// A program that was answered hangs up within this time, or sends more.
 const PAUSE: Duration = Duration::from_millis(100);
+/// With a pace: how often time passes.
+const BEAT: Duration = Duration::from_millis(10);
 /// Between two looks for a new connection, or for a request to stop.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// An image whose time passes on demand.
 pub struct Bridge {
-    machine: Run,
+    live: Live,
     /// Codes at the converter. The first follows the last.
     rows: Vec<[u16; 4]>,
-    scans: usize,
-    ended_ns: u64,
-    said: usize,
+    next: usize,
+    /// Up to when the image has codes, if it samples.
+    codes_until_ns: Option<u64>,
+    row_ns: u64,
+    pace: Option<Pace>,
+    /// What the last stretch of time has cost.
+    pub work: Work,
+}
+
+/// The time of this computer that belongs to the image's.
+struct Pace {
+    started: Instant,
+    /// Seconds of the image in one of this computer.
+    factor: f64,
 }
 
 impl Bridge {
-    /// The image at power-up.
-    pub fn new(emulation: &Emulation) -> Self {
+    /// The image at power-up. With a pace, it has so many seconds in one of this computer, from now on.
+    ///
+    /// # Errors
+    /// QEMU fails.
+    pub fn new(emulation: &Emulation, pace: Option<f64>) -> Result<Self, BenchError> {
         let mut machine = emulation.machine();
         machine.count_instructions = false;
-        // Making room in the store takes four seconds at most.
-        machine.sampling_deadline_ns = 10_000_000_000;
-        Self {
-            rows: std::mem::take(&mut machine.stimulus),
-            machine,
-            scans: 0,
-            ended_ns: 0,
-            said: 0,
-        }
+        // From stop to stop.
+        machine.timeout = Duration::from_secs(120);
+        let rows = std::mem::take(&mut machine.stimulus);
+        Ok(Self {
+            rows,
+            next: 0,
+            codes_until_ns: None,
+            row_ns: machine.sample_period_ns,
+            live: machine.start()?,
+            pace: pace.map(|factor| Pace {
+                started: Instant::now(),
+                factor,
+            }),
+            work: Work::default(),
+        })
+    }
+
+    /// Virtual time since power-up.
+    pub fn now(&self) -> Duration {
+        Duration::from_nanos(self.live.now_ns())
     }
 
     /// Sends `bytes`, lets time pass, and returns what the bead said.
     ///
     /// # Errors
-    /// QEMU fails.
+    /// QEMU fails, or the image has come to its end.
     pub fn pass(&mut self, bytes: &[u8], time: Duration) -> Result<Vec<u8>, BenchError> {
-        if self.ended_ns == 0 && !bytes.is_empty() {
+        let mut said = Vec::new();
+        if self.live.now_ns() < 1_000_000 && !bytes.is_empty() {
             // A bead that has not started does not hear.
-            let mut said = self.pass(&[], START)?;
-            said.extend(self.pass(bytes, time)?);
-            return Ok(said);
+            said = self.pass(&[], START)?;
         }
+        let now_ns = self.live.now_ns();
+        let to_ns = now_ns + time.as_nanos() as u64;
+        let mut inputs = Inputs {
+            codes: self.codes(to_ns),
+            ..Inputs::default()
+        };
         if !bytes.is_empty() {
-            self.machine
-                .uart_input
-                .push(UartInput::usart1(self.ended_ns + GAP_NS, bytes));
+            inputs.uart.push(UartInput::usart1(now_ns + GAP_NS, bytes));
         }
-        self.scans += (time.as_secs_f64() * f64::from(SAMPLE_RATE_HZ)).ceil() as usize;
-        self.machine.stimulus = self.rows.iter().copied().cycle().take(self.scans).collect();
-        let outcome = self.machine.execute()?;
-        self.ended_ns = outcome.virtual_ns;
-        let new = outcome.uart.get(self.said..).unwrap_or_default().to_vec();
-        self.said += new.len();
-        Ok(new)
+        let passed = self.live.advance(to_ns, inputs)?;
+        if passed.ended {
+            return Err(BenchError::Mute(format!(
+                "the image came to its end after {:.3} s of its time",
+                passed.now_ns as f64 * 1e-9
+            )));
+        }
+        self.codes_until_ns = passed.codes_until_ns;
+        self.work = passed.work;
+        said.extend_from_slice(passed.usart1());
+        Ok(said)
+    }
+
+    /// The codes that are needed up to a time. An image that does not sample yet may begin at once.
+    fn codes(&mut self, to_ns: u64) -> Vec<[u16; 4]> {
+        let from_ns = match self.codes_until_ns {
+            Some(until) => until,
+            None => self.live.now_ns() + self.next as u64 * self.row_ns,
+        };
+        let count = to_ns.saturating_sub(from_ns) / self.row_ns + 2;
+        let rows = self.rows.iter().cycle().skip(self.next % self.rows.len());
+        self.next += count as usize;
+        rows.take(count as usize).copied().collect()
+    }
+
+    /// How long to wait for bytes from a program before time passes.
+    fn pause(&self) -> Duration {
+        match self.pace {
+            Some(_) => BEAT,
+            None => PAUSE,
+        }
+    }
+
+    /// How much time should pass now, after bytes came in or none did.
+    fn due(&self, heard: bool) -> Duration {
+        match &self.pace {
+            Some(pace) => pace
+                .started
+                .elapsed()
+                .mul_f64(pace.factor)
+                .saturating_sub(self.now()),
+            None if heard => ANSWER,
+            None => STEP,
+        }
     }
 }
 
@@ -100,6 +165,7 @@ pub fn serve(
     ready: impl FnOnce(),
     stop: &AtomicBool,
 ) -> Result<(), BenchError> {
+    let pause = bridge.pause();
     let cannot = |error| {
         let what = format!("cannot listen at {address}; is something else there?");
         BenchError::unfit(&what, error)
@@ -115,7 +181,7 @@ pub fn serve(
             accept(bridge, stop, || {
                 let (stream, _) = listener.accept()?;
                 stream.set_nonblocking(false)?;
-                stream.set_read_timeout(Some(PAUSE))?;
+                stream.set_read_timeout(Some(pause))?;
                 Ok(stream)
             })
         }
@@ -127,7 +193,7 @@ pub fn serve(
             accept(bridge, stop, || {
                 let (stream, _) = listener.accept()?;
                 stream.set_nonblocking(false)?;
-                stream.set_read_timeout(Some(PAUSE))?;
+                stream.set_read_timeout(Some(pause))?;
                 Ok(stream)
             })
         }
@@ -152,7 +218,11 @@ fn accept<S: Read + Write>(
     while !stop.load(Ordering::Relaxed) {
         match next() {
             Ok(stream) => talk(bridge, stream, stop)?,
-            // No program connects, or it hung up at once.
+            // No program connects, or it hung up at once. What a bead says then is lost, as on any line.
+            Err(_) if bridge.pace.is_some() => {
+                bridge.pass(&[], bridge.due(false))?;
+                thread::sleep(BEAT);
+            }
             Err(_) => thread::sleep(LOOK),
         }
     }
@@ -170,8 +240,7 @@ fn talk<S: Read + Write>(bridge: &mut Bridge, mut stream: S, stop: &AtomicBool) 
             Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => 0,
             Err(_) => return Ok(()),
         };
-        let time = if length > 0 { ANSWER } else { STEP };
-        let said = bridge.pass(&buffer[..length], time)?;
+        let said = bridge.pass(&buffer[..length], bridge.due(length > 0))?;
         if stream.write_all(&said).is_err() {
             return Ok(());
         }

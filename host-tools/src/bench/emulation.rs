@@ -27,6 +27,9 @@ pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
 /// a sensor without noise counts as broken.
 const TAIL: f64 = 1.2;
 
+/// The longest run, s of the bead's time: its codes take 2.4 MB a second while it begins.
+const LONGEST: f64 = 1200.0;
+
 /// The pin of the sync input (`firmware/src/sync.rs`).
 const SYNC_PIN: &str = "PA15";
 /// Length of a sync pulse, s. The bead uses its rising edge.
@@ -54,6 +57,9 @@ pub struct RunTruth {
     /// 1.
     #[serde(default)]
     pub sync_edges: Vec<f64>,
+    /// True time of that scan, in s on the time that all beads of the run share.
+    #[serde(default)]
+    pub began: f64,
 }
 
 impl RunTruth {
@@ -88,16 +94,50 @@ impl Ran {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&self, writer: &mut Writer, zero_ns: u64) -> Result<(), RecordingError> {
+        self.pieces(zero_ns)
+            .try_for_each(|(at, run)| writer.write(run, Some(at), |_| {}))
+    }
+
+    /// The runs of bytes that were sent, each with the time that [`write`](Self::write) gives it.
+    pub fn pieces(&self, zero_ns: u64) -> impl Iterator<Item = (u64, &[u8])> {
         let mut sent = self.sent_ns.iter();
-        for run in self.stream.split_inclusive(|byte| *byte == 0) {
+        self.stream.split_inclusive(|byte| *byte == 0).map(move |run| {
             let at = sent.nth(run.len() - 1).copied().unwrap_or(self.first_scan_ns);
-            writer.write(run, Some(zero_ns + at.saturating_sub(self.first_scan_ns)), |_| {})?;
+            (zero_ns + at.saturating_sub(self.first_scan_ns), run)
+        })
+    }
+}
+
+/// A bead as it is put into the chain and switched on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placed {
+    /// Its place in the chain: one with an intruder.
+    pub bead: usize,
+    /// Its address on the line.
+    pub address: u8,
+    /// Seed of its noise; none without noise.
+    pub seed: Option<u64>,
+    /// How fast its crystal is, ppm. It counts in whole hertz of the crystal, which is an eighth of a ppm.
+    pub clock_ppm: f64,
+    /// When it takes its first scan, in s on the time that all beads of the run share.
+    pub began: f64,
+}
+
+impl Placed {
+    /// A bead alone, with a true crystal.
+    pub fn alone(bead: usize, seed: Option<u64>) -> Self {
+        Self {
+            bead,
+            address: 0,
+            seed,
+            clock_ppm: 0.0,
+            began: 0.0,
         }
-        Ok(())
     }
 }
 
 /// What a bead with a fast clock senses: its seconds are shorter.
+#[derive(Clone)]
 struct OnClock<S> {
     sensed: S,
     /// Seconds of the clock in a true second.
@@ -111,6 +151,10 @@ impl<S: Stimulus> Stimulus for OnClock<S> {
 
     fn acceleration(&mut self, time: f64) -> f64 {
         self.sensed.acceleration(time / self.rate)
+    }
+
+    fn silent_until(&self, time: f64) -> f64 {
+        self.sensed.silent_until(time / self.rate) * self.rate
     }
 }
 
@@ -139,7 +183,8 @@ pub struct EmulatorReport {
     pub unmodelled: Vec<String>,
     /// Virtual time of the run, s.
     pub virtual_seconds: f64,
-    /// Time that the run took on this computer, s.
+    /// Time that the run took on this computer, s. Not kept in a recording: equal runs have equal files.
+    #[serde(default, skip_serializing)]
     pub real_seconds: f64,
     /// The image's own log.
     pub log: Vec<String>,
@@ -198,13 +243,14 @@ pub struct Emulation {
     pub faults: Vec<Planned>,
     /// How long an instruction takes: 2^`shift` ns. As `Run::shift`.
     pub shift: Option<u8>,
+    /// Where a debugger may come. As `Run::gdb`.
+    pub gdb: Option<u16>,
     codes: Digitised,
-    timing: Timing,
     image: PathBuf,
 }
 
 impl Emulation {
-    /// Derives the settings and digitises what the bead senses.
+    /// A bead [alone](Placed::alone): derives the settings and digitises what it senses.
     ///
     /// # Errors
     /// The bead has no intruder, or no settings fit it.
@@ -217,11 +263,34 @@ impl Emulation {
         timing: Timing,
         image: &Path,
     ) -> Result<Self, BenchError> {
+        Self::place(
+            scenario,
+            solution,
+            Placed::alone(bead, seed),
+            front_end,
+            timing,
+            image,
+        )
+    }
+
+    /// Derives the settings of a bead and digitises what it senses. `timing` is on the time that all beads share.
+    ///
+    /// # Errors
+    /// The bead has no intruder, or no settings fit it.
+    pub fn place(
+        scenario: &Scenario,
+        solution: &Solution,
+        placed: Placed,
+        front_end: &FrontEnd,
+        timing: Timing,
+        image: &Path,
+    ) -> Result<Self, BenchError> {
+        let Placed { bead, seed, .. } = placed;
         let physics = bead_of(solution, bead)?;
         let front = front_end.calibration();
         let neighbours = neighbours_of(solution, bead);
         let derived = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front));
-        let settings = derived.map_err(|error| match error {
+        let mut settings = derived.map_err(|error| match error {
             DesignError::TooFast { samples, least } => {
                 let diameter = 2e3 * solution.model().radius(bead);
                 BenchError::Unfit(format!(
@@ -233,6 +302,7 @@ impl Emulation {
             }
             error => BenchError::unfit(&format!("no settings fit bead {bead} and this front end"), error),
         })?;
+        settings.address = placed.address;
         let mut block = [0; BLOCK_MAX];
         let length = settings
             .encode(&mut block)
@@ -244,16 +314,34 @@ impl Emulation {
                 solution.end()
             )));
         }
-        let mut sensed = Sensed::new(solution, bead, timing);
-        let codes = front_end.digitise(&mut sensed, timing.scans(solution.end() + TAIL), seed);
+        let long = timing.start(timing.strikes.saturating_sub(1)) + solution.end() + TAIL;
+        if long > LONGEST {
+            return Err(BenchError::Unfit(format!(
+                "{} strikes every {} s are {long:.0} s of the bead's time, and {LONGEST} s fit in memory; give fewer \
+                 --strikes or a shorter --interval",
+                timing.strikes, timing.interval
+            )));
+        }
+        let timing = Timing {
+            lead_in: timing.lead_in - placed.began,
+            ..timing
+        };
+        let clock_ppm = (placed.clock_ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
+        let rate = 1.0 + clock_ppm * 1e-6;
+        let sensed = OnClock {
+            sensed: Sensed::new(solution, bead, timing),
+            rate,
+        };
+        let codes = front_end.digitise(&sensed, timing.scans(solution.end() + TAIL), seed);
         let truth = RunTruth {
             bead,
             truth: Truth::of(scenario, solution, bead)?,
-            starts: timing.starts(1.0),
+            starts: timing.starts(rate),
             front_end: *front_end,
             seed,
-            clock_ppm: 0.0,
+            clock_ppm,
             sync_edges: Vec::new(),
+            began: placed.began,
         };
         Ok(Self {
             settings,
@@ -261,39 +349,19 @@ impl Emulation {
             truth,
             faults: Vec::new(),
             shift: None,
+            gdb: None,
             codes,
-            timing,
             image: image.to_owned(),
         })
     }
 
-    /// The same run with a clock that is fast by `ppm`, rounded to whole hertz of the crystal, which is an
-    /// eighth of a ppm. `solution` is the one that the run was prepared with: what the bead senses of it is
-    /// digitised again.
-    #[must_use]
-    pub fn with_clock(mut self, solution: &Solution, ppm: f64) -> Self {
-        let ppm = (ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
-        let rate = 1.0 + ppm * 1e-6;
-        let RunTruth {
-            bead,
-            front_end,
-            seed,
-            ..
-        } = self.truth;
-        let mut sensed = OnClock {
-            sensed: Sensed::new(solution, bead, self.timing),
-            rate,
-        };
-        let scans = self.timing.scans(solution.end() + TAIL);
-        self.codes = front_end.digitise(&mut sensed, scans, seed);
-        self.truth.clock_ppm = ppm;
-        self.truth.starts = self.timing.starts(rate);
-        self
-    }
-
-    /// Gives edges at the sync input, at these times in s since the first triggered scan.
-    pub fn sync(&mut self, edges: Vec<f64>) {
-        self.truth.sync_edges = edges;
+    /// Gives edges at the sync input, at these times in s on the time that all beads share, as far as the bead is
+    /// on.
+    pub fn sync(&mut self, edges: impl IntoIterator<Item = f64>) {
+        let (began, seconds) = (self.truth.began, self.seconds());
+        let own = edges.into_iter().map(|edge| edge - began);
+        let on = own.take_while(|edge| *edge < seconds).filter(|edge| *edge > 0.0);
+        self.truth.sync_edges = on.collect();
     }
 
     /// Virtual time from the first scan to the end, s.
@@ -320,6 +388,7 @@ impl Emulation {
         run.work = ["observer", "reduced_chain"].map(str::to_owned).to_vec();
         run.tail_ns = 0;
         run.shift = self.shift;
+        run.gdb = self.gdb;
         run.hse_ppm = self.truth.clock_ppm;
         let ns = |seconds: f64| (seconds * 1e9).round() as u64;
         let pulse = |edge: &f64| [ns(*edge), ns(edge + SYNC_PULSE)];

@@ -344,6 +344,11 @@ mod tests {
             let planned = parse(&text, "f.toml").unwrap();
             assert_eq!((planned[0].kind, planned[0].at), (kind, 1.0), "{name}");
             assert_eq!(serde_json::to_value(kind).unwrap(), name);
+            let page = include_str!("../../../docs/how-to.md");
+            assert!(
+                page.contains(&format!("`{name}`")),
+                "{name} is missing in docs/how-to.md"
+            );
         }
     }
 

@@ -12,6 +12,9 @@
 //!
 //! Noise is white from sample to sample and is added after the low-pass. It is the noise of conditioner and
 //! converter at the code, in the sensor's unit.
+//!
+//! The four channels are converted at the same time, on as many threads. Where nothing is felt, only the noise
+//! is computed.
 
 use bead_model::design::{self, ChannelFrontEnd, SensorFrontEnd};
 use rand::SeedableRng;
@@ -145,21 +148,6 @@ impl Sensor {
         }
     }
 
-    /// Both channels' codes and how often each lay beyond a rail: as [`convert`], the wide channel a
-    /// conversion later.
-    fn convert(
-        &self,
-        mut signal: impl FnMut(f64) -> f64,
-        scans: usize,
-        seed: Option<u64>,
-        [sensitive, wide]: [u64; 2],
-    ) -> [(Vec<u16>, usize); 2] {
-        [
-            convert(&self.sensitive, &mut signal, scans, seed, sensitive),
-            convert(&self.wide, |t| signal(t + CONVERSION), scans, seed, wide),
-        ]
-    }
-
     /// Both channels, in the order of their conversion.
     pub fn channels_mut(&mut self) -> [&mut Channel; 2] {
         [&mut self.sensitive, &mut self.wide]
@@ -201,12 +189,44 @@ impl Default for FrontEnd {
     }
 }
 
-/// What the two sensors feel, as functions of time in seconds.
-pub trait Stimulus {
+/// What the two sensors feel, as functions of time in seconds. Each channel reads a copy.
+pub trait Stimulus: Clone + Sync {
     /// Total force at the incoming contact in N, compression positive.
     fn force(&mut self, time: f64) -> f64;
     /// Absolute acceleration of the intruder in m/s².
     fn acceleration(&mut self, time: f64) -> f64;
+    /// Until when, from `time` on, both are 0; `time` itself if something is felt then, or if that is not known.
+    fn silent_until(&self, time: f64) -> f64 {
+        time
+    }
+}
+
+/// One of the four channels, at the instants when the converter holds it.
+struct Held<S> {
+    stimulus: S,
+    /// Force or acceleration.
+    of: fn(&mut S, f64) -> f64,
+    /// When it is held after the force at the high gain, s.
+    after: f64,
+}
+
+impl<S: Stimulus> Held<S> {
+    /// The channel with this number, in the order of the conversions.
+    fn new(stimulus: &S, number: usize) -> Self {
+        Self {
+            stimulus: stimulus.clone(),
+            of: if number < 2 { S::force } else { S::acceleration },
+            after: number as f64 * CONVERSION,
+        }
+    }
+
+    fn at(&mut self, time: f64) -> f64 {
+        (self.of)(&mut self.stimulus, time + self.after)
+    }
+
+    fn silent_until(&self, time: f64) -> f64 {
+        self.stimulus.silent_until(time + self.after) - self.after
+    }
 }
 
 /// Codes as the converter delivers them, and how often it met a rail.
@@ -249,26 +269,37 @@ impl FrontEnd {
     /// been at their value of time 0.
     ///
     /// `seed` fixes the noise; `None` leaves it out. The same arguments give the same codes.
-    pub fn digitise(&self, stimulus: &mut impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
-        let force_at = |t: f64| stimulus.force(t);
-        let [(force, _), (force_wide, force_saturated)] = self.force.convert(force_at, scans, seed, [0, 2]);
-        let acceleration_at = |t: f64| stimulus.acceleration(t + SCAN_SKEW);
-        let [(acceleration, _), (acceleration_wide, acceleration_saturated)] =
-            self.acceleration.convert(acceleration_at, scans, seed, [1, 3]);
+    pub fn digitise(&self, stimulus: &impl Stimulus, scans: usize, seed: Option<u64>) -> Digitised {
+        let (force, acceleration) = (&self.force, &self.acceleration);
+        let channels = [
+            &force.sensitive,
+            &force.wide,
+            &acceleration.sensitive,
+            &acceleration.wide,
+        ];
+        let convert = |number: usize| {
+            let held = Held::new(stimulus, number);
+            convert(channels[number], held, scans, seed, NOISE_STREAMS[number])
+        };
+        let pair = |first| rayon::join(|| convert(first), || convert(first + 1));
+        let (((force, _), wide_force), ((acceleration, _), wide_acceleration)) =
+            rayon::join(|| pair(0), || pair(2));
         Digitised {
             scans: (0..scans)
-                .map(|i| [force[i], force_wide[i], acceleration[i], acceleration_wide[i]])
+                .map(|i| [force[i], wide_force.0[i], acceleration[i], wide_acceleration.0[i]])
                 .collect(),
-            saturated: [force_saturated, acceleration_saturated],
+            saturated: [wide_force.1, wide_acceleration.1],
         }
     }
 }
 
-/// One channel's codes at times 0, T, 2T, …; each channel has its own stream of the seed's generator, so that
-/// the noise of one does not depend on the other.
+/// Streams of the seed's generator, one for each channel: the noise of one does not depend on the others.
+const NOISE_STREAMS: [u64; 4] = [0, 2, 1, 3];
+
+/// One channel's codes at times 0, T, 2T, …, and how many lay beyond a rail.
 fn convert(
     channel: &Channel,
-    mut signal: impl FnMut(f64) -> f64,
+    mut signal: Held<impl Stimulus>,
     scans: usize,
     seed: Option<u64>,
     stream: u64,
@@ -280,14 +311,19 @@ fn convert(
     });
     let noise = Normal::new(0.0, channel.noise_rms.abs()).expect("a finite standard deviation");
     let fine = f64::from(SAMPLE_RATE_HZ) * f64::from(FINE_STEPS);
-    let mut filter = LowPass::new(channel.pole_hz, 1.0 / fine, signal(0.0));
+    let time = |step: u64| step as f64 / fine;
+    let mut filter = LowPass::new(channel.pole_hz, 1.0 / fine, signal.at(0.0));
     let mut codes = Vec::with_capacity(scans);
-    let mut saturated = 0;
-    for scan in 0..scans {
+    let (mut saturated, mut silent) = (0, 0.0);
+    for scan in 0..scans as u64 {
         if scan > 0 {
-            let first = (scan as u64 - 1) * u64::from(FINE_STEPS);
-            for step in 1..=u64::from(FINE_STEPS) {
-                filter.advance(signal((first + step) as f64 / fine));
+            let steps = (scan - 1) * u64::from(FINE_STEPS)..scan * u64::from(FINE_STEPS);
+            if silent <= time(steps.start) {
+                silent = signal.silent_until(time(steps.start));
+            }
+            match time(steps.end) < silent {
+                true => filter.rest(FINE_STEPS),
+                false => steps.for_each(|step| _ = filter.advance(signal.at(time(step + 1)))),
             }
         }
         let noise = generator
@@ -331,6 +367,19 @@ impl LowPass {
         self.input = input;
         self.output
     }
+
+    /// Takes 0 as the next inputs, `steps` of them.
+    fn rest(&mut self, steps: u32) {
+        for _ in 0..steps {
+            // What is left is far below the least noise. As a subnormal number it would never end, and cost most
+            // of the time.
+            if self.input == 0.0 && self.output.abs() < 1e-30 {
+                self.output = 0.0;
+                return;
+            }
+            self.advance(0.0);
+        }
+    }
 }
 
 /// The three constants of `y' = (u - y)/T₀` over one step of `phase` = step/T₀, for `u` straight between the
@@ -346,6 +395,7 @@ mod tests {
     use super::*;
     use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
+    #[derive(Clone)]
     struct Sine {
         hz: f64,
         amplitude: f64,
@@ -372,7 +422,7 @@ mod tests {
         front_end.acceleration.sensitive.pole_hz = Some(10e3);
         let codes = front_end
             .digitise(
-                &mut Sine {
+                &Sine {
                     hz: 10e3,
                     amplitude: 200.0,
                 },
@@ -392,7 +442,7 @@ mod tests {
         let front_end = FrontEnd::default();
         let codes = front_end
             .digitise(
-                &mut Sine {
+                &Sine {
                     hz: 100.0,
                     amplitude: 200.0,
                 },
@@ -413,7 +463,7 @@ mod tests {
         front_end.acceleration.sensitive.noise_rms = 1.5;
         let codes = front_end
             .digitise(
-                &mut Sine {
+                &Sine {
                     hz: 1.0,
                     amplitude: 0.0,
                 },
@@ -435,7 +485,7 @@ mod tests {
         front_end.acceleration.sensitive.noise_rms = 15.0;
         let codes = front_end
             .digitise(
-                &mut Sine {
+                &Sine {
                     hz: 1.0,
                     amplitude: 0.0,
                 },
@@ -461,7 +511,7 @@ mod tests {
         // A period of 100 samples, off the grid by the scan skew: the sine exceeds 250 of 400 m/s² for
         // two arcs of acos(252.8/400)/π of the period.
         let digitised = front_end.digitise(
-            &mut Sine {
+            &Sine {
                 hz: 1e3,
                 amplitude: 400.0,
             },
@@ -492,7 +542,7 @@ mod tests {
         }
         let codes = front_end
             .digitise(
-                &mut Sine {
+                &Sine {
                     hz: 4850.0,
                     amplitude: 7.0,
                 },
@@ -520,14 +570,14 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_codes_and_another_seed_does_not() {
         let front_end = FrontEnd::default();
-        let mut sine = Sine {
+        let sine = Sine {
             hz: 1e3,
             amplitude: 5.0,
         };
-        let once = front_end.digitise(&mut sine, 1000, Some(1));
-        assert_eq!(once, front_end.digitise(&mut sine, 1000, Some(1)));
-        assert_ne!(once, front_end.digitise(&mut sine, 1000, Some(2)));
-        assert_ne!(once, front_end.digitise(&mut sine, 1000, None));
+        let once = front_end.digitise(&sine, 1000, Some(1));
+        assert_eq!(once, front_end.digitise(&sine, 1000, Some(1)));
+        assert_ne!(once, front_end.digitise(&sine, 1000, Some(2)));
+        assert_ne!(once, front_end.digitise(&sine, 1000, None));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::env;
 use std::fs::File;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process;
 use std::sync::OnceLock;
@@ -32,11 +32,19 @@ pub fn carry(image: &'static [u8]) {
 /// There is none; the message says how to build it.
 pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     if let Some(path) = given {
-        return match path.is_file() {
-            true => Ok(path.to_owned()),
-            false => Err(BenchError::Unfit(format!(
-                "--firmware {}: there is no such file; build the image with `cargo xtask build`",
+        return match (path.is_file(), path.exists()) {
+            (true, _) if is_arm_elf(path) => Ok(path.to_owned()),
+            (true, _) => Err(BenchError::Unfit(format!(
+                "--firmware {}: this is not an ARM ELF file; give the image that `cargo xtask build` makes",
                 path.display()
+            ))),
+            (false, there) => Err(BenchError::Unfit(format!(
+                "--firmware {}: {}; build the image with `cargo xtask build`",
+                path.display(),
+                match there {
+                    true => "this is a directory, a device or a pipe",
+                    false => "there is no such file",
+                }
             ))),
         };
     }
@@ -53,6 +61,15 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
         Some(path) => Ok(path),
         None => carried(),
     }
+}
+
+/// Whether the head of a file is that of an ELF file for ARM. It is known before a simulation begins; QEMU reads the
+/// rest.
+fn is_arm_elf(path: &Path) -> bool {
+    const MACHINE_ARM: [u8; 2] = [40, 0];
+    let mut head = [0; 20];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut head));
+    read.is_ok() && head.starts_with(b"\x7fELF") && head[18..] == MACHINE_ARM
 }
 
 /// The carried image, as a file without a name: nothing is left of it, however the program ends.

@@ -7,3 +7,4 @@ pub mod faults;
 pub mod front_end;
 pub mod image;
 pub mod sensed;
+pub mod several;

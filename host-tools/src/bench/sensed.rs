@@ -1,10 +1,11 @@
 //! What a bead of a simulated chain senses, strike after strike, and what it should report.
 
+use std::ops::Range;
 use std::path::Path;
 
 use bead_model::design::{Bead, Intruder, LEAST_WIDTH, Neighbours};
 use bead_model::reduced_chain::FOLLOWERS;
-use hertz_chain::{Options, Sampler, Scenario, Solution, simulate_with};
+use hertz_chain::{Curve, Options, Scenario, Solution, simulate_with, text_of};
 use serde::{Deserialize, Serialize};
 
 use crate::bench::error::BenchError;
@@ -148,9 +149,9 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
 /// # Errors
 /// The file is missing or is no scenario; the message names file, line and key.
 pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
-    let scenario = Scenario::load(path)?;
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| BenchError::Unfit(format!("cannot read {}: {error}", path.display())))?;
+    // Read once: a pipe has its text only once.
+    let text = text_of(path, "a scenario file in TOML")?;
+    let scenario = Scenario::from_toml(&text, &path.display().to_string())?;
     Ok((scenario, text))
 }
 
@@ -234,28 +235,31 @@ impl Timing {
 }
 
 /// What the sensors of one bead feel: the same strike again and again, with quiet between.
-pub struct Sensed<'a> {
-    bead: usize,
+#[derive(Clone)]
+pub struct Sensed {
     timing: Timing,
-    solution: &'a Solution,
-    force: Sampler<'a>,
-    acceleration: Sampler<'a>,
+    /// How long a strike was simulated, s.
+    long: f64,
+    /// From the start of the strike that was looked into last to its end, s.
+    last: Range<f64>,
+    force: Curve,
+    acceleration: Option<Curve>,
 }
 
-impl<'a> Sensed<'a> {
+impl Sensed {
     /// The sensors of bead `bead`, which has an intruder, in `solution`.
-    pub fn new(solution: &'a Solution, bead: usize, timing: Timing) -> Self {
+    pub fn new(solution: &Solution, bead: usize, timing: Timing) -> Self {
         Self {
-            bead,
             timing,
-            solution,
-            force: solution.sampler(),
-            acceleration: solution.sampler(),
+            long: solution.end(),
+            last: 0.0..0.0,
+            force: solution.force_curve(bead),
+            acceleration: solution.acceleration_curve(bead),
         }
     }
 
-    /// Time since the last strike began; none if the simulation does not go so far.
-    fn in_strike(&self, time: f64) -> Option<f64> {
+    /// When the last strike began; none if the simulation does not go so far.
+    fn strike_at(&self, time: f64) -> Option<f64> {
         let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
         if guess < 0.0 {
             return None;
@@ -267,20 +271,46 @@ impl<'a> Sensed<'a> {
         if time < start && number > 0 {
             start = self.timing.start(number - 1);
         }
-        Some(time - start).filter(|since| (0.0..=self.solution.end()).contains(since))
+        Some(start).filter(|start| (0.0..=self.long).contains(&(time - start)))
     }
 }
 
-impl Stimulus for Sensed<'_> {
+impl Sensed {
+    /// The same, faster where times follow one another.
+    fn since_start(&mut self, time: f64) -> Option<f64> {
+        let since = time - self.last.start;
+        if self.last.contains(&time) && since <= self.long {
+            return Some(since);
+        }
+        let start = self.strike_at(time)?;
+        // The next strike may start before the end of this one, by a sample.
+        let most = self.timing.interval - 1.0 / f64::from(SAMPLE_RATE_HZ);
+        self.last = start..start + self.long.min(most);
+        Some(time - start)
+    }
+}
+
+impl Stimulus for Sensed {
     fn force(&mut self, time: f64) -> f64 {
-        self.in_strike(time)
-            .map_or(0.0, |since| self.force.at(since).force(self.bead))
+        self.since_start(time).map_or(0.0, |since| self.force.at(since))
     }
 
     fn acceleration(&mut self, time: f64) -> f64 {
-        self.in_strike(time)
-            .and_then(|since| self.acceleration.at(since).intruder_acceleration(self.bead))
-            .unwrap_or(0.0)
+        let since = self.since_start(time);
+        let felt = since.zip(self.acceleration.as_mut());
+        felt.map_or(0.0, |(since, acceleration)| acceleration.at(since))
+    }
+
+    fn silent_until(&self, time: f64) -> f64 {
+        if self.strike_at(time).is_some() {
+            return time;
+        }
+        let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
+        let guess = guess.max(0.0) as u32;
+        // A strike starts up to one sample after its place in the row.
+        let near = guess..self.timing.strikes.min(guess.saturating_add(3));
+        let mut starts = near.map(|number| self.timing.start(number));
+        starts.find(|start| *start >= time).unwrap_or(f64::INFINITY)
     }
 }
 

@@ -21,7 +21,7 @@ pub(crate) enum Sensors {
     /// For weak strikes: 16 N and ±250 m/s² at the high gain, 256 N and ±4000 m/s² at the low one.
     #[default]
     Weak,
-    /// For strong ones: six times less sensitive, six times the noise; 1536 N and ±24 km/s² at the low gain.
+    /// For strong ones: a sixth as sensitive, six times the noise; 1536 N and ±24 km/s² at the low gain.
     Strong,
 }
 
@@ -54,12 +54,14 @@ pub(crate) struct FrontEndOptions {
     /// Noise of the acceleration at the high gain, m/s² rms [default: 0.05; of strong sensors 0.3].
     #[arg(long, value_name = "M/S2")]
     acceleration_noise: Option<f64>,
-    /// Force that the 4096 codes span at the high gain, N [default: 16, one thirty-second of it below zero;
-    /// of strong sensors 96].
+    /// Force that the 4096 codes span at the high gain, N [default: 16; of strong sensors 96].
+    ///
+    /// One thirty-second of it is below zero.
     #[arg(long, value_name = "N")]
     force_span: Option<f64>,
-    /// Acceleration that the 4096 codes span at the high gain, m/s² [default: 500, half of it below
-    /// zero; of strong sensors 3000].
+    /// Acceleration that the 4096 codes span at the high gain, m/s² [default: 500; of strong sensors 3000].
+    ///
+    /// Half of it is below zero.
     #[arg(long, value_name = "M/S2")]
     acceleration_span: Option<f64>,
     /// Force that the 4096 codes span at the low gain, N [default: 256; of strong sensors 1536].

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use bead_wire::ANY;
 use clap::Args;
 
 use crate::cli::failure::Failure;
@@ -16,6 +17,11 @@ pub(crate) struct LineOptions {
     /// A serial port or pty, tcp:HOST:PORT or unix:PATH.
     #[arg(long, value_name = "P")]
     port: Address,
+    /// Ask only the bead with this address, 0 to 254 [default: every bead on the line].
+    ///
+    /// Needed where several beads share a line: their replies would collide.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(..i64::from(ANY)))]
+    address: Option<u8>,
     /// Bits a second of a serial port.
     #[arg(long, default_value_t = 2_000_000, value_parser = clap::value_parser!(u32).range(1..))]
     baud: u32,
@@ -31,7 +37,7 @@ pub(crate) struct LineOptions {
 impl LineOptions {
     pub(crate) fn open(&self) -> Result<Conversation, Failure> {
         let key = self.key.as_deref().map(key::read).transpose()?;
-        let mut bead = Conversation::open(&self.port, self.baud, self.timeout)?;
+        let mut bead = Conversation::open(&self.port, self.baud, self.address.unwrap_or(ANY), self.timeout)?;
         bead.sign_with(key);
         Ok(bead)
     }

@@ -1,5 +1,6 @@
 //! The command line: the command tree, and below it the commands, their options and their output.
 
+mod beads;
 mod bench_options;
 mod commands;
 pub mod failure;
@@ -10,7 +11,7 @@ pub mod output;
 pub mod place;
 mod printer;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use commands::{
     accuracy, clock, command, compare, decode, emulate, export, figures, manual, optimise, record, recover,
@@ -83,6 +84,12 @@ enum Command {
 }
 
 impl Cli {
+    /// What was typed. Ends the program if that is no command, or asks for help.
+    pub fn typed() -> Self {
+        let matches = with_negative_numbers(Self::command()).get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
+
     /// Runs the command that was given.
     ///
     /// # Errors
@@ -110,4 +117,14 @@ impl Cli {
             Command::Man(arguments) => manual::manual(&arguments, Self::command()),
         }
     }
+}
+
+/// A command whose options take `-1` as a number, and say themselves what is wrong with it.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|argument| match argument.get_action().takes_values() {
+            true => argument.allow_negative_numbers(true),
+            false => argument,
+        })
+        .mut_subcommands(with_negative_numbers)
 }

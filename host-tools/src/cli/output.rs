@@ -34,15 +34,19 @@ pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> Str
     }
 }
 
-/// Prints `value` as one JSON document, with the version of its schema (docs/schemas).
+/// Prints `value` as one JSON document, with the version of its schema (docs/schemas). Of a list, every object
+/// has it, as every line of `bead decode` has.
 ///
 /// # Errors
 /// Standard output is closed or full; a reader that has gone away (`bead … | head`) is not an error.
 pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let failed = || "cannot write the result as JSON";
     let mut document = serde_json::to_value(value).or_input(failed)?;
-    // A list has no place for it.
-    if let Value::Object(entries) = &mut document {
+    let objects = match &mut document {
+        Value::Array(items) => &mut items[..],
+        one => std::slice::from_mut(one),
+    };
+    for entries in objects.iter_mut().filter_map(Value::as_object_mut) {
         entries.shift_insert(0, "schema_version".to_owned(), SCHEMA_VERSION.into());
     }
     print_line(&serde_json::to_string_pretty(&document).or_input(failed)?)

@@ -18,7 +18,7 @@ use crate::recording::whole::Target;
 /// `--force`.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct Force {
-    /// Replace outputs of the same kind that are there already. Inputs and other files are never replaced.
+    /// Replace outputs of the same kind. Inputs and other files are never replaced.
     #[arg(long)]
     pub force: bool,
 }
@@ -144,6 +144,20 @@ pub fn targets<const N: usize>(
     inputs: &[&Path],
     force: Force,
 ) -> Result<[Target; N], Failure> {
+    let found = targets_of(directory, &files, inputs, force)?;
+    Ok(found.try_into().expect("one target for each file"))
+}
+
+/// The same for any number of files.
+///
+/// # Errors
+/// As [`targets`].
+pub fn targets_of<N: AsRef<str>>(
+    directory: &Path,
+    files: &[(N, Kind)],
+    inputs: &[&Path],
+    force: Force,
+) -> Result<Vec<Target>, Failure> {
     let there = directory.ancestors().find(|folder| folder.exists());
     let there = there.filter(|there| !there.as_os_str().is_empty());
     let there = there.unwrap_or(Path::new("."));
@@ -157,9 +171,9 @@ pub fn targets<const N: usize>(
     Target::new(there.join("result")).try_out()?;
     let mut found = Vec::new();
     for (name, kind) in files {
-        found.push(allowed(&directory.join(name), kind, inputs, force)?);
+        found.push(allowed(&directory.join(name.as_ref()), *kind, inputs, force)?);
     }
-    Ok(found.try_into().expect("one target for each file"))
+    Ok(found)
 }
 
 /// Makes the directory of [`targets`].

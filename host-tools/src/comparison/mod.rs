@@ -11,4 +11,5 @@ mod statistics;
 pub mod strike;
 #[cfg(test)]
 mod testing;
+pub mod velocity;
 pub mod verdict;

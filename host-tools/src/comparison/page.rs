@@ -9,6 +9,7 @@ use hertz_figures::error::Error;
 
 use crate::bench::emulation::EmulatorReport;
 use crate::comparison::pictures::{residual_chart, strike_chart};
+use crate::comparison::spread::Spread;
 use crate::comparison::statistics::{picture, section};
 use crate::comparison::strike::{StrikeComparison, percent};
 use crate::recording::json::hex;
@@ -24,6 +25,8 @@ pub struct Page<'a> {
     pub bead: usize,
     /// Every strike.
     pub strikes: &'a [StrikeComparison],
+    /// Mean and scatter of A and of B against their goals.
+    pub spread: &'a [Spread; 2],
     /// Why the comparison failed, if it did.
     pub failure: Option<&'a str>,
     /// Counts of what was received.
@@ -65,12 +68,12 @@ border:1.5px solid currentColor}\
 .key div{border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
 .key b{display:block;font-size:1.45rem;line-height:1.25;font-variant-numeric:tabular-nums}\
 .key span{color:var(--faint);font-size:.86rem}\
-.scroll{overflow-x:auto}\
+.scroll{overflow-x:auto}.scroll+.scroll{margin-top:1.4em}\
 table{border-collapse:collapse;width:100%;font-size:.93rem;font-variant-numeric:tabular-nums}\
 th,td{text-align:right;padding:.42em .7em;border-bottom:1px solid var(--grid);white-space:nowrap}\
 th:first-child,td:first-child{text-align:left;padding-left:0}\
 thead th{color:var(--faint);font-weight:500}\
-.facts td{white-space:normal;text-align:left}.facts td:first-child{color:var(--faint);width:34%}\
+.facts td{white-space:normal;text-align:left;overflow-wrap:anywhere}.facts td:first-child{color:var(--faint);width:25%}\
 svg.chart{display:block;width:100%;height:auto;margin:.6em 0 0}.narrow{display:none}\
 .bins{display:inline-flex;align-items:flex-end;height:22px;width:84px;gap:1px}\
 .bins i{flex:1;min-height:1px;background:var(--measured)}\
@@ -80,10 +83,11 @@ pre{overflow-x:auto;font:13px/1.5 ui-monospace,SFMono-Regular,Menlo,Consolas,mon
 border:1px solid var(--grid);border-radius:10px;padding:12px 14px}\
 details summary{cursor:pointer;color:var(--faint)}\
 @media(max-width:640px){main{padding:22px 14px 48px}h1{font-size:1.45rem}.wide,.more{display:none}\
-.narrow{display:block}table{font-size:.8rem}th,td{padding:.35em .4em}th:first-child,td:first-child{white-space:normal}\
+.narrow{display:block}table{font-size:.8rem}th,td{padding:.35em .25em}.bins{width:44px;gap:0}th:first-child,td:first-child{white-space:normal}\
 .key{grid-template-columns:1fr 1fr}.bar{min-width:70px}}\
 @media print{main{max-width:none;padding:0}.scroll{overflow:visible}table{font-size:.78rem}\
-th,td{padding:.25em .4em;white-space:normal}tr,svg.chart,.key div,pre{break-inside:avoid}h2,thead{break-after:avoid}}";
+th,td{padding:.25em .4em;white-space:normal}pre{white-space:pre-wrap}\
+tr,svg.chart,.key div{break-inside:avoid}h2,h2+p,thead,summary{break-after:avoid}}";
 
 impl Page<'_> {
     /// The page.
@@ -93,7 +97,7 @@ impl Page<'_> {
     pub fn html(&self) -> Result<String, Error> {
         let body = [
             self.head(),
-            section(self.strikes)?,
+            section(self.strikes, self.spread)?,
             self.agreement(),
             self.pictures()?,
             self.cost(),
@@ -153,6 +157,16 @@ impl Page<'_> {
         format!("{head}<div class=\"key\">{}</div>", tiles.concat())
     }
 
+    /// Why a strike is shown in full, among many.
+    fn shown_as(&self, strike: &StrikeComparison) -> &'static str {
+        let worst = self.worst().map(|at| self.strikes[at].strike);
+        match (self.strikes.len() > IN_FULL, strike.replay_identical) {
+            (true, false) => ", whose replay differs",
+            (true, true) if worst == Some(strike.strike) => ", the furthest off",
+            _ => "",
+        }
+    }
+
     fn agreement(&self) -> String {
         let mut out = String::from(
             "<h2>Agreement</h2><p>From right to left each column adds one source of error. The first adds sampling, \
@@ -160,23 +174,31 @@ impl Page<'_> {
              replay must agree in every bit.</p>",
         );
         for strike in self.in_full() {
+            let rows: Vec<_> = strike.rows().into_iter().chain(strike.shape_rows()).collect();
+            // Strikes among others are judged together.
+            let judged = rows.iter().any(|row| row.goal.is_some());
             out += &format!(
-                "<div class=\"scroll\"><table><thead><tr><th>Strike {}, sample {}</th><th>device</th>\
-                 <th class=\"more\">replay</th><th class=\"more\">f64, same samples</th><th>f64 chain</th><th>device off by</th><th>goal</th></tr></thead><tbody>",
-                strike.strike, strike.sample_index,
+                "<div class=\"scroll\"><table><thead><tr><th>Strike {}{}, sample {}</th><th>device</th>\
+                 <th class=\"more\">replay</th><th class=\"more\">f64, same samples</th><th>f64 chain</th><th>device off by</th>{}\
+                 </tr></thead><tbody>",
+                strike.strike,
+                self.shown_as(strike),
+                strike.sample_index,
+                if judged { "<th>goal</th>" } else { "" },
             );
-            for row in strike.rows().into_iter().chain(strike.shape_rows()) {
+            for row in rows {
                 let class = row.met().map_or("", |met| if met { "pass" } else { "fail" });
                 let goal = row.goal.map(|goal| format!("±{:.1} %", goal * 100.0));
+                let goal = judged.then(|| format!("<td>{}</td>", goal.as_deref().unwrap_or("–")));
                 let [device, replay, f64_samples, f64_chain] =
                     row.cells.map(|cell| cell.unwrap_or_else(|| "–".to_owned()));
                 out += &format!(
                     "<tr><td>{}</td><td>{device}</td><td class=\"more\">{replay}</td><td class=\"more\">{f64_samples}</td>\
                      <td>{f64_chain}</td>\
-                     <td class=\"{class}\">{}</td><td>{}</td></tr>",
+                     <td class=\"{class}\">{}</td>{}</tr>",
                     row.name,
                     percent(row.off),
-                    goal.as_deref().unwrap_or("–"),
+                    goal.unwrap_or_default(),
                 );
             }
             out += "</tbody></table></div>";
@@ -196,14 +218,19 @@ impl Page<'_> {
         if strikes.len() <= IN_FULL {
             return strikes.iter().collect();
         }
-        let off = |strike: &StrikeComparison| {
-            let off = strike.deviation;
-            f64::max(off.absorbed_measured.abs(), off.absorbed_predicted.abs())
-        };
-        let worst = (0..strikes.len()).max_by(|a, b| off(&strikes[*a]).total_cmp(&off(&strikes[*b])));
+        let worst = self.worst();
         let failed = strikes.iter().position(|strike| !strike.replay_identical);
         let shown: BTreeSet<usize> = [Some(0), worst, failed].into_iter().flatten().collect();
         shown.into_iter().map(|at| &strikes[at]).collect()
+    }
+
+    /// Where the strike is whose estimates are furthest off.
+    fn worst(&self) -> Option<usize> {
+        let off = |at: &usize| {
+            let off = self.strikes[*at].deviation;
+            f64::max(off.absorbed_measured.abs(), off.absorbed_predicted.abs())
+        };
+        (0..self.strikes.len()).max_by(|a, b| off(a).total_cmp(&off(b)))
     }
 
     /// A line for each strike, if they are not all shown in full.
@@ -310,7 +337,9 @@ impl Page<'_> {
 
     fn scenario(&self) -> String {
         let text = escape(self.scenario);
-        format!("<h2>The scenario</h2><details><summary>as it was given</summary><pre>{text}</pre></details>")
+        format!(
+            "<h2>The scenario</h2><details open><summary>as it was given</summary><pre>{text}</pre></details>"
+        )
     }
 
     fn log(&self) -> String {
@@ -398,10 +427,9 @@ fn of_status(status: &Status) -> Vec<Fact> {
 
 fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
     let run = format!(
-        "{}: {:.2} s of virtual time in {:.2} s; {} resets; {} overruns seen by the converter",
+        "{}: {:.2} s of virtual time; {} resets; {} overruns seen by the converter",
         emulator.qemu.as_deref().unwrap_or("QEMU"),
         emulator.virtual_seconds,
-        emulator.real_seconds,
         emulator.resets,
         emulator.overruns
     );
@@ -419,6 +447,7 @@ fn of_emulator(emulator: &EmulatorReport) -> Vec<Fact> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::comparison::spread::Deviations;
     use crate::comparison::strike::FullChain;
     use crate::comparison::testing::recorded_strike;
     use hertz_chain::Scenario;
@@ -430,10 +459,15 @@ mod tests {
     fn page_of(strikes: usize, failure: Option<&str>) -> String {
         let strike = recorded_strike();
         let comparison = FullChain::run(&Scenario::paper(), 8).unwrap().compare(&strike);
+        let mut deviations = Deviations::default();
+        for _ in 0..strikes {
+            deviations.push(&comparison.deviation);
+        }
         let page = Page {
             title: "One <absorber> & more",
             recording: "bead-8.mcap",
             bead: 8,
+            spread: &deviations.spread(),
             strikes: &vec![comparison; strikes],
             failure,
             counters: &Counters::default(),
@@ -485,7 +519,8 @@ mod tests {
         assert!(many.contains("All 100 strikes"));
         assert_eq!(many.matches("<td>identical</td>").count(), 100);
         // In full: the first and the worst.
-        assert_eq!(many.matches(">Strike 0, sample").count(), 2);
+        assert_eq!(many.matches(">Strike 0, the furthest off, sample").count(), 2);
+        assert!(many.contains("mean ±0.2 %, scatter 0.5 %") && !one.contains("scatter"));
     }
 
     #[test]

@@ -75,7 +75,14 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
 }
 
 fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> Option<String> {
+    // The first sample after which a hundredth is absorbed. Before, there are few bits in which to differ.
+    let last = energies.last().map_or((0, 0), |(a, b)| (a.bits(), b.bits()));
+    let start = energies
+        .iter()
+        .position(|(measured, predicted)| measured.bits() > last.0 / 100 && predicted.bits() > last.1 / 100);
+    let mut before = 0;
     strike.chunks.iter().find_map(|chunk| {
+        let agreed = std::mem::replace(&mut before, chunk.end);
         let (measured, predicted) = energies[chunk.end - 1];
         let index = strike.said.first_index + chunk.end as u64 - 1;
         [
@@ -85,37 +92,94 @@ fn differs_in_chunks(strike: &RecordedStrike, energies: &[(Energy, Energy)]) -> 
         .into_iter()
         .find(|(_, device, replay)| device != replay)
         .map(|(what, device, replay)| {
-            let (device, replay) = (device.bits(), replay.bits());
-            format!("{what} at sample index {index}: device {device:#x}, replay {replay:#x}")
+            let pair = [device, replay].map(|energy| Number {
+                bits: i128::from(energy.bits()),
+                si: Some((energy.joules(), "J")),
+            });
+            let why = match start.is_none_or(|start| agreed <= start) {
+                true => FROM_THE_START,
+                false => FROM_SOMEWHERE,
+            };
+            format!("{what} at sample index {index}: {}; {why}", apart(pair))
         })
     })
 }
 
+/// What a difference usually means, by where it is.
+const FROM_THE_START: &str = "as it is off from the start of the window, the bead usually ran with other settings than the \
+     recording carries, or with an image of another version";
+const FROM_SOMEWHERE: &str = "as all before it agrees, usually a code of the window was damaged on its way, or the bead's \
+     memory was";
+const IN_THE_REPORT: &str =
+    "as the energies of all its chunks agree, usually the bead ran an image of another version";
+
+/// Bits of a group of fields that is not there.
+const ABSENT: i128 = i128::MIN;
+
+/// A number of a frame, by device or by replay.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Number {
+    /// As it travels.
+    bits: i128,
+    /// In SI units, where it is a quantity.
+    si: Option<(f64, &'static str)>,
+}
+
+/// How device and replay differ: both values, and the highest bit that is not the same.
+fn apart([device, replay]: [Number; 2]) -> String {
+    let shown = |who: &str, number: Number| match number.si {
+        _ if number.bits == ABSENT => format!("{who} has none"),
+        Some((value, unit)) => format!("{who} {value:.9e} {unit} ({:#x})", number.bits),
+        None => format!("{who} {} ({:#x})", number.bits, number.bits),
+    };
+    let bits = device.bits ^ replay.bits;
+    let highest = 127 - bits.leading_zeros();
+    if [device.bits, replay.bits].contains(&ABSENT) {
+        return format!("{}, {}", shown("device", device), shown("replay", replay));
+    }
+    let steps = device.bits.abs_diff(replay.bits);
+    format!(
+        "{}, {}; the highest bit that differs is bit {highest}, and they are {steps} of the last bit apart",
+        shown("device", device),
+        shown("replay", replay)
+    )
+}
+
 /// The first field of a body in which device and replay differ.
-fn differs(what: &str, device: &dyn Fields, replay: &dyn Fields) -> Option<String> {
-    let mut pairs = bits(device).into_iter().zip(bits(replay));
-    let ((field, device), (_, replay)) = pairs.find(|(device, replay)| device != replay)?;
+fn differs(what: &str, device: &dyn Fields, replay: &dyn Fields, rate: Option<u32>) -> Option<String> {
+    let mut pairs = numbers(device, rate).into_iter().zip(numbers(replay, rate));
+    let ((field, device), (_, replay)) =
+        pairs.find(|((_, device), (_, replay))| device.bits != replay.bits)?;
     Some(format!(
-        "{field} of the {what} frame: device {device:#x}, replay {replay:#x}"
+        "{field} of the {what} frame: {}; {IN_THE_REPORT}",
+        apart([device, replay])
     ))
 }
 
-/// Every field of a body, by name, as bits. A missing group differs from every present one.
-fn bits(body: &dyn Fields) -> Vec<(String, i128)> {
+/// Every field of a body, by name, at `rate` scans a second. A missing group differs from every present one.
+fn numbers(body: &dyn Fields, rate: Option<u32>) -> Vec<(String, Number)> {
     let mut all = Vec::new();
-    body.each(&mut |name, value| match value {
-        Value::Bool(yes) => all.push((name.into(), yes.into())),
-        Value::Number(number) => all.push((name.into(), number.into())),
-        Value::Quantity { bits, .. } => all.push((name.into(), bits.into())),
-        Value::Name { number, .. } => all.push((name.into(), number.into())),
-        Value::Set { bits, .. } => all.push((name.into(), bits.into())),
-        Value::Group(None) => all.push((name.into(), i128::MIN)),
-        Value::Group(Some(group)) => {
-            let named = |(field, bits)| (format!("{name}.{field}"), bits);
-            all.extend(bits(group).into_iter().map(named));
-        }
-        // The results of a strike have none of these.
-        Value::Text(_) | Value::Bytes(_) | Value::Scans(_) => {}
+    body.each(&mut |name, value| {
+        let bits = match value {
+            Value::Bool(yes) => yes.into(),
+            Value::Number(number) => number.into(),
+            Value::Quantity { bits, .. } => bits.into(),
+            Value::Name { number, .. } => number.into(),
+            Value::Set { bits, .. } => bits.into(),
+            Value::Group(None) => ABSENT,
+            Value::Group(Some(group)) => {
+                let named = |(field, number)| (format!("{name}.{field}"), number);
+                all.extend(numbers(group, rate).into_iter().map(named));
+                return;
+            }
+            // The results of a strike have none of these.
+            Value::Text(_) | Value::Bytes(_) | Value::Scans(_) => return,
+        };
+        let si = match value {
+            Value::Quantity { bits, unit } => unit.si(bits, rate).map(|value| (value, unit.symbol)),
+            _ => None,
+        };
+        all.push((name.into(), Number { bits, si }));
     });
     all
 }
@@ -129,7 +193,9 @@ fn of_the_window(strike: &Strike) -> Strike {
 }
 
 fn differs_in_results(strike: &RecordedStrike, said: &Strike, shape: &Shape) -> Option<String> {
-    differs("strike", &of_the_window(&strike.said), said).or_else(|| differs("shape", &strike.shape?, shape))
+    let rate = strike.rate();
+    differs("strike", &of_the_window(&strike.said), said, rate)
+        .or_else(|| differs("shape", &strike.shape?, shape, rate))
 }
 
 #[derive(Default)]
@@ -291,6 +357,45 @@ mod tests {
         let mut strike = recorded_strike();
         strike.scans[300].sensitive[1] ^= 1;
         assert!(!replay(&strike).identical());
+    }
+
+    #[test]
+    fn a_difference_is_told_in_si_units_and_bits_with_what_it_usually_means() {
+        let good = recorded_strike();
+        let said = |change: &dyn Fn(&mut RecordedStrike)| {
+            let mut strike = good.clone();
+            change(&mut strike);
+            replay(&strike).first_difference.unwrap()
+        };
+        let what =
+            said(&|strike| strike.said.peak_force = Force::from_bits(strike.said.peak_force.bits() ^ 0x10));
+        let device = good.said.peak_force.bits() ^ 0x10;
+        let parts = [
+            "strike 0: peak_force of the strike frame: device 6.",
+            &format!("N ({device:#x}), replay 6."),
+            "the highest bit that differs is bit 4, and they are 16 of the last bit apart",
+            "an image of another version",
+        ];
+        for part in parts {
+            assert!(what.contains(part), "{part}: {what}");
+        }
+        // Another damper shows from the start, a code that was damaged from there on.
+        let what = said(&|strike| {
+            let settings = strike.settings.as_mut().unwrap();
+            settings.observer.energy += fixed::types::I2F30::from_bits(1 << 12);
+        });
+        assert!(
+            what.contains("other settings than the recording carries"),
+            "{what}"
+        );
+        let what = said(&|strike| strike.scans[400].sensitive[1] ^= 0x40);
+        assert!(what.contains("a code of the window was damaged"), "{what}");
+        // The shape has a quantity that needs the sample rate.
+        let what = said(&|strike| {
+            let shape = strike.shape.as_mut().unwrap();
+            shape.width = Samples::from_bits(shape.width.bits() + 1);
+        });
+        assert!(what.contains("width of the shape frame: device"), "{what}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use hertz_figures::chart::{Axis, COLUMN, Chart, Ink, Mark, Panel, Series, WIDTH};
 use hertz_figures::error::Error;
 
+use crate::comparison::spread;
 use crate::comparison::strike::{ShapeValues, StrikeComparison, percent};
 
 /// Bars of a histogram.
@@ -118,10 +119,11 @@ impl Spread {
 ///
 /// # Errors
 /// The chart cannot be drawn.
-pub(super) fn section(strikes: &[StrikeComparison]) -> Result<String, Error> {
+pub(super) fn section(strikes: &[StrikeComparison], goals: &[spread::Spread; 2]) -> Result<String, Error> {
     let rows: String = QUANTITIES
         .iter()
-        .filter_map(|quantity| row(quantity, strikes))
+        .enumerate()
+        .filter_map(|(number, quantity)| row(quantity, strikes, goals.get(number)))
         .collect();
     if rows.is_empty() {
         return Ok(String::new());
@@ -129,15 +131,27 @@ pub(super) fn section(strikes: &[StrikeComparison]) -> Result<String, Error> {
     Ok(format!(
         "<section><h2>All {} strikes</h2><p>By the bead. The spread is a standard deviation; the mean is off the full chain \
          by what stands beside it, give or take two standard errors. Bars show how often each value came, from the least \
-         to the greatest.</p><div class=\"scroll\"><table><thead><tr><th></th><th>mean</th><th>spread</th>\
+         to the greatest. Goals: {}.</p><div class=\"scroll\"><table><thead><tr><th></th><th>mean</th><th>spread</th>\
          <th class=\"more\">least</th><th class=\"more\">greatest</th><th>mean off by</th><th>values</th></tr></thead>\
          <tbody>{rows}</tbody></table></div>{}</section>",
         strikes.len(),
+        goals.each_ref().map(goal).join("; "),
         picture(&history(strikes))?
     ))
 }
 
-fn row(quantity: &Quantity, strikes: &[StrikeComparison]) -> Option<String> {
+/// What is asked of the mean and the scatter of an estimate, and whether it is met.
+fn goal(spread: &spread::Spread) -> String {
+    format!(
+        "{}, mean ±{:.1} %, scatter {:.1} %, {}",
+        spread.estimate,
+        spread.goal * 100.0,
+        spread.scatter_goal * 100.0,
+        if spread.pass { "met" } else { "missed" }
+    )
+}
+
+fn row(quantity: &Quantity, strikes: &[StrikeComparison], goal: Option<&spread::Spread>) -> Option<String> {
     let Quantity {
         name,
         scale,
@@ -171,9 +185,10 @@ fn row(quantity: &Quantity, strikes: &[StrikeComparison]) -> Option<String> {
             100.0 * count as f64 / most as f64
         )
     });
+    let class = goal.map_or("", |goal| if goal.pass { "pass" } else { "fail" });
     Some(format!(
-        "<tr><td>{name}</td><td>{}</td><td>{}</td><td class=\"more\">{}</td><td class=\"more\">{}</td><td>{off}</td>\
-         <td><span class=\"bins\">{}</span></td></tr>",
+        "<tr><td>{name}</td><td>{}</td><td>{}</td><td class=\"more\">{}</td><td class=\"more\">{}</td>\
+         <td class=\"{class}\">{off}</td><td><span class=\"bins\">{}</span></td></tr>",
         shown(spread.mean),
         shown(spread.deviation),
         shown(spread.least),

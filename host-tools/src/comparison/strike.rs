@@ -10,7 +10,7 @@
 
 use bead_model::design::{Bead, Neighbours};
 use bead_model::layout::BASELINE;
-use hertz_chain::{PulseSearch, Scenario, Snapshot, Solution};
+use hertz_chain::{Curve, PulseSearch, Scenario, Solution};
 use serde::Serialize;
 
 use crate::bench::error::BenchError;
@@ -276,6 +276,9 @@ pub struct Traces {
     pub device: [Vec<AbsorbedPoint>; 2],
 }
 
+/// Samples on either side of its peak in which a pulse is looked for.
+const PULSE: f64 = 60.0;
+
 /// The full chain that strikes are compared with. It is run once for all strikes.
 pub struct FullChain {
     bead: usize,
@@ -284,6 +287,11 @@ pub struct FullChain {
     solution: Solution,
     truth: Truth,
     peak_time: f64,
+    /// Force at the bead's incoming contact, and acceleration of its intruder.
+    force: Curve,
+    acceleration: Curve,
+    /// Width at half height of the strongest pulse, s.
+    width: Option<f64>,
 }
 
 impl FullChain {
@@ -299,6 +307,11 @@ impl FullChain {
         let peaks = solution.summary().peak_force;
         let peak = peaks.iter().find(|peak| peak.contact == bead);
         let peak_time = peak.map_or(0.0, |peak| peak.time);
+        let force = solution.force_curve(bead);
+        let acceleration = solution.acceleration_curve(bead);
+        let acceleration = acceleration.expect("a bead without an intruder was refused");
+        let pulses = solution.pulses(bead, &PulseSearch::default());
+        let strongest = pulses.into_iter().max_by(|a, b| a.force.total_cmp(&b.force));
         Ok(Self {
             bead,
             physics,
@@ -306,12 +319,41 @@ impl FullChain {
             solution,
             truth,
             peak_time,
+            force,
+            acceleration,
+            width: strongest.and_then(|pulse| pulse.fwhm),
         })
     }
 
     /// A warning about estimate B at this bead, if there is one.
     pub fn note(&self) -> Option<String> {
         unlike_the_reduced_chain(&self.solution, self.bead)
+    }
+
+    /// The recorded force as a multiple of the simulated one, over the pulse, by least squares; and its standard
+    /// error. None where samples or settings are missing.
+    pub(crate) fn force_ratio(&self, strike: &RecordedStrike) -> Option<(f64, f64)> {
+        let settings = strike.settings.as_ref()?;
+        if strike.missing() > 0 || strike.scans.len() <= usize::from(BASELINE) {
+            return None;
+        }
+        let rate = f64::from(settings.sample_rate_hz);
+        let force = sensed(&strike.scans, 0, &settings.force);
+        let start = self.place(&force, rate);
+        let points = beside(&force, start, rate, &self.force);
+        let is_pulse = |point: &&SensedPoint| {
+            (point.time - self.peak_time).abs() * rate < PULSE
+                && point.simulated > 0.1 * self.truth.peak_force
+                && point.sensed.is_finite()
+        };
+        let pulse: Vec<_> = points.iter().filter(is_pulse).collect();
+        let simulated: f64 = pulse.iter().map(|point| point.simulated.powi(2)).sum();
+        let both: f64 = pulse.iter().map(|point| point.sensed * point.simulated).sum();
+        let ratio = both / simulated;
+        let left = |point: &&SensedPoint| (point.sensed - ratio * point.simulated).powi(2);
+        let free = pulse.len().checked_sub(2).filter(|free| *free > 0)?;
+        let noise = (pulse.iter().map(left).sum::<f64>() / free as f64).sqrt();
+        (ratio > 0.0).then_some((ratio, noise / simulated.sqrt()))
     }
 
     /// Compares a strike from four sources.
@@ -371,14 +413,12 @@ impl FullChain {
         let device = ShapeValues::of(&said, strike.settings?.sample_rate_hz, reduced);
         let inside = |time: f64| time.clamp(0.0, self.solution.end());
         let window = [force.first()?, force.last()?].map(|point| inside(point.time));
-        let pulses = self.solution.pulses(self.bead, &PulseSearch::default());
-        let pulse = pulses.into_iter().max_by(|a, b| a.force.total_cmp(&b.force))?;
         let decay = 0.5 * damping / reduced;
         let flow = self.solution.flow(self.bead);
         Some(ShapeComparison {
             device,
             f64_chain: ShapeValues {
-                width: pulse.fwhm?,
+                width: self.width?,
                 impulse: flow.between(window[0], window[1]).impulse,
                 ring_frequency: (stiffness / reduced - decay * decay).max(0.0).sqrt() / std::f64::consts::TAU,
                 ring_decay: decay,
@@ -402,11 +442,8 @@ impl FullChain {
         let predicted = f64_estimators::predicted(&self.physics, &self.neighbours, &gated, rate);
         let start = self.place(&force, rate);
         let at = |sample: f64| start + sample / rate;
-        let force = self.beside(&force, at(0.0), rate, |s| s.force(self.bead));
-        let acceleration_at = at(0.0) + SCAN_SKEW;
-        let acceleration = self.beside(&acceleration, acceleration_at, rate, |s| {
-            s.intruder_acceleration(self.bead).unwrap_or(0.0)
-        });
+        let force = beside(&force, at(0.0), rate, &self.force);
+        let acceleration = beside(&acceleration, at(0.0) + SCAN_SKEW, rate, &self.acceleration);
         // Energies of A and B after samples, `offset` seconds off the force. A uses the acceleration, a skew
         // later.
         let along = |offset: f64, energies: Vec<(usize, [f64; 2])>| {
@@ -443,36 +480,6 @@ impl FullChain {
         })
     }
 
-    /// Samples, each with what the chain did at that time; 0 outside the chain's run.
-    fn beside(
-        &self,
-        samples: &[f64],
-        start: f64,
-        rate: f64,
-        quantity: impl Fn(&Snapshot<'_>) -> f64,
-    ) -> Vec<SensedPoint> {
-        let mut simulated = self.during(quantity);
-        let place = |(i, &sensed): (usize, &f64)| {
-            let time = start + i as f64 / rate;
-            let simulated = simulated(time);
-            SensedPoint {
-                time,
-                sensed,
-                simulated,
-            }
-        };
-        samples.iter().enumerate().map(place).collect()
-    }
-
-    /// A quantity of the chain over time; 0 outside the chain's run.
-    fn during(&self, quantity: impl Fn(&Snapshot<'_>) -> f64) -> impl FnMut(f64) -> f64 {
-        let mut sampler = self.solution.sampler();
-        move |time| match (0.0..=self.solution.end()).contains(&time) {
-            true => quantity(&sampler.at(time)),
-            false => 0.0,
-        }
-    }
-
     /// Time since the striker hit of the window's first sample: where the squared distance of sensed and
     /// simulated force is least.
     fn place(&self, force: &[f64], rate: f64) -> f64 {
@@ -482,7 +489,7 @@ impl FullChain {
         // The pulse and what follows at once. Later waves are small and would cost time.
         let near = peak.saturating_sub(40)..(peak + 80).min(force.len());
         let distance = |start: f64| -> f64 {
-            let mut simulated = self.during(|s| s.force(self.bead));
+            let mut simulated = during(&self.force);
             let squares = near
                 .clone()
                 .map(|i| (force[i] - simulated(start + i as f64 / rate)).powi(2));
@@ -490,6 +497,30 @@ impl FullChain {
         };
         let guess = self.peak_time - peak as f64 / rate;
         least(guess - 2.0 / rate, guess + 2.0 / rate, distance)
+    }
+}
+
+/// Samples, each with what the chain did at that time; 0 outside the chain's run.
+fn beside(samples: &[f64], start: f64, rate: f64, quantity: &Curve) -> Vec<SensedPoint> {
+    let mut simulated = during(quantity);
+    let place = |(i, &sensed): (usize, &f64)| {
+        let time = start + i as f64 / rate;
+        let simulated = simulated(time);
+        SensedPoint {
+            time,
+            sensed,
+            simulated,
+        }
+    };
+    samples.iter().enumerate().map(place).collect()
+}
+
+/// A quantity of the chain over time; 0 outside the chain's run.
+fn during(quantity: &Curve) -> impl FnMut(f64) -> f64 {
+    let mut quantity = quantity.clone();
+    move |time| match (0.0..=quantity.end()).contains(&time) {
+        true => quantity.at(time),
+        false => 0.0,
     }
 }
 

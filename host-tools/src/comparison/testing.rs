@@ -30,7 +30,7 @@ pub(crate) fn recorded(scenario: &Scenario, believed: &Scenario, seed: u64) -> R
         interval: 0.1,
     };
     let codes = front_end.digitise(
-        &mut Sensed::new(&solution, 8, timing),
+        &Sensed::new(&solution, 8, timing),
         timing.scans(solution.end()),
         Some(seed),
     );

@@ -4,7 +4,6 @@ use bead_wire::{Counters, Status};
 
 use crate::bench::emulation::EmulatorReport;
 use crate::comparison::spread::Spread;
-use crate::comparison::strike::StrikeComparison;
 
 /// Part of the core that work on a strike may take.
 const BUSY_MOST: f64 = 0.75;
@@ -54,9 +53,9 @@ impl Soundness {
     }
 }
 
-/// The first check that said no, gravest first.
-pub fn failure(strikes: &[StrikeComparison], soundness: &Soundness) -> Option<String> {
-    if let Some(what) = strikes.iter().find_map(|strike| strike.first_difference.as_ref()) {
+/// The first check that said no, gravest first. `differs` is where a replay differs first, if one does.
+pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread; 2]) -> Option<String> {
+    if let Some(what) = differs {
         return Some(format!("replay differs: {what}"));
     }
     let (lost, corrupt, overruns) = (soundness.lost, soundness.corrupt, soundness.overruns);
@@ -73,5 +72,5 @@ pub fn failure(strikes: &[StrikeComparison], soundness: &Soundness) -> Option<St
             BUSY_MOST * 100.0
         ));
     }
-    Spread::of(strikes).iter().find_map(Spread::failure)
+    spread.iter().find_map(Spread::failure)
 }

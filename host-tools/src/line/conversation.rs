@@ -5,6 +5,9 @@
 //! reply. Every request may be repeated (`docs/protocol.md`). The first number is arbitrary, so that a reply
 //! to an earlier program is not taken for ours.
 //!
+//! Without an address, every bead on the line is asked. Then one bead must be alone there: the replies of several
+//! would collide. With an address, only that bead is asked, and what the others send meanwhile is passed over.
+//!
 //! With a key, what changes the bead's state is signed. The bead is asked first for what a signature needs: its
 //! device id, boot, sample index and counter. Each copy of a signed request has a counter of its own, since the
 //! bead takes each only once.
@@ -46,9 +49,13 @@ pub enum LineError {
 
 /// A line on which a bead gets requests.
 pub struct Conversation {
-    address: Address,
+    line: Address,
     port: Port,
     reader: Reader,
+    /// The bead that is asked, or [`ANY`].
+    asked: u8,
+    /// The bead that replied last.
+    replied: Option<u8>,
     /// Frames that came after the last wanted one.
     behind: VecDeque<Frame>,
     next: u16,
@@ -65,6 +72,10 @@ pub struct Answer {
     pub frames: Vec<Frame>,
     /// The reply.
     pub reply: Reply,
+    /// The address of the bead that replied.
+    pub address: u8,
+    /// Whether every bead on the line was asked, and something came damaged: replies of several collide.
+    collided: bool,
 }
 
 impl Answer {
@@ -74,25 +85,48 @@ impl Answer {
     /// No frame is wanted: it was lost.
     pub fn last<T>(&self, what: &str, wanted: impl Fn(&Frame) -> Option<T>) -> Result<T, LineError> {
         self.frames.iter().rev().find_map(wanted).ok_or_else(|| {
+            let next = match self.collided {
+                true => "ask again, and if several beads share the line, one of them: --address N",
+                false => "ask again",
+            };
             LineError::Silent(format!(
-                "the bead replied, but its {what} was lost on the way; ask again"
+                "the bead at address {} replied, but its {what} was lost on the way; {next}",
+                self.address
             ))
+        })
+    }
+
+    /// What the bead refused, and why.
+    pub fn refusal(&self) -> LineError {
+        let Reply { outcome, detail, .. } = &self.reply;
+        let name = outcome.to_string().replace('_', " ");
+        let next = match outcome {
+            Outcome::Unsigned => ", by --key F.key",
+            _ => "",
+        };
+        let who = format!("the bead at address {} refused: {name}", self.address);
+        LineError::Refused(match detail.as_str().is_empty() {
+            true => who,
+            false => format!("{who}; {}{next}", detail.as_str()),
         })
     }
 }
 
 impl Conversation {
-    /// Opens the line. `patience` is how long a reply may take.
+    /// Opens the line to the bead with an address, or to the only one there: [`ANY`]. `patience` is how long a
+    /// reply may take.
     ///
     /// # Errors
     /// The port does not open.
-    pub fn open(address: &Address, baud: u32, patience: Duration) -> Result<Self, LineError> {
-        let port = address.open(baud)?;
+    pub fn open(line: &Address, baud: u32, asked: u8, patience: Duration) -> Result<Self, LineError> {
+        let port = line.open(baud)?;
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Ok(Self {
-            address: address.clone(),
+            line: line.clone(),
             port,
             reader: Reader::default(),
+            asked,
+            replied: None,
             behind: VecDeque::new(),
             next: (since.subsec_micros() ^ process::id()) as u16,
             patience,
@@ -159,13 +193,14 @@ impl Conversation {
         })?;
         let holds = self.patience * ATTEMPTS + margin;
         let scans = (holds.as_secs_f64() * f64::from(identity.sample_rate_hz)) as u64;
+        let asked = self.asked;
         self.ask(|number, attempt| {
             let ticket = Ticket {
                 counter: guard.counter.saturating_add(1 + u64::from(attempt)),
                 boot: identity.boot,
                 until: index.saturating_add(scans),
             };
-            request.signed(key, &identity.uid, ANY, number, ticket)
+            request.signed(key, &identity.uid, asked, number, ticket)
         })
     }
 
@@ -174,23 +209,38 @@ impl Conversation {
         let number = self.next;
         self.next = self.next.wrapping_add(1);
         self.seen = Seen::default();
+        let rejected = self.reader.counters().rejected.total();
         let mut frames = Vec::new();
         for attempt in 0..ATTEMPTS {
             let mut buffer = [0; MAX_REQUEST];
-            let bytes = encode_request(ANY, number, &request(number, attempt), &mut buffer)
+            let request = request(number, attempt);
+            let bytes = encode_request(self.asked, number, &request, &mut buffer)
                 .expect("MAX_REQUEST bytes always suffice");
             self.port
                 .write(bytes)
-                .map_err(|source| gone(format!("cannot send to {}", self.address), source))?;
-            let reply = self.listen(self.patience, |frame| match &frame.message {
-                Message::Reply(reply) if reply.request == number => Some(reply.clone()),
+                .map_err(|source| gone(format!("cannot send to {}", self.line), source))?;
+            // A bead may get another address by what it is asked; the number of the request is its own all the same.
+            let found = self.hear(self.patience, |frame| match &frame.message {
+                Message::Reply(reply) if reply.request == number => {
+                    Some((frame.header.address, reply.clone()))
+                }
                 _ => {
                     frames.push(frame);
                     None
                 }
             })?;
-            if let Some(reply) = reply {
-                return Ok(Answer { frames, reply });
+            if let Some((address, reply)) = found {
+                let asked = self.replied.replace(address).unwrap_or(self.asked);
+                if self.asked != ANY {
+                    self.asked = address;
+                }
+                frames.retain(|frame| [asked, address].contains(&frame.header.address));
+                return Ok(Answer {
+                    frames,
+                    reply,
+                    address,
+                    collided: self.asked == ANY && self.reader.counters().rejected.total() > rejected,
+                });
             }
         }
         Err(self.silence())
@@ -204,7 +254,7 @@ impl Conversation {
         let answer = self.request(request)?;
         match answer.reply.outcome {
             Outcome::Done => Ok(answer),
-            _ => Err(refused(&answer.reply)),
+            _ => Err(answer.refusal()),
         }
     }
 
@@ -224,17 +274,31 @@ impl Conversation {
         })?;
         boot.ok_or_else(|| {
             LineError::Silent(format!(
-                "the bead at {} said that it would reset, and did not come back within 10 s; is it powered?",
-                self.address
+                "the bead{} at {} said that it would reset, and did not come back within 10 s; is it powered?",
+                self.addressed(),
+                self.line
             ))
         })
     }
 
-    /// Listens to the bead until `wanted` gives something, or for `patience`.
+    /// Listens to the bead that replied last until `wanted` gives something, or for `patience`.
     ///
     /// # Errors
     /// The port has gone away.
     pub fn listen<T>(
+        &mut self,
+        patience: Duration,
+        mut wanted: impl FnMut(Frame) -> Option<T>,
+    ) -> Result<Option<T>, LineError> {
+        let from = self.replied;
+        self.hear(patience, |frame| {
+            let its = from.is_none_or(|address| address == frame.header.address);
+            its.then(|| wanted(frame)).flatten()
+        })
+    }
+
+    /// Listens to every bead on the line until `wanted` gives something, or for `patience`.
+    fn hear<T>(
         &mut self,
         patience: Duration,
         mut wanted: impl FnMut(Frame) -> Option<T>,
@@ -253,10 +317,10 @@ impl Conversation {
             let length = self
                 .port
                 .read(&mut buffer)
-                .map_err(|source| gone(format!("{} went away", self.address), source))?;
-            let (behind, seen) = (&mut self.behind, &mut self.seen);
+                .map_err(|source| gone(format!("{} went away", self.line), source))?;
+            let (behind, seen, asked) = (&mut self.behind, &mut self.seen, self.asked);
             self.reader.feed(&buffer[..length], None, |item| {
-                behind.extend(item.frame().inspect(|frame| seen.note(frame)));
+                behind.extend(item.frame().inspect(|frame| seen.note(frame, asked)));
             });
         }
     }
@@ -264,27 +328,26 @@ impl Conversation {
     /// Why there is no reply, as far as the received bytes tell.
     fn silence(&self) -> LineError {
         let seconds = self.patience.as_secs_f64() * f64::from(ATTEMPTS);
-        let why = self.seen.why(self.reader.counters());
+        let why = self.seen.why(self.asked, self.reader.counters());
         LineError::Silent(format!(
-            "no reply from {} within {seconds:.1} s; {why}",
-            self.address
+            "no reply{} at {} within {seconds:.1} s; {why}",
+            match self.addressed() {
+                named if named.is_empty() => named,
+                named => format!(" from the bead{named}"),
+            },
+            self.line
         ))
+    }
+
+    /// Which bead is asked, for a message.
+    fn addressed(&self) -> String {
+        match self.asked {
+            ANY => String::new(),
+            address => format!(" with address {address}"),
+        }
     }
 }
 
 fn gone(what: String, source: io::Error) -> LineError {
     LineError::Gone { what, source }
-}
-
-/// What the bead refused, and why.
-pub fn refused(reply: &Reply) -> LineError {
-    let name = reply.outcome.to_string().replace('_', " ");
-    let next = match reply.outcome {
-        Outcome::Unsigned => ", by --key F.key",
-        _ => "",
-    };
-    LineError::Refused(match reply.detail.as_str().is_empty() {
-        true => format!("the bead refused: {name}"),
-        false => format!("the bead refused: {name}; {}{next}", reply.detail),
-    })
 }

@@ -2,13 +2,16 @@
 //!
 //! One line of 32 hexadecimal digits, for its owner's eyes only.
 
-use std::fs::{self, OpenOptions};
-use std::io::{self, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
 use bead_wire::{KEY, Key};
 use rand::TryRng;
+
+/// Bytes that are read of a file: more than a key has.
+const LONGEST: u64 = 256;
 
 /// Why there is no key. One line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
@@ -28,14 +31,14 @@ pub enum KeyError {
         path: String,
     },
     /// The file cannot be made.
-    #[error(
-        "cannot keep a new key in {path}: {source}; a key takes no other file's place: give another name"
-    )]
+    #[error("cannot keep a new key in {path}: {source}; {advice}")]
     Unwritten {
         /// The file.
         path: String,
         /// What the system said.
         source: io::Error,
+        /// What to do about that.
+        advice: &'static str,
     },
 }
 
@@ -45,10 +48,15 @@ pub enum KeyError {
 /// The file cannot be read, or has no key in it.
 pub fn read(path: &Path) -> Result<Key, KeyError> {
     let named = || path.display().to_string();
-    let text = fs::read_to_string(path).map_err(|source| KeyError::Unread {
-        path: named(),
-        source,
-    })?;
+    let mut bytes = Vec::new();
+    // A key and some blanks; what is longer is none, and is not read to its end.
+    File::open(path)
+        .and_then(|file| file.take(LONGEST).read_to_end(&mut bytes))
+        .map_err(|source| KeyError::Unread {
+            path: named(),
+            source,
+        })?;
+    let text = str::from_utf8(&bytes).unwrap_or_default();
     parse(text.trim()).ok_or_else(|| KeyError::NoKey { path: named() })
 }
 
@@ -66,8 +74,15 @@ fn parse(digits: &str) -> Option<Key> {
 /// # Errors
 /// The file is there already, or cannot be written.
 pub fn create(path: &Path) -> Result<Key, KeyError> {
-    let unwritten = |source| KeyError::Unwritten {
+    let unwritten = |source: io::Error| KeyError::Unwritten {
         path: path.display().to_string(),
+        advice: match source.kind() {
+            io::ErrorKind::AlreadyExists => "a key takes no other file's place: give another name",
+            io::ErrorKind::NotFound => "make its folder first, or give a name in one that is there",
+            io::ErrorKind::PermissionDenied => "give a name in a folder that you may write to",
+            io::ErrorKind::StorageFull => "make room on the disk, or give a name on another",
+            _ => "give another name",
+        },
         source,
     };
     let mut bytes = [0; KEY];
@@ -92,6 +107,7 @@ pub fn create(path: &Path) -> Result<Key, KeyError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
     use std::os::unix::fs::PermissionsExt;
 
     #[test]
@@ -105,6 +121,11 @@ mod tests {
         let said = create(&path).unwrap_err().to_string();
         assert!(said.contains("takes no other file's place"), "{said}");
         assert_eq!(read(&path).unwrap(), key, "it is still there");
+        let said = create(&folder.path().join("no/bead.key"))
+            .unwrap_err()
+            .to_string();
+        assert!(said.contains("make its folder first"), "{said}");
+        assert!(!said.contains("other file"), "{said}");
     }
 
     #[test]
@@ -118,6 +139,7 @@ mod tests {
             &"g".repeat(32),
             &"1".repeat(33),
             &"é".repeat(16),
+            &" ".repeat(1000),
         ];
         for text in wrong {
             fs::write(&path, text).unwrap();
@@ -130,5 +152,7 @@ mod tests {
         fs::write(&path, format!("  {}\n", "aF".repeat(16))).unwrap();
         assert_eq!(read(&path).unwrap().bytes(), &[0xAF; KEY]);
         assert!(read(&folder.path().join("none.key")).is_err());
+        let said = read(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert!(said.contains("/dev/zero is no key"), "{said}");
     }
 }

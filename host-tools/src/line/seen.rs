@@ -1,14 +1,17 @@
 //! What a bead tells of its line while nobody gets a reply from it.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use bead_wire::{Counters, Link, Message};
+use bead_wire::{ANY, Counters, Link, Message};
 
 use crate::recording::frames::Frame;
 
 /// What came in while a reply was waited for.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Seen {
+    /// Addresses of the beads that sent anything.
+    beads: BTreeSet<u8>,
     /// The first and the last count of what the bead received.
     links: Option<[Link; 2]>,
     /// The first and the last number of strikes.
@@ -19,8 +22,12 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Takes a frame.
-    pub(super) fn note(&mut self, frame: &Frame) {
+    /// Takes a frame. `asked` is the address of the bead that is asked, or [`ANY`].
+    pub(super) fn note(&mut self, frame: &Frame, asked: u8) {
+        self.beads.insert(frame.header.address);
+        if asked != ANY && asked != frame.header.address {
+            return;
+        }
         if self
             .boot
             .replace(frame.header.boot)
@@ -28,6 +35,7 @@ impl Seen {
         {
             // Its counts begin anew.
             *self = Self {
+                beads: std::mem::take(&mut self.beads),
                 boot: self.boot,
                 restarts: self.restarts + 1,
                 ..Self::default()
@@ -41,15 +49,38 @@ impl Seen {
     }
 
     /// Why there is no reply, as far as the bead itself tells.
-    pub(super) fn why(&self, counters: &Counters) -> String {
+    pub(super) fn why(&self, asked: u8, counters: &Counters) -> String {
         let mut said = match (counters.bytes, counters.frames) {
             (0, _) => {
                 return "nothing came at all: is it powered, and its PA9 wired to the adapter's receive pin?"
                     .into();
             }
-            (_, 0) => return "bytes came, but no frame among them: does --baud match?".into(),
+            (_, 0) => {
+                let several = match asked {
+                    ANY => " If several beads share the line, ask one: --address N",
+                    _ => "",
+                };
+                return format!("bytes came, but no frame among them: does --baud match?{several}");
+            }
             _ => format!("{} frames came", counters.frames),
         };
+        let beads: Vec<_> = self.beads.iter().map(u8::to_string).collect();
+        let beads = beads.join(", ");
+        match asked {
+            ANY if self.beads.len() > 1 => {
+                return format!(
+                    "{said}, from the beads at the addresses {beads}, whose replies collide: ask one of them, by --address N"
+                );
+            }
+            ANY => {}
+            _ if self.beads.contains(&asked) => {}
+            _ if self.beads.is_empty() => {}
+            _ => {
+                return format!(
+                    "{said}, none of them from it, but from address {beads}: correct --address, or is that bead powered?"
+                );
+            }
+        }
         // Writing into a text cannot fail.
         if counters.lost > 0 {
             let _ = write!(said, " and {} were lost", counters.lost);
@@ -120,8 +151,8 @@ mod tests {
             bytes.extend(encode(&header, message, &mut [0; MAX_FRAME]).unwrap());
         }
         let (frames, counters) = crate::recording::frames::decode(&bytes);
-        frames.iter().for_each(|frame| seen.note(frame));
-        seen.why(&counters)
+        frames.iter().for_each(|frame| seen.note(frame, ANY));
+        seen.why(ANY, &counters)
     }
 
     fn link(bytes: u64, requests: u32, rejected_crc: u32) -> Message {

@@ -71,6 +71,8 @@ impl Item {
 /// A piece of bytes, and when the host received the last byte, in ns since 1970, if that is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
+    /// Whose they are, by its address, in a recording of several beads.
+    pub bead: Option<u8>,
     /// The bytes, delimiters among them.
     pub bytes: Vec<u8>,
     /// When the last of them was received.

@@ -1,5 +1,6 @@
 //! What is kept: files of received bytes, and the frames, strikes and clocks in them.
 
+pub mod arrival;
 pub mod clock;
 pub mod file;
 pub mod frames;

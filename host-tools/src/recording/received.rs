@@ -1,5 +1,6 @@
 //! What came from a bead: the frames and strikes of a recording, and the bead's last identity and status.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use bead_model::settings::Settings;
@@ -9,7 +10,7 @@ use crate::recording::file::{Part, Pieces, Recording, RecordingError};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
 use crate::recording::printable::note;
 use crate::recording::raw;
-use crate::recording::strikes::Strikes;
+use crate::recording::strikes::{Known, Strikes};
 
 /// A recording and where it is.
 #[derive(Debug, Clone)]
@@ -42,14 +43,29 @@ impl Received {
         })
     }
 
+    /// What came from each of its beads; from all of them, if it is a recording of one line.
+    pub fn each(&self) -> Vec<Self> {
+        let of = |recording| Self {
+            path: self.path.clone(),
+            recording,
+        };
+        self.recording.each().into_iter().map(of).collect()
+    }
+
     /// The strikes with their samples and settings, one after another.
     ///
     /// # Errors
     /// The file cannot be read.
     pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, RecordingError> {
-        let given = self.recording.parts.get(&Part::Settings);
-        let given = given.and_then(|block| Settings::decode(block).ok());
-        Ok(Strikes::new(LastSaid::new(self.recording.frames()?), given))
+        let given = |parts: &BTreeMap<Part, Vec<u8>>| Settings::decode(parts.get(&Part::Settings)?).ok();
+        let beads = self.recording.beads.iter();
+        let known = Known {
+            of: beads
+                .filter_map(|bead| Some((bead.origin.address, given(&bead.parts)?)))
+                .collect(),
+            any: given(&self.recording.parts),
+        };
+        Ok(Strikes::new(LastSaid::new(self.recording.frames()?), known))
     }
 
     /// Why there was no strike in what was heard: the check that was asked for has nothing to check.

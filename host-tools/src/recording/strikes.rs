@@ -118,7 +118,7 @@ pub(crate) fn push_scans(scans: &mut Vec<ScanCodes>, waveform: &Waveform) {
 }
 
 /// A frame that comes this many frames too late counts as lost.
-const SETTLED: u32 = REORDER;
+const SETTLED: i64 = REORDER as i64;
 /// Greatest number of strikes that wait, for the first settings of their boot or for their strike frame. A
 /// bead that never sends either must not fill the memory.
 const WAITING: usize = 64;
@@ -126,14 +126,57 @@ const WAITING: usize = 64;
 /// What a bead sent since its last reset and is not yet part of a strike that was handed on.
 #[derive(Debug, Clone, Default)]
 struct Boot {
+    frames: Count,
+    numbers: Count,
     /// By the number of their frame, as settings may change between two strikes.
-    settings: BTreeMap<u32, Settings>,
+    settings: BTreeMap<i64, Settings>,
     /// By the number of the strike.
-    waveforms: BTreeMap<u32, Vec<Waveform>>,
-    shapes: BTreeMap<u32, Shape>,
+    waveforms: BTreeMap<i64, Vec<Waveform>>,
+    shapes: BTreeMap<i64, Shape>,
     /// Each with the number of its frame, in the order of the strikes; without samples yet.
-    strikes: BTreeMap<u32, (u32, RecordedStrike)>,
+    strikes: BTreeMap<i64, (i64, RecordedStrike)>,
     uid: Option<[u8; 12]>,
+}
+
+/// Numbers that go on where those of the wire begin anew: after 2^32 frames, which a full line sends in 24 days.
+#[derive(Debug, Clone, Copy, Default)]
+struct Count(Option<i64>);
+
+impl Count {
+    /// A number of the wire as the one of its kind that is nearest to the number before.
+    fn of(&mut self, number: u32) -> i64 {
+        let whole = match self.0 {
+            None => number.into(),
+            // The lower half of the last number is what the wire had.
+            Some(last) => last.saturating_add(i64::from(number.wrapping_sub(last as u32).cast_signed())),
+        };
+        self.0 = Some(whole);
+        whole
+    }
+}
+
+/// Settings that beads were given, for boots whose settings frames are all lost.
+#[derive(Debug, Clone, Default)]
+pub struct Known {
+    /// By address.
+    pub of: BTreeMap<u8, Settings>,
+    /// For all others.
+    pub any: Option<Settings>,
+}
+
+impl Known {
+    fn at(&self, address: u8) -> Option<Settings> {
+        self.of.get(&address).copied().or(self.any)
+    }
+}
+
+impl From<Option<Settings>> for Known {
+    fn from(any: Option<Settings>) -> Self {
+        Self {
+            any,
+            ..Self::default()
+        }
+    }
 }
 
 /// Puts frames together to strikes, over resets and with late frames in their place. It only keeps the
@@ -141,7 +184,7 @@ struct Boot {
 #[derive(Debug, Clone)]
 pub struct Strikes<I> {
     frames: I,
-    known: Option<Settings>,
+    known: Known,
     /// By address.
     boots: HashMap<u8, Boot>,
     ready: VecDeque<RecordedStrike>,
@@ -150,10 +193,10 @@ pub struct Strikes<I> {
 impl<I: Iterator<Item = Frame>> Strikes<I> {
     /// The strikes in `frames`. `known` are settings that the bead was given; they serve for a boot whose
     /// settings frames are all lost.
-    pub fn new(frames: impl IntoIterator<IntoIter = I>, known: Option<Settings>) -> Self {
+    pub fn new(frames: impl IntoIterator<IntoIter = I>, known: impl Into<Known>) -> Self {
         Self {
             frames: frames.into_iter(),
-            known,
+            known: known.into(),
             boots: HashMap::new(),
             ready: VecDeque::new(),
         }
@@ -166,16 +209,16 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
 
     fn take(&mut self, frame: Frame) {
         let address = frame.header.address;
-        let newest = frame.header.sequence;
         match frame.arrival {
             Arrival::Restart { .. } => {
                 let boot = self.boots.remove(&address).unwrap_or_default();
-                self.ready.extend(boot.end(self.known));
+                self.ready.extend(boot.end(self.known.at(address)));
             }
             Arrival::Duplicate => return,
             _ => {}
         }
         let boot = self.boots.entry(address).or_default();
+        let newest = boot.frames.of(frame.header.sequence);
         match frame.message {
             Message::Settings(settings) => {
                 let settings = Settings::decode(settings.block.bytes()).ok();
@@ -186,7 +229,8 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             }
             Message::Identity(identity) => boot.uid = Some(identity.uid),
             Message::Waveform(waveform) => {
-                let waveforms = boot.waveforms.entry(waveform.strike).or_default();
+                let number = boot.numbers.of(waveform.strike);
+                let waveforms = boot.waveforms.entry(number).or_default();
                 if waveforms.len() < usize::from(WINDOW_MAX) {
                     waveforms.push(waveform);
                 }
@@ -202,10 +246,11 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
                     received_ns: frame.received_ns,
                     ..RecordedStrike::new(address, strike)
                 };
-                boot.strikes.insert(strike.strike, (newest, recorded));
+                boot.strikes
+                    .insert(boot.numbers.of(strike.strike), (newest, recorded));
             }
             Message::Shape(shape) => {
-                boot.shapes.insert(shape.strike, shape);
+                boot.shapes.insert(boot.numbers.of(shape.strike), shape);
                 while boot.shapes.len() > WAITING {
                     boot.shapes.pop_first();
                 }
@@ -213,7 +258,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             _ => {}
         }
         if frame.arrival != Arrival::Late {
-            self.ready.extend(boot.settled(newest, self.known));
+            self.ready.extend(boot.settled(newest, self.known.at(address)));
         }
     }
 }
@@ -231,8 +276,8 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
                 None => {
                     let mut boots: Vec<_> = self.boots.drain().collect();
                     boots.sort_by_key(|(address, _)| *address);
-                    for (_, boot) in boots {
-                        self.ready.extend(boot.end(self.known));
+                    for (address, boot) in boots {
+                        self.ready.extend(boot.end(self.known.at(address)));
                     }
                     return self.ready.pop_front();
                 }
@@ -243,10 +288,10 @@ impl<I: Iterator<Item = Frame>> Iterator for Strikes<I> {
 
 impl Boot {
     /// The strikes that are complete at the frame with the number `newest`.
-    fn settled(&mut self, newest: u32, known: Option<Settings>) -> Vec<RecordedStrike> {
+    fn settled(&mut self, newest: i64, known: Option<Settings>) -> Vec<RecordedStrike> {
         let mut settled = Vec::new();
         while let Some((&strike, &(told, _))) = self.strikes.first_key_value() {
-            let is_old = newest.wrapping_sub(told) > SETTLED;
+            let is_old = newest - told > SETTLED;
             let can_be_replayed = !self.settings.is_empty() || self.strikes.len() > WAITING;
             if !(is_old && can_be_replayed) {
                 break;
@@ -258,7 +303,7 @@ impl Boot {
 
     /// All strikes that are left.
     fn end(mut self, known: Option<Settings>) -> Vec<RecordedStrike> {
-        let strikes: Vec<u32> = self.strikes.keys().copied().collect();
+        let strikes: Vec<i64> = self.strikes.keys().copied().collect();
         strikes
             .into_iter()
             .filter_map(|strike| self.assemble(strike, known))
@@ -266,7 +311,7 @@ impl Boot {
     }
 
     /// Takes one strike out, and everything before it.
-    fn assemble(&mut self, strike: u32, known: Option<Settings>) -> Option<RecordedStrike> {
+    fn assemble(&mut self, strike: i64, known: Option<Settings>) -> Option<RecordedStrike> {
         let (told, mut recorded) = self.strikes.remove(&strike)?;
         let said = recorded.said;
         recorded.shape = self.shapes.remove(&strike);
@@ -287,7 +332,7 @@ impl Boot {
 
     /// The last settings before a frame. If those frames are all lost, the first settings after it, as
     /// settings rarely change. Settings before these are forgotten.
-    fn settings_before(&mut self, sequence: u32) -> Option<Settings> {
+    fn settings_before(&mut self, sequence: i64) -> Option<Settings> {
         if let Some((&told, &settings)) = self.settings.range(..sequence).next_back() {
             self.settings = self.settings.split_off(&told);
             return Some(settings);
@@ -310,7 +355,15 @@ mod tests {
     use bead_wire::{Block, Header, MAX_FRAME, encode};
 
     #[test]
-    fn a_strike_has_the_settings_told_last_before_it() {
+    fn a_strike_has_the_settings_told_last_before_it_also_where_numbers_begin_anew() {
+        // A full line has sent 2^32 frames after 24 days.
+        for first in [0, u32::MAX - 2] {
+            assert_eq!(thresholds(first), [50, 50, 60], "from frame {first}");
+        }
+    }
+
+    /// The threshold of the settings that each of three strikes gets; their frames are numbered from `first` on.
+    fn thresholds(first: u32) -> Vec<u16> {
         let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
         let mut blocks = Vec::new();
         for threshold in [50, 60] {
@@ -319,9 +372,9 @@ mod tests {
             let length = settings.encode(&mut block).unwrap();
             blocks.push(block[..length].to_vec());
         }
-        let strike = |strike| {
+        let strike = |number: u32| {
             Message::from(Strike {
-                strike,
+                strike: number.wrapping_add(first),
                 first_index: 0,
                 trigger_index: 0,
                 samples: 1,
@@ -351,21 +404,20 @@ mod tests {
         ];
         let stream: Vec<u8> = (0..)
             .zip(&messages)
-            .flat_map(|(sequence, message)| {
+            .flat_map(|(after, message)| {
                 let header = Header {
                     address: 0,
                     boot: 0,
-                    sequence,
+                    sequence: first.wrapping_add(after),
                     sample_index: 0,
                 };
                 encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
             })
             .collect();
         let strikes = assemble(decode(&stream).0, None);
-        let thresholds: Vec<_> = strikes
+        strikes
             .iter()
             .map(|strike| strike.settings.unwrap().window.threshold)
-            .collect();
-        assert_eq!(thresholds, [50, 50, 60]);
+            .collect()
     }
 }

@@ -22,7 +22,7 @@ use crate::recording::whole::{Target, WriteError};
 #[derive(Debug, thiserror::Error)]
 pub enum TimeSeriesError {
     /// A rate that gives no second row, or too many.
-    #[error("--rate {rate_hz}: gives {rows:.0} rows over {end} s; give a rate in Hz, such as 1e6")]
+    #[error("--rate {rate_hz:?}: gives {rows:?} rows over {end} s; give a rate in Hz, such as 1e6")]
     Rate {
         /// Rows a second, Hz.
         rate_hz: f64,

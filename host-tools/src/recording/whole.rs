@@ -11,8 +11,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::Context;
-
 /// How the hidden name of a file begins that is being written.
 const PREFIX: &str = ".bead-";
 
@@ -51,6 +49,22 @@ impl Target {
         Self { replaces, ..self }
     }
 
+    /// The same, beside a file that was to be at `wanted` and took another name because that one was taken: it
+    /// gets the number of that file, so that files of one run stay together.
+    #[must_use]
+    pub fn beside(&self, wanted: &Path, took: &Path) -> Self {
+        let Some(stem) = took.file_stem().filter(|_| wanted != took) else {
+            return self.clone();
+        };
+        let mut name = stem.to_owned();
+        if let Some(extension) = self.path.extension() {
+            name.push(".");
+            name.push(extension);
+        }
+        let path = self.path.with_file_name(name);
+        Self { path, ..*self }
+    }
+
     /// Where it will be.
     pub fn path(&self) -> &Path {
         &self.path
@@ -87,9 +101,12 @@ impl Target {
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
-        builder
-            .tempfile_in(directory)
-            .context("is the directory there, and writable?")
+        builder.tempfile_in(directory).map_err(|error| {
+            // Without the hidden name, which says nothing to anybody.
+            let reason = error.get_ref().and_then(|reason| reason.source());
+            let reason = reason.map_or_else(|| error.to_string(), ToString::to_string);
+            anyhow::anyhow!("is the directory there, and writable?: {reason}")
+        })
     }
 
     /// Writes what `fill` writes, whole or not at all.
@@ -184,6 +201,14 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         target.write_bytes("new").unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+    }
+
+    #[test]
+    fn a_file_gets_the_number_of_the_one_that_it_belongs_to() {
+        let (wanted, settings) = (Path::new("run/bead-9.mcap"), Target::new("run/bead-9.settings"));
+        let beside = |took: &str| settings.beside(wanted, Path::new(took)).path().to_owned();
+        assert_eq!(beside("run/bead-9.mcap"), Path::new("run/bead-9.settings"));
+        assert_eq!(beside("run/bead-9-2.mcap"), Path::new("run/bead-9-2.settings"));
     }
 
     #[test]

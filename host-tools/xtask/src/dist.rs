@@ -20,13 +20,20 @@ strike in pandas in ten minutes. QEMU (`qemu-system-arm`) is all that has to be 
 | | |
 |---|---|
 | `bead` | the program; put it into a folder of your PATH |
+| `bead-figures` | what `bead figures` runs; put it beside `bead` |
 | `docs/` | the book, and scenarios to start from |
 | `completions/` | for bash, zsh (`_bead`) and fish |
 | `man/` | manual pages: `man -M man bead` |
 | `firmware/` | the image, for a debug probe: docs/how-to.md |
 ";
 
-/// Greatest size of the program, bytes.
+/// The programs, and where each is built from.
+const PROGRAMS: [(&str, &str); 2] = [
+    ("bead", "host-tools"),
+    ("bead-figures", "host-tools/figures-command"),
+];
+
+/// Greatest size of a program, bytes.
 const MOST: u64 = 40 << 20;
 
 /// Installs `bead` as its users do, packs it, and tries the archive where there is no Rust. The image is built.
@@ -39,9 +46,16 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
     let root = steps.target.join("dist");
     let (installed, packed) = (root.join("install"), root.join(&name));
     let _ = fs::remove_dir_all(&root);
-    let install =
-        Line::new("cargo install --path host-tools --bin bead --locked --force --root").arg(&installed);
-    steps.run("bead, as its users install it", &install)?;
+    for (program, path) in PROGRAMS {
+        let install = Line::new("cargo install --locked --force --path");
+        let install = install
+            .arg(path)
+            .words("--bin")
+            .arg(program)
+            .words("--root")
+            .arg(&installed);
+        steps.run(&format!("{program}, as its users install it"), &install)?;
+    }
 
     let program = packed.join("bead");
     let copy = |from: &Path, to: &str| {
@@ -56,11 +70,13 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
             ))
         })
     };
-    let size = copy(&installed.join("bin/bead"), "bead")?;
-    if size > MOST {
-        return Err(Stop::failed(format!(
-            "bead has {size} bytes, and {MOST} at most are meant"
-        )));
+    for (program, _) in PROGRAMS {
+        let size = copy(&installed.join("bin").join(program), program)?;
+        if size > MOST {
+            return Err(Stop::failed(format!(
+                "{program} has {size} bytes, and {MOST} at most are meant"
+            )));
+        }
     }
     copy(&steps.root.join(image), "firmware/bead-firmware.elf")?;
     let docs = steps.root.join("docs");
@@ -114,13 +130,14 @@ fn try_out(steps: &Steps, archive: &Path, name: &str) -> Result<(), Stop> {
             "replay run/bead-8.mcap",
             "compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html",
             "export run/bead-8.mcap --out tables",
+            "figures 2a --check",
         ] {
             let line = Line::new("env -i -C")
                 .arg(&home)
                 .arg(format!("PATH={}", folder.join("path").display()))
                 .arg("./bead")
                 .words(words);
-            steps.run_quietly("from an empty folder, without Rust", &line)?;
+            steps.read("from an empty folder, without Rust", &line)?;
         }
         match home.join("tables/samples.parquet").is_file() {
             true => Ok(()),

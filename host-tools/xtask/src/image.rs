@@ -1,10 +1,29 @@
-//! How much of the STM32F405RG's memories the flash image takes.
+//! The flash image, and how much of the STM32F405RG's memories it takes.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use object::read::elf::{ElfFile32, ProgramHeader};
 
-use crate::step::Stop;
+use crate::packages::IMAGE;
+use crate::setup::TARGET;
+use crate::step::{Line, Steps, Stop};
+
+/// Where cargo puts it.
+pub(crate) fn path(steps: &Steps) -> PathBuf {
+    steps.built(&format!("{TARGET}/firmware/bead-firmware"))
+}
+
+/// Builds it, and says what it takes.
+///
+/// # Errors
+/// It does not build.
+pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
+    steps.run("the flash image", &Line::new("cargo build").words(IMAGE))?;
+    let image = path(steps);
+    let size = Size::of(&steps.root.join(&image))?;
+    steps.announce(&format!("the image {} takes {size}", image.display()));
+    Ok(())
+}
 
 /// Where the flash ends and the RAM begins: between them lies what the image does not use for what is loaded.
 const FLASH_END: u32 = 0x1000_0000;
@@ -54,6 +73,18 @@ impl std::fmt::Display for Size {
             f,
             "{flash:.1} KiB of flash and {ram:.1} KiB of RAM; the stack has 64 KiB of its own"
         )
+    }
+}
+
+/// Builds it anew if there is one. `bead` takes an image that is there, which has to be the one of these sources;
+/// for one that is not there it waits.
+///
+/// # Errors
+/// As [`build`].
+pub(crate) fn build_if_there_is_one(steps: &Steps) -> Result<(), Stop> {
+    match steps.root.join(path(steps)).exists() {
+        true => build(steps),
+        false => Ok(()),
     }
 }
 

@@ -9,18 +9,21 @@ mod dist;
 mod files;
 mod image;
 mod links;
+mod lint;
 mod mutants;
+mod packages;
 mod python;
 mod setup;
 mod step;
+mod suite;
+mod test;
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Arg, Command};
 
-use crate::image::Size;
-use crate::setup::{Need, TARGET, setup};
+use crate::packages::DEMO;
+use crate::setup::{Need, setup};
 use crate::step::{Line, Steps, Stop};
 
 /// A command of xtask: its name, what it does, more about it, and the function that does it.
@@ -58,7 +61,7 @@ const TASKS: &[Task] = &[
         "test",
         "Run every check, on the host and in QEMU: format, lints, documentation, builds, tests",
         "It stops at the first step that fails, with the command that repeats this step.",
-        test,
+        test::test,
     ),
     (
         "lint",
@@ -66,7 +69,7 @@ const TASKS: &[Task] = &[
         "",
         |steps| {
             setup(steps, Need::Check)?;
-            lint(steps)
+            lint::lint(steps)
         },
     ),
     (
@@ -102,7 +105,7 @@ const TASKS: &[Task] = &[
         |steps| {
             setup(steps, Need::Run)?;
             build(steps, DEMO)?;
-            dist::make(steps, &image(steps))
+            dist::make(steps, &image::path(steps))
         },
     ),
     (
@@ -171,28 +174,11 @@ fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     steps.run("the chain simulator and general solvers", &line)
 }
 
-/// The host's packages that the demo needs. The figures, which bring a third of all that is compiled, are
-/// none of them.
-const DEMO: &str = "-p bead -p stm32f405-qemu";
-
-/// All but what is built for the part, and but the benchmark, which brings other solvers.
-const HOST: &str =
-    "--workspace --exclude bead-firmware --exclude stm32f405-qemu-images --exclude hertz-benchmarks";
-
-/// The flash image.
-fn image(steps: &Steps) -> PathBuf {
-    steps.built(&format!("{TARGET}/firmware/bead-firmware"))
-}
-
-/// Builds the flash image, and beside it the host's packages in `packages`.
+/// Builds the host's packages in `packages`, and beside it the flash image.
 fn build(steps: &Steps, packages: &str) -> Result<(), Stop> {
-    let firmware = format!("cargo build --profile firmware --target {TARGET} -p bead-firmware");
-    let firmware = ("and the flash image", &Line::new(&firmware));
     let host = Line::new("cargo build --release").words(packages);
-    steps.run_both(("build the host tools", &host), firmware)?;
-    let size = Size::of(&steps.root.join(image(steps)))?;
-    steps.announce(&format!("the image {} takes {size}", image(steps).display()));
-    Ok(())
+    image::build_if_there_is_one(steps)?;
+    steps.both(|steps| steps.run("build the host tools", &host), image::build)
 }
 
 fn demo(steps: &Steps) -> Result<(), Stop> {
@@ -203,7 +189,7 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
     let recording = steps.built("demo/bead-8.mcap");
     let report = steps.built("demo/report.html");
     let emulate = bead(&format!("emulate {scenario} --bead 8 --firmware"))
-        .arg(image(steps))
+        .arg(image::path(steps))
         .words("--force --out")
         .arg(steps.built("demo"));
     let title = "a striker hits the chain; the flash image senses it inside bead 8, in QEMU";
@@ -216,77 +202,5 @@ fn demo(steps: &Steps) -> Result<(), Stop> {
         .arg(&report);
     steps.run("device, replay and simulation, side by side", &compare)?;
     steps.announce(&format!("done. The report: {}", report.display()));
-    Ok(())
-}
-
-fn lint(steps: &Steps) -> Result<(), Stop> {
-    let host = format!("--release {HOST}");
-    let host = host.as_str();
-    let images = format!("--profile firmware --target {TARGET} -p stm32f405-qemu-images --features embassy");
-    let thumb = format!("--profile firmware --target {TARGET} -p bead-firmware");
-    steps.announce("links of the documentation");
-    let followed = links::check(&steps.root)?;
-    steps.announce(&format!("{followed} links lead somewhere"));
-    let imports = Line::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");
-    steps.run("circles of imports, and arrows up", &imports)?;
-    steps.run("format", &Line::new("cargo fmt --all --check"))?;
-    let clippy = |what: &str| Line::new(&format!("cargo clippy {what} -- -D warnings"));
-    let all = format!("{host} --all-targets");
-    steps.run_both(("lints, host", &clippy(&all)), ("lints, image", &clippy(&thumb)))?;
-    steps.run("lints, images of the emulator's tests", &clippy(&images))?;
-    let doc =
-        |what: &str| Line::new(&format!("cargo doc --no-deps {what}")).env("RUSTDOCFLAGS", "-D warnings");
-    steps.run("documentation, host", &doc(host))?;
-    steps.run("documentation, image", &doc(&thumb))
-}
-
-/// What depends on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, which is about
-/// the most that the core can take (docs/emulator.md).
-fn slow_core(steps: &Steps) -> Result<(), Stop> {
-    let slow = |line: Line| line.env("STM32F405_QEMU_SHIFT", "4");
-    let tests = Line::new("cargo test --release -p bead-tests --test strikes --test faults --test link");
-    let title = "strikes, faults and the link on a core half as fast";
-    steps.run(title, &slow(tests))?;
-    let corners = Line::program(steps.built("release/bead"))
-        .words("accuracy docs/scenarios/paper-strike.toml --bead 8 --strikes 2")
-        .words("--radii 0.0045,0.0115 --speeds 0.45,5");
-    steps.run(
-        "strikers and speeds at the corners of their ranges, on the same",
-        &slow(corners),
-    )
-}
-
-fn test(steps: &Steps) -> Result<(), Stop> {
-    setup(steps, Need::Check)?;
-    lint(steps)?;
-    build(steps, HOST)?;
-    let bare = format!(
-        "cargo check --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
-    );
-    let title = "the shared crates without their default features";
-    steps.run(title, &Line::new(&bare))?;
-    python::setup_if_it_can_be(steps);
-    // The figures' checks are left to the next step, which draws as well.
-    let tests = format!("cargo test --release {HOST} -- --skip {}", mutants::TEST);
-    steps.run("tests", &Line::new(&tests))?;
-    slow_core(steps)?;
-    let (figures, table) = (steps.built("figures"), steps.built("figures/checks.md"));
-    let draw = Line::program(steps.built("release/bead"))
-        .words("figures --check --force --out")
-        .arg(&figures)
-        .words("--table")
-        .arg(&table)
-        .words("--format json");
-    steps.run_quietly("the paper's figures, and every check of them", &draw)?;
-    let rows = checks::compare(&steps.root.join("docs/checks.md"), &steps.root.join(&table))?;
-    steps.announce(&format!("docs/checks.md tells the same in {rows} lines"));
-    let again = Line::new("cargo build --release --message-format json").words(DEMO);
-    let told = steps.read("the demo finds all compiled", &again)?;
-    if let Some(stale) = told.lines().find(|line| line.contains("\"fresh\":false")) {
-        return Err(Stop::failed(format!(
-            "the demo would compile anew what the tests use with other features: {stale}"
-        )));
-    }
-    steps.announce(&format!("all checks pass, after {}", steps.elapsed()));
     Ok(())
 }

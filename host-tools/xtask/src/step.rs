@@ -8,7 +8,9 @@ use std::ffi::OsStr;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Why the run ends early, and with which exit status.
@@ -20,6 +22,8 @@ pub(crate) struct Stop {
 
 /// The exit status for what is missing on this machine.
 pub(crate) const MISSING: u8 = 3;
+/// Of a step that does not run, because one beside it has failed: never the one that a run ends with.
+const STOPPED: u8 = 0;
 
 impl Stop {
     pub(crate) fn failed(message: impl Into<String>) -> Self {
@@ -31,6 +35,14 @@ impl Stop {
         let (message, status) = (message.into(), MISSING);
         Stop { message, status }
     }
+
+    fn stopped() -> Self {
+        let message = "a step beside this one has failed".to_owned();
+        Stop {
+            message,
+            status: STOPPED,
+        }
+    }
 }
 
 /// One command as a person would type it.
@@ -38,6 +50,7 @@ impl Stop {
 pub(crate) struct Line {
     words: Vec<String>,
     env: Vec<(String, String)>,
+    folder: Option<PathBuf>,
 }
 
 impl Line {
@@ -67,6 +80,12 @@ impl Line {
         self
     }
 
+    /// Runs it in this folder, and not in the root of the workspace.
+    pub(crate) fn within(mut self, folder: impl Into<PathBuf>) -> Self {
+        self.folder = Some(folder.into());
+        self
+    }
+
     /// The command, ready to run.
     pub(crate) fn command(&self) -> Command {
         let mut command = Command::new(&self.words[0]);
@@ -82,6 +101,9 @@ impl fmt::Display for Line {
         let env = self.env.iter();
         let env = env.map(|(name, value)| format!("{name}={}", quoted(value)));
         let words = self.words.iter().map(|word| quoted(word));
+        if let Some(folder) = &self.folder {
+            write!(f, "cd {} && ", quoted(&folder.to_string_lossy()))?;
+        }
         f.write_str(&env.chain(words).collect::<Vec<_>>().join(" "))
     }
 }
@@ -96,13 +118,17 @@ fn quoted(word: &str) -> String {
 }
 
 /// The steps of one run of xtask, on one clock.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Steps {
     /// The root of the workspace, in which they run.
     pub(crate) root: PathBuf,
     /// The directory that they build into.
     pub(crate) target: PathBuf,
     start: Instant,
+    /// Whether others run at the same time. Then what a command prints is kept, and told only if it fails.
+    beside: bool,
+    /// Set when a step has failed. None of those beside it begins another one then.
+    failed: Arc<AtomicBool>,
 }
 
 impl Steps {
@@ -115,8 +141,13 @@ impl Steps {
         let program =
             std::env::current_exe().map_err(|error| Stop::failed(format!("where is xtask? {error}")))?;
         let target = program.ancestors().nth(2).unwrap_or(&root).to_owned();
-        let start = Instant::now();
-        Ok(Steps { root, target, start })
+        Ok(Steps {
+            root,
+            target,
+            start: Instant::now(),
+            beside: false,
+            failed: Arc::default(),
+        })
     }
 
     /// A path below the target directory, written relative to the root where it can be.
@@ -136,21 +167,17 @@ impl Steps {
     /// The command cannot be started or ends with another status than 0. The status of a command other than
     /// cargo is passed on: `cargo xtask demo` ends with the status of the `bead` command that failed.
     pub(crate) fn run(&self, title: &str, line: &Line) -> Result<(), Stop> {
-        self.run_into(title, line, Stdio::inherit())
-    }
-
-    /// As [`Steps::run`], without the command's standard output.
-    ///
-    /// # Errors
-    /// As [`Steps::run`].
-    pub(crate) fn run_quietly(&self, title: &str, line: &Line) -> Result<(), Stop> {
-        self.run_into(title, line, Stdio::null())
-    }
-
-    fn run_into(&self, title: &str, line: &Line, result: Stdio) -> Result<(), Stop> {
-        let mut command = self.command(title, line);
-        let status = command.stdout(result).status();
-        self.ended(title, line, status)
+        let mut command = self.command(line)?;
+        self.say(title, line);
+        let output = match self.beside {
+            true => command.output(),
+            false => command
+                .stdin(Stdio::inherit())
+                .stdout(Stdio::inherit())
+                .stderr(Stdio::inherit())
+                .output(),
+        };
+        self.ended(title, line, output).map(drop)
     }
 
     /// As [`Steps::run`]; gives what the command prints on standard output.
@@ -158,60 +185,112 @@ impl Steps {
     /// # Errors
     /// As [`Steps::run`].
     pub(crate) fn read(&self, title: &str, line: &Line) -> Result<String, Stop> {
-        let output = self.command(title, line).stderr(Stdio::inherit()).output();
-        let (status, text) = match output {
-            Ok(output) => (Ok(output.status), output.stdout),
-            Err(error) => (Err(error), Vec::new()),
-        };
-        self.ended(title, line, status)?;
-        Ok(String::from_utf8_lossy(&text).into_owned())
+        let mut command = self.command(line)?;
+        self.say(title, line);
+        let output = command.stderr(Stdio::inherit()).output();
+        let output = self.ended(title, line, output)?;
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
     }
 
-    /// Announces and runs two commands at a time, since one alone leaves a core idle towards its end. What
-    /// the second one says is kept, and told only if it fails.
+    /// Runs one command of many at a time, and says so when it has ended: `tell` makes one line of what it printed
+    /// and of how long it took. What it printed is shown only if it failed.
     ///
     /// # Errors
-    /// As [`Steps::run`], of the first one that fails.
-    pub(crate) fn run_both(&self, first: (&str, &Line), second: (&str, &Line)) -> Result<(), Stop> {
-        let mut beside = self.command(second.0, second.1);
-        std::thread::scope(|scope| {
-            let beside = scope.spawn(move || beside.output());
-            let run = self.run(first.0, first.1);
-            let output = beside
-                .join()
-                .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            run?;
-            let status = output.map(|output| {
-                if !output.status.success() {
-                    eprint!("{}", String::from_utf8_lossy(&output.stderr));
-                }
-                output.status
-            });
-            self.ended(second.0, second.1, status)
-        })
+    /// As [`Steps::run`].
+    pub(crate) fn run_and_tell(
+        &self,
+        title: &str,
+        line: &Line,
+        tell: impl FnOnce(&str, Duration) -> String,
+    ) -> Result<(), Stop> {
+        let mut command = self.command(line)?;
+        let began = Instant::now();
+        let output = self.ended(title, line, command.output())?;
+        self.announce(&tell(&String::from_utf8_lossy(&output.stdout), began.elapsed()));
+        Ok(())
     }
 
-    /// A command in the root of the workspace, which it announces.
-    fn command(&self, title: &str, line: &Line) -> Command {
+    /// Runs two series of steps at a time, since one alone leaves a core idle now and then. What the commands of
+    /// the second series print is kept, and told only if one fails.
+    ///
+    /// # Errors
+    /// Of the step that fails first. The other series ends after the step that it is at.
+    pub(crate) fn both(
+        &self,
+        first: impl FnOnce(&Steps) -> Result<(), Stop>,
+        second: impl FnOnce(&Steps) -> Result<(), Stop> + Send,
+    ) -> Result<(), Stop> {
+        let beside = self.beside();
+        let ended = std::thread::scope(|scope| {
+            let second = scope.spawn(|| self.until_one_fails(|| second(&beside)));
+            let first = self.until_one_fails(|| first(self));
+            let second = second
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            [first, second]
+        });
+        Self::first_failure(ended)
+    }
+
+    /// Does something beside other steps. If it fails, none of these begins any more.
+    ///
+    /// # Errors
+    /// As `work`.
+    pub(crate) fn until_one_fails(&self, work: impl FnOnce() -> Result<(), Stop>) -> Result<(), Stop> {
+        work().inspect_err(|_| self.failed.store(true, Ordering::Relaxed))
+    }
+
+    /// Of steps beside one another, why one has failed: not because of another one.
+    ///
+    /// # Errors
+    /// One has failed.
+    pub(crate) fn first_failure(ended: impl IntoIterator<Item = Result<(), Stop>>) -> Result<(), Stop> {
+        let failures = ended.into_iter().filter_map(Result::err);
+        failures
+            .max_by_key(|stop| stop.status != STOPPED)
+            .map_or(Ok(()), Err)
+    }
+
+    /// These steps, for a series that runs beside another one.
+    pub(crate) fn beside(&self) -> Self {
+        Steps {
+            beside: true,
+            ..self.clone()
+        }
+    }
+
+    /// Says what comes next, and the command that does it.
+    fn say(&self, title: &str, line: &Line) {
         self.announce(title);
         eprintln!("          $ {line}");
+    }
+
+    /// A command in its folder, unless a step beside this one has failed.
+    fn command(&self, line: &Line) -> Result<Command, Stop> {
+        if self.failed.load(Ordering::Relaxed) {
+            return Err(Stop::stopped());
+        }
         let mut command = line.command();
-        command.current_dir(&self.root);
+        command.current_dir(line.folder.as_ref().unwrap_or(&self.root));
         if std::env::var_os("CARGO_TARGET_DIR").is_some() {
             // It may be relative to where `cargo xtask` was called.
             command.env("CARGO_TARGET_DIR", &self.target);
         }
-        command
+        Ok(command)
     }
 
-    /// Whether a command has ended well.
-    fn ended(&self, title: &str, line: &Line, status: io::Result<ExitStatus>) -> Result<(), Stop> {
+    /// What a command has printed, if it ended well.
+    fn ended(&self, title: &str, line: &Line, output: io::Result<Output>) -> Result<Output, Stop> {
         let (root, program) = (self.root.display(), &line.words[0]);
         let repeat = format!("To repeat this step alone, in {root}:\n    {line}");
         let cannot = |error| format!("\"{title}\" could not start `{program}`: {error}.\n{repeat}");
-        let status = status.map_err(|error| Stop::missing(cannot(error)))?;
+        let output = output.map_err(|error| Stop::missing(cannot(error)))?;
+        let status = output.status;
         if status.success() {
-            return Ok(());
+            return Ok(output);
+        }
+        for kept in [&output.stdout, &output.stderr] {
+            eprint!("{}", String::from_utf8_lossy(kept));
         }
         let code = match status.code() {
             Some(code) if program != "cargo" => u8::try_from(code).unwrap_or(1),
@@ -285,14 +364,42 @@ mod tests {
     }
 
     #[test]
-    fn of_two_commands_at_a_time_the_one_that_fails_is_named() {
-        let steps = Steps::start().unwrap();
+    fn of_two_series_at_a_time_the_step_that_fails_is_named_and_ends_the_other() {
         let [good, bad] = ["sh -c true", "sh -c false"].map(Line::new);
-        assert!(steps.run_both(("good", &good), ("good too", &good)).is_ok());
-        for (first, second) in [(&good, &bad), (&bad, &good)] {
-            let stop = steps.run_both(("one", first), ("other", second)).unwrap_err();
+        let series = |lines: [&Line; 2]| {
+            let lines = lines.map(Line::clone);
+            move |steps: &Steps| lines.iter().try_for_each(|line| steps.run("a step", line))
+        };
+        let steps = || Steps::start().unwrap();
+        assert!(
+            steps()
+                .both(series([&good, &good]), series([&good, &good]))
+                .is_ok()
+        );
+        let fails = series([&bad, &good]);
+        for stop in [
+            steps().both(fails.clone(), series([&good, &good])),
+            steps().both(series([&good, &good]), fails),
+        ] {
+            let stop = stop.unwrap_err();
             assert!(stop.message.contains("sh -c false"), "{}", stop.message);
+            assert_eq!(stop.status, 1);
         }
+        let steps = steps();
+        let first = |steps: &Steps| steps.run("fails", &bad);
+        let after = |beside: &Steps| {
+            while !beside.failed.load(Ordering::Relaxed) {
+                std::thread::yield_now();
+            }
+            beside.run("never runs", &good)
+        };
+        assert!(
+            steps
+                .both(first, after)
+                .unwrap_err()
+                .message
+                .contains("sh -c false")
+        );
     }
 
     #[test]

@@ -6,6 +6,8 @@
 //! knows only the key (`intruder[1].mass`). [`TomlFile::place`] adds the file and the line of that key.
 
 use std::fmt;
+use std::fs::File;
+use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
@@ -59,15 +61,33 @@ impl fmt::Display for InputError {
 
 impl std::error::Error for InputError {}
 
+/// Length of the longest text that is read, bytes. People write some KB.
+const LONGEST: u64 = 1 << 20;
+
 /// The text of a file; `wanted` names it in the advice if it cannot be read, such as `a scenario file in
-/// TOML`.
+/// TOML`. No more than 1 MiB is read of anything.
 ///
 /// # Errors
-/// [`InputError`] if the file cannot be read.
+/// [`InputError`] if the file cannot be read, is longer, or is no text.
 pub fn text_of(path: &Path, wanted: &str) -> Result<String, InputError> {
-    std::fs::read_to_string(path).map_err(|error| InputError {
+    let wrong = |what: String| InputError {
         file: Some(path.display().to_string()),
-        ..InputError::at("", format!("cannot be read ({error})"), format!("name {wanted}"))
+        ..InputError::at("", what, format!("name {wanted}"))
+    };
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(LONGEST + 1).read_to_end(&mut bytes))
+        .map_err(|error| wrong(format!("cannot be read ({error})")))?;
+    // A device may give bytes without end, and any program's file may have been named by mistake.
+    if bytes.contains(&0) {
+        return Err(wrong("is no text: it has zero bytes".to_owned()));
+    }
+    if bytes.len() as u64 > LONGEST {
+        return Err(wrong("is longer than 1 MiB".to_owned()));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        wrong(format!("is no text: byte {at} is not UTF-8"))
     })
 }
 

@@ -1,5 +1,6 @@
 //! The motion inside a step.
 
+use super::glimpse::Glimpse;
 use super::lanes::{BLOCK, Lanes};
 use super::work::{Motion, Work};
 use crate::model::Layout;
@@ -77,6 +78,16 @@ impl<'a> Dense<'a> {
         if let Some(at) = layout.wall_impulse() {
             out[at] = self.state[at] + inside.wall;
         }
+    }
+
+    /// The overlap of a contact less that at rest, for the whole step, which has these times.
+    pub(crate) fn glimpse_contact(&self, contact: usize, times: (f64, f64)) -> Glimpse {
+        self.work.glimpse_contact(self.lanes, BLOCK + contact, times)
+    }
+
+    /// The displacement of an intruder relative to its host, for the whole step.
+    pub(crate) fn glimpse_guest(&self, guest: usize, times: (f64, f64)) -> Glimpse {
+        self.work.glimpse_guest(self.lanes, guest, times)
     }
 
     /// Whether `t` lies in this step.

@@ -11,12 +11,13 @@ use std::time::Duration;
 use stm32f405_qemu::{LogLine, Outcome, Run, RunError};
 
 const USAGE: &str = "\
-usage: stm32f405-run [--seconds S] [--until TEXT] [--vcd FILE] [--semihosting] ELF
+usage: stm32f405-run [--seconds S] [--until TEXT] [--vcd FILE] [--semihosting] [--gdb PORT] ELF
 
   --seconds S     virtual time for an image that does not sample [default: 2]
   --until TEXT    fail unless a line of the log contains TEXT
   --vcd FILE      write the levels of output pins over time, for a waveform viewer such as GTKWave
   --semihosting   let the image call the host: only for an image that you trust
+  --gdb PORT      wait for a debugger at this TCP port of this computer
 
 exit status: 0 if the image used up its time, stopped at a breakpoint or ended itself with status 0; 1 if it
 panicked, stands in a fault's handler, waits for what the emulator has not, or did not log TEXT; 2 for wrong
@@ -88,6 +89,7 @@ fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
                 run.record_pins = true;
             }
             "--semihosting" => run.semihosting = true,
+            "--gdb" => run.gdb = Some(words.next()?.parse().ok()?),
             elf if !elf.starts_with('-') && run.elf.as_os_str().is_empty() => run.elf = elf.into(),
             _ => return None,
         }

@@ -42,6 +42,20 @@ impl Levels {
         }))
     }
 
+    /// Adds one that comes later.
+    pub(super) fn add(&mut self, pin: Pin, at_ns: u64, high: bool) {
+        let level = Level { at_ns, pin, high };
+        if let Some((_, levels)) = self.0.iter_mut().find(|(since, _)| *since == Since::PowerUp) {
+            let place = levels.partition_point(|other| other.at_ns <= at_ns);
+            levels.insert(place, level);
+        }
+    }
+
+    /// How many have not come.
+    pub(super) fn count(&self) -> usize {
+        self.0.iter().map(|(_, levels)| levels.len()).sum()
+    }
+
     /// When the next one changes. Those since the first scan are not known before it.
     pub(super) fn next(&self, chip: &Chip) -> Option<u64> {
         Some(self.soonest(chip)?.0)

@@ -1,6 +1,6 @@
 //! The analog inputs: codes over time.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::wiring::{self, Pin};
 use crate::given::{AnalogInput, Since};
@@ -10,7 +10,9 @@ use crate::outcome::Sampling;
 /// scan or from power-up on.
 #[derive(Debug, Clone)]
 pub struct Stimulus {
-    rows: Vec<[u16; 4]>,
+    rows: VecDeque<[u16; 4]>,
+    /// The number of the first of them. Those before it have passed.
+    passed: usize,
     period_ns: u64,
     since: Since,
     /// The crystal's frequency, and what it should be. A period is one of the machine's own clock.
@@ -18,7 +20,7 @@ pub struct Stimulus {
     nominal_hz: u64,
     sampling: Option<Sampling>,
     /// The row that the scan of each converter reads.
-    row: [usize; 3],
+    row: [[u16; 4]; 3],
     /// Inputs by their pins.
     pins: BTreeMap<Pin, AnalogInput>,
     /// Channels that were converted and have no input, each with its converter.
@@ -29,13 +31,14 @@ impl Stimulus {
     /// Rows of the codes of channels 0 to 3. Without rows, all codes are 0.
     pub fn new(rows: Vec<[u16; 4]>, period_ns: u64, since: Since) -> Self {
         Self {
-            rows,
+            row: [rows.first().copied().unwrap_or_default(); 3],
+            rows: rows.into(),
+            passed: 0,
             period_ns,
             since,
             hz: 1,
             nominal_hz: 1,
             sampling: None,
-            row: [0; 3],
             pins: BTreeMap::new(),
             unmapped: BTreeSet::new(),
         }
@@ -79,12 +82,37 @@ impl Stimulus {
             sampling.scans += 1;
         }
         let Some(began) = self.began() else { return };
+        let row = self.row_at(began, now).saturating_sub(self.passed);
+        let row = self.rows.get(row).or(self.rows.back());
+        self.row[adc] = row.copied().unwrap_or_default();
+    }
+
+    /// The number of the row that stands `now`, counted over all that there ever were.
+    fn row_at(&self, began: u64, now: u64) -> usize {
         // Times are whole ns, so a scan may seem to come up to 1 ns before its row.
         let own_ns = u128::from(now - began + 1) * u128::from(self.hz) / u128::from(self.nominal_hz);
-        let row = own_ns / u128::from(self.period_ns);
-        self.row[adc] = usize::try_from(row)
-            .unwrap_or(usize::MAX)
-            .min(self.rows.len().saturating_sub(1));
+        usize::try_from(own_ns / u128::from(self.period_ns)).unwrap_or(usize::MAX)
+    }
+
+    /// Rows that follow the last one. Rows that have passed are forgotten.
+    pub fn append(&mut self, rows: impl IntoIterator<Item = [u16; 4]>, now: u64) {
+        let was_empty = self.rows.is_empty() && self.passed == 0;
+        self.rows.extend(rows);
+        if was_empty {
+            self.row = [self.rows.front().copied().unwrap_or_default(); 3];
+        }
+        if let Some(began) = self.began() {
+            // The last one stays.
+            let old = self.row_at(began, now).saturating_sub(self.passed);
+            let old = old.min(self.rows.len().saturating_sub(1));
+            self.rows.drain(..old);
+            self.passed += old;
+        }
+    }
+
+    /// How many rows are kept.
+    pub fn held(&self) -> usize {
+        self.rows.len()
     }
 
     /// What a converter reads at a channel, if the conversion ends now.
@@ -93,10 +121,7 @@ impl Stimulus {
         match self.input(adc, channel) {
             Some(input) => input.code(now, first_scan),
             // Channels 0 to 3 of all three converters are PA0 to PA3.
-            None if channel < 4 => self
-                .rows
-                .get(self.row[adc])
-                .map_or(0, |row| row[channel as usize]),
+            None if channel < 4 => self.row[adc][channel as usize],
             None => {
                 self.unmapped.insert((adc, channel));
                 0
@@ -125,12 +150,12 @@ impl Stimulus {
 
     /// Whether there is more than one row, and none has been played.
     pub(super) fn never_began(&self) -> bool {
-        self.rows.len() > 1 && self.began().is_none()
+        self.passed + self.rows.len() > 1 && self.began().is_none()
     }
 
     /// When the last row ends.
     pub fn ends_at(&self) -> Option<u64> {
-        let own_ns = self.rows.len() as u128 * u128::from(self.period_ns);
+        let own_ns = (self.passed + self.rows.len()) as u128 * u128::from(self.period_ns);
         let length = own_ns * u128::from(self.nominal_hz) / u128::from(self.hz);
         let length = u64::try_from(length).unwrap_or(u64::MAX);
         Some(self.began()?.saturating_add(length))
@@ -185,6 +210,23 @@ mod tests {
             assert_eq!(u64::from(stimulus.code(0, 0, 0)), scan);
         }
         assert_eq!(stimulus.ends_at(), Some(777 + 4000 * 10_000 * 8_000 / 8_001));
+    }
+
+    #[test]
+    fn rows_that_follow_are_read_at_their_time_and_those_that_have_passed_are_forgotten() {
+        let mut stimulus = Stimulus::new(Vec::new(), 10_000, Since::FirstScan);
+        stimulus.append((0..10).map(|n| [n, 0, 0, 0]), 0);
+        for scan in 0..100_000u64 {
+            let now = 777 + 10_000 * scan;
+            stimulus.begin_scan(0, now, true);
+            assert_eq!(u64::from(stimulus.code(0, 0, now)), scan % 4096);
+            if scan % 10 == 5 {
+                let next = stimulus.passed + stimulus.rows.len();
+                stimulus.append((next..next + 10).map(|n| [(n % 4096) as u16, 0, 0, 0]), now);
+                assert_eq!(stimulus.ends_at(), Some(777 + 10_000 * (next as u64 + 10)));
+            }
+            assert!(stimulus.held() <= 20, "{}", stimulus.held());
+        }
     }
 
     #[test]

@@ -9,12 +9,13 @@
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, c_char, c_int, c_void};
-use std::io::Read;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::mpsc::Sender;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
 
 use super::count::{Counters, Site, Sites};
 use super::fate::{self, Sight};
@@ -26,8 +27,9 @@ use super::qemu::{
     log_seen, on_signal_of_abort, room, say, symbol, take_no_signals, wait_for_event,
 };
 use super::self_test::self_test;
+use super::stops::{self, Wish};
 use crate::ending::End;
-use crate::exchange::SELF_TEST_STATUS;
+use crate::exchange::{SELF_TEST_STATUS, Step};
 use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram};
 
 static QEMU: OnceLock<Qemu> = OnceLock::new();
@@ -130,11 +132,12 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     })?;
     let overlay = Overlay::new(Path::new(folder))?;
     let counters = overlay.counters();
+    let steps = overlay.steps();
     ENTRIES.get_or_init(|| overlay.entries());
     let functions = FUNCTIONS.get_or_init(|| functions);
     OVERLAY.get_or_init(|| Mutex::new(overlay));
     let folder = PathBuf::from(folder);
-    std::thread::spawn(move || watch_host(&folder));
+    std::thread::spawn(move || watch_host(&folder, steps.as_ref()));
     let notifier = Box::leak(Box::new(Notifier {
         notify: on_machine_ready,
         node: [0; 2],
@@ -153,14 +156,17 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     Ok(())
 }
 
-/// The host holds the other end of standard input. A byte asks for the report. The end says that the host is
-/// gone, and nobody reads a report.
-fn watch_host(folder: &Path) {
+/// The host holds the other end of standard input. Its end says that the host is gone, and nobody reads a report.
+fn watch_host(folder: &Path, steps: Option<&Sender<Step>>) {
     take_no_signals();
-    let read = std::io::stdin().read(&mut [0]);
-    if matches!(read, Ok(1)) {
-        if let Some((mut overlay, qemu)) = running() {
-            overlay.stop(End::Stopped, qemu);
+    if let Wish::Report = stops::listen(steps) {
+        // On a busy computer the limit may come before QEMU is ready. The host gives up in the end.
+        loop {
+            if let Some((mut overlay, qemu)) = running() {
+                overlay.stop(End::Stopped, qemu);
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(10));
         }
     } else {
         // The host would have removed it. If that fails, it lies in a folder for temporary files.

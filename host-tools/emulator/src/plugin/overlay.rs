@@ -2,19 +2,21 @@
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::Sender;
 
 use super::blocks::Blocks;
 use super::count::Counters;
 use super::fate::{Fate, Sight};
 use super::qemu::{self, Qemu};
 use super::recorder::{Outside, Recorder, written};
+use super::stops::Stops;
 use super::{handlers, rtt, self_test};
 use crate::ending::{End, Exception};
-use crate::exchange::{self, Description, FORMAT, SELF_TEST_STATUS};
+use crate::exchange::{self, Description, FORMAT, Reached, SELF_TEST_STATUS, Step};
 use crate::given::{Fault, Poke, Run, Since};
 use crate::machine::{Board, Machine};
 use crate::memory::{FLASH, WRITABLE, is_ram};
-use crate::outcome::Outcome;
+use crate::outcome::{Outcome, Work};
 
 /// Addresses at which something begins that the overlay wants to see.
 pub(super) struct Entries {
@@ -28,6 +30,8 @@ pub(super) struct Overlay {
     description: Description<'static>,
     folder: PathBuf,
     recorder: Recorder,
+    /// Of a live run: what the host's steps go to.
+    steps: Option<Sender<Step>>,
     /// In order of time.
     pokes: VecDeque<Poke>,
     /// Those since power-up, and those since the first scan.
@@ -67,10 +71,12 @@ impl Overlay {
             // Kept for the life of QEMU: its callbacks point there.
             Blocks::new(Box::leak(Box::new(counters)), description.work.clone())
         });
+        let (stops, steps) = description.live.then(Stops::new).unzip();
         Ok(Self {
             machine,
             folder: folder.into(),
-            recorder: Recorder::new(folder, blocks)?,
+            recorder: Recorder::new(folder, blocks, stops)?,
+            steps,
             pokes: pokes.into(),
             faults,
             fate: Fate::default(),
@@ -88,6 +94,11 @@ impl Overlay {
         Some(self.recorder.blocks.as_ref()?.counters)
     }
 
+    /// Where the host's steps go, if the run is live.
+    pub(super) fn steps(&self) -> Option<Sender<Step>> {
+        self.steps.clone()
+    }
+
     /// The processor reads, writes or stores to flash: `access` says it to the machine.
     pub(super) fn access<T>(
         &mut self,
@@ -95,6 +106,7 @@ impl Overlay {
         access: impl FnOnce(&mut Machine, u64, &mut Outside<'_>) -> T,
     ) -> T {
         let now = qemu.now();
+        self.recorder.called();
         let result = access(&mut self.machine, now, &mut Outside(qemu, &mut self.recorder));
         self.after(now, qemu);
         if let Some(register) = self
@@ -109,6 +121,7 @@ impl Overlay {
 
     /// The time that the overlay asked for has come.
     pub(super) fn wake(&mut self, qemu: &Qemu) {
+        self.recorder.called();
         if !std::mem::replace(&mut self.interrupts_tested, true) {
             if let Err(line) = self_test::interrupt_test(qemu) {
                 qemu::exit(SELF_TEST_STATUS, &line);
@@ -143,10 +156,59 @@ impl Overlay {
         }
         self.judge(now, qemu);
         self.drain_log(qemu);
+        self.stop_for_host(now, qemu);
         self.after(now, qemu);
         if self.ends_at() <= now {
             self.end(End::Over, now, qemu);
         }
+    }
+
+    /// If the host has said to stop at this time, waits for it to say how far time goes next.
+    fn stop_for_host(&mut self, now: u64, qemu: &Qemu) {
+        if self.ended
+            || self
+                .recorder
+                .stops
+                .as_ref()
+                .is_none_or(|stops| now < stops.at_ns())
+        {
+            return;
+        }
+        self.tell_host(now, false);
+        let Some(stops) = &mut self.recorder.stops else {
+            return;
+        };
+        match stops.wait() {
+            Some(inputs) => self.machine.feed(inputs, now),
+            None => self.end(End::Over, now, qemu),
+        }
+    }
+
+    /// In a live run, tells the host what came out since the last stop.
+    fn tell_host(&mut self, now: u64, ended: bool) {
+        let total = self.counters().map_or(0, Counters::total);
+        let Some(stops) = &mut self.recorder.stops else {
+            return;
+        };
+        let before = match stops.at_ns() {
+            // The first stop is before the first instruction, but for one that it comes with.
+            0 => 0,
+            _ => std::mem::replace(&mut stops.instructions, total),
+        };
+        let stimulus = self.machine.stimulus();
+        let reached = Reached {
+            now_ns: now,
+            ended,
+            sampling: stimulus.sampling(),
+            codes_until_ns: stimulus.ends_at(),
+            work: Work {
+                calls: stops.calls,
+                instructions: total - before,
+                held: self.machine.held(),
+            },
+            ..Reached::default()
+        };
+        stops.tell(reached);
     }
 
     /// Whether WFI is STOP or STANDBY now.
@@ -231,6 +293,9 @@ impl Overlay {
     /// When the run is over: some time after the stimulus, or at a deadline if sampling has
     /// not begun.
     fn ends_at(&self) -> u64 {
+        if self.recorder.stops.is_some() {
+            return u64::MAX;
+        }
         let run = &self.description.run;
         let end = self.machine.stimulus().ends_at();
         end.map_or(run.sampling_deadline_ns, |end| end.saturating_add(run.tail_ns))
@@ -244,7 +309,14 @@ impl Overlay {
         }
         let poke = self.pokes.front().map(|poke| poke.at_ns);
         let fault = self.next_fault().map(|(at, _)| at);
-        let next = [self.machine.next_interrupt(), poke, fault, self.fate.doom_at()];
+        let stop = self.recorder.stops.as_ref().map(Stops::at_ns);
+        let next = [
+            self.machine.next_interrupt(),
+            poke,
+            fault,
+            self.fate.doom_at(),
+            stop,
+        ];
         let next = next.into_iter().flatten().fold(self.ends_at(), u64::min);
         qemu.wake_at(next.max(now + 1));
     }
@@ -351,6 +423,7 @@ impl Overlay {
         let file = |name: &str| self.folder.join(name);
         written(std::fs::write(file(exchange::FLASH), self.machine.flash()));
         written(std::fs::write(file(exchange::OUTCOME), json));
+        self.tell_host(now, true);
         true
     }
 }
@@ -379,8 +452,7 @@ fn describe(folder: &Path) -> Result<Description<'static>, String> {
 /// The rows of the stimulus.
 fn rows(folder: &Path) -> Result<Vec<[u16; 4]>, String> {
     let bytes = read(folder, exchange::STIMULUS)?;
-    let row = |row: &[[u8; 2]; 4]| row.map(u16::from_le_bytes);
-    Ok(bytes.as_chunks().0.as_chunks().0.iter().map(row).collect())
+    Ok(exchange::rows(&bytes))
 }
 
 /// Guest memory for the log. What is not RAM reads as zero: an address that the image has not set yet may be

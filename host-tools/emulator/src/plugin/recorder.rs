@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::blocks::Blocks;
 use super::qemu::{self, Qemu};
+use super::stops::Stops;
 use crate::exchange;
 use crate::machine::{Board, USARTS};
 use crate::memory::{CCM, SRAM};
@@ -15,6 +16,8 @@ pub(super) struct Recorder {
     /// What left each USART.
     sent: [BufWriter<File>; USARTS.len()],
     rtt: File,
+    /// Of a live run: what comes out is kept there until the next stop, and not in files.
+    pub(super) stops: Option<Stops>,
     /// Only where instructions are counted.
     pub(super) blocks: Option<Blocks>,
     /// What stood in flash before it was overwritten.
@@ -26,7 +29,7 @@ impl Recorder {
     ///
     /// # Errors
     /// One line: which file cannot be made.
-    pub(super) fn new(folder: &Path, blocks: Option<Blocks>) -> Result<Self, String> {
+    pub(super) fn new(folder: &Path, blocks: Option<Blocks>, stops: Option<Stops>) -> Result<Self, String> {
         let create = |name: &str| {
             let odd = |e: std::io::Error| format!("run directory {}: {name}: {e}", folder.display());
             File::create(folder.join(name)).map_err(odd)
@@ -38,13 +41,25 @@ impl Recorder {
         Ok(Self {
             sent,
             rtt: create(exchange::RTT)?,
+            stops,
             blocks,
             flash_before: Vec::new(),
         })
     }
 
+    /// QEMU calls the overlay.
+    pub(super) fn called(&mut self) {
+        if let Some(stops) = &mut self.stops {
+            stops.calls += 1;
+        }
+    }
+
     /// Puts what was said so far into the files.
     pub(super) fn flush(&mut self, log: &[u8]) {
+        if let Some(stops) = &mut self.stops {
+            stops.log.extend(log);
+            return;
+        }
         written(self.rtt.write_all(log));
         for sent in &mut self.sent {
             written(sent.flush());
@@ -97,9 +112,15 @@ impl Board for Outside<'_> {
     }
 
     fn sent(&mut self, usart: usize, data: u16, at: u64) {
-        let file = &mut self.1.sent[usart];
-        written(file.write_all(&at.to_le_bytes()));
-        written(file.write_all(&data.to_le_bytes()));
+        let (at, data) = (at.to_le_bytes(), data.to_le_bytes());
+        let recorder = &mut *self.1;
+        if let Some(stops) = &mut recorder.stops {
+            stops.sent[usart].extend(at.into_iter().chain(data));
+            return;
+        }
+        let file = &mut recorder.sent[usart];
+        written(file.write_all(&at));
+        written(file.write_all(&data));
     }
 
     fn acquired(&mut self, scans: u64) {

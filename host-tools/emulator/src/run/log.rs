@@ -23,6 +23,34 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
     })
 }
 
+/// A log that comes in pieces.
+pub(super) struct Log {
+    table: Option<Table>,
+    /// The beginning of a record, whose end has not come.
+    rest: Vec<u8>,
+}
+
+impl Log {
+    /// # Errors
+    /// As [`decode`].
+    pub(super) fn new(path: &Path, elf: &[u8]) -> Result<Self, RunError> {
+        let table = Table::parse(elf).map_err(|e| RunError::Log(path.into(), e.to_string()))?;
+        let rest = Vec::new();
+        Ok(Self { table, rest })
+    }
+
+    /// The records that end in these bytes.
+    pub(super) fn take(&mut self, bytes: &[u8]) -> Vec<LogLine> {
+        self.rest.extend(bytes);
+        let end = self.rest.iter().rposition(|byte| matches!(byte, 0 | b'\n'));
+        let whole: Vec<u8> = self.rest.drain(..end.map_or(0, |end| end + 1)).collect();
+        match &self.table {
+            Some(table) if !is_text(&whole) => frames(table, &whole),
+            _ => String::from_utf8_lossy(&whole).lines().map(plain).collect(),
+        }
+    }
+}
+
 /// Whether these bytes are text. A frame of defmt ends with a zero.
 fn is_text(bytes: &[u8]) -> bool {
     let printed = |c: char| !c.is_control() || matches!(c, '\n' | '\r' | '\t' | '\u{1b}');

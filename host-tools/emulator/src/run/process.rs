@@ -2,76 +2,176 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::io::Write;
-use std::path::Path;
+use std::io::{BufReader, Write};
+use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use super::error::{RunError, io};
 use super::folder::Folder;
+use super::one_core;
 use super::overlay::{self, Overlay};
 use super::qemu::{FoundQemu, wanted_version};
 use crate::ending::{End, Place};
-use crate::exchange::{self, LINE_PREFIX, SELF_TEST_STATUS};
+use crate::exchange::{self, LINE_PREFIX, Reached, SELF_TEST_STATUS, Step};
 use crate::outcome::Outcome;
 
-/// Runs QEMU to its end. The arguments come after the usual ones. If QEMU wants another version of the
-/// overlay than expected, it is started once more with that version.
-///
-/// # Errors
-/// QEMU or the overlay fails, or the run takes longer than `timeout`.
-pub(super) fn run(
-    qemu: &FoundQemu,
-    overlay: &Overlay,
-    folder: &Folder,
-    arguments: &[OsString],
-    shift: u8,
-    timeout: Duration,
-) -> Result<Outcome, RunError> {
-    let version = qemu.plugin_version();
-    let start = |version: i32| {
-        let plugin = folder.write("overlay.so", &overlay::with_version(overlay, version)?)?;
-        start(qemu, &plugin, folder, arguments, shift, timeout)
-    };
-    let mut ended = start(version)?;
-    if let Some(other) = wanted_version(&ended.stderr).filter(|other| *other != version) {
-        ended = start(other)?;
-    }
-    ended.outcome(folder)
+/// What QEMU is started with.
+pub(super) struct Job {
+    pub(super) qemu: FoundQemu,
+    pub(super) overlay: Overlay,
+    pub(super) folder: Folder,
+    /// They come after the usual ones.
+    pub(super) arguments: Vec<OsString>,
+    pub(super) shift: u8,
 }
 
-fn start(
-    qemu: &FoundQemu,
-    plugin: &Path,
-    folder: &Folder,
-    arguments: &[OsString],
-    shift: u8,
-    timeout: Duration,
-) -> Result<Ended, RunError> {
-    let stderr = File::create(folder.path("stderr")).map_err(io("cannot write the run's temporary files"))?;
-    let run = folder.path("");
-    let child = Command::new(&qemu.program)
-        .args(["-M", "netduinoplus2", "-icount"])
-        .arg(format!("shift={shift},sleep=off"))
-        .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
-        .arg(format!("{},run={}", plugin.display(), run.display()))
-        .args(arguments)
-        // The overlay watches the other end: a QEMU whose host is gone ends.
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .stderr(stderr)
-        .spawn()
-        .map_err(|_| RunError::QemuMissing(qemu.program.to_string_lossy().into_owned()))?;
-    let status = wait(child, timeout)?;
-    let stderr = std::fs::read(folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;
-    Ok(Ended {
-        status,
-        stderr: String::from_utf8_lossy(&stderr).into_owned(),
-    })
+impl Job {
+    /// Runs QEMU to its end. If it wants another version of the overlay than expected, it is started once more
+    /// with that version.
+    ///
+    /// # Errors
+    /// QEMU or the overlay fails, or the run takes longer than `limit`.
+    pub(super) fn run(&self, limit: Option<Duration>) -> Result<Outcome, RunError> {
+        let version = self.qemu.plugin_version();
+        let ended = |version| self.end(self.start(version, Stdio::null())?, limit);
+        let mut first = ended(version)?;
+        if let Some(other) = first.other_version(version) {
+            first = ended(other)?;
+        }
+        first.outcome(&self.folder)
+    }
+
+    /// Starts QEMU for a live run, up to its first stop.
+    ///
+    /// # Errors
+    /// QEMU or the overlay fails, or it takes longer than `limit`.
+    pub(super) fn start_live(&self, limit: Option<Duration>) -> Result<(Running, Heard), RunError> {
+        let version = self.qemu.plugin_version();
+        let started = |version| {
+            let mut running = Running::of(self.start(version, Stdio::piped())?);
+            let first = running.hear(limit);
+            Ok::<_, RunError>((running, first))
+        };
+        let (mut running, mut first) = started(version)?;
+        if first.is_none() {
+            let ended = self.end(running.take()?, limit)?;
+            let Some(other) = ended.other_version(version) else {
+                return Err(ended.failure(&self.folder));
+            };
+            (running, first) = started(other)?;
+        }
+        match first {
+            Some(first) => Ok((running, first)),
+            None => Err(self.end(running.take()?, limit)?.failure(&self.folder)),
+        }
+    }
+
+    fn start(&self, version: i32, stdout: Stdio) -> Result<Child, RunError> {
+        let folder = &self.folder;
+        let plugin = folder.write("overlay.so", &overlay::with_version(&self.overlay, version)?)?;
+        let stderr =
+            File::create(folder.path("stderr")).map_err(io("cannot write the run's temporary files"))?;
+        let program = &self.qemu.program;
+        let child = Command::new(program)
+            .args(["-M", "netduinoplus2", "-icount"])
+            .arg(format!("shift={},sleep=off", self.shift))
+            .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
+            .arg(format!("{},run={}", plugin.display(), folder.path("").display()))
+            .args(&self.arguments)
+            // Ctrl-C at a terminal goes to the whole group of the program in front. It is for the host to say
+            // what becomes of the run.
+            .process_group(0)
+            // The overlay watches the other end: a QEMU whose host is gone ends.
+            .stdin(Stdio::piped())
+            .stdout(stdout)
+            .stderr(stderr)
+            .spawn()
+            .map_err(|_| RunError::QemuMissing(program.to_string_lossy().into_owned()))?;
+        one_core::keep(&child);
+        Ok(child)
+    }
+
+    /// Waits until QEMU ends. At the limit it is asked for its report.
+    ///
+    /// # Errors
+    /// It does not report.
+    pub(super) fn end(&self, child: Child, limit: Option<Duration>) -> Result<Ended, RunError> {
+        let status = wait(child, limit)?;
+        let stderr = std::fs::read(self.folder.path("stderr")).map_err(io("cannot read what QEMU said"))?;
+        Ok(Ended {
+            status,
+            stderr: String::from_utf8_lossy(&stderr).into_owned(),
+        })
+    }
+}
+
+/// A QEMU that runs live. It ends when this is dropped.
+pub(super) struct Running {
+    child: Option<Child>,
+    heard: Receiver<Heard>,
+}
+
+/// What it says at a stop.
+pub(super) type Heard = (Reached, Vec<u8>);
+
+impl Running {
+    fn of(mut child: Child) -> Self {
+        let (sender, heard) = channel();
+        let stdout = child.stdout.take();
+        std::thread::spawn(move || {
+            let mut stdout = BufReader::new(stdout.expect("its output was piped"));
+            while let Ok(message) = exchange::read_message(&mut stdout)
+                && sender.send(message).is_ok()
+            {}
+        });
+        Self {
+            child: Some(child),
+            heard,
+        }
+    }
+
+    /// Waits for the next stop. `None` if QEMU ends, or takes longer than the limit.
+    pub(super) fn hear(&mut self, limit: Option<Duration>) -> Option<Heard> {
+        match limit {
+            Some(limit) => self.heard.recv_timeout(limit).ok(),
+            None => self.heard.recv().ok(),
+        }
+    }
+
+    /// Says how far time goes next. A QEMU that is gone is seen by [`hear`](Self::hear).
+    pub(super) fn say(&mut self, step: &Step, rows: &[[u16; 4]]) {
+        if let Some(to) = self.child.as_mut().and_then(|child| child.stdin.as_mut()) {
+            let said = to
+                .write_all(&[exchange::STEP])
+                .and_then(|()| exchange::write_message(to, step, &exchange::bytes_of(rows)));
+            drop(said);
+        }
+    }
+
+    /// Its process, which the caller ends.
+    ///
+    /// # Errors
+    /// It has been ended.
+    pub(super) fn take(&mut self) -> Result<Child, RunError> {
+        let child = self.child.take();
+        child.ok_or_else(|| RunError::Input("the run has failed, and is over".into()))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            // One that has ended by itself cannot be killed.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
 }
 
 /// A QEMU that ended by itself.
-struct Ended {
+pub(super) struct Ended {
     status: ExitStatus,
     stderr: String,
 }
@@ -83,8 +183,21 @@ impl Ended {
         Some(Place::from(u32::from_str_radix(value.get(..8)?, 16).ok()?))
     }
 
+    /// The version of the overlay that it wants, if it refused this one.
+    fn other_version(&self, version: i32) -> Option<i32> {
+        wanted_version(&self.stderr).filter(|other| *other != version)
+    }
+
+    /// Why it ended before the run began.
+    fn failure(&self, folder: &Folder) -> RunError {
+        match self.outcome(folder) {
+            Err(error) => error,
+            Ok(_) => RunError::Qemu(self.status, "it ended before the first instruction".into()),
+        }
+    }
+
     /// What the overlay reports, or why there is no report.
-    fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
+    pub(super) fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
         let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
         let any = || first("").unwrap_or_else(|| "it said nothing".into());
         if let Ok(json) = std::fs::read(folder.path(exchange::OUTCOME)) {
@@ -114,22 +227,27 @@ impl Ended {
 const TO_REPORT: Duration = Duration::from_secs(10);
 
 /// Its exit status. At the limit it is asked for its report.
-fn wait(mut child: Child, limit: Duration) -> Result<ExitStatus, RunError> {
+fn wait(mut child: Child, limit: Option<Duration>) -> Result<ExitStatus, RunError> {
     let mut asked = false;
-    let mut deadline = Instant::now() + limit;
+    let mut deadline = limit.map(|limit| Instant::now() + limit);
     loop {
         if let Some(status) = child.try_wait().map_err(io("cannot wait for QEMU"))? {
             return Ok(status);
         }
-        if Instant::now() >= deadline {
+        if let (Some(at), Some(limit)) = (deadline, limit)
+            && Instant::now() >= at
+        {
             let end = child.stdin.as_mut().filter(|_| !asked);
-            if end.and_then(|end| end.write_all(b"r").ok()).is_none() {
+            if end
+                .and_then(|end| end.write_all(&[exchange::REPORT]).ok())
+                .is_none()
+            {
                 child.kill().map_err(io("cannot stop QEMU"))?;
                 child.wait().map_err(io("cannot wait for QEMU"))?;
                 return Err(RunError::Silent(limit));
             }
             asked = true;
-            deadline = Instant::now() + TO_REPORT;
+            deadline = Some(Instant::now() + TO_REPORT);
         }
         std::thread::sleep(Duration::from_millis(2));
     }

@@ -33,6 +33,9 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let report = compare(&arguments.recordings)?;
+    for what in &report.left_out {
+        output::note(format_args!("left out: {what}"));
+    }
     output::print(arguments.format, &report, || table(&report))
 }
 
@@ -114,9 +117,13 @@ fn table(report: &ClockComparison) -> String {
     if !report.strikes.is_empty() {
         let strikes = report.strikes.iter().map(|strike| {
             let arrival = format!("{:.9}", strike.arrival_s);
-            [named(&strike.place), strike.strike.to_string(), arrival]
+            let rise = strike.rise_s.map_or("-".to_owned(), |rise| format!("{rise:.9}"));
+            [named(&strike.place), strike.strike.to_string(), rise, arrival]
         });
-        parts.push(output::table("strike at | number | arrived at s", strikes));
+        parts.push(output::table(
+            "strike at | number | half its force at s | highest at s",
+            strikes,
+        ));
     }
     parts.join("\n\n")
 }

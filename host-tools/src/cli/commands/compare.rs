@@ -1,25 +1,31 @@
 //! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
 
 use std::env;
+use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::SystemTime;
 
 use chrono::{DateTime, Utc};
 use clap::Args;
 use hertz_chain::Scenario;
 use serde_json::json;
+use sha2::{Digest, Sha256};
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::{load_scenario, only_host};
-use crate::cli::failure::Failure;
+use crate::cli::failure::{Blame, Failure};
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
 use crate::comparison::page::{Fact, Page};
 use crate::comparison::pictures::{residual_chart, strike_chart};
-use crate::comparison::spread::Spread;
+use crate::comparison::spread::{Deviations, Spread};
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
+use crate::comparison::velocity::{self, FittedVelocity};
 use crate::comparison::verdict::{Soundness, failure};
 use crate::recording::file::Part;
+use crate::recording::json::hex;
 use crate::recording::received::Received;
 use crate::recording::whole::Target;
 
@@ -28,8 +34,12 @@ Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no fr
 judged together: the mean by these goals, the scatter of A by 0.5 % and of B by 1 %, each with its uncertainty. An emulated run
 must also leave a quarter of the core free while a strike is measured. Exit status 1 if a goal is missed.
 
+How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds the velocity
+from the recorded force alone, prints it with its uncertainty, and judges A and B against the chain at that velocity.
+
 Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --velocity fit
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --figures figures";
 
@@ -45,6 +55,9 @@ pub(crate) struct Arguments {
     /// The bead that sensed [default: as the recording says, else the only one with an intruder].
     #[arg(long, value_name = "N")]
     bead: Option<usize>,
+    /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded forces.
+    #[arg(long, value_name = "V|fit")]
+    velocity: Option<Velocity>,
     /// Write a report: one self-contained HTML file.
     #[arg(long, value_name = "F.html")]
     report: Option<PathBuf>,
@@ -58,6 +71,57 @@ pub(crate) struct Arguments {
     format: Format,
 }
 
+/// Strikes that are kept and shown at most. The means are over all.
+const STRIKES_MOST: usize = 10_000;
+
+/// How fast the striker is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Velocity {
+    /// As the forces tell.
+    Fit,
+    /// In m/s.
+    Given(f64),
+}
+
+impl FromStr for Velocity {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let given = || {
+            text.parse()
+                .ok()
+                .filter(|velocity: &f64| *velocity > 0.0 && velocity.is_finite())
+        };
+        match text {
+            "fit" => Ok(Self::Fit),
+            _ => given()
+                .map(Self::Given)
+                .ok_or_else(|| "give m/s, above 0, or fit".to_owned()),
+        }
+    }
+}
+
+/// A fitted velocity in one line.
+fn shown(fitted: &FittedVelocity) -> String {
+    let FittedVelocity {
+        velocity,
+        uncertainty,
+        scatter,
+        strikes,
+        scenario,
+    } = fitted;
+    let digits = (1.0 - uncertainty.max(1e-9).log10()).ceil().clamp(0.0, 9.0) as usize;
+    let from = match strikes {
+        1 => "1 strike".to_owned(),
+        _ => format!("{strikes} strikes"),
+    };
+    let scatter = scatter.map(|scatter| format!(", which scatter by {scatter:.digits$} m/s"));
+    format!(
+        "{velocity:.digits$} ± {uncertainty:.digits$} m/s, fitted to the force of {from}{}; the scenario says {scenario} m/s",
+        scatter.unwrap_or_default()
+    )
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let inputs = [Some(&arguments.recording), arguments.scenario.as_ref()];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
@@ -68,7 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     });
     let figures = figures.transpose()?;
     let received = Received::open(&arguments.recording)?;
-    let (scenario, text) = scenario(arguments, &received)?;
+    let (mut scenario, text) = scenario(arguments, &received)?;
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
     let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
@@ -78,6 +142,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
 
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
+    let fitted = match arguments.velocity {
+        None => None,
+        Some(Velocity::Given(velocity)) => {
+            scenario.striker.velocity = velocity;
+            None
+        }
+        Some(Velocity::Fit) => {
+            let strikes: Vec<_> = received.strikes()?.take(velocity::STRIKES_MOST).collect();
+            let fitted = velocity::fit(&scenario, bead, &strikes)?;
+            scenario.striker.velocity = fitted.velocity;
+            Some(fitted)
+        }
+    };
     let chain = FullChain::run(&scenario, bead)?;
     if let Some(note) = chain.note() {
         progress.suspend(|| output::note(format_args!("{note}")));
@@ -85,9 +162,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut strikes: Vec<StrikeComparison> = Vec::new();
     let mut settings = None;
     let mut drawn = false;
+    // The energy goes with the square of the velocity.
+    let mut deviations = Deviations::within(fitted.map_or(0.0, |fit| 2.0 * fit.uncertainty / fit.velocity));
+    let (mut compared, mut differs) = (0, None);
     for strike in recorded.by_ref() {
-        progress.set_message(format!("comparing strike {}", strikes.len() + 1));
+        compared += 1;
+        progress.set_message(format!("comparing strike {compared}"));
         let mut comparison = chain.compare(&strike);
+        deviations.push(&comparison.deviation);
+        differs = differs.or_else(|| comparison.first_difference.clone());
+        if strikes.len() == STRIKES_MOST {
+            continue;
+        }
         // The figures show the first strike that was received whole; the curves of others would fill the
         // memory.
         if drawn {
@@ -103,24 +189,34 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(received.no_strike(heard).into());
     }
 
-    if strikes.len() > 1 {
+    if strikes.len() > 1 || fitted.is_some() {
         strikes = strikes.into_iter().map(StrikeComparison::among_others).collect();
     }
-    let spread = Spread::of(&strikes);
+    let left_out = compared - strikes.len();
+    let spread = deviations.spread();
     let soundness = Soundness::of(heard.counters(), heard.status.as_ref(), emulator.as_ref());
-    let failure = failure(&strikes, &soundness);
+    let failure = failure(differs.as_deref(), &soundness, &spread);
+    let mut made = report
+        .as_ref()
+        .map_or(Ok(Vec::new()), |_| made(&received, &text))?;
+    made.extend(fitted.map(|fitted| ("striker's velocity", shown(&fitted))));
+    if left_out > 0 {
+        let of = format!("the first {STRIKES_MOST} of {compared}; the verdict is over all");
+        made.push(("strikes shown", of));
+    }
     let page = Page {
         title: &scenario.title,
         recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),
         bead,
         strikes: &strikes,
+        spread: &spread,
         failure: failure.as_deref(),
         counters: heard.counters(),
         identity: heard.identity.as_ref(),
         status: heard.status.as_ref(),
         settings: settings.as_ref(),
         emulator: emulator.as_ref(),
-        made: &made(),
+        made: &made,
         scenario: &text,
     };
     if let Some(report) = &report {
@@ -131,7 +227,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let result = json!({
         "bead": bead,
+        "striker_velocity": &fitted,
         "strikes": &strikes,
+        "strikes_left_out": left_out,
         "spread": &spread,
         "frames_lost": soundness.lost,
         "frames_corrupt": soundness.corrupt,
@@ -140,7 +238,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "pass": failure.is_none(),
         "failure": &failure,
     });
-    output::print(arguments.format, &result, || table(&strikes, &spread, &soundness))?;
+    output::print(arguments.format, &result, || {
+        let mut parts = vec![table(&strikes, &spread, &soundness)];
+        parts.extend(fitted.map(|fitted| format!("striker's velocity: {}", shown(&fitted))));
+        if left_out > 0 {
+            parts.push(format!(
+                "{left_out} more strikes are not shown; means and scatter are over all {compared}"
+            ));
+        }
+        parts.join("\n\n")
+    })?;
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }
 
@@ -160,15 +267,20 @@ fn scenario(arguments: &Arguments, received: &Received) -> Result<(Scenario, Str
     Ok((scenario, text))
 }
 
-/// How a page was made.
-fn made() -> [Fact; 3] {
-    let command: Vec<_> = env::args().collect();
+/// How a page was made, and of what.
+fn made(received: &Received, scenario: &str) -> Result<Vec<Fact>, Failure> {
+    let command: Vec<_> = env::args().skip(1).collect();
     let now = DateTime::<Utc>::from(SystemTime::now());
-    [
-        ("command", command.join(" ")),
+    let mut recording = Sha256::new();
+    let read = File::open(&received.path).and_then(|mut file| io::copy(&mut file, &mut recording));
+    read.or_input(|| format!("cannot read {}", received.path.display()))?;
+    Ok(vec![
+        ("command", format!("bead {}", command.join(" "))),
+        ("recording, SHA-256", hex(&recording.finalize())),
+        ("scenario, SHA-256", hex(&Sha256::digest(scenario))),
         ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
         ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
-    ]
+    ])
 }
 
 fn write_figures(

@@ -61,7 +61,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
                     Ok(length) => {
                         let bytes = buffer[..length].to_vec();
                         let received_ns = None;
-                        return Some(Piece { bytes, received_ns });
+                        return Some(Piece {
+                            bytes,
+                            received_ns,
+                            ..Piece::default()
+                        });
                     }
                     Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                     Err(error) => {

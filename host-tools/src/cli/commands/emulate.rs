@@ -1,30 +1,37 @@
 //! `bead emulate`: the flash image in QEMU on what a bead would sense.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::ensure;
+use anyhow::{bail, ensure};
 use bead_wire::Message;
 use clap::Args;
-use hertz_chain::Scenario;
+use hertz_chain::{Scenario, Solution};
 use indicatif::ProgressBar;
+use serde::Serialize;
+use serde_json::json;
 
 use crate::bench::bridge::{self, Bridge};
-use crate::bench::emulation::{Emulation, Ran};
+use crate::bench::emulation::{Emulation, Placed, Ran};
+use crate::bench::error::BenchError;
 use crate::bench::faults::{self, Planned};
-use crate::bench::front_end::SAMPLE_RATE_HZ;
+use crate::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
+use crate::bench::image::find_image;
 use crate::bench::sensed::{
-    Timing, Truth, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
+    Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
 };
-use crate::cli::bench_options::BenchOptions;
+use crate::bench::several::{self, Clocks};
+use crate::cli::beads::Beads;
+use crate::cli::commands::emulated::{table, table_of_several};
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::front_end_options::FrontEndOptions;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
-use crate::comparison::run::{MeasuredStrike, RunReport};
+use crate::comparison::run::RunReport;
 use crate::line::port::Address;
-use crate::recording::file::{About, Part, Writer};
+use crate::recording::file::{About, Origin, Part, Writer};
 use crate::recording::whole::{Target, Unfinished};
 
 const AFTER_HELP: &str = "\
@@ -32,6 +39,10 @@ The image is the file that is flashed to a board. It gets the bead's settings in
 converter. What it sends is decoded, replayed and compared with the full f64 chain. --out leaves the recording
 DIR/bead-N.mcap for `bead decode`, `bead replay` and `bead compare`, and the image's settings block DIR/bead-N.settings,
 which can be flashed to a board of this calibration at 0x080A0000.
+
+With several beads (--bead 7-16, 7,9,12 or all) one strike is simulated, and each bead runs in a QEMU of its own, as many
+at once as there are cores, with its own crystal, start, noise and address, on one time. Their sync inputs are on one line.
+All stand in one recording, DIR/chain.mcap. The same command gives the same bytes on any number of cores.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs. With
 --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not counted, or replay
@@ -42,6 +53,7 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --noise off --format json
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 --interval 0.05 --seed 7
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 --faults docs/scenarios/faults.toml
+  bead emulate docs/scenarios/ten-intruders.toml --bead all --clock-spread 100 --start-spread 0.05 --out run
   bead emulate docs/scenarios/ten-intruders.toml --bead 10 --sync-period 0.2 --clock-ppm -20 --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --listen unix:bead.sock
     and, meanwhile: bead command self-test --port unix:bead.sock";
@@ -50,9 +62,16 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    #[command(flatten)]
-    bench: BenchOptions,
-    /// Leave the recording and the settings block in this directory, which is made if it is missing.
+    /// The scenario, a TOML file in SI units.
+    scenario: PathBuf,
+    /// The bead that senses: one with an intruder. Several sense one strike on one time: 7-16, 7,9,12 or all.
+    #[arg(long, value_name = "N")]
+    bead: Beads,
+    /// The flash image [default: as `cargo xtask build` leaves it, else the one inside this program].
+    #[arg(long, value_name = "ELF")]
+    firmware: Option<PathBuf>,
+    /// Leave the recording and the settings block in this directory, which is made if it is missing: bead-N.mcap, or
+    /// chain.mcap of several beads.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -63,14 +82,29 @@ pub(crate) struct Arguments {
     /// Time from strike to strike, s.
     #[arg(long, value_name = "S", default_value_t = 0.1)]
     interval: f64,
-    /// Time between edges at the sync input (PA15), s [default: no edges].
+    /// Time between edges at the sync input (PA15), which all beads share, s [default: no edges; 0.1 with several
+    /// beads].
     #[arg(long, value_name = "S")]
     sync_period: Option<f64>,
-    /// How fast the bead's crystal is, ppm; below 0 for a slow one.
-    #[arg(long, value_name = "PPM", default_value = "0", allow_negative_numbers = true)]
-    clock_ppm: f64,
-    /// How long an instruction takes, as QEMU's -icount counts it: 2^N ns [default: 3, which is 8 ns]; 4 is as
-    /// slow as a core that waits for flash at every turn.
+    /// How fast the bead's crystal is, ppm; below 0 for a slow one. Of several beads, one for all or one for each:
+    /// 20,-35,4.
+    #[arg(
+        long,
+        value_name = "PPM",
+        default_value = "0",
+        allow_hyphen_values = true,
+        value_delimiter = ','
+    )]
+    clock_ppm: Vec<f64>,
+    /// Let chance choose each crystal, up to this many ppm fast or slow, by the seed of the noise.
+    #[arg(long, value_name = "PPM", conflicts_with = "clock_ppm")]
+    clock_spread: Option<f64>,
+    /// Let chance choose when each bead takes its first scan, within this time, s, by the seed of the noise.
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    start_spread: f64,
+    /// How long an instruction takes, as QEMU's -icount counts it: 2^N ns [default: 3, which is 8 ns].
+    ///
+    /// With 4 it is as slow as a core that waits for flash at every turn.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=10))]
     shift: Option<u8>,
     /// Provoke the faults of this TOML file; docs/scenarios/faults.toml is one.
@@ -79,6 +113,13 @@ pub(crate) struct Arguments {
     /// Do not run to an end, but be a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C.
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["out", "faults", "format"])]
     listen: Option<Address>,
+    /// With --listen: let the bead's time follow this computer's, also while no program is connected: `real`, or how
+    /// many seconds it has in one of this computer's. [default: as fast as it can while a program is connected]
+    #[arg(long, value_name = "FACTOR", requires = "listen", value_parser = pace)]
+    pace: Option<f64>,
+    /// Wait for a debugger at this TCP port of this computer, and let it stop the image and look into it.
+    #[arg(long, value_name = "PORT")]
+    gdb: Option<u16>,
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
@@ -89,27 +130,56 @@ pub(crate) struct Arguments {
 /// The bead reports edges that are more than 10 ms apart (`firmware/src/sync.rs`); the rest is for its own
 /// delay.
 const SYNC_LEAST: f64 = 0.02;
+/// A run's last strike comes this long after its first at the latest, s: its codes are in memory, 0.8 MB a second.
+const LONGEST: f64 = 1200.0;
+/// The time between edges with several beads, s, if nobody gives another.
+const SYNC_OF_SEVERAL: f64 = 0.1;
 /// Quiet before the first strike, s: the image has started, its detector is armed.
 const LEAD_IN: f64 = 0.02;
 
+/// A pace: `real` is 1.
+fn pace(text: &str) -> Result<f64, String> {
+    let factor = match text {
+        "real" => Some(1.0),
+        _ => text.parse().ok(),
+    };
+    factor
+        .filter(|factor: &f64| (1e-3..=1e3).contains(factor))
+        .ok_or_else(|| "give `real`, or a number from 0.001 to 1000".to_owned())
+}
+
 impl Arguments {
-    /// The recording and the settings block, if they are wanted.
-    fn outputs(&self) -> Result<Option<[Target; 2]>, Failure> {
-        let inputs = [Some(&self.bench.scenario), self.faults.as_ref()];
+    /// The recording, and a settings block for each bead, if they are wanted.
+    fn outputs(&self, beads: &[usize]) -> Result<Option<Vec<Target>>, Failure> {
+        let inputs = [Some(&self.scenario), self.faults.as_ref()];
         let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
-        let bead = self.bench.bead;
-        let [recording, settings] = [format!("bead-{bead}.mcap"), format!("bead-{bead}.settings")];
-        let files = [(&*recording, Kind::Recording), (&*settings, Kind::Settings)];
-        let targets = |out: &PathBuf| place::targets(out, files, &inputs, self.force);
+        let recording = match self.bead {
+            Beads::One(bead) => format!("bead-{bead}.mcap"),
+            _ => "chain.mcap".to_owned(),
+        };
+        let settings = beads
+            .iter()
+            .map(|bead| (format!("bead-{bead}.settings"), Kind::Settings));
+        let files: Vec<_> = std::iter::once((recording, Kind::Recording))
+            .chain(settings)
+            .collect();
+        let targets = |out: &PathBuf| place::targets_of(out, &files, &inputs, self.force);
         self.out.as_ref().map(targets).transpose()
     }
 
     /// Refuses values that no run can have.
     fn check(&self) -> anyhow::Result<()> {
-        let (interval, ppm) = (self.interval, self.clock_ppm);
+        let (interval, spread) = (self.interval, self.start_spread);
         ensure!(
             interval.is_finite() && interval > 0.0,
             "--interval {interval}: give a time in s"
+        );
+        let seconds = interval * f64::from(self.strikes - 1);
+        ensure!(
+            seconds <= LONGEST,
+            "--strikes {} --interval {interval:?}: this takes {seconds:?} s, and a run {LONGEST} s at most; strike less often, \
+             or sooner",
+            self.strikes
         );
         if let Some(period) = self.sync_period {
             ensure!(
@@ -117,149 +187,324 @@ impl Arguments {
                 "--sync-period {period}: give s, at least {SYNC_LEAST}"
             );
         }
+        for ppm in self.clock_ppm.iter().chain(&self.clock_spread) {
+            ensure!(
+                ppm.abs() < 1000.0,
+                "--clock-ppm {ppm}: a crystal is off by less than 1000 ppm"
+            );
+        }
         ensure!(
-            ppm.abs() < 1000.0,
-            "--clock-ppm {ppm}: a crystal is off by less than 1000 ppm"
+            (0.0..=60.0).contains(&spread),
+            "--start-spread {spread}: give a time in s, at most 60"
         );
+        if !matches!(self.bead, Beads::One(_)) {
+            let alone = [
+                ("--listen", self.listen.is_some()),
+                ("--faults", self.faults.is_some()),
+                ("--gdb", self.gdb.is_some()),
+            ];
+            if let Some((option, _)) = alone.iter().find(|(_, given)| *given) {
+                bail!("{option} is for one bead; give --bead one number");
+            }
+        }
         Ok(())
+    }
+
+    fn clocks(&self) -> Clocks {
+        self.clock_spread
+            .map_or_else(|| Clocks::Each(self.clock_ppm.clone()), Clocks::Spread)
     }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.check().map_err(Failure::Input)?;
-    let outputs = arguments.outputs()?;
-    let (scenario, text) = load_scenario(&arguments.bench.scenario)?;
-    let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
-    let emulation = prepare(arguments, &scenario, &progress)?;
+    let (scenario, text) = load_scenario(&arguments.scenario)?;
+    let beads = match arguments.bead {
+        Beads::One(bead) => vec![bead],
+        _ => arguments.bead.of(&scenario)?,
+    };
+    let outputs = arguments.outputs(&beads)?;
+    let bench = Bench::of(arguments, &scenario, &beads)?;
     if let Some(address) = &arguments.listen {
-        progress.finish_and_clear();
-        let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
-        let ready = || {
-            output::note(format_args!(
-                "a bead is at {address} until Ctrl-C; its time passes while somebody is connected"
-            ));
-        };
-        return Ok(bridge::serve(
-            &mut Bridge::new(&emulation),
-            address,
-            ready,
-            &stop,
-        )?);
+        return listen(arguments, &bench, address);
     }
-    progress.set_message("running the image in QEMU");
-    let ran = emulation.run()?;
-    progress.finish_and_clear();
+    if let Some(port) = arguments.gdb {
+        bench.progress.suspend(|| {
+            output::note(format_args!(
+                "the image waits for a debugger: target remote :{port}"
+            ));
+        });
+    }
+    let count = bench.placed.len();
+    bench.progress.set_message(match count {
+        1 => "running the image in QEMU".to_owned(),
+        _ => format!("running {count} beads in QEMU"),
+    });
+    let prepare = |placed| bench.prepare(placed);
+    let done = |done| {
+        bench
+            .progress
+            .set_message(format!("{done} of {count} beads are done"))
+    };
+    let ran = several::run(&bench.placed, prepare, done)?;
+    bench.progress.finish_and_clear();
 
     // A disk that is full must not cost the result as well: it is printed all the same.
-    let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &emulation, &ran));
+    let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &ran));
     let recording = recorded.as_ref().and_then(|recorded| recorded.as_ref().ok());
-    let report = RunReport::of(&emulation, ran, recording.cloned());
-    output::print(arguments.format, &report, || table(&report))?;
+    let reports: Vec<_> = ran
+        .into_iter()
+        .map(|(emulation, ran)| {
+            let report = RunReport::of(&emulation, ran, recording.cloned());
+            (emulation.truth, report)
+        })
+        .collect();
+    match (&arguments.bead, &reports[..]) {
+        (Beads::One(_), [(_, report)]) => output::print(arguments.format, report, || table(report))?,
+        _ => {
+            let beads = reports.iter().map(|(truth, report)| OfBead {
+                bead: truth.bead,
+                clock_ppm: truth.clock_ppm,
+                began_s: truth.began,
+                report,
+            });
+            let result = json!({ "beads": beads.collect::<Vec<_>>() });
+            output::print(arguments.format, &result, || table_of_several(&reports))?;
+        }
+    }
     recorded.transpose()?;
-    let verdict = report.verdict(arguments.strikes);
-    verdict.map_err(|why| Failure::Verdict(why.to_string()))
+    for (truth, report) in &reports {
+        report
+            .verdict(arguments.strikes)
+            .map_err(|why| match arguments.bead {
+                Beads::One(_) => Failure::Verdict(why.to_string()),
+                _ => Failure::Verdict(format!("bead {}: {why}", truth.bead)),
+            })?;
+    }
+    Ok(())
 }
 
-/// Prepares the run: settings, stimulus, faults, clock and sync edges.
-fn prepare(arguments: &Arguments, scenario: &Scenario, progress: &ProgressBar) -> Result<Emulation, Failure> {
-    let front_end = arguments.front_end.front_end().map_err(Failure::Input)?;
-    let faults = match &arguments.faults {
-        Some(path) => faults::load(path)?,
-        None => Vec::new(),
+/// A bead among several, as in the JSON.
+#[derive(Serialize)]
+struct OfBead<'a> {
+    bead: usize,
+    clock_ppm: f64,
+    began_s: f64,
+    #[serde(flatten)]
+    report: &'a RunReport,
+}
+
+/// Is a bead at an address until it is stopped.
+fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address) -> Result<(), Failure> {
+    let emulation = bench.prepare(bench.placed[0])?;
+    bench.progress.finish_and_clear();
+    let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
+    let passes = match arguments.pace {
+        Some(factor) => format!("passes {factor} times as fast as this computer's"),
+        None => "passes while somebody is connected".to_owned(),
     };
-    let image = arguments.bench.image()?;
-    let bead = arguments.bench.bead;
-    let solution = simulate_with_ring_down(scenario)?;
-    bead_of(&solution, bead)?;
-    if let Some(note) = unlike_the_reduced_chain(&solution, bead) {
-        progress.suspend(|| output::note(format_args!("{note}")));
-    }
-    progress.set_message("digitising what the bead senses");
-    let timing = Timing {
-        lead_in: LEAD_IN,
-        strikes: arguments.strikes,
-        interval: arguments.interval,
+    let ready = || {
+        output::note(format_args!(
+            "a bead is at {address} until Ctrl-C; its time {passes}"
+        ));
     };
-    let seed = arguments.front_end.seed();
-    let mut emulation = Emulation::prepare(scenario, &solution, bead, &front_end, seed, timing, &image)?;
-    let seconds = emulation.seconds();
-    if let Some(late) = faults.iter().find(|fault| fault.at >= seconds) {
-        return Err(Failure::input(format!(
-            "--faults: {} at {} s comes after the end of the run at {seconds} s; make it earlier, or strike more often",
-            late.kind.name(),
-            late.at,
-        )));
+    if let Some(port) = arguments.gdb {
+        output::note(format_args!("it waits for a debugger: target remote :{port}"));
     }
-    let untold = |fault: &&Planned| fault.cause().is_some() && fault.at + fault.told_after() > seconds;
-    if let Some(early) = faults.iter().find(untold) {
-        return Err(Failure::input(format!(
-            "--faults: the run ends at {seconds} s, before the bead can tell of {} at {} s, which takes up to {} s; \
-             give more --strikes or a longer --interval",
-            early.kind.name(),
-            early.at,
-            early.told_after(),
-        )));
+    let mut bridge = Bridge::new(&emulation, arguments.pace)?;
+    Ok(bridge::serve(&mut bridge, address, ready, &stop)?)
+}
+
+/// The chain, and the beads in it that are run.
+struct Bench<'a> {
+    arguments: &'a Arguments,
+    scenario: &'a Scenario,
+    solution: Solution,
+    front_end: FrontEnd,
+    image: PathBuf,
+    placed: Vec<Placed>,
+    faults: Vec<Planned>,
+    progress: ProgressBar,
+}
+
+impl<'a> Bench<'a> {
+    /// Simulates the strike.
+    fn of(arguments: &'a Arguments, scenario: &'a Scenario, beads: &[usize]) -> Result<Self, Failure> {
+        let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
+        let front_end = arguments.front_end.front_end().map_err(Failure::Input)?;
+        let faults = match &arguments.faults {
+            Some(path) => faults::load(path)?,
+            None => Vec::new(),
+        };
+        let noise = arguments.front_end.seed();
+        let seed = noise.unwrap_or(1);
+        let several = !matches!(arguments.bead, Beads::One(_));
+        let mut placed = several::placed(
+            beads,
+            &arguments.clocks(),
+            arguments.start_spread,
+            seed,
+            noise.is_some(),
+        )?;
+        if !several {
+            for one in &mut placed {
+                (one.address, one.seed) = (0, noise);
+            }
+        }
+        let image = find_image(arguments.firmware.as_deref())?;
+        let solution = simulate_with_ring_down(scenario)?;
+        for bead in beads {
+            bead_of(&solution, *bead)?;
+            if let Some(note) = unlike_the_reduced_chain(&solution, *bead) {
+                progress.suspend(|| output::note(format_args!("{note}")));
+            }
+        }
+        progress.set_message("digitising what the bead senses");
+        Ok(Self {
+            arguments,
+            scenario,
+            solution,
+            front_end,
+            image,
+            placed,
+            faults,
+            progress,
+        })
     }
-    emulation.faults = faults;
-    emulation.shift = arguments.shift;
-    if arguments.clock_ppm != 0.0 {
-        emulation = emulation.with_clock(&solution, arguments.clock_ppm);
+
+    /// Prepares a bead's run: settings, stimulus, faults, clock and sync edges.
+    fn prepare(&self, placed: Placed) -> Result<Emulation, BenchError> {
+        let arguments = self.arguments;
+        let timing = Timing {
+            lead_in: LEAD_IN + arguments.start_spread,
+            strikes: arguments.strikes,
+            interval: arguments.interval,
+        };
+        let (front_end, image) = (&self.front_end, &self.image);
+        let mut emulation =
+            Emulation::place(self.scenario, &self.solution, placed, front_end, timing, image)?;
+        self.check_faults(emulation.seconds())?;
+        emulation.faults.clone_from(&self.faults);
+        emulation.shift = arguments.shift;
+        emulation.gdb = arguments.gdb;
+        let several = !matches!(arguments.bead, Beads::One(_));
+        if let Some(period) = arguments.sync_period.or(several.then_some(SYNC_OF_SEVERAL)) {
+            emulation.sync((1..).map(|number| f64::from(number) * period));
+        }
+        Ok(emulation)
     }
-    if let Some(period) = arguments.sync_period {
-        let edges = (1..).map(|number| f64::from(number) * period);
-        emulation.sync(edges.take_while(|edge| *edge < emulation.seconds()).collect());
+
+    /// Refuses faults that come too late for a run of this length, s.
+    fn check_faults(&self, seconds: f64) -> Result<(), BenchError> {
+        if let Some(late) = self.faults.iter().find(|fault| fault.at >= seconds) {
+            return Err(BenchError::Unfit(format!(
+                "--faults: {} at {} s comes after the end of the run at {seconds} s; make it earlier, or strike more often",
+                late.kind.name(),
+                late.at,
+            )));
+        }
+        let untold = |fault: &&Planned| fault.cause().is_some() && fault.at + fault.told_after() > seconds;
+        if let Some(early) = self.faults.iter().find(untold) {
+            return Err(BenchError::Unfit(format!(
+                "--faults: the run ends at {seconds} s, before the bead can tell of {} at {} s, which takes up to {} s; \
+                 give more --strikes or a longer --interval",
+                early.kind.name(),
+                early.at,
+                early.told_after(),
+            )));
+        }
+        Ok(())
     }
-    Ok(emulation)
 }
 
 /// Writes everything that belongs to the run to one file.
 fn record(
     arguments: &Arguments,
-    [recording, settings]: &[Target; 2],
+    outputs: &[Target],
     scenario: &str,
-    emulation: &Emulation,
-    ran: &Ran,
+    ran: &[(Emulation, Ran)],
 ) -> Result<PathBuf, Failure> {
+    let [recording, settings @ ..] = outputs else {
+        unreachable!("the recording is always wanted, as `Arguments::outputs` says");
+    };
     let path = recording.path();
     if let Some(directory) = path.parent() {
         place::make_directory(directory)?;
     }
-    let firmware = ran.frames.iter().find_map(|frame| match &frame.message {
-        Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
-        _ => None,
-    });
-    let notes = [
-        ("bead", arguments.bench.bead.to_string()),
-        ("scenario", arguments.bench.scenario.display().to_string()),
-    ];
+    let firmware = ran
+        .iter()
+        .flat_map(|(_, ran)| &ran.frames)
+        .find_map(|frame| match &frame.message {
+            Message::Identity(identity) => Some(format!("{} ({})", identity.firmware, identity.git)),
+            _ => None,
+        });
+    let mut notes = BTreeMap::from([("scenario".to_owned(), arguments.scenario.display().to_string())]);
+    if let Beads::One(bead) = arguments.bead {
+        notes.insert("bead".to_owned(), bead.to_string());
+    }
     let about = About {
         source: "bead emulate".to_owned(),
         firmware,
         sample_rate_hz: SAMPLE_RATE_HZ,
-        notes: notes.map(|(name, value)| (name.to_owned(), value)).into(),
+        notes,
     };
     let json = |part: Part, result: serde_json::Result<String>| {
         result.or_input(|| format!("cannot write {} of {}", part.name(), path.display()))
     };
-    let truth = json(Part::Truth, serde_json::to_string_pretty(&emulation.truth))?;
-    let report = json(Part::EmulatorReport, serde_json::to_string_pretty(&ran.report))?;
+    let mut parts = Vec::new();
+    for (emulation, ran) in ran {
+        let truth = json(Part::Truth, serde_json::to_string_pretty(&emulation.truth))?;
+        let report = json(Part::EmulatorReport, serde_json::to_string_pretty(&ran.report))?;
+        parts.push([
+            (Part::Settings, emulation.block.clone()),
+            (Part::Truth, truth.into_bytes()),
+            (Part::EmulatorReport, report.into_bytes()),
+        ]);
+    }
     let write = || {
-        let mut writer = Writer::create(recording, &about)?;
+        let several = !matches!(arguments.bead, Beads::One(_));
+        let mut writer = match several {
+            true => Writer::create_for_several(recording, &about)?,
+            false => Writer::create(recording, &about)?,
+        };
         let partial = Remove(
             writer.partial_path().to_owned(),
             Unfinished::list(writer.partial_path()),
         );
-        writer.attach(Part::Settings, &emulation.block)?;
-        writer.attach(Part::Scenario, scenario.as_bytes())?;
-        writer.attach(Part::Truth, truth.as_bytes())?;
-        writer.attach(Part::EmulatorReport, report.as_bytes())?;
-        ran.write(&mut writer, 0)?;
+        if several {
+            writer.attach(Part::Scenario, scenario.as_bytes())?;
+            let mut lanes = Vec::new();
+            for ((emulation, ran), parts) in ran.iter().zip(&parts) {
+                let lane = writer.join(&Origin {
+                    address: emulation.settings.address,
+                    bead: Some(emulation.truth.bead),
+                    port: None,
+                    clock: Some("emulator".to_owned()),
+                })?;
+                for (part, data) in parts {
+                    writer.attach_to(lane, *part, data)?;
+                }
+                lanes.push((lane, ran, emulation.truth.began));
+            }
+            several::write(&lanes, &mut writer)?;
+        }
+        if let ([(emulation, ran)], [[settings, truth, report]], false) = (ran, &parts[..], several) {
+            writer.attach(settings.0, &settings.1)?;
+            writer.attach(Part::Scenario, scenario.as_bytes())?;
+            writer.attach(truth.0, &truth.1)?;
+            writer.attach(report.0, &report.1)?;
+            ran.write(&mut writer, (emulation.truth.began * 1e9).round() as u64)?;
+        }
         let finished = writer.finish();
         drop(partial);
         finished
     };
     let written = write()?;
-    settings.write_bytes(&emulation.block)?;
+    for (target, (emulation, _)) in settings.iter().zip(ran) {
+        target
+            .beside(recording.path(), &written.path)
+            .write_bytes(&emulation.block)?;
+    }
     Ok(written.path)
 }
 
@@ -274,108 +519,4 @@ impl Drop for Remove {
         // Finished, it has another name.
         let _ = fs::remove_file(&self.0);
     }
-}
-
-fn table(report: &RunReport) -> String {
-    let mut parts = vec![strikes(report), counts(report)];
-    if !report.provoked.is_empty() {
-        parts.push(provoked(report));
-    }
-    if !report.faults.is_empty() {
-        parts.push(reported(report));
-    }
-    parts.push(instructions(report));
-    if !report.unknown_registers.is_empty() {
-        let registers = report.unknown_registers.join(", ");
-        parts.push(format!("registers without a model: {registers}"));
-    }
-    if let Some(recording) = &report.recording {
-        parts.push(format!("recording: {}", recording.display()));
-    }
-    parts.join("\n\n")
-}
-
-const STRIKES: &str = "strike at sample | peak force (N) | truth | A measured (nJ) | B predicted (nJ) | truth \
-                       | A off | B off | replay | flags";
-
-fn strikes(report: &RunReport) -> String {
-    let row = |strike: &MeasuredStrike| {
-        let truth = |of: fn(&Truth) -> String| strike.truth.as_ref().map_or("echo".to_owned(), of);
-        let off = |joule: f64| match strike.truth {
-            Some(truth) => format!("{:+.3} %", (joule / truth.absorbed - 1.0) * 100.0),
-            None => "-".to_owned(),
-        };
-        let flags = strike.flags.join(", ");
-        [
-            strike.sample_index.to_string(),
-            format!("{:.4}", strike.peak_force),
-            truth(|truth| format!("{:.4}", truth.peak_force)),
-            format!("{:.2}", strike.absorbed_measured * 1e9),
-            format!("{:.2}", strike.absorbed_predicted * 1e9),
-            truth(|truth| format!("{:.2}", truth.absorbed * 1e9)),
-            off(strike.absorbed_measured),
-            off(strike.absorbed_predicted),
-            output::either(strike.replay_identical, "identical", "differs"),
-            output::either(flags.is_empty(), "-", &flags),
-        ]
-    };
-    output::table(STRIKES, report.measured().map(row))
-}
-
-fn counts(report: &RunReport) -> String {
-    let frames = &report.frames;
-    let row = |name: &str, count: u64| [name.to_owned(), count.to_string()];
-    let mut rows = vec![
-        row("received", frames.received),
-        row("lost", frames.lost),
-        row("corrupt", frames.corrupt),
-    ];
-    for (cause, count) in &frames.dropped_by_cause {
-        let cause = cause.replace('_', " ");
-        rows.push(row(&format!("dropped by the bead, {cause}"), *count));
-    }
-    rows.extend([
-        row("strikes passed over", report.strikes_passed_over),
-        row("gaps in the samples", report.gaps.len() as u64),
-        row("overruns", report.overruns),
-        row("resets", report.resets as u64),
-    ]);
-    output::table("frames |", rows)
-}
-
-fn provoked(report: &RunReport) -> String {
-    let rows = report.provoked.iter().map(|provoked| {
-        let reported = output::either(provoked.reported, "yes", "no");
-        [
-            provoked.fault.kind.name().to_owned(),
-            provoked.fault.at.to_string(),
-            provoked.cause.map_or("-".to_owned(), |cause| cause.to_string()),
-            provoked.cause.map_or("-".to_owned(), |_| reported),
-        ]
-    });
-    output::table("provoked | at (s) | to be reported as | reported", rows)
-}
-
-fn reported(report: &RunReport) -> String {
-    let rows = report.faults.iter().map(|fault| {
-        [
-            fault.cause.to_string(),
-            fault.sample_index.to_string(),
-            fault.boot.to_string(),
-            fault.detail.clone(),
-        ]
-    });
-    output::table("the bead reported | at sample | of boot | detail", rows)
-}
-
-fn instructions(report: &RunReport) -> String {
-    let rows = report.instructions_per_sample.rows().map(|(name, count)| {
-        let part = |count: f64| format!("{:.1} %", count / report.instructions_available * 100.0);
-        let [count, part] = match count {
-            Some(count) => [format!("{count:.1}"), part(count)],
-            None => ["-", "-"].map(str::to_owned),
-        };
-        [name.to_owned(), count, part]
-    });
-    output::table("instructions a sample | | of those that fit", rows)
 }

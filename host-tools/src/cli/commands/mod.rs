@@ -6,6 +6,7 @@ pub(crate) mod command;
 pub(crate) mod compare;
 pub(crate) mod decode;
 pub(crate) mod emulate;
+mod emulated;
 pub(crate) mod export;
 pub(crate) mod figures;
 pub(crate) mod manual;

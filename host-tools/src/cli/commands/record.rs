@@ -33,7 +33,7 @@ const AFTER_HELP: &str = "\
 Ends at Ctrl-C or after --duration with exit status 0, and with 3 when the port goes away or no frame came. The recording
 is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 seconds. Killed, it leaves F.mcap.partial,
 in which at most the last two seconds are missing; `bead recover` makes a whole recording of it. It takes at most 128 MB
-of memory, and an entry of an index for each 16 KiB recorded. It keeps every byte as received, corrupt frames included,
+of memory, and 55 MB more for each GB received, which the file's index takes. It keeps every byte as received, corrupt frames included,
 with the time of receipt. Each strike is printed as it comes. The last line says how fast the bead's clock is against
 this host's, if the recording is long enough; see `bead clock`.
 

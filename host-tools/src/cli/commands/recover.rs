@@ -1,7 +1,11 @@
 //! `bead recover`: a recording that is cut or damaged, made whole as far as it goes.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use bead_wire::{Arrival, Message};
 use clap::Args;
 use serde_json::json;
 
@@ -15,8 +19,8 @@ use crate::recording::whole::{Target, Unfinished};
 
 const AFTER_HELP: &str = "\
 What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all that is
-attached. Behind a damaged place the next record is looked for. What is missing is said; each frame is still checked by
-its own CRC. The file itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
+attached. Behind a damaged place the next record is looked for. What is missing is said, also a strike whose samples came
+and whose result did not; each frame is still checked by its own CRC. The file itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
 
 Exit status 0 also if something is missing, 2 if there is nothing to recover.
 
@@ -49,6 +53,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recovered = match Recording::salvage(file) {
         Ok(recording) => recover(&recording, &target)?,
         Err(RecordingError::NotOurs(..)) if raw::frames_in(file) > 0 => from_raw(file, &target)?,
+        Err(RecordingError::NotOurs(..)) if !begins_as_mcap(file) => {
+            return Err(Failure::input(format!(
+                "{}: there is no frame of a bead and no record of a recording in it; give a recording, or the bytes that a \
+                 bead sent",
+                file.display()
+            )));
+        }
         Err(error) => return Err(error.into()),
     };
     progress.finish_and_clear();
@@ -56,6 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         finished: Finished { path, counters },
         missing,
         state,
+        open,
     } = recovered;
     let state = match state {
         State::Whole => "nothing is wrong with it".to_owned(),
@@ -66,13 +78,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         State::Damaged(damage) => damage.to_string(),
     };
     let result = json!({
-        "schema_version": 1,
         "recording": path,
         "found": state,
         "frames": counters.frames,
         "bytes": counters.bytes,
         "runs_missing": missing,
         "frames_lost": counters.lost,
+        "strikes_without_result": open.count(),
         "frames_corrupt": counters.rejected.total(),
         "restarts": counters.restarts,
     });
@@ -83,6 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             ("frames", counters.frames.to_string()),
             ("runs of bytes missing in the file", missing.to_string()),
             ("frames missing by their numbers", counters.lost.to_string()),
+            ("strikes without their result", open.count().to_string()),
             ("corrupt frames kept", counters.rejected.total().to_string()),
         ];
         let rows = rows.map(|(name, value)| [name.to_owned(), value]);
@@ -95,6 +108,47 @@ struct Recovered {
     finished: Finished,
     missing: u64,
     state: State,
+    open: Open,
+}
+
+/// Strikes that a bead keeps open at most: one is sent while the next is measured. More are of forged frames.
+const OPEN_MOST: usize = 16;
+
+/// Strikes whose samples came, and whose result did not.
+#[derive(Default)]
+struct Open {
+    /// By the bead's address.
+    strikes: BTreeMap<u8, BTreeSet<u32>>,
+    /// Those that a restart or more samples have put an end to.
+    ended: u64,
+}
+
+impl Open {
+    fn push(&mut self, item: Item) {
+        let Item::Frame(frame) = item else { return };
+        let open = self.strikes.entry(frame.header.address).or_default();
+        if let Arrival::Restart { .. } = frame.arrival {
+            self.ended += open.len() as u64;
+            open.clear();
+        }
+        match frame.message {
+            // One that comes late may be of a strike that was told.
+            Message::Waveform(waveform) if !matches!(frame.arrival, Arrival::Late | Arrival::Duplicate) => {
+                open.insert(waveform.strike);
+                if open.len() > OPEN_MOST {
+                    open.pop_first();
+                    self.ended += 1;
+                }
+            }
+            Message::Strike(strike) => _ = open.remove(&strike.strike),
+            _ => {}
+        }
+    }
+
+    /// How many there were.
+    fn count(&self) -> u64 {
+        self.ended + self.strikes.values().map(|open| open.len() as u64).sum::<u64>()
+    }
 }
 
 /// `F.mcap` of `F.mcap.partial` and `F.mcap.2.partial`, else `F-recovered.mcap`.
@@ -116,6 +170,12 @@ fn new_name(file: &Path) -> PathBuf {
     }
 }
 
+fn begins_as_mcap(file: &Path) -> bool {
+    let mut head = [0; 5];
+    let read = File::open(file).and_then(|mut file| file.read_exact(&mut head));
+    read.is_ok() && head == *b"\x89MCAP"
+}
+
 fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure> {
     let mut about = recording.about.clone();
     let how = match &recording.state {
@@ -124,12 +184,32 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
         State::Damaged(damage) => damage.to_string(),
     };
     about.notes.insert("recovered_from".into(), how);
-    let finished = write(target, &about, |writer| {
+    let mut open = Open::default();
+    let several = !recording.beads.is_empty();
+    let begin = if several {
+        Writer::create_for_several
+    } else {
+        Writer::create
+    };
+    let finished = write(begin(target, &about)?, |writer| {
         for (part, data) in &recording.parts {
             writer.attach(*part, data)?;
         }
+        let mut lanes = BTreeMap::new();
+        for bead in &recording.beads {
+            let lane = writer.join(&bead.origin)?;
+            for (part, data) in &bead.parts {
+                writer.attach_to(lane, *part, data)?;
+            }
+            lanes.insert(bead.origin.address, lane);
+        }
         for piece in recording.pieces()? {
-            writer.write(&piece.bytes, piece.received_ns, |_: Item| {})?;
+            let (bytes, received_ns) = (&piece.bytes, piece.received_ns);
+            match piece.bead.and_then(|address| lanes.get(&address)) {
+                Some(lane) => writer.write_of(*lane, bytes, received_ns, |item| open.push(item))?,
+                None if several => {}
+                None => writer.write(bytes, received_ns, |item| open.push(item))?,
+            }
         }
         Ok(())
     })?;
@@ -137,6 +217,7 @@ fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure>
         finished,
         missing: recording.runs_missing,
         state: recording.state.clone(),
+        open,
     })
 }
 
@@ -146,8 +227,9 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
         source: "raw bytes".to_owned(),
         ..About::default()
     };
-    let finished = write(target, &about, |writer| {
-        raw::read(file, |bytes| writer.write(bytes, None, |_: Item| {}))
+    let mut open = Open::default();
+    let finished = write(Writer::create(target, &about)?, |writer| {
+        raw::read(file, |bytes| writer.write(bytes, None, |item| open.push(item)))
     })?;
     let other = Some("it has raw bytes, without times of receipt".to_owned());
     Ok(Recovered {
@@ -157,16 +239,15 @@ fn from_raw(file: &Path, target: &Target) -> Result<Recovered, Failure> {
             other,
             ..Damage::default()
         }),
+        open,
     })
 }
 
 /// Writes a recording; one that fails is removed, as its source is there.
 fn write(
-    target: &Target,
-    about: &About,
+    mut writer: Writer,
     fill: impl FnOnce(&mut Writer) -> Result<(), RecordingError>,
 ) -> Result<Finished, Failure> {
-    let mut writer = Writer::create(target, about)?;
     let partial = writer.partial_path().to_owned();
     let _listed = Unfinished::list(&partial);
     let finished = fill(&mut writer).and_then(|()| writer.finish());

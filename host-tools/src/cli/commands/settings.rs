@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use bead_model::calibration::Channel;
 use bead_model::sensor::Sensor;
 use bead_model::settings::{Settings, VERSION};
-use bead_wire::{Block, KEY, Message, Outcome, Reply, Request};
+use bead_wire::{Block, KEY, Message, Outcome, Request};
 use clap::{ArgGroup, Args, Subcommand};
 use fixed::types::extra::LeEqU32;
 use serde_json::json;
@@ -16,7 +16,7 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
-use crate::line::conversation::{Conversation, refused};
+use crate::line::conversation::{Answer, Conversation};
 use crate::line::key;
 use crate::recording::physical::Physical;
 use crate::recording::whole::Target;
@@ -33,6 +33,7 @@ Examples:
   bead settings write bead.toml --port /dev/ttyUSB0
   bead settings set name=left k=3.9e5 --port /dev/ttyUSB0
   bead settings read --port /dev/ttyUSB0 --out bead.settings
+  bead settings set name=right --port /dev/ttyUSB0 --address 4     (one of several on a line)
   bead settings show bead.settings
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings
   bead settings reset --port tcp:192.168.1.7:4000
@@ -78,10 +79,11 @@ enum Action {
         /// The settings, or the physical quantities that they are made of.
         #[arg(value_name = "F.settings|F.toml")]
         file: PathBuf,
-        /// Give the bead this address, 0 to 254, instead of the one in the file: it tells beads apart on a
-        /// shared line.
+        /// Give the bead this address, 0 to 254, instead of the one in the file.
+        ///
+        /// It tells beads apart on a shared line.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(..255))]
-        address: Option<u8>,
+        new_address: Option<u8>,
         #[command(flatten)]
         line: LineOptions,
     },
@@ -99,7 +101,7 @@ enum Action {
         /// What to change: `name=left`, `address=3`, `k=3.9e5`, `force.per_code=3.91e-3`. Keys are those of the file
         /// that `bead settings make --template` writes; M, m, k, c, kappa and tau stand for the masses, springs and
         /// contacts. SI units.
-        #[arg(value_name = "KEY=VALUE", required = true)]
+        #[arg(value_name = "KEY=VALUE", required = true, value_parser = key_and_value)]
         changes: Vec<String>,
         /// Only say what would change.
         #[arg(long)]
@@ -143,8 +145,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             read(line, out.as_ref(), *format)
         }
         Action::Make(arguments) => settings_file::make(arguments),
-        Action::Write { file, address, line } => {
-            let block = settings_file::load(file, *address)?;
+        Action::Write {
+            file,
+            new_address,
+            line,
+        } => {
+            let block = settings_file::load(file, *new_address)?;
             store(&mut line.open()?, &block)?;
             let (length, file) = (block.len(), file.display());
             output::note(format_args!(
@@ -170,14 +176,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
+/// What `bead settings set` is given, as it was typed.
+fn key_and_value(text: &str) -> Result<String, String> {
+    match text.split_once('=') {
+        Some((key, value)) if !key.is_empty() && !value.is_empty() => Ok(text.to_owned()),
+        _ => Err("write KEY=VALUE, such as name=left or k=3.9e5".to_owned()),
+    }
+}
+
 /// Gives the bead the key in a new file, in a file that there is, or none.
 fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Result<(), Failure> {
+    let given = give.map(key::read).transpose()?;
     let mut bead = line.open()?;
     // Kept before the bead is asked: a key that the bead took must not be lost.
-    let key = match (new, give) {
-        (Some(path), _) => Some(key::create(path)?),
-        (_, Some(path)) => Some(key::read(path)?),
-        _ => None,
+    let key = match new {
+        Some(path) => Some(key::create(path)?),
+        None => given,
     };
     let bytes = key.as_ref().map_or([0; KEY], |key| *key.bytes());
     let asked = bead.request(&Request::SetKey { key: bytes });
@@ -197,7 +211,7 @@ fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Resul
             if let Some(path) = new {
                 let _ = fs::remove_file(path);
             }
-            return Err(refused(&answer.reply).into());
+            return Err(answer.refusal().into());
         }
         (false, Err(error), Some(path)) => {
             return Err(Failure::device(format!(
@@ -258,23 +272,23 @@ fn store(bead: &mut Conversation, block: &[u8]) -> Result<(), Failure> {
     let request = Request::WriteSettings {
         block: Block::try_from(block).or_input(|| "this is not a settings block")?,
     };
-    let mut reply = bead.request(&request)?.reply;
-    if reply.outcome == Outcome::StoreFull {
-        reply = after_reboot(bead, &request)?;
+    let mut answer = bead.request(&request)?;
+    if answer.reply.outcome == Outcome::StoreFull {
+        answer = after_reboot(bead, &request)?;
     }
-    match reply.outcome {
+    match answer.reply.outcome {
         Outcome::Done => Ok(()),
-        _ => Err(refused(&reply).into()),
+        _ => Err(answer.refusal().into()),
     }
 }
 
 /// A bead makes room in a full store when it starts.
-fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Reply, Failure> {
+fn after_reboot(bead: &mut Conversation, request: &Request) -> Result<Answer, Failure> {
     output::note(format_args!(
         "its flash has no room for another block; resetting it, which makes some and takes a few seconds"
     ));
     bead.reboot()?;
-    Ok(bead.request(request)?.reply)
+    Ok(bead.request(request)?)
 }
 
 fn print(block: &[u8], format: Format, whose: impl FnOnce() -> String) -> Result<(), Failure> {

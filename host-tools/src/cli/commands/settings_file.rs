@@ -1,6 +1,7 @@
 //! Settings in files: blocks, and the physical quantities that blocks are made of.
 
-use std::fs;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use bead_model::design::{Bead, FrontEnd, Neighbours};
@@ -116,6 +117,22 @@ fn block(settings: &Settings) -> Result<Vec<u8>, SettingsError> {
     Ok(block[..length].to_vec())
 }
 
+/// The bytes of a file that may be a block: no more are read than one has.
+fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
+    let name = file.display();
+    let mut bytes = Vec::new();
+    File::open(file)
+        .and_then(|open| open.take(MAX_BLOCK as u64 + 1).read_to_end(&mut bytes))
+        .or_input(|| format!("cannot read {name}"))?;
+    if bytes.len() > MAX_BLOCK {
+        return Err(Failure::input(format!(
+            "{name}: more than {MAX_BLOCK} bytes are no settings; give a file that `bead settings read`, `bead settings \
+             make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml"
+        )));
+    }
+    Ok(bytes)
+}
+
 /// The block in a file, or the one made of a file of physical quantities; with another address if one is given.
 ///
 /// # Errors
@@ -126,15 +143,8 @@ pub(super) fn load(file: &Path, address: Option<u8>) -> Result<Vec<u8>, Failure>
     let is_toml = file.extension().is_some_and(|ending| ending == "toml");
     let bytes = match is_toml {
         true => block(&physical(file)?.1).map_err(refused)?,
-        false => fs::read(file).or_input(|| format!("cannot read {name}"))?,
+        false => block_in(file)?,
     };
-    if bytes.len() > MAX_BLOCK {
-        return Err(Failure::input(format!(
-            "{name}: {} bytes are no settings, which have at most {MAX_BLOCK}; give a file that `bead settings read`, \
-             `bead settings make` or `bead emulate` wrote, or a TOML file of physical quantities, named .toml",
-            bytes.len()
-        )));
-    }
     let Some(address) = address else {
         return Ok(bytes);
     };

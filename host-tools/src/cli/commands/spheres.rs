@@ -107,9 +107,16 @@ struct Cell {
     diameter: f64,
     /// Width of the pulse of a wave of 1 m/s, in samples.
     width_samples: f64,
-    /// What was measured, or why nothing was.
     #[serde(flatten)]
-    outcome: Result<Measured, String>,
+    outcome: Outcome,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Outcome {
+    Measured(Measured),
+    /// Why nothing was measured.
+    Refused(String),
 }
 
 #[derive(Debug, Serialize)]
@@ -246,14 +253,14 @@ fn cell(
     let outcome = match prepared {
         Ok(run) => {
             let frames = run.run()?.frames;
-            Ok(Measured {
+            Outcome::Measured(Measured {
                 peak_force,
                 peak_acceleration,
                 errors: Errors::of(&run, frames),
             })
         }
         // Which spheres do not go is what the table is for.
-        Err(BenchError::Unfit(why)) => Err(why),
+        Err(BenchError::Unfit(why)) => Outcome::Refused(why),
         Err(error) => return Err(error.into()),
     };
     Ok(Cell {
@@ -298,7 +305,7 @@ const HEADINGS: [&str; 7] = [
 fn row_of(cell: &Cell) -> [String; 7] {
     let name = format!("{:?}", cell.material).to_lowercase();
     let [peaks, a, b, flags] = match &cell.outcome {
-        Ok(measured) => [
+        Outcome::Measured(measured) => [
             format!(
                 "{:.3} N, {:.0} m/s²",
                 measured.peak_force, measured.peak_acceleration
@@ -307,7 +314,7 @@ fn row_of(cell: &Cell) -> [String; 7] {
             measured.errors.shown(1),
             measured.errors.flags.join(", "),
         ],
-        Err(why) => ["-".into(), "refused".into(), "refused".into(), short(why).into()],
+        Outcome::Refused(why) => ["-".into(), "refused".into(), "refused".into(), short(why).into()],
     };
     let (diameter, width) = (
         format!("{:.1}", cell.diameter * 1e3),

@@ -90,17 +90,24 @@ pub(super) fn common_edges(own: &Segment, reference: &Segment) -> Option<Vec<(f6
     };
     let (own, reference) = (placed(own)?, placed(reference)?);
     let closest = |edges: &[(f64, i64)]| {
-        let gaps = edges.windows(2).map(|pair| (pair[1].1 - pair[0].1) as f64 * 1e-9);
+        let gaps = edges
+            .windows(2)
+            .map(|pair| pair[1].1.saturating_sub(pair[0].1) as f64 * 1e-9);
         gaps.fold(4.0 * SAME_EDGE, f64::min)
     };
     let within = (closest(&own).min(closest(&reference)) / 4.0).min(SAME_EDGE);
     let mut pairs = Vec::new();
     let mut rest = &reference[..];
     for (time, host) in own {
-        let near = |edge: &(f64, i64)| ((edge.1 - host) as f64 * 1e-9).abs() <= within;
-        if let Some(at) = rest.iter().position(near) {
-            pairs.push((time, rest[at].0));
-            rest = &rest[at + 1..];
+        // Those before are before all that follow, too.
+        let after = |edge: &(f64, i64)| edge.1.saturating_sub(host) as f64 * 1e-9;
+        rest = &rest[rest
+            .iter()
+            .position(|edge| after(edge) >= -within)
+            .unwrap_or(rest.len())..];
+        if let Some(edge) = rest.first().filter(|edge| after(edge) <= within) {
+            pairs.push((time, edge.0));
+            rest = &rest[1..];
         }
     }
     Some(pairs)

@@ -5,12 +5,15 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::recording::arrival::rise;
 use crate::recording::clock::alignment::{Alignment, common_edges};
 use crate::recording::clock::fit::Fit;
 use crate::recording::clock::segments::{Segment, Struck, Tracker};
 use crate::recording::file::RecordingError;
 use crate::recording::json::hex;
 use crate::recording::received::Received;
+use crate::recording::signal::Signal;
+use crate::recording::strikes::RecordedStrike;
 
 /// What `bead clock` finds: each recording against the host, and against the first.
 #[derive(Debug, Clone, Serialize)]
@@ -22,9 +25,14 @@ pub struct ClockComparison {
     pub reference: Option<Place>,
     /// One for each boot of another bead that has two edges or more in common with the reference.
     pub alignments: Vec<AlignmentReport>,
-    /// Strikes on the reference's time, in the order of their arrival.
+    /// Strikes on the reference's time, in the order of their arrival: at most 100 000.
     pub strikes: Vec<StrikeArrival>,
+    /// What memory had no room for, in words; empty if nothing.
+    pub left_out: Vec<String>,
 }
+
+/// Strikes that are shown at most.
+const STRIKES_MOST: usize = 100_000;
 
 /// A recording, a bead in it and one of its boots.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -84,6 +92,9 @@ pub struct StrikeArrival {
     pub strike: u32,
     /// When its force was highest, in s of the reference since its reset.
     pub arrival_s: f64,
+    /// When its force rose through half of that, if its samples were received: the front is steep, and so this is
+    /// some times as exact.
+    pub rise_s: Option<f64>,
 }
 
 /// A boot of a bead, and its clock against the host's.
@@ -94,9 +105,9 @@ type Fitted = (Place, Fit, Segment);
 /// # Errors
 /// A recording cannot be read, has no receive times, or shares no edges with the first.
 pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
-    let mut recordings = Vec::new();
+    let (mut recordings, mut left_out) = (Vec::new(), Vec::new());
     for path in paths {
-        let beads = fitted(path)?;
+        let beads = fitted(path, &mut left_out)?;
         if beads.is_empty() {
             return Err(RecordingError::Clock(format!(
                 "{}: no frame in it has a receive time; record again with `bead record` of this version",
@@ -110,6 +121,7 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
         reference: None,
         alignments: Vec::new(),
         strikes: Vec::new(),
+        left_out,
     };
     let Some(([first, neighbours @ ..], others)) =
         recordings.split_first().map(|(own, rest)| (&own[..], rest))
@@ -135,6 +147,17 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
         }
     }
     report.strikes.sort_by(|a, b| a.arrival_s.total_cmp(&b.arrival_s));
+    if let Some(more) = report
+        .strikes
+        .len()
+        .checked_sub(STRIKES_MOST)
+        .filter(|more| *more > 0)
+    {
+        report.strikes.truncate(STRIKES_MOST);
+        report
+            .left_out
+            .push(format!("{more} strikes after the first {STRIKES_MOST}"));
+    }
     Ok(report)
 }
 
@@ -160,10 +183,23 @@ impl ClockComparison {
 }
 
 /// The boots of each bead in a recording, without those that have no receive times.
-fn fitted(path: &Path) -> Result<Vec<Vec<Fitted>>, RecordingError> {
+fn fitted(path: &Path, left_out: &mut Vec<String>) -> Result<Vec<Vec<Fitted>>, RecordingError> {
     let received = Received::open(path)?;
     let mut beads = BTreeMap::<u8, Vec<Segment>>::new();
-    for segment in Tracker::of(&received.recording)?.segments {
+    let mut tracker = Tracker::of(&received.recording)?;
+    let shown = path.display();
+    if tracker.left_out {
+        let kept = tracker.segments.len();
+        left_out.push(format!("{shown}: boots of beads after the first {kept}"));
+    }
+    let events: u64 = tracker.segments.iter().map(|segment| segment.left_out).sum();
+    if events > 0 {
+        left_out.push(format!(
+            "{shown}: {events} edges and strikes, as a boot has more than a million"
+        ));
+    }
+    find_fronts(&mut tracker.segments, received.strikes()?);
+    for segment in tracker.segments {
         beads.entry(segment.address).or_default().push(segment);
     }
     let boots = |(address, segments): (u8, Vec<Segment>)| -> Vec<Fitted> {
@@ -182,6 +218,23 @@ fn fitted(path: &Path) -> Result<Vec<Vec<Fitted>>, RecordingError> {
         .map(boots)
         .filter(|boots| !boots.is_empty())
         .collect())
+}
+
+/// Finds the front of each strike whose samples were received.
+fn find_fronts(segments: &mut [Segment], strikes: impl Iterator<Item = RecordedStrike>) {
+    for strike in strikes {
+        let found = segments
+            .iter_mut()
+            .filter(|segment| (segment.address, segment.boot) == (strike.address, strike.boot))
+            .flat_map(|segment| &mut segment.struck)
+            .find(|struck| struck.strike == strike.said.strike);
+        let whole = strike.settings.filter(|_| strike.missing() == 0);
+        let signal = whole.and_then(|settings| Signal::of(&strike.scans, &settings));
+        if let Some(struck) = found {
+            let rise = signal.as_ref().and_then(rise);
+            struck.rise = rise.map(|rise| strike.said.first_index as f64 + rise);
+        }
+    }
 }
 
 fn clock_report((place, fit, segment): &Fitted) -> ClockReport {
@@ -207,6 +260,7 @@ fn arrivals(segment: &Segment, place: &Place, reference: impl Fn(f64) -> f64) ->
             place: place.clone(),
             strike: struck.strike,
             arrival_s: reference(segment.seconds(struck.position)?),
+            rise_s: struck.rise.and_then(|rise| segment.seconds(rise)).map(&reference),
         })
     };
     segment.struck.iter().filter_map(arrival).collect()

@@ -8,9 +8,13 @@ use crate::recording::clock::fit::Fit;
 use crate::recording::file::{Recording, RecordingError};
 use crate::recording::frames::{Frame, Item};
 
-/// Samples in a bucket: a quarter of a second. Of the frames in a bucket only the one with the least delay is
-/// kept.
+/// Samples in a bucket at first: a quarter of a second. Of the frames in a bucket only the one with the least
+/// delay is kept.
 const BUCKET: f64 = 25_000.0;
+/// Buckets that are kept. Where there are more, after half an hour, each two become one.
+const BUCKETS_MOST: usize = 8192;
+/// Edges and strikes of one boot that are kept: a day of edges every 0.1 s.
+const EVENTS_MOST: usize = 1_000_000;
 
 /// A frame's place on both clocks.
 #[derive(Debug, Clone, Copy)]
@@ -37,6 +41,8 @@ pub struct Struck {
     pub strike: u32,
     /// Where it lies, in samples.
     pub position: f64,
+    /// Where the force rose through half of its height, in samples, if that was looked for and found.
+    pub rise: Option<f64>,
 }
 
 /// What a bead sent between two resets.
@@ -58,9 +64,15 @@ pub struct Segment {
     pub missed: u32,
     /// The strikes whose arrival the bead reported.
     pub struck: Vec<Struck>,
+    /// Edges and strikes beyond the first million, which are not kept.
+    pub left_out: u64,
     pub(super) origin_ns: Option<u64>,
     /// The frame with the least delay of each bucket.
     pub(super) buckets: BTreeMap<u64, Point>,
+    /// How often each two buckets became one.
+    pub(super) halved: u32,
+    /// ns of the host in a sample, as far as known when that was done last.
+    pub(super) pace: Option<f64>,
 }
 
 /// Says to which segment a frame belongs, for frames in the order in which they were received.
@@ -89,7 +101,8 @@ impl Segments {
 /// The boots of beads that are kept apart. A recording has some; one with more was forged, or its beads crash.
 const SEGMENTS_MOST: usize = 4096;
 
-/// Sorts what beads send into segments, frame by frame. Of each it keeps some thousand frames.
+/// Sorts what beads send into segments, frame by frame. Of each it keeps some thousand frames, and a million
+/// edges and strikes.
 #[derive(Debug, Clone, Default)]
 pub struct Tracker {
     /// The first segments, in the order in which they began: at most 4096.
@@ -178,11 +191,16 @@ impl Segment {
                 position = sync.position();
                 self.missed = self.missed.max(sync.missed);
                 let number = sync.edge;
-                self.edges.push(Edge { number, position });
+                match self.edges.len() < EVENTS_MOST {
+                    true => self.edges.push(Edge { number, position }),
+                    false => self.left_out += 1,
+                }
             }
+            Message::Shape(_) if self.struck.len() == EVENTS_MOST => self.left_out += 1,
             Message::Shape(shape) => self.struck.push(Struck {
                 strike: shape.strike,
                 position: shape.first_index as f64 + shape.arrival.samples(),
+                rise: None,
             }),
             _ => {}
         }
@@ -201,12 +219,36 @@ impl Segment {
             // Exact below 104 days.
             host_ns: (received_ns as i64 - origin as i64) as f64,
         };
-        let least = self.buckets.entry((position / BUCKET) as u64).or_insert(point);
-        // Within a bucket the best crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
-        let late =
-            |point: &Point| point.host_ns - point.bead * 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
-        if late(&point) < late(least) {
-            *least = point;
+        self.keep(point);
+        if self.buckets.len() > BUCKETS_MOST {
+            self.halve();
+        }
+    }
+
+    /// How late a frame is, in ns, against a clock that runs as this one seems to. Within a first bucket the best
+    /// crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
+    fn late(&self, point: &Point) -> f64 {
+        let nominal = 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
+        point.host_ns - point.bead * self.pace.unwrap_or(nominal)
+    }
+
+    fn keep(&mut self, point: Point) {
+        let bucket = (point.bead / BUCKET) as u64 >> self.halved;
+        let before = self.buckets.get(&bucket).copied();
+        if before.is_none_or(|before| self.late(&point) < self.late(&before)) {
+            self.buckets.insert(bucket, point);
+        }
+    }
+
+    /// Makes one bucket of each two. They are long then, and the drift that was found so far says which frame
+    /// was late.
+    fn halve(&mut self) {
+        if let (Some(fit), Some(rate)) = (self.fit(), self.sample_rate_hz) {
+            self.pace = Some(1e9 / (f64::from(rate) * (1.0 + fit.drift_ppm * 1e-6)));
+        }
+        self.halved += 1;
+        for point in std::mem::take(&mut self.buckets).into_values() {
+            self.keep(point);
         }
     }
 

@@ -91,6 +91,43 @@ fn the_drift_is_found_within_its_uncertainty_whatever_holds_frames_up() {
 }
 
 #[test]
+fn a_recording_of_days_costs_no_more_memory_and_gives_the_drift_as_well() {
+    // Two days, two frames a second.
+    let segment = heard(35.0, 172_800.0, 2.0, Delays::Queue, 7);
+    assert!(segment.buckets.len() <= 8192, "{}", segment.buckets.len());
+    assert!(segment.frames > 300_000);
+    let fit = segment.fit().unwrap();
+    let off = (fit.drift_ppm - 35.0).abs();
+    assert!(off < 2e-3 && off <= fit.uncertainty_ppm.unwrap(), "{fit:?}");
+}
+
+#[test]
+fn edges_and_strikes_beyond_a_million_are_counted() {
+    let mut segment = Segment::default();
+    let bead_wire::Message::Shape(shape) = bead_wire::Message::draw(bead_wire::Kind::Shape, &mut || 0) else {
+        panic!("a shape");
+    };
+    let mut frame = Frame {
+        version: bead_wire::VERSION,
+        header: bead_wire::Header {
+            address: 0,
+            boot: 0,
+            sequence: 0,
+            sample_index: 0,
+        },
+        arrival: Arrival::Next { lost: 0 },
+        sample_rate_hz: Some(100_000),
+        received_ns: None,
+        message: shape.into(),
+    };
+    for strike in 0..1_000_007 {
+        frame.message = bead_wire::Shape { strike, ..shape }.into();
+        segment.push(&frame);
+    }
+    assert_eq!((segment.struck.len(), segment.left_out), (1_000_000, 7));
+}
+
+#[test]
 fn a_load_that_grows_misleads_a_least_squares_line_and_not_this_one() {
     let segment = heard(20.0, 600.0, 4.0, Delays::Growing, 1);
     let fit = segment.fit().unwrap();

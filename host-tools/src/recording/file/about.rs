@@ -36,7 +36,45 @@ impl About {
     }
 }
 
-/// What may be attached to a recording, each part once.
+/// A bead of a recording with several: whose bytes they are, and where they came from.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Origin {
+    /// The bead's address, by which it is known in the recording.
+    pub address: u8,
+    /// Its place in the chain, if that is known.
+    pub bead: Option<usize>,
+    /// The port that its bytes came from.
+    pub port: Option<String>,
+    /// What the times of receipt count: `host` or `emulator`.
+    pub clock: Option<String>,
+}
+
+impl Origin {
+    pub(super) fn to_map(&self) -> BTreeMap<String, String> {
+        let mut map = BTreeMap::from([("address".to_owned(), self.address.to_string())]);
+        let known = [
+            ("bead", self.bead.map(|bead| bead.to_string())),
+            ("port", self.port.clone()),
+            ("clock", self.clock.clone()),
+        ];
+        let known = known
+            .into_iter()
+            .filter_map(|(name, value)| Some((name.to_owned(), value?)));
+        map.extend(known);
+        map
+    }
+
+    pub(super) fn from_map(address: u8, mut map: BTreeMap<String, String>) -> Self {
+        Self {
+            address,
+            bead: map.remove("bead").and_then(|bead| bead.parse().ok()),
+            port: map.remove("port"),
+            clock: map.remove("clock"),
+        }
+    }
+}
+
+/// What may be attached to a recording, each part once for all, and once for each bead of several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// The settings block that the bead was given.

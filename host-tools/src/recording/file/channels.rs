@@ -13,6 +13,7 @@ use bead_model::layout::WINDOW_MAX;
 use bead_wire::{Arrival, Fault, Health, Message, Shape, Status, Strike};
 use mcap::McapResult;
 
+use crate::recording::file::layout::name_of;
 use crate::recording::frames::Frame;
 use crate::recording::protobuf::{self, Schema, schema_of};
 use crate::recording::signal::Signal;
@@ -86,15 +87,15 @@ pub(super) struct Channels {
 }
 
 impl Channels {
-    /// Adds the channels to a file.
-    pub(super) fn begin<W: Write + Seek>(mcap: &mut mcap::Writer<W>) -> McapResult<Self> {
+    /// Adds the channels to a file: of one bead among several, or of all.
+    pub(super) fn begin<W: Write + Seek>(mcap: &mut mcap::Writer<W>, bead: Option<u8>) -> McapResult<Self> {
         let mut ids = HashMap::new();
         for topic in Topic::ALL {
             let Schema { name, descriptors } = topic.schema();
             let schema = mcap.add_schema(&name, "protobuf", &descriptors)?;
             ids.insert(
                 topic,
-                mcap.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new())?,
+                mcap.add_channel(schema, &name_of(bead, topic.name()), "protobuf", &BTreeMap::new())?,
             );
         }
         Ok(Self {

@@ -68,6 +68,9 @@ pub enum RecordingError {
         /// Who sent it, and what to do.
         who: String,
     },
+    /// Two beads in one recording cannot be told apart.
+    #[error("two beads have the address {0}; give one of them another: bead settings set address=N")]
+    SameAddress(u8),
     /// Clocks of these recordings cannot be compared.
     #[error("{0}")]
     Clock(String),

@@ -1,5 +1,6 @@
 //! The layout of a recording in MCAP: names of channels and records, and sizes.
 
+use std::borrow::Cow;
 use std::time::Duration;
 
 pub(super) const TOPIC: &str = "frames";
@@ -17,3 +18,23 @@ pub(super) const FLUSH_EVERY: Duration = Duration::from_secs(1);
 /// Bytes without a delimiter after which they are written as a run, so that a dead line cannot fill the
 /// memory.
 pub(super) const LONGEST_RUN: usize = 64 * 1024;
+
+/// What stands before the address of a bead in the names of its channels and attachments.
+const BEAD: &str = "bead/";
+
+/// The name of a channel or an attachment: of one bead among several, by its address, or of the whole recording.
+pub(super) fn name_of(bead: Option<u8>, name: &str) -> Cow<'_, str> {
+    match bead {
+        Some(address) => format!("{BEAD}{address}/{name}").into(),
+        None => name.into(),
+    }
+}
+
+/// Whose channel or attachment a name is of, and its name without that.
+pub(super) fn bead_of(name: &str) -> (Option<u8>, &str) {
+    let of_bead = || {
+        let (address, rest) = name.strip_prefix(BEAD)?.split_once('/')?;
+        Some((Some(address.parse().ok()?), rest))
+    };
+    of_bead().unwrap_or((None, name))
+}

@@ -11,6 +11,10 @@
 //! `faults` say in Protobuf and SI units what the frames say ([`crate::recording::protobuf`]). This program
 //! does not read them: what it tells of a recording it finds in the frames.
 //!
+//! **Several beads.** In a recording of several beads each has these channels for itself, with its address in
+//! their names, `bead/7/frames` and so on, and attachments of its own. See [`Origin`] and [`Writer::join`]. One
+//! iterator reads both kinds: [`Pieces`] says of each piece whose it is, and [`Recording::of`] leaves one bead.
+//!
 //! **Times.** A message's publish time is the bead's own: sample index over sample rate, in nanoseconds. Its
 //! log time is the host's, when the bytes were received, in nanoseconds since 1970. Where the host's is not
 //! known, it is the bead's, but never runs back: after a restart of the bead, whose index begins again, it goes
@@ -36,14 +40,15 @@ mod layout;
 mod read;
 mod records;
 mod source;
+mod stream;
 #[cfg(test)]
 mod tests;
 mod times;
 mod walk;
 mod writer;
 
-pub use about::{About, Part};
+pub use about::{About, Origin, Part};
 pub use error::RecordingError;
-pub use read::{Pieces, Recording};
+pub use read::{Bead, Pieces, Recording};
 pub use walk::{Damage, State};
-pub use writer::{Finished, Writer};
+pub use writer::{Finished, Lane, Writer};

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::recording::file::about::{About, Part};
+use crate::recording::file::about::{About, Origin, Part};
 use crate::recording::file::error::RecordingError;
-use crate::recording::file::found::Found;
+use crate::recording::file::found::{Found, Lanes, OfBead};
 use crate::recording::file::walk::{State, Walk};
 use crate::recording::frames::{Frames, Piece};
 
@@ -15,14 +15,32 @@ pub struct Recording {
     path: PathBuf,
     /// What it is of.
     pub about: About,
-    /// Its attachments.
+    /// Its attachments: those of all beads.
     pub parts: BTreeMap<Part, Vec<u8>>,
+    /// The beads, by their addresses, if it is a recording of several.
+    pub beads: Vec<Bead>,
     /// Runs of bytes between two delimiters; what is no frame may stand together in one.
     pub runs: u64,
     /// Runs that are missing: their numbers are.
     pub runs_missing: u64,
     /// Whether this is all.
     pub state: State,
+    lanes: Lanes,
+    /// The bead that is looked at, if it is one of several.
+    only: Option<u8>,
+}
+
+/// A bead of a recording with several.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bead {
+    /// Which one, and where its bytes came from.
+    pub origin: Origin,
+    /// Its own attachments.
+    pub parts: BTreeMap<Part, Vec<u8>>,
+    /// Its runs of bytes.
+    pub runs: u64,
+    /// Those of them that are missing.
+    pub runs_missing: u64,
 }
 
 impl Recording {
@@ -31,23 +49,7 @@ impl Recording {
     /// # Errors
     /// The file cannot be read, or is no recording. One cut short or damaged is no error: see [`State`].
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        Self::read(path, Pieces::open(path)?)
-    }
-
-    fn read(path: &Path, mut pieces: Pieces) -> Result<Self, RecordingError> {
-        let runs = pieces.by_ref().count() as u64;
-        let Pieces { found, walk, .. } = pieces;
-        if found.channel.is_none() && (walk.state == State::Whole || walk.salvages && runs == 0) {
-            return Err(RecordingError::NotOurs(path.to_owned(), found.stranger()));
-        }
-        Ok(Self {
-            path: path.to_owned(),
-            about: found.about,
-            parts: found.parts,
-            runs,
-            runs_missing: found.missing,
-            state: walk.state,
-        })
+        Self::read(path, false)
     }
 
     /// The same of a file whose beginning may be damaged too.
@@ -55,7 +57,67 @@ impl Recording {
     /// # Errors
     /// The file cannot be read, or nothing in it is of a recording.
     pub fn salvage(path: &Path) -> Result<Self, RecordingError> {
-        Self::read(path, Pieces::salvage(path)?)
+        Self::read(path, true)
+    }
+
+    fn read(path: &Path, damaged: bool) -> Result<Self, RecordingError> {
+        let mut pieces = Pieces::open(path, damaged, Lanes::default())?;
+        pieces.by_ref().for_each(drop);
+        if pieces.found.knew_too_late() {
+            pieces = Pieces::open(path, damaged, pieces.found.lanes)?;
+            pieces.by_ref().for_each(drop);
+        }
+        let Pieces { found, walk, .. } = pieces;
+        let (runs, runs_missing) = found.counts(None);
+        if !found.has_frames() && (walk.state == State::Whole || walk.salvages && runs == 0) {
+            return Err(RecordingError::NotOurs(path.to_owned(), found.stranger()));
+        }
+        let bead = |(address, of): (&u8, &OfBead)| {
+            let (runs, runs_missing) = found.counts(Some(*address));
+            let unnamed = || Origin {
+                address: *address,
+                ..Origin::default()
+            };
+            Bead {
+                origin: of.origin.clone().unwrap_or_else(unnamed),
+                parts: of.parts.clone(),
+                runs,
+                runs_missing,
+            }
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            beads: found.beads.iter().map(bead).collect(),
+            about: found.about,
+            parts: found.parts,
+            runs,
+            runs_missing,
+            state: walk.state,
+            lanes: found.lanes,
+            only: None,
+        })
+    }
+
+    /// The recording as it would be of one of its beads alone.
+    pub fn of(&self, bead: &Bead) -> Self {
+        let mut parts = self.parts.clone();
+        parts.extend(bead.parts.clone());
+        Self {
+            parts,
+            beads: Vec::new(),
+            runs: bead.runs,
+            runs_missing: bead.runs_missing,
+            only: Some(bead.origin.address),
+            ..self.clone()
+        }
+    }
+
+    /// One for each of its beads, or this one if it is of one line.
+    pub fn each(&self) -> Vec<Self> {
+        match self.beads[..] {
+            [] => vec![self.clone()],
+            _ => self.beads.iter().map(|bead| self.of(bead)).collect(),
+        }
     }
 
     /// Its runs of bytes, in the order received.
@@ -63,7 +125,11 @@ impl Recording {
     /// # Errors
     /// The file cannot be read.
     pub fn pieces(&self) -> Result<Pieces, RecordingError> {
-        Pieces::salvage(&self.path)
+        let pieces = Pieces::open(&self.path, true, self.lanes.clone())?;
+        Ok(Pieces {
+            only: self.only,
+            ..pieces
+        })
     }
 
     /// Its frames, in the order received, each with the time of its receipt.
@@ -97,27 +163,34 @@ impl Recording {
     }
 }
 
-/// The runs of bytes in a recording, each with its delimiter and the time of its receipt. Memory: a chunk of
-/// the file, and the runs of one piece of bytes.
+/// The runs of bytes in a recording, each with its delimiter, the time of its receipt and its bead. Memory: a chunk of
+/// the file, and the runs of one piece of bytes of each bead.
 pub struct Pieces {
     walk: Walk,
     found: Found,
+    only: Option<u8>,
 }
 
 impl Pieces {
-    pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
+    /// Of a file; its beginning may be `damaged` too.
+    pub(super) fn open(path: &Path, damaged: bool, lanes: Lanes) -> Result<Self, RecordingError> {
         Ok(Self {
-            walk: Walk::open(path, false)?,
-            found: Found::default(),
+            walk: Walk::open(path, damaged)?,
+            found: Found::knowing(lanes),
+            only: None,
         })
     }
 
-    /// The same of a file whose beginning may be damaged too.
-    fn salvage(path: &Path) -> Result<Self, RecordingError> {
-        Ok(Self {
-            walk: Walk::open(path, true)?,
-            found: Found::default(),
-        })
+    fn any(&mut self) -> Option<Piece> {
+        loop {
+            if let Some(piece) = self.found.ready.pop_front() {
+                return Some(piece);
+            }
+            if !self.walk.step(&mut self.found) {
+                self.found.end();
+                return self.found.ready.pop_front();
+            }
+        }
     }
 }
 
@@ -126,12 +199,9 @@ impl Iterator for Pieces {
 
     fn next(&mut self) -> Option<Piece> {
         loop {
-            if let Some(piece) = self.found.ready.pop_front() {
+            let piece = self.any()?;
+            if self.only.is_none() || piece.bead == self.only {
                 return Some(piece);
-            }
-            if !self.walk.step(&mut self.found) {
-                self.found.end();
-                return self.found.ready.pop_front();
             }
         }
     }

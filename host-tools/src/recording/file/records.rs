@@ -114,11 +114,34 @@ pub(super) fn library(data: &[u8]) -> Option<&str> {
     data.text()
 }
 
-/// Number, topic and encoding of a channel.
-pub(super) fn channel(data: &[u8]) -> Option<(u16, &str, &str)> {
+/// What the record of a channel says.
+pub(super) struct ChannelHead<'a> {
+    pub(super) id: u16,
+    pub(super) topic: &'a str,
+    pub(super) encoding: &'a str,
+    metadata: Cursor<'a>,
+}
+
+impl ChannelHead<'_> {
+    /// Its entries; none if they are damaged.
+    pub(super) fn metadata(mut self) -> BTreeMap<String, String> {
+        Some(&mut self.metadata)
+            .filter(|metadata| metadata.0.len() <= METADATA_MOST)
+            .and_then(Cursor::map)
+            .unwrap_or_default()
+    }
+}
+
+/// A channel.
+pub(super) fn channel(data: &[u8]) -> Option<ChannelHead<'_>> {
     let mut data = Cursor(data);
     let (id, _schema) = (data.u16()?, data.u16()?);
-    Some((id, data.text()?, data.text()?))
+    Some(ChannelHead {
+        id,
+        topic: data.text()?,
+        encoding: data.text()?,
+        metadata: data,
+    })
 }
 
 /// Channel, sequence number and data of a message.

@@ -5,9 +5,10 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::found::Lanes;
 use super::layout::{CHUNK, LONGEST_RUN, TOPIC};
 use super::read::Pieces;
-use super::{About, Part, Recording, RecordingError, State, Writer};
+use super::{About, Origin, Part, Recording, RecordingError, State, Writer};
 use crate::recording::frames::Item;
 use crate::recording::whole::Target;
 use bead_wire::{Block, Decoder, Header, Identity, MAX_FRAME, Message, ResetCauses, Settings, encode};
@@ -70,10 +71,13 @@ fn runs(stream: &[u8]) -> Vec<Vec<u8>> {
         .collect()
 }
 
+fn pieces(path: &Path) -> Pieces {
+    Pieces::open(path, false, Lanes::default()).unwrap()
+}
+
 /// The runs in a recording, without their delimiters.
 fn kept(path: &Path) -> Vec<Vec<u8>> {
-    let pieces = Pieces::open(path).unwrap();
-    pieces
+    pieces(path)
         .map(|piece| {
             let (end, run) = piece.bytes.split_last().unwrap();
             assert_eq!(*end, 0);
@@ -127,24 +131,17 @@ fn every_run_has_the_time_of_the_piece_that_it_ended_in() {
     let mut writer = Writer::create(&Target::new(&path), &about()).unwrap();
     let mut expected = Vec::new();
     for (n, piece) in (1_700_000_000_000_000_000..).zip(stream.chunks(97)) {
-        let before = writer.written;
+        let before = writer.streams[0].written;
         writer.write(piece, Some(n), |_| {}).unwrap();
-        expected.extend((before..writer.written).map(|_| Some(n)));
+        expected.extend((before..writer.streams[0].written).map(|_| Some(n)));
     }
     // What is never ended by a delimiter has no time.
     writer.finish().unwrap();
     expected.push(None);
-    let found: Vec<_> = Pieces::open(&path)
-        .unwrap()
-        .map(|piece| piece.received_ns)
-        .collect();
+    let found: Vec<_> = pieces(&path).map(|piece| piece.received_ns).collect();
     assert_eq!(found, expected);
     let (_folder, path, _) = recorded(&stream);
-    assert!(
-        Pieces::open(&path)
-            .unwrap()
-            .all(|piece| piece.received_ns.is_none())
-    );
+    assert!(pieces(&path).all(|piece| piece.received_ns.is_none()));
 }
 
 #[test]
@@ -466,4 +463,123 @@ fn other_files_are_refused_by_what_they_are() {
         Recording::open(&path),
         Err(RecordingError::File { action: "read", .. })
     ));
+}
+
+/// Three beads with addresses 7, 8 and 200, whose pieces come in turn.
+fn recorded_of_three(path: &Path) -> Vec<(u8, Vec<u8>)> {
+    let mut writer = Writer::create_for_several(&Target::new(path), &about()).unwrap();
+    writer.attach(Part::Scenario, b"title = \"x\"").unwrap();
+    let streams: Vec<_> = [7, 8, 200]
+        .map(|address: u8| {
+            let origin = Origin {
+                address,
+                bead: Some(address.into()),
+                port: Some(format!("/dev/ttyACM{address}")),
+                clock: None,
+            };
+            let lane = writer.join(&origin).unwrap();
+            writer.attach_to(lane, Part::Settings, &[address]).unwrap();
+            let stream: Vec<u8> = (0..60)
+                .flat_map(|n| {
+                    let header = Header {
+                        address,
+                        boot: 0,
+                        sequence: n,
+                        sample_index: 1000 * u64::from(n),
+                    };
+                    let block = [n as u8, address, 0xEE, 1, 2, 3, 4, 5, 6, 7, 8, 9];
+                    encode(&header, &settings(&block), &mut [0; MAX_FRAME])
+                        .unwrap()
+                        .to_vec()
+                })
+                .collect();
+            (lane, address, stream)
+        })
+        .into();
+    for at in (0..streams[0].2.len()).step_by(50) {
+        for (n, (lane, _, stream)) in streams.iter().enumerate() {
+            let piece = &stream[at..stream.len().min(at + 50)];
+            let time = 1_000_000 + 1000 * at as u64 + n as u64;
+            writer.write_of(*lane, piece, Some(time), |_| {}).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    streams
+        .into_iter()
+        .map(|(_, address, stream)| (address, stream))
+        .collect()
+}
+
+#[test]
+fn each_bead_of_several_gives_back_its_own_bytes_times_and_attachments() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("three.mcap");
+    let streams = recorded_of_three(&path);
+    let recording = Recording::open(&path).unwrap();
+    assert_eq!(
+        (recording.state.clone(), recording.runs_missing),
+        (State::Whole, 0)
+    );
+    assert_eq!(recording.parts.keys().collect::<Vec<_>>(), [&Part::Scenario]);
+    assert_eq!(recording.beads.len(), 3);
+    for ((address, stream), bead) in streams.iter().zip(&recording.beads) {
+        assert_eq!(bead.origin.address, *address);
+        assert_eq!(
+            bead.origin.port.as_deref(),
+            Some(format!("/dev/ttyACM{address}").as_str())
+        );
+        let alone = recording.of(bead);
+        assert_eq!(alone.parts[&Part::Settings], [*address]);
+        let pieces: Vec<_> = alone.pieces().unwrap().collect();
+        let kept: Vec<u8> = pieces.iter().flat_map(|piece| &piece.bytes).copied().collect();
+        assert_eq!(runs(&kept), runs(stream));
+        assert!(
+            pieces
+                .iter()
+                .all(|piece| piece.received_ns.is_some_and(|ns| ns >= 1_000_000))
+        );
+    }
+    // Through the one iterator, in the order received.
+    let frames: Vec<_> = recording.frames().unwrap().filter_map(Item::frame).collect();
+    assert_eq!(frames.len(), 180);
+    assert!(frames.is_sorted_by_key(|frame| frame.received_ns));
+    let of = |address| frames.iter().filter(move |frame| frame.header.address == address);
+    assert!([7, 8, 200].iter().all(|address| of(*address).count() == 60));
+}
+
+#[test]
+fn a_second_bead_with_the_same_address_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = Target::new(folder.path().join("two.mcap"));
+    let mut writer = Writer::create_for_several(&target, &about()).unwrap();
+    let origin = Origin {
+        address: 7,
+        ..Origin::default()
+    };
+    writer.join(&origin).unwrap();
+    let refused = writer.join(&origin).unwrap_err();
+    assert!(
+        refused.to_string().contains("two beads have the address 7"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_flipped_byte_in_a_recording_of_several_costs_at_most_a_frame_or_two() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("three.mcap");
+    recorded_of_three(&path);
+    let file = fs::read(&path).unwrap();
+    let sent: std::collections::BTreeSet<_> = kept(&path).into_iter().collect();
+    for at in (mcap::MAGIC.len()..file.len()).step_by(7) {
+        let mut damaged = file.clone();
+        damaged[at] ^= 0xFF;
+        put(&path, &damaged).unwrap();
+        let recording = Recording::salvage(&path).unwrap();
+        assert_ne!(recording.state, State::Whole, "byte {at}");
+        let pieces = recording.pieces().unwrap();
+        let sound = pieces.filter(|piece| sent.contains(&piece.bytes[..piece.bytes.len() - 1]));
+        let sound = sound.count();
+        assert!(sound + 2 >= sent.len(), "byte {at}: {sound} of {}", sent.len());
+    }
 }

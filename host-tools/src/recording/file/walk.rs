@@ -389,8 +389,11 @@ impl Walk {
         let bytes = self.source.at(body, 64)?;
         let sound = match head.opcode {
             op::CHUNK => records::chunk(&bytes[..bytes.len().min(64)], head.length).is_some(),
-            op::MESSAGE if head.length >= MESSAGE_HEAD as u64 => records::message(bytes)
-                .is_some_and(|(channel, ..)| found.is_frames(channel) || found.is_received(channel)),
+            op::MESSAGE if head.length >= MESSAGE_HEAD as u64 => {
+                records::message(bytes).is_some_and(|(channel, ..)| {
+                    found.frames_of(channel).is_some() || found.times_of(channel).is_some()
+                })
+            }
             op::CHANNEL | op::METADATA | op::ATTACHMENT if end <= length => {
                 let data = usize::try_from(head.length).unwrap_or(usize::MAX);
                 let bytes = self.source.at(body, data)?;

@@ -1,23 +1,19 @@
 //! Writes recordings.
 
-use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use bead_wire::{Counters, Message};
-use mcap::records::{MessageHeader, Metadata};
+use bead_wire::Counters;
+use mcap::records::Metadata;
 use mcap::{Attachment, WriteOptions};
 
-use crate::recording::file::about::{About, Part};
-use crate::recording::file::channels::{Channels, Said};
+use crate::recording::file::about::{About, Origin, Part};
 use crate::recording::file::error::RecordingError;
-use crate::recording::file::layout::{
-    CHUNK, ENCODING, FLUSH_EVERY, LONGEST_RUN, METADATA, RECEIVED, RECEIVED_ENCODING, TOPIC,
-};
-use crate::recording::file::times::Clock;
-use crate::recording::frames::{Item, Reader};
+use crate::recording::file::layout::{CHUNK, FLUSH_EVERY, METADATA, name_of};
+use crate::recording::file::stream::Stream;
+use crate::recording::frames::Item;
 use crate::recording::whole::Target;
 
 /// Writes a recording while it comes.
@@ -27,26 +23,39 @@ pub struct Writer {
     target: Target,
     partial: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
-    channel: u16,
-    received: u16,
-    channels: Channels,
-    run: Vec<u8>,
-    /// Runs that are no frames, each with a delimiter.
-    noise: Vec<u8>,
-    reader: Reader,
-    clock: Clock,
-    pub(super) written: u32,
+    /// One for each bead, or one for all.
+    pub(super) streams: Vec<Stream>,
+    sample_rate_hz: u32,
     flushed: Instant,
 }
 
+/// A bead's place in a recording that is being written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lane(usize);
+
 impl Writer {
-    /// Begins a recording that will be called as `target` says.
+    /// Begins a recording of one line, that will be called as `target` says.
     ///
     /// # Errors
     /// The directory cannot be written to, or another program is recording under that name.
     pub fn create(target: &Target, about: &About) -> Result<Self, RecordingError> {
+        let mut writer = Self::create_for_several(target, about)?;
+        writer.begin_stream(None)?;
+        Ok(writer)
+    }
+
+    /// Begins a recording of several beads. None is in it yet: see [`join`](Self::join).
+    ///
+    /// # Errors
+    /// The directory cannot be written to, or another program is recording under that name.
+    pub fn create_for_several(target: &Target, about: &About) -> Result<Self, RecordingError> {
         let (file, partial) = create_partial(target.path())?;
-        let failed = RecordingError::unwritten(&partial);
+        let named = partial.clone();
+        let failed = |error| {
+            // Nothing was received yet. If it cannot be removed either, the message names it.
+            let _ = std::fs::remove_file(&named);
+            RecordingError::unwritten(&named)(error)
+        };
         let mut mcap = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK))
@@ -60,43 +69,70 @@ impl Writer {
                 name: METADATA.into(),
                 metadata: about.to_map(),
             })?;
-            let layout = BTreeMap::from([("version".into(), bead_wire::VERSION.to_string())]);
-            let channel = mcap.add_channel(0, TOPIC, ENCODING, &layout)?;
-            let received = mcap.add_channel(0, RECEIVED, RECEIVED_ENCODING, &BTreeMap::new())?;
-            let channels = Channels::begin(&mut mcap)?;
-            mcap.flush()?;
-            Ok((channel, received, channels))
+            mcap.flush()
         };
-        let (channel, received, channels) = begin().map_err(failed)?;
+        begin().map_err(&failed)?;
         Ok(Self {
             target: target.clone(),
             partial,
             mcap,
-            channel,
-            received,
-            channels,
-            run: Vec::new(),
-            noise: Vec::new(),
-            reader: Reader::default(),
-            clock: Clock {
-                sample_rate_hz: about.sample_rate_hz,
-                ..Clock::default()
-            },
-            written: 0,
+            streams: Vec::new(),
+            sample_rate_hz: about.sample_rate_hz,
             flushed: Instant::now(),
         })
     }
 
-    /// Attaches a part. Parts that are known beforehand should be attached first, so that they survive a
-    /// crash.
+    /// Adds a bead to a recording of several.
+    ///
+    /// # Errors
+    /// A bead with this address is in it already, or the file cannot be written.
+    pub fn join(&mut self, origin: &Origin) -> Result<Lane, RecordingError> {
+        let taken = |stream: &Stream| stream.bead() == Some(origin.address);
+        if self.streams.iter().any(taken) {
+            return Err(RecordingError::SameAddress(origin.address));
+        }
+        self.begin_stream(Some(origin))
+    }
+
+    fn begin_stream(&mut self, origin: Option<&Origin>) -> Result<Lane, RecordingError> {
+        let begun = Stream::begin(&mut self.mcap, origin, self.sample_rate_hz);
+        let stream = begun.and_then(|stream| self.mcap.flush().map(|()| stream));
+        let stream = stream.map_err(RecordingError::unwritten(&self.partial))?;
+        self.streams.push(stream);
+        Ok(Lane(self.streams.len() - 1))
+    }
+
+    /// Attaches a part of the whole recording. Parts that are known beforehand should be attached first, so that
+    /// they survive a crash.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn attach(&mut self, part: Part, data: &[u8]) -> Result<(), RecordingError> {
+        let log_time = self.streams.first().map_or(0, Stream::log_time);
+        self.put_attachment(None, log_time, part, data)
+    }
+
+    /// Attaches a part of one bead among several.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn attach_to(&mut self, lane: Lane, part: Part, data: &[u8]) -> Result<(), RecordingError> {
+        let stream = &self.streams[lane.0];
+        let (bead, log_time) = (stream.bead(), stream.log_time());
+        self.put_attachment(bead, log_time, part, data)
+    }
+
+    fn put_attachment(
+        &mut self,
+        bead: Option<u8>,
+        log_time: u64,
+        part: Part,
+        data: &[u8],
+    ) -> Result<(), RecordingError> {
         let attachment = Attachment {
-            log_time: self.clock.log,
+            log_time,
             create_time: 0,
-            name: part.name().into(),
+            name: name_of(bead, part.name()).into_owned(),
             media_type: part.media_type().into(),
             data: data.into(),
         };
@@ -110,104 +146,43 @@ impl Writer {
     ///
     /// # Errors
     /// The file cannot be written.
+    ///
+    /// # Panics
+    /// The recording is one of several beads: see [`write_of`](Self::write_of).
     pub fn write(
         &mut self,
         bytes: &[u8],
         received_ns: Option<u64>,
-        mut sink: impl FnMut(Item),
+        sink: impl FnMut(Item),
     ) -> Result<(), RecordingError> {
-        let before = self.written;
-        if let Some(received_ns) = received_ns {
-            self.clock.receive(received_ns);
-        }
-        let mut said = Vec::new();
-        for byte in bytes {
-            let Self {
-                reader,
-                clock,
-                channels,
-                ..
-            } = self;
-            let mut is_frame = false;
-            reader.feed(std::slice::from_ref(byte), received_ns, |item| {
-                if let Item::Frame(frame) = &item {
-                    is_frame = true;
-                    if let Message::Identity(identity) = &frame.message {
-                        clock.sample_rate_hz = identity.sample_rate_hz;
-                    }
-                    clock.tick(frame.header.sample_index, frame.arrival);
-                    said.extend(channels.take(frame));
-                }
-                sink(item);
-            });
-            if *byte != 0 {
-                self.run.push(*byte);
-            }
-            match *byte {
-                0 if self.run.is_empty() => {}
-                // What is no frame stands together: each message costs some 50 bytes.
-                0 if !is_frame && self.noise.len() + self.run.len() < LONGEST_RUN => {
-                    self.noise.append(&mut self.run);
-                    self.noise.push(0);
-                }
-                0 => self.end_run()?,
-                _ if self.run.len() == LONGEST_RUN => self.end_run()?,
-                _ => {}
-            }
-            for Said { channel, data } in said.drain(..) {
-                self.message(channel, self.written.wrapping_sub(1), &data)?;
-            }
-        }
-        self.end_noise()?;
-        if let Some(received_ns) = received_ns.filter(|_| self.written != before) {
-            self.write_time(received_ns)?;
-        }
+        assert!(
+            self.streams.iter().all(|stream| stream.bead().is_none()),
+            "bytes of no bead"
+        );
+        self.write_of(Lane(0), bytes, received_ns, sink)
+    }
+
+    /// The same for one bead among several.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    ///
+    /// # Panics
+    /// The lane is that of another recording.
+    pub fn write_of(
+        &mut self,
+        lane: Lane,
+        bytes: &[u8],
+        received_ns: Option<u64>,
+        sink: impl FnMut(Item),
+    ) -> Result<(), RecordingError> {
+        self.streams[lane.0]
+            .write(&mut self.mcap, bytes, received_ns, sink)
+            .map_err(RecordingError::unwritten(&self.partial))?;
         if self.flushed.elapsed() >= FLUSH_EVERY {
             self.flush()?;
         }
         Ok(())
-    }
-
-    /// Records when the piece with the end of the last run was received.
-    fn write_time(&mut self, received_ns: u64) -> Result<(), RecordingError> {
-        let last = self.written.wrapping_sub(1);
-        let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
-        self.message(self.received, last, &data)
-    }
-
-    fn end_noise(&mut self) -> Result<(), RecordingError> {
-        // The reader puts a delimiter behind each message.
-        self.noise.pop();
-        let noise = std::mem::take(&mut self.noise);
-        self.put(noise)
-    }
-
-    fn end_run(&mut self) -> Result<(), RecordingError> {
-        self.end_noise()?;
-        let run = std::mem::take(&mut self.run);
-        self.put(run)
-    }
-
-    /// Writes a run, or several with delimiters between them.
-    fn put(&mut self, run: Vec<u8>) -> Result<(), RecordingError> {
-        if run.is_empty() {
-            return Ok(());
-        }
-        let number = self.written;
-        self.written = number.wrapping_add(1);
-        self.message(self.channel, number, &run)
-    }
-
-    fn message(&mut self, channel_id: u16, sequence: u32, data: &[u8]) -> Result<(), RecordingError> {
-        let header = MessageHeader {
-            channel_id,
-            sequence,
-            log_time: self.clock.log,
-            publish_time: self.clock.bead,
-        };
-        self.mcap
-            .write_to_known_channel(&header, data)
-            .map_err(RecordingError::unwritten(&self.partial))
     }
 
     /// Gives all whole messages to the system. After that a crash of this program cannot lose them.
@@ -221,9 +196,18 @@ impl Writer {
             .map_err(RecordingError::unwritten(&self.partial))
     }
 
-    /// Counts of what was received so far, and of what was lost.
-    pub fn counters(&self) -> &Counters {
-        self.reader.counters()
+    /// Counts of what was received so far, and of what was lost, of all beads.
+    pub fn counters(&self) -> Counters {
+        let all = self.streams.iter().map(Stream::counters);
+        all.fold(Counters::default(), |sum, one| sum.and(one))
+    }
+
+    /// The same of one bead among several.
+    ///
+    /// # Panics
+    /// The lane is that of another recording.
+    pub fn counters_of(&self, lane: Lane) -> &Counters {
+        self.streams[lane.0].counters()
     }
 
     /// The name until the recording is finished.
@@ -237,8 +221,12 @@ impl Writer {
     /// # Errors
     /// The file cannot be written or renamed; what is there stays under its temporary name.
     pub fn finish(mut self) -> Result<Finished, RecordingError> {
-        self.end_run()?;
-        let finished = self.mcap.finish();
+        let counters = self.counters();
+        let ended = self
+            .streams
+            .iter_mut()
+            .try_for_each(|stream| stream.end(&mut self.mcap));
+        let finished = ended.and_then(|()| self.mcap.finish());
         finished.map_err(RecordingError::unwritten(&self.partial))?;
         let file = self.mcap.into_inner().into_inner();
         // The file must be on disk before it has its name: after a power cut no name may stand for an empty
@@ -253,10 +241,7 @@ impl Writer {
         ))?;
         // Its lock is held until it has its name.
         drop(file);
-        Ok(Finished {
-            path,
-            counters: *self.reader.counters(),
-        })
+        Ok(Finished { path, counters })
     }
 }
 
@@ -265,7 +250,7 @@ impl Writer {
 pub struct Finished {
     /// Where it is.
     pub path: PathBuf,
-    /// What was received, refused and lost.
+    /// What was received, refused and lost, of all beads.
     pub counters: Counters,
 }
 

@@ -1,0 +1,110 @@
+//! The stops of a live run: at a time that the host has said, the image stands still until the host says the next.
+//!
+//! # Design
+//! QEMU's virtual clock stands still while a callback runs, however long it takes. So the overlay asks to be called at
+//! the time of the stop, as for an interrupt, and then waits for the host inside that call. The image cannot tell.
+//!
+//! A thread reads what the host says, here and in runs that are not live: it sees at once when the host is gone.
+
+use std::io::{self, Read};
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+use crate::exchange::{self, REPORT, Reached, STEP, Step};
+use crate::given::Inputs;
+use crate::machine::USARTS;
+
+/// The stops of a run.
+pub(super) struct Stops {
+    steps: Receiver<Step>,
+    /// The next one.
+    at_ns: u64,
+    /// What left each USART since the last one, as records.
+    pub(super) sent: [Vec<u8>; USARTS.len()],
+    /// The log since the last one.
+    pub(super) log: Vec<u8>,
+    /// Calls of the overlay since the last one.
+    pub(super) calls: u64,
+    /// Instructions up to the last one.
+    pub(super) instructions: u64,
+}
+
+impl Stops {
+    /// The first stop is at once. The sender is for [`listen`].
+    pub(super) fn new() -> (Self, Sender<Step>) {
+        let (sender, steps) = channel();
+        let stops = Self {
+            steps,
+            at_ns: 0,
+            sent: Default::default(),
+            log: Vec::new(),
+            calls: 0,
+            instructions: 0,
+        };
+        (stops, sender)
+    }
+
+    /// When the next one is.
+    pub(super) fn at_ns(&self) -> u64 {
+        self.at_ns
+    }
+
+    /// Tells the host what came out since the last one, and forgets it.
+    pub(super) fn tell(&mut self, reached: Reached) {
+        let mut bytes = Vec::new();
+        let mut sent = Vec::new();
+        for records in &mut self.sent {
+            sent.push(records.len());
+            bytes.append(records);
+        }
+        bytes.append(&mut self.log);
+        self.calls = 0;
+        let reached = Reached { sent, ..reached };
+        if exchange::write_message(&mut io::stdout().lock(), &reached, &bytes).is_err() {
+            without_host();
+        }
+    }
+
+    /// Waits for the host. Gives what comes on the way to the next stop; none if the run ends here.
+    pub(super) fn wait(&mut self) -> Option<Inputs> {
+        let step = self.steps.recv().unwrap_or_else(|_| without_host());
+        self.at_ns = step.to_ns?;
+        Some(step.inputs)
+    }
+}
+
+/// The host is gone. The thread that listens to it ends QEMU.
+fn without_host() -> ! {
+    loop {
+        std::thread::park();
+    }
+}
+
+/// What the host wants of QEMU apart from the next step.
+pub(super) enum Wish {
+    /// The report, at once.
+    Report,
+    /// Nothing any more: it is gone.
+    Nothing,
+}
+
+/// Reads what the host says, and hands on its steps, until it wants something else.
+pub(super) fn listen(steps: Option<&Sender<Step>>) -> Wish {
+    let mut from = io::stdin().lock();
+    loop {
+        let mut what = [0];
+        match (from.read(&mut what), what, steps) {
+            (Ok(1), [STEP], Some(steps)) => {
+                let Ok((mut step, rows)) = exchange::read_message::<Step>(&mut from) else {
+                    return Wish::Nothing;
+                };
+                step.inputs.codes = exchange::rows(&rows);
+                if steps.send(step).is_err() {
+                    return Wish::Nothing;
+                }
+            }
+            (Ok(1), [REPORT], _) => return Wish::Report,
+            (Err(error), ..) if error.kind() == io::ErrorKind::Interrupted => {}
+            _ => return Wish::Nothing,
+        }
+    }
+}

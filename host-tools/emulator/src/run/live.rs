@@ -1,0 +1,205 @@
+//! A run whose time passes as the host says.
+
+use std::time::Duration;
+
+use super::error::RunError;
+use super::image::Image;
+use super::log::Log;
+use super::process::{Heard, Job, Running};
+use super::sent;
+use crate::exchange::{Reached, Step};
+use crate::given::{Inputs, Run};
+use crate::machine::{USARTS, pin};
+use crate::outcome::{LogLine, Outcome, Sampling, Uart, Work};
+
+/// An image whose virtual time passes only as far as it is told. Between two calls it stands still, however long.
+///
+/// The same inputs at the same virtual times give the same bytes, wherever the stops are and however long the host
+/// takes. What was handed over is kept nowhere, so a run may last for any time. Dropping it ends QEMU.
+///
+/// ```no_run
+/// use stm32f405_qemu::{Inputs, Run, UartInput};
+///
+/// let mut live = Run::new("firmware.elf").start()?;
+/// live.advance(100_000_000, Inputs::default())?;
+/// let question = Inputs {
+///     uart: vec![UartInput::usart1(100_500_000, *b"status\n")],
+///     ..Inputs::default()
+/// };
+/// let passed = live.advance(200_000_000, question)?;
+/// println!("{:?}", passed.usart1());
+/// let outcome = live.finish()?;
+/// # Ok::<(), stm32f405_qemu::RunError>(())
+/// ```
+pub struct Live {
+    run: Run,
+    image: Image,
+    job: Job,
+    running: Running,
+    log: Log,
+    reached: Reached,
+}
+
+/// What happened from one stop of a [`Live`] run to the next.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Passed {
+    /// Virtual time of the stop, in ns: the one asked for, or up to an instruction later.
+    pub now_ns: u64,
+    /// What left the USARTs: those that sent anything.
+    pub uarts: Vec<Uart>,
+    /// What the image logged.
+    pub log: Vec<LogLine>,
+    /// The externally triggered scans since power-up. `None` before the first.
+    pub sampling: Option<Sampling>,
+    /// When the last row of the stimulus ends, if the first has begun.
+    pub codes_until_ns: Option<u64>,
+    /// What it has cost.
+    pub work: Work,
+    /// Whether the image has ended the run. [`Live::finish`] says how.
+    pub ended: bool,
+}
+
+impl Passed {
+    /// The bytes from USART1.
+    pub fn usart1(&self) -> &[u8] {
+        let uart = self.uarts.iter().find(|uart| uart.port == USARTS[0]);
+        uart.map_or(&[], |uart| &uart.bytes)
+    }
+}
+
+impl Live {
+    /// Starts QEMU. The image stands before its first instruction.
+    pub(super) fn start(run: Run, image: Image, job: Job) -> Result<Self, RunError> {
+        let log = Log::new(&run.elf, &image.bytes)?;
+        let (running, (reached, _)) = job.start_live(run.limit())?;
+        Ok(Self {
+            run,
+            image,
+            job,
+            running,
+            log,
+            reached,
+        })
+    }
+
+    /// Virtual time, in ns since power-up.
+    pub fn now_ns(&self) -> u64 {
+        self.reached.now_ns
+    }
+
+    /// Lets time pass up to `to_ns`, with these inputs on the way. If the image ends the run before, time stops
+    /// there.
+    ///
+    /// # Errors
+    /// [`RunError::Input`]: an input or `to_ns` is in the past, or something is asked for that the part does not
+    /// have. Then no time has passed. Else see [`RunError`].
+    pub fn advance(&mut self, to_ns: u64, inputs: Inputs) -> Result<Passed, RunError> {
+        let now_ns = self.now_ns();
+        if to_ns < now_ns {
+            return Err(RunError::Input(format!(
+                "the image is at {now_ns} ns, and time does not go back to {to_ns} ns"
+            )));
+        }
+        self.check(&inputs)?;
+        if self.reached.ended {
+            return Ok(self.passed((self.reached.clone(), Vec::new())));
+        }
+        let to_ns = Some(to_ns);
+        let rows = inputs.codes.clone();
+        self.running.say(&Step { to_ns, inputs }, &rows);
+        let heard = self.hear()?;
+        Ok(self.passed(heard))
+    }
+
+    /// Ends the run here. What was handed over before is not in the outcome.
+    ///
+    /// # Errors
+    /// See [`RunError`].
+    pub fn finish(mut self) -> Result<Outcome, RunError> {
+        if !self.reached.ended {
+            self.running.say(&Step::default(), &[]);
+            self.hear()?;
+        }
+        let ended = self.job.end(self.running.take()?, Some(self.run.timeout))?;
+        let outcome = ended.outcome(&self.job.folder)?;
+        self.run.complete(&self.image, &self.job, outcome)
+    }
+
+    /// What QEMU says at the next stop.
+    fn hear(&mut self) -> Result<Heard, RunError> {
+        if let Some(heard) = self.running.hear(self.run.limit()) {
+            return Ok(heard);
+        }
+        // It has ended, or takes too long, and is asked for its report now.
+        self.reached.ended = true;
+        let ended = self.job.end(self.running.take()?, Some(Duration::ZERO))?;
+        let outcome = ended.outcome(&self.job.folder)?;
+        let completed = self.run.complete(&self.image, &self.job, outcome)?;
+        Err(RunError::Input(match completed.verdict() {
+            Ok(()) => "the run is over".into(),
+            Err(why) => why,
+        }))
+    }
+
+    fn passed(&mut self, (reached, bytes): Heard) -> Passed {
+        let mut rest = bytes.as_slice();
+        let mut uarts = Vec::new();
+        for (port, length) in USARTS.iter().zip(&reached.sent) {
+            let (records, behind) = rest.split_at(rest.len().min(*length));
+            rest = behind;
+            uarts.push(sent::read(port, records));
+        }
+        uarts.retain(|uart| !uart.bytes.is_empty());
+        let passed = Passed {
+            now_ns: reached.now_ns,
+            uarts,
+            log: self.log.take(rest),
+            sampling: reached.sampling,
+            codes_until_ns: reached.codes_until_ns,
+            work: reached.work,
+            ended: reached.ended,
+        };
+        self.reached = reached;
+        passed
+    }
+
+    /// Refuses what cannot come any more, and what there is not.
+    fn check(&self, inputs: &Inputs) -> Result<(), RunError> {
+        let refused = |text: String| Err(RunError::Input(text));
+        let now_ns = self.now_ns();
+        let late = |what: &str, at_ns: u64| {
+            format!("{what} is to come at {at_ns} ns, and the image is at {now_ns} ns already")
+        };
+        for input in &inputs.uart {
+            if !USARTS.contains(&input.port.as_str()) {
+                return refused(format!(
+                    "there is no USART {:?}; give one of {}",
+                    input.port,
+                    USARTS.join(", ")
+                ));
+            }
+            if input.at_ns < now_ns {
+                return refused(late(&format!("a byte for {}", input.port), input.at_ns));
+            }
+        }
+        for level in &inputs.levels {
+            if pin(&level.pin).is_none() {
+                return refused(format!("there is no pin {:?}; pins are PA0 to PI15", level.pin));
+            }
+            if level.at_ns < now_ns {
+                return refused(late(&format!("an edge on {}", level.pin), level.at_ns));
+            }
+        }
+        let too_high = |row: &&[u16; 4]| row.iter().any(|code| *code > 4095);
+        if let Some(row) = inputs.codes.iter().find(too_high) {
+            return refused(format!("a row is {row:?}; codes of the 12-bit ADC are 0..=4095"));
+        }
+        match self.reached.codes_until_ns {
+            Some(until) if until < now_ns && !inputs.codes.is_empty() => {
+                refused(late("the next row of codes", until))
+            }
+            _ => Ok(()),
+        }
+    }
+}

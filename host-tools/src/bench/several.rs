@@ -1,0 +1,172 @@
+//! Several beads of one chain on one strike, on one time: who they are, and how they are run.
+//!
+//! # Design
+//! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. What the beads
+//! share is true time: the strike, the sync line, and the times in the recording. Nothing goes from bead to bead.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::bench::emulation::{Emulation, Placed, Ran};
+use crate::bench::error::BenchError;
+use crate::recording::file::{Lane, RecordingError, Writer};
+
+/// How fast the crystals are.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Clocks {
+    /// One after another, ppm; a single one is every bead's.
+    Each(Vec<f64>),
+    /// By chance, up to this either way, ppm.
+    Spread(f64),
+}
+
+/// The beads at these places. Each has its place as its address, unless one is too far behind for that: then they are
+/// counted from 1. What is left to chance follows from `seed`, and so does the noise, if there is any.
+///
+/// # Errors
+/// There are more beads than addresses, or not as many clocks as beads.
+pub fn placed(
+    beads: &[usize],
+    clocks: &Clocks,
+    start_spread: f64,
+    seed: u64,
+    noise: bool,
+) -> Result<Vec<Placed>, BenchError> {
+    if let Clocks::Each(ppm) = clocks
+        && ppm.len() != 1
+        && ppm.len() != beads.len()
+    {
+        return Err(BenchError::Unfit(format!(
+            "--clock-ppm has {} crystals for {} beads; give one for each, or one for all",
+            ppm.len(),
+            beads.len()
+        )));
+    }
+    let by_place = beads.iter().all(|bead| *bead <= LAST_ADDRESS);
+    if !by_place && beads.len() > LAST_ADDRESS {
+        return Err(BenchError::Unfit(format!(
+            "--bead: {} beads, and a line has {LAST_ADDRESS} addresses for them; give fewer",
+            beads.len()
+        )));
+    }
+    let mut chance = ChaCha8Rng::seed_from_u64(seed ^ BY_CHANCE);
+    let place = |(number, &bead): (usize, &usize)| Placed {
+        bead,
+        address: (if by_place { bead } else { number + 1 }) as u8,
+        // Neighbouring seeds have nothing in common.
+        seed: noise.then(|| seed.wrapping_add(bead as u64)),
+        clock_ppm: {
+            let part = chance.random_range(-1.0..=1.0);
+            match clocks {
+                Clocks::Each(ppm) => *ppm.get(number).unwrap_or(&ppm[0]),
+                Clocks::Spread(most) => part * most,
+            }
+        },
+        began: chance.random_range(0.0..=1.0) * start_spread,
+    };
+    Ok(beads.iter().enumerate().map(place).collect())
+}
+
+/// Addresses from 1 to this one are single beads'.
+const LAST_ADDRESS: usize = 254;
+/// Keeps what is left to chance apart from the noise of the same seed.
+const BY_CHANCE: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Runs the beads, as many at once as this computer has cores. `done` is told how many have come to their end.
+///
+/// # Errors
+/// One of them cannot be prepared or run.
+pub fn run(
+    placed: &[Placed],
+    prepare: impl Fn(Placed) -> Result<Emulation, BenchError> + Sync,
+    done: impl Fn(usize) + Sync,
+) -> Result<Vec<(Emulation, Ran)>, BenchError> {
+    let count = AtomicUsize::new(0);
+    let one = |placed: &Placed| {
+        let emulation = prepare(*placed)?;
+        let ran = emulation.run()?;
+        done(count.fetch_add(1, Ordering::Relaxed) + 1);
+        Ok((emulation, ran))
+    };
+    // Of several errors, that of the first bead is told.
+    let all: Vec<_> = placed.par_iter().with_max_len(1).map(one).collect();
+    all.into_iter().collect()
+}
+
+/// Records what all beads sent, each in its lane, in the order of time.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(ran: &[(Lane, &Ran, f64)], writer: &mut Writer) -> Result<(), RecordingError> {
+    let mut pieces: Vec<_> = ran
+        .iter()
+        .flat_map(|(lane, ran, began)| {
+            let zero_ns = (began * 1e9).round() as u64;
+            ran.pieces(zero_ns).map(move |(at, bytes)| (at, *lane, bytes))
+        })
+        .collect();
+    // Of pieces at one time, the first bead's is first.
+    pieces.sort_by_key(|(at, ..)| *at);
+    for (at, lane, bytes) in pieces {
+        writer.write_of(lane, bytes, Some(at), |_| {})?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chance_follows_from_the_seed_and_stays_within_its_bounds() {
+        let place = |seed| placed(&[7, 8, 9], &Clocks::Spread(100.0), 0.01, seed, true).unwrap();
+        assert_eq!(place(1), place(1));
+        assert_ne!(place(1), place(2));
+        for one in place(3) {
+            assert!(
+                one.clock_ppm.abs() <= 100.0 && (0.0..=0.01).contains(&one.began),
+                "{one:?}"
+            );
+            assert_eq!(
+                (usize::from(one.address), one.seed),
+                (one.bead, Some(3 + one.bead as u64))
+            );
+        }
+    }
+
+    #[test]
+    fn beads_too_far_behind_for_an_address_are_counted() {
+        let clocks = Clocks::Each(vec![0.0]);
+        let place = |beads: &[usize]| placed(beads, &clocks, 0.0, 1, false);
+        let addresses = |beads| {
+            place(beads)
+                .unwrap()
+                .iter()
+                .map(|one| one.address)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(addresses(&[200, 254]), [200, 254]);
+        assert_eq!(addresses(&[200, 255]), [1, 2]);
+        let many: Vec<usize> = (1..=255).collect();
+        assert!(place(&many).unwrap_err().to_string().contains("254 addresses"));
+    }
+
+    #[test]
+    fn there_is_a_clock_for_each_bead_or_one_for_all() {
+        let place = |ppm: &[f64]| placed(&[7, 8, 9], &Clocks::Each(ppm.to_vec()), 0.0, 1, false);
+        let ppm = |of| {
+            place(of)
+                .unwrap()
+                .iter()
+                .map(|one| one.clock_ppm)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(ppm(&[20.0]), [20.0; 3]);
+        assert_eq!(ppm(&[1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
+        let refused = place(&[1.0, 2.0]).unwrap_err().to_string();
+        assert!(refused.contains("2 crystals for 3 beads"), "{refused}");
+    }
+}

@@ -1,0 +1,130 @@
+//! Which beads of a chain: `8`, `7-16`, `7,9,12-14` or `all`.
+
+use std::str::FromStr;
+
+use hertz_chain::Scenario;
+
+use crate::bench::error::BenchError;
+
+/// Beads as given on a command line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Beads {
+    /// A single number.
+    One(usize),
+    /// A list or a range, in order.
+    Several(Vec<usize>),
+    /// All that have an intruder.
+    All,
+}
+
+/// More than any chain whose beads are emulated.
+const MOST: usize = 100_000;
+
+impl FromStr for Beads {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "all" {
+            return Ok(Self::All);
+        }
+        if let Ok(bead) = text.parse() {
+            return Ok(Self::One(bead));
+        }
+        let odd = || format!("{text:?} names no beads; give 8, 7-16, 7,9,12-14 or all");
+        let mut beads = Vec::new();
+        for part in text.split(',') {
+            let (first, last) = part.split_once('-').unwrap_or((part, part));
+            let number = |text: &str| text.trim().parse::<usize>().map_err(|_| odd());
+            let (first, last) = (number(first)?, number(last)?);
+            if last < first || last > MOST {
+                return Err(odd());
+            }
+            beads.extend(first..=last);
+        }
+        beads.sort_unstable();
+        match beads.windows(2).find(|pair| pair[0] == pair[1]) {
+            Some(pair) => Err(format!("bead {} is named twice", pair[0])),
+            None => Ok(Self::Several(beads)),
+        }
+    }
+}
+
+impl Beads {
+    /// The beads, in order. Those named must have an intruder.
+    ///
+    /// # Errors
+    /// One has none, or none has one; the message names those that have one.
+    pub(crate) fn of(&self, scenario: &Scenario) -> Result<Vec<usize>, BenchError> {
+        let of_intruders = scenario.intruders.iter().flat_map(|intruder| &intruder.beads);
+        let mut with: Vec<usize> = of_intruders.copied().collect();
+        with.sort_unstable();
+        let named = match self {
+            Self::One(bead) => vec![*bead],
+            Self::Several(beads) => beads.clone(),
+            Self::All => with.clone(),
+        };
+        if with.is_empty() {
+            return Err(BenchError::Unfit(
+                "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
+            ));
+        }
+        let without: Vec<_> = named
+            .iter()
+            .filter(|bead| !with.contains(bead))
+            .map(usize::to_string)
+            .collect();
+        if without.is_empty() {
+            return Ok(named);
+        }
+        let with: Vec<_> = with.iter().map(usize::to_string).collect();
+        let (has, these) = match without.len() {
+            1 => ("has", "bead"),
+            _ => ("have", "beads"),
+        };
+        Err(BenchError::Unfit(format!(
+            "--bead: {these} {} {has} no intruder; those with one are {}",
+            without.join(", "),
+            with.join(", ")
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_ranges_lists_and_all_are_understood() {
+        let read = |text: &str| text.parse::<Beads>();
+        assert_eq!(read("8"), Ok(Beads::One(8)));
+        assert_eq!(read("7-9"), Ok(Beads::Several(vec![7, 8, 9])));
+        assert_eq!(read("12-13,7"), Ok(Beads::Several(vec![7, 12, 13])));
+        assert_eq!(read("all"), Ok(Beads::All));
+        for odd in ["", "x", "9-7", "7-", "-7", "1-1000000", "7;8"] {
+            assert!(
+                read(odd).is_err_and(|why| why.contains("names no beads")),
+                "{odd}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_bead_named_twice_and_one_without_an_intruder_are_refused() {
+        assert_eq!("7-9,8".parse::<Beads>(), Err("bead 8 is named twice".to_owned()));
+        let mut scenario = Scenario::paper();
+        scenario.intruders[0].beads = vec![9, 7];
+        assert_eq!(Beads::All.of(&scenario).unwrap(), [7, 9]);
+        let refused = "7-10"
+            .parse::<Beads>()
+            .unwrap()
+            .of(&scenario)
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            refused,
+            "--bead: beads 8, 10 have no intruder; those with one are 7, 9"
+        );
+        scenario.intruders.clear();
+        assert!(Beads::All.of(&scenario).is_err());
+    }
+}

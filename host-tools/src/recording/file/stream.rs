@@ -1,0 +1,177 @@
+//! What one bead sent, on its way into a recording.
+
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+
+use bead_wire::{Counters, Message};
+use mcap::McapResult;
+use mcap::records::MessageHeader;
+
+use crate::recording::file::about::Origin;
+use crate::recording::file::channels::{Channels, Said};
+use crate::recording::file::layout::{ENCODING, LONGEST_RUN, RECEIVED, RECEIVED_ENCODING, TOPIC, name_of};
+use crate::recording::file::times::Clock;
+use crate::recording::frames::{Item, Reader};
+
+/// The channels of one bead, and what is not yet written to them. In a recording of one line, of all its beads.
+pub(super) struct Stream {
+    /// Its address, if it is one of several.
+    bead: Option<u8>,
+    channel: u16,
+    received: u16,
+    channels: Channels,
+    run: Vec<u8>,
+    /// Runs that are no frames, each with a delimiter.
+    noise: Vec<u8>,
+    reader: Reader,
+    clock: Clock,
+    pub(super) written: u32,
+}
+
+impl Stream {
+    /// Adds its channels to a file.
+    pub(super) fn begin<W: Write + Seek>(
+        mcap: &mut mcap::Writer<W>,
+        origin: Option<&Origin>,
+        sample_rate_hz: u32,
+    ) -> McapResult<Self> {
+        let bead = origin.map(|origin| origin.address);
+        let mut layout = origin.map(Origin::to_map).unwrap_or_default();
+        layout.insert("version".into(), bead_wire::VERSION.to_string());
+        let channel = mcap.add_channel(0, &name_of(bead, TOPIC), ENCODING, &layout)?;
+        let none = BTreeMap::new();
+        let received = mcap.add_channel(0, &name_of(bead, RECEIVED), RECEIVED_ENCODING, &none)?;
+        Ok(Self {
+            bead,
+            channel,
+            received,
+            channels: Channels::begin(mcap, bead)?,
+            run: Vec::new(),
+            noise: Vec::new(),
+            reader: Reader::default(),
+            clock: Clock {
+                sample_rate_hz,
+                ..Clock::default()
+            },
+            written: 0,
+        })
+    }
+
+    /// The bead's address, if it is one of several.
+    pub(super) fn bead(&self) -> Option<u8> {
+        self.bead
+    }
+
+    pub(super) fn counters(&self) -> &Counters {
+        self.reader.counters()
+    }
+
+    /// The time of its next message.
+    pub(super) fn log_time(&self) -> u64 {
+        self.clock.log
+    }
+
+    /// Takes bytes as received.
+    pub(super) fn write<W: Write + Seek>(
+        &mut self,
+        mcap: &mut mcap::Writer<W>,
+        bytes: &[u8],
+        received_ns: Option<u64>,
+        mut sink: impl FnMut(Item),
+    ) -> McapResult<()> {
+        let before = self.written;
+        if let Some(received_ns) = received_ns {
+            self.clock.receive(received_ns);
+        }
+        let mut said = Vec::new();
+        for byte in bytes {
+            let Self {
+                reader,
+                clock,
+                channels,
+                ..
+            } = self;
+            let mut is_frame = false;
+            reader.feed(std::slice::from_ref(byte), received_ns, |item| {
+                if let Item::Frame(frame) = &item {
+                    is_frame = true;
+                    if let Message::Identity(identity) = &frame.message {
+                        clock.sample_rate_hz = identity.sample_rate_hz;
+                    }
+                    clock.tick(frame.header.sample_index, frame.arrival);
+                    said.extend(channels.take(frame));
+                }
+                sink(item);
+            });
+            if *byte != 0 {
+                self.run.push(*byte);
+            }
+            match *byte {
+                0 if self.run.is_empty() => {}
+                // What is no frame stands together: each message costs some 50 bytes.
+                0 if !is_frame && self.noise.len() + self.run.len() < LONGEST_RUN => {
+                    self.noise.append(&mut self.run);
+                    self.noise.push(0);
+                }
+                0 => self.end(mcap)?,
+                _ if self.run.len() == LONGEST_RUN => self.end(mcap)?,
+                _ => {}
+            }
+            for Said { channel, data } in said.drain(..) {
+                self.message(mcap, channel, self.written.wrapping_sub(1), &data)?;
+            }
+        }
+        self.end_noise(mcap)?;
+        if let Some(received_ns) = received_ns.filter(|_| self.written != before) {
+            self.write_time(mcap, received_ns)?;
+        }
+        Ok(())
+    }
+
+    /// Records when the piece with the end of the last run was received.
+    fn write_time<W: Write + Seek>(&self, mcap: &mut mcap::Writer<W>, received_ns: u64) -> McapResult<()> {
+        let last = self.written.wrapping_sub(1);
+        let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
+        self.message(mcap, self.received, last, &data)
+    }
+
+    fn end_noise<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+        // The reader puts a delimiter behind each message.
+        self.noise.pop();
+        let noise = std::mem::take(&mut self.noise);
+        self.put(mcap, noise)
+    }
+
+    /// Writes the run that has come so far.
+    pub(super) fn end<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+        self.end_noise(mcap)?;
+        let run = std::mem::take(&mut self.run);
+        self.put(mcap, run)
+    }
+
+    /// Writes a run, or several with delimiters between them.
+    fn put<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>, run: Vec<u8>) -> McapResult<()> {
+        if run.is_empty() {
+            return Ok(());
+        }
+        let number = self.written;
+        self.written = number.wrapping_add(1);
+        self.message(mcap, self.channel, number, &run)
+    }
+
+    fn message<W: Write + Seek>(
+        &self,
+        mcap: &mut mcap::Writer<W>,
+        channel_id: u16,
+        sequence: u32,
+        data: &[u8],
+    ) -> McapResult<()> {
+        let header = MessageHeader {
+            channel_id,
+            sequence,
+            log_time: self.clock.log,
+            publish_time: self.clock.bead,
+        };
+        mcap.write_to_known_channel(&header, data)
+    }
+}

@@ -1,0 +1,47 @@
+//! The checks that run no program of ours: links, imports, format, lints, documentation.
+
+use crate::links;
+use crate::packages::{HOST, IMAGE, IMAGES};
+use crate::step::{Line, Steps, Stop};
+
+/// All of them.
+///
+/// # Errors
+/// Of the first one that fails.
+pub(crate) fn lint(steps: &Steps) -> Result<(), Stop> {
+    text(steps)?;
+    let imports = Line::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");
+    steps.run("circles of imports, and arrows up", &imports)?;
+    steps.both(host, image)
+}
+
+/// What is read as text: links and format.
+pub(crate) fn text(steps: &Steps) -> Result<(), Stop> {
+    steps.announce("links of the documentation");
+    let followed = links::check(&steps.root)?;
+    steps.announce(&format!("{followed} links lead somewhere"));
+    steps.run("format", &Line::new("cargo fmt --all --check"))
+}
+
+/// Lints and documentation of the host's packages.
+pub(crate) fn host(steps: &Steps) -> Result<(), Stop> {
+    let packages = format!("--release {HOST}");
+    steps.run("lints, host", &clippy(&format!("{packages} --all-targets")))?;
+    steps.run("documentation, host", &doc(&packages))
+}
+
+/// Lints and documentation of what is built for the part.
+pub(crate) fn image(steps: &Steps) -> Result<(), Stop> {
+    steps.run("lints, image", &clippy(IMAGE))?;
+    let images = format!("{IMAGES} --features embassy");
+    steps.run("lints, images of the emulator's tests", &clippy(&images))?;
+    steps.run("documentation, image", &doc(IMAGE))
+}
+
+fn clippy(what: &str) -> Line {
+    Line::new(&format!("cargo clippy {what} -- -D warnings"))
+}
+
+fn doc(what: &str) -> Line {
+    Line::new(&format!("cargo doc --no-deps {what}")).env("RUSTDOCFLAGS", "-D warnings")
+}

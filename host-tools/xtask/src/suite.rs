@@ -1,0 +1,173 @@
+//! The tests' programs and what else has to be run, several at a time.
+//!
+//! # Design
+//! `cargo test` runs one program after another. Many of them wait, for QEMU to start or for a quiet line, and
+//! some end with one long test: cores would be idle for a third of the time. So cargo only compiles and says what
+//! it has made. What takes longest comes first.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use crate::step::{Line, Steps, Stop};
+
+/// Something that has to be run: what it is called, and its command.
+#[derive(Debug, Clone)]
+pub(crate) struct Job {
+    pub(crate) title: String,
+    pub(crate) line: Line,
+}
+
+/// The packages whose tests take longest, by far the most of it in QEMU.
+const LONG: [&str; 2] = ["-p bead-tests ", "-p stm32f405-qemu "];
+
+/// What `cargo test --no-run --message-format json` says it has made.
+pub(crate) fn programs(told: &str) -> Vec<Job> {
+    told.lines().filter_map(program).collect()
+}
+
+fn program(artifact: &str) -> Option<Job> {
+    if !artifact.contains(r#""test":true"#) {
+        return None;
+    }
+    let executable = field(artifact, "executable")?;
+    let manifest = Path::new(field(artifact, "manifest_path")?);
+    let target = &artifact[artifact.find(r#""target":"#)?..];
+    let name = field(target, "name")?;
+    // "path+file:///…/host-tools#bead@0.1.0", or without a name if that is the folder's.
+    let (path, package) = field(artifact, "package_id")?.rsplit_once('#')?;
+    let package = match package.split_once('@') {
+        Some((package, _)) => package,
+        None => path.rsplit_once('/')?.1,
+    };
+    let which = match target {
+        _ if target.contains(r#""kind":["test"]"#) => format!("--test {name}"),
+        _ if target.contains(r#""kind":["bin"]"#) => format!("--bin {name}"),
+        _ => "--lib".to_owned(),
+    };
+    Some(Job {
+        title: format!("cargo test --release -p {package} {which}"),
+        line: Line::program(executable).within(manifest.parent()?),
+    })
+}
+
+/// The text of a field of a JSON object; `None` if there is none.
+fn field<'a>(object: &'a str, name: &str) -> Option<&'a str> {
+    let start = object.find(&format!("\"{name}\":\""))? + name.len() + 4;
+    Some(&object[start..start + object[start..].find('"')?])
+}
+
+/// Runs all jobs, and gives the number of tests that passed.
+///
+/// # Errors
+/// Of the job that fails first. Those that run then are waited for, and no other begins.
+pub(crate) fn run(steps: &Steps, mut jobs: Vec<Job>) -> Result<usize, Stop> {
+    jobs.sort_by_key(|job| !LONG.iter().any(|package| job.title.contains(package)));
+    let workers = thread::available_parallelism().map_or(2, usize::from);
+    steps.announce(&format!("{} programs, {workers} at a time", jobs.len()));
+    let (passed, queue) = (AtomicUsize::new(0), Mutex::new(jobs.into_iter()));
+    let steps = steps.beside();
+    let work = || {
+        loop {
+            let job = queue
+                .lock()
+                .unwrap_or_else(|poisoned| poisoned.into_inner())
+                .next();
+            let Some(Job { title, line }) = job else {
+                return Ok(());
+            };
+            let tell = |printed: &str, took: Duration| {
+                let tests = passes(printed);
+                passed.fetch_add(tests, Ordering::Relaxed);
+                match tests {
+                    0 => format!("passed in {:.1} s: {title}", took.as_secs_f64()),
+                    _ => format!("{tests} passed in {:.1} s: {title}", took.as_secs_f64()),
+                }
+            };
+            steps.until_one_fails(|| steps.run_and_tell(&title, &line, tell))?;
+        }
+    };
+    thread::scope(|scope| {
+        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+        let ended = workers.into_iter().map(|worker| worker.join());
+        let ended: Vec<_> = ended
+            .map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect();
+        Steps::first_failure(ended)
+    })?;
+    Ok(passed.into_inner())
+}
+
+/// How many tests passed, by what the test harness printed.
+fn passes(printed: &str) -> usize {
+    let results = printed
+        .lines()
+        .filter_map(|line| line.strip_prefix("test result: ok. "));
+    results
+        .filter_map(|rest| rest.split_once(" passed")?.0.parse::<usize>().ok())
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As cargo 1.95 prints it, on one line.
+    fn artifact(id: &str, kind: &str, name: &str, test: bool) -> String {
+        format!(
+            r#"{{"reason":"compiler-artifact","package_id":"path+file:///w/{id}","manifest_path":"/w/tests/Cargo.toml","target":{{"kind":["{kind}"],"crate_types":["bin"],"name":"{name}","src_path":"/w/tests/tests/key.rs","edition":"2024"}},"profile":{{"opt_level":"3","test":{test}}},"features":[],"filenames":["/w/target/release/deps/{name}-1"],"executable":"/w/target/release/deps/{name}-1","fresh":true}}"#
+        )
+    }
+
+    #[test]
+    fn what_cargo_has_made_becomes_the_commands_that_run_it() {
+        let told = [
+            artifact("tests#bead-tests@0.1.0", "test", "key", true),
+            artifact("xtask#0.1.0", "bin", "xtask", true),
+            artifact("host-tools#bead@0.1.0", "lib", "bead", true),
+            artifact("host-tools#bead@0.1.0", "bin", "bead", false),
+            r#"{"reason":"build-finished","success":true}"#.to_owned(),
+        ];
+        let jobs = programs(&told.join("\n"));
+        let titles: Vec<_> = jobs.iter().map(|job| job.title.as_str()).collect();
+        assert_eq!(
+            titles,
+            [
+                "cargo test --release -p bead-tests --test key",
+                "cargo test --release -p xtask --bin xtask",
+                "cargo test --release -p bead --lib",
+            ]
+        );
+        assert_eq!(
+            jobs[0].line.to_string(),
+            "cd /w/tests && /w/target/release/deps/key-1"
+        );
+    }
+
+    #[test]
+    fn every_job_runs_and_its_tests_are_counted_but_after_a_failure_none_begins() {
+        let job = |script: &str| Job {
+            title: script.to_owned(),
+            line: Line::new("sh -c").arg(script),
+        };
+        let good = job("echo; echo 'test result: ok. 3 passed; 0 failed'");
+        let passed = run(&Steps::start().unwrap(), vec![good.clone(); 20]);
+        assert_eq!(passed.unwrap(), 60);
+        let folder = tempfile::tempdir().unwrap();
+        let mark = folder.path().join("began");
+        let bad = job("exit 1");
+        let after = job(&format!("touch {}", mark.display()));
+        let mut jobs = vec![bad];
+        // Each worker may take one beside the first.
+        jobs.extend(vec![
+            job("sleep 0.5");
+            thread::available_parallelism().unwrap().get()
+        ]);
+        jobs.push(after);
+        let stop = run(&Steps::start().unwrap(), jobs).unwrap_err();
+        assert!(stop.message.contains("sh -c 'exit 1'"), "{}", stop.message);
+        assert!(!mark.exists());
+    }
+}

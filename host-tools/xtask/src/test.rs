@@ -1,0 +1,124 @@
+//! `cargo xtask test`: every check.
+//!
+//! # Design
+//! Two series of commands run beside one another, one for the host and one for the part. Each has a cargo lock of
+//! its own, and both keep two cores busy until all is compiled. Then everything that runs is put into one queue.
+
+use crate::packages::{DEMO, HOST};
+use crate::setup::{Need, TARGET, setup};
+use crate::step::{Line, Steps, Stop};
+use crate::suite::Job;
+use crate::{checks, image, lint, mutants, python, suite};
+
+/// Runs every check.
+///
+/// # Errors
+/// Of the first one that fails.
+pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
+    setup(steps, Need::Check)?;
+    lint::text(steps)?;
+    image::build_if_there_is_one(steps)?;
+    let mut jobs = Vec::new();
+    steps.both(
+        |steps| {
+            jobs = programs(steps)?;
+            lint::host(steps)
+        },
+        part,
+    )?;
+    jobs.extend(slow_core(steps, &jobs));
+    jobs.push(documented_examples());
+    jobs.push(figures(steps));
+    let passed = suite::run(steps, jobs)?;
+    steps.announce(&format!("{passed} tests passed"));
+    let table = steps.root.join(steps.built(TABLE));
+    let rows = checks::compare(&steps.root.join("docs/checks.md"), &table)?;
+    steps.announce(&format!("docs/checks.md tells the same in {rows} lines"));
+    demo_is_compiled(steps)?;
+    steps.announce(&format!("all checks pass, after {}", steps.elapsed()));
+    Ok(())
+}
+
+/// Compiles all that the host needs, and gives the programs of the tests.
+fn programs(steps: &Steps) -> Result<Vec<Job>, Stop> {
+    let compile =
+        Line::new("cargo test --no-run --message-format json-render-diagnostics --release").words(HOST);
+    let told = steps.read("build the host tools and their tests", &compile)?;
+    // The figures' checks are left to the program that draws them as well.
+    let programs = suite::programs(&told).into_iter();
+    let programs = programs.map(|job| Job {
+        line: job.line.words("--skip").arg(mutants::TEST),
+        ..job
+    });
+    Ok(programs.collect())
+}
+
+/// Builds and checks what is for the part; and the readers of others, which come over the network.
+fn part(steps: &Steps) -> Result<(), Stop> {
+    image::build(steps)?;
+    lint::image(steps)?;
+    let bare = format!(
+        "cargo check --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
+    );
+    steps.run(
+        "the shared crates without their default features",
+        &Line::new(&bare),
+    )?;
+    python::setup_if_it_can_be(steps);
+    Ok(())
+}
+
+/// What depends on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, which is about
+/// the most that the core can take (docs/emulator.md).
+fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
+    let tests = ["strikes", "faults", "link"].map(|name| format!("-p bead-tests --test {name}"));
+    let tests = jobs
+        .iter()
+        .filter(|job| tests.iter().any(|test| job.title.ends_with(test)));
+    let corners = Job {
+        title: "strikers and speeds at the corners of their ranges".to_owned(),
+        line: Line::program(steps.built("release/bead"))
+            .words("accuracy docs/scenarios/paper-strike.toml --bead 8 --strikes 2")
+            .words("--radii 0.0045,0.0115 --speeds 0.45,5"),
+    };
+    let slow = |job: Job| Job {
+        title: format!("{}, on a core half as fast", job.title),
+        line: job.line.env("STM32F405_QEMU_SHIFT", "4"),
+    };
+    tests.cloned().chain([corners]).map(slow).collect()
+}
+
+fn documented_examples() -> Job {
+    let line = Line::new("cargo test --release --doc").words(HOST);
+    Job {
+        title: line.to_string(),
+        line,
+    }
+}
+
+/// The table of checks that the figures write.
+const TABLE: &str = "figures/checks.md";
+
+fn figures(steps: &Steps) -> Job {
+    Job {
+        title: "the paper's figures, and every check of them".to_owned(),
+        line: Line::program(steps.built("release/bead"))
+            .words("figures --check --force --out")
+            .arg(steps.built("figures"))
+            .words("--table")
+            .arg(steps.built(TABLE))
+            .words("--format json"),
+    }
+}
+
+/// Nothing that the tests have compiled is compiled anew for the demo.
+fn demo_is_compiled(steps: &Steps) -> Result<(), Stop> {
+    let again = Line::new("cargo build --release --message-format json").words(DEMO);
+    let told = steps.read("the demo finds all compiled", &again)?;
+    match told.lines().find(|line| line.contains("\"fresh\":false")) {
+        Some(stale) => Err(Stop::failed(format!(
+            "the demo would compile anew what the tests use with other features: {stale}"
+        ))),
+        None => Ok(()),
+    }
+}

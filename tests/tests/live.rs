@@ -1,0 +1,114 @@
+//! A live bead: its time passes as the host says, and it costs the same however long it has run.
+
+use std::time::{Duration, Instant};
+
+use bead::bench::bridge::Bridge;
+use bead::recording::frames::decode;
+use bead_tests::paper;
+use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Request, encode_request};
+use stm32f405_qemu::{Inputs, Uart};
+
+/// Asks a live bead once in `every` for its status, and gives how often the emulator was called for each request.
+fn asked(times: u16, every: Duration, mut each: impl FnMut(u16, &Bridge)) -> Vec<u64> {
+    let run = paper(1, 0.1, Some(1));
+    let mut bridge = Bridge::new(&run, None).unwrap_or_else(|failure| panic!("{failure}"));
+    let mut heard = bridge
+        .pass(&[], Duration::from_secs(1))
+        .unwrap_or_else(|failure| panic!("{failure}"));
+    let mut calls = Vec::new();
+    let mut held = Vec::new();
+    for number in 0..times {
+        let mut buffer = [0; MAX_REQUEST];
+        let request = encode_request(ANY, number, &Request::Status, &mut buffer)
+            .unwrap_or_else(|error| panic!("{error}"));
+        heard.extend(
+            bridge
+                .pass(request, every)
+                .unwrap_or_else(|failure| panic!("{failure}")),
+        );
+        let (frames, _) = decode(&heard);
+        let done = |message: &Message| matches!(message, Message::Reply(reply) if reply.request == number && reply.outcome == Outcome::Done);
+        assert!(
+            frames.iter().any(|frame| done(&frame.message)),
+            "request {number}"
+        );
+        // What is behind the last delimiter belongs to the next frame.
+        let end = heard.iter().rposition(|byte| *byte == 0).map_or(0, |end| end + 1);
+        heard.drain(..end);
+        calls.push(bridge.work.calls);
+        held.push(bridge.work.held);
+        each(number, &bridge);
+    }
+    let most = held.iter().max().copied().unwrap_or(0);
+    let second = (every.as_secs_f64() * 1e5) as usize;
+    assert!(most <= second + 10, "{most} inputs and rows are kept");
+    calls
+}
+
+#[test]
+fn a_request_costs_a_live_bead_no_more_after_many_others() {
+    let calls = asked(25, Duration::from_millis(500), |_, _| {});
+    // Some seconds have a status or a health report in them.
+    let mean = |calls: &[u64]| calls.iter().sum::<u64>() as f64 / calls.len() as f64;
+    let (first, last) = (mean(&calls[..10]), mean(&calls[15..]));
+    assert!((last / first - 1.0).abs() < 0.02, "{first} {last} {calls:?}");
+}
+
+#[test]
+#[ignore = "an hour of the bead's time takes minutes: cargo test --release -p bead-tests --test live -- --ignored --nocapture"]
+fn a_thousand_requests_in_an_hour_cost_no_more_in_the_last_minute_than_in_the_first() {
+    let began = Instant::now();
+    let every = Duration::from_millis(3600);
+    let mut lap = began;
+    let calls = asked(1000, every, |number, bridge| {
+        if number % 50 == 49 {
+            let took = lap.elapsed().as_secs_f64();
+            lap = Instant::now();
+            println!(
+                "{:5.0} s of the bead's time: the last 180 s took {took:.1} s",
+                bridge.now().as_secs_f64()
+            );
+        }
+    });
+    let minute = |calls: &[u64]| calls.iter().sum::<u64>();
+    let (first, last) = (minute(&calls[1..18]), minute(&calls[983..]));
+    println!(
+        "calls of the emulator in the first minute {first}, in the last {last}; {:.0} s in all",
+        began.elapsed().as_secs_f64()
+    );
+    assert!(last as f64 <= 1.01 * first as f64);
+}
+
+#[test]
+fn a_live_bead_says_what_it_says_in_a_run_at_once_to_the_nanosecond() {
+    let run = paper(1, 0.1, Some(1));
+    let mut machine = run.machine();
+    let whole = machine.execute().unwrap_or_else(|failure| panic!("{failure}"));
+    let rows = std::mem::take(&mut machine.stimulus);
+    let mut live = machine.start().unwrap_or_else(|failure| panic!("{failure}"));
+    let mut said = Uart::default();
+    // Stops that are not those of any block, more of them while the strike is measured.
+    let mut rows = rows.chunks(8192);
+    while live.now_ns() < whole.virtual_ns {
+        let step = if live.now_ns() < 60_000_000 {
+            777_777
+        } else {
+            33_333_333
+        };
+        let inputs = Inputs {
+            codes: rows.next().unwrap_or_default().to_vec(),
+            ..Inputs::default()
+        };
+        let to = whole.virtual_ns.min(live.now_ns() + step);
+        let passed = live
+            .advance(to, inputs)
+            .unwrap_or_else(|failure| panic!("{failure}"));
+        for uart in passed.uarts {
+            said.bytes.extend(uart.bytes);
+            said.ns.extend(uart.ns);
+        }
+    }
+    assert_eq!((said.bytes, said.ns), (whole.uart, whole.uart_ns));
+    let outcome = live.finish().unwrap_or_else(|failure| panic!("{failure}"));
+    assert_eq!(outcome.instructions, whole.instructions);
+}
