@@ -92,7 +92,7 @@ pub(crate) fn of_all<'a>(documents: impl IntoIterator<Item = &'a Value>) -> Valu
 
 /// Holds `found`, the schema of what `bead NAME` prints, against FOLDER/NAME.json, or writes it if that is wished.
 pub(crate) fn hold(folder: &str, name: &str, found: &Value) {
-    let title = format!("What `bead {name}` prints as JSON");
+    let title = format!("What `bead {}` prints as JSON", name.replace('-', " "));
     let mut schema = json!({ "$schema": "https://json-schema.org/draft/2020-12/schema", "title": title });
     let entries = found.as_object().unwrap().clone();
     schema.as_object_mut().unwrap().extend(entries);
