@@ -525,7 +525,7 @@ mod tests {
             for strike in 0..random(state) as u32 % 40 {
                 let new = given(state, boot, strike);
                 put(&mut windows, &new);
-                if random(state) % 8 == 0 {
+                if random(state).is_multiple_of(8) {
                     continue; // it was cut, and is never closed
                 }
                 assert!(windows.is_open(boot, strike));
