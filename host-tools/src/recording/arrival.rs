@@ -2,10 +2,10 @@
 //!
 //! # Design
 //! The top of a pulse is flat, so noise of some mN moves it by 0.1 to 0.6 µs, and more samples or another polynomial do
-//! not help, since a pulse in a row of absorbers is not even. Its front is steep. A polynomial of degree [`DEGREE`]
+//! not help, since a pulse in a row of absorbers is not even. Its front is steep. A polynomial of degree `DEGREE`
 //! through the samples about the place gives the time there (least squares, in polynomials that are orthogonal on the
 //! samples: Forsythe, J. SIAM 5, 74, 1957), and so it gives the height of the top. Few samples leave noise, and many
-//! pulses that are no such polynomial: [`REACH`] is between. It puts all fronts a thousandth of a width too early.
+//! pulses that are no such polynomial: `REACH` is between. It puts all fronts a thousandth of a width too early.
 
 use crate::recording::signal::Signal;
 

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 pub enum Method {
     /// Independent points.
     Random,
-    /// Low discrepancy: the R sequence, x[i] = (s + i a) mod 1 with a[j] = φ^-(j+1) and φ the positive root of
+    /// Low discrepancy: the R sequence, xᵢ = (s + i a) mod 1 with aⱼ = φ^-(j+1) and φ the positive root of
     /// φ^(d+1) = φ + 1 (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018). Its error
     /// falls about as 1/n, and any number of points will do.
     Quasirandom,
