@@ -410,10 +410,8 @@ fn a_search_that_cannot_be_meant_is_refused_by_option() {
 
 #[test]
 fn a_bead_without_an_intruder_is_refused_and_the_host_named() {
-    let image = std::env::current_exe().unwrap();
-    let image = image.to_str().unwrap();
     refused(
-        &["emulate", SCENARIO, "--bead", "5", "--firmware", image],
+        &["emulate", SCENARIO, "--bead", "5"],
         2,
         &["--bead 5", "no intruder", "one of: 8"],
     );
@@ -459,7 +457,7 @@ fn a_front_end_that_cannot_be_is_refused_by_option() {
         "--interval",
         "1e15",
     ];
-    refused(&far, 2, &["--interval", "fit in memory"]);
+    refused(&far, 2, &["--interval", "a run 1200 s at most"]);
 }
 
 #[test]
@@ -623,26 +621,8 @@ fn no_result_takes_the_place_of_an_input() {
             "--force",
         ],
         &["compare", recording, "--scenario", scenario, "--report", link],
-        &[
-            "accuracy",
-            scenario,
-            "--bead",
-            "8",
-            "--firmware",
-            recording,
-            "--table",
-            link,
-        ],
-        &[
-            "spheres",
-            scenario,
-            "--bead",
-            "8",
-            "--firmware",
-            recording,
-            "--table",
-            recording,
-        ],
+        &["accuracy", scenario, "--bead", "8", "--table", link],
+        &["spheres", scenario, "--bead", "8", "--table", scenario],
     ] {
         refused(
             arguments,

@@ -201,6 +201,8 @@ fn every_frame_is_what_its_schema_says() {
             "unix:bead.sock",
             "--out",
             "a.mcap",
+            "--wait",
+            "0",
             "--format",
             "json",
         ])

@@ -288,6 +288,10 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             Arrival::Restart { .. } => {
                 let boot = self.boots.remove(&address).unwrap_or_default();
                 self.hand_on(boot.end(self.known.at(address)));
+                if frame.header.boot == 0 {
+                    // After a power cycle strikes have the same names again.
+                    self.whole.retain(|(of, ..)| *of != address);
+                }
             }
             Arrival::Duplicate => return,
             _ => {}
