@@ -168,7 +168,7 @@ fn each_way_of_being_no_request_is_refused_by_its_name() {
     assert_eq!(only(&[9, 1, 2, 0]), Err(Cause::Cobs));
     assert_eq!(only(&[&[1; MAX_REQUEST][..], &[0]].concat()), Err(Cause::TooLong));
     let mut decoder = RequestDecoder::new();
-    decode(&mut decoder, &[by_hand(VERSION, 77, 7, &[]), wrong].concat());
+    decode(&mut decoder, &[by_hand(VERSION, 99, 7, &[]), wrong].concat());
     let one_each = Rejected {
         kind: 1,
         crc: 1,
