@@ -53,8 +53,16 @@ fn recordings_made_before_version_3_replay_to_the_same_bits() {
     );
     let mut now: Value = serde_json::from_slice(&replayed.stdout).unwrap();
     // It has a version since, and counts.
-    for (key, value) in [("schema_version", 1), ("strikes_differ", 0), ("strikes_left_out", 0)] {
-        assert_eq!(now.as_object_mut().unwrap().remove(key), Some(value.into()), "{key}");
+    for (key, value) in [
+        ("schema_version", 1),
+        ("strikes_differ", 0),
+        ("strikes_left_out", 0),
+    ] {
+        assert_eq!(
+            now.as_object_mut().unwrap().remove(key),
+            Some(value.into()),
+            "{key}"
+        );
     }
     let then: Value = serde_json::from_slice(&fs::read(data("recording-v2.replay.json")).unwrap()).unwrap();
     assert_eq!(now, then);
