@@ -29,7 +29,9 @@ pub(crate) fn programs(told: &str) -> Vec<Job> {
 }
 
 fn program(artifact: &str) -> Option<Job> {
-    if !artifact.contains(r#""test":true"#) {
+    // The target says whether it has tests, the profile whether this program is them.
+    let profile = &artifact[artifact.find(r#""profile":"#)?..];
+    if !profile.contains(r#""test":true"#) {
         return None;
     }
     let executable = field(artifact, "executable")?;
@@ -117,7 +119,7 @@ mod tests {
     /// As cargo 1.95 prints it, on one line.
     fn artifact(id: &str, kind: &str, name: &str, test: bool) -> String {
         format!(
-            r#"{{"reason":"compiler-artifact","package_id":"path+file:///w/{id}","manifest_path":"/w/tests/Cargo.toml","target":{{"kind":["{kind}"],"crate_types":["bin"],"name":"{name}","src_path":"/w/tests/tests/key.rs","edition":"2024"}},"profile":{{"opt_level":"3","test":{test}}},"features":[],"filenames":["/w/target/release/deps/{name}-1"],"executable":"/w/target/release/deps/{name}-1","fresh":true}}"#
+            r#"{{"reason":"compiler-artifact","package_id":"path+file:///w/{id}","manifest_path":"/w/tests/Cargo.toml","target":{{"kind":["{kind}"],"crate_types":["bin"],"name":"{name}","src_path":"/w/tests/tests/key.rs","edition":"2024","test":true}},"profile":{{"opt_level":"3","test":{test}}},"features":[],"filenames":["/w/target/release/deps/{name}-1"],"executable":"/w/target/release/deps/{name}-1","fresh":true}}"#
         )
     }
 
