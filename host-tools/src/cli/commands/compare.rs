@@ -24,7 +24,7 @@ use crate::comparison::spread::{Deviations, Spread};
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
 use crate::comparison::velocity::{self, FittedVelocity};
 use crate::comparison::verdict::{Soundness, failure};
-use crate::recording::file::Part;
+use crate::recording::file::{Bead, Part};
 use crate::recording::json::hex;
 use crate::recording::received::Received;
 use crate::recording::whole::Target;
@@ -131,7 +131,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         place::targets(directory, names, &inputs, arguments.force)
     });
     let figures = figures.transpose()?;
-    let received = Received::open(&arguments.recording)?;
+    let received = of_one_bead(Received::open(&arguments.recording)?, arguments.bead)?;
     let (mut scenario, text) = scenario(arguments, &received)?;
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
@@ -265,6 +265,24 @@ fn scenario(arguments: &Arguments, received: &Received) -> Result<(Scenario, Str
     let text = String::from_utf8_lossy(text).into_owned();
     let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()))?;
     Ok((scenario, text))
+}
+
+/// What came from the one bead that is compared. Each bead of a row has a truth of its own.
+fn of_one_bead(received: Received, asked: Option<usize>) -> Result<Received, Failure> {
+    let beads = &received.recording.beads;
+    if beads.is_empty() {
+        return Ok(received);
+    }
+    let place = |bead: &Bead| bead.origin.bead.unwrap_or(bead.origin.address.into());
+    let at = asked.and_then(|asked| beads.iter().position(|bead| place(bead) == asked));
+    match at {
+        Some(at) => Ok(received.each().swap_remove(at)),
+        None => Err(Failure::input(format!(
+            "{} has the beads {:?}; say with --bead which one to compare",
+            received.path.display(),
+            beads.iter().map(place).collect::<Vec<_>>()
+        ))),
+    }
 }
 
 /// How a page was made, and of what.
