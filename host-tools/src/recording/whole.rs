@@ -53,10 +53,16 @@ impl Target {
     /// gets the number of that file, so that files of one run stay together.
     #[must_use]
     pub fn beside(&self, wanted: &Path, took: &Path) -> Self {
-        let Some(stem) = took.file_stem().filter(|_| wanted != took) else {
-            return self.clone();
+        let stem = |path: &Path| {
+            path.file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned()
         };
-        let mut name = stem.to_owned();
+        let (wanted, took) = (stem(wanted), stem(took));
+        let number = took.strip_prefix(&wanted).unwrap_or_default();
+        let mut name = self.path.file_stem().unwrap_or_default().to_owned();
+        name.push(number);
         if let Some(extension) = self.path.extension() {
             name.push(".");
             name.push(extension);
@@ -209,6 +215,9 @@ mod tests {
         let beside = |took: &str| settings.beside(wanted, Path::new(took)).path().to_owned();
         assert_eq!(beside("run/bead-9.mcap"), Path::new("run/bead-9.settings"));
         assert_eq!(beside("run/bead-9-2.mcap"), Path::new("run/bead-9-2.settings"));
+        // Several beads in one recording: each keeps its name.
+        let of_several = settings.beside(Path::new("run/chain.mcap"), Path::new("run/chain-2.mcap"));
+        assert_eq!(of_several.path(), Path::new("run/bead-9-2.settings"));
     }
 
     #[test]
