@@ -112,6 +112,9 @@ mod tests {
             .to_vec();
         assert_eq!(scenario.hosts(), [7, 9, 12]);
         let first = |n| scenario.with_first_hosts(n).hosts();
-        assert_eq!((first(0), first(1), first(2), first(9)), (vec![], vec![7], vec![7, 9], vec![7, 9, 12]));
+        assert_eq!(
+            (first(0), first(1), first(2), first(9)),
+            (vec![], vec![7], vec![7, 9], vec![7, 9, 12])
+        );
     }
 }

@@ -82,7 +82,8 @@ impl Arrivals {
                 }
             }
             for (way, pair) in ways.iter_mut().zip(rises.windows(2)) {
-                way.times.extend(pair[1].zip(pair[0]).map(|(later, earlier)| later - earlier));
+                way.times
+                    .extend(pair[1].zip(pair[0]).map(|(later, earlier)| later - earlier));
             }
         }
         let all: Vec<f64> = off.iter().flatten().copied().collect();

@@ -26,8 +26,10 @@ use crate::comparison::strike::FullChain;
 pub struct EnergyAlong {
     /// Energy of the wave that came to the first bead that recorded, J; none if no bead felt a strike.
     pub incident: Option<Pair>,
-    /// Who says so: the bead, or `simulation`.
-    pub incident_by: String,
+    /// That bead.
+    pub incident_at: Option<usize>,
+    /// Who says so, on the device's side: `bead`, or `simulation`.
+    pub incident_by: &'static str,
     /// After 0, 1 and all further intruders.
     pub after: Vec<After>,
     /// The line through ln E(n), of what was measured on end.
@@ -70,7 +72,9 @@ pub type Transmission = Sides<Option<f64>>;
 pub struct Fit {
     /// T.
     pub transmission: f64,
-    /// Its standard error, from the scatter about the line.
+    /// E(0) of the line.
+    pub initial: f64,
+    /// Standard error of T, from the scatter about the line.
     pub uncertainty: f64,
     /// Root mean square of that scatter: how far from exponential the energies are.
     pub residual: f64,
@@ -106,7 +110,8 @@ impl EnergyAlong {
         let Some(first) = first else {
             return Ok(Self {
                 incident: None,
-                incident_by: "simulation".to_owned(),
+                incident_at: None,
+                incident_by: "simulation",
                 after: Vec::new(),
                 fit: Sides::of(|_| None),
                 not_measured: Vec::new(),
@@ -134,10 +139,8 @@ impl EnergyAlong {
                 device: leader.felt.iter().map(came).sum::<f64>() / count,
                 f64_chain: simulated,
             }),
-            incident_by: match is_own {
-                true => format!("bead {}", leader.bead),
-                false => "simulation".to_owned(),
-            },
+            incident_at: Some(leader.bead),
+            incident_by: if is_own { "bead" } else { "simulation" },
             after,
             fit,
             not_measured,
@@ -190,7 +193,11 @@ fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
         let [a, b] = taken.measured.unwrap_or([taken.f64_chain; 2]);
         [a, b, taken.f64_chain]
     };
-    let before: f64 = taken.iter().filter(|one| one.bead < first).map(|one| one.f64_chain).sum();
+    let before: f64 = taken
+        .iter()
+        .filter(|one| one.bead < first)
+        .map(|one| one.f64_chain)
+        .sum();
     let whole = 1.0 + before;
     let mut left = [whole; 3];
     let mut all = vec![After {
@@ -225,7 +232,10 @@ fn after(taken: &[Taken], first: usize, rows_of_n: &[f64]) -> Vec<After> {
 /// The lines through what was measured, and which hosts between measured nothing.
 fn fits(after: &[After], taken: &[Taken]) -> (Sides<Option<Fit>>, Vec<usize>) {
     let is_measured = |one: &Taken| one.measured.is_some();
-    let (Some(from), Some(to)) = (taken.iter().position(is_measured), taken.iter().rposition(is_measured)) else {
+    let (Some(from), Some(to)) = (
+        taken.iter().position(is_measured),
+        taken.iter().rposition(is_measured),
+    ) else {
         return (Sides::of(|_| None), Vec::new());
     };
     let gaps = taken[from..=to].iter().filter(|one| !is_measured(one));
@@ -237,6 +247,7 @@ fn fits(after: &[After], taken: &[Taken]) -> (Sides<Option<Fit>>, Vec<usize>) {
         let fit = TransmissionFit::of(&points).filter(|_| side > 1 || gaps.is_empty())?;
         Some(Fit {
             transmission: fit.transmission,
+            initial: fit.initial,
             uncertainty: fit.uncertainty,
             residual: fit.residual,
         })
@@ -281,7 +292,10 @@ mod tests {
         let (fit, gaps) = fits(&after, &taken);
         assert!(gaps.is_empty());
         for side in [fit.by_a, fit.f64_chain, fit.rows_of_n].map(Option::unwrap) {
-            assert!((side.transmission - 0.9).abs() < 1e-12 && side.residual < 1e-12, "{side:?}");
+            assert!(
+                (side.transmission - 0.9).abs() < 1e-12 && side.residual < 1e-12,
+                "{side:?}"
+            );
         }
         assert!(fit.by_b.unwrap().transmission < 0.9);
     }
@@ -308,7 +322,10 @@ mod tests {
         }
         let after = after(&taken, 9, &powers(5));
         for one in &after {
-            assert!((one.left.by_a - 0.9_f64.powi(one.n as i32)).abs() < 1e-12, "{one:?}");
+            assert!(
+                (one.left.by_a - 0.9_f64.powi(one.n as i32)).abs() < 1e-12,
+                "{one:?}"
+            );
         }
         let (fit, _) = fits(&after, &taken);
         assert!((fit.by_a.unwrap().transmission - 0.9).abs() < 1e-12);

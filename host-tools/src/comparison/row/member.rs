@@ -17,7 +17,7 @@ use crate::recording::signal::Signal;
 use crate::recording::strikes::RecordedStrike;
 
 /// Strikes of a bead that are kept at most. Means and verdicts are over all.
-pub const STRIKES_MOST: usize = 10_000;
+const STRIKES_MOST: usize = 10_000;
 /// Strikes whose curves are kept, for the pictures.
 const DRAWN_MOST: usize = 8;
 
@@ -199,9 +199,7 @@ impl Member {
             strikes: count,
             strikes_left_out: count - felt.len(),
             peak_force: peak.beside(truth.peak_force),
-            width: chain
-                .pulse()
-                .and_then(|pulse| width.beside(pulse.fwhm?)),
+            width: chain.pulse().and_then(|pulse| width.beside(pulse.fwhm?)),
             absorbed_measured: measured.beside(truth.absorbed),
             absorbed_predicted: predicted.beside(truth.absorbed),
             later_wave: felt.iter().find_map(|felt| felt.later),
@@ -246,7 +244,9 @@ impl Felt {
         let on = |sample: f64| time.common(strike.address, strike.boot, said.first_index as f64 + sample);
         let host = time.host(strike.address, strike.boot, said.trigger_index as f64);
         let per_sample = strike.rate().map(|rate| 1.0 / f64::from(rate));
-        let start = traces.as_ref().and_then(|traces| Some(traces.force.first()?.time));
+        let start = traces
+            .as_ref()
+            .and_then(|traces| Some(traces.force.first()?.time));
         Self {
             number: said.strike,
             device,
@@ -254,10 +254,10 @@ impl Felt {
             railed: said.flags.names().any(|flag| flag == "force_railed"),
             struck: host.map(|host| host - chain.front()),
             rise: rise.and_then(on),
-            rise_drawn: start.zip(rise.zip(per_sample)).map(|(start, (rise, step))| start + rise * step),
-            later: traces
-                .as_ref()
-                .and_then(|traces| later_wave(&traces.force, said.force_noise.newtons())),
+            rise_drawn: start
+                .zip(rise.zip(per_sample))
+                .map(|(start, (rise, step))| start + rise * step),
+            later: traces.as_ref().and_then(|traces| later_wave(&traces.force)),
             traces,
         }
     }

@@ -34,7 +34,12 @@ pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec
     }
     places.sort_by_key(|place| place.bead);
     let is_missing = |host: &&usize| places.iter().all(|place| place.bead != **host);
-    let missing: Vec<String> = chain.hosts.iter().filter(is_missing).map(usize::to_string).collect();
+    let missing: Vec<String> = chain
+        .hosts
+        .iter()
+        .filter(is_missing)
+        .map(usize::to_string)
+        .collect();
     if !missing.is_empty() {
         let beads = if missing.len() == 1 { "bead" } else { "beads" };
         notes.push(format!(

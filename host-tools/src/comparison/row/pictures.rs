@@ -1,5 +1,6 @@
 //! The pictures of a row: what its sensors felt, each at its place in the chain, and the energy along it.
 
+use hertz_chain::Curve;
 use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
 
 use crate::comparison::row::chain::Chain;
@@ -12,7 +13,7 @@ use crate::comparison::strike::{SensedPoint, Traces};
 /// Beads beyond the first and the last of the row whose force is shown as simulated.
 const BEYOND: usize = 2;
 /// How far the highest curve reaches, in beads.
-const HIGH: f64 = 1.7;
+const HIGH: f64 = 1.9;
 /// Before the first arrival and after the last, s.
 const BEFORE: f64 = 0.35e-3;
 const AFTER: f64 = 1.4e-3;
@@ -51,15 +52,14 @@ pub fn details(row: &Row, chain: &Chain, told: &RowComparison) -> Chart {
 }
 
 fn chart(row: &Row, chain: &Chain, description: &str, panels: Vec<Panel>) -> Chart {
-    let (from, to) = span(row, chain);
     Chart {
         description: description.to_owned(),
         width: WIDTH,
-        ..Chart::new(time(from, to), panels)
+        ..Chart::new(time(span(row, chain)), panels)
     }
 }
 
-fn time(from: f64, to: f64) -> Axis {
+fn time((from, to): (f64, f64)) -> Axis {
     Axis::new("time since the striker hit (ms)", from * 1e3..to * 1e3)
 }
 
@@ -78,20 +78,25 @@ fn drawn(row: &Row) -> Drawn<'_> {
     let mut best: Option<(usize, Drawn<'_>)> = None;
     for strike in &row.strikes {
         let zero = row.zero(strike);
-        let one = |felt: Option<&'_ Felt>| {
-            let felt = felt?;
-            // Without a time in common a curve stands where it fits the simulation best.
-            let late = zero.zip(felt.rise.zip(felt.rise_drawn));
-            let late = late.map_or(0.0, |(zero, (rise, drawn))| rise - zero - drawn);
-            Some((felt.traces.as_ref()?, late))
-        };
-        let felt: Vec<_> = row.felt(strike).into_iter().map(one).collect();
+        let felt: Vec<_> = row
+            .felt(strike)
+            .into_iter()
+            .map(|felt| curves(felt?, zero))
+            .collect();
         let count = felt.iter().flatten().count();
         if best.as_ref().is_none_or(|(most, _)| count > *most) {
             best = Some((count, Drawn { felt }));
         }
     }
     best.map_or(Drawn { felt: Vec::new() }, |(_, drawn)| drawn)
+}
+
+/// A strike's curves, and how much later than they say it came.
+fn curves(felt: &Felt, zero: Option<f64>) -> Option<(&Traces, f64)> {
+    // Without a time in common a curve stands where it fits the simulation best.
+    let late = zero.zip(felt.rise.zip(felt.rise_drawn));
+    let late = late.map_or(0.0, |(zero, (rise, drawn))| rise - zero - drawn);
+    Some((felt.traces.as_ref()?, late))
 }
 
 /// Curves at the places of their beads, `scale` beads high for each unit.
@@ -114,7 +119,9 @@ fn at_places(
             name: String::new(),
             ink: Ink::Sensed,
             mark: Mark::Line,
-            points: shown.filter(|(time, _)| (from * 1e3..=to * 1e3).contains(time)).collect(),
+            points: shown
+                .filter(|(time, _)| (from * 1e3..=to * 1e3).contains(time))
+                .collect(),
         });
     }
     // One name for all.
@@ -126,14 +133,14 @@ fn at_places(
 
 /// Simulated curves at the places of `beads`.
 fn simulated(
-    beads: impl IntoIterator<Item = usize>,
+    beads: impl IntoIterator<Item = (usize, Mark)>,
     name: &str,
     scale: f64,
-    value: impl Fn(usize) -> Option<hertz_chain::Curve>,
+    value: impl Fn(usize) -> Option<Curve>,
     (from, to): (f64, f64),
 ) -> Vec<Series> {
     let mut curves: Vec<Series> = Vec::new();
-    for bead in beads {
+    for (bead, mark) in beads {
         let Some(mut curve) = value(bead) else { continue };
         let at = |point: usize| {
             let time = from + (to - from) * point as f64 / POINTS as f64;
@@ -143,19 +150,32 @@ fn simulated(
         curves.push(Series {
             name: String::new(),
             ink: Ink::Chain,
-            mark: Mark::Broad,
+            mark,
             points: (0..=POINTS).map(at).collect(),
         });
     }
-    if let Some(first) = curves.first_mut() {
-        first.name = name.to_owned();
+    // One name for all, beside the mark that lies under the beads' own.
+    let named = curves.iter().position(|curve| curve.mark == Mark::Broad);
+    if let Some(curve) = curves.get_mut(named.unwrap_or(0)) {
+        curve.name = name.to_owned();
     }
     curves
 }
 
+/// Places with the mark that their simulated curve has: broad under what a bead sensed, thin elsewhere.
+fn marked(row: &Row, beads: impl IntoIterator<Item = usize>) -> Vec<(usize, Mark)> {
+    let mark = |bead: usize| match row.members.iter().any(|member| member.bead == bead) {
+        true => (bead, Mark::Broad),
+        false => (bead, Mark::Line),
+    };
+    beads.into_iter().map(mark).collect()
+}
+
 fn places(row: &Row, chain: &Chain) -> (usize, usize) {
     let beads = row.members.iter().map(|member| member.bead);
-    let (first, last) = beads.fold((usize::MAX, 0), |(low, high), bead| (low.min(bead), high.max(bead)));
+    let (first, last) = beads.fold((usize::MAX, 0), |(low, high), bead| {
+        (low.min(bead), high.max(bead))
+    });
     let end = chain.scenario.chain.beads;
     (first.saturating_sub(BEYOND).max(1), (last + BEYOND).min(end))
 }
@@ -167,31 +187,53 @@ fn force(row: &Row, chain: &Chain) -> Panel {
     let highest = highest.fold(0.0, f64::max);
     let scale = HIGH / highest;
     let of = |bead: usize| Some(chain.solution.force_curve(bead));
-    let mut series = simulated(first..=last, "simulated", scale, of, span);
-    series.extend(at_places(row, "sensed by the beads", scale, |traces| &traces.force, span));
+    let mut series = simulated(marked(row, first..=last), "simulated", scale, of, span);
+    series.extend(at_places(
+        row,
+        "sensed by the beads",
+        scale,
+        |traces| &traces.force,
+        span,
+    ));
     Panel::new("place of the bead", series)
         .range(first as f64 - 0.4, last as f64 + HIGH + 0.2)
+        .over(time(span))
         .height(height(first, last))
-        .note(format!("Force at each bead's contact: {:.1} N are as high as a bead", 1.0 / scale))
+        .note(format!(
+            "Force at each bead's contact: {:.1} N are as high as a bead",
+            1.0 / scale
+        ))
 }
 
 fn acceleration(row: &Row, chain: &Chain) -> Panel {
     let span = span(row, chain);
     let (first, last) = places(row, chain);
-    let hosts = chain.hosts.iter().copied().filter(|host| (first..=last).contains(host));
+    let inside = |host: &usize| (first..=last).contains(host);
+    let hosts = marked(row, chain.hosts.iter().copied().filter(inside));
     let of = |bead: usize| chain.solution.acceleration_curve(bead);
     // As high, up and down together, as the forces.
     let unscaled = simulated(hosts.clone(), "", 1.0, of, span);
     let reach = |curve: &Series| {
         let base = curve.points.first().map_or(0.0, |first| first.1);
-        curve.points.iter().map(|point| (point.1 - base).abs()).fold(0.0, f64::max)
+        curve
+            .points
+            .iter()
+            .map(|point| (point.1 - base).abs())
+            .fold(0.0, f64::max)
     };
     let greatest = unscaled.iter().map(reach).fold(f64::MIN_POSITIVE, f64::max);
     let scale = 0.5 * HIGH / greatest;
     let mut series = simulated(hosts, "simulated", scale, of, span);
-    series.extend(at_places(row, "sensed by the beads", scale, |traces| &traces.acceleration, span));
+    series.extend(at_places(
+        row,
+        "sensed by the beads",
+        scale,
+        |traces| &traces.acceleration,
+        span,
+    ));
     Panel::new("place of the bead", series)
         .range(first as f64 - 0.9, last as f64 + 0.9)
+        .over(time(span))
         .height(height(first, last))
         .note(format!(
             "Acceleration of each intruder: {:.0} m/s² are as high as a bead",
@@ -201,7 +243,7 @@ fn acceleration(row: &Row, chain: &Chain) -> Panel {
 
 /// Pixels for the places from one to another.
 fn height(first: usize, last: usize) -> u32 {
-    (28 * (last - first + 2) as u32).clamp(180, 620)
+    (34 * (last - first + 2) as u32).clamp(180, 640)
 }
 
 /// E(n) by the beads over the simulation's.
@@ -209,7 +251,10 @@ fn left(told: &RowComparison) -> Option<Panel> {
     let after = &told.energy.after;
     let most = after.last()?.n;
     let points = |side: fn(&Sides<f64>) -> f64| -> Vec<(f64, f64)> {
-        after.iter().map(|one| (one.n as f64, 100.0 * side(&one.left))).collect()
+        after
+            .iter()
+            .map(|one| (one.n as f64, 100.0 * side(&one.left)))
+            .collect()
     };
     let own = |of: fn(&Sides<f64>) -> f64| -> Vec<(f64, f64)> {
         let is_own = |one: &&After| one.transmission.is_none_or(|through| through.by_a.is_some());
@@ -223,17 +268,37 @@ fn left(told: &RowComparison) -> Option<Panel> {
         points,
     };
     let mut all = vec![
-        series("simulated, rows of n intruders (Fig. 5)", Ink::Chain, Mark::Broad, points(|side| side.rows_of_n)),
-        series("by the beads, A", Ink::Measured, Mark::Rings, own(|side| side.by_a)),
-        series("by the beads, B", Ink::Predicted, Mark::Discs, own(|side| side.by_b)),
+        series(
+            "simulated, rows of n intruders (Fig. 5)",
+            Ink::Chain,
+            Mark::Broad,
+            points(|side| side.rows_of_n),
+        ),
+        series(
+            "by the beads, A",
+            Ink::Measured,
+            Mark::Rings,
+            own(|side| side.by_a),
+        ),
+        series(
+            "by the beads, B",
+            Ink::Predicted,
+            Mark::Discs,
+            own(|side| side.by_b),
+        ),
     ];
     if let Some(fit) = told.energy.fit.by_a {
         let power = |one: &After| {
-            let from = after.iter().find(|one| one.n == 0).map_or(1.0, |zero| zero.left.by_a);
-            (one.n as f64, 100.0 * from * fit.transmission.powi(one.n as i32))
+            let power = fit.initial * fit.transmission.powi(one.n as i32);
+            (one.n as f64, 100.0 * power)
         };
         let name = format!("Tⁿ, T = {:.4}", fit.transmission);
-        all.push(series(&name, Ink::Guide, Mark::Dashed, after.iter().map(power).collect()));
+        all.push(series(
+            &name,
+            Ink::Guide,
+            Mark::Dashed,
+            after.iter().map(power).collect(),
+        ));
     }
     Some(
         Panel::new("energy left, E(n) (%)", all)
@@ -264,7 +329,10 @@ fn transmission(told: &RowComparison) -> Option<Panel> {
     ];
     Some(
         Panel::new("T of the intruder", all)
-            .over(Axis::new("place of the bead", first as f64 - 0.3..last as f64 + 0.3))
+            .over(Axis::new(
+                "place of the bead",
+                first as f64 - 0.3..last as f64 + 0.3,
+            ))
             .height(230),
     )
 }

@@ -42,10 +42,16 @@ impl Row {
     pub(super) fn missed(&self) -> Vec<String> {
         let all = self.strikes.len();
         let of = |(place, member): (usize, &Member)| {
-            let felt = self.strikes.iter().filter(|strike| strike[place].is_some()).count();
+            let felt = self
+                .strikes
+                .iter()
+                .filter(|strike| strike[place].is_some())
+                .count();
             let bead = member.bead;
             match felt {
-                0 => Some(format!("bead {bead} never saw a strike: what its intruder took is the simulation's")),
+                0 => Some(format!(
+                    "bead {bead} never saw a strike: what its intruder took is the simulation's"
+                )),
                 _ if felt < all => Some(format!("bead {bead} has {felt} of {all} strikes")),
                 _ => None,
             }
@@ -57,11 +63,11 @@ impl Row {
 /// The strikes, in the order of their time: for each bead, which of its strikes that is. Without times of receipt, those
 /// with one number are one.
 fn together(members: &[Member]) -> Vec<Vec<Option<usize>>> {
-    let of_member = |(place, member): (usize, &Member)| {
-        let one = move |(at, felt): (usize, &Felt)| (felt.struck, felt.number, place, at);
-        member.felt.iter().enumerate().map(one)
-    };
-    let mut all: Vec<_> = members.iter().enumerate().flat_map(of_member).collect();
+    let mut all = Vec::new();
+    for (place, member) in members.iter().enumerate() {
+        let of = |(at, felt): (usize, &Felt)| (felt.struck, felt.number, place, at);
+        all.extend(member.felt.iter().enumerate().map(of));
+    }
     let told: Option<Vec<_>> = all
         .iter()
         .map(|(struck, _, place, at)| struck.map(|struck| (struck, *place, *at)))
@@ -72,7 +78,9 @@ fn together(members: &[Member]) -> Vec<Vec<Option<usize>>> {
     all.sort_by_key(|(_, number, place, at)| (*number, *place, *at));
     let mut by_number = BTreeMap::new();
     for (_, number, place, at) in all {
-        let strike = by_number.entry(number).or_insert_with(|| vec![None; members.len()]);
+        let strike = by_number
+            .entry(number)
+            .or_insert_with(|| vec![None; members.len()]);
         // After a reset the numbers begin anew; only the first of them can be told.
         strike[place].get_or_insert(at);
     }
@@ -85,7 +93,9 @@ fn by_time(mut told: Vec<(f64, usize, usize)>, beads: usize) -> Vec<Vec<Option<u
     let mut strikes: Vec<(f64, Vec<Option<usize>>)> = Vec::new();
     for (struck, place, at) in told {
         match strikes.last_mut() {
-            Some((first, strike)) if struck - *first < SAME && strike[place].is_none() => strike[place] = Some(at),
+            Some((first, strike)) if struck - *first < SAME && strike[place].is_none() => {
+                strike[place] = Some(at)
+            }
             _ => {
                 let mut strike = vec![None; beads];
                 strike[place] = Some(at);
@@ -119,6 +129,9 @@ mod tests {
 
     #[test]
     fn a_bead_has_one_strike_of_each() {
-        assert_eq!(by_time(vec![(0.0, 0, 0), (1e-3, 0, 1)], 1), [[Some(0)], [Some(1)]]);
+        assert_eq!(
+            by_time(vec![(0.0, 0, 0), (1e-3, 0, 1)], 1),
+            [[Some(0)], [Some(1)]]
+        );
     }
 }
