@@ -4,11 +4,12 @@
 
 mod rows;
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use hertz_chain::Scenario;
-use rows::{Who, record, write_scenario};
+use rows::{Who, record};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -53,6 +54,10 @@ impl Recorded {
         assert_eq!(output.status.code(), Some(status), "{notes}");
         (serde_json::from_slice(&output.stdout).unwrap(), notes)
     }
+}
+
+fn write_scenario(path: &Path, scenario: &Scenario) {
+    fs::write(path, scenario.to_toml()).unwrap();
 }
 
 fn number(value: &Value) -> f64 {
@@ -116,7 +121,7 @@ fn a_row_is_compared_whole_with_a_page_and_figures() {
         );
     }
 
-    let read = |name: &str| std::fs::read_to_string(row.folder.path().join(name)).unwrap();
+    let read = |name: &str| fs::read_to_string(row.folder.path().join(name)).unwrap();
     let page = read("row.html");
     for outside in ["<script", "<link", "<img", "src=", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");

@@ -345,6 +345,34 @@ impl FullChain {
         self.pulse
     }
 
+    /// The energy that the strongest pulse brings to the bead, J: the work that it does on it.
+    pub(crate) fn incident(&self) -> f64 {
+        let Some(pulse) = self.pulse else { return 0.0 };
+        let passed = self.solution.flow(self.bead).between(pulse.from, pulse.to);
+        let contact = self.solution.model().contact(self.bead);
+        let held = |time: f64| contact.energy(self.solution.at(time).overlap(self.bead));
+        passed.energy - passed.lost - (held(pulse.to) - held(pulse.from))
+    }
+
+    /// The same by a bead's force and the reduced chain behind it, as estimate B has it, in f64. None where samples or
+    /// settings are missing.
+    pub(crate) fn incident_by(&self, strike: &RecordedStrike) -> Option<f64> {
+        let (settings, pulse) = (strike.settings.as_ref()?, self.pulse?);
+        if strike.missing() > 0 || strike.scans.len() <= usize::from(BASELINE) {
+            return None;
+        }
+        let rate = f64::from(settings.sample_rate_hz);
+        let force = sensed(&strike.scans, 0, &settings.force);
+        let start = self.place(&force, rate);
+        let gated = gated(&force, settings, strike.said.force_noise.newtons());
+        let work = f64_estimators::work(&self.physics, &self.neighbours, &gated, rate);
+        let at = |time: f64| {
+            let sample = ((time - start) * rate).round().max(0.0) as usize;
+            work.get(sample.min(work.len() - 1)).copied()
+        };
+        Some(at(pulse.to)? - at(pulse.from)?)
+    }
+
     /// When the force at the bead's incoming contact rises through half of its greatest value, s since the striker hit.
     pub(crate) fn front(&self) -> f64 {
         let mut force = during(&self.force);

@@ -1,6 +1,5 @@
 //! Rows of beads, recorded without an image: the model on this computer makes what each would send.
 
-use std::fs;
 use std::path::Path;
 
 use bead::bench::front_end::FrontEnd;
@@ -30,6 +29,8 @@ pub(crate) struct Who {
     pub(crate) lost: Vec<u32>,
     /// A scenario that it carries in place of the row's.
     pub(crate) carries: Option<String>,
+    /// What the emulator measured of its run.
+    pub(crate) emulator: Option<Vec<u8>>,
     /// Its estimate B is sent with this many bits more.
     pub(crate) wrong_by: i64,
     /// Frames after the first that are lost on the way.
@@ -44,6 +45,7 @@ impl Who {
             synced: true,
             lost: Vec::new(),
             carries: None,
+            emulator: None,
             wrong_by: 0,
             frames_lost: 0,
         }
@@ -72,16 +74,14 @@ pub(crate) fn record(path: &Path, scenario: &Scenario, beads: &[Who], strikes: u
         if let Some(text) = &who.carries {
             writer.attach_to(lane, Part::Scenario, text.as_bytes()).unwrap();
         }
+        if let Some(report) = &who.emulator {
+            writer.attach_to(lane, Part::EmulatorReport, report).unwrap();
+        }
         for (at, frame) in frames(&solution, who, strikes) {
             writer.write_of(lane, &frame, Some(at), |_| {}).unwrap();
         }
     }
     writer.finish().unwrap();
-}
-
-/// A scenario as a file beside a recording.
-pub(crate) fn write_scenario(path: &Path, scenario: &Scenario) {
-    fs::write(path, scenario.to_toml()).unwrap();
 }
 
 /// What a bead sends, each frame with the time of its receipt, ns.

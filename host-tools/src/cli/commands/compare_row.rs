@@ -196,6 +196,7 @@ fn beads(told: &RowComparison) -> String {
         ];
         row.extend(pair(bead.peak_force, 1.0, 4));
         row.extend(pair(bead.width, 1e6, 2));
+        row.extend(pair(bead.incident, 1e6, 3));
         row.extend(pair(bead.absorbed_measured, 1e9, 2).into_iter().take(1));
         row.extend(judged(bead.spread.first()));
         row.extend(pair(bead.absorbed_predicted, 1e9, 2).into_iter().take(1));
@@ -205,7 +206,7 @@ fn beads(told: &RowComparison) -> String {
         row.push(output::either(bead.flags.is_empty(), "-", &bead.flags.join(", ")));
         row
     };
-    let header = "bead | strikes | arrival (ms) | off by | peak (N) | off by | width (µs) | off by | A (nJ) | off by | ±0.2 % \
+    let header = "bead | strikes | arrival (ms) | off by | peak (N) | off by | width (µs) | off by | wave (µJ) | off by | A (nJ) | off by | ±0.2 % \
                   | B (nJ) | off by | ±0.5 % | replay | flags";
     let mut text = output::table(header, told.beads.iter().map(row));
     if let Some(rms) = told.arrivals.off_rms_s {
@@ -301,7 +302,7 @@ fn energy(told: &RowComparison) -> Option<String> {
     let header =
         "n | bead | E(n), % by A | by B | f64 chain | rows of n | T by A | by B | f64 chain | rows of n";
     let by = match energy.incident_by {
-        "bead" => "by its own peak force",
+        "bead" => "by its own force",
         _ => "of the simulation",
     };
     Some(format!(

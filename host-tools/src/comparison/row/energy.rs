@@ -2,9 +2,11 @@
 //!
 //! # Design
 //! The beads measure what their intruders take. What is left after n of them is what came to the first bead less what
-//! the first n took: **E(n) = E(0) - Σ absorbed**, once with estimate A and once with B. E(0) is the first bead's own
-//! incident energy, by the law of a solitary wave; only where its force left the sensor's range it is the simulation's.
-//! All is a part of E(0), so that the speed of a strike has no part in it, and strikes are averaged. What a host took
+//! the first n took: **E(n) = E(0) - Σ absorbed**, once with estimate A and once with B. E(0) is the first bead's own too:
+//! the work that its force does on the host of the reduced chain, which it moves, over the main wave. (The law of a solitary
+//! wave, by which the bead itself reports an incident energy from the peak force, holds between equal beads; a host is as
+//! light as its shell while the intruder lags behind, and with 12 g it gives 13 % too little.) Only where samples are missing
+//! or the force left the sensor's range it is the simulation's. All is a part of E(0), so that the speed of a strike has no part in it, and strikes are averaged. What a host took
 //! that did not record is the simulation's. The simulation is put through the same sum.
 //!
 //! The paper's E(n) is another: the energy at the end in a chain with n intruders, over that in one without
@@ -19,7 +21,6 @@ use crate::bench::error::BenchError;
 use crate::comparison::row::chain::Chain;
 use crate::comparison::row::member::{Felt, Pair};
 use crate::comparison::row::strikes::Row;
-use crate::comparison::strike::FullChain;
 
 /// The energy along a row, as in the JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -118,9 +119,10 @@ impl EnergyAlong {
             });
         };
         let leader = &row.members[first];
-        let simulated = incident(&leader.chain);
-        let is_own = leader.felt.iter().all(|felt| felt.incident > 0.0 && !felt.railed);
-        let came = |felt: &Felt| if is_own { felt.incident } else { simulated };
+        let simulated = leader.chain.incident();
+        // Of all its strikes or of none, so that all are parts of the same.
+        let is_own = leader.felt.iter().all(|felt| felt.incident.is_some());
+        let came = |felt: &Felt| felt.incident.filter(|_| is_own).unwrap_or(simulated);
         let end = chain.solution.at(chain.scenario.duration);
         let taken = |host: &usize| {
             let member = row.members.iter().position(|member| member.bead == *host);
@@ -151,7 +153,8 @@ impl EnergyAlong {
         let mut notes = Vec::new();
         if self.incident_by == "simulation" && !self.after.is_empty() {
             notes.push(
-                "the first bead's force left the range of its sensor, so the incident energy is the simulation's"
+                "the first bead has a strike without all its samples, or beyond its sensor's range: the energy that came to it is \
+                 the simulation's"
                     .to_owned(),
             );
         }
@@ -164,12 +167,6 @@ impl EnergyAlong {
         }
         notes
     }
-}
-
-/// Energy of the strongest wave that comes to a bead in the simulation, J.
-fn incident(chain: &FullChain) -> f64 {
-    // A bead that no force reaches was refused, and a force has a pulse.
-    chain.pulse().map_or(f64::NAN, |pulse| pulse.energy)
 }
 
 /// What the bead at `place` took by A and by B, as a part of what came to the bead at `first`: the mean over the strikes

@@ -28,10 +28,9 @@ pub struct Felt {
     pub number: u32,
     /// What the bead said.
     pub device: Values,
-    /// Energy of the wave that came, by the bead, J.
-    pub incident: f64,
-    /// Whether the force went beyond the range of the sensor.
-    pub railed: bool,
+    /// Energy that the main wave brought, by the bead's force, J; none if its force left the range of the sensor, or samples
+    /// are missing.
+    pub incident: Option<f64>,
     /// When the striker hit, by the host's time and the simulated way of the wave, s.
     pub struck: Option<f64>,
     /// When the force rose through half of its height, s on the time in common.
@@ -88,6 +87,8 @@ pub struct BeadOfRow {
     pub peak_force: Option<Pair>,
     /// Full width at half height of the force, s.
     pub width: Option<Pair>,
+    /// Energy that the main wave brought, J: by the bead's force and the reduced chain of estimate B, in f64.
+    pub incident: Option<Pair>,
     /// Estimate A, J.
     pub absorbed_measured: Option<Pair>,
     /// Estimate B, J.
@@ -153,7 +154,8 @@ impl Member {
         let run: Option<RunTruth> = received.json(Part::Truth)?;
         let mut recorded = received.strikes()?;
         let mut deviations = Deviations::within(truth);
-        let [mut peak, mut width, mut measured, mut predicted] = [(); 4].map(|()| Mean::default());
+        let [mut peak, mut width, mut incident, mut measured, mut predicted] =
+            [(); 5].map(|()| Mean::default());
         let (mut count, mut felt) = (0, Vec::new());
         let (mut flags, mut differs) = (BTreeSet::new(), None);
         let (mut address, mut drawn, mut begun) = (0, 0, None);
@@ -178,6 +180,9 @@ impl Member {
             if felt.len() < STRIKES_MOST {
                 let kept = Some(()).filter(|()| drawn < DRAWN_MOST);
                 let one = Felt::of(&strike, comparison.device, comparison.traces, &chain, time);
+                if let Some(energy) = one.incident {
+                    incident.push(energy);
+                }
                 drawn += usize::from(one.traces.is_some());
                 felt.push(Felt {
                     traces: kept.and(one.traces),
@@ -200,6 +205,7 @@ impl Member {
             strikes_left_out: count - felt.len(),
             peak_force: peak.beside(truth.peak_force),
             width: chain.pulse().and_then(|pulse| width.beside(pulse.fwhm?)),
+            incident: incident.beside(chain.incident()),
             absorbed_measured: measured.beside(truth.absorbed),
             absorbed_predicted: predicted.beside(truth.absorbed),
             later_wave: felt.iter().find_map(|felt| felt.later),
@@ -244,14 +250,16 @@ impl Felt {
         let on = |sample: f64| time.common(strike.address, strike.boot, said.first_index as f64 + sample);
         let host = time.host(strike.address, strike.boot, said.trigger_index as f64);
         let per_sample = strike.rate().map(|rate| 1.0 / f64::from(rate));
+        let railed = said.flags.names().any(|flag| flag == "force_railed");
         let start = traces
             .as_ref()
             .and_then(|traces| Some(traces.force.first()?.time));
         Self {
             number: said.strike,
             device,
-            incident: said.incident_energy.joules(),
-            railed: said.flags.names().any(|flag| flag == "force_railed"),
+            incident: chain
+                .incident_by(strike)
+                .filter(|energy| !railed && *energy > 0.0),
             struck: host.map(|host| host - chain.front()),
             rise: rise.and_then(on),
             rise_drawn: start

@@ -278,8 +278,8 @@ impl Page<'_> {
             ),
         };
         let by = match energy.incident_by {
-            "bead" => "by its own peak force",
-            _ => "of the simulation, as its force left the sensor’s range",
+            "bead" => "by its own force",
+            _ => "of the simulation, as its own force is not known whole",
         };
         format!(
             "<h2>Energy after n intruders</h2><p>What came to bead {at} is {:.2} µJ {by}, and {:.2} µJ in the simulation. From \
