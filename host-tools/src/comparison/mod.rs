@@ -4,6 +4,7 @@ pub mod f64_estimators;
 pub mod page;
 pub mod pictures;
 pub mod replay;
+pub mod row;
 pub mod run;
 mod signal;
 pub mod spread;
