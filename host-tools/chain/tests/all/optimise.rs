@@ -1,11 +1,9 @@
 //! The search for the best intruders, against scans and against what must hold of any optimum.
 
-mod common;
-
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
-use common::{elastic, run, softer};
+use crate::common::{elastic, run, softer};
 use hertz_chain::{
     Accuracy, Aim, Intruder, OptimiseError, Optimum, Oscillator, Scenario, Search, SoFar, optimise, remaining,
 };

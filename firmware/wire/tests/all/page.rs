@@ -1,17 +1,15 @@
 //! The tables, the limits and the example of `docs/protocol.md` are made from this crate.
 //!
-//! `PAGES=overwrite cargo test -p bead-wire --test page` writes them anew.
+//! `PAGES=overwrite cargo test -p bead-wire page` writes them anew.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
 use std::{env, fs};
 
+use crate::common::block;
 use bead_wire::{
     FieldDoc, Header, Kind, MAX_FRAME, MAX_REQUEST, Message, Named, Parts, Request, Settings, VERSION, encode,
 };
-use common::block;
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/protocol.md");
 const BEGIN: &str = "<!-- generated: ";
@@ -255,7 +253,7 @@ fn the_page_of_the_protocol_says_what_the_crate_does() {
         assert_eq!(
             old,
             new,
-            "docs/protocol.md is stale at line {}: `PAGES=overwrite cargo test -p bead-wire --test page` writes it",
+            "docs/protocol.md is stale at line {}: `PAGES=overwrite cargo test -p bead-wire page` writes it",
             line + 1
         );
     }

@@ -1,10 +1,8 @@
 //! Spectra against closed forms of Fourier transforms.
 
-mod common;
-
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
-use common::{elastic, run};
+use crate::common::{elastic, run};
 use hertz_chain::{Complex64, PulseSearch, Signal, Spectrum, Taper};
 
 fn signal(start: f64, interval: f64, count: usize, value: impl Fn(f64) -> f64) -> Signal {

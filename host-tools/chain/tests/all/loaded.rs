@@ -1,8 +1,6 @@
 //! Chains under a static load, and chains with a fixed far end.
 
-mod common;
-
-use common::{elastic, run, softer, struck_by_a_bead};
+use crate::common::{elastic, run, softer, struck_by_a_bead};
 use hertz_chain::{ContactForce, Material, PulseSearch, Scenario, Section, Snapshot, Wall};
 
 /// Walls and loads, weak and strong, with everything that makes a run harder.

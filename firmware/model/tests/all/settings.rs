@@ -8,11 +8,11 @@ use bead_model::{Settings, SettingsError};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 /// The block of version 3 that `tests/data/README.md` tells of.
-const YESTERDAY: &[u8] = include_bytes!("../../../tests/data/settings-v3.bin");
+const YESTERDAY: &[u8] = include_bytes!("../../../../tests/data/settings-v3.bin");
 /// A block of version 4: the built-in settings of its last day.
-const VERSION_4: &[u8] = include_bytes!("../../../tests/data/settings-v4.bin");
+const VERSION_4: &[u8] = include_bytes!("../../../../tests/data/settings-v4.bin");
 /// The same of version 5.
-const VERSION_5: &[u8] = include_bytes!("../../../tests/data/settings-v5.bin");
+const VERSION_5: &[u8] = include_bytes!("../../../../tests/data/settings-v5.bin");
 /// What version 6 added, of a bead that is alone.
 const ALONE: [u8; 17] = [0; 17];
 /// Bytes of a block before its body: magic, version, length.

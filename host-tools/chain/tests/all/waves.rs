@@ -1,9 +1,7 @@
 //! Pulses, flow through contacts, and the energy of a wave at an intruder, against independent sums over the
 //! motion.
 
-mod common;
-
-use common::{elastic, run};
+use crate::common::{elastic, run};
 use hertz_chain::{Intruder, Oscillator, PulseSearch, Scenario};
 
 fn with_intruder(mut scenario: Scenario, beads: Vec<usize>, stiffness: f64) -> Scenario {

@@ -3,13 +3,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
+use crate::common::{block, request};
 use bead_wire::{
     ANY, BufferTooSmall, Cause, Heard, KEY, Key, MAX_BLOCK, MAX_REQUEST, Rejected, Reply, Request,
     RequestCounters, RequestDecoder, Ticket, VERSION, encode_request,
 };
-use common::{block, request};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -1,10 +1,8 @@
 //! Ensembles against single runs, chain by chain.
 
-mod common;
-
 use std::sync::Mutex;
 
-use common::{elastic, softer, struck_by_a_bead};
+use crate::common::{elastic, softer, struck_by_a_bead};
 use hertz_chain::{
     Accuracy, ContactForce, EnsembleOptions, Intruder, Material, Options, Oscillator, Outcome, Scenario,
     Section, SimulateError, Solution, Start, Wall, ensemble, simulate_with,

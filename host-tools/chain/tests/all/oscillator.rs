@@ -1,8 +1,6 @@
 //! The intruder by itself: its response, and its stiffness and damping found back.
 
-mod common;
-
-use common::{normal, run};
+use crate::common::{normal, run};
 use hertz_chain::{FitError, Oscillator, PulseSearch, Scenario, Signal, Sweep, fit_response, fit_ring_down};
 
 const SWEEP: Sweep = Sweep {

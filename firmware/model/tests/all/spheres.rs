@@ -1,5 +1,5 @@
 //! Both estimates for spheres of other materials and sizes:
-//! `cargo test --release -p bead-model --test spheres -- --nocapture` prints the errors.
+//! `cargo test --release -p bead-model spheres -- --nocapture` prints the errors.
 //!
 //! The intruders are like the paper's: the same frequency and damping in units of the wave's time. The codes
 //! are made in the simplest way: 12-bit rounding over a span that the strike fills, no noise, no filter.

@@ -1,12 +1,5 @@
 //! Messages and requests drawn at random, and frames of them, for the tests of this folder.
 
-#![allow(
-    dead_code,
-    unreachable_pub,
-    missing_docs,
-    reason = "each test uses a part of it"
-)]
-
 use bead_wire::{Block, Decoder, Header, Kind, MAX_FRAME, Message, Reject, Request, Settings, encode};
 use proptest::prelude::*;
 
@@ -21,41 +14,43 @@ fn bits(seed: u64) -> impl FnMut() -> u64 {
     }
 }
 
-pub fn message() -> impl Strategy<Value = Message> {
+pub(crate) fn message() -> impl Strategy<Value = Message> {
     (prop::sample::select(Kind::ALL), any::<u64>())
         .prop_map(|(kind, seed)| Message::draw(kind, &mut bits(seed)))
 }
 
 /// A message that is not an identity: one that cannot open a boot.
-pub fn unopening() -> impl Strategy<Value = Message> {
+pub(crate) fn unopening() -> impl Strategy<Value = Message> {
     message().prop_filter("an identity", |message| message.kind() != Kind::Identity)
 }
 
-pub fn request() -> impl Strategy<Value = Request> {
+pub(crate) fn request() -> impl Strategy<Value = Request> {
     (prop::sample::select(Request::LIST), any::<u64>())
-        .prop_map(|(row, seed)| Request::draw(row.0, &mut bits(seed)).unwrap())
+        .prop_map(|(row, seed)| Request::draw(row.0, &mut bits(seed)).expect("the table has that row"))
 }
 
-pub fn block(bytes: &[u8]) -> Block {
-    Block::try_from(bytes).unwrap()
+pub(crate) fn block(bytes: &[u8]) -> Block {
+    Block::try_from(bytes).expect("the blocks of these tests fit a frame")
 }
 
-pub fn bytes(boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
+pub(crate) fn bytes(boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
     bytes_of(0, boot, sequence, message)
 }
 
-pub fn bytes_of(address: u8, boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
+pub(crate) fn bytes_of(address: u8, boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
     let header = Header {
         address,
         boot,
         sequence,
         sample_index: u64::from(sequence) * 32,
     };
-    encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+    encode(&header, message, &mut [0; MAX_FRAME])
+        .expect("the buffer takes any frame")
+        .to_vec()
 }
 
 /// Frame of a message that says nothing, for tests of what is around it.
-pub fn filler(boot: u8, sequence: u32) -> Vec<u8> {
+pub(crate) fn filler(boot: u8, sequence: u32) -> Vec<u8> {
     let settings = Settings {
         block: block(b"\x01\x02"),
     };
@@ -63,7 +58,7 @@ pub fn filler(boot: u8, sequence: u32) -> Vec<u8> {
 }
 
 /// Feeds a stream; gives the sequence numbers of the frames, and the rejects.
-pub fn decode(decoder: &mut Decoder, stream: &[u8]) -> (Vec<u32>, Vec<Reject>) {
+pub(crate) fn decode(decoder: &mut Decoder, stream: &[u8]) -> (Vec<u32>, Vec<Reject>) {
     let (mut sequences, mut rejects) = (Vec::new(), Vec::new());
     decoder.feed(stream, |result| match result {
         Ok(frame) => sequences.push(frame.header.sequence),

@@ -1,4 +1,4 @@
-//! The shape of a strike against the f64 chain: `cargo test -p bead-model --test shape -- --nocapture` prints
+//! The shape of a strike against the f64 chain: `cargo test -p bead-model shape -- --nocapture` prints
 //! the errors.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 

@@ -1,7 +1,5 @@
 //! Runs that keep nothing, against those that keep everything.
 
-mod common;
-
 use hertz_chain::{
     Accuracy, Channel, ContactForce, Intruder, Material, Options, Oscillator, Run, Samples, Scenario, Start,
     Summariser, Wall, simulate_with, summarise,

@@ -2,12 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
 use std::collections::HashSet;
 
+use crate::common::{bytes, bytes_of, decode, filler, message, unopening};
 use bead_wire::{Arrival, Decoder, Identity, MAX_FRAME, REORDER, ResetCauses};
-use common::{bytes, bytes_of, decode, filler, message, unopening};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -284,7 +282,7 @@ fn joining_late_says_that_the_loss_before_is_unknown() {
 
 #[test]
 fn each_address_has_a_run_of_sequence_numbers_of_its_own() {
-    let text = common::block(b"x");
+    let text = crate::common::block(b"x");
     let frame = |address, sequence| {
         let settings = bead_wire::Settings { block: text.clone() };
         bytes_of(address, 0, sequence, &settings.into())

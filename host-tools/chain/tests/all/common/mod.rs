@@ -1,15 +1,9 @@
 //! Set-ups that several tests share.
-#![allow(
-    dead_code,
-    unreachable_pub,
-    missing_docs,
-    reason = "each test uses some of it"
-)]
 
 use hertz_chain::{Intruder, Oscillator, Scenario, Solution, Striker, simulate};
 
 /// The paper's striker on elastic beads without an intruder. `duration` is in s.
-pub fn elastic(beads: usize, duration: f64) -> Scenario {
+pub(crate) fn elastic(beads: usize, duration: f64) -> Scenario {
     let mut scenario = Scenario::paper();
     scenario.intruders.clear();
     scenario.chain.relaxation = 0.0;
@@ -19,7 +13,7 @@ pub fn elastic(beads: usize, duration: f64) -> Scenario {
 }
 
 /// The same, struck by a bead like its own: one solitary wave has nearly all of the energy.
-pub fn struck_by_a_bead(beads: usize, duration: f64) -> Scenario {
+pub(crate) fn struck_by_a_bead(beads: usize, duration: f64) -> Scenario {
     let mut scenario = elastic(beads, duration);
     let (chain, striker) = (&scenario.chain, &scenario.striker);
     scenario.striker = Striker::new(chain.radius, chain.material(), striker.velocity);
@@ -27,19 +21,19 @@ pub fn struck_by_a_bead(beads: usize, duration: f64) -> Scenario {
 }
 
 /// The paper's intruder on the spring that absorbs most, 1e5 N/m.
-pub fn softer(beads: impl IntoIterator<Item = usize>) -> Intruder {
+pub(crate) fn softer(beads: impl IntoIterator<Item = usize>) -> Intruder {
     Intruder {
         stiffness: 1e5,
         ..Intruder::new(beads, Oscillator::PAPER)
     }
 }
 
-pub fn run(scenario: &Scenario) -> Solution {
+pub(crate) fn run(scenario: &Scenario) -> Solution {
     simulate(scenario).expect("the scenario runs")
 }
 
 /// A pseudo-random number of mean 0 and variance 1: twelve uniform ones added.
-pub fn normal(state: &mut u64) -> f64 {
+pub(crate) fn normal(state: &mut u64) -> f64 {
     let mut uniform = || {
         *state = state
             .wrapping_mul(6_364_136_223_846_793_005)

@@ -1,8 +1,6 @@
 //! Where the model's contacts are not what bodies do.
 
-mod common;
-
-use common::run;
+use crate::common::run;
 use hertz_chain::{Scenario, Validity};
 
 fn of(scenario: &Scenario) -> Vec<Validity> {

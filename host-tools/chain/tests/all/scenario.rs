@@ -50,7 +50,7 @@ fn a_sound_scenario_is_read_and_written_back_the_same() {
 
 #[test]
 fn the_papers_strike_is_that_of_the_scenario_file() {
-    let text = include_str!("../../../docs/scenarios/paper-strike.toml");
+    let text = include_str!("../../../../docs/scenarios/paper-strike.toml");
     let scenario = Scenario::from_toml(text, "paper-strike.toml").expect("sound");
     assert_eq!(scenario, Scenario::paper());
 }

@@ -2,14 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
+use crate::common::{block, decode, filler, message};
 use bead_wire::{
     Block, BlockTooLong, BufferTooSmall, Cause, CodeError, Codes, Decoder, FaultCause, Fetched, Fields,
     Force, Frame, Header, Inner, MAX_BLOCK, MAX_DETAIL, MAX_FRAME, Message, Outcome, Settings, StrikeFlags,
     Text, VERSION, Value, encode,
 };
-use common::{block, decode, filler, message};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use proptest::prelude::*;
 

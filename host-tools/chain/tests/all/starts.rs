@@ -1,8 +1,6 @@
 //! Chains that do not begin at rest and in touch: several strikers, gaps, beads that fly.
 
-mod common;
-
-use common::{elastic, run, struck_by_a_bead};
+use crate::common::{elastic, run, struck_by_a_bead};
 use hertz_chain::{Material, Model, PulseSearch, Scenario, Start, Wall};
 
 /// Sokolow, Bittle and Sen, and Job et al. (PRE 67, 066607): as many waves leave as grains come in, one behind

@@ -1,8 +1,6 @@
 //! How exact the integration is, against itself and against known results.
 
-mod common;
-
-use common::{elastic, run};
+use crate::common::{elastic, run};
 use hertz_chain::{Accuracy, Material, Options, Scenario, Section, Solution, Wall, simulate_with};
 
 /// The paper's strike, for the 4 ms that its figure shows.

@@ -1,9 +1,7 @@
 //! Closed forms of collisions and solitary waves against the integration, and fits against data whose answer
 //! is known.
 
-mod common;
-
-use common::{elastic, normal, run, softer};
+use crate::common::{elastic, normal, run, softer};
 use hertz_chain::solitary::{EqualSpheres, KINETIC_SHARE, SPEED_FROM_FORCE, SPEED_FROM_VELOCITY};
 use hertz_chain::{
     Accuracy, Collision, Intruder, Options, PulseSearch, TransmissionFit, simulate, simulate_with,

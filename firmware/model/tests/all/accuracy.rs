@@ -1,4 +1,4 @@
-//! Both estimates against the f64 chain: `cargo test -p bead-model --test accuracy -- --nocapture` prints the
+//! Both estimates against the f64 chain: `cargo test -p bead-model accuracy -- --nocapture` prints the
 //! errors.
 //!
 //! The codes are made in the simplest way: 12-bit rounding, Gaussian noise from a fixed seed, no filter. So

@@ -2,8 +2,8 @@
 
 use hertz_chain::{Scenario, simulate};
 
-const TEXT: &str = include_str!("../../../docs/scenarios/own-chain.toml");
-const PAGE: &str = include_str!("../../../docs/how-to.md");
+const TEXT: &str = include_str!("../../../../docs/scenarios/own-chain.toml");
+const PAGE: &str = include_str!("../../../../docs/how-to.md");
 
 #[test]
 fn it_absorbs_what_the_page_says() {

@@ -1,8 +1,6 @@
 //! Chains whose beads differ: stepped, tapered, and with an intruder of its own in each bead.
 
-mod common;
-
-use common::{run, softer, struck_by_a_bead};
+use crate::common::{run, softer, struck_by_a_bead};
 use hertz_chain::{Intruder, Material, PulseSearch, Section};
 
 fn of_radius(beads: impl IntoIterator<Item = usize>, radius: f64) -> Section {

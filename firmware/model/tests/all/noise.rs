@@ -1,6 +1,6 @@
 //! The effect of noise on both estimates, with and without their measures against it.
 //!
-//! `cargo test --release -p bead-model --test noise -- --nocapture` prints the table of `docs/estimators.md`.
+//! `cargo test --release -p bead-model noise -- --nocapture` prints the table of `docs/estimators.md`.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
