@@ -1,6 +1,7 @@
 //! A recorded strike held against replay, f64 estimates and the full chain; and the page that shows it.
 
 pub mod f64_estimators;
+pub mod given;
 pub mod page;
 pub mod pictures;
 pub mod replay;

@@ -445,7 +445,7 @@ mod tests {
             says(one(12, ""))
                 .contains("has a gap from 0.001 to 0.003 s, where its lines are 1.000e-3 s apart")
         );
-        assert!(says("a,b\n1,2\n".to_owned()).contains("no column of force"));
+        assert!(says("p,q\n1,2\n".to_owned()).contains("no column of force"));
         assert!(says("time_s,force_n\n1,2\n2,3\n".to_owned()).contains("has 2 lines of numbers"));
         assert!(says("nothing\nat all\n".to_owned()).contains("no rows of numbers"));
         assert!(says("a\0b\n".to_owned()).contains("none of the forms"));

@@ -123,6 +123,11 @@ impl Trace {
         highest.unwrap_or((0.0, 0.0))
     }
 
+    /// The lowest value.
+    pub fn lowest(&self) -> f64 {
+        self.values.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
     /// The greatest magnitude.
     pub fn greatest(&self) -> f64 {
         self.values
@@ -142,8 +147,9 @@ impl Trace {
         }
         let row = self.times.before(time, self.near);
         self.near = row;
-        let first = row.saturating_sub(1);
-        let near = first..(row + 3).min(self.values.len());
+        let count = self.values.len();
+        let first = row.saturating_sub(1).min(count.saturating_sub(4));
+        let near = first..(first + 4).min(count);
         lagrange(&self.times, &self.values, near, time)
     }
 
