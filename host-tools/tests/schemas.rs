@@ -165,9 +165,19 @@ fn results_of_the_image_are_what_their_schemas_say() {
     let run = format!("emulate {SCENARIO} --bead 8");
     let out = folder.path().join("run");
     let long = format!("{run} --strikes 4 --faults {}", faults.display());
+    let force = folder.path().join("force.csv");
+    let row = |n: i32| format!("{n},{}\n", 5.0 * (-f64::from(n - 200).powi(2) / 400.0).exp());
+    let rows: String = (0..400).map(row).collect();
+    fs::write(&force, format!("t (us),F (N)\n{}", rows.replace(',', "0,"))).unwrap();
     hold(
         "emulate",
-        &[&format!("{run} --strikes 2 --out {}", out.display()), &long],
+        &[
+            &format!("{run} --strikes 2 --out {}", out.display()),
+            &long,
+            // A waveform of both sensors, and one of the force alone.
+            &format!("{run} --stimulus {RECORDING}"),
+            &format!("{run} --stimulus {}", force.display()),
+        ],
     );
     hold(
         "accuracy",
