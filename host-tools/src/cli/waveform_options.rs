@@ -8,7 +8,6 @@ use clap::Args;
 use sha2::{Digest, Sha256};
 
 use crate::cli::failure::{Blame, Failure};
-use crate::cli::output;
 use crate::recording::json::hex;
 use crate::waveform::{Choice, Wanted, Waveform};
 
@@ -52,8 +51,7 @@ impl WaveformOptions {
         }
     }
 
-    /// Reads a waveform, and says on standard error what was taken for granted. `bead` is the one that is meant, if
-    /// the file is a recording of several.
+    /// Reads a waveform. `bead` is the one that is meant, if the file is a recording of several.
     pub(crate) fn read(&self, path: &Path, bead: Option<usize>) -> Result<Waveform, Failure> {
         if let Some(rate) = self.sample_rate.filter(|rate| !(*rate > 0.0 && rate.is_finite())) {
             return Err(Failure::input(format!(
@@ -67,11 +65,7 @@ impl WaveformOptions {
             rate_hz: self.sample_rate,
             strike: self.waveform_strike,
         };
-        let waveform = Waveform::read(path, &choice, bead)?;
-        for remark in &waveform.remarks {
-            output::note(format_args!("{}: {remark}", path.display()));
-        }
-        Ok(waveform)
+        Ok(Waveform::read(path, &choice, bead)?)
     }
 }
 

@@ -119,6 +119,7 @@ mod tests {
                 along(&|t| solution.at(t).intruder_acceleration(8).unwrap()),
                 rate,
             )),
+            start: 0.0,
             remarks: Vec::new(),
         };
         let given = Given::of(&waveform, &settings, 0.0..scenario.duration - 1e-4);

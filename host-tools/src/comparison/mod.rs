@@ -4,6 +4,8 @@ pub mod f64_estimators;
 pub mod given;
 pub mod page;
 pub mod pictures;
+pub mod reference;
+pub mod reference_page;
 pub mod replay;
 pub mod run;
 mod signal;

@@ -33,6 +33,8 @@ pub struct Waveform {
     pub force: Option<Trace>,
     /// Acceleration, m/s².
     pub acceleration: Option<Trace>,
+    /// The time of the first row as the file has it, s. The traces count from there.
+    pub start: f64,
     /// What was taken for granted, or done to the values: a sentence each.
     pub remarks: Vec<String>,
 }

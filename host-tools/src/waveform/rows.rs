@@ -132,6 +132,7 @@ impl<'a> Rows<'a> {
             );
             return self.unfit(what);
         }
+        let start = self.time.first().copied().unwrap_or(0.0);
         let times = self.times()?;
         let later = self.acceleration_later;
         let mut remarks = std::mem::take(&mut self.remarks);
@@ -150,6 +151,7 @@ impl<'a> Rows<'a> {
         Ok(Waveform {
             force,
             acceleration,
+            start,
             remarks,
         })
     }

@@ -221,7 +221,7 @@ impl Layout {
         };
         let of_places = |row: &Vec<&str>| -> bool {
             let mut own = places.iter().filter_map(|place| row.get(*place));
-            own.clone().count() > 0 && own.all(|field| is_unit(&field))
+            own.clone().count() > 0 && own.all(is_unit)
         };
         let (names, units) = match &head[..] {
             [.., names, units] if of_places(units) && names.len() >= places.len() => {

@@ -15,9 +15,11 @@ use sha2::{Digest, Sha256};
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::{load_scenario, only_host};
+use crate::cli::commands::compare_reference;
 use crate::cli::failure::{Blame, Failure};
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
+use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::page::{Fact, Page};
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::spread::{Deviations, Spread};
@@ -37,11 +39,16 @@ must also leave a quarter of the core free while a strike is measured. Exit stat
 How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds the velocity
 from the recorded force alone, prints it with its uncertainty, and judges A and B against the chain at that velocity.
 
+With --reference a strike is held against the record of another instrument instead, and not against the chain: they are
+aligned, and correlation, gain, arrival, peak, energy and residual are printed (docs/waveforms.md). Exit status 1 if replay
+differs.
+
 Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --velocity fit
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
-  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --figures figures";
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --figures figures
+  bead compare run/bead-8.mcap --reference scope.csv --force-column CH1:8.9N --report report.html";
 
 /// Arguments of `bead compare`.
 #[derive(Debug, Args)]
@@ -58,6 +65,12 @@ pub(crate) struct Arguments {
     /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded forces.
     #[arg(long, value_name = "V|fit")]
     velocity: Option<Velocity>,
+    /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a recording.
+    #[arg(long, value_name = "F", conflicts_with_all = ["scenario", "velocity", "figures"])]
+    reference: Option<PathBuf>,
+    /// With --reference: which strike of the recording, counted from 0 [default: the first that is whole].
+    #[arg(long, value_name = "N", requires = "reference")]
+    strike: Option<usize>,
     /// Write a report: one self-contained HTML file.
     #[arg(long, value_name = "F.html")]
     report: Option<PathBuf>,
@@ -69,6 +82,8 @@ pub(crate) struct Arguments {
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
+    #[command(flatten)]
+    columns: WaveformOptions,
 }
 
 /// Strikes that are kept and shown at most. The means are over all.
@@ -123,7 +138,11 @@ fn shown(fitted: &FittedVelocity) -> String {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let inputs = [Some(&arguments.recording), arguments.scenario.as_ref()];
+    let (scenario_file, reference) = (arguments.scenario.as_ref(), arguments.reference.as_ref());
+    if reference.is_none() {
+        arguments.columns.without("--reference")?;
+    }
+    let inputs = [Some(&arguments.recording), scenario_file, reference];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     let report = place::optional(arguments.report.as_deref(), Kind::Page, &inputs, arguments.force)?;
     let figures = arguments.figures.as_deref().map(|directory| {
@@ -132,6 +151,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     });
     let figures = figures.transpose()?;
     let received = of_one_bead(Received::open(&arguments.recording)?, arguments.bead)?;
+    if let Some(reference) = reference {
+        return compare_reference::run(&compare_reference::Request {
+            received: &received,
+            reference,
+            bead: arguments.bead,
+            strike: arguments.strike,
+            columns: &arguments.columns,
+            report,
+            format: arguments.format,
+        });
+    }
     let (mut scenario, text) = scenario(arguments, &received)?;
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;

@@ -265,6 +265,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let ran = several::run(&bench.placed, prepare, done)?;
     bench.progress.finish_and_clear();
+    bench.tell();
 
     // A disk that is full must not cost the result as well: it is printed all the same.
     let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &ran));
@@ -315,6 +316,7 @@ struct OfBead<'a> {
 fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address) -> Result<(), Failure> {
     let emulation = bench.prepare(bench.placed[0])?;
     bench.progress.finish_and_clear();
+    bench.tell();
     let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
     let passes = match arguments.pace {
         Some(factor) => format!("passes {factor} times as fast as this computer's"),
@@ -342,7 +344,7 @@ struct Bench<'a> {
     placed: Vec<Placed>,
     faults: Vec<Planned>,
     /// What is played, if it is no strike of the chain.
-    stimulus: Option<(Waveform, StimulusFile)>,
+    played: Option<Played>,
     progress: ProgressBar,
 }
 
@@ -370,7 +372,7 @@ impl<'a> Bench<'a> {
                 (one.address, one.seed) = (0, noise);
             }
         }
-        let stimulus = stimulus(arguments, &front_end, beads, &progress)?;
+        let played = Played::of(arguments, &front_end, beads)?;
         let image = find_image(arguments.firmware.as_deref())?;
         let solution = simulate_with_ring_down(scenario)?;
         for bead in beads {
@@ -388,7 +390,7 @@ impl<'a> Bench<'a> {
             image,
             placed,
             faults,
-            stimulus,
+            played,
             progress,
         })
     }
@@ -402,9 +404,9 @@ impl<'a> Bench<'a> {
             interval: arguments.interval,
         };
         let (front_end, image) = (&self.front_end, &self.image);
-        let mut emulation = match &self.stimulus {
+        let mut emulation = match &self.played {
             None => Emulation::place(self.scenario, &self.solution, placed, front_end, timing, image)?,
-            Some((waveform, file)) => {
+            Some(Played { waveform, file, .. }) => {
                 let settings = settings_of(&self.solution, placed, front_end)?;
                 let truth = Given::around_its_peak(waveform, &settings).truth();
                 let waveform = waveform.clone();
@@ -423,6 +425,13 @@ impl<'a> Bench<'a> {
             emulation.sync((1..).map(|number| f64::from(number) * period));
         }
         Ok(emulation)
+    }
+
+    /// Says what a user should know of the waveform that is played.
+    fn tell(&self) {
+        for remark in self.played.iter().flat_map(|played| &played.remarks) {
+            output::note(format_args!("{remark}"));
+        }
     }
 
     /// Refuses faults that come too late for a run of this length, s.
@@ -448,52 +457,58 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Reads the waveform that is played, if one is, and says what the bead will make of it.
-fn stimulus(
-    arguments: &Arguments,
-    front_end: &FrontEnd,
-    beads: &[usize],
-    progress: &ProgressBar,
-) -> Result<Option<(Waveform, StimulusFile)>, Failure> {
-    let Some(path) = &arguments.stimulus else {
-        return Ok(None);
-    };
-    progress.set_message(format!("reading {}", path.display()));
-    let waveform = progress.suspend(|| arguments.waveform.read(path, beads.first().copied()))?;
-    let tell = |what: String| progress.suspend(|| output::note(format_args!("{}: {what}", path.display())));
-    for (trace, name, si, range) in [
-        (&waveform.force, "force", "N", front_end.force.wide.range()),
-        (
-            &waveform.acceleration,
-            "acceleration",
-            "m/s²",
-            front_end.acceleration.wide.range(),
-        ),
-    ] {
-        match trace {
-            None => tell(format!("it has no {name}, so that sensor stays at rest")),
-            Some(trace) if trace.lowest() < range.0 || trace.highest().1 > range.1 => tell(format!(
-                "its {name} goes from {:.4} to {:.4} {si} and the front end from {:.4} to {:.4}, so codes stay at a rail; \
-                 try --sensors strong, or a wider span",
-                trace.lowest(),
-                trace.highest().1,
-                range.0,
-                range.1
-            )),
-            Some(_) => {}
+/// A waveform that is played in place of the scenario's strike.
+struct Played {
+    waveform: Waveform,
+    file: StimulusFile,
+    /// What a user should know of it, a line each.
+    remarks: Vec<String>,
+}
+
+impl Played {
+    /// Reads the waveform, if one is given.
+    fn of(arguments: &Arguments, front_end: &FrontEnd, beads: &[usize]) -> Result<Option<Self>, Failure> {
+        let Some(path) = &arguments.stimulus else {
+            return Ok(None);
+        };
+        let mut waveform = arguments.waveform.read(path, beads.first().copied())?;
+        let mut remarks = std::mem::take(&mut waveform.remarks);
+        let acceleration = front_end.acceleration.wide.range();
+        for (trace, name, si, (low, high)) in [
+            (&waveform.force, "force", "N", front_end.force.wide.range()),
+            (&waveform.acceleration, "acceleration", "m/s²", acceleration),
+        ] {
+            let Some(trace) = trace else {
+                remarks.push(format!("it has no {name}, so that sensor stays at rest"));
+                continue;
+            };
+            let (lowest, (_, highest)) = (trace.lowest(), trace.highest());
+            if lowest < low || highest > high {
+                remarks.push(format!(
+                    "its {name} goes from {lowest:.4} to {highest:.4} {si}, and the front end from {low:.4} to {high:.4}, so \
+                     codes stay at a rail; try --sensors strong, or a wider span"
+                ));
+            }
         }
+        let file = StimulusFile {
+            name: path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned(),
+            sha256: sha256_of(path)?,
+            force: waveform.force.is_some(),
+            acceleration: waveform.acceleration.is_some(),
+        };
+        let remarks = remarks
+            .into_iter()
+            .map(|remark| format!("{}: {remark}", path.display()));
+        Ok(Some(Self {
+            waveform,
+            file,
+            remarks: remarks.collect(),
+        }))
     }
-    let file = StimulusFile {
-        name: path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned(),
-        sha256: sha256_of(path)?,
-        force: waveform.force.is_some(),
-        acceleration: waveform.acceleration.is_some(),
-    };
-    Ok(Some((waveform, file)))
 }
 
 /// Writes everything that belongs to the run to one file.

@@ -4,6 +4,7 @@ pub(crate) mod accuracy;
 pub(crate) mod clock;
 pub(crate) mod command;
 pub(crate) mod compare;
+mod compare_reference;
 pub(crate) mod decode;
 pub(crate) mod emulate;
 mod emulated;
