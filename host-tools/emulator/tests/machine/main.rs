@@ -42,6 +42,53 @@ fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_
     assert_eq!(bench.outcome().unmodelled, Vec::<String>::new());
 }
 
+/// Many scans in one stretch are played by a shorter way than one event at a time.
+#[test]
+fn what_is_played_in_one_stretch_is_what_is_played_event_by_event() {
+    const ADC2: u32 = ADC1 + 0x100;
+    let played = |memory: u32, two_converters: bool, step: usize| {
+        let input = UartInput::usart1(211_003, *b"beside the scans");
+        let mut bench = Bench::with_uart_input(ramp(400), &[input]);
+        bench.board.sram[0x8000..0x8064].fill(0x5a);
+        bench.write(USART1 + 0x08, 84);
+        bench.write(USART1 + 0x0c, 1 << 13 | 1 << 5 | 0b11 << 2);
+        bench.write(USART1 + 0x14, 1 << 7);
+        bench.write(STREAM7 + 0x04, 100);
+        bench.write(STREAM7 + 0x08, USART1 + 0x04);
+        bench.write(STREAM7 + 0x0c, SRAM + 0x8000);
+        bench.write(STREAM7, 4 << 25 | 1 << 10 | 1 << 6 | 1);
+        if two_converters {
+            bench.write(RCC + 0x44, 1 << 4 | 0b11 << 8);
+            bench.write(ADC2 + 0x08, 0b01 << 28 | 0b1000 << 24 | 1);
+        }
+        bench.start_acquisition(memory, 128);
+        for now in (step as u64..=2_000_000).step_by(step) {
+            bench.board.now = now;
+            bench.machine.advance(now, &mut bench.board);
+        }
+        let flags = [DMA2, ADC1, ADC2, USART1, STREAM0 + 0x04].map(|register| bench.read(register));
+        let outcome = bench.outcome();
+        let counts = (outcome.sampling, outcome.overruns, outcome.triggers_ignored);
+        (
+            bench.board.sram,
+            bench.board.frames,
+            bench.board.blocks,
+            flags,
+            counts,
+        )
+    };
+    // The second memory is GPIOB's output register: a DMA may write there, too.
+    for (memory, two) in [(SRAM + 0x100, false), (SRAM + 0x100, true), (GPIOB + 0x14, false)] {
+        let each = played(memory, two, 200);
+        for stretch in [10_000, 250_000, 2_000_000] {
+            assert!(
+                played(memory, two, stretch) == each,
+                "{memory:#x} {two} {stretch}"
+            );
+        }
+    }
+}
+
 #[test]
 fn the_ring_shows_how_far_it_is_whenever_the_firmware_looks() {
     let mut bench = Bench::new(ramp(400));
