@@ -13,6 +13,7 @@ mod error;
 mod parquet;
 mod recorded;
 mod rows;
+mod signals;
 mod text;
 pub mod trace;
 pub mod unit;
@@ -24,20 +25,8 @@ use std::path::Path;
 
 pub use choice::{Choice, Wanted};
 pub use error::WaveformError;
+pub use signals::Waveform;
 pub use trace::Trace;
-
-/// Force, acceleration or both over time, by one instrument.
-#[derive(Debug, Clone)]
-pub struct Waveform {
-    /// Force, N.
-    pub force: Option<Trace>,
-    /// Acceleration, m/s².
-    pub acceleration: Option<Trace>,
-    /// The time of the first row as the file has it, s. The traces count from there.
-    pub start: f64,
-    /// What was taken for granted, or done to the values: a sentence each.
-    pub remarks: Vec<String>,
-}
 
 impl Waveform {
     /// Reads a file. `bead` says whose strikes are meant, if it is a recording of several beads.
@@ -72,11 +61,5 @@ impl Waveform {
             ([0x89, b'M', b'C', b'A', b'P', ..], _) => recorded::read(path, choice, bead),
             _ => text::read(path, choice),
         }
-    }
-
-    /// From the first of its values to the last, s.
-    pub fn seconds(&self) -> f64 {
-        let ends = [&self.force, &self.acceleration].map(|trace| trace.as_ref().map_or(0.0, Trace::end));
-        f64::max(ends[0], ends[1])
     }
 }

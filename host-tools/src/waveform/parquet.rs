@@ -9,11 +9,11 @@ use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 
-use crate::waveform::Waveform;
 use crate::waveform::choice::Choice;
 use crate::waveform::columns::{Header, pick};
 use crate::waveform::error::WaveformError;
 use crate::waveform::rows::{MOST, Rows};
+use crate::waveform::signals::Waveform;
 use crate::waveform::text::{Strikes, finish};
 
 /// Reads a Parquet file, a row group at a time.

@@ -5,10 +5,10 @@ use std::path::Path;
 use crate::recording::file::Bead;
 use crate::recording::received::Received;
 use crate::recording::signal::Signal;
-use crate::waveform::Waveform;
 use crate::waveform::choice::Choice;
 use crate::waveform::error::WaveformError;
 use crate::waveform::rows::{ACCELERATION_LATER, Rows};
+use crate::waveform::signals::Waveform;
 
 /// Reads a strike of a recording; of several beads, that of bead `bead`.
 pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<Waveform, WaveformError> {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::waveform::Waveform;
 use crate::waveform::error::WaveformError;
+use crate::waveform::signals::Waveform;
 use crate::waveform::trace::{Times, Trace, thinned, zeroed};
 use crate::waveform::unit::Quantity;
 

@@ -10,11 +10,11 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use crate::waveform::Waveform;
 use crate::waveform::choice::Choice;
 use crate::waveform::columns::{Header, pick};
 use crate::waveform::error::WaveformError;
 use crate::waveform::rows::Rows;
+use crate::waveform::signals::Waveform;
 use crate::waveform::unit;
 
 /// Lines that are looked at before the table is read.

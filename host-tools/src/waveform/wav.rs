@@ -4,11 +4,11 @@ use std::path::Path;
 
 use hound::{SampleFormat, WavReader};
 
-use crate::waveform::Waveform;
 use crate::waveform::choice::{Choice, option};
 use crate::waveform::columns::{Header, pick};
 use crate::waveform::error::WaveformError;
 use crate::waveform::rows::Rows;
+use crate::waveform::signals::Waveform;
 use crate::waveform::unit::Quantity;
 
 /// Reads a WAV file. Its full scale is 1 of a channel, of floating-point samples as of whole ones.
