@@ -7,6 +7,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod beads;
+mod rows;
 mod schema;
 
 use std::collections::BTreeSet;
@@ -16,8 +17,11 @@ use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use bead::recording::file::{Part, Recording};
 use bead_wire::{Header, Kind, MAX_FRAME, Message, encode};
 use beads::{Bead, Line};
+use hertz_chain::Scenario;
+use rows::Who;
 use serde_json::{Value, json};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
@@ -129,6 +133,39 @@ fn of_frames(documents: &[Value]) -> Value {
     )
 }
 
+/// `bead compare` of rows: whole, struck twice with a bead lost meanwhile, and without a time in common.
+fn compare_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scenario = Scenario::load(format!("{ROOT}/docs/scenarios/row-of-ten.toml")).unwrap();
+    (scenario.chain.beads, scenario.duration) = (32, 0.007);
+    scenario.intruders[0].beads = vec![7, 8, 9, 10];
+    let mut lossy = [7, 8, 9, 10].map(Who::at);
+    lossy[1].lost = vec![0];
+    lossy[2].wrong_by = 1;
+    let mut apart = [7, 8, 10].map(Who::at);
+    apart[2].lost = vec![0];
+    apart.iter_mut().for_each(|who| who.synced = false);
+    let mut lines = Vec::new();
+    let mut whole = [7, 8, 9, 10].map(Who::at);
+    let emulated = Recording::open(Path::new(&format!("{ROOT}/{RECORDING}"))).unwrap();
+    whole[0].emulator = emulated.parts.get(&Part::EmulatorReport).cloned();
+    assert!(whole[0].emulator.is_some());
+    for (name, beads, strikes) in [
+        ("whole", &whole[..], 1),
+        ("lossy", &lossy, 2),
+        ("apart", &apart, 1),
+    ] {
+        let path = folder.path().join(format!("{name}.mcap"));
+        rows::record(&path, &scenario, beads, strikes);
+        lines.push(format!("compare {}", path.display()));
+    }
+    lines.push(format!("{} --velocity fit", lines[0]));
+    hold(
+        "compare-row",
+        &lines.iter().map(String::as_str).collect::<Vec<_>>(),
+    );
+}
+
 #[test]
 fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
     let own = "docs/scenarios/own-chain.toml";
@@ -137,6 +174,7 @@ fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
     hold("replay", &[&format!("replay {RECORDING}")]);
     let compare = format!("compare {RECORDING} --scenario {SCENARIO}");
     hold("compare", &[&compare, &format!("{compare} --velocity fit")]);
+    compare_rows();
     // Against itself, and against a force alone.
     let folder = tempfile::tempdir().unwrap();
     let force = force_alone(folder.path());

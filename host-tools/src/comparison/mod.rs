@@ -7,6 +7,7 @@ pub mod pictures;
 pub mod reference;
 pub mod reference_page;
 pub mod replay;
+pub mod row;
 pub mod run;
 mod signal;
 pub mod spread;

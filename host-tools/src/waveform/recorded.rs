@@ -23,8 +23,7 @@ pub(super) fn read(path: &Path, choice: &Choice, bead: Option<usize>) -> Result<
     let mut received = Received::open(path)?;
     let beads = &received.recording.beads;
     if !beads.is_empty() {
-        let place = |bead: &Bead| bead.origin.bead.unwrap_or(bead.origin.address.into());
-        let places: Vec<_> = beads.iter().map(place).collect();
+        let places: Vec<_> = beads.iter().map(Bead::place).collect();
         let at = places.iter().position(|place| Some(*place) == bead);
         match at {
             Some(at) => received = received.each().swap_remove(at),

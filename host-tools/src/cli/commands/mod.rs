@@ -5,6 +5,8 @@ pub(crate) mod clock;
 pub(crate) mod command;
 pub(crate) mod compare;
 mod compare_reference;
+mod compare_row;
+mod compared;
 pub(crate) mod decode;
 pub(crate) mod emulate;
 mod emulated;
