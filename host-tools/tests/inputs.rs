@@ -114,6 +114,10 @@ fn fixture(folder: &Path) {
     };
     write("gap.csv", wave("time_s,force_n\n", &late).as_bytes());
     write("wave.csv", wave("time_s,force_n\n", &line).as_bytes());
+    write(
+        "long.csv",
+        wave("time_s,force_n\n", &|n| format!("{n}00,{}", force(n))).as_bytes(),
+    );
     write("unitless.csv", wave("time_s,force\n", &line).as_bytes());
     write(
         "both.csv",

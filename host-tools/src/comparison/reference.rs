@@ -204,9 +204,13 @@ fn aligned(
         ));
     }
     let own: Vec<f64> = overlap.iter().map(|sample| bead[*sample]).collect();
+    // The bead sees no faster than from sample to sample.
     let at = |shift: f64, reference: &mut Trace| -> Vec<f64> {
         let time = |sample: &usize| *sample as f64 / rate + shift;
-        overlap.iter().map(|sample| reference.at(time(sample))).collect()
+        let values = overlap
+            .iter()
+            .map(|sample| reference.around(time(sample), 1.0 / rate));
+        values.collect()
     };
     let step = 1.5 / rate;
     let shift = least(coarse - step, coarse + step, |shift| {
@@ -275,7 +279,7 @@ fn coarse(bead: &[f64], rate: f64, reference: &mut Trace) -> f64 {
     // At rest before and after, so that the pulse may stand over either end.
     let mut resampled = vec![0.0; count + 2 * pulse.len()];
     for (sample, value) in resampled[pulse.len()..][..count].iter_mut().enumerate() {
-        *value = reference.at(begin + sample as f64 / rate);
+        *value = reference.around(begin + sample as f64 / rate, 1.0 / rate);
     }
     let match_at = |lag: usize| -> f64 {
         let along = resampled[lag..].iter().zip(pulse);

@@ -4,7 +4,7 @@ use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH, escape,
 use hertz_figures::error::Error;
 
 use crate::comparison::page::{Fact, PAGE_STYLE};
-use crate::comparison::reference::{Absorbed, AgainstReference, Aligned, Point};
+use crate::comparison::reference::{Absorbed, AgainstReference, Aligned, Point, Sides};
 use crate::comparison::statistics::picture;
 use crate::comparison::strike::percent;
 
@@ -35,15 +35,21 @@ pub fn rows(aligned: &Aligned, unit: &str) -> Vec<Row> {
         [name.to_owned(), bead, reference, off]
     };
     let none = String::new;
+    // Five digits, with a true minus.
+    let shown = |value: f64| {
+        let digits = (4.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0) as usize;
+        format!("{value:.digits$}").replace('-', "−")
+    };
     let energy = match unit {
         "N" => "energy ∫F² dt (N²·s)".to_owned(),
         _ => "energy ∫a² dt (m²/s³)".to_owned(),
     };
-    let sides = |name: &str, sides: &crate::comparison::reference::Sides, digits: usize| {
-        let [bead, reference] = [sides.bead, sides.reference].map(|value| format!("{value:.digits$}"));
+    let sides = |name: &str, sides: &Sides| {
+        let [bead, reference] = [sides.bead, sides.reference].map(shown);
         row(name, [bead, reference, percent(sides.off())])
     };
-    let arrival = [aligned.arrival.bead, aligned.arrival.reference].map(|time| format!("{:.5}", time * 1e3));
+    let arrival = [aligned.arrival.bead, aligned.arrival.reference]
+        .map(|time| format!("{:.5}", time * 1e3).replace('-', "−"));
     let [bead, reference] = arrival;
     vec![
         row(
@@ -62,8 +68,8 @@ pub fn rows(aligned: &Aligned, unit: &str) -> Vec<Row> {
                 format!("{:+.3} µs", aligned.arrival_off * 1e6).replace('-', "−"),
             ],
         ),
-        sides(&format!("peak ({unit})"), &aligned.peak, 4),
-        sides(&energy, &aligned.energy, 7),
+        sides(&format!("peak ({unit})"), &aligned.peak),
+        sides(&energy, &aligned.energy),
         row(
             &format!("residual, rms ({unit})"),
             [
@@ -115,33 +121,25 @@ impl ReferencePage<'_> {
             None => ("pass", "Replay is identical"),
             Some(why) => ("fail", why),
         };
-        let tiles: String = self
-            .quantities()
-            .flat_map(|(name, ..)| {
-                let aligned = match name {
-                    "force" => self.against.force.as_ref(),
-                    _ => self.against.acceleration.as_ref(),
-                };
-                aligned.map(|aligned| {
-                    [
-                        (
-                            format!("{:.5}", aligned.correlation),
-                            format!("correlation of the {name}"),
-                        ),
-                        (format!("{:.4}", aligned.gain), format!("gain of the {name}")),
-                        (
-                            format!("{:.2} %", aligned.residual_part * 100.0),
-                            format!("residual of the {name}, rms, of its peak"),
-                        ),
-                    ]
-                })
-            })
-            .flatten()
-            .map(|(value, what)| format!("<div><b>{value}</b><span>{what}</span></div>"))
-            .collect();
+        let tiles = |(name, _, aligned): (&str, &str, &Aligned)| {
+            let tiles = [
+                (
+                    format!("{:.5}", aligned.correlation),
+                    format!("correlation of the {name}"),
+                ),
+                (format!("{:.4}", aligned.gain), format!("gain of the {name}")),
+                (
+                    format!("{:.2} %", aligned.residual_part * 100.0),
+                    format!("residual of the {name}, rms, of its peak"),
+                ),
+            ];
+            let tiles = tiles.map(|(value, what)| format!("<div><b>{value}</b><span>{what}</span></div>"));
+            format!("<div class=\"key\">{}</div>", tiles.concat())
+        };
+        let tiles: String = self.quantities().map(tiles).collect();
         format!(
             "<p class=\"above\">{} · strike {}</p><h1>The bead against {}</h1>\
-             <p><span class=\"verdict {class}\">{}</span></p><div class=\"key\">{tiles}</div>",
+             <p><span class=\"verdict {class}\">{}</span></p>{tiles}",
             escape(self.recording),
             self.strike,
             escape(self.reference),
@@ -236,7 +234,7 @@ fn chart(name: &str, unit: &str, points: &[Point]) -> Chart {
     Chart {
         description: format!("The {name} by the bead and by the reference over time, and their difference"),
         width: WIDTH,
-        ..Chart::new(Axis::new("time since the bead's trigger (ms)", range), panels)
+        ..Chart::new(Axis::new("time since the bead’s trigger (ms)", range), panels)
     }
 }
 
@@ -275,7 +273,7 @@ mod tests {
         for said in [
             "force (N)",
             "residual (N)",
-            "time since the bead's trigger (ms)",
+            "time since the bead’s trigger (ms)",
             "A, measured (nJ)",
         ] {
             assert!(page.contains(said) || page.contains(&escape(said)), "{said}");

@@ -3,11 +3,12 @@
 use std::fs::File;
 use std::path::Path;
 
-use parquet::basic::Type;
+use parquet::basic::{LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, get_typed_column_reader};
 use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
 
 use crate::waveform::choice::Choice;
 use crate::waveform::columns::{Header, pick};
@@ -46,7 +47,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         .map(|(place, column)| Header {
             place,
             name: column.name().to_owned(),
-            unit: None,
+            unit: of_a_clock(&column).map(str::to_owned),
         })
         .collect();
     if headers.is_empty() {
@@ -92,6 +93,18 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         }
     }
     finish(rows, picks.strike.is_some(), &strikes, choice)
+}
+
+/// The unit of a column of times of day.
+fn of_a_clock(column: &ColumnDescriptor) -> Option<&'static str> {
+    match column.logical_type_ref()? {
+        LogicalType::Timestamp(time) | LogicalType::Time(time) => Some(match time.unit {
+            TimeUnit::MILLIS => "ms",
+            TimeUnit::MICROS => "us",
+            TimeUnit::NANOS => "ns",
+        }),
+        _ => None,
+    }
 }
 
 /// The numbers of a column in a row group, none where there is none.
@@ -144,7 +157,7 @@ mod tests {
 
     /// A frame of 40 rows: time as whole microseconds, force as 32-bit floats, one of them missing at will.
     fn frame(path: &Path, missing: Option<usize>) {
-        let schema = "message frame { REQUIRED INT64 time_us; OPTIONAL FLOAT force_kn; OPTIONAL BYTE_ARRAY note (UTF8); }";
+        let schema = "message frame { REQUIRED INT64 when (TIMESTAMP(MICROS,false)); OPTIONAL FLOAT force_kn; OPTIONAL BYTE_ARRAY note (UTF8); }";
         let schema = Arc::new(parse_message_type(schema).unwrap());
         let file = File::create(path).unwrap();
         let mut writer =

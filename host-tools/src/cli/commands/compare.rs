@@ -112,6 +112,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             },
         );
     }
+    if arguments.bead.is_none() && received.recording.beads.len() > 1 {
+        return Err(Failure::input(format!(
+            "{} has several beads; say with --bead which one is held against the reference",
+            received.path.display()
+        )));
+    }
     let figures = arguments.figures.as_deref().map(|directory| {
         let names = ["strike.svg", "residuals.svg"].map(|name| (name, Kind::Drawing));
         place::targets(directory, names, &inputs, arguments.force)

@@ -472,6 +472,12 @@ impl Played {
             return Ok(None);
         };
         let mut waveform = arguments.waveform.read(path, beads.first().copied())?;
+        let seconds = waveform.seconds();
+        if seconds > LONGEST {
+            let what =
+                format!("it is {seconds:.0} s long, and a run {LONGEST} s at most; cut the strike out of it");
+            return Err(Failure::input(format!("{}: {what}", path.display())));
+        }
         let mut remarks = std::mem::take(&mut waveform.remarks);
         let acceleration = front_end.acceleration.wide.range();
         for (trace, name, si, (low, high)) in [
