@@ -14,7 +14,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::os::unix::net::UnixListener;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use bead::recording::file::{Part, Recording};
@@ -28,6 +28,15 @@ const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 const SCHEMAS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/schemas");
 const SCENARIO: &str = "docs/scenarios/paper-strike.toml";
 const RECORDING: &str = "tests/data/recording-v2.mcap";
+
+/// A file with a pulse of force over microseconds.
+fn force_alone(folder: &Path) -> PathBuf {
+    let path = folder.join("force.csv");
+    let row = |n: i32| format!("{n}0,{}\n", 5.0 * (-f64::from(n - 200).powi(2) / 400.0).exp());
+    let rows: String = (0..400).map(row).collect();
+    fs::write(&path, format!("t (us),F (N)\n{rows}")).unwrap();
+    path
+}
 
 /// The documents on standard output: one, or one on each line.
 fn documents(output: &Output) -> Vec<Value> {
@@ -166,6 +175,15 @@ fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
     let compare = format!("compare {RECORDING} --scenario {SCENARIO}");
     hold("compare", &[&compare, &format!("{compare} --velocity fit")]);
     compare_rows();
+    // Against itself, and against a force alone.
+    let folder = tempfile::tempdir().unwrap();
+    let force = force_alone(folder.path());
+    let against = format!("compare {RECORDING} --reference");
+    let reference = [
+        format!("{against} {RECORDING}"),
+        format!("{against} {}", force.display()),
+    ];
+    hold("compare-reference", &reference.each_ref().map(String::as_str));
     hold("clock", &[&format!("clock {RECORDING}")]);
     hold("settings", &["settings show tests/data/settings-v4.bin"]);
     let folder = tempfile::tempdir().unwrap();
@@ -204,9 +222,16 @@ fn results_of_the_image_are_what_their_schemas_say() {
     let run = format!("emulate {SCENARIO} --bead 8");
     let out = folder.path().join("run");
     let long = format!("{run} --strikes 4 --faults {}", faults.display());
+    let force = force_alone(folder.path());
     hold(
         "emulate",
-        &[&format!("{run} --strikes 2 --out {}", out.display()), &long],
+        &[
+            &format!("{run} --strikes 2 --out {}", out.display()),
+            &long,
+            // A waveform of both sensors, and one of the force alone.
+            &format!("{run} --stimulus {RECORDING}"),
+            &format!("{run} --stimulus {}", force.display()),
+        ],
     );
     hold(
         "accuracy",

@@ -7,11 +7,13 @@ use serde_json::json;
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::only_host;
+use crate::cli::commands::compare_reference;
 use crate::cli::commands::compare_row::{self, Wanted};
 use crate::cli::commands::compared::{Velocity, made, scenario, shown};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
+use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::page::Page;
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::spread::{Deviations, Spread};
@@ -34,13 +36,18 @@ Of a recording of several beads (`bead emulate --bead 7-16`, `bead record --port
 each by the goals above; when the wave came to each on the time of their sync edges, and how fast it went; the energy E(n)
 that n intruders leave, and T, the part that each lets pass, by the beads' own A and B. docs/row.md says how to read it.
 
+With --reference a strike is held against the record of another instrument instead, and not against the chain: they are
+aligned, and correlation, gain, arrival, peak, energy and residual are printed (docs/waveforms.md). Exit status 1 if replay
+differs.
+
 Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --velocity fit
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --figures figures
   bead compare run/chain.mcap --report row.html
-  bead compare run/chain.mcap --bead 9";
+  bead compare run/chain.mcap --bead 9
+  bead compare run/bead-8.mcap --reference scope.csv --force-column CH1:8.9N --report report.html";
 
 /// Arguments of `bead compare`.
 #[derive(Debug, Args)]
@@ -58,6 +65,12 @@ pub(crate) struct Arguments {
     /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded forces.
     #[arg(long, value_name = "V|fit")]
     velocity: Option<Velocity>,
+    /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a recording.
+    #[arg(long, value_name = "F", conflicts_with_all = ["scenario", "velocity", "figures"])]
+    reference: Option<PathBuf>,
+    /// With --reference: which strike of the recording, counted from 0 [default: the first that is whole].
+    #[arg(long, value_name = "N", requires = "reference")]
+    strike: Option<usize>,
     /// Write a report: one self-contained HTML file.
     #[arg(long, value_name = "F.html")]
     report: Option<PathBuf>,
@@ -69,17 +82,23 @@ pub(crate) struct Arguments {
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
+    #[command(flatten)]
+    columns: WaveformOptions,
 }
 
 /// Strikes that are kept and shown at most. The means are over all.
 const STRIKES_MOST: usize = 10_000;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let inputs = [Some(&arguments.recording), arguments.scenario.as_ref()];
+    let (scenario_file, reference) = (arguments.scenario.as_ref(), arguments.reference.as_ref());
+    if reference.is_none() {
+        arguments.columns.without("--reference")?;
+    }
+    let inputs = [Some(&arguments.recording), scenario_file, reference];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     let report = place::optional(arguments.report.as_deref(), Kind::Page, &inputs, arguments.force)?;
     let received = Received::open(&arguments.recording)?;
-    if arguments.bead.is_none() && received.recording.beads.len() > 1 {
+    if arguments.bead.is_none() && reference.is_none() && received.recording.beads.len() > 1 {
         return compare_row::run(
             &received,
             &Wanted {
@@ -93,12 +112,29 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             },
         );
     }
+    if arguments.bead.is_none() && received.recording.beads.len() > 1 {
+        return Err(Failure::input(format!(
+            "{} has several beads; say with --bead which one is held against the reference",
+            received.path.display()
+        )));
+    }
     let figures = arguments.figures.as_deref().map(|directory| {
         let names = ["strike.svg", "residuals.svg"].map(|name| (name, Kind::Drawing));
         place::targets(directory, names, &inputs, arguments.force)
     });
     let figures = figures.transpose()?;
     let (received, place) = of_one_bead(received, arguments.bead)?;
+    if let Some(reference) = reference {
+        return compare_reference::run(&compare_reference::Request {
+            received: &received,
+            reference,
+            bead: arguments.bead.or(place),
+            strike: arguments.strike,
+            columns: &arguments.columns,
+            report,
+            format: arguments.format,
+        });
+    }
     let (mut scenario, text) = scenario(arguments.scenario.as_deref(), &received)?;
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;

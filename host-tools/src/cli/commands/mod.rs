@@ -4,6 +4,7 @@ pub(crate) mod accuracy;
 pub(crate) mod clock;
 pub(crate) mod command;
 pub(crate) mod compare;
+mod compare_reference;
 mod compare_row;
 mod compared;
 pub(crate) mod decode;

@@ -6,7 +6,7 @@ mod instances;
 use stm32f405_qemu::machine::WRITABLE;
 use stm32f405_qemu::{Fault, FaultKind, PinInput, ResetCause, Run, Since, UartInput};
 
-use bench::*;
+use self::bench::*;
 
 #[test]
 fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_a_half() {
