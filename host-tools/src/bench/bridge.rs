@@ -47,6 +47,8 @@ pub struct Bridge {
     /// Up to when the image has codes, if it samples.
     codes_until_ns: Option<u64>,
     row_ns: u64,
+    /// Seconds of the bead's crystal in a true one: rows follow the crystal.
+    rate: f64,
     pace: Option<Pace>,
     /// What the last stretch of time has cost.
     pub work: Work,
@@ -75,6 +77,7 @@ impl Bridge {
             next: 0,
             codes_until_ns: None,
             row_ns: machine.sample_period_ns,
+            rate: 1.0 + emulation.truth.clock_ppm * 1e-6,
             live: machine.start()?,
             pace: pace.map(|factor| Pace {
                 started: Instant::now(),
@@ -127,7 +130,8 @@ impl Bridge {
             Some(until) => until,
             None => self.live.now_ns() + self.next as u64 * self.row_ns,
         };
-        let count = to_ns.saturating_sub(from_ns) / self.row_ns + 2;
+        let own_ns = to_ns.saturating_sub(from_ns) as f64 * self.rate;
+        let count = own_ns as u64 / self.row_ns + 2;
         let rows = self.rows.iter().cycle().skip(self.next % self.rows.len());
         self.next += count as usize;
         rows.take(count as usize).copied().collect()
