@@ -50,7 +50,7 @@ it is asked for, and stands in the recording once. --no-fetch only listens.
 Ends at Ctrl-C or after --duration with exit status 0, and with 3 when no port is left for --wait, or no \
 frame came. The recording is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 \
 seconds. Killed, it leaves F.mcap.partial, in which at most the last two seconds are missing; `bead recover` \
-makes a whole recording of it. It takes at most 128 MB of memory, and for the index of the file 55 MB more \
+makes a whole recording of it. It takes at most 128 MB of memory, and for the index of the file 5 MB more \
 for each GB received, or 70 MB for each day of a slow line. It keeps every byte as received, corrupt frames \
 included, with the time of receipt. Each strike is printed as it comes. The last line says how fast the \
 bead's clock is against this host's, if the recording is long enough; see `bead clock`.

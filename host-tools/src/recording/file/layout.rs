@@ -10,9 +10,9 @@ pub(super) const RECEIVED_ENCODING: &str = "bead-received";
 /// The number of the first channel that the library gives.
 pub(super) const FIRST_CHANNEL: u16 = 1;
 pub(super) const METADATA: &str = "recording";
-/// Bytes after which a chunk is closed: few, so that little is lost in a crash, and many more than a frame
-/// has.
-pub(super) const CHUNK: u64 = 16 * 1024;
+/// Bytes after which a chunk is closed. The writer keeps some 800 bytes of each for the index at the end: many
+/// short chunks would fill the memory. Nothing more is lost in a crash, as each flush closes one too.
+pub(super) const CHUNK: u64 = 256 * 1024;
 /// Longest time for which received bytes wait before they go to the system.
 pub(super) const FLUSH_EVERY: Duration = Duration::from_secs(1);
 /// Bytes without a delimiter after which they are written as a run, so that a dead line cannot fill the

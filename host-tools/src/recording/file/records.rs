@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 /// Opcode u8 and length u64 before each record.
 pub(super) const RECORD_HEAD: usize = 1 + 8;
-/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of 16 KiB
+/// Longest record that is read, in bytes: a damaged length must not fill the memory. Chunks are of 256 KiB
 /// here and of some MB by other programs, and attachments much below this.
 pub(super) const RECORD_MOST: u64 = 32 << 20;
 /// Channel u16, sequence u32, two times u64.
@@ -190,6 +190,32 @@ pub(super) fn chunk(data: &[u8], length: u64) -> Option<ChunkHead> {
         length: records,
     })
 }
+
+/// Whether these could be the places of the messages of a channel in a chunk: two u64 each.
+pub(super) fn is_message_index(data: &[u8]) -> bool {
+    let mut data = Cursor(data);
+    let length = data.u16().and_then(|_channel| data.u32());
+    length.is_some_and(|length| length % 16 == 0 && length as usize == data.0.len())
+}
+
+/// Whether this could say where a chunk lies.
+pub(super) fn is_chunk_index(data: &[u8]) -> bool {
+    fn rest(mut data: Cursor<'_>) -> Option<usize> {
+        let _times_and_place = data.take(4 * 8)?;
+        // A u16 and a u64 a channel.
+        let indexes = data.u32().filter(|length| length % 10 == 0)?;
+        let _indexes = data.take(indexes.into())?;
+        let _length = data.u64()?;
+        let _compression = data.text()?;
+        Some(data.0.len())
+    }
+    rest(Cursor(data)) == Some(2 * 8)
+}
+
+/// Bytes in the data of the record at the end of the data section: its CRC.
+pub(super) const DATA_END: usize = 4;
+/// Bytes in the data of a footer: two places and a CRC.
+pub(super) const FOOTER: usize = 8 + 8 + 4;
 
 /// CRC of the data section; 0 for none.
 pub(super) fn data_end(data: &[u8]) -> Option<u32> {

@@ -394,16 +394,28 @@ impl Walk {
                     found.frames_of(channel).is_some() || found.times_of(channel).is_some()
                 })
             }
-            op::CHANNEL | op::METADATA | op::ATTACHMENT if end <= length => {
+            op::CHANNEL
+            | op::METADATA
+            | op::ATTACHMENT
+            | op::MESSAGE_INDEX
+            | op::CHUNK_INDEX
+            | op::DATA_END
+            | op::FOOTER
+                if end <= length =>
+            {
                 let data = usize::try_from(head.length).unwrap_or(usize::MAX);
                 let bytes = self.source.at(body, data)?;
                 bytes.get(..data).is_some_and(|data| match head.opcode {
                     op::CHANNEL => records::channel(data).is_some(),
                     op::METADATA => records::metadata(data).is_some(),
-                    _ => records::attachment(data).is_some(),
+                    op::ATTACHMENT => records::attachment(data).is_some(),
+                    op::MESSAGE_INDEX => records::is_message_index(data),
+                    op::CHUNK_INDEX => records::is_chunk_index(data),
+                    // Of one length only: an index has zeros and small numbers, which look like a short record.
+                    op::DATA_END => data.len() == records::DATA_END,
+                    _ => data.len() == records::FOOTER,
                 })
             }
-            op::MESSAGE_INDEX | op::CHUNK_INDEX | op::DATA_END | op::FOOTER => end <= length,
             _ => false,
         };
         if !sound {
