@@ -14,6 +14,8 @@ pub(super) enum Event {
     Started(usize),
     /// The level on a pin changes.
     Level,
+    /// A compare output of a timer moves.
+    Moved(usize),
     /// A timer triggers converters.
     Triggered(usize),
     /// A frame has left a USART.
@@ -48,6 +50,9 @@ pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
         }
     }
     offer(levels.next(chip), Event::Level);
+    for (n, timer) in tim.iter().enumerate() {
+        offer(timer.next_output(), Event::Moved(n));
+    }
     for (n, converter) in units.adc.converters.iter().enumerate() {
         offer(converter.next_conversion(), Event::Converted(n));
     }
