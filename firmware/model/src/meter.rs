@@ -71,13 +71,13 @@ pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + 
 }
 
 /// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
-pub const REACH: usize = 500;
+pub const REACH: usize = 816;
 
 /// Most scans by which the meter may lag behind after a call. A window that the force opened needs 870 at its end: of
 /// the longest one the whole history waited at first, and of each eight scans that came three were left
-/// ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. It needs 1063, if it has 672 scans
+/// ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. It needs 1376, if it has 672 scans
 /// and a history of 160. A longer one meets this limit.
-const LAG_MAX: usize = REACH + 600;
+const LAG_MAX: usize = REACH + 560;
 const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 3 / 5);
 
 /// Scans that [`Recent`] has room for: those, and a call of 256. When it is full, the scans still needed are
@@ -272,11 +272,13 @@ impl Meter {
                 Phase::Measuring(_) => 0,
                 Phase::Settling { .. } | Phase::Armed => REACH + usize::from(settings.window.history),
             };
+            let offered = scans.len();
             self.recent.append(&mut scans, keep);
+            let is_full = scans.len() == offered;
             end_index -= scans.len() as u64;
             loop {
                 let new = self.recent.waiting().len();
-                if quota == 0 && new > LAG_MAX {
+                if quota == 0 && (new > LAG_MAX || is_full) {
                     // The limit of the lag.
                     quota = PIECE;
                 }
