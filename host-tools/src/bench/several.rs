@@ -105,11 +105,7 @@ pub fn run(
         let lines: Vec<_> = (0..all.len()).map(|bead| pulled_by_others(&all, bead)).collect();
         let again = all.par_iter_mut().with_max_len(1).zip(lines);
         let again: Vec<_> = again.map(|(one, line)| run_again(one, line)).collect();
-        if !again
-            .into_iter()
-            .collect::<Result<Vec<_>, _>>()?
-            .contains(&true)
-        {
+        if !again.into_iter().collect::<Result<Vec<_>, _>>()?.contains(&true) {
             return Ok(all);
         }
     }
@@ -148,8 +144,8 @@ fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Re
     Ok(true)
 }
 
-/// The falls of the line at which a bead was not measuring a strike that it had found by itself: the only ones that
-/// it may heed. In s since its first scan.
+/// The falls of the line at which a bead was not measuring a strike that it had found by itself, nor within a history
+/// after that, when its detector is not armed: the only ones that it may heed. In s since its first scan.
 fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
     /// Scans by which the index of a fall may be off.
     const UNSURE: f64 = 3.0;
@@ -158,7 +154,8 @@ fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
         .iter()
         .filter_map(|frame| match &frame.message {
             Message::Strike(strike) if !strike.flags.has(StrikeFlags::TRIGGERED_BY_LINE) => {
-                let end = strike.first_index + u64::from(strike.samples);
+                let quiet = u64::from(emulation.settings.window.history);
+                let end = strike.first_index + u64::from(strike.samples) + quiet;
                 Some(strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE)
             }
             _ => None,
