@@ -42,11 +42,7 @@ pub(crate) fn keep_around(index: u64) {
 
 /// Measures strikes for ever. `settings` hold until others are offered.
 #[embassy_executor::task]
-pub(crate) async fn estimate(
-    mut settings: Settings,
-    meter: &'static mut Meter,
-    line: TriggerLine,
-) -> ! {
+pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter, line: TriggerLine) -> ! {
     let mut epoch = 0;
     let mut watch = Watch::new();
     let mut telemetry = Telemetry {

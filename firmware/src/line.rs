@@ -43,7 +43,8 @@ const HELD: u32 = 25;
 
 // What the meter keeps of the past: the delay, and the block in which the edge comes.
 const _: () = assert!(
-    DELAY as usize + SCANS_PER_BLOCK + TOUCH as usize / CLOCKS_PER_SAMPLE as usize <= bead_model::meter::REACH
+    DELAY as usize + SCANS_PER_BLOCK + TOUCH as usize / CLOCKS_PER_SAMPLE as usize
+        <= bead_model::meter::REACH
 );
 
 /// An instant that another bead tells of, as sample indices.
@@ -72,7 +73,9 @@ impl TriggerLine {
         output: Peri<'static, peripherals::PB10>,
         input: Peri<'static, peripherals::PB11>,
     ) -> Self {
-        pac::TIM2.ccmr_input(1).modify(|w| w.set_ccs(1, CcmrInputCcs::TI4));
+        pac::TIM2
+            .ccmr_input(1)
+            .modify(|w| w.set_ccs(1, CcmrInputCcs::TI4));
         let_go();
         pac::TIM2.ccer().modify(|w| {
             w.set_cce(2, true);
@@ -136,7 +139,9 @@ impl TriggerLine {
 }
 
 fn let_go() {
-    pac::TIM2.ccmr_output(1).modify(|w| w.set_ocm(0, Ocm::FORCE_ACTIVE));
+    pac::TIM2
+        .ccmr_output(1)
+        .modify(|w| w.set_ocm(0, Ocm::FORCE_ACTIVE));
 }
 
 /// TIM2's count at the trigger of a scan: that of index 1 starts it.

@@ -73,16 +73,19 @@ pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + 
 /// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
 pub const REACH: usize = 816;
 
-/// Most scans by which the meter may lag behind after a call. A window that the force opened needs 870 at its end: of
-/// the longest one the whole history waited at first, and of each eight scans that came three were left
-/// ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. It needs 1376, if it has 672 scans
-/// and a history of 160. A longer one meets this limit.
-const LAG_MAX: usize = REACH + 560;
-const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 3 / 5);
+/// Most scans by which the meter may lag behind after a call. A window that the force opened needs 939 at its end: of
+/// the longest one the whole history waited at first, and of each five scans that came two were left
+/// ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. Of 672 scans, with a history of 160,
+/// it comes to this limit in its last piece, and a longer one earlier.
+const LAG_MAX: usize = REACH + 592;
+const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 2 / 3);
 
-/// Scans that [`Recent`] has room for: those, and a call of 256. When it is full, the scans still needed are
-/// moved to the front.
-const ROOM: usize = (LAG_MAX + 256).next_multiple_of(PIECE);
+/// Scans of the longest call that the meter is made for.
+const CALL: usize = 256;
+
+/// Scans that [`Recent`] has room for: those, and a call. When it is full, the scans still needed are moved to the
+/// front.
+const ROOM: usize = (LAG_MAX + CALL).next_multiple_of(PIECE);
 
 /// The newest scans, in one slice: the trigger needs no arithmetic of a ring.
 #[derive(Clone)]
@@ -95,17 +98,16 @@ struct Recent {
 }
 
 impl Recent {
-    /// Appends as many of `scans` as there is room for. Of the scans that were taken, the last `keep` stay.
-    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, keep: usize) {
+    /// Appends as many of `scans` as there is room for. Of the scans that were taken, the last `keep` stay. Returns
+    /// whether scans had to be moved.
+    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, keep: usize) -> bool {
         if self.length == 0 {
             // The first scans follow a history of zeros.
             (self.length, self.next) = (HISTORY_MAX, HISTORY_MAX);
         }
-        if self.length == ROOM {
-            let unwanted = self.next.saturating_sub(keep);
-            self.scans.copy_within(unwanted.., 0);
-            self.length -= unwanted;
-            self.next -= unwanted;
+        let moves = self.length == ROOM;
+        if moves {
+            self.make_room(keep);
         }
         let start = self.length;
         self.length = ROOM.min(start + scans.len());
@@ -113,6 +115,15 @@ impl Recent {
         for (room, scan) in self.scans[start..self.length].iter_mut().zip(scans) {
             *room = scan;
         }
+        moves
+    }
+
+    /// Moves the scans that are still needed to the front: those to be taken, and `keep` before them.
+    fn make_room(&mut self, keep: usize) {
+        let unwanted = self.next.saturating_sub(keep);
+        self.scans.copy_within(unwanted..self.length, 0);
+        self.length -= unwanted;
+        self.next -= unwanted;
     }
 
     /// The scans still to be taken.
@@ -250,11 +261,12 @@ impl Meter {
     /// calls of [`restart`](Self::restart). The results do not depend on how the scans are cut into calls.
     ///
     /// Measuring is most of the work, and when a strike triggers, its whole history waits to be measured. To
-    /// spread this work, a call measures five eighths as many scans as it was given, and at least [`PIECE`].
-    /// So the meter lags behind during a window: at its end by the history and three fifths of the length. In
+    /// spread this work, a call measures three fifths as many scans as it was given, and at least [`PIECE`]; a little
+    /// less if it has to move scans in its memory.
+    /// So the meter lags behind during a window: at its end by the history and two thirds of the length. In
     /// calls of up to 256 scans it has room for the lag of the longest window, so that no call measures more.
     /// In longer calls it may meet the limit of its room, and then measures what it must. Once the window is
-    /// complete, it catches up, in the next call at the latest.
+    /// complete, it catches up in the next call.
     pub fn process(
         &mut self,
         settings: &Settings,
@@ -263,7 +275,8 @@ impl Meter {
         sink: &mut (impl Sink + ?Sized),
     ) {
         let mut scans = scans.into_iter();
-        let mut quota = (scans.len() * 5 / 8).max(PIECE);
+        let mut quota = (scans.len() * 3 / 5).max(PIECE);
+        let is_short = scans.len() <= CALL;
         let mut end_index = first_index;
         while scans.len() > 0 {
             end_index += scans.len() as u64;
@@ -273,7 +286,10 @@ impl Meter {
                 Phase::Settling { .. } | Phase::Armed => REACH + usize::from(settings.window.history),
             };
             let offered = scans.len();
-            self.recent.append(&mut scans, keep);
+            if self.recent.append(&mut scans, keep) && self.is_measuring() {
+                // To move them is work too.
+                quota -= quota / 4;
+            }
             let is_full = scans.len() == offered;
             end_index -= scans.len() as u64;
             loop {
@@ -285,7 +301,12 @@ impl Meter {
                 if quota == 0 || new == 0 {
                     break;
                 }
+                let measured = self.is_measuring();
                 self.advance(settings, end_index - new as u64, &mut quota, sink);
+                if is_short && measured && !self.is_measuring() {
+                    // To work out the report was enough for this call.
+                    quota = 0;
+                }
             }
         }
     }

@@ -35,7 +35,12 @@ fn settings() -> Settings {
 /// that is shifted by a scan differs.
 fn scan(index: u64, height: f64) -> Scan {
     let pulse = match index {
-        2000..2050 => height * (std::f64::consts::PI * (index - 2000) as f64 / 50.0).sin().powi(3),
+        2000..2050 => {
+            height
+                * (std::f64::consts::PI * (index - 2000) as f64 / 50.0)
+                    .sin()
+                    .powi(3)
+        }
         _ => 0.0,
     };
     let noise = [0, 1, 3, 1, 2, 0, 2][(index % 7) as usize];
@@ -59,7 +64,11 @@ fn hear(height: f64, ask: impl Fn(u64) -> Option<(u64, u64)>) -> Heard {
 
 /// An instant that is told of in the block of the scan `at`.
 fn told(trigger: u64, at: u64) -> impl Fn(u64) -> Option<(u64, u64)> {
-    move |first| (first..first + BLOCK as u64).contains(&at).then_some((trigger, at))
+    move |first| {
+        (first..first + BLOCK as u64)
+            .contains(&at)
+            .then_some((trigger, at))
+    }
 }
 
 #[test]
@@ -74,7 +83,12 @@ fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_repla
         assert_eq!(report.first_index, at - 300 + 1 - history);
         assert_eq!(heard.scans.len(), usize::from(report.samples));
         let mut indices = report.first_index..;
-        assert!(heard.scans.iter().all(|kept| *kept == scan(indices.next().unwrap(), 20.0)));
+        assert!(
+            heard
+                .scans
+                .iter()
+                .all(|kept| *kept == scan(indices.next().unwrap(), 20.0))
+        );
         // The pulse is in it, and the same codes give the same bits.
         assert!((2000..2050).contains(&report.peak_index), "{report:?}");
         let (mut window, mut record) = (Window::open(0, report.first_index), WindowRecord::new());
@@ -90,7 +104,11 @@ fn what_a_bead_finds_by_itself_goes_first() {
     let [(trigger, Origin::Force)] = alone.opened[..] else {
         panic!("{:?}", alone.opened);
     };
-    for (instant, at) in [(trigger - 100, trigger + 200), (trigger, trigger + 300), (1990, 2290)] {
+    for (instant, at) in [
+        (trigger - 100, trigger + 200),
+        (trigger, trigger + 300),
+        (1990, 2290),
+    ] {
         let heard = hear(1500.0, told(instant, at));
         assert_eq!((&heard.opened, &heard.reports), (&alone.opened, &alone.reports));
     }

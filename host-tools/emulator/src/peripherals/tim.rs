@@ -215,7 +215,10 @@ impl Tim {
             .has_pending_load()
             .then(|| self.counter.update_after(self.seen));
         let soonest = soonest.min()?;
-        Some(self.counter.time_of(update.map_or(soonest, |update| update.min(soonest))))
+        Some(
+            self.counter
+                .time_of(update.map_or(soonest, |update| update.min(soonest))),
+        )
     }
 
     /// OCxREF of an output after a match, as OCxM says (section 18.4.7).

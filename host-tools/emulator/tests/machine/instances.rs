@@ -189,7 +189,10 @@ fn a_compare_output_moves_its_pin_and_over_a_wire_the_input_of_another_channel()
         bench.write(tim2 + SR, 0);
     });
     assert_eq!(bench.board.rises[&28], [1_000_000]);
-    assert_eq!((bench.read(tim2 + 0x40), bench.read(gpiob + 0x10) >> 10 & 0b11), (84_000, 0));
+    assert_eq!(
+        (bench.read(tim2 + 0x40), bench.read(gpiob + 0x10) >> 10 & 0b11),
+        (84_000, 0)
+    );
     let outcome = bench.outcome();
     let moved = outcome.pins.iter().find(|pin| pin.name == "PB10").unwrap();
     assert_eq!(moved.changes.last(), Some(&(1_000_000, false)));
