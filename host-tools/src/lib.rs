@@ -1,7 +1,7 @@
 //! Host tools of the sensing absorber bead.
 //!
 //! # Design
-//! The library has seven rooms. A file imports from its own room and from the rooms below it, never from a
+//! The library has eight rooms. A file imports from its own room and from the rooms below it, never from a
 //! higher one.
 //!
 //! | room | holds |
@@ -11,6 +11,7 @@
 //! | [`export`] | strikes and samples as tables, and as files of other trades |
 //! | [`comparison`] | replay, estimates in f64, a strike held against the simulation, the report page |
 //! | [`mod@bench`] | what a bead senses, its front end, the image in QEMU, faults |
+//! | [`waveform`] | force and acceleration over time from files of other instruments |
 //! | [`mod@line`] | ports, and conversations with a bead |
 //! | [`recording`] | files of received bytes, their frames, strikes and clocks |
 
@@ -21,3 +22,4 @@ pub mod export;
 pub mod line;
 pub mod recording;
 pub mod sweep;
+pub mod waveform;

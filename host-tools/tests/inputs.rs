@@ -85,6 +85,52 @@ fn fixture(folder: &Path) {
     let mut hole = recording.clone();
     hole[2000..2512].fill(0xFF);
     write("hole.mcap", &hole);
+    // Waveforms, most with one thing wrong.
+    let wave = |head: &str, row: &dyn Fn(i32) -> String| -> String {
+        head.to_owned() + &(0..60).map(|n| row(n) + "\n").collect::<String>()
+    };
+    let force = |n: i32| 5.0 * (-f64::from(n - 30).powi(2) / 40.0).exp();
+    let line = |n: i32| format!("{:.6},{:.6}", f64::from(n) * 1e-5, force(n));
+    let volts = wave("TIME,CH1,CH2\n", &|n| line(n) + ",0.5");
+    write("volts.csv", volts.as_bytes());
+    for (name, at, is) in [
+        ("hole", 20, "0.00020,"),
+        ("nan", 20, "0.00020,nan"),
+        ("twice", 20, "0.00019,0.3"),
+        ("back", 20, "-1,0.3"),
+        ("steers", 20, "0.0002,\u{1b}]52;c;eA==\u{7}"),
+    ] {
+        let text = wave("time_s,force_n\n", &|n| {
+            if n == at { is.to_owned() } else { line(n) }
+        });
+        write(&format!("{name}.csv"), text.as_bytes());
+    }
+    let late = |n: i32| {
+        format!(
+            "{:.6},{:.6}",
+            f64::from(n + 3 * i32::from(n > 20)) * 1e-5,
+            force(n)
+        )
+    };
+    write("gap.csv", wave("time_s,force_n\n", &late).as_bytes());
+    write("wave.csv", wave("time_s,force_n\n", &line).as_bytes());
+    write(
+        "long.csv",
+        wave("time_s,force_n\n", &|n| format!("{n}00,{}", force(n))).as_bytes(),
+    );
+    write("unitless.csv", wave("time_s,force\n", &line).as_bytes());
+    write(
+        "both.csv",
+        wave("time_s,a_n,b_n\n", &|n| line(n) + ",1").as_bytes(),
+    );
+    write("wave.wav", wave("time_s,force_n\n", &line).as_bytes());
+    let mut wav =
+        b"RIFF\x24\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x80\xbb\0\0\0\x77\x01\0\x02\0\x10\0data\0\0\0\0"
+            .to_vec();
+    write("nothing.wav", &wav);
+    wav.truncate(30);
+    write("cut.wav", &wav);
+    write("cut.parquet", b"PAR1 and no more");
     // Scenarios with one thing wrong.
     let scenario = fs::read_to_string(folder.join("s.toml")).unwrap();
     for (name, was, is) in [

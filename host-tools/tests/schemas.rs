@@ -7,22 +7,36 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 mod beads;
+mod rows;
 mod schema;
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write;
 use std::os::unix::net::UnixListener;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use bead::recording::file::{Part, Recording};
 use bead_wire::{Header, Kind, MAX_FRAME, Message, encode};
 use beads::{Bead, Line};
+use hertz_chain::Scenario;
+use rows::Who;
 use serde_json::{Value, json};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 const SCHEMAS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/schemas");
 const SCENARIO: &str = "docs/scenarios/paper-strike.toml";
 const RECORDING: &str = "tests/data/recording-v2.mcap";
+
+/// A file with a pulse of force over microseconds.
+fn force_alone(folder: &Path) -> PathBuf {
+    let path = folder.join("force.csv");
+    let row = |n: i32| format!("{n}0,{}\n", 5.0 * (-f64::from(n - 200).powi(2) / 400.0).exp());
+    let rows: String = (0..400).map(row).collect();
+    fs::write(&path, format!("t (us),F (N)\n{rows}")).unwrap();
+    path
+}
 
 /// The documents on standard output: one, or one on each line.
 fn documents(output: &Output) -> Vec<Value> {
@@ -119,6 +133,39 @@ fn of_frames(documents: &[Value]) -> Value {
     )
 }
 
+/// `bead compare` of rows: whole, struck twice with a bead lost meanwhile, and without a time in common.
+fn compare_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scenario = Scenario::load(format!("{ROOT}/docs/scenarios/row-of-ten.toml")).unwrap();
+    (scenario.chain.beads, scenario.duration) = (32, 0.007);
+    scenario.intruders[0].beads = vec![7, 8, 9, 10];
+    let mut lossy = [7, 8, 9, 10].map(Who::at);
+    lossy[1].lost = vec![0];
+    lossy[2].wrong_by = 1;
+    let mut apart = [7, 8, 10].map(Who::at);
+    apart[2].lost = vec![0];
+    apart.iter_mut().for_each(|who| who.synced = false);
+    let mut lines = Vec::new();
+    let mut whole = [7, 8, 9, 10].map(Who::at);
+    let emulated = Recording::open(Path::new(&format!("{ROOT}/{RECORDING}"))).unwrap();
+    whole[0].emulator = emulated.parts.get(&Part::EmulatorReport).cloned();
+    assert!(whole[0].emulator.is_some());
+    for (name, beads, strikes) in [
+        ("whole", &whole[..], 1),
+        ("lossy", &lossy, 2),
+        ("apart", &apart, 1),
+    ] {
+        let path = folder.path().join(format!("{name}.mcap"));
+        rows::record(&path, &scenario, beads, strikes);
+        lines.push(format!("compare {}", path.display()));
+    }
+    lines.push(format!("{} --velocity fit", lines[0]));
+    hold(
+        "compare-row",
+        &lines.iter().map(String::as_str).collect::<Vec<_>>(),
+    );
+}
+
 #[test]
 fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
     let own = "docs/scenarios/own-chain.toml";
@@ -127,6 +174,16 @@ fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
     hold("replay", &[&format!("replay {RECORDING}")]);
     let compare = format!("compare {RECORDING} --scenario {SCENARIO}");
     hold("compare", &[&compare, &format!("{compare} --velocity fit")]);
+    compare_rows();
+    // Against itself, and against a force alone.
+    let folder = tempfile::tempdir().unwrap();
+    let force = force_alone(folder.path());
+    let against = format!("compare {RECORDING} --reference");
+    let reference = [
+        format!("{against} {RECORDING}"),
+        format!("{against} {}", force.display()),
+    ];
+    hold("compare-reference", &reference.each_ref().map(String::as_str));
     hold("clock", &[&format!("clock {RECORDING}")]);
     hold("settings", &["settings show tests/data/settings-v4.bin"]);
     let folder = tempfile::tempdir().unwrap();
@@ -165,9 +222,16 @@ fn results_of_the_image_are_what_their_schemas_say() {
     let run = format!("emulate {SCENARIO} --bead 8");
     let out = folder.path().join("run");
     let long = format!("{run} --strikes 4 --faults {}", faults.display());
+    let force = force_alone(folder.path());
     hold(
         "emulate",
-        &[&format!("{run} --strikes 2 --out {}", out.display()), &long],
+        &[
+            &format!("{run} --strikes 2 --out {}", out.display()),
+            &long,
+            // A waveform of both sensors, and one of the force alone.
+            &format!("{run} --stimulus {RECORDING}"),
+            &format!("{run} --stimulus {}", force.display()),
+        ],
     );
     hold(
         "accuracy",

@@ -18,7 +18,7 @@ use bead_wire::Message;
 use bead_wire::{ANY, Counters, Key, MAX_REQUEST, Request, Ticket, encode_request};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use hertz_chain::{Scenario, Solution};
-use stm32f405_qemu::{Outcome, Run, UartInput};
+use stm32f405_qemu::{Inputs, Outcome, Run, UartInput};
 
 /// The bead that senses.
 pub const HOST: usize = 8;
@@ -380,6 +380,41 @@ impl Requests {
             rows: self.machine.stimulus,
             block: self.block,
             outcome,
+        }
+    }
+
+    /// Runs the image until it has told its settings after this number of resets, and 50 ms more, in which it
+    /// would tell a fault.
+    ///
+    /// # Panics
+    /// QEMU fails, or the image has not told them 20 s after power-up.
+    pub fn run_until_settings_after(self, resets: usize) -> Answered {
+        const STEP_NS: u64 = 50_000_000;
+        const END_NS: u64 = 20_000_000_000;
+        let mut live = self.machine.start().unwrap_or_else(|error| panic!("{error}"));
+        let (mut stream, mut told) = (Vec::new(), false);
+        while !told {
+            let now_ns = live.now_ns();
+            assert!(
+                now_ns < END_NS,
+                "no settings after {resets} resets in {now_ns} ns"
+            );
+            let frames = frames::decode(&stream).0;
+            // The first frame of a start has the number 0.
+            let starts = frames.split(|frame| frame.header.sequence == 0).skip(1);
+            told = starts.skip(resets).any(|start| {
+                start
+                    .iter()
+                    .any(|frame| matches!(frame.message, Message::Settings(_)))
+            });
+            let passed = live.advance(now_ns + STEP_NS, Inputs::default());
+            stream.extend_from_slice(passed.unwrap_or_else(|error| panic!("{error}")).usart1());
+        }
+        Answered {
+            outcome: live.finish().unwrap_or_else(|error| panic!("{error}")),
+            heard: Heard::new(stream),
+            rows: self.machine.stimulus,
+            block: self.block,
         }
     }
 

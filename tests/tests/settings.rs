@@ -405,23 +405,24 @@ fn a_store_without_a_whole_block_is_erased_and_told_of() {
     );
 }
 
-/// A store that has room for three more blocks of this length and no fourth, and how many it took before.
-fn nearly_full(block: &[u8]) -> (Vec<u8>, usize) {
+/// A store that has room for three more blocks of settings and no fourth, and how many it took before.
+static NEARLY_FULL: LazyLock<(Vec<u8>, usize)> = LazyLock::new(|| {
+    let block = windows_of(300);
     let (mut store, _) = Store::open(Ram::blank(), RANGE);
-    let all = std::iter::repeat_with(|| store.write(block))
+    let all = std::iter::repeat_with(|| store.write(&block))
         .take_while(Result::is_ok)
         .count();
     let (mut store, _) = Store::open(Ram::blank(), RANGE);
     for _ in 3..all {
-        store.write(block).unwrap_or_else(|error| panic!("{error}"));
+        store.write(&block).unwrap_or_else(|error| panic!("{error}"));
     }
     (store.into_flash().bytes, all - 3)
-}
+});
 
 /// The start of the bead, three writes, a fourth, a reset, and what `then` asks 4 s later, when a sector has
 /// been erased.
 fn fill_and_reset(then: impl Fn(&mut Requests)) -> (Requests, usize) {
-    let (store, taken) = nearly_full(&windows_of(300));
+    let (store, taken) = NEARLY_FULL.clone();
     let mut requests = short();
     requests.machine.flash.push((STORE_ADDRESS, store));
     for n in 0..4 {
@@ -528,6 +529,7 @@ fn a_power_cut_in_any_operation_of_making_room_keeps_the_settings() {
                 .machine
                 .faults
                 .push(Fault::after_first_scan(520_000_000, kind));
+            return requests.run_until_settings_after(1);
         }
         requests.run()
     };

@@ -51,7 +51,7 @@ impl Bead {
 /// w of [`Bead::pulse_width`]. Found from the pulse at contact 70 of an elastic chain; a test finds it again.
 const PULSE_WIDTH: f64 = 1.556;
 /// The least width of the pulse of a wave of 1 m/s, in samples. Estimate A is then off by 1.4 %, and estimate B
-/// by 6 % (`cargo test -p bead-model --test spheres -- --nocapture`).
+/// by 6 % (`cargo test -p bead-model spheres -- --nocapture`).
 pub const LEAST_WIDTH: f64 = 2.5;
 
 /// One sensor channel as the converter sees it.

@@ -62,5 +62,5 @@ pub use solution::{Sampler, Snapshot, Solution};
 pub use spectrum::{Spectrum, Taper};
 pub use split::Split;
 pub use summarise::{Summariser, summarise};
-pub use transmission::TransmissionFit;
+pub use transmission::{TransmissionFit, energies_left};
 pub use validity::Validity;

@@ -1,4 +1,51 @@
-//! The energy that n intruders leave, as a power of n.
+//! The energy E(n) that the first n intruders of a row leave, and T, the part of it that each lets pass (Fig. 5 of the
+//! paper).
+
+use crate::scenario::Scenario;
+use crate::simulate::{SimulateError, simulate};
+use crate::solution::Solution;
+
+impl Scenario {
+    /// The beads that hold an intruder, from the striker on.
+    pub fn hosts(&self) -> Vec<usize> {
+        let mut hosts: Vec<usize> = self.intruders.iter().flat_map(|one| one.beads.clone()).collect();
+        hosts.sort_unstable();
+        hosts
+    }
+
+    /// The same with intruders in the first `n` of its hosts only.
+    #[must_use]
+    pub fn with_first_hosts(&self, n: usize) -> Self {
+        let hosts = self.hosts();
+        let kept = &hosts[..n.min(hosts.len())];
+        let mut fewer = self.clone();
+        for intruder in &mut fewer.intruders {
+            intruder.beads.retain(|bead| kept.contains(bead));
+        }
+        fewer.intruders.retain(|intruder| !intruder.beads.is_empty());
+        fewer
+    }
+}
+
+impl Solution {
+    /// The energy of the chain at the end of the run as the paper prints it, J: what the intruders have left. What they
+    /// still hold is no part of it, and what they have given back is.
+    pub fn energy_left(&self) -> f64 {
+        self.at(self.end()).energies().chain_as_printed
+    }
+}
+
+/// E(0), E(1) and so on: what is left by the first 0, 1 and all further hosts of a scenario, as a part of E(0). Each is a
+/// run of its own, as in the paper's Fig. 5.
+///
+/// # Errors
+/// The scenario cannot be integrated.
+pub fn energies_left(scenario: &Scenario) -> Result<Vec<f64>, SimulateError> {
+    let left = |n: usize| Ok(simulate(&scenario.with_first_hosts(n))?.energy_left());
+    let left = (0..=scenario.hosts().len()).map(left);
+    let left = left.collect::<Result<Vec<f64>, SimulateError>>()?;
+    Ok(left.iter().map(|energy| energy / left[0]).collect())
+}
 
 /// The line through ln E over n by least squares: E(n) = E(0) Tⁿ, the paper's E_{n+1} = T E_n.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,5 +96,25 @@ impl TransmissionFit {
             initial: (mean_log - slope * mean_n).exp(),
             residual,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_are_counted_from_the_striker_whatever_their_order_in_the_file() {
+        let mut scenario = Scenario::paper();
+        let one = scenario.intruders[0].clone();
+        scenario.intruders = [vec![12, 7], vec![9]]
+            .map(|beads| crate::Intruder { beads, ..one.clone() })
+            .to_vec();
+        assert_eq!(scenario.hosts(), [7, 9, 12]);
+        let first = |n| scenario.with_first_hosts(n).hosts();
+        assert_eq!(
+            (first(0), first(1), first(2), first(9)),
+            (vec![], vec![7], vec![7, 9], vec![7, 9, 12])
+        );
     }
 }

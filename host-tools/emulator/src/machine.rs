@@ -50,6 +50,7 @@ use events::Event;
 use levels::Levels;
 use lines::Lines;
 use polls::Polls;
+use sampling::Scans;
 use table::DMA2_LINES;
 use transfers::{Transfers, part, serving};
 use unknown::UnknownRegisters;
@@ -343,11 +344,37 @@ impl Machine {
         while let Some((at, event)) = events::next(&self.chip, &self.levels).filter(|(at, _)| *at <= now) {
             self.happen(event, at, board);
             self.transfers.serve(&mut self.chip, at, board);
+            self.scan(now, board);
         }
         for tim in &mut self.chip.units.tim {
             tim.advance(now);
         }
         self.chip.units.systick.advance(now);
+    }
+
+    /// Plays what a converter and its trigger do up to `now`, as long as nothing else happens. [`Self::play`] would
+    /// do the same, and look at every peripheral for every conversion.
+    fn scan(&mut self, now: u64, board: &mut impl Board) {
+        let Some(scans) = self.chip.scans() else { return };
+        let Scans { adc, tim } = scans;
+        let next = events::next_but(&self.chip, &self.levels, Some(scans));
+        let until = next.map_or(now, |(at, _)| now.min(at.saturating_sub(1)));
+        loop {
+            let trigger = self.chip.units.tim[tim].trigger(0);
+            while let Some(at) = self.chip.units.adc.converters[adc].next_conversion()
+                && at <= until
+                && trigger.is_none_or(|trigger| at <= trigger)
+            {
+                self.happen(Event::Converted(adc), at, board);
+                if !self.transfers.serve_converter(&mut self.chip, adc, at, board) {
+                    return;
+                }
+            }
+            match trigger.filter(|at| *at <= until) {
+                Some(at) => self.happen(Event::Triggered(tim), at, board),
+                None => return,
+            }
+        }
     }
 
     fn happen(&mut self, event: Event, at: u64, board: &mut impl Board) {

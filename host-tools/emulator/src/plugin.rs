@@ -6,6 +6,8 @@
 //! in them. The callbacks drive an `Overlay`. The overlay drives a machine, records what comes out of it, and
 //! ends the run.
 //!
+//! The processor's thread also passes the time in which the processor waits, and the main thread rests: see `rest`.
+//!
 //! QEMU's big lock is held in every callback that reaches the overlay, so one call ends before the next
 //! begins.
 
@@ -17,6 +19,7 @@ mod handlers;
 mod overlay;
 mod qemu;
 mod recorder;
+mod rest;
 mod rtt;
 mod self_test;
 mod stops;

@@ -11,7 +11,6 @@ mod folder;
 mod image;
 mod live;
 mod log;
-mod one_core;
 mod overlay;
 mod process;
 mod qemu;

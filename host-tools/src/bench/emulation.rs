@@ -17,9 +17,10 @@ use crate::bench::error::BenchError;
 use crate::bench::faults::Planned;
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::image;
-use crate::bench::sensed::{Sensed, Timing, Truth, bead_of, neighbours_of};
+use crate::bench::sensed::{Felt, Sensed, Timing, Truth, bead_of, neighbours_of};
 use crate::recording::file::{RecordingError, Writer};
 use crate::recording::frames::{self, Frame};
+use crate::waveform::Waveform;
 
 /// Where the image looks for settings that a probe has put there (`memory.x`).
 pub const SETTINGS_ADDRESS: u32 = 0x080A_0000;
@@ -66,6 +67,23 @@ pub struct RunTruth {
     /// From when to when others held the trigger line low: as `sync_edges`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub line_low: Vec<[f64; 2]>,
+    /// The waveform that the sensors felt, if it was not a strike of the chain. `truth` is then of the waveform: its
+    /// highest force, and what f64 estimates make of it around that, from the acceleration if it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stimulus: Option<StimulusFile>,
+}
+
+/// A file with a waveform that the sensors of a run felt.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StimulusFile {
+    /// Its name, without folders.
+    pub name: String,
+    /// Its SHA-256, in hexadecimal.
+    pub sha256: String,
+    /// Whether it has a force.
+    pub force: bool,
+    /// Whether it has an acceleration.
+    pub acceleration: bool,
 }
 
 impl RunTruth {
@@ -258,6 +276,8 @@ pub struct Emulation {
     pub shift: Option<u8>,
     /// Where a debugger may come. As `Run::gdb`.
     pub gdb: Option<u16>,
+    /// What the sensors feel, if it is no strike of the chain.
+    pub waveform: Option<Waveform>,
     codes: Digitised,
     image: PathBuf,
 }
@@ -298,36 +318,62 @@ impl Emulation {
         timing: Timing,
         image: &Path,
     ) -> Result<Self, BenchError> {
+        let truth = Truth::of(scenario, solution, placed.bead)?;
+        let settings = settings_of(solution, placed, front_end)?;
+        let feel = |timing| Sensed::new(solution, placed.bead, timing);
+        Self::feeling(settings, truth, placed, front_end, timing, image, feel)
+    }
+
+    /// Derives the settings of a bead and digitises a waveform that it senses, whatever the chain would do. `truth` is
+    /// kept as what is true of it.
+    ///
+    /// # Errors
+    /// The bead has no intruder, no settings fit it, or the waveform is too long.
+    pub fn play(
+        solution: &Solution,
+        placed: Placed,
+        front_end: &FrontEnd,
+        timing: Timing,
+        image: &Path,
+        waveform: Waveform,
+        truth: Truth,
+    ) -> Result<Self, BenchError> {
+        let settings = settings_of(solution, placed, front_end)?;
+        let feel = |timing| Sensed::playing(&waveform, timing);
+        let emulation = Self::feeling(settings, truth, placed, front_end, timing, image, feel)?;
+        Ok(Self {
+            waveform: Some(waveform),
+            ..emulation
+        })
+    }
+
+    fn feeling<F: Felt>(
+        settings: Settings,
+        truth: Truth,
+        placed: Placed,
+        front_end: &FrontEnd,
+        timing: Timing,
+        image: &Path,
+        feel: impl Fn(Timing) -> Sensed<F>,
+    ) -> Result<Self, BenchError> {
         let Placed { bead, seed, .. } = placed;
-        let physics = bead_of(solution, bead)?;
-        let front = front_end.calibration();
-        let neighbours = neighbours_of(solution, bead);
-        let derived = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front));
-        let mut settings = derived.map_err(|error| match error {
-            DesignError::TooFast { samples, least } => {
-                let diameter = 2e3 * solution.model().radius(bead);
-                BenchError::Unfit(format!(
-                    "the sphere of bead {bead}, {diameter:.1} mm, is too small for {} kHz: {:.1} mm at least of this \
-                     material, since {error}",
-                    SAMPLE_RATE_HZ / 1000,
-                    diameter * least / samples
-                ))
-            }
-            error => BenchError::unfit(&format!("no settings fit bead {bead} and this front end"), error),
-        })?;
-        settings.address = placed.address;
         let mut block = [0; BLOCK_MAX];
         let length = settings
             .encode(&mut block)
             .map_err(|error| BenchError::unfit("cannot encode the settings", error))?;
-        if timing.strikes > 1 && timing.interval < solution.end() {
+        let timing = Timing {
+            lead_in: timing.lead_in - placed.began,
+            ..timing
+        };
+        let sensed = feel(timing);
+        let lasts = sensed.long();
+        if timing.strikes > 1 && timing.interval < lasts {
             return Err(BenchError::Unfit(format!(
-                "--interval {} s: a strike and its ring-down take {} s; give at least that",
+                "--interval {} s: a strike and its ring-down take {lasts} s; give at least that",
                 timing.interval,
-                solution.end()
             )));
         }
-        let long = timing.start(timing.strikes.saturating_sub(1)) + solution.end() + TAIL;
+        let long = placed.began + timing.start(timing.strikes.saturating_sub(1)) + lasts + TAIL;
         if long > LONGEST {
             return Err(BenchError::Unfit(format!(
                 "{} strikes every {} s are {long:.0} s of the bead's time, and {LONGEST} s fit in memory; give fewer \
@@ -335,20 +381,13 @@ impl Emulation {
                 timing.strikes, timing.interval
             )));
         }
-        let timing = Timing {
-            lead_in: timing.lead_in - placed.began,
-            ..timing
-        };
         let clock_ppm = (placed.clock_ppm * 1e-6 * CRYSTAL_HZ).round() / CRYSTAL_HZ * 1e6;
         let rate = 1.0 + clock_ppm * 1e-6;
-        let sensed = OnClock {
-            sensed: Sensed::new(solution, bead, timing),
-            rate,
-        };
-        let codes = front_end.digitise(&sensed, timing.scans(solution.end() + TAIL), seed);
+        let sensed = OnClock { sensed, rate };
+        let codes = front_end.digitise(&sensed, timing.scans(lasts + TAIL), seed);
         let truth = RunTruth {
             bead,
-            truth: Truth::of(scenario, solution, bead)?,
+            truth,
             starts: timing.starts(rate),
             front_end: *front_end,
             seed,
@@ -356,6 +395,7 @@ impl Emulation {
             sync_edges: Vec::new(),
             began: placed.began,
             line_low: Vec::new(),
+            stimulus: None,
         };
         Ok(Self {
             settings,
@@ -364,6 +404,7 @@ impl Emulation {
             faults: Vec::new(),
             shift: None,
             gdb: None,
+            waveform: None,
             codes,
             image: image.to_owned(),
         })
@@ -529,6 +570,38 @@ fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
     let pairs = changes.windows(2).skip_while(|pair| !pair[0].1);
     let low = pairs.filter(|pair| !pair[0].1 && pair[1].1);
     low.map(|pair| [pair[0].0, pair[1].0]).collect()
+}
+
+/// The settings of a bead behind a front end.
+///
+/// # Errors
+/// The bead has no intruder, or no settings fit it.
+pub fn settings_of(
+    solution: &Solution,
+    placed: Placed,
+    front_end: &FrontEnd,
+) -> Result<Settings, BenchError> {
+    let bead = placed.bead;
+    let physics = bead_of(solution, bead)?;
+    let front = front_end.calibration();
+    let neighbours = neighbours_of(solution, bead);
+    let derived = derive_among(&physics, &neighbours, &front, &Capture::of(&physics, &front));
+    let settings = derived.map_err(|error| match error {
+        DesignError::TooFast { samples, least } => {
+            let diameter = 2e3 * solution.model().radius(bead);
+            BenchError::Unfit(format!(
+                "the sphere of bead {bead}, {diameter:.1} mm, is too small for {} kHz: {:.1} mm at least of this \
+                 material, since {error}",
+                SAMPLE_RATE_HZ / 1000,
+                diameter * least / samples
+            ))
+        }
+        error => BenchError::unfit(&format!("no settings fit bead {bead} and this front end"), error),
+    })?;
+    Ok(Settings {
+        address: placed.address,
+        ..settings
+    })
 }
 
 /// The version of the QEMU that the emulator runs.

@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::bench::error::BenchError;
 use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
+use crate::waveform::Waveform;
+use crate::waveform::trace::{FADE, Trace};
 
 /// Seconds simulated beyond the scenario's end, so that the intruder's ring-down is complete in every window.
 pub const RING_DOWN: f64 = 6e-3;
@@ -234,16 +236,47 @@ impl Timing {
     }
 }
 
+/// What a sensor feels of one strike.
+pub trait Felt: Clone + Sync {
+    /// The quantity at a time since the strike began, s, in its SI unit.
+    fn at(&mut self, since: f64) -> f64;
+}
+
+impl Felt for Curve {
+    fn at(&mut self, since: f64) -> f64 {
+        Curve::at(self, since)
+    }
+}
+
+impl Felt for Trace {
+    fn at(&mut self, since: f64) -> f64 {
+        Trace::at(self, since)
+    }
+}
+
 /// What the sensors of one bead feel: the same strike again and again, with quiet between.
 #[derive(Clone)]
-pub struct Sensed {
+pub struct Sensed<F = Curve> {
     timing: Timing,
-    /// How long a strike was simulated, s.
+    /// How long a strike lasts, s.
     long: f64,
     /// From the start of the strike that was looked into last to its end, s.
     last: Range<f64>,
-    force: Curve,
-    acceleration: Option<Curve>,
+    force: Option<F>,
+    acceleration: Option<F>,
+}
+
+impl Sensed<Trace> {
+    /// Sensors that feel a waveform, as often as `timing` has strikes. One that it does not have stays at rest.
+    pub fn playing(waveform: &Waveform, timing: Timing) -> Self {
+        Self {
+            timing,
+            long: waveform.seconds() + FADE,
+            last: 0.0..0.0,
+            force: waveform.force.clone(),
+            acceleration: waveform.acceleration.clone(),
+        }
+    }
 }
 
 impl Sensed {
@@ -253,12 +286,19 @@ impl Sensed {
             timing,
             long: solution.end(),
             last: 0.0..0.0,
-            force: solution.force_curve(bead),
+            force: Some(solution.force_curve(bead)),
             acceleration: solution.acceleration_curve(bead),
         }
     }
+}
 
-    /// When the last strike began; none if the simulation does not go so far.
+impl<F> Sensed<F> {
+    /// How long a strike lasts, s.
+    pub fn long(&self) -> f64 {
+        self.long
+    }
+
+    /// When the last strike began; none if it does not last so long.
     fn strike_at(&self, time: f64) -> Option<f64> {
         let guess = ((time - self.timing.lead_in) / self.timing.interval).floor();
         if guess < 0.0 {
@@ -273,9 +313,7 @@ impl Sensed {
         }
         Some(start).filter(|start| (0.0..=self.long).contains(&(time - start)))
     }
-}
 
-impl Sensed {
     /// The same, faster where times follow one another.
     fn since_start(&mut self, time: f64) -> Option<f64> {
         let since = time - self.last.start;
@@ -290,9 +328,11 @@ impl Sensed {
     }
 }
 
-impl Stimulus for Sensed {
+impl<F: Felt> Stimulus for Sensed<F> {
     fn force(&mut self, time: f64) -> f64 {
-        self.since_start(time).map_or(0.0, |since| self.force.at(since))
+        let since = self.since_start(time);
+        let felt = since.zip(self.force.as_mut());
+        felt.map_or(0.0, |(since, force)| force.at(since))
     }
 
     fn acceleration(&mut self, time: f64) -> f64 {

@@ -19,6 +19,7 @@ use crate::recording::file::RecordingError;
 use crate::recording::time_series::TimeSeriesError;
 use crate::recording::whole::WriteError;
 use crate::sweep::folder::FolderError;
+use crate::waveform::WaveformError;
 
 /// Why a command did not end with exit status 0. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
@@ -73,6 +74,7 @@ input_errors!(
     KeyError,
     RecordingError,
     TimeSeriesError,
+    WaveformError,
     WriteError
 );
 

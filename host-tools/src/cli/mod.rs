@@ -10,6 +10,7 @@ mod line_options;
 pub mod output;
 pub mod place;
 mod printer;
+mod waveform_options;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -48,7 +49,7 @@ enum Command {
     /// Run the full f64 chain of a scenario.
     Simulate(simulate::Arguments),
     /// Run the flash image in QEMU on what a bead would sense.
-    Emulate(emulate::Arguments),
+    Emulate(Box<emulate::Arguments>),
     /// Record what a bead sends, and print its strikes.
     Record(record::Arguments),
     /// List the strikes that a bead keeps, or fetch them to a recording.

@@ -64,13 +64,26 @@ pub fn measured(bead: &Bead, acceleration: &[f64], rate_hz: f64) -> Vec<f64> {
 /// host's incoming contact in N. Everything is at rest, just touching, at the first sample. The followers hold
 /// the intruders of `neighbours`.
 pub fn predicted(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -> Vec<f64> {
+    let energies = energies(bead, neighbours, force, rate_hz);
+    energies.into_iter().map(|[absorbed, _]| absorbed).collect()
+}
+
+/// The work in J that the force at the host's incoming contact has done on the host since the first sample, at each
+/// sample: the energy that came in, less what went back. All else as in [`predicted`].
+pub fn work(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -> Vec<f64> {
+    let energies = energies(bead, neighbours, force, rate_hz);
+    energies.into_iter().map(|[_, work]| work).collect()
+}
+
+/// What the reduced chain absorbs and takes up under a force.
+fn energies(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -> Vec<[f64; 2]> {
     let row = &row(bead, neighbours);
     let step = 1.0 / rate_hz / SUBSTEPS as f64;
     let at = |i: isize| force[i.clamp(0, force.len() as isize - 1) as usize];
     let mut state = State::default();
     let mut energies = Vec::with_capacity(force.len());
     for i in 0..force.len() as isize {
-        energies.push(state.0[ENERGY]);
+        energies.push([state.0[ENERGY], state.0[WORK]]);
         let points = [at(i - 1), at(i), at(i + 1), at(i + 2)];
         for substep in 0..SUBSTEPS {
             let phase = substep as f64 / SUBSTEPS as f64;
@@ -93,10 +106,11 @@ fn cubic([before, start, end, after]: [f64; 4], phase: f64) -> f64 {
 }
 
 /// Bodies: the host, then its followers. Layout: displacements, velocities; displacements and velocities of the
-/// intruders relative to these; energy absorbed by the host's.
+/// intruders relative to these; energy absorbed by the host's; work done on the host.
 const BODIES: usize = FOLLOWERS + 1;
 const INTRUDERS: usize = 2 * BODIES;
 const ENERGY: usize = 4 * BODIES;
+const WORK: usize = ENERGY + 1;
 
 /// The intruder of each body.
 type Row = [Option<Intruder>; BODIES];
@@ -114,7 +128,7 @@ fn row(bead: &Bead, neighbours: &Neighbours) -> Row {
 }
 
 #[derive(Clone, Copy, Default)]
-struct State([f64; ENERGY + 1]);
+struct State([f64; WORK + 1]);
 
 impl State {
     fn plus(&self, scale: f64, rate: &Self) -> Self {
@@ -154,6 +168,7 @@ fn rate(bead: &Bead, row: &Row, state: &State, incoming: f64) -> State {
         push = outgoing;
     }
     rate.0[ENERGY] = bead.damping * y[INTRUDERS + BODIES].powi(2);
+    rate.0[WORK] = incoming * y[BODIES];
     rate
 }
 

@@ -53,7 +53,7 @@ const IN_FULL: usize = 3;
 /// Strikes that have a line each.
 const LINES: usize = 1000;
 
-const PAGE_STYLE: &str = "\
+pub(super) const PAGE_STYLE: &str = "\
 *{box-sizing:border-box}\
 body{margin:0;background:var(--paper);color:var(--text);\
 font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif}\

@@ -11,6 +11,7 @@ use serde_json::Value;
 use crate::bench::emulation::{Emulation, InstructionsPerSample, Ran};
 use crate::bench::faults::Planned;
 use crate::bench::sensed::Truth;
+use crate::comparison::given::Given;
 use crate::comparison::replay::replay;
 use crate::recording::frames::Frame;
 use crate::recording::strikes::{RecordedStrike, assemble};
@@ -49,6 +50,9 @@ pub struct RunReport {
     pub unknown_registers: Vec<String>,
     /// The recording that was left.
     pub recording: Option<PathBuf>,
+    /// Whether a waveform was played, which may hold any number of strikes.
+    #[serde(skip)]
+    pub played: bool,
 }
 
 /// A fault of the fault file, and whether the bead reported it.
@@ -99,9 +103,12 @@ pub struct MeasuredStrike {
     pub absorbed_predicted: f64,
     /// Names of the flags that are set.
     pub flags: Vec<&'static str>,
-    /// What the full chain says of the strike; none for an echo.
+    /// What the full chain says of the strike; none for an echo, and where a waveform was played.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<Truth>,
+    /// What f64 estimates make of the waveform that was played.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given: Option<Given>,
     /// Whether replay gives every bit.
     pub replay_identical: bool,
     /// Where replay differs first.
@@ -119,6 +126,7 @@ impl MeasuredStrike {
             absorbed_predicted: strike.said.absorbed_predicted.joules(),
             flags: strike.said.flags.names().collect(),
             truth,
+            given: None,
             replay_identical: replay.identical(),
             first_difference: replay.first_difference,
         }
@@ -147,6 +155,20 @@ impl RunReport {
         let strikes_passed_over = passed_over(&frames);
         for strike in assemble(frames, Some(emulation.settings)) {
             let before = std::mem::replace(&mut begun, truth.begun(strike.said.trigger_index));
+            if let Some(waveform) = &emulation.waveform {
+                let given = begun.filter(|_| measured.resets == 0).map(|begun| {
+                    let start = truth.starts[begun];
+                    let samples = f64::from(strike.said.samples);
+                    let time = |sample: f64| (sample - start) / f64::from(emulation.settings.sample_rate_hz);
+                    let first = strike.said.first_index as f64;
+                    Given::of(waveform, &emulation.settings, time(first)..time(first + samples))
+                });
+                strikes.push(MeasuredStrike {
+                    given,
+                    ..MeasuredStrike::of(&strike, None)
+                });
+                continue;
+            }
             // After a reset the indices begin anew and do not tell which strike it was.
             if measured.resets == 0 && begun.is_some() && begun == before {
                 echoes.push(MeasuredStrike::of(&strike, None));
@@ -179,6 +201,7 @@ impl RunReport {
             saturated: measured.saturated,
             unknown_registers: measured.unknown_registers,
             recording,
+            played: emulation.waveform.is_some(),
         }
     }
 
@@ -215,6 +238,14 @@ impl RunReport {
             resets == 0,
             "the image reset {resets} times; its fault frames say why"
         );
+        if self.played {
+            ensure!(
+                seen >= struck as usize,
+                "{seen} strikes were seen where the waveform was played {struck} times; its force has to rise by the trigger's \
+                 threshold (docs/front-end.md)"
+            );
+            return Ok(());
+        }
         ensure!(
             seen == struck as usize,
             "{seen} of {struck} strikes were seen; strikes closer than a window, or below the trigger, are not"
@@ -377,6 +408,7 @@ mod tests {
                     peak_force: 6.0,
                     absorbed: 8e-7,
                 }),
+                given: None,
                 replay_identical: true,
                 first_difference: None,
             }],
@@ -395,6 +427,7 @@ mod tests {
             saturated: [0, 0],
             unknown_registers: Vec::new(),
             recording: None,
+            played: false,
         };
         let printed = serde_json::to_value(&report).unwrap();
         let contract = json!({
@@ -428,6 +461,7 @@ mod tests {
             absorbed_predicted: 0.0,
             flags: Vec::new(),
             truth: None,
+            given: None,
             replay_identical: first_difference.is_none(),
             first_difference: first_difference.map(str::to_owned),
         };
@@ -462,6 +496,7 @@ mod tests {
             saturated: [0, 0],
             unknown_registers: Vec::new(),
             recording: None,
+            played: false,
         };
         let says = |report: RunReport| match report.verdict(1) {
             Ok(()) => "passed".to_owned(),

@@ -8,9 +8,11 @@
 //! The recording does not say when the striker hit. Each strike is therefore placed at the time where its
 //! force fits the simulated force best. The acceleration was taken [`SCAN_SKEW`] later.
 
+use std::sync::Arc;
+
 use bead_model::design::{Bead, Neighbours};
 use bead_model::layout::BASELINE;
-use hertz_chain::{Curve, PulseSearch, Scenario, Solution};
+use hertz_chain::{Curve, Pulse, PulseSearch, Scenario, Solution};
 use serde::Serialize;
 
 use crate::bench::error::BenchError;
@@ -284,14 +286,14 @@ pub struct FullChain {
     bead: usize,
     physics: Bead,
     neighbours: Neighbours,
-    solution: Solution,
+    solution: Arc<Solution>,
     truth: Truth,
+    /// The strongest pulse at its incoming contact.
+    pulse: Option<Pulse>,
     peak_time: f64,
     /// Force at the bead's incoming contact, and acceleration of its intruder.
     force: Curve,
     acceleration: Curve,
-    /// Width at half height of the strongest pulse, s.
-    width: Option<f64>,
 }
 
 impl FullChain {
@@ -300,7 +302,15 @@ impl FullChain {
     /// # Errors
     /// The bead has no intruder, or the scenario cannot be run.
     pub fn run(scenario: &Scenario, bead: usize) -> Result<Self, BenchError> {
-        let solution = simulate_with_ring_down(scenario)?;
+        Self::of(scenario, &Arc::new(simulate_with_ring_down(scenario)?), bead)
+    }
+
+    /// The same from a solution of `scenario`, [with ring-down](simulate_with_ring_down).
+    ///
+    /// # Errors
+    /// The bead has no intruder, or no force reaches it.
+    pub fn of(scenario: &Scenario, solution: &Arc<Solution>, bead: usize) -> Result<Self, BenchError> {
+        let solution = Arc::clone(solution);
         let physics = bead_of(&solution, bead)?;
         let neighbours = neighbours_of(&solution, bead);
         let truth = Truth::of(scenario, &solution, bead)?;
@@ -321,8 +331,62 @@ impl FullChain {
             peak_time,
             force,
             acceleration,
-            width: strongest.and_then(|pulse| pulse.fwhm),
+            pulse: strongest,
         })
+    }
+
+    /// What the bead should say of a strike.
+    pub(crate) fn truth(&self) -> Truth {
+        self.truth
+    }
+
+    /// The strongest pulse at the bead's incoming contact.
+    pub(crate) fn pulse(&self) -> Option<Pulse> {
+        self.pulse
+    }
+
+    /// The energy that the strongest pulse brings to the bead, J: the work that it does on it.
+    pub(crate) fn incident(&self) -> f64 {
+        let Some(pulse) = self.pulse else { return 0.0 };
+        let passed = self.solution.flow(self.bead).between(pulse.from, pulse.to);
+        let contact = self.solution.model().contact(self.bead);
+        let held = |time: f64| contact.energy(self.solution.at(time).overlap(self.bead));
+        passed.energy - passed.lost - (held(pulse.to) - held(pulse.from))
+    }
+
+    /// The same by a bead's force and the reduced chain behind it, as estimate B has it, in f64. None where samples or
+    /// settings are missing.
+    pub(crate) fn incident_by(&self, strike: &RecordedStrike) -> Option<f64> {
+        let (settings, pulse) = (strike.settings.as_ref()?, self.pulse?);
+        if strike.missing() > 0 || strike.scans.len() <= usize::from(BASELINE) {
+            return None;
+        }
+        let rate = f64::from(settings.sample_rate_hz);
+        let force = sensed(&strike.scans, 0, &settings.force);
+        let start = self.place(&force, rate);
+        let gated = gated(&force, settings, strike.said.force_noise.newtons());
+        let work = f64_estimators::work(&self.physics, &self.neighbours, &gated, rate);
+        let at = |time: f64| {
+            let sample = ((time - start) * rate).round().max(0.0) as usize;
+            work.get(sample.min(work.len() - 1)).copied()
+        };
+        Some(at(pulse.to)? - at(pulse.from)?)
+    }
+
+    /// When the force at the bead's incoming contact rises through half of its greatest value, s since the striker hit.
+    pub(crate) fn front(&self) -> f64 {
+        let mut force = during(&self.force);
+        let half = 0.5 * self.truth.peak_force;
+        let (mut below, mut above) = (self.pulse.map_or(0.0, |pulse| pulse.from), self.peak_time);
+        // By halves, to the last bit or so: the force only rises there.
+        for _ in 0..50 {
+            let middle = 0.5 * (below + above);
+            match force(middle) < half {
+                true => below = middle,
+                false => above = middle,
+            }
+        }
+        above
     }
 
     /// A warning about estimate B at this bead, if there is one.
@@ -418,7 +482,7 @@ impl FullChain {
         Some(ShapeComparison {
             device,
             f64_chain: ShapeValues {
-                width: self.width?,
+                width: self.pulse?.fwhm?,
                 impulse: flow.between(window[0], window[1]).impulse,
                 ring_frequency: (stiffness / reduced - decay * decay).max(0.0).sqrt() / std::f64::consts::TAU,
                 ring_decay: decay,

@@ -54,7 +54,7 @@ impl Soundness {
 }
 
 /// The first check that said no, gravest first. `differs` is where a replay differs first, if one does.
-pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread; 2]) -> Option<String> {
+pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) -> Option<String> {
     if let Some(what) = differs {
         return Some(format!("replay differs: {what}"));
     }

@@ -57,6 +57,7 @@ const WORKSPACE: &[Package] = &[
         rooms: &[
             "recording",
             "line",
+            "waveform",
             "bench",
             "comparison",
             "export",

@@ -2,6 +2,7 @@
 
 use super::chip::Chip;
 use super::levels::Levels;
+use super::sampling::Scans;
 use super::wiring;
 use crate::peripherals::{Peripheral, flash};
 
@@ -33,6 +34,11 @@ pub(super) enum Event {
 /// What happens next, and when. If several things happen at one time, a timer is started first, then a level
 /// changes, a conversion ends, and a trigger comes.
 pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
+    next_but(chip, levels, None)
+}
+
+/// The same without what a converter and its trigger do, if they are given.
+pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Option<(u64, Event)> {
     let units = &chip.units;
     let tim = &units.tim;
     let mut next = None;
@@ -53,10 +59,11 @@ pub(super) fn next(chip: &Chip, levels: &Levels) -> Option<(u64, Event)> {
     for (n, timer) in tim.iter().enumerate() {
         offer(timer.next_output(), Event::Moved(n));
     }
-    for (n, converter) in units.adc.converters.iter().enumerate() {
+    let but = |adc| scans.is_some_and(|scans| scans.adc == adc);
+    for (n, converter) in units.adc.converters.iter().enumerate().filter(|(n, _)| !but(*n)) {
         offer(converter.next_conversion(), Event::Converted(n));
     }
-    for n in 0..units.adc.converters.len() {
+    for n in (0..units.adc.converters.len()).filter(|n| !but(*n)) {
         if let Some(master) = chip.converter_trigger(n) {
             offer(tim[master].trigger(0), Event::Triggered(master));
         }

@@ -6,7 +6,22 @@ use super::chip::Chip;
 use super::wiring::{self, ADCS, BATTERY, REFERENCE, TEMPERATURE};
 use crate::peripherals::signature;
 
+/// A converter that samples, and the timer that triggers it and no other converter.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scans {
+    pub(super) adc: usize,
+    pub(super) tim: usize,
+}
+
 impl Chip {
+    /// The scans that make up most of what happens.
+    pub(super) fn scans(&self) -> Option<Scans> {
+        let adc = self.sampler?;
+        let tim = self.converter_trigger(adc)?;
+        let triggered = (0..ADCS.len()).filter(|adc| self.converter_trigger(*adc) == Some(tim));
+        (triggered.count() == 1).then_some(Scans { adc, tim })
+    }
+
     /// The timer whose TRGO starts the scans of a converter.
     pub(super) fn converter_trigger(&self, adc: usize) -> Option<usize> {
         wiring::converter_trigger(self.units.adc.converters[adc].external_trigger()?)

@@ -36,6 +36,31 @@ pub(super) struct Transfers {
 }
 
 impl Transfers {
+    /// Serves the request of a converter, if one stands. Gives whether nothing but memory has changed by that.
+    /// If not, the other requests are served too.
+    pub(super) fn serve_converter(
+        &mut self,
+        chip: &mut Chip,
+        adc: usize,
+        now: u64,
+        board: &mut impl Board,
+    ) -> bool {
+        if !chip.units.adc.converters[adc].request {
+            return true;
+        }
+        let Some(stream) = serving(chip, &SERVERS.adc[adc]) else {
+            return true;
+        };
+        let beat = chip.units.dma[stream.dma].beat(stream.stream);
+        let to_memory = |beat: Beat| beat.direction == Direction::ToMemory && SRAM.contains(&beat.memory);
+        if beat.is_some_and(to_memory) {
+            self.fetch_conversion(chip, adc, stream, now, board);
+            return true;
+        }
+        self.serve(chip, now, board);
+        false
+    }
+
     /// Serves the requests that stand.
     pub(super) fn serve(&mut self, chip: &mut Chip, now: u64, board: &mut impl Board) {
         for adc in 0..ADCS.len() {

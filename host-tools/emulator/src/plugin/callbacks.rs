@@ -23,9 +23,10 @@ use super::handlers;
 use super::overlay::{Entries, Overlay};
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
-    QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess, exit, leave, log_moved,
-    log_seen, on_signal_of_abort, room, say, symbol, take_no_signals, wait_for_event,
+    QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess, Waits,
+    exit, leave, log_moved, log_seen, on_signal_of_abort, room, say, symbol, take_no_signals, wait_for_event,
 };
+use super::rest::Rest;
 use super::self_test::self_test;
 use super::stops::{self, Wish};
 use crate::ending::End;
@@ -272,6 +273,9 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
         (f.memory_region_add_subregion_overlap)(system, 0, alias, PRIORITY);
         let timer = room();
         (f.timer_init_full)(timer, none, QEMU_CLOCK_VIRTUAL, SCALE_NS, 0, on_timer, none);
+        let rest_timer = room();
+        (f.timer_init_full)(rest_timer, none, QEMU_CLOCK_REALTIME, SCALE_NS, 0, on_rest, none);
+        (f.timer_mod)(rest_timer, 0);
         (f.qemu_register_reset)(on_reset, none);
         let request = (f.qemu_allocate_irq)(on_reset_request, none, 0);
         (f.qdev_connect_gpio_out_named)(processor, c"SYSRESETREQ".as_ptr(), 0, request);
@@ -290,6 +294,10 @@ fn lay_over(f: &'static Functions) -> Result<Qemu, String> {
             nmi,
             systick,
             nvic,
+            waits: Waits::find().ok(),
+            on_wait,
+            rest_timer,
+            rest: Rest::default(),
             reset_requested: AtomicBool::new(false),
         })
     }
@@ -351,6 +359,19 @@ extern "C" fn on_timer(_: Pointer) {
     }
 }
 
+extern "C" fn on_rest(_: Pointer) {
+    if let Some(qemu) = QEMU.get() {
+        qemu.rest();
+    }
+}
+
+/// The processor waits.
+extern "C" fn on_wait(_processor: Pointer, _: Pointer) {
+    if let Some(qemu) = QEMU.get() {
+        qemu.pass_time();
+    }
+}
+
 /// The firmware wrote SYSRESETREQ.
 extern "C" fn on_reset_request(_: Pointer, _number: c_int, level: c_int) {
     if let Some(qemu) = QEMU.get().filter(|_| level != 0) {
@@ -361,6 +382,7 @@ extern "C" fn on_reset_request(_: Pointer, _number: c_int, level: c_int) {
 extern "C" fn on_reset(_: Pointer) {
     if let Some((mut overlay, qemu)) = running() {
         qemu.reset_requested.store(false, Relaxed);
+        qemu.rest.need(false);
         overlay.reset(qemu);
     }
 }
@@ -449,6 +471,7 @@ extern "C" fn on_wait_for_interrupt(_processor: u32, _: Pointer) {
     if deep && !fate::interrupt_pending(qemu) {
         saw(Sight::DeepSleep);
     }
+    qemu.pass_wait();
 }
 
 extern "C" fn on_wait_for_event(_processor: u32, _: Pointer) {

@@ -19,6 +19,7 @@ use std::ffi::{c_char, c_int, c_void};
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, Ordering::Relaxed};
 
+use super::rest::Rest;
 use crate::exchange::LINE_PREFIX;
 use crate::machine::{INTERRUPTS, NMI, SYSTICK};
 
@@ -26,16 +27,19 @@ const _: () = assert!(SPARE_LINE >= INTERRUPTS);
 
 pub(super) type Pointer = *mut c_void;
 
-/// Declares QEMU's functions as fields that are filled in by name.
+/// Declares QEMU's functions as fields that are filled in by name, or by the name that they had before.
 macro_rules! functions {
-    ($($name:ident: fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
-        pub(super) struct Functions { $(pub(super) $name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)* }
+    ($(#[$meta:meta])* $all:ident: $($name:ident $(| $before:ident)?: fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
+        $(#[$meta])*
+        pub(super) struct $all { $(pub(super) $name: unsafe extern "C" fn($($argument),*) $(-> $result)?,)* }
 
-        impl Functions {
+        impl $all {
             /// The error is the name that QEMU does not export.
             pub(super) fn find() -> Result<Self, &'static str> {
                 Ok(Self { $($name: {
-                    let found = symbol(concat!(stringify!($name), "\0"))?;
+                    let names = [concat!(stringify!($name), "\0") $(, concat!(stringify!($before), "\0"))?];
+                    let found = names.map(symbol);
+                    let found = found.into_iter().reduce(Result::or).expect("there is a name")?;
                     // SAFETY: the symbol of this name has this type in QEMU 7.2 to 11.1.
                     unsafe { std::mem::transmute::<Pointer, unsafe extern "C" fn($($argument),*) $(-> $result)?>(found) }
                 },)* })
@@ -45,6 +49,8 @@ macro_rules! functions {
 }
 
 functions! {
+    /// What the overlay cannot do without.
+    Functions:
     qemu_add_machine_init_done_notifier: fn(*mut Notifier);
     get_system_memory: fn() -> Pointer;
     memory_region_init_io: fn(Pointer, Pointer, *const Ops, Pointer, *const c_char, u64);
@@ -86,6 +92,19 @@ functions! {
     qemu_plugin_register_vcpu_insn_exec_cb: fn(Pointer, extern "C" fn(u32, Pointer), c_int, Pointer);
 }
 
+functions! {
+    /// What passes the time in which the processor waits: see [`Qemu::pass_wait`].
+    Waits:
+    async_run_on_cpu: fn(Pointer, extern "C" fn(Pointer, Pointer), Pointer);
+    all_cpu_threads_idle: fn() -> bool;
+    icount_start_warp_timer: fn();
+    qemu_clock_run_timers: fn(c_int) -> bool;
+    runstate_is_running: fn() -> bool;
+    // QEMU's big lock.
+    bql_lock_impl | qemu_mutex_lock_iothread_impl: fn(*const c_char, c_int);
+    bql_unlock | qemu_mutex_unlock_iothread: fn();
+}
+
 /// `MemoryRegionOps`.
 #[repr(C)]
 pub(super) struct Ops {
@@ -119,7 +138,11 @@ pub(super) struct Notifier {
 }
 
 pub(super) const DEVICE_LITTLE_ENDIAN: c_int = 2;
+pub(super) const QEMU_CLOCK_REALTIME: c_int = 0;
 pub(super) const QEMU_CLOCK_VIRTUAL: c_int = 1;
+/// How long the main thread looks around between two rests, and how long it waits while the machine is paused.
+const LOOKS_AROUND_NS: i64 = 100_000;
+const RESTS_AGAIN_NS: i64 = 20_000_000;
 pub(super) const SCALE_NS: c_int = 1;
 const SHUTDOWN_CAUSE_GUEST_SHUTDOWN: c_int = 6;
 const SHUTDOWN_CAUSE_GUEST_RESET: c_int = 7;
@@ -147,6 +170,12 @@ pub(super) struct Qemu {
     pub(super) systick: Pointer,
     /// The registers of the interrupt controller, as QEMU's region.
     pub(super) nvic: Pointer,
+    /// `None` with a QEMU that does not export it: its main thread passes the time, and the run takes longer.
+    pub(super) waits: Option<Waits>,
+    /// Called in the processor's thread for [`Self::pass_wait`]. It is to call [`Self::pass_time`].
+    pub(super) on_wait: extern "C" fn(Pointer, Pointer),
+    pub(super) rest_timer: Pointer,
+    pub(super) rest: Rest,
     pub(super) reset_requested: AtomicBool,
 }
 
@@ -226,9 +255,54 @@ impl Qemu {
         let request = if stalled { HALT } else { GO_ON };
         // SAFETY: processor 0 exists once the machine is made; the request is one of QEMU's.
         unsafe { (self.functions.cpu_interrupt)((self.functions.qemu_get_cpu)(0), request) }
+        if stalled {
+            self.pass_wait();
+        }
+    }
+
+    /// The processor is about to wait. While it does, its own thread passes the time, and not QEMU's main thread.
+    pub(super) fn pass_wait(&self) {
+        if let Some(waits) = &self.waits {
+            // SAFETY: processor 0 exists once the machine is made. The function is called in its thread, between
+            // two instructions and with QEMU's big lock held.
+            unsafe { (waits.async_run_on_cpu)((self.functions.qemu_get_cpu)(0), self.on_wait, null_mut()) };
+        }
+    }
+
+    /// Lets time go on from timer to timer until the processor has something to do, as QEMU's main thread would.
+    pub(super) fn pass_time(&self) {
+        let Some(waits) = &self.waits else { return };
+        // SAFETY: as in QEMU's main loop. The last says whether a timer was due. If none was, time stands still.
+        unsafe {
+            while (waits.all_cpu_threads_idle)() {
+                (waits.icount_start_warp_timer)();
+                if !(waits.qemu_clock_run_timers)(QEMU_CLOCK_VIRTUAL) {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Lets the main thread rest: to be called in its timer for this.
+    pub(super) fn rest(&self) {
+        let Some(waits) = &self.waits else { return };
+        // SAFETY: the thread holds the big lock in a timer, and may give it up there for a while. The timer was
+        // initialised by `lay_over`.
+        unsafe {
+            let running = (waits.runstate_is_running)();
+            if running {
+                (waits.bql_unlock)();
+                self.rest.take();
+                (waits.bql_lock_impl)(c"stm32f405".as_ptr(), 0);
+            }
+            let soon = if running { LOOKS_AROUND_NS } else { RESTS_AGAIN_NS };
+            let now = (self.functions.qemu_clock_get_ns)(QEMU_CLOCK_REALTIME);
+            (self.functions.timer_mod)(self.rest_timer, now + soon);
+        }
     }
 
     pub(super) fn request_shutdown(&self) {
+        self.rest.need(true);
         // SAFETY: takes a cause.
         unsafe { (self.functions.qemu_system_shutdown_request)(SHUTDOWN_CAUSE_GUEST_SHUTDOWN) }
     }
@@ -237,6 +311,7 @@ impl Qemu {
     /// stopped, so virtual time could jump to the timer or not, depending on which thread runs first.
     pub(super) fn request_reset(&self) {
         self.reset_requested.store(true, Relaxed);
+        self.rest.need(true);
         // SAFETY: the timer was initialised by `lay_over`; the other takes a cause.
         unsafe {
             (self.functions.timer_del)(self.timer);

@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 
 use super::error::{RunError, io};
 use super::folder::Folder;
-use super::one_core;
 use super::overlay::{self, Overlay};
 use super::qemu::{FoundQemu, wanted_version};
 use crate::ending::{End, Place};
@@ -89,7 +88,6 @@ impl Job {
             .stderr(stderr)
             .spawn()
             .map_err(|_| RunError::QemuMissing(program.to_string_lossy().into_owned()))?;
-        one_core::keep(&child);
         Ok(child)
     }
 

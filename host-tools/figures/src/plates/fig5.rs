@@ -45,7 +45,7 @@ fn scenario(intruders: usize, mass: f64, speed: f64) -> hertz_chain::Scenario {
 fn left(lab: &Lab, counts: &[usize], mass: f64, speed: f64) -> Result<Vec<(usize, f64)>, Error> {
     let energy = |intruders: usize| {
         lab.keep("left", &scenario(intruders, mass, speed), |run| {
-            run.solution.at(run.solution.end()).energies().chain_as_printed
+            run.solution.energy_left()
         })
     };
     let whole = energy(0)?;

@@ -1,31 +1,26 @@
 //! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
 
-use std::env;
-use std::fs::File;
-use std::io;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
-use std::time::SystemTime;
 
-use chrono::{DateTime, Utc};
 use clap::Args;
-use hertz_chain::Scenario;
 use serde_json::json;
-use sha2::{Digest, Sha256};
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
-use crate::bench::sensed::{load_scenario, only_host};
-use crate::cli::failure::{Blame, Failure};
+use crate::bench::sensed::only_host;
+use crate::cli::commands::compare_reference;
+use crate::cli::commands::compare_row::{self, Wanted};
+use crate::cli::commands::compared::{Velocity, made, scenario, shown};
+use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
-use crate::comparison::page::{Fact, Page};
+use crate::cli::waveform_options::WaveformOptions;
+use crate::comparison::page::Page;
 use crate::comparison::pictures::{residual_chart, strike_chart};
 use crate::comparison::spread::{Deviations, Spread};
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
-use crate::comparison::velocity::{self, FittedVelocity};
+use crate::comparison::velocity;
 use crate::comparison::verdict::{Soundness, failure};
 use crate::recording::file::{Bead, Part};
-use crate::recording::json::hex;
 use crate::recording::received::Received;
 use crate::recording::whole::Target;
 
@@ -37,11 +32,22 @@ must also leave a quarter of the core free while a strike is measured. Exit stat
 How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds the velocity
 from the recorded force alone, prints it with its uncertainty, and judges A and B against the chain at that velocity.
 
+Of a recording of several beads (`bead emulate --bead 7-16`, `bead record --port all`) all are compared with one simulation:
+each by the goals above; when the wave came to each on the time of their sync edges, and how fast it went; the energy E(n)
+that n intruders leave, and T, the part that each lets pass, by the beads' own A and B. docs/row.md says how to read it.
+
+With --reference a strike is held against the record of another instrument instead, and not against the chain: they are
+aligned, and correlation, gain, arrival, peak, energy and residual are printed (docs/waveforms.md). Exit status 1 if replay
+differs.
+
 Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --velocity fit
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
-  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --figures figures";
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --figures figures
+  bead compare run/chain.mcap --report row.html
+  bead compare run/chain.mcap --bead 9
+  bead compare run/bead-8.mcap --reference scope.csv --force-column CH1:8.9N --report report.html";
 
 /// Arguments of `bead compare`.
 #[derive(Debug, Args)]
@@ -52,12 +58,19 @@ pub(crate) struct Arguments {
     /// The scenario that was recorded [default: the one that the recording carries, if it was emulated].
     #[arg(long, value_name = "S.toml")]
     scenario: Option<PathBuf>,
-    /// The bead that sensed [default: as the recording says, else the only one with an intruder].
+    /// The bead that sensed [default: as the recording says, else the only one with an intruder; of a recording of
+    /// several, all of them].
     #[arg(long, value_name = "N")]
     bead: Option<usize>,
     /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded forces.
     #[arg(long, value_name = "V|fit")]
     velocity: Option<Velocity>,
+    /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a recording.
+    #[arg(long, value_name = "F", conflicts_with_all = ["scenario", "velocity", "figures"])]
+    reference: Option<PathBuf>,
+    /// With --reference: which strike of the recording, counted from 0 [default: the first that is whole].
+    #[arg(long, value_name = "N", requires = "reference")]
+    strike: Option<usize>,
     /// Write a report: one self-contained HTML file.
     #[arg(long, value_name = "F.html")]
     report: Option<PathBuf>,
@@ -69,77 +82,68 @@ pub(crate) struct Arguments {
     /// How to print the result.
     #[arg(long, value_enum, default_value_t)]
     format: Format,
+    #[command(flatten)]
+    columns: WaveformOptions,
 }
 
 /// Strikes that are kept and shown at most. The means are over all.
 const STRIKES_MOST: usize = 10_000;
 
-/// How fast the striker is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Velocity {
-    /// As the forces tell.
-    Fit,
-    /// In m/s.
-    Given(f64),
-}
-
-impl FromStr for Velocity {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let given = || {
-            text.parse()
-                .ok()
-                .filter(|velocity: &f64| *velocity > 0.0 && velocity.is_finite())
-        };
-        match text {
-            "fit" => Ok(Self::Fit),
-            _ => given()
-                .map(Self::Given)
-                .ok_or_else(|| "give m/s, above 0, or fit".to_owned()),
-        }
-    }
-}
-
-/// A fitted velocity in one line.
-fn shown(fitted: &FittedVelocity) -> String {
-    let FittedVelocity {
-        velocity,
-        uncertainty,
-        scatter,
-        strikes,
-        scenario,
-    } = fitted;
-    let digits = (1.0 - uncertainty.max(1e-9).log10()).ceil().clamp(0.0, 9.0) as usize;
-    let from = match strikes {
-        1 => "1 strike".to_owned(),
-        _ => format!("{strikes} strikes"),
-    };
-    let scatter = scatter.map(|scatter| format!(", which scatter by {scatter:.digits$} m/s"));
-    format!(
-        "{velocity:.digits$} ± {uncertainty:.digits$} m/s, fitted to the force of {from}{}; the scenario says {scenario} m/s",
-        scatter.unwrap_or_default()
-    )
-}
-
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let inputs = [Some(&arguments.recording), arguments.scenario.as_ref()];
+    let (scenario_file, reference) = (arguments.scenario.as_ref(), arguments.reference.as_ref());
+    if reference.is_none() {
+        arguments.columns.without("--reference")?;
+    }
+    let inputs = [Some(&arguments.recording), scenario_file, reference];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     let report = place::optional(arguments.report.as_deref(), Kind::Page, &inputs, arguments.force)?;
+    let received = Received::open(&arguments.recording)?;
+    if arguments.bead.is_none() && reference.is_none() && received.recording.beads.len() > 1 {
+        return compare_row::run(
+            &received,
+            &Wanted {
+                scenario: arguments.scenario.as_deref(),
+                velocity: arguments.velocity,
+                report,
+                figures: arguments.figures.as_deref(),
+                inputs: &inputs,
+                force: arguments.force,
+                format: arguments.format,
+            },
+        );
+    }
+    if arguments.bead.is_none() && received.recording.beads.len() > 1 {
+        return Err(Failure::input(format!(
+            "{} has several beads; say with --bead which one is held against the reference",
+            received.path.display()
+        )));
+    }
     let figures = arguments.figures.as_deref().map(|directory| {
         let names = ["strike.svg", "residuals.svg"].map(|name| (name, Kind::Drawing));
         place::targets(directory, names, &inputs, arguments.force)
     });
     let figures = figures.transpose()?;
-    let received = of_one_bead(Received::open(&arguments.recording)?, arguments.bead)?;
-    let (mut scenario, text) = scenario(arguments, &received)?;
+    let (received, place) = of_one_bead(received, arguments.bead)?;
+    if let Some(reference) = reference {
+        return compare_reference::run(&compare_reference::Request {
+            received: &received,
+            reference,
+            bead: arguments.bead.or(place),
+            strike: arguments.strike,
+            columns: &arguments.columns,
+            report,
+            format: arguments.format,
+        });
+    }
+    let (mut scenario, text) = scenario(arguments.scenario.as_deref(), &received)?;
     let mut recorded = received.strikes()?;
     let truth: Option<RunTruth> = received.json(Part::Truth)?;
     let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
-    let bead = match arguments.bead.or(truth.as_ref().map(|truth| truth.bead)) {
-        Some(bead) => bead,
-        None => only_host(&scenario)?,
-    };
+    let told = arguments
+        .bead
+        .or(truth.as_ref().map(|truth| truth.bead))
+        .or(place);
+    let bead = told.map_or_else(|| only_host(&scenario), Ok)?;
 
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let fitted = match arguments.velocity {
@@ -251,54 +255,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }
 
-/// The scenario that is given, or the one in the recording.
-fn scenario(arguments: &Arguments, received: &Received) -> Result<(Scenario, String), Failure> {
-    if let Some(path) = &arguments.scenario {
-        return Ok(load_scenario(path)?);
-    }
-    let shown = received.path.display();
-    let text = received.recording.parts.get(&Part::Scenario).ok_or_else(|| {
-        Failure::input(format!(
-            "{shown} carries no scenario; say what was struck with --scenario S.toml"
-        ))
-    })?;
-    let text = String::from_utf8_lossy(text).into_owned();
-    let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()))?;
-    Ok((scenario, text))
-}
-
-/// What came from the one bead that is compared. Each bead of a row has a truth of its own.
-fn of_one_bead(received: Received, asked: Option<usize>) -> Result<Received, Failure> {
+/// What came from the one bead that is compared, and its place, if the recording knows it. Each bead of a row has a
+/// truth of its own.
+fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Option<usize>), Failure> {
     let beads = &received.recording.beads;
-    if beads.is_empty() {
-        return Ok(received);
+    let places: Vec<usize> = beads.iter().map(Bead::place).collect();
+    if places.is_empty() {
+        return Ok((received, None));
     }
-    let place = |bead: &Bead| bead.origin.bead.unwrap_or(bead.origin.address.into());
-    let at = asked.and_then(|asked| beads.iter().position(|bead| place(bead) == asked));
-    match at {
-        Some(at) => Ok(received.each().swap_remove(at)),
+    let asked_for = |place: &usize| asked.is_none_or(|asked| asked == *place);
+    match places.iter().position(asked_for) {
+        Some(at) => Ok((received.each().swap_remove(at), Some(places[at]))),
         None => Err(Failure::input(format!(
-            "{} has the beads {:?}; say with --bead which one to compare",
+            "{} has the beads {places:?}; give --bead one of them, or leave it out to compare them all",
             received.path.display(),
-            beads.iter().map(place).collect::<Vec<_>>()
         ))),
     }
-}
-
-/// How a page was made, and of what.
-fn made(received: &Received, scenario: &str) -> Result<Vec<Fact>, Failure> {
-    let command: Vec<_> = env::args().skip(1).collect();
-    let now = DateTime::<Utc>::from(SystemTime::now());
-    let mut recording = Sha256::new();
-    let read = File::open(&received.path).and_then(|mut file| io::copy(&mut file, &mut recording));
-    read.or_input(|| format!("cannot read {}", received.path.display()))?;
-    Ok(vec![
-        ("command", format!("bead {}", command.join(" "))),
-        ("recording, SHA-256", hex(&recording.finalize())),
-        ("scenario, SHA-256", hex(&Sha256::digest(scenario))),
-        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
-    ])
 }
 
 fn write_figures(

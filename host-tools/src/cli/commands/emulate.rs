@@ -13,7 +13,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use crate::bench::bridge::{self, Bridge};
-use crate::bench::emulation::{Emulation, Placed, Ran};
+use crate::bench::emulation::{Emulation, Placed, Ran, StimulusFile, settings_of};
 use crate::bench::error::BenchError;
 use crate::bench::faults::{self, Planned};
 use crate::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
@@ -29,10 +29,13 @@ use crate::cli::front_end_options::FrontEndOptions;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
+use crate::cli::waveform_options::{WaveformOptions, sha256_of};
+use crate::comparison::given::Given;
 use crate::comparison::run::RunReport;
 use crate::line::port::Address;
 use crate::recording::file::{About, Origin, Part, Writer};
 use crate::recording::whole::{Target, Unfinished};
+use crate::waveform::Waveform;
 
 const AFTER_HELP: &str = "\
 The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes at its
@@ -43,6 +46,10 @@ which can be flashed to a board of this calibration at 0x080A0000.
 With several beads (--bead 7-16, 7,9,12 or all) one strike is simulated, and each bead runs in a QEMU of its own, as many
 at once as there are cores, with its own crystal, start, noise and address, on one time. Their sync inputs are on one line.
 All stand in one recording, DIR/chain.mcap. The same command gives the same bytes on any number of cores.
+
+--stimulus plays a waveform of your own instead of the scenario's strike: force, acceleration or both over time, from a text
+table (CSV of an oscilloscope, a spreadsheet, a program), WAV, Parquet, or a recording. The scenario then only says which bead
+it is. Each result stands beside what f64 estimates make of the waveform: docs/waveforms.md.
 
 Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs. With
 --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not counted, or replay
@@ -55,6 +62,7 @@ Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 --faults docs/scenarios/faults.toml
   bead emulate docs/scenarios/ten-intruders.toml --bead all --clock-spread 100 --start-spread 0.05 --out run
   bead emulate docs/scenarios/ten-intruders.toml --bead 10 --sync-period 0.2 --clock-ppm -20 --out run
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --stimulus scope.csv --force-column CH1:8.9N --out run
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --listen unix:bead.sock
     and, meanwhile: bead command self-test --port unix:bead.sock";
 
@@ -76,7 +84,10 @@ pub(crate) struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
-    /// Number of strikes.
+    /// Let the sensors feel this waveform, and not the scenario's strike: a text table, WAV, Parquet, or a recording.
+    #[arg(long, value_name = "F")]
+    stimulus: Option<PathBuf>,
+    /// Number of strikes; how often the waveform is played.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     strikes: u32,
     /// Time from strike to strike, s.
@@ -124,6 +135,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value_t)]
     format: Format,
     #[command(flatten)]
+    waveform: WaveformOptions,
+    #[command(flatten)]
     front_end: FrontEndOptions,
 }
 
@@ -151,7 +164,7 @@ fn pace(text: &str) -> Result<f64, String> {
 impl Arguments {
     /// The recording, and a settings block for each bead, if they are wanted.
     fn outputs(&self, beads: &[usize]) -> Result<Option<Vec<Target>>, Failure> {
-        let inputs = [Some(&self.scenario), self.faults.as_ref()];
+        let inputs = [Some(&self.scenario), self.faults.as_ref(), self.stimulus.as_ref()];
         let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
         let recording = match self.bead {
             Beads::One(bead) => format!("bead-{bead}.mcap"),
@@ -202,6 +215,7 @@ impl Arguments {
                 ("--listen", self.listen.is_some()),
                 ("--faults", self.faults.is_some()),
                 ("--gdb", self.gdb.is_some()),
+                ("--stimulus", self.stimulus.is_some()),
             ];
             if let Some((option, _)) = alone.iter().find(|(_, given)| *given) {
                 bail!("{option} is for one bead; give --bead one number");
@@ -223,6 +237,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Beads::One(bead) => vec![bead],
         _ => arguments.bead.of(&scenario)?,
     };
+    if arguments.stimulus.is_none() {
+        arguments.waveform.without("--stimulus")?;
+    }
     let outputs = arguments.outputs(&beads)?;
     let bench = Bench::of(arguments, &scenario, &beads)?;
     if let Some(address) = &arguments.listen {
@@ -248,6 +265,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let ran = several::run(&bench.placed, prepare, done)?;
     bench.progress.finish_and_clear();
+    bench.tell();
 
     // A disk that is full must not cost the result as well: it is printed all the same.
     let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &ran));
@@ -298,6 +316,7 @@ struct OfBead<'a> {
 fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address) -> Result<(), Failure> {
     let emulation = bench.prepare(bench.placed[0])?;
     bench.progress.finish_and_clear();
+    bench.tell();
     let stop = interrupt::orderly("its socket may be left; remove it".to_owned());
     let passes = match arguments.pace {
         Some(factor) => format!("passes {factor} times as fast as this computer's"),
@@ -324,6 +343,8 @@ struct Bench<'a> {
     image: PathBuf,
     placed: Vec<Placed>,
     faults: Vec<Planned>,
+    /// What is played, if it is no strike of the chain.
+    played: Option<Played>,
     progress: ProgressBar,
 }
 
@@ -351,6 +372,7 @@ impl<'a> Bench<'a> {
                 (one.address, one.seed) = (0, noise);
             }
         }
+        let played = Played::of(arguments, &front_end, beads)?;
         let image = find_image(arguments.firmware.as_deref())?;
         let solution = simulate_with_ring_down(scenario)?;
         for bead in beads {
@@ -368,6 +390,7 @@ impl<'a> Bench<'a> {
             image,
             placed,
             faults,
+            played,
             progress,
         })
     }
@@ -381,8 +404,18 @@ impl<'a> Bench<'a> {
             interval: arguments.interval,
         };
         let (front_end, image) = (&self.front_end, &self.image);
-        let mut emulation =
-            Emulation::place(self.scenario, &self.solution, placed, front_end, timing, image)?;
+        let mut emulation = match &self.played {
+            None => Emulation::place(self.scenario, &self.solution, placed, front_end, timing, image)?,
+            Some(Played { waveform, file, .. }) => {
+                let settings = settings_of(&self.solution, placed, front_end)?;
+                let truth = Given::around_its_peak(waveform, &settings).truth();
+                let waveform = waveform.clone();
+                let mut emulation =
+                    Emulation::play(&self.solution, placed, front_end, timing, image, waveform, truth)?;
+                emulation.truth.stimulus = Some(file.clone());
+                emulation
+            }
+        };
         self.check_faults(emulation.seconds())?;
         emulation.faults.clone_from(&self.faults);
         emulation.shift = arguments.shift;
@@ -392,6 +425,13 @@ impl<'a> Bench<'a> {
             emulation.sync((1..).map(|number| f64::from(number) * period));
         }
         Ok(emulation)
+    }
+
+    /// Says what a user should know of the waveform that is played.
+    fn tell(&self) {
+        for remark in self.played.iter().flat_map(|played| &played.remarks) {
+            output::note(format_args!("{remark}"));
+        }
     }
 
     /// Refuses faults that come too late for a run of this length, s.
@@ -414,6 +454,66 @@ impl<'a> Bench<'a> {
             )));
         }
         Ok(())
+    }
+}
+
+/// A waveform that is played in place of the scenario's strike.
+struct Played {
+    waveform: Waveform,
+    file: StimulusFile,
+    /// What a user should know of it, a line each.
+    remarks: Vec<String>,
+}
+
+impl Played {
+    /// Reads the waveform, if one is given.
+    fn of(arguments: &Arguments, front_end: &FrontEnd, beads: &[usize]) -> Result<Option<Self>, Failure> {
+        let Some(path) = &arguments.stimulus else {
+            return Ok(None);
+        };
+        let mut waveform = arguments.waveform.read(path, beads.first().copied())?;
+        let seconds = waveform.seconds();
+        if seconds > LONGEST {
+            let what =
+                format!("it is {seconds:.0} s long, and a run {LONGEST} s at most; cut the strike out of it");
+            return Err(Failure::input(format!("{}: {what}", path.display())));
+        }
+        let mut remarks = std::mem::take(&mut waveform.remarks);
+        let acceleration = front_end.acceleration.wide.range();
+        for (trace, name, si, (low, high)) in [
+            (&waveform.force, "force", "N", front_end.force.wide.range()),
+            (&waveform.acceleration, "acceleration", "m/s²", acceleration),
+        ] {
+            let Some(trace) = trace else {
+                remarks.push(format!("it has no {name}, so that sensor stays at rest"));
+                continue;
+            };
+            let (lowest, (_, highest)) = (trace.lowest(), trace.highest());
+            if lowest < low || highest > high {
+                remarks.push(format!(
+                    "its {name} goes from {lowest:.4} to {highest:.4} {si}, and the front end from {low:.4} to {high:.4}, so \
+                     codes stay at a rail; try --sensors strong, or a wider span"
+                ));
+            }
+        }
+        let file = StimulusFile {
+            name: path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned(),
+            sha256: sha256_of(path)?,
+            force: waveform.force.is_some(),
+            acceleration: waveform.acceleration.is_some(),
+        };
+        let remarks = remarks
+            .into_iter()
+            .map(|remark| format!("{}: {remark}", path.display()));
+        Ok(Some(Self {
+            waveform,
+            file,
+            remarks: remarks.collect(),
+        }))
     }
 }
 
@@ -441,6 +541,9 @@ fn record(
     let mut notes = BTreeMap::from([("scenario".to_owned(), arguments.scenario.display().to_string())]);
     if let Beads::One(bead) = arguments.bead {
         notes.insert("bead".to_owned(), bead.to_string());
+    }
+    if let Some(stimulus) = &arguments.stimulus {
+        notes.insert("stimulus".to_owned(), stimulus.display().to_string());
     }
     let about = About {
         source: "bead emulate".to_owned(),

@@ -3,6 +3,7 @@
 use crate::bench::emulation::RunTruth;
 use crate::bench::sensed::Truth;
 use crate::cli::output;
+use crate::comparison::given::Given;
 use crate::comparison::run::{MeasuredStrike, RunReport};
 
 /// Of one bead.
@@ -29,7 +30,44 @@ const STRIKES: &str = "strike at sample | peak force (N) | truth | A measured (n
                        | A off | B off | replay | flags";
 
 fn strikes(report: &RunReport) -> String {
-    output::table(STRIKES, report.measured().map(strike_row))
+    match report.played {
+        true => output::table(PLAYED, report.measured().map(played_row)),
+        false => output::table(STRIKES, report.measured().map(strike_row)),
+    }
+}
+
+const PLAYED: &str = "strike at sample | peak force (N) | given | A measured (nJ) | of the given | B predicted (nJ) \
+                      | of the given | A off | B off | replay | flags";
+
+/// A strike of a waveform that was played: each estimate beside what f64 makes of the waveform.
+fn played_row(strike: &MeasuredStrike) -> [String; 11] {
+    let given = |of: fn(&Given) -> Option<f64>| strike.given.as_ref().and_then(of);
+    let (peak, a, b) = (
+        given(|given| given.peak_force),
+        given(|given| given.absorbed_measured),
+        given(|given| given.absorbed_predicted),
+    );
+    let shown = |value: Option<f64>, scale: f64, digits: usize| {
+        value.map_or("-".to_owned(), |value| format!("{:.digits$}", value * scale))
+    };
+    let off = |joule: f64, given: Option<f64>| match given {
+        Some(given) if given > 0.0 => format!("{:+.3} %", (joule / given - 1.0) * 100.0),
+        _ => "-".to_owned(),
+    };
+    let flags = strike.flags.join(", ");
+    [
+        strike.sample_index.to_string(),
+        format!("{:.4}", strike.peak_force),
+        shown(peak, 1.0, 4),
+        format!("{:.2}", strike.absorbed_measured * 1e9),
+        shown(a, 1e9, 2),
+        format!("{:.2}", strike.absorbed_predicted * 1e9),
+        shown(b, 1e9, 2),
+        off(strike.absorbed_measured, a),
+        off(strike.absorbed_predicted, b),
+        output::either(strike.replay_identical, "identical", "differs"),
+        output::either(flags.is_empty(), "-", &flags),
+    ]
 }
 
 fn strike_row(strike: &MeasuredStrike) -> [String; 10] {

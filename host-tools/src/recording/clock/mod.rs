@@ -25,6 +25,7 @@
 //! share a line are told apart by their address: each has segments of its own.
 
 mod alignment;
+mod common;
 mod comparison;
 mod fit;
 mod segments;
@@ -32,6 +33,7 @@ mod segments;
 mod tests;
 
 pub use alignment::Alignment;
+pub use common::CommonTime;
 pub use comparison::{AlignmentReport, ClockComparison, ClockReport, Place, StrikeArrival, compare};
 pub use fit::Fit;
 pub use segments::{Edge, Live, Segment, Segments, Struck, Tracker};

@@ -45,6 +45,13 @@ pub struct Bead {
     pub runs_missing: u64,
 }
 
+impl Bead {
+    /// Its place in the chain; as far as nothing else is known, that is its address.
+    pub fn place(&self) -> usize {
+        self.origin.bead.unwrap_or(self.origin.address.into())
+    }
+}
+
 impl Recording {
     /// Reads a file once, whole or cut short: what it is of, its attachments, and how much of it is there.
     ///

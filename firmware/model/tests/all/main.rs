@@ -1,0 +1,8 @@
+//! Tests of the model, one program: the simulator beside them is linked once.
+
+mod accuracy;
+mod meter;
+mod noise;
+mod settings;
+mod shape;
+mod spheres;

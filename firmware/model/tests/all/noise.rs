@@ -1,0 +1,160 @@
+//! The effect of noise on both estimates, with and without their measures against it.
+//!
+//! `cargo test --release -p bead-model noise -- --nocapture` prints the table of `docs/estimators.md`.
+#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
+
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::layout::PIECE;
+use bead_model::observer::ObserverState;
+use bead_model::quantity::SensedAcceleration;
+use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+use hertz_chain::{Options, Scenario, Solution, simulate_with};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+
+const HOST: usize = 8;
+const STRIKES: u64 = 40;
+/// Quiet before the strike, samples.
+const LEAD: f64 = 500.0;
+
+struct Last(Option<StrikeReport>);
+
+impl Sink for Last {
+    fn chunk(&mut self, _: &Chunk) {}
+    fn report(&mut self, report: &StrikeReport) {
+        self.0.get_or_insert(*report);
+    }
+}
+
+/// The paper's strike at a speed in m/s, and the energy that its intruder absorbs, nJ.
+fn strike(speed: f64) -> (Solution, f64) {
+    let mut scenario = Scenario::paper();
+    scenario.striker.velocity = speed;
+    let options = Options {
+        duration: Some(0.012),
+        ..Options::default()
+    };
+    let solution = simulate_with(&scenario, &options).unwrap();
+    let absorbed = solution.at(scenario.duration).intruder_dissipated(HOST).unwrap() * 1e9;
+    (solution, absorbed)
+}
+
+/// Mean and standard deviation of the errors of each estimate: A, A without the noise subtracted, B, B with a
+/// gate for single samples.
+fn errors(solution: &Solution, absorbed: f64, noise: [f64; 2]) -> [(f64, f64); 4] {
+    let mut front_end = FrontEnd::reference();
+    front_end.force.sensitive.noise_rms = noise[0];
+    for sensor in [&mut front_end.force, &mut front_end.acceleration] {
+        sensor.sensitive.pole_hz = None;
+        (sensor.wide, sensor.delay) = (sensor.sensitive, 0.0);
+    }
+    let calibration = [&front_end.force, &front_end.acceleration].map(|sensor| sensor.sensitive.per_code);
+    let capture = Capture::of(&Bead::paper(), &front_end);
+    let settings = derive(&Bead::paper(), &front_end, &capture).unwrap();
+    let [force_noise, acceleration_noise] = noise.map(|rms| Normal::new(0.0, rms).unwrap());
+    let runs: Vec<[f64; 4]> = (0..STRIKES)
+        .map(|seed| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let phase = seed as f64 / STRIKES as f64;
+            let scans: Vec<Scan> = (0..1600)
+                .map(|sample| {
+                    let time = (f64::from(sample) - LEAD + phase) / 100e3;
+                    let (force, acceleration) = match time {
+                        ..0.0 => (0.0, 0.0),
+                        _ => (
+                            solution.at(time).force(HOST),
+                            solution.at(time).intruder_acceleration(HOST).unwrap(),
+                        ),
+                    };
+                    let code = |value: f64, per_code: f64, zero: f64| {
+                        (value / per_code + zero).round().clamp(0.0, 4095.0) as u16
+                    };
+                    let force = code(force + force_noise.sample(&mut random), calibration[0], 128.3);
+                    let acceleration = acceleration + acceleration_noise.sample(&mut random);
+                    let acceleration = code(acceleration, calibration[1], 2048.2);
+                    Scan::new([force, force, acceleration, acceleration])
+                })
+                .collect();
+            let mut last = Last(None);
+            Meter::new().process(&settings, 0, scans.iter().copied(), &mut last);
+            let report = last.0.unwrap();
+            let window = &scans[report.first_index as usize..][..usize::from(report.samples)];
+            let gate = (3.0 * noise[0].hypot(calibration[0] / 12f64.sqrt()) / calibration[0]) as u16;
+            let gated: Vec<Scan> = window
+                .iter()
+                .map(|scan| {
+                    let [force, _, acceleration, _] = scan.codes();
+                    let force = if force.abs_diff(128) < gate { 128 } else { force };
+                    Scan::new([force, force, acceleration, acceleration])
+                })
+                .collect();
+            [
+                report.absorbed_measured.to_num::<f64>(),
+                with_noise(&settings, window),
+                report.absorbed_predicted.to_num::<f64>(),
+                predicted(&settings, &gated),
+            ]
+            .map(|energy| 100.0 * (energy / absorbed - 1.0))
+        })
+        .collect();
+    [0, 1, 2, 3].map(|estimate| {
+        let count = runs.len() as f64;
+        let mean = runs.iter().map(|run| run[estimate]).sum::<f64>() / count;
+        let squares: f64 = runs.iter().map(|run| (run[estimate] - mean).powi(2)).sum();
+        (mean, (squares / count).sqrt())
+    })
+}
+
+/// Estimate A of a window as a plain sum to its end, with the noise.
+fn with_noise(settings: &Settings, scans: &[Scan]) -> f64 {
+    let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
+    record.clear();
+    window.process(settings, scans, &mut record);
+    let accelerations: Vec<SensedAcceleration> = record.samples().map(|(_, a)| a).collect();
+    let mut state = ObserverState::default();
+    for piece in accelerations.chunks(PIECE) {
+        settings.observer.process(0, &mut state, piece);
+    }
+    settings.observer.absorbed(0, &state).to_num()
+}
+
+/// Estimate B of a window.
+fn predicted(settings: &Settings, scans: &[Scan]) -> f64 {
+    let (mut window, mut record) = (Window::open(0, 0), WindowRecord::new());
+    record.clear();
+    window.process(settings, scans, &mut record);
+    window.absorbed_predicted(settings).to_num()
+}
+
+#[test]
+fn noise_is_taken_off_a_and_does_not_cut_into_b() {
+    println!("| strike | noise | A, plain | A | noise | B, every sample gated | B |");
+    println!("|---|---|---|---|---|---|---|");
+    for (speed, accelerations, forces) in [
+        (0.1, [0.05, 0.2, 0.5, 1.0], [5e-3, 10e-3, 20e-3, 45e-3]),
+        (0.45, [0.5, 1.0, 2.0, 4.0], [5e-3, 20e-3, 50e-3, 150e-3]),
+    ] {
+        let (solution, absorbed) = strike(speed);
+        for (acceleration, force) in accelerations.into_iter().zip(forces) {
+            let [a, plain, b, gated] = errors(&solution, absorbed, [force, acceleration]);
+            let shown = |(mean, deviation): (f64, f64)| format!("{mean:+.2} ± {deviation:.2} %");
+            println!(
+                "| {speed} m/s | {acceleration} m/s² | {} | {} | {:.0} mN | {} | {} |",
+                shown(plain),
+                shown(a),
+                force * 1e3,
+                shown(gated),
+                shown(b)
+            );
+            // The bias that is left is within what 64 samples tell of the noise; the bias of B is within its
+            // scatter.
+            let bias = plain.0 - a.0;
+            let unsure = |scatter: f64| 3.0 * scatter / (STRIKES as f64).sqrt();
+            assert!(bias > 0.0, "{bias}");
+            assert!(a.0.abs() < 0.05 + 0.05 * bias + unsure(a.1), "{a:?}");
+            assert!(b.0.abs() < 0.1 + unsure(b.1), "{b:?}");
+            assert!(b.0.abs() < gated.0.abs() + unsure(b.1), "{b:?} {gated:?}");
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Messages and requests drawn at random, and frames of them, for the tests of this folder.
+
+use bead_wire::{Block, Decoder, Header, Kind, MAX_FRAME, Message, Reject, Request, Settings, encode};
+use proptest::prelude::*;
+
+/// Random bits from a seed (SplitMix64, Steele et al. 2014).
+fn bits(seed: u64) -> impl FnMut() -> u64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ mixed >> 31
+    }
+}
+
+pub(crate) fn message() -> impl Strategy<Value = Message> {
+    (prop::sample::select(Kind::ALL), any::<u64>())
+        .prop_map(|(kind, seed)| Message::draw(kind, &mut bits(seed)))
+}
+
+/// A message that is not an identity: one that cannot open a boot.
+pub(crate) fn unopening() -> impl Strategy<Value = Message> {
+    message().prop_filter("an identity", |message| message.kind() != Kind::Identity)
+}
+
+pub(crate) fn request() -> impl Strategy<Value = Request> {
+    (prop::sample::select(Request::LIST), any::<u64>())
+        .prop_map(|(row, seed)| Request::draw(row.0, &mut bits(seed)).expect("the table has that row"))
+}
+
+pub(crate) fn block(bytes: &[u8]) -> Block {
+    Block::try_from(bytes).expect("the blocks of these tests fit a frame")
+}
+
+pub(crate) fn bytes(boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
+    bytes_of(0, boot, sequence, message)
+}
+
+pub(crate) fn bytes_of(address: u8, boot: u8, sequence: u32, message: &Message) -> Vec<u8> {
+    let header = Header {
+        address,
+        boot,
+        sequence,
+        sample_index: u64::from(sequence) * 32,
+    };
+    encode(&header, message, &mut [0; MAX_FRAME])
+        .expect("the buffer takes any frame")
+        .to_vec()
+}
+
+/// Frame of a message that says nothing, for tests of what is around it.
+pub(crate) fn filler(boot: u8, sequence: u32) -> Vec<u8> {
+    let settings = Settings {
+        block: block(b"\x01\x02"),
+    };
+    bytes(boot, sequence, &settings.into())
+}
+
+/// Feeds a stream; gives the sequence numbers of the frames, and the rejects.
+pub(crate) fn decode(decoder: &mut Decoder, stream: &[u8]) -> (Vec<u32>, Vec<Reject>) {
+    let (mut sequences, mut rejects) = (Vec::new(), Vec::new());
+    decoder.feed(stream, |result| match result {
+        Ok(frame) => sequences.push(frame.header.sequence),
+        Err(reject) => rejects.push(reject),
+    });
+    (sequences, rejects)
+}

@@ -1,0 +1,261 @@
+//! The tables, the limits and the example of `docs/protocol.md` are made from this crate.
+//!
+//! `PAGES=overwrite cargo test -p bead-wire page` writes them anew.
+
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use std::{env, fs};
+
+use crate::common::block;
+use bead_wire::{
+    FieldDoc, Header, Kind, MAX_FRAME, MAX_REQUEST, Message, Named, Parts, Request, Settings, VERSION, encode,
+};
+
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/protocol.md");
+const BEGIN: &str = "<!-- generated: ";
+const END: &str = "<!-- end -->\n";
+
+/// The text of a doc comment: links become the names that they show, and a paragraph is one line.
+fn plain(doc: &str) -> String {
+    let paragraphs = doc.trim().split("\n\n").map(|paragraph| {
+        let words: Vec<_> = paragraph.split_whitespace().collect();
+        let mut text = words.join(" ");
+        while let Some(start) = text.find("[`") {
+            let close = start + text[start..].find(']').unwrap();
+            let target = &text[close + 1..];
+            let end = match target.strip_prefix('(') {
+                Some(link) => close + 1 + 1 + link.find(')').unwrap() + 1,
+                None => close + 1,
+            };
+            text = format!("{}{}{}", &text[..start], &text[start + 1..close], &text[end..]);
+        }
+        text
+    });
+    paragraphs.collect::<Vec<_>>().join("\n\n")
+}
+
+/// Paragraphs in lines of at most 110 columns.
+fn wrapped(text: &str) -> String {
+    let mut lines = String::new();
+    let mut column = 0;
+    for paragraph in text.split("\n\n") {
+        for word in paragraph.split(' ') {
+            let length = word.chars().count();
+            let room = column + 1 + length <= 110;
+            lines += if column == 0 {
+                ""
+            } else {
+                [" ", "\n"][usize::from(!room)]
+            };
+            lines += word;
+            column = if column > 0 && room {
+                column + 1 + length
+            } else {
+                length
+            };
+        }
+        lines += "\n\n";
+        column = 0;
+    }
+    lines
+}
+
+fn table(head: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+    let mut text = line(head.iter().map(|&cell| cell.into()).collect());
+    text += &format!("{}|\n", "|---".repeat(head.len()));
+    for row in rows {
+        text += &line(row.iter().map(|cell| cell.replace('|', "\\|")).collect());
+    }
+    text + "\n"
+}
+
+fn list(head: &str, list: &[Named]) -> String {
+    let row = |(number, name, about): &Named| vec![number.to_string(), format!("`{name}`"), plain(about)];
+    table(&[head, "name", "meaning"], list.iter().map(row))
+}
+
+/// The table of fields, and the tables of what they are made of, each once.
+fn fields(fields: &'static [FieldDoc]) -> String {
+    let row = |field: &FieldDoc| {
+        let name = format!("`{}`", field.name);
+        let about = plain(field.about);
+        vec![name, field.form.into(), field.longest.to_string(), about]
+    };
+    let mut text = table(&["field", "form", "longest", "meaning"], fields.iter().map(row));
+    let mut told: Vec<Parts> = Vec::new();
+    for field in fields {
+        if field.parts == Parts::None || told.contains(&field.parts) {
+            continue;
+        }
+        told.push(field.parts);
+        let same = fields.iter().filter(|other| other.parts == field.parts);
+        let names: Vec<_> = same.map(|field| format!("`{}`", field.name)).collect();
+        text += &format!("{}:\n\n", names.join(" and "));
+        text += &match field.parts {
+            Parts::Names(names) => list("number", names),
+            Parts::Bits(names) => list("bit", names),
+            Parts::Fields(inner) => self::fields(inner),
+            Parts::None => String::new(),
+        };
+    }
+    text
+}
+
+/// `self_test` is `Self-test`.
+fn title(kind: Kind) -> String {
+    let name = kind.name().replace('_', "-");
+    let (first, rest) = name.split_at(1);
+    first.to_uppercase() + rest
+}
+
+fn kinds() -> String {
+    let row = |&kind: &Kind| {
+        let about = plain(kind.about());
+        let paragraph = about.split("\n\n").next().unwrap();
+        let sentence = paragraph.split_inclusive(". ").next().unwrap().trim();
+        let link = format!(
+            "[`{0}`](#{1}-{2})",
+            kind.name(),
+            kind as u8,
+            title(kind).to_lowercase()
+        );
+        vec![
+            (kind as u8).to_string(),
+            link,
+            kind.longest().to_string(),
+            sentence.into(),
+        ]
+    };
+    table(
+        &["kind", "name", "longest body", "what it says"],
+        Kind::ALL.iter().map(row),
+    )
+}
+
+fn bodies() -> String {
+    let body = |&kind: &Kind| {
+        let about = wrapped(&plain(kind.about()));
+        format!(
+            "### {} {}\n\n{about}{}",
+            kind as u8,
+            title(kind),
+            fields(kind.fields())
+        )
+    };
+    Kind::ALL.iter().map(body).collect()
+}
+
+fn requests() -> String {
+    let field = |field: &FieldDoc| {
+        let about = plain(field.about);
+        format!(
+            "`{}`: {}. {}",
+            field.name,
+            field.form,
+            about.trim_end_matches('.')
+        )
+    };
+    let row = |&(number, name, about, fields): &(u8, &str, &str, &[FieldDoc])| {
+        let body: Vec<_> = fields.iter().map(field).collect();
+        vec![
+            number.to_string(),
+            name.into(),
+            body.join("; ") + if body.is_empty() { "" } else { "." },
+            plain(about),
+        ]
+    };
+    table(
+        &["kind", "name", "body", "the bead is asked to"],
+        Request::LIST.iter().map(row),
+    )
+}
+
+fn limits() -> String {
+    wrapped(&format!(
+        "This is version {VERSION}. With both delimiters, a frame has at most {MAX_FRAME} bytes and a request at \
+         most {MAX_REQUEST}."
+    ))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    bytes.join(" ")
+}
+
+fn example() -> String {
+    let header = Header {
+        address: 7,
+        boot: 2,
+        sequence: 0x0102_0304,
+        sample_index: 0x0A_0000_0B0C,
+    };
+    let message = Message::from(Settings {
+        block: block(b"BEAD\x01\x00\xff"),
+    });
+    let mut buffer = [0; MAX_FRAME];
+    let sent = encode(&header, &message, &mut buffer).unwrap();
+    let mut payload = vec![0; MAX_FRAME];
+    let length = corncobs::decode_buf(&sent[1..], &mut payload).unwrap();
+    let payload = &payload[..length];
+    let crc = u32::from_le_bytes(payload[length - 4..].try_into().unwrap());
+    let meanings = [
+        (0..1, format!("version {VERSION}")),
+        (
+            1..2,
+            format!("kind {}: {}", message.kind() as u8, message.kind().name()),
+        ),
+        (2..3, format!("boot {}", header.boot)),
+        (3..7, format!("sequence {:#010x}", header.sequence)),
+        (7..15, format!("sample index {:#012x}", header.sample_index)),
+        (15..16, format!("address {}", header.address)),
+        (16..17, "seven bytes follow".into()),
+        (17..24, "the block".into()),
+        (24..28, format!("CRC-32 {crc:#010x}")),
+    ];
+    assert_eq!(length, 28);
+    let row = |(bytes, meaning): (std::ops::Range<usize>, String)| {
+        vec![format!("`{}`", hex(&payload[bytes])), meaning]
+    };
+    format!("    {}\n\n", hex(sent)) + &table(&["before COBS", "meaning"], meanings.map(row))
+}
+
+#[test]
+fn the_page_of_the_protocol_says_what_the_crate_does() {
+    let page = fs::read_to_string(PAGE).unwrap();
+    let parts = [
+        ("limits", limits()),
+        ("kinds", kinds()),
+        ("bodies", bodies()),
+        ("requests", requests()),
+        ("example", example()),
+    ];
+    let mut sections = page.split(BEGIN);
+    let mut today = sections.next().unwrap().to_owned();
+    let mut found = Vec::new();
+    for section in sections {
+        let (name, rest) = section.split_once(" -->\n").unwrap();
+        let (_, rest) = rest.split_once(END).unwrap();
+        let (_, text) = parts.iter().find(|(part, _)| *part == name).unwrap();
+        today += &format!("{BEGIN}{name} -->\n\n{text}{END}{rest}");
+        found.push(name);
+    }
+    assert_eq!(
+        found,
+        parts.each_ref().map(|(name, _)| *name),
+        "each part has its place"
+    );
+    if env::var_os("PAGES").is_some_and(|value| value == "overwrite") {
+        fs::write(PAGE, today).unwrap();
+        return;
+    }
+    for (line, (old, new)) in page.lines().zip(today.lines()).enumerate() {
+        assert_eq!(
+            old,
+            new,
+            "docs/protocol.md is stale at line {}: `PAGES=overwrite cargo test -p bead-wire page` writes it",
+            line + 1
+        );
+    }
+    assert_eq!(page.len(), today.len(), "docs/protocol.md is stale at its end");
+}

@@ -1,0 +1,235 @@
+//! Chains under a static load, and chains with a fixed far end.
+
+use crate::common::{elastic, run, softer, struck_by_a_bead};
+use hertz_chain::{ContactForce, Material, PulseSearch, Scenario, Section, Snapshot, Wall};
+
+/// Walls and loads, weak and strong, with everything that makes a run harder.
+fn harder() -> Vec<(&'static str, Scenario)> {
+    let mut cases = Vec::new();
+    for (name, load, walled) in [
+        ("weak load", 0.5, false),
+        ("strong load", 200.0, false),
+        ("wall", 0.0, true),
+        ("wall, weak load", 0.5, true),
+        ("wall, strong load", 200.0, true),
+    ] {
+        let mut scenario = elastic(16, 0.006);
+        scenario.chain.relaxation = 4.2e-6;
+        scenario.chain.precompression = load;
+        scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
+        scenario.intruders = vec![softer([5, 16])];
+        scenario.sections = vec![Section {
+            beads: vec![9, 10],
+            radius: Some(0.012),
+            ..Section::default()
+        }];
+        cases.push((name, scenario));
+    }
+    let (_, mut clipped) = cases[3].clone();
+    clipped.chain.contact_force = ContactForce::Clipped;
+    cases.push(("wall, weak load, clipped", clipped));
+    cases
+}
+
+#[test]
+fn energy_and_momentum_are_kept_with_load_and_wall() {
+    for (name, scenario) in harder() {
+        let solution = run(&scenario);
+        let energy = solution.summary().energy;
+        let start = solution.model().mass(0) * scenario.striker.velocity;
+        let (mut worst, mut reckoned) = (0.0_f64, 0.0_f64);
+        let (beads, load) = (scenario.chain.beads, scenario.chain.precompression);
+        let wall = scenario.wall.as_ref().map(|_| solution.flow(beads + 1));
+        for i in 0..=60 {
+            let t = solution.end() * f64::from(i) / 60.0;
+            let snapshot = solution.at(t);
+            let momentum = snapshot.momentum() + snapshot.wall_impulse();
+            worst = worst.max((momentum / start - 1.0).abs());
+            // The same with what passes the wall's contact.
+            if let Some(wall) = &wall {
+                let impulse = wall.between(0.0, t).impulse - load * t;
+                reckoned = reckoned.max((snapshot.wall_impulse() - impulse).abs() / start);
+            }
+        }
+        println!(
+            "{name}: balance {:.1e}, momentum {worst:.1e}, by flow {reckoned:.1e}",
+            energy.balance_error
+        );
+        assert!(energy.balance_error < 1e-12, "{name}: {:e}", energy.balance_error);
+        assert!(worst < 1e-13, "{name}: {worst:e}");
+        assert!(reckoned < 5e-12, "{name}: {reckoned:e}");
+    }
+}
+
+#[test]
+fn what_passes_a_contact_is_what_is_gained_after_it_with_load_and_wall() {
+    for (name, scenario) in harder() {
+        let solution = run(&scenario);
+        let energy = solution.model().striker_energy();
+        let contacts = solution.model().contacts();
+        let flows: Vec<_> = (1..=contacts).map(|contact| solution.flow(contact)).collect();
+        let mut worst = 0.0_f64;
+        for t in [0.0007, 0.0031, 0.0052, 0.006] {
+            for a in [2, 6, 12, 16] {
+                let lost: f64 = (a..=contacts)
+                    .map(|contact| flows[contact - 1].between(0.0, t).lost)
+                    .sum();
+                let passed = flows[a - 1].between(0.0, t).energy;
+                let gain = solution.at(t).region(a..=16).total();
+                worst = worst.max((passed - lost - gain).abs() / energy);
+            }
+            let whole = solution.at(t).energies().chain;
+            let parts =
+                solution.at(t).region(1..=7).mechanical() + solution.at(t).region(8..=16).mechanical();
+            let intruders = solution.at(t).energies().intruders;
+            worst = worst.max((parts - intruders - whole).abs() / energy);
+        }
+        println!("{name}: {worst:.1e}");
+        assert!(worst < 2e-11, "{name}: {worst:e}");
+    }
+}
+
+#[test]
+fn a_loaded_chain_waits_at_rest_and_carries_its_load() {
+    for walled in [false, true] {
+        let mut scenario = elastic(40, 0.0007);
+        scenario.chain.precompression = 12.5;
+        scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
+        let solution = run(&scenario);
+        let start = solution.at(0.0);
+        assert_eq!((start.force(1), start.overlap(1)), (0.0, 0.0));
+        for contact in 2..=solution.model().contacts() {
+            let overlap = (12.5 / solution.model().contact(contact).stiffness).powf(2.0 / 3.0);
+            assert!((start.force(contact) / 12.5 - 1.0).abs() < 2e-15);
+            assert!((start.overlap(contact) / overlap - 1.0).abs() < 1e-15);
+        }
+        // The wave has not come to bead 40 yet, and the load has not pushed it.
+        assert!(solution.at(0.0007).velocity(40).abs() < 1e-12 * scenario.striker.velocity);
+        let summary = solution.summary();
+        assert_eq!(summary.peak_force.len(), solution.model().contacts());
+        let last = summary.peak_force[summary.peak_force.len() - 1];
+        assert!(
+            (last.force / 12.5 - 1.0).abs() < 1e-12 && last.fwhm.is_none(),
+            "{last:?}"
+        );
+        let third = summary.peak_force[2];
+        assert!(third.force > 13.0 && third.fwhm.is_some(), "{third:?}");
+    }
+}
+
+/// κ = 1 / (θa + θb) / √(1/Ra + 1/Rb), with 1/Rb = 0 where it is flat.
+#[test]
+fn the_walls_stiffness_is_hertz() {
+    let mut scenario = elastic(3, 0.001);
+    let compliance = |of: Material| 0.75 * (1.0 - of.poisson * of.poisson) / of.young;
+    let theta = compliance(Material::BAKELITE) + compliance(Material::STEEL);
+    for (radius, curvature) in [(None, 1.0 / 0.019), (Some(0.05), 1.0 / 0.019 + 1.0 / 0.05)] {
+        scenario.wall = Some(Wall {
+            radius,
+            relaxation: Some(3e-6),
+            ..Wall::flat(Material::STEEL)
+        });
+        let solution = run(&scenario);
+        let wall = solution.model().contact(4);
+        assert!((wall.stiffness * theta * f64::sqrt(curvature) - 1.0).abs() < 1e-15);
+        assert_eq!(wall.relaxation, 3e-6);
+    }
+    // Without one of its own, the contact has the last bead's relaxation time.
+    scenario.sections = vec![Section {
+        beads: vec![3],
+        relaxation: Some(1e-6),
+        ..Section::default()
+    }];
+    scenario.wall.as_mut().expect("it has one").relaxation = None;
+    assert_eq!(run(&scenario).model().contact(4).relaxation, 1e-6);
+}
+
+#[test]
+fn a_solitary_wave_comes_back_from_the_wall() {
+    let mut scenario = struck_by_a_bead(40, 0.012);
+    scenario.wall = Some(Wall::flat(Material::BAKELITE));
+    let solution = run(&scenario);
+    let search = PulseSearch {
+        height: 0.1,
+        ..PulseSearch::default()
+    };
+    let pulses = solution.pulses(20, &search);
+    assert_eq!(pulses.len(), 2, "{pulses:?}");
+    let (there, back) = (pulses[0], pulses[1]);
+    let wall = solution.pulses(41, &search)[0];
+    // Nearly all of the wave comes back, as strong as it was.
+    assert!(
+        (back.energy / there.energy + 0.99723).abs() < 1e-5,
+        "{there:?} {back:?}"
+    );
+    assert!(
+        (back.force / there.force - 0.99834).abs() < 1e-5,
+        "{there:?} {back:?}"
+    );
+    // The beads near the wall follow the wave back, so the wall gives a little more than twice its momentum.
+    assert!(
+        (wall.impulse / there.impulse - 2.06043).abs() < 1e-5,
+        "{wall:?} {there:?}"
+    );
+    let end = solution.at(back.to);
+    let behind: f64 = (20..=40)
+        .map(|bead| solution.model().mass(bead) * end.velocity(bead))
+        .sum();
+    let given = solution.flow(41).between(there.from, back.to).impulse;
+    let sum = there.impulse + solution.flow(20).between(there.to, back.to).impulse - behind;
+    assert!((given / sum - 1.0).abs() < 1e-12, "{given} {sum}");
+}
+
+/// A strike so soft and weak on a chain so loaded that the wave is long and small.
+fn long_and_small(load: f64, beads: usize, duration: f64) -> Scenario {
+    let mut scenario = struck_by_a_bead(beads, duration);
+    scenario.striker.young = 2e8;
+    scenario.striker.velocity = 1e-3;
+    scenario.chain.precompression = load;
+    scenario
+}
+
+/// c = 2R √(K/M) with K = (3/2) κ^(2/3) F₀^(1/3). Whatever the lattice does to a wave's shape, the mean time
+/// of its force, ∫ t (F - F₀) dt / ∫ (F - F₀) dt, goes from contact to contact at c.
+#[test]
+fn a_small_wave_goes_at_the_speed_of_sound() {
+    for load in [100.0, 800.0, 6400.0] {
+        let solution = run(&long_and_small(load, 240, 0.016));
+        let model = solution.model();
+        let stiffness = 1.5 * model.contact(2).stiffness.powf(2.0 / 3.0) * f64::cbrt(load);
+        assert!((model.contact(2).linear_stiffness() / stiffness - 1.0).abs() < 1e-15);
+        let beads_a_second = (stiffness / model.mass(1)).sqrt();
+        let mut sampler = solution.sampler();
+        let mut sums = [[0.0; 2]; 2];
+        for i in 0..8000 {
+            let t = solution.end() * f64::from(i) / 8000.0;
+            let snapshot = sampler.at(t);
+            for (sum, contact) in sums.iter_mut().zip([20, 60]) {
+                let force = snapshot.force(contact) - load;
+                *sum = [sum[0] + force, sum[1] + t * force];
+            }
+        }
+        let [early, late] = sums.map(|[force, moment]| moment / force);
+        let ratio = 40.0 / (late - early) / beads_a_second;
+        println!("{load} N: {ratio}");
+        assert!((ratio - 1.0).abs() < 5e-5, "{load} N: {ratio}");
+    }
+}
+
+#[test]
+fn a_small_wave_gives_a_rigid_wall_twice_its_momentum() {
+    let mut scenario = long_and_small(800.0, 160, 0.025);
+    scenario.wall = Some(Wall {
+        young: 1e300,
+        ..Wall::flat(Material::BAKELITE)
+    });
+    let solution = run(&scenario);
+    // Before the wave reaches the wall, and on its way back.
+    let (before, after) = (solution.at(0.012), solution.at(0.025));
+    let momentum = before.momentum() - solution.model().mass(0) * before.velocity(0);
+    assert!(before.wall_impulse().abs() < 1e-8 * momentum);
+    let ratio = after.wall_impulse() / momentum;
+    assert!((ratio - 2.0).abs() < 3e-5, "{ratio}");
+    let energy = |snapshot: &Snapshot<'_>| snapshot.region(1..=160).mechanical();
+    assert!((energy(&after) / energy(&before) - 1.0).abs() < 1e-12);
+}

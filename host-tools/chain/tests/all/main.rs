@@ -1,0 +1,19 @@
+//! Tests of the simulator, one program: sixteen would compile the solver sixteen times.
+
+mod accuracy;
+mod any_scenario;
+mod common;
+mod ensemble;
+mod formulas;
+mod graded;
+mod loaded;
+mod optimise;
+mod oscillator;
+mod own_chain;
+mod reference;
+mod scenario;
+mod spectra;
+mod starts;
+mod streamed;
+mod validity;
+mod waves;

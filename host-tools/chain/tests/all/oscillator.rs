@@ -1,0 +1,154 @@
+//! The intruder by itself: its response, and its stiffness and damping found back.
+
+use crate::common::{normal, run};
+use hertz_chain::{FitError, Oscillator, PulseSearch, Scenario, Signal, Sweep, fit_response, fit_ring_down};
+
+const SWEEP: Sweep = Sweep {
+    from: 80.0,
+    to: 2800.0,
+    duration: 0.5,
+    amplitude: 1e-6,
+};
+
+fn frequencies() -> Vec<f64> {
+    (0..=120).map(|i| 100.0 + 20.0 * f64::from(i)).collect()
+}
+
+#[test]
+fn the_papers_intruder_amplifies_most_at_1607_hz() {
+    let (frequency, height) = Oscillator::PAPER.transmissibility_peak();
+    assert!((frequency - 1607.0).abs() < 0.5, "{frequency} Hz");
+    assert!((height - 3.374).abs() < 5e-4, "{height}");
+    for beside in [0.999, 1.001] {
+        assert!(Oscillator::PAPER.transmissibility(beside * frequency).norm() < height);
+    }
+    assert!((Oscillator::PAPER.natural_frequency() - 1644.4).abs() < 0.05);
+    assert!((Oscillator::PAPER.damping_ratio() - 0.15695).abs() < 1e-5);
+    // With any damping it follows slow motion, and at √2 of its frequency it moves as much as its host.
+    assert_eq!(Oscillator::PAPER.transmissibility(0.0).norm(), 1.0);
+    let level = Oscillator::PAPER
+        .transmissibility(2.0_f64.sqrt() * Oscillator::PAPER.natural_frequency())
+        .norm();
+    assert!((level - 1.0).abs() < 1e-14, "{level}");
+}
+
+#[test]
+fn a_swept_simulation_follows_the_closed_form() {
+    let shaken = Oscillator::PAPER.shake(&SWEEP);
+    let mut worst = 0.0_f64;
+    for (frequency, h) in shaken.response(&frequencies()) {
+        worst = worst.max((h - Oscillator::PAPER.transmissibility(frequency)).norm());
+    }
+    assert!(worst < 1e-9, "{worst:e}");
+}
+
+#[test]
+fn a_swept_response_gives_back_stiffness_and_damping() {
+    for damping in [1.0, 12.0, 60.0] {
+        let oscillator = Oscillator {
+            damping,
+            ..Oscillator::PAPER
+        };
+        let points: Vec<_> = oscillator
+            .shake(&SWEEP)
+            .response(&frequencies())
+            .iter()
+            .map(|(frequency, h)| (*frequency, h.norm()))
+            .collect();
+        let fit = fit_response(&points, Oscillator::PAPER.mass).expect("there is a peak");
+        assert!(
+            (fit.stiffness / Oscillator::PAPER.stiffness - 1.0).abs() < 1e-10,
+            "{fit:?}"
+        );
+        assert!((fit.damping / damping - 1.0).abs() < 1e-10, "{fit:?}");
+    }
+}
+
+#[test]
+fn a_struck_bead_rings_down_and_gives_back_stiffness_and_damping() {
+    let mut scenario = Scenario::paper();
+    scenario.chain.beads = 1;
+    scenario.intruders[0].beads = vec![1];
+    scenario.duration = 0.02;
+    let solution = run(&scenario);
+    let pulses = solution.pulses(1, &PulseSearch::default());
+    let free = pulses[pulses.len() - 1].to + 1e-4;
+    assert!(solution.at(0.02).overlap(1) < 0.0);
+    let signal = solution.signal(free, free + 0.01, 1e-5, |at| {
+        at.intruder_acceleration(1).expect("a host")
+    });
+    let host = solution.model().mass(1);
+    let reduced = Oscillator::PAPER.mass * (host - Oscillator::PAPER.mass) / host;
+    let fit = fit_ring_down(&signal, reduced).expect("it rings");
+    assert!(
+        (fit.stiffness / Oscillator::PAPER.stiffness - 1.0).abs() < 1e-12,
+        "{fit:?}"
+    );
+    assert!(
+        (fit.damping / Oscillator::PAPER.damping - 1.0).abs() < 1e-12,
+        "{fit:?}"
+    );
+}
+
+#[test]
+fn the_uncertainties_of_both_fits_are_the_scatter_that_repeated_fits_have() {
+    let (mut state, repeats) = (7, 400);
+    let mut pulls = [0.0; 4];
+    let (beta, omega) = (900.0, 9000.0);
+    let (stiffness, damping) = (3e-3 * (omega * omega + beta * beta), 2.0 * 3e-3 * beta);
+    for _ in 0..repeats {
+        let points: Vec<_> = frequencies()
+            .into_iter()
+            .map(|f| {
+                (
+                    f,
+                    Oscillator::PAPER.transmissibility(f).norm() + 0.02 * normal(&mut state),
+                )
+            })
+            .collect();
+        let fit = fit_response(&points, Oscillator::PAPER.mass).expect("there is a peak");
+        pulls[0] += ((fit.stiffness - Oscillator::PAPER.stiffness) / fit.stiffness_error).powi(2);
+        pulls[1] += ((fit.damping - Oscillator::PAPER.damping) / fit.damping_error).powi(2);
+
+        let values = (0..400)
+            .map(|i| 1e-5 * f64::from(i))
+            .map(|t| 50.0 * (-beta * t).exp() * (omega * t + 0.4).sin() + 0.5 * normal(&mut state))
+            .collect();
+        let signal = Signal {
+            start: 0.3,
+            interval: 1e-5,
+            values,
+        };
+        let fit = fit_ring_down(&signal, 3e-3).expect("it rings");
+        pulls[2] += ((fit.stiffness - stiffness) / fit.stiffness_error).powi(2);
+        pulls[3] += ((fit.damping - damping) / fit.damping_error).powi(2);
+        assert!((fit.residual / 0.5 - 1.0).abs() < 0.2, "{fit:?}");
+    }
+    for pull in pulls {
+        // The variance of 400 squares is 2/400.
+        let spread = pull / f64::from(repeats);
+        assert!((spread - 1.0).abs() < 4.0 * (2.0_f64 / 400.0).sqrt(), "{pulls:?}");
+    }
+}
+
+#[test]
+fn what_cannot_be_fitted_is_said() {
+    let error = fit_response(&[(100.0, 1.0), (200.0, 1.1)], 3.7e-3).expect_err("two points");
+    assert_eq!(
+        error.to_string(),
+        "the fit has 2 points and needs 3; measure more of them"
+    );
+    let error = fit_response(&[(100.0, f64::NAN); 5], 3.7e-3).expect_err("no numbers");
+    assert_eq!(
+        error.to_string(),
+        "the magnitude NaN is not what a fit can use; give a positive number"
+    );
+    let error = fit_response(&[(100.0, 1.0); 5], 0.0).expect_err("no mass");
+    assert!(error.to_string().starts_with("the mass 0 is not"), "{error}");
+    let silent = Signal {
+        start: 0.0,
+        interval: 1e-5,
+        values: vec![0.0; 100],
+    };
+    assert_eq!(fit_ring_down(&silent, 3.7e-3), Err(FitError::NoEnd));
+}

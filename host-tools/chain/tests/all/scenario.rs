@@ -1,0 +1,595 @@
+//! Bad scenarios: each gets one line that says where, what and what would do.
+
+use hertz_chain::{Options, Scenario, SimulateError, simulate, simulate_with, summarise};
+
+const SOUND: &str = "\
+title = \"One absorber at bead 8\"
+duration = 0.006
+[chain]
+beads = 16
+radius = 0.019
+density = 1775.0
+young = 4.5e9
+poisson = 0.44
+relaxation = 4.2e-6
+contact_force = \"printed\"
+[striker]
+radius = 0.0045
+density = 7980.0
+young = 203e9
+poisson = 0.27
+velocity = 0.45
+[[intruder]]
+beads = [8]
+mass = 3.7e-3
+stiffness = 3.95e5
+damping = 12.0
+";
+
+/// The error after the first `old` in [`SOUND`] is replaced.
+fn complaint(old: &str, new: &str) -> String {
+    assert!(SOUND.contains(old), "{old}");
+    complaint_about(&SOUND.replacen(old, new, 1))
+}
+
+fn complaint_about(text: &str) -> String {
+    let text = Scenario::from_toml(text, "s.toml")
+        .expect_err("the scenario is bad")
+        .to_string();
+    assert!(!text.contains('\n'), "{text}");
+    text
+}
+
+#[test]
+fn a_sound_scenario_is_read_and_written_back_the_same() {
+    let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    assert_eq!(scenario, Scenario::paper());
+    let text = scenario.to_toml();
+    assert_eq!(Scenario::from_toml(&text, "t.toml").expect("sound"), scenario);
+}
+
+#[test]
+fn the_papers_strike_is_that_of_the_scenario_file() {
+    let text = include_str!("../../../../docs/scenarios/paper-strike.toml");
+    let scenario = Scenario::from_toml(text, "paper-strike.toml").expect("sound");
+    assert_eq!(scenario, Scenario::paper());
+}
+
+#[test]
+fn an_unknown_key_gets_the_nearest_name() {
+    for (old, new, line) in [
+        (
+            "title",
+            "titel",
+            "s.toml:1: titel: unknown key; did you mean `title`?",
+        ),
+        (
+            "young = 4.5e9",
+            "yuong = 4.5e9",
+            "s.toml:7: chain.yuong: unknown key; did you mean `young`?",
+        ),
+        (
+            "velocity",
+            "velocty",
+            "s.toml:16: striker.velocty: unknown key; did you mean `velocity`?",
+        ),
+        (
+            "stiffness",
+            "stifness",
+            "s.toml:20: intruder[1].stifness: unknown key; did you mean `stiffness`?",
+        ),
+        (
+            "[[intruder]]",
+            "[[intruders]]",
+            "s.toml:17: intruders: unknown key; did you mean `intruder`?",
+        ),
+        (
+            "damping",
+            "colour",
+            "s.toml:21: intruder[1].colour: unknown key; known here are beads, mass, stiffness, damping",
+        ),
+    ] {
+        assert_eq!(complaint(old, new), line);
+    }
+}
+
+#[test]
+fn a_missing_key_is_named_with_its_table() {
+    let line = complaint("young = 4.5e9\n", "");
+    assert_eq!(
+        line,
+        "s.toml:3: chain: missing field `young`; add it, in SI units"
+    );
+    let line = complaint("mass = 3.7e-3\n", "");
+    assert_eq!(
+        line,
+        "s.toml:17: intruder[1]: missing field `mass`; add it, in SI units"
+    );
+    let line = complaint("duration = 0.006\n", "");
+    assert_eq!(line, "s.toml:1: missing field `duration`; add it, in SI units");
+}
+
+#[test]
+fn a_value_of_the_wrong_kind_is_named() {
+    let line = complaint("radius = 0.019", "radius = \"0.019\"");
+    assert!(
+        line.starts_with("s.toml:5: chain.radius: invalid type: string \"0.019\", expected f64;"),
+        "{line}"
+    );
+    let line = complaint("beads = 16", "beads = -16");
+    assert!(
+        line.starts_with("s.toml:4: chain.beads: invalid value: integer `-16`"),
+        "{line}"
+    );
+    let line = complaint("\"printed\"", "\"cliped\"");
+    assert!(
+        line.starts_with("s.toml:10: chain.contact_force: unknown variant `cliped`"),
+        "{line}"
+    );
+    assert!(line.contains("`printed` or `clipped`"), "{line}");
+    let line = complaint("[8]", "8");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: invalid type"),
+        "{line}"
+    );
+}
+
+#[test]
+fn a_file_that_is_not_toml_is_named_with_its_line() {
+    let line = complaint("density = 1775.0", "density = ");
+    assert!(line.starts_with("s.toml:6: not TOML ("), "{line}");
+}
+
+#[test]
+fn a_value_out_of_range_says_what_would_do() {
+    for (old, new, start) in [
+        (
+            "duration = 0.006",
+            "duration = 0",
+            "s.toml:2: duration: 0 is not a positive number; give",
+        ),
+        (
+            "duration = 0.006",
+            "duration = inf",
+            "s.toml:2: duration: inf is not a positive number; give",
+        ),
+        (
+            "beads = 16",
+            "beads = 0",
+            "s.toml:4: chain.beads: a chain of 0 beads",
+        ),
+        (
+            "beads = 16",
+            "beads = 100001",
+            "s.toml:4: chain.beads: a chain of 100001 beads",
+        ),
+        (
+            "radius = 0.019",
+            "radius = nan",
+            "s.toml:5: chain.radius: NaN is not a positive number; give",
+        ),
+        (
+            "density = 1775.0",
+            "density = -1",
+            "s.toml:6: chain.density: -1 is not a positive number; give",
+        ),
+        (
+            "young = 4.5e9",
+            "young = 0.0",
+            "s.toml:7: chain.young: 0 is not a positive number; give",
+        ),
+        (
+            "poisson = 0.44",
+            "poisson = 0.51",
+            "s.toml:8: chain.poisson: 0.51 is no Poisson's ratio; give",
+        ),
+        (
+            "poisson = 0.44",
+            "poisson = -1.0",
+            "s.toml:8: chain.poisson: -1 is no Poisson's ratio; give",
+        ),
+        (
+            "poisson = 0.44",
+            "poisson = nan",
+            "s.toml:8: chain.poisson: NaN is no Poisson's ratio; give",
+        ),
+        (
+            "4.2e-6",
+            "-4.2e-6",
+            "s.toml:9: chain.relaxation: -0.0000042 is not zero or a positive",
+        ),
+        (
+            "contact_force",
+            "precompression = -1.0\ncontact_force",
+            "s.toml:10: chain.precompression: -1 is not zero or a positive number; give a force in N",
+        ),
+        (
+            "contact_force",
+            "precompression = inf\ncontact_force",
+            "s.toml:10: chain.precompression: inf is not zero or a positive number; give a force in N",
+        ),
+        (
+            "radius = 0.0045",
+            "radius = 0.0",
+            "s.toml:12: striker.radius: 0 is not",
+        ),
+        (
+            "poisson = 0.27",
+            "poisson = 0.6",
+            "s.toml:15: striker.poisson: 0.6 is no",
+        ),
+        (
+            "velocity = 0.45",
+            "velocity = -0.45",
+            "s.toml:16: striker.velocity: -0.45 is not",
+        ),
+        (
+            "velocity = 0.45",
+            "velocity = 0.45\nmass = 0.0",
+            "s.toml:17: striker.mass: 0 is not",
+        ),
+        (
+            "velocity = 0.45",
+            "velocity = 0.45\nrelaxation = -1.0",
+            "s.toml:17: striker.relaxation: -1 is",
+        ),
+        (
+            "mass = 3.7e-3",
+            "mass = 0.0",
+            "s.toml:19: intruder[1].mass: 0 is not",
+        ),
+        ("3.95e5", "nan", "s.toml:20: intruder[1].stiffness: NaN is not"),
+        (
+            "damping = 12.0",
+            "damping = -1.0",
+            "s.toml:21: intruder[1].damping: -1 is not zero",
+        ),
+    ] {
+        let line = complaint(old, new);
+        assert!(line.starts_with(start), "{line}\n{start}");
+    }
+}
+
+#[test]
+fn a_wall_is_checked_as_a_body_is() {
+    let wall = "[wall]\nyoung = 203e9\npoisson = 0.27\n";
+    let about = |wall: &str| complaint_about(&format!("{SOUND}{wall}"));
+    let scenario = Scenario::from_toml(&format!("{SOUND}{wall}"), "s.toml").expect("sound");
+    assert!(scenario.wall.expect("it has one").radius.is_none());
+    for (old, new, start) in [
+        (
+            "young = 203e9",
+            "young = -203e9",
+            "s.toml:23: wall.young: -203000000000 is not a positive number; give",
+        ),
+        (
+            "young = 203e9",
+            "young = nan",
+            "s.toml:23: wall.young: NaN is not a positive number; give",
+        ),
+        (
+            "poisson = 0.27",
+            "poisson = 0.6",
+            "s.toml:24: wall.poisson: 0.6 is no Poisson's ratio; give",
+        ),
+        (
+            "young",
+            "radius = 0.0\nyoung",
+            "s.toml:23: wall.radius: 0 is not a positive number; give",
+        ),
+        (
+            "young",
+            "relaxation = -1.0\nyoung",
+            "s.toml:23: wall.relaxation: -1 is not zero or a positive",
+        ),
+        (
+            "young",
+            "yuong",
+            "s.toml:23: wall.yuong: unknown key; did you mean `young`?",
+        ),
+        (
+            "young = 203e9\n",
+            "",
+            "s.toml:22: wall: missing field `young`; add it, in SI units",
+        ),
+        (
+            "[wall]",
+            "[wal]",
+            "s.toml:22: wal: unknown key; did you mean `wall`?",
+        ),
+    ] {
+        assert!(wall.contains(old));
+        let line = about(&wall.replacen(old, new, 1));
+        assert!(line.starts_with(start), "{line}\n{start}");
+    }
+}
+
+#[test]
+fn an_intruder_as_heavy_as_its_host_is_refused() {
+    let line = complaint("mass = 3.7e-3", "mass = 0.051");
+    assert!(
+        line.starts_with("s.toml:19: intruder[1].mass: 0.051 kg is as heavy as its host, bead 8"),
+        "{line}"
+    );
+    // The host's own mass counts, not the chain's.
+    let small = format!("{SOUND}[[section]]\nbeads = [8]\nradius = 0.0075\n");
+    let line = complaint_about(&small);
+    assert!(
+        line.starts_with("s.toml:19: intruder[1].mass: 0.0037 kg is as heavy as its host, bead 8"),
+        "{line}"
+    );
+}
+
+#[test]
+fn beads_out_of_the_chain_or_named_twice_are_refused() {
+    let line = complaint("[8]", "[17]");
+    assert_eq!(
+        line,
+        "s.toml:18: intruder[1].beads: bead 17 is not in the chain; beads are counted from 1 to 16 (chain.beads)"
+    );
+    let line = complaint("[8]", "[0]");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: bead 0 is not in the chain"),
+        "{line}"
+    );
+    let line = complaint("[8]", "[]");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: names no bead"),
+        "{line}"
+    );
+    let line = complaint("[8]", "[8, 9, 8]");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: bead 8 is named twice"),
+        "{line}"
+    );
+    let twice = format!("{SOUND}[[intruder]]\nbeads = [7, 8]\nmass = 1e-3\nstiffness = 1e5\ndamping = 1\n");
+    let line = complaint_about(&twice);
+    assert!(
+        line.starts_with("s.toml:23: intruder[2].beads: bead 8 already holds intruder[1]"),
+        "{line}"
+    );
+    let section = "[[section]]\nbeads = [3, 4]\nradius = 0.01\n";
+    let line = complaint_about(&format!("{SOUND}{section}{section}"));
+    assert!(
+        line.starts_with("s.toml:26: section[2].beads: bead 3 is already in section[1]"),
+        "{line}"
+    );
+    let line = complaint_about(&format!("{SOUND}{}", section.replace("0.01", "-0.01")));
+    assert!(
+        line.starts_with("s.toml:24: section[1].radius: -0.01 is not a positive number"),
+        "{line}"
+    );
+}
+
+#[test]
+fn no_number_of_a_scenario_passes_that_is_none_zero_or_negative() {
+    let sound = Scenario::from_toml(
+        &format!(
+            "{SOUND}[wall]\nyoung = 203e9\npoisson = 0.27\nradius = 0.1\nrelaxation = 0.0\n\
+             [[section]]\nbeads = [3]\nradius = 0.01\ndensity = 1e3\nyoung = 1e9\npoisson = 0.3\nrelaxation = 0.0\n"
+        ),
+        "s.toml",
+    )
+    .expect("sound");
+    type Set = fn(&mut Scenario, f64);
+    let positive: [(&str, Set); 16] = [
+        ("duration", |s, v| s.duration = v),
+        ("chain.radius", |s, v| s.chain.radius = v),
+        ("chain.density", |s, v| s.chain.density = v),
+        ("chain.young", |s, v| s.chain.young = v),
+        ("striker.radius", |s, v| s.striker.radius = v),
+        ("striker.density", |s, v| s.striker.density = v),
+        ("striker.young", |s, v| s.striker.young = v),
+        ("striker.velocity", |s, v| s.striker.velocity = v),
+        ("striker.mass", |s, v| s.striker.mass = Some(v)),
+        ("wall.young", |s, v| s.wall.as_mut().expect("sound").young = v),
+        ("wall.radius", |s, v| {
+            s.wall.as_mut().expect("sound").radius = Some(v)
+        }),
+        ("section[1].radius", |s, v| s.sections[0].radius = Some(v)),
+        ("section[1].density", |s, v| s.sections[0].density = Some(v)),
+        ("section[1].young", |s, v| s.sections[0].young = Some(v)),
+        ("intruder[1].mass", |s, v| s.intruders[0].mass = v),
+        ("intruder[1].stiffness", |s, v| s.intruders[0].stiffness = v),
+    ];
+    let not_negative: [(&str, Set); 6] = [
+        ("chain.relaxation", |s, v| s.chain.relaxation = v),
+        ("chain.precompression", |s, v| s.chain.precompression = v),
+        ("striker.relaxation", |s, v| s.striker.relaxation = Some(v)),
+        ("wall.relaxation", |s, v| {
+            s.wall.as_mut().expect("sound").relaxation = Some(v)
+        }),
+        ("section[1].relaxation", |s, v| s.sections[0].relaxation = Some(v)),
+        ("intruder[1].damping", |s, v| s.intruders[0].damping = v),
+    ];
+    let poisson: [(&str, Set); 4] = [
+        ("chain.poisson", |s, v| s.chain.poisson = v),
+        ("striker.poisson", |s, v| s.striker.poisson = v),
+        ("wall.poisson", |s, v| s.wall.as_mut().expect("sound").poisson = v),
+        ("section[1].poisson", |s, v| s.sections[0].poisson = Some(v)),
+    ];
+    let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e-3];
+    let refused = positive
+        .iter()
+        .flat_map(|entry| {
+            bad.into_iter()
+                .chain([0.0, -0.0])
+                .map(move |value| (entry, value))
+        })
+        .chain(
+            not_negative
+                .iter()
+                .flat_map(|entry| bad.map(move |value| (entry, value))),
+        )
+        .chain(poisson.iter().flat_map(|entry| {
+            [f64::NAN, f64::INFINITY, -1.0, -1.5, 0.500_000_1].map(move |value| (entry, value))
+        }));
+    let mut count = 0;
+    for ((key, set), value) in refused {
+        let mut scenario = sound.clone();
+        set(&mut scenario, value);
+        let error = scenario.check().expect_err(key);
+        assert_eq!(error.key, *key, "{value}: {error}");
+        assert!(
+            !error.advice.is_empty() && !error.to_string().contains('\n'),
+            "{error}"
+        );
+        count += 1;
+    }
+    assert_eq!(count, 16 * 6 + 6 * 4 + 4 * 5);
+    let allowed = not_negative.iter().map(|entry| (entry, 0.0)).chain(
+        poisson
+            .iter()
+            .flat_map(|entry| [0.5, 0.0, -0.999].map(move |value| (entry, value))),
+    );
+    for ((key, set), value) in allowed {
+        let mut scenario = sound.clone();
+        set(&mut scenario, value);
+        assert_eq!(scenario.check(), Ok(()), "{key} {value}");
+    }
+}
+
+#[test]
+fn an_intruder_exactly_as_heavy_as_its_host_is_refused() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let chain = &scenario.chain;
+    let host = 4.0 / 3.0 * std::f64::consts::PI * chain.radius.powi(3) * chain.density;
+    scenario.intruders[0].mass = host;
+    assert_eq!(
+        scenario.check().expect_err("no shell is left").key,
+        "intruder[1].mass"
+    );
+    scenario.intruders[0].mass = host * (1.0 - 1e-15);
+    assert_eq!(scenario.check(), Ok(()));
+}
+
+#[test]
+fn more_beads_than_anybody_means_are_refused_at_once() {
+    for beads in ["1000000", "1000000000000", "9223372036854775807"] {
+        let line = complaint("beads = 16", &format!("beads = {beads}"));
+        assert_eq!(
+            line,
+            format!(
+                "s.toml:4: chain.beads: a chain of {beads} beads cannot be simulated; give a number from 1 to 100000"
+            )
+        );
+    }
+    let line = complaint("beads = 16", "beads = 1e12");
+    assert!(
+        line.starts_with("s.toml:4: chain.beads: invalid type: floating point"),
+        "{line}"
+    );
+    let line = complaint("[8]", "[8, 1000000000000]");
+    assert!(
+        line.starts_with("s.toml:18: intruder[1].beads: bead 1000000000000 is not in the chain"),
+        "{line}"
+    );
+}
+
+/// Lists as long as a chain can be are read through once, not once for each of their beads.
+#[test]
+fn lists_as_long_as_the_longest_chain_are_checked_in_no_time() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.chain.beads = 100_000;
+    let intruder = scenario.intruders[0].clone();
+    let one_by_one = |bead: usize| hertz_chain::Intruder {
+        beads: vec![bead],
+        ..intruder.clone()
+    };
+    scenario.intruders = (1..=50_000).map(one_by_one).collect();
+    scenario.intruders.push(hertz_chain::Intruder {
+        beads: (50_001..=100_000).collect(),
+        ..intruder.clone()
+    });
+    scenario.sections = (1..=100_000)
+        .map(|bead| hertz_chain::Section {
+            beads: vec![bead],
+            radius: Some(0.02),
+            ..hertz_chain::Section::default()
+        })
+        .collect();
+    let clock = std::time::Instant::now();
+    assert_eq!(scenario.check(), Ok(()));
+    scenario.intruders[50_000].beads = (0..3_000_000).map(|i| 50_001 + i % 50_000).collect();
+    assert_eq!(
+        scenario.check().expect_err("named twice").key,
+        "intruder[50001].beads"
+    );
+    // Some 5 ms; a list looked through for each of its beads would take minutes.
+    assert!(clock.elapsed().as_secs_f64() < 2.0, "{:?}", clock.elapsed());
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let error = Scenario::load("no/such/scenario.toml").expect_err("there is none");
+    assert!(
+        error
+            .to_string()
+            .starts_with("no/such/scenario.toml: cannot be read ("),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_scenario_built_in_code_is_checked_too() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.chain.young = f64::NAN;
+    let error = simulate(&scenario).expect_err("NaN");
+    assert!(matches!(error, SimulateError::Input(_)));
+    assert!(
+        error
+            .to_string()
+            .starts_with("chain.young: NaN is not a positive number; give"),
+        "{error}"
+    );
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let options = Options {
+        duration: Some(-1.0),
+        ..Options::default()
+    };
+    let error = simulate_with(&scenario, &options).expect_err("negative");
+    let expected = "duration: -1 s cannot be simulated; give a number above zero";
+    assert_eq!(error.to_string(), expected);
+    let mut options = Options::default();
+    options.accuracy.tolerance = 1e-17;
+    let error = simulate_with(&scenario, &options).expect_err("below rounding");
+    assert!(error.to_string().starts_with("accuracy: tolerance"), "{error}");
+}
+
+#[test]
+fn a_run_that_no_memory_holds_is_refused_before_it_starts() {
+    let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    scenario.duration = 1e4;
+    let error = simulate(&scenario).expect_err("hours");
+    assert_eq!(error, SimulateError::TooLong { time: 0.0, end: 1e4 });
+    assert!(error.to_string().contains("the summary alone"), "{error}");
+}
+
+#[test]
+fn an_intruder_of_wrong_units_is_refused_with_the_time_it_would_take() {
+    let sound = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let bead = sound.intruders[0].beads[0];
+    let change: [fn(&mut hertz_chain::Intruder); 2] = [|one| one.damping = 1e9, |one| one.mass = 1e-9];
+    for change in change {
+        let mut scenario = sound.clone();
+        change(&mut scenario.intruders[0]);
+        let kept = simulate(&scenario).expect_err("a damper of glass");
+        assert!(matches!(kept, SimulateError::TooStiff { .. }), "{kept}");
+        assert_eq!(summarise(&scenario, &Options::default()), Err(kept.clone()));
+        let text = kept.to_string();
+        assert!(text.starts_with(&format!("intruder in bead {bead}: ")), "{text}");
+        assert!(
+            text.contains(" steps, more than ") && text.contains("mass in kg"),
+            "{text}"
+        );
+    }
+    // A stiff one is slow, and no mistake.
+    let mut scenario = sound;
+    scenario.duration = 1e-6;
+    scenario.intruders[0].stiffness = 1e9;
+    assert!(simulate(&scenario).is_ok());
+}

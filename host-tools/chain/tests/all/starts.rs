@@ -1,0 +1,175 @@
+//! Chains that do not begin at rest and in touch: several strikers, gaps, beads that fly.
+
+use crate::common::{elastic, run, struck_by_a_bead};
+use hertz_chain::{Material, Model, PulseSearch, Scenario, Start, Wall};
+
+/// Sokolow, Bittle and Sen, and Job et al. (PRE 67, 066607): as many waves leave as grains come in, one behind
+/// another, each weaker than the one before it.
+#[test]
+fn as_many_waves_run_through_the_chain_as_grains_strike_it() {
+    let waves = |strikers: usize| {
+        let mut scenario = struck_by_a_bead(60, 0.012);
+        // Body 0 and the first beads come together.
+        scenario.starts = vec![Start::moving(1..strikers, 0.45)];
+        scenario.starts.retain(|start| !start.beads.is_empty());
+        let solution = run(&scenario);
+        let search = PulseSearch {
+            height: 0.1,
+            ..PulseSearch::default()
+        };
+        let forces: Vec<f64> = solution
+            .pulses(40, &search)
+            .iter()
+            .map(|pulse| pulse.force)
+            .collect();
+        assert!(forces.is_sorted_by(|a, b| a > b), "{forces:?}");
+        assert!(solution.summary().energy.balance_error < 1e-12);
+        forces.len()
+    };
+    for strikers in 1..=4 {
+        assert_eq!(waves(strikers), strikers);
+    }
+}
+
+/// Two bodies that stand apart meet later, and then do what they would have done at once.
+#[test]
+fn a_gap_before_the_first_bead_only_delays_the_strike() {
+    let touching = elastic(12, 0.003);
+    let mut apart = touching.clone();
+    let gap = 0.45e-3;
+    apart.starts = vec![Start::apart([1], gap)];
+    apart.duration += 1e-3;
+    let (touching, apart) = (run(&touching), run(&apart));
+    for body in 1..=12 {
+        let (one, other) = (touching.at(0.003), apart.at(0.004));
+        assert!((one.velocity(body) - other.velocity(body)).abs() < 1e-11 * 0.45);
+        // Displacements count from where each body was at t = 0.
+        assert!((one.displacement(body) - other.displacement(body)).abs() < 1e-10 * 1e-4);
+    }
+    let way = apart.at(0.004).displacement(0) - touching.at(0.003).displacement(0);
+    assert!((way - gap).abs() < 1e-14, "{way}");
+    let start = apart.at(0.0);
+    assert!((start.overlap(1) + gap).abs() < 1e-18);
+    assert_eq!((start.overlap(2), start.displacement(12)), (0.0, 0.0));
+}
+
+/// A mirror image: two strikers that meet the chain from both ends at once.
+#[test]
+fn strikers_from_both_ends_leave_the_middle_at_rest() {
+    let mut scenario = struck_by_a_bead(20, 0.006);
+    scenario.starts = vec![Start::moving([20], -0.45)];
+    let solution = run(&scenario);
+    for t in [0.001, 0.003, 0.006] {
+        let state = solution.at(t);
+        assert!(state.momentum().abs() < 1e-15);
+        for body in 0..=10 {
+            let sum = state.velocity(body) + state.velocity(20 - body);
+            assert!(sum.abs() < 1e-11, "{body} at {t}: {sum:e}");
+        }
+    }
+    let model = solution.model();
+    assert!((model.initial_energy() / model.striker_energy() - 2.0).abs() < 1e-15);
+    assert!(solution.summary().energy.balance_error < 1e-12);
+}
+
+/// A row of separate elastic beads of one mass passes the velocity on without loss, whatever the gaps are.
+#[test]
+fn separate_beads_pass_the_velocity_on_whole() {
+    let mut scenario = struck_by_a_bead(6, 0.02);
+    scenario.starts = vec![Start::apart(1..=3, 1e-4), Start::apart(4..=6, 3e-4)];
+    let solution = run(&scenario);
+    let end = solution.at(0.02);
+    for body in 0..6 {
+        assert!(
+            end.velocity(body).abs() < 1e-11,
+            "{body}: {:e}",
+            end.velocity(body)
+        );
+    }
+    assert!((end.velocity(6) / 0.45 - 1.0).abs() < 1e-11);
+}
+
+#[test]
+fn a_gap_at_the_wall_is_crossed_before_the_wall_feels_anything() {
+    let free = struck_by_a_bead(10, 0.004);
+    let mut walled = free.clone();
+    let mut wall = Wall::flat(Material::STEEL);
+    wall.gap = 1e-4;
+    walled.wall = Some(wall);
+    let (free, walled) = (run(&free), run(&walled));
+    assert!((walled.at(0.0).overlap(11) + 1e-4).abs() < 1e-18);
+    // Until the last bead has come this far, there might as well be no wall.
+    let crossed = (0..4000)
+        .map(|i| 1e-6 * f64::from(i))
+        .find(|t| free.at(*t).displacement(10) > 1e-4)
+        .expect("it flies away");
+    let (before, after) = (crossed - 2e-6, crossed + 1e-5);
+    let velocity = |body: usize| walled.at(before).velocity(body) - free.at(before).velocity(body);
+    assert!((0..=10).all(|body| velocity(body).abs() < 1e-11));
+    assert_eq!(walled.at(before).force(11), 0.0);
+    assert!(walled.at(after).force(11) > 1.0);
+}
+
+#[test]
+fn a_model_can_be_had_without_a_run() {
+    let mut scenario = Scenario::paper();
+    let model = Model::of(&scenario).expect("it is in order");
+    let ran = run(&scenario);
+    assert_eq!(model.contact(8), ran.model().contact(8));
+    assert_eq!(model.mass(8), ran.model().mass(8));
+    assert_eq!(model.intruders(), ran.model().intruders());
+    scenario.chain.radius = -1.0;
+    let error = Model::try_from(&scenario).expect_err("it is not").to_string();
+    assert!(error.starts_with("chain.radius: "), "{error}");
+}
+
+#[test]
+fn starts_that_cannot_be_are_refused_with_advice() {
+    let paper = std::fs::read_to_string("../../docs/scenarios/paper-strike.toml").expect("it is there");
+    for (text, words) in [
+        (
+            "[[start]]\nbeads = [17]\ngap = 1e-6",
+            "start[1].beads: bead 17 is not in the chain",
+        ),
+        (
+            "[[start]]\nbeads = []\ngap = 1e-6",
+            "start[1].beads: names no bead",
+        ),
+        (
+            "[[start]]\nbeads = [3]\ngap = -1e-6",
+            "start[1].gap: -0.000001 is not zero or a positive",
+        ),
+        (
+            "[[start]]\nbeads = [3]\nvelocity = inf",
+            "start[1].velocity: inf is no velocity",
+        ),
+        (
+            "[[start]]\nbeads = [3]\ngap = 1e-6\n[[start]]\nbeads = [3]\nvelocity = 0.1",
+            "start[2].beads: bead 3 is already in start[1]",
+        ),
+        (
+            "[[start]]\nbeads = [3]\nspeed = 0.1",
+            "start[1].speed: unknown key; known here",
+        ),
+        (
+            "[wall]\nyoung = 1e9\npoisson = 0.3\ngap = -1.0",
+            "wall.gap: -1 is not zero",
+        ),
+    ] {
+        let error = Scenario::from_toml(&format!("{paper}\n{text}\n"), "x.toml").expect_err(text);
+        let line = error.to_string();
+        assert!(line.contains(words) && line.lines().count() == 1, "{line}");
+    }
+    let mut loaded = Scenario::paper();
+    loaded.chain.precompression = 1.0;
+    loaded.starts = vec![Start::apart([4], 1e-6)];
+    let line = loaded.check().expect_err("a load closes gaps").to_string();
+    assert!(
+        line.starts_with("start[1].gap: ") && line.contains("chain.precompression"),
+        "{line}"
+    );
+    loaded.starts = vec![Start::moving([4], -0.2)];
+    loaded.check().expect("a loaded bead may move");
+    let again = Scenario::from_toml(&loaded.to_toml(), "x.toml").expect("it is what was written");
+    assert_eq!(again, loaded);
+}

@@ -1,0 +1,298 @@
+//! Runs that keep nothing, against those that keep everything.
+
+use hertz_chain::{
+    Accuracy, Channel, ContactForce, Intruder, Material, Options, Oscillator, Run, Samples, Scenario, Start,
+    Summariser, Wall, simulate_with, summarise,
+};
+
+fn scenarios() -> Vec<Scenario> {
+    let elastic = |beads: usize| {
+        let mut scenario = Scenario::paper();
+        scenario.chain.relaxation = 0.0;
+        scenario.chain.beads = beads;
+        scenario.duration = 2e-4 * beads as f64;
+        scenario
+    };
+    let paper = Scenario::paper();
+    let mut clipped = Scenario::paper();
+    clipped.chain.contact_force = ContactForce::Clipped;
+    let mut walled = elastic(20);
+    walled.wall = Some(Wall::flat(Material::STEEL));
+    walled.duration = 0.008;
+    let mut loaded = walled.clone();
+    loaded.chain.precompression = 20.0;
+    loaded.chain.relaxation = 1e-6;
+    let mut heavy = elastic(30);
+    heavy.striker.mass = Some(0.2);
+    let mut hosts = elastic(50);
+    hosts.intruders = vec![Intruder::new(2..=49, Oscillator::PAPER)];
+    let mut apart = elastic(40);
+    apart.starts = vec![Start::apart([5, 20], 1e-6)];
+    apart.starts[0].velocity = 0.1;
+    let mut short = Scenario::paper();
+    short.duration = 6e-5;
+    vec![
+        paper,
+        clipped,
+        walled,
+        loaded,
+        heavy,
+        hosts,
+        apart,
+        short,
+        elastic(120),
+    ]
+}
+
+/// `one` is `other` to a part `tolerance` of `scale`.
+#[track_caller]
+fn same(what: &str, one: f64, other: f64, scale: f64, tolerance: f64) {
+    let error = (one - other).abs() / scale.max(f64::MIN_POSITIVE);
+    assert!(
+        error <= tolerance,
+        "{what}: {one:e} and {other:e} differ by {error:e}"
+    );
+}
+
+#[test]
+fn a_summary_found_on_the_way_is_that_of_a_run_that_was_kept() {
+    for (number, scenario) in scenarios().iter().enumerate() {
+        for accuracy in [Accuracy::REFERENCE, Accuracy::DRAFT] {
+            let options = Options {
+                accuracy,
+                ..Options::default()
+            };
+            let kept = simulate_with(scenario, &options).unwrap().summary();
+            let found = summarise(scenario, &options).unwrap();
+            let what = |name: &str| format!("scenario {number}, {accuracy:?}, {name}");
+            // Both look into the same steps. The rates at which they look for a peak are not the same.
+            let close = if accuracy == Accuracy::REFERENCE {
+                1e-9
+            } else {
+                1e-5
+            };
+            assert_eq!(found.final_state, kept.final_state);
+            assert_eq!(
+                (found.solver.steps, found.solver.evaluations),
+                (kept.solver.steps, kept.solver.evaluations)
+            );
+            let greatest = kept.peak_force.iter().map(|peak| peak.force).fold(0.0, f64::max);
+            let contacts = |summary: &hertz_chain::Summary| {
+                summary
+                    .peak_force
+                    .iter()
+                    .map(|peak| peak.contact)
+                    .collect::<Vec<_>>()
+            };
+            assert_eq!(contacts(&found), contacts(&kept), "{}", what("contacts"));
+            for (one, other) in found.peak_force.iter().zip(&kept.peak_force) {
+                let name = what(&format!("contact {}", one.contact));
+                same(&name, one.force, other.force, greatest, close);
+                // The time of a peak of rounding says nothing.
+                if other.force > 1e-9 * greatest {
+                    same(&format!("{name}, time"), one.time, other.time, 1e-4, 1e3 * close);
+                    assert_eq!(
+                        one.fwhm.is_some(),
+                        other.fwhm.is_some(),
+                        "{name}: {one:?} {other:?}"
+                    );
+                    if let (Some(a), Some(b)) = (one.fwhm, other.fwhm) {
+                        same(&format!("{name}, width"), a, b, b, 1e1 * close);
+                    }
+                }
+            }
+            let (one, other) = (&found.energy, &kept.energy);
+            let initial = other.striker_initial;
+            same(&what("chain_max"), one.chain_max, other.chain_max, initial, close);
+            same(
+                &what("balance_error"),
+                one.balance_error,
+                other.balance_error,
+                1.0,
+                1e-13,
+            );
+            assert_eq!(one.striker_final, other.striker_final);
+            assert_eq!(one.dissipated_contacts, other.dissipated_contacts);
+            for (one, other) in found.intruders.iter().zip(&kept.intruders) {
+                assert_eq!((one.bead, one.dissipated), (other.bead, other.dissipated));
+                let name = what(&format!("intruder {}", one.bead));
+                let scale = other.acceleration_max.max(-other.acceleration_min);
+                same(&name, one.acceleration_max, other.acceleration_max, scale, close);
+                same(&name, one.acceleration_min, other.acceleration_min, scale, close);
+                let most = other.relative_displacement_max;
+                same(&name, one.relative_displacement_max, most, most, close);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_run_that_goes_on_from_a_snapshot_comes_to_where_the_whole_run_does() {
+    for scenario in scenarios() {
+        let end = scenario.duration;
+        let accuracy = Accuracy {
+            tolerance: 1e-13,
+            longest_step: 0.125,
+        };
+        let mut whole = Run::new(&scenario, accuracy).unwrap();
+        whole.to(0.4 * end).unwrap();
+        let mut rest = whole.snapshot().run_on(accuracy).unwrap();
+        let mut copy = whole.clone();
+        whole.to(end).unwrap();
+        rest.to(end).unwrap();
+        copy.to(end).unwrap();
+        let (whole, rest, copy) = (whole.snapshot(), rest.snapshot(), copy.snapshot());
+        let speed = scenario.striker.velocity;
+        for body in 0..=scenario.chain.beads {
+            same("a copy", copy.velocity(body), whole.velocity(body), speed, 0.0);
+            same(
+                "a snapshot",
+                rest.velocity(body),
+                whole.velocity(body),
+                speed,
+                1e-10,
+            );
+        }
+        same(
+            "losses",
+            rest.energies().total(),
+            whole.energies().total(),
+            whole.energies().total(),
+            1e-12,
+        );
+    }
+}
+
+#[test]
+fn a_moment_inside_a_step_is_what_a_kept_run_has_there() {
+    for scenario in scenarios() {
+        let kept = simulate_with(&scenario, &Options::default()).unwrap();
+        let mut sampler = kept.sampler();
+        let mut run = Run::new(&scenario, Accuracy::REFERENCE).unwrap();
+        let speed = scenario.striker.velocity;
+        let greatest = kept
+            .summary()
+            .peak_force
+            .iter()
+            .map(|peak| peak.force)
+            .fold(0.0, f64::max);
+        run.watch(scenario.duration, |step| {
+            if !step.number().is_multiple_of(7) {
+                return;
+            }
+            let t = 0.3 * step.from() + 0.7 * step.to();
+            let (there, here) = (sampler.at(t), step.at(t));
+            for body in 0..=scenario.chain.beads {
+                same(
+                    "velocity",
+                    here.velocity(body),
+                    there.velocity(body),
+                    speed,
+                    1e-11,
+                );
+                same(
+                    "displacement",
+                    here.displacement(body),
+                    there.displacement(body),
+                    1e-5,
+                    1e-9,
+                );
+            }
+            for contact in 1..=scenario.chain.beads {
+                same("force", here.force(contact), there.force(contact), greatest, 1e-9);
+                same(
+                    "overlap",
+                    here.overlap(contact),
+                    there.overlap(contact),
+                    1e-5,
+                    1e-9,
+                );
+            }
+            for bead in scenario
+                .intruders
+                .iter()
+                .flat_map(|intruder| intruder.beads.clone())
+            {
+                let (one, other) = (
+                    here.intruder_acceleration(bead),
+                    there.intruder_acceleration(bead),
+                );
+                same("intruder", one.unwrap(), other.unwrap(), 1e3, 1e-9);
+                let (one, other) = (here.intruder_velocity(bead), there.intruder_velocity(bead));
+                same("intruder", one.unwrap(), other.unwrap(), speed, 1e-10);
+            }
+        })
+        .unwrap();
+    }
+}
+
+#[test]
+fn a_balance_that_was_broken_on_the_way_is_told_at_the_end() {
+    // The chain's energy is right again when a wave has gone, but the books remember the worst.
+    let mut scenario = Scenario::paper();
+    scenario.chain.relaxation = 0.0;
+    let accuracy = Accuracy {
+        tolerance: 1e-3,
+        longest_step: 0.5,
+    };
+    let mut run = Run::new(&scenario, accuracy).unwrap();
+    let mut found = Summariser::new(&mut run);
+    let mut worst = 0.0_f64;
+    while run.time() < scenario.duration {
+        let mut step = run.step(scenario.duration).unwrap();
+        found.look(&mut step);
+        let energies = run.snapshot().energies();
+        worst = worst.max((energies.total() / run.model().striker_energy() - 1.0).abs());
+    }
+    let told = found.summary(&mut run).energy.balance_error;
+    assert!(worst > 1e-6, "{worst:e}");
+    same("balance", told, worst, worst, 1e-6);
+    let options = Options {
+        accuracy,
+        ..Options::default()
+    };
+    let kept = simulate_with(&scenario, &options).unwrap();
+    let last = (kept.at(kept.end()).energies().total() / run.model().striker_energy() - 1.0).abs();
+    assert!(
+        last < 0.7 * worst,
+        "the last step alone would tell {last:e} of {worst:e}"
+    );
+    same(
+        "balance of a kept run",
+        kept.summary().energy.balance_error,
+        worst,
+        worst,
+        1e-6,
+    );
+}
+
+#[test]
+fn samples_taken_on_the_way_are_those_of_a_run_that_was_kept() {
+    let scenario = Scenario::paper();
+    let kept = simulate_with(&scenario, &Options::default()).unwrap();
+    let mut sampler = kept.sampler();
+    let channels = vec![
+        Channel::Displacement(3),
+        Channel::Velocity(0),
+        Channel::Force(9),
+        Channel::IntruderDisplacement(8),
+        Channel::IntruderAcceleration(8),
+        Channel::IntruderAcceleration(9),
+    ];
+    let mut samples = Samples::new(1e-5, channels);
+    let mut run = Run::new(&scenario, Accuracy::REFERENCE).unwrap();
+    run.watch(scenario.duration, |step| samples.look(step)).unwrap();
+    assert_eq!(samples.len(), (scenario.duration / 1e-5).round() as usize + 1);
+    for index in 0..samples.len() {
+        let (row, there) = (
+            samples.row(index),
+            sampler.at(samples.time(index).min(kept.end())),
+        );
+        same("displacement", row[0], there.displacement(3), 1e-5, 1e-10);
+        same("velocity", row[1], there.velocity(0), 0.45, 1e-11);
+        same("force", row[2], there.force(9), 10.0, 1e-10);
+        same("x", row[3], there.intruder_displacement(8).unwrap(), 1e-5, 1e-10);
+        same("u''", row[4], there.intruder_acceleration(8).unwrap(), 1e3, 1e-10);
+        assert!(row[5].is_nan(), "bead 9 has none");
+    }
+}

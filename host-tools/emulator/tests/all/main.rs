@@ -1,0 +1,6 @@
+//! Tests of the emulator, one program.
+
+mod images;
+mod machine;
+mod qemu;
+mod registers;

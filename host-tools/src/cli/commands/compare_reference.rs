@@ -1,0 +1,162 @@
+//! `bead compare --reference`: a strike against the record of another instrument.
+
+use std::env;
+use std::path::Path;
+use std::time::SystemTime;
+
+use chrono::{DateTime, Utc};
+use serde_json::json;
+
+use crate::bench::emulation::RunTruth;
+use crate::cli::failure::Failure;
+use crate::cli::output::{self, Format};
+use crate::cli::waveform_options::{WaveformOptions, sha256_of};
+use crate::comparison::page::Fact;
+use crate::comparison::reference::{AgainstReference, compare};
+use crate::comparison::reference_page::{ReferencePage, absorbed_row, rows};
+use crate::comparison::replay::replay;
+use crate::recording::file::Part;
+use crate::recording::received::Received;
+use crate::recording::whole::Target;
+
+/// What is compared, and where the result goes.
+pub(super) struct Request<'a> {
+    pub(super) received: &'a Received,
+    pub(super) reference: &'a Path,
+    /// The bead, if it is named.
+    pub(super) bead: Option<usize>,
+    /// The strike, from 0 in the recording; the first that is whole, if it is not named.
+    pub(super) strike: Option<usize>,
+    pub(super) columns: &'a WaveformOptions,
+    pub(super) report: Option<Target>,
+    pub(super) format: Format,
+}
+
+/// Correlations below this are told of.
+const LITTLE: f64 = 0.5;
+
+pub(super) fn run(request: &Request<'_>) -> Result<(), Failure> {
+    let Request {
+        received, reference, ..
+    } = request;
+    let truth: Option<RunTruth> = received.json(Part::Truth)?;
+    let bead = request.bead.or(truth.as_ref().map(|truth| truth.bead));
+    let progress = output::spinner(format!("reading {}", reference.display()));
+    let waveform = request.columns.read(reference, bead)?;
+
+    let mut strikes = received.strikes()?;
+    let wanted = |(number, strike): &(usize, _)| {
+        let strike: &crate::recording::strikes::RecordedStrike = strike;
+        request
+            .strike
+            .map_or(strike.missing() == 0, |wanted| *number == wanted)
+    };
+    let found = strikes.by_ref().enumerate().find(wanted);
+    let Some((_, strike)) = found else {
+        let all = received.strikes()?.count();
+        return Err(match (all, request.strike) {
+            (0, _) => received.no_strike(strikes.frames()).into(),
+            (_, Some(wanted)) => Failure::input(format!(
+                "--strike {wanted}: {} has {all} strikes, counted from 0",
+                received.path.display()
+            )),
+            (_, None) => Failure::input(format!("{}: no strike of it is whole", received.path.display())),
+        });
+    };
+    let others = request.strike.is_none() && strikes.next().is_some();
+    let against = compare(&strike, &waveform)
+        .map_err(|why| Failure::input(format!("{}: {why}", reference.display())))?;
+    progress.finish_and_clear();
+    for remark in &waveform.remarks {
+        output::note(format_args!("{}: {remark}", reference.display()));
+    }
+    if others {
+        output::note(format_args!(
+            "{} has several strikes, and the first that is whole is compared; --strike chooses",
+            received.path.display()
+        ));
+    }
+    let quantities = [&against.force, &against.acceleration].into_iter().flatten();
+    if quantities
+        .into_iter()
+        .any(|aligned| aligned.correlation.abs() < LITTLE)
+    {
+        output::note(format_args!(
+            "the two have little in common: is it the same strike? --strike and --waveform-strike choose"
+        ));
+    }
+
+    let differs = replay(&strike).first_difference;
+    let failure = differs.map(|what| format!("replay differs: {what}"));
+    let sha256 = sha256_of(reference)?;
+    let played = truth
+        .and_then(|truth| truth.stimulus)
+        .map(|file| file.sha256 == sha256);
+    if let Some(report) = &request.report {
+        let mut made = made(received, &sha256)?;
+        if played == Some(true) {
+            made.push(("reference", "the waveform that was played to the bead".to_owned()));
+        }
+        let name = |path: &Path| {
+            path.file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned()
+        };
+        let page = ReferencePage {
+            recording: &name(&received.path),
+            reference: &name(reference),
+            strike: strike.said.strike,
+            against: &against,
+            failure: failure.as_deref(),
+            made: &made,
+        };
+        report.write_bytes(page.html().map_err(Failure::from)?)?;
+    }
+    let result = json!({
+        "bead": bead,
+        "strike": strike.said.strike,
+        "sample_index": strike.said.trigger_index,
+        "reference": { "file": reference.display().to_string(), "sha256": sha256, "was_played": played },
+        "against": &against,
+        "replay_identical": failure.is_none(),
+        "pass": failure.is_none(),
+        "failure": &failure,
+    });
+    output::print(request.format, &result, || table(&against, failure.is_none()))?;
+    failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
+}
+
+fn table(against: &AgainstReference, identical: bool) -> String {
+    let mut all: Vec<Vec<String>> = Vec::new();
+    for (name, unit, aligned) in [
+        ("force", "N", &against.force),
+        ("acceleration", "m/s²", &against.acceleration),
+    ] {
+        if let Some(aligned) = aligned {
+            all.push(vec![name.to_owned()]);
+            let indented = rows(aligned, unit)
+                .into_iter()
+                .map(|[name, bead, reference, off]| vec![format!("  {name}"), bead, reference, off]);
+            all.extend(indented);
+        }
+    }
+    all.push(absorbed_row("A, measured (nJ)", &against.absorbed_measured).to_vec());
+    all.push(absorbed_row("B, predicted (nJ)", &against.absorbed_predicted).to_vec());
+    let bits = output::either(identical, "identical", "differ");
+    all.push(vec!["bits of device and replay".to_owned(), bits]);
+    output::table("| bead | reference | bead off by", all)
+}
+
+/// How a page was made, and of what.
+fn made(received: &Received, reference: &str) -> Result<Vec<Fact>, Failure> {
+    let command: Vec<_> = env::args().skip(1).collect();
+    let now = DateTime::<Utc>::from(SystemTime::now());
+    Ok(vec![
+        ("command", format!("bead {}", command.join(" "))),
+        ("recording, SHA-256", sha256_of(&received.path)?),
+        ("reference, SHA-256", reference.to_owned()),
+        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
+    ])
+}

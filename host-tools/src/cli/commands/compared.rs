@@ -1,0 +1,100 @@
+//! What both kinds of comparison begin with: the scenario, the striker's velocity, and how a page was made.
+
+use std::env;
+use std::fs::File;
+use std::io;
+use std::path::Path;
+use std::str::FromStr;
+use std::time::SystemTime;
+
+use chrono::{DateTime, Utc};
+use hertz_chain::Scenario;
+use sha2::{Digest, Sha256};
+
+use crate::bench::sensed::load_scenario;
+use crate::cli::failure::{Blame, Failure};
+use crate::comparison::page::Fact;
+use crate::comparison::velocity::FittedVelocity;
+use crate::recording::file::Part;
+use crate::recording::json::hex;
+use crate::recording::received::Received;
+
+/// How fast the striker is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Velocity {
+    /// As the forces tell.
+    Fit,
+    /// In m/s.
+    Given(f64),
+}
+
+impl FromStr for Velocity {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let given = || {
+            text.parse()
+                .ok()
+                .filter(|velocity: &f64| *velocity > 0.0 && velocity.is_finite())
+        };
+        match text {
+            "fit" => Ok(Self::Fit),
+            _ => given()
+                .map(Self::Given)
+                .ok_or_else(|| "give m/s, above 0, or fit".to_owned()),
+        }
+    }
+}
+
+/// A fitted velocity in one line.
+pub(super) fn shown(fitted: &FittedVelocity) -> String {
+    let FittedVelocity {
+        velocity,
+        uncertainty,
+        scatter,
+        strikes,
+        scenario,
+    } = fitted;
+    let digits = (1.0 - uncertainty.max(1e-9).log10()).ceil().clamp(0.0, 9.0) as usize;
+    let from = match strikes {
+        1 => "1 strike".to_owned(),
+        _ => format!("{strikes} strikes"),
+    };
+    let scatter = scatter.map(|scatter| format!(", which scatter by {scatter:.digits$} m/s"));
+    format!(
+        "{velocity:.digits$} ± {uncertainty:.digits$} m/s, fitted to the force of {from}{}; the scenario says {scenario} m/s",
+        scatter.unwrap_or_default()
+    )
+}
+
+/// The scenario that is given, or the one in the recording.
+pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<(Scenario, String), Failure> {
+    if let Some(path) = given {
+        return Ok(load_scenario(path)?);
+    }
+    let shown = received.path.display();
+    let text = received.recording.parts.get(&Part::Scenario).ok_or_else(|| {
+        Failure::input(format!(
+            "{shown} carries no scenario; say what was struck with --scenario S.toml"
+        ))
+    })?;
+    let text = String::from_utf8_lossy(text).into_owned();
+    let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()))?;
+    Ok((scenario, text))
+}
+
+/// How a page was made, and of what.
+pub(super) fn made(received: &Received, scenario: &str) -> Result<Vec<Fact>, Failure> {
+    let command: Vec<_> = env::args().skip(1).collect();
+    let now = DateTime::<Utc>::from(SystemTime::now());
+    let mut recording = Sha256::new();
+    let read = File::open(&received.path).and_then(|mut file| io::copy(&mut file, &mut recording));
+    read.or_input(|| format!("cannot read {}", received.path.display()))?;
+    Ok(vec![
+        ("command", format!("bead {}", command.join(" "))),
+        ("recording, SHA-256", hex(&recording.finalize())),
+        ("scenario, SHA-256", hex(&Sha256::digest(scenario))),
+        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
+    ])
+}

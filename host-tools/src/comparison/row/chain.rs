@@ -1,0 +1,33 @@
+//! The chain that a row of beads is held against.
+
+use std::sync::Arc;
+
+use hertz_chain::{Scenario, Solution};
+
+use crate::bench::error::BenchError;
+use crate::bench::sensed::simulate_with_ring_down;
+
+/// A chain and its motion.
+#[derive(Clone)]
+pub struct Chain {
+    /// What was struck.
+    pub scenario: Scenario,
+    /// Its motion, with ring-down.
+    pub solution: Arc<Solution>,
+    /// Its hosts, from the striker on.
+    pub hosts: Vec<usize>,
+}
+
+impl Chain {
+    /// Simulates a scenario.
+    ///
+    /// # Errors
+    /// It cannot be integrated.
+    pub fn of(scenario: Scenario) -> Result<Self, BenchError> {
+        Ok(Self {
+            solution: Arc::new(simulate_with_ring_down(&scenario)?),
+            hosts: scenario.hosts(),
+            scenario,
+        })
+    }
+}

@@ -1,0 +1,57 @@
+//! A row of beads against the simulation, and the judgement.
+
+use serde::Serialize;
+
+use crate::bench::error::BenchError;
+use crate::comparison::row::arrivals::Arrivals;
+use crate::comparison::row::chain::Chain;
+use crate::comparison::row::energy::EnergyAlong;
+use crate::comparison::row::member::{BeadOfRow, Member};
+use crate::comparison::row::strikes::Row;
+
+/// A row of beads against the simulation, as in the JSON. SI units.
+#[derive(Debug, Serialize)]
+pub struct RowComparison {
+    /// Strikes that at least one bead felt.
+    pub strikes: usize,
+    /// The beads, from the striker on.
+    pub beads: Vec<BeadOfRow>,
+    /// When the wave came to them, and how fast it was.
+    pub arrivals: Arrivals,
+    /// The energy along the row.
+    pub energy: EnergyAlong,
+    /// What is missing, a line each.
+    pub notes: Vec<String>,
+    /// Whether every check passed.
+    pub pass: bool,
+    /// The first check that said no.
+    pub failure: Option<String>,
+}
+
+/// Holds a row against its chain. `notes` are what is known to be missing.
+///
+/// # Errors
+/// The scenario cannot be integrated.
+pub fn compare(row: &Row, chain: &Chain, mut notes: Vec<String>) -> Result<RowComparison, BenchError> {
+    let arrivals = Arrivals::of(row, chain);
+    let energy = EnergyAlong::of(row, chain)?;
+    notes.extend(row.missed());
+    notes.extend(arrivals.notes(row));
+    notes.extend(energy.notes());
+    let beads: Vec<_> = row.members.iter().map(Member::told).collect();
+    let failed = |wrong: fn(&BeadOfRow) -> bool| {
+        let first = beads.iter().find(|bead| bead.failure.is_some() && wrong(bead))?;
+        Some(format!("bead {}: {}", first.bead, first.failure.as_ref()?))
+    };
+    // A replay that differs is the gravest, at whichever bead.
+    let failure = failed(|bead| bead.first_difference.is_some()).or_else(|| failed(|_| true));
+    Ok(RowComparison {
+        strikes: row.strikes.len(),
+        beads,
+        arrivals,
+        energy,
+        notes,
+        pass: failure.is_none(),
+        failure,
+    })
+}

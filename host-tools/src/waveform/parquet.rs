@@ -1,0 +1,228 @@
+//! Parquet files, as pandas, polars and `bead export` write them.
+
+use std::fs::File;
+use std::path::Path;
+
+use parquet::basic::{LogicalType, TimeUnit, Type};
+use parquet::column::reader::{ColumnReader, get_typed_column_reader};
+use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::errors::ParquetError;
+use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
+
+use crate::waveform::choice::Choice;
+use crate::waveform::columns::{Header, pick};
+use crate::waveform::error::WaveformError;
+use crate::waveform::rows::{MOST, Rows};
+use crate::waveform::signals::Waveform;
+use crate::waveform::text::{Strikes, finish};
+
+/// Reads a Parquet file, a row group at a time.
+pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
+    let unread = |error: ParquetError| {
+        let what = match &error {
+            ParquetError::General(what) | ParquetError::NYI(what) if what.contains("compil") => {
+                "its columns are compressed in a way that is not read; write it with snappy, or not compressed".to_owned()
+            }
+            error => format!("is a damaged Parquet file: {error}"),
+        };
+        WaveformError::unfit(path, what.replace('\n', " "))
+    };
+    let file = File::open(path).map_err(|source| WaveformError::File {
+        path: path.to_owned(),
+        source,
+    })?;
+    let reader = SerializedFileReader::new(file).map_err(unread)?;
+    let metadata = reader.metadata().file_metadata();
+    let schema = metadata.schema_descr();
+    let headers: Vec<_> = (0..schema.num_columns())
+        .map(|place| (place, schema.column(place)))
+        .filter(|(_, column)| {
+            let is_number = matches!(
+                column.physical_type(),
+                Type::INT32 | Type::INT64 | Type::FLOAT | Type::DOUBLE
+            );
+            is_number && column.max_rep_level() == 0
+        })
+        .map(|(place, column)| Header {
+            place,
+            name: column.name().to_owned(),
+            unit: of_a_clock(&column).map(str::to_owned),
+        })
+        .collect();
+    if headers.is_empty() {
+        return Err(WaveformError::unfit(
+            path,
+            "has no columns of numbers; give a table with force over time",
+        ));
+    }
+    let picks = pick(path, &headers, choice)?;
+    let mut rows = Rows::new(
+        path,
+        "row",
+        choice.rate_hz,
+        [picks.force.is_some(), picks.acceleration.is_some()],
+    );
+    rows.remarks.extend(picks.remarks);
+    let wanted = choice.strike.unwrap_or(0) as f64;
+    let mut strikes = Strikes::default();
+    let mut number = 0;
+    for group in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(group).map_err(unread)?;
+        let count = usize::try_from(group.metadata().num_rows())
+            .unwrap_or(0)
+            .min(MOST + 1);
+        let column = |place: usize| values(group.as_ref(), place, count).map_err(unread);
+        let [time, force, acceleration] = [picks.time, picks.force, picks.acceleration].map(|picked| {
+            let picked = picked.filter(|picked| choice.rate_hz.is_none() || Some(*picked) != picks.time);
+            picked.map(|picked| column(picked.place).map(|values| (values, picked.size)))
+        });
+        let [time, force, acceleration] = [time.transpose()?, force.transpose()?, acceleration.transpose()?];
+        let strike = picks.strike.map(column).transpose()?;
+        for row in 0..count {
+            let of = |column: &Option<(Vec<Option<f64>>, f64)>| {
+                let (values, size) = column.as_ref()?;
+                Some((*values.get(row)?)? * size)
+            };
+            number += 1;
+            let strike = strike.as_ref().and_then(|strike| *strike.get(row)?);
+            if strike.is_some_and(|strike| strikes.passes_over(strike, wanted)) {
+                continue;
+            }
+            rows.push(number, [of(&time), of(&force), of(&acceleration)])?;
+        }
+    }
+    finish(rows, picks.strike.is_some(), &strikes, choice)
+}
+
+/// The unit of a column of times of day.
+fn of_a_clock(column: &ColumnDescriptor) -> Option<&'static str> {
+    match column.logical_type_ref()? {
+        LogicalType::Timestamp(time) | LogicalType::Time(time) => Some(match time.unit {
+            TimeUnit::MILLIS => "ms",
+            TimeUnit::MICROS => "us",
+            TimeUnit::NANOS => "ns",
+        }),
+        _ => None,
+    }
+}
+
+/// The numbers of a column in a row group, none where there is none.
+fn values(
+    group: &(dyn RowGroupReader + '_),
+    place: usize,
+    rows: usize,
+) -> Result<Vec<Option<f64>>, ParquetError> {
+    fn read<T: DataType>(
+        reader: ColumnReader,
+        rows: usize,
+        number: impl Fn(&T::T) -> f64,
+    ) -> Result<Vec<Option<f64>>, ParquetError> {
+        let (mut values, mut known) = (Vec::new(), Vec::new());
+        let mut reader = get_typed_column_reader::<T>(reader);
+        reader.read_records(rows, Some(&mut known), None, &mut values)?;
+        let mut values = values.iter().map(number);
+        // A column that cannot have nulls does not say where they are.
+        if known.is_empty() {
+            return Ok(values.map(Some).collect());
+        }
+        let most = known.iter().copied().max().unwrap_or(0).max(1);
+        Ok(known
+            .into_iter()
+            .map(|known| if known == most { values.next() } else { None })
+            .collect())
+    }
+    match group.get_column_reader(place)? {
+        reader @ ColumnReader::Int32ColumnReader(_) => {
+            read::<Int32Type>(reader, rows, |value| f64::from(*value))
+        }
+        reader @ ColumnReader::Int64ColumnReader(_) => read::<Int64Type>(reader, rows, |value| *value as f64),
+        reader @ ColumnReader::FloatColumnReader(_) => {
+            read::<FloatType>(reader, rows, |value| f64::from(*value))
+        }
+        reader @ ColumnReader::DoubleColumnReader(_) => read::<DoubleType>(reader, rows, |value| *value),
+        _ => Ok(Vec::new()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use parquet::file::properties::WriterProperties;
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
+
+    use super::*;
+
+    /// A frame of 40 rows: time as whole microseconds, force as 32-bit floats, one of them missing at will.
+    fn frame(path: &Path, missing: Option<usize>) {
+        let schema = "message frame { REQUIRED INT64 when (TIMESTAMP(MICROS,false)); OPTIONAL FLOAT force_kn; OPTIONAL BYTE_ARRAY note (UTF8); }";
+        let schema = Arc::new(parse_message_type(schema).unwrap());
+        let file = File::create(path).unwrap();
+        let mut writer =
+            SerializedFileWriter::new(file, schema, Arc::new(WriterProperties::builder().build())).unwrap();
+        for half in 0..2 {
+            let rows = half * 20..half * 20 + 20;
+            let mut group = writer.next_row_group().unwrap();
+            let mut column = group.next_column().unwrap().unwrap();
+            let times: Vec<i64> = rows.clone().map(|row| 50 * row as i64).collect();
+            column
+                .typed::<Int64Type>()
+                .write_batch(&times, None, None)
+                .unwrap();
+            column.close().unwrap();
+            let mut column = group.next_column().unwrap().unwrap();
+            let known: Vec<i16> = rows.clone().map(|row| i16::from(Some(row) != missing)).collect();
+            let force = rows.clone().filter(|row| Some(*row) != missing);
+            let force: Vec<f32> = force.map(|row| if row == 25 { 0.25 } else { 0.0 }).collect();
+            column
+                .typed::<FloatType>()
+                .write_batch(&force, Some(&known), None)
+                .unwrap();
+            column.close().unwrap();
+            let mut column = group.next_column().unwrap().unwrap();
+            let none = vec![0; 20];
+            let nothing = column.typed::<parquet::data_type::ByteArrayType>();
+            nothing.write_batch(&[], Some(&none), None).unwrap();
+            column.close().unwrap();
+            group.close().unwrap();
+        }
+        writer.close().unwrap();
+    }
+
+    #[test]
+    fn numbers_of_every_width_and_row_groups_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frame.parquet");
+        frame(&path, None);
+        let force = Waveform::read(&path, &Choice::default(), None)
+            .unwrap()
+            .force
+            .unwrap();
+        let (time, peak) = force.highest();
+        assert_eq!((force.rows(), peak), (40, 250.0));
+        assert!((time - 25.0 * 50e-6).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_missing_value_and_a_cut_file_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frame.parquet");
+        frame(&path, Some(30));
+        let says = || {
+            Waveform::read(&path, &Choice::default(), None)
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(
+            says().contains("row 31 has no number for the force"),
+            "{}",
+            says()
+        );
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &whole[..whole.len() - 20]).unwrap();
+        assert!(says().contains("is a damaged Parquet file"), "{}", says());
+        assert_eq!(says().lines().count(), 1);
+    }
+}

@@ -1,0 +1,235 @@
+//! Rows on their way from a file: what is no waveform is refused here, whatever the file was.
+
+use std::path::Path;
+
+use crate::waveform::error::WaveformError;
+use crate::waveform::signals::Waveform;
+use crate::waveform::trace::{Times, Trace, thinned, zeroed};
+use crate::waveform::unit::Quantity;
+
+/// Rows of a file at most: three columns of them take 240 MB.
+pub(super) const MOST: usize = 10_000_000;
+/// Rows of a waveform at least.
+const LEAST: usize = 8;
+/// A step of time that is longer than this many others is a gap.
+const GAP: f64 = 1.5;
+
+/// A bead takes the acceleration this long after the force of the same scan, s: two conversions of 27 cycles at 21 MHz.
+pub(super) const ACCELERATION_LATER: f64 = 2.0 * 27.0 / 21e6;
+
+/// The rows of a file, in SI units.
+pub(super) struct Rows<'a> {
+    path: &'a Path,
+    /// What the file calls a row: `line`, `row`, `sample`.
+    row: &'static str,
+    rate_hz: Option<f64>,
+    count: usize,
+    time: Vec<f64>,
+    force: Option<Vec<f64>>,
+    acceleration: Option<Vec<f64>>,
+    /// How much later the acceleration was taken than the force of the same row, s.
+    pub(super) acceleration_later: f64,
+    pub(super) remarks: Vec<String>,
+}
+
+impl<'a> Rows<'a> {
+    /// No rows yet. With a rate, time is not read.
+    pub(super) fn new(path: &'a Path, row: &'static str, rate_hz: Option<f64>, of: [bool; 2]) -> Self {
+        let [force, acceleration] = of.map(|there| there.then(Vec::new));
+        Self {
+            path,
+            row,
+            rate_hz,
+            count: 0,
+            time: Vec::new(),
+            force,
+            acceleration,
+            acceleration_later: 0.0,
+            remarks: Vec::new(),
+        }
+    }
+
+    fn unfit<T>(&self, what: String) -> Result<T, WaveformError> {
+        Err(WaveformError::unfit(self.path, what))
+    }
+
+    /// The next row, which the file knows by `number`: time, force, acceleration, none where there is no number.
+    pub(super) fn push(&mut self, number: u64, values: [Option<f64>; 3]) -> Result<(), WaveformError> {
+        let row = self.row;
+        if self.count == MOST {
+            return self.unfit(format!(
+                "has more than {} million {row}s; cut the strike out of it, or keep every tenth",
+                MOST / 1_000_000
+            ));
+        }
+        let wanted = [
+            (self.rate_hz.is_none(), Quantity::Time),
+            (self.force.is_some(), Quantity::Force),
+            (self.acceleration.is_some(), Quantity::Acceleration),
+        ];
+        for ((wanted, quantity), value) in wanted.into_iter().zip(values) {
+            if wanted && !value.is_some_and(f64::is_finite) {
+                return self.unfit(format!(
+                    "{row} {number} has no number for the {}; a waveform has no gaps: fill it in, or cut it out",
+                    quantity.name()
+                ));
+            }
+        }
+        let [time, force, acceleration] = values;
+        if self.rate_hz.is_none()
+            && let Some(time) = time
+        {
+            if let Some(before) = self.time.last().filter(|before| time <= **before) {
+                let what = if time == *before {
+                    "stands still"
+                } else {
+                    "goes back"
+                };
+                return self.unfit(format!(
+                    "time {what} at {row} {number}, from {before} to {time} s; sort the rows, or give their true rate with \
+                     --sample-rate"
+                ));
+            }
+            self.time.push(time);
+        }
+        self.count += 1;
+        for (column, value) in [(&mut self.force, force), (&mut self.acceleration, acceleration)] {
+            if let Some((column, value)) = column.as_mut().zip(value) {
+                column.push(value);
+            }
+        }
+        Ok(())
+    }
+
+    /// They are those of one strike of a table with `found` of them, which a bead measured.
+    pub(super) fn of_a_bead(&mut self, found: usize, wanted: Option<usize>) -> Result<(), WaveformError> {
+        self.acceleration_later = ACCELERATION_LATER;
+        match wanted {
+            Some(wanted) if self.count == 0 => self.unfit(format!(
+                "has {found} strikes, and none has the id {wanted}; --waveform-strike chooses"
+            )),
+            None if found > 1 => {
+                let what =
+                    format!("it has {found} strikes, and that of id 0 is taken; --waveform-strike chooses");
+                self.remarks.push(what);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// A strike was asked for, and the file does not tell strikes apart.
+    pub(super) fn has_no_strikes(&self) -> Result<(), WaveformError> {
+        self.unfit("has no column `id` that tells strikes apart; leave --waveform-strike out".to_owned())
+    }
+
+    /// The waveform, when all rows are there.
+    pub(super) fn end(mut self) -> Result<Waveform, WaveformError> {
+        if self.count < LEAST {
+            let what = format!(
+                "has {} {}s of numbers, and a strike needs more",
+                self.count, self.row
+            );
+            return self.unfit(what);
+        }
+        let start = self.time.first().copied().unwrap_or(0.0);
+        let times = self.times()?;
+        let later = self.acceleration_later;
+        let mut remarks = std::mem::take(&mut self.remarks);
+        let columns = [
+            (Quantity::Force, self.force.take(), 0.0),
+            (Quantity::Acceleration, self.acceleration.take(), later),
+        ];
+        let [force, acceleration] = columns.map(|(quantity, values, later)| {
+            let mut values = values?;
+            let offset = zeroed(&mut values);
+            let (times, values, middle) = thinned(&times, values);
+            let trace = Trace::new(times, values, later + middle);
+            remarks.extend(told(quantity, &trace, offset));
+            Some(trace)
+        });
+        Ok(Waveform {
+            force,
+            acceleration,
+            start,
+            remarks,
+        })
+    }
+
+    /// The times from the first row on. Rows without gaps that are even but for rounding are taken as even.
+    fn times(&mut self) -> Result<Times, WaveformError> {
+        if let Some(rate_hz) = self.rate_hz {
+            return Ok(Times::Even {
+                step: 1.0 / rate_hz,
+                count: self.count,
+            });
+        }
+        let mut time = std::mem::take(&mut self.time);
+        let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let middle = steps.len() / 2;
+        let (_, usual, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+        let usual = *usual;
+        drop(steps);
+        if let Some(pair) = time.windows(2).find(|pair| pair[1] - pair[0] > GAP * usual) {
+            let (from, to) = (pair[0], pair[1]);
+            return self.unfit(format!(
+                "has a gap from {from} to {to} s, where its {}s are {usual:.3e} s apart; fill it in, cut it out, or bring \
+                 the values to even steps",
+                self.row
+            ));
+        }
+        let start = time[0];
+        // Instruments round the time, so a step may be out by as much as it is long.
+        let even = (time[self.count - 1] - start) / (self.count - 1) as f64;
+        let is_even = (0..).zip(&time).all(|(row, time)| {
+            let row = f64::from(row);
+            (time - start - row * even).abs() <= 0.6 * even
+        });
+        if is_even {
+            return Ok(Times::Even {
+                step: even,
+                count: self.count,
+            });
+        }
+        time.iter_mut().for_each(|time| *time -= start);
+        Ok(Times::Each(time.into()))
+    }
+}
+
+/// What a user should know of a quantity that was read.
+fn told(quantity: Quantity, trace: &Trace, offset: f64) -> Vec<String> {
+    let (name, si) = (quantity.name(), quantity.si());
+    let (_, highest) = trace.highest();
+    let greatest = trace.greatest();
+    let mut told = Vec::new();
+    if greatest == 0.0 {
+        return vec![format!("the {name} is {offset} {si} all the time")];
+    }
+    if offset.abs() > 0.01 * greatest {
+        told.push(format!(
+            "the {name} begins at {offset:.4} {si}, which is taken as its zero"
+        ));
+    }
+    if quantity == Quantity::Force && highest < 0.5 * greatest {
+        told.push(
+            "the force is mostly below zero, and compression counts as positive; -1N as its unit turns it over"
+                .to_owned(),
+        );
+    }
+    let last = trace.last();
+    if last.abs() > 0.05 * greatest {
+        told.push(format!(
+            "the {name} ends at {last:.4} {si}, {:.0} % of its highest, and not at rest",
+            100.0 * last.abs() / greatest
+        ));
+    }
+    // The error of the cubic at the top, from the test in trace.rs.
+    if let Some(wide) = trace.rows_wide().filter(|wide| *wide < 6.0) {
+        told.push(format!(
+            "the {name}'s pulse is only {wide:.1} rows wide at half its height, so its top is known to some {:.1} % at best; \
+             sample faster",
+            100.0 * (1.9 / wide).powi(4).min(0.5)
+        ));
+    }
+    told
+}

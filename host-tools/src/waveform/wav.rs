@@ -1,0 +1,183 @@
+//! WAV files: a channel for each sensor, at an even rate. They have no units.
+
+use std::path::Path;
+
+use hound::{SampleFormat, WavReader};
+
+use crate::waveform::choice::{Choice, option};
+use crate::waveform::columns::{Header, pick};
+use crate::waveform::error::WaveformError;
+use crate::waveform::rows::Rows;
+use crate::waveform::signals::Waveform;
+use crate::waveform::unit::Quantity;
+
+/// Reads a WAV file. Its full scale is 1 of a channel, of floating-point samples as of whole ones.
+pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
+    let unread = |error: hound::Error| match error {
+        hound::Error::IoError(source) if source.raw_os_error().is_some() => WaveformError::File {
+            path: path.to_owned(),
+            source,
+        },
+        hound::Error::Unsupported => WaveformError::unfit(
+            path,
+            "is a WAV file of a kind that is not read; save it as PCM of 8 to 32 bits, or as float of 32",
+        ),
+        error => WaveformError::unfit(path, format!("is a damaged WAV file: {error}")),
+    };
+    let mut reader = WavReader::open(path).map_err(unread)?;
+    let spec = reader.spec();
+    let channels = usize::from(spec.channels);
+    if spec.sample_rate == 0 || channels == 0 {
+        return Err(WaveformError::unfit(
+            path,
+            "is a WAV file without a rate or without channels",
+        ));
+    }
+    if choice.strike.is_some() {
+        return Err(WaveformError::unfit(
+            path,
+            "is a WAV file, whose strikes have no numbers; leave --waveform-strike out",
+        ));
+    }
+    if choice.force.is_none() && choice.acceleration.is_none() {
+        return Err(WaveformError::unfit(
+            path,
+            format!(
+                "is a WAV file, which has no units; say for a channel (it has {channels}) what full scale is: {} 1:500N or \
+                 {} 1:5000m/s2",
+                option(Quantity::Force),
+                option(Quantity::Acceleration)
+            ),
+        ));
+    }
+    let channel = |place| Header {
+        place,
+        name: (place + 1).to_string(),
+        unit: None,
+    };
+    let headers: Vec<_> = (0..channels).map(channel).collect();
+    // The file knows its rate; one that is given corrects it.
+    let rate_hz = choice.rate_hz.unwrap_or(f64::from(spec.sample_rate));
+    let choice = Choice {
+        rate_hz: Some(rate_hz),
+        ..choice.clone()
+    };
+    let picks = pick(path, &headers, &choice)?;
+    let mut rows = Rows::new(
+        path,
+        "sample",
+        Some(rate_hz),
+        [picks.force.is_some(), picks.acceleration.is_some()],
+    );
+    let mut row = vec![0.0; channels];
+    let (mut at, mut number) = (0, 0);
+    let mut take = |sample: f64| -> Result<(), WaveformError> {
+        row[at] = sample;
+        at += 1;
+        if at < channels {
+            return Ok(());
+        }
+        (at, number) = (0, number + 1);
+        let value = |picked: Option<crate::waveform::columns::Picked>| {
+            picked.map(|picked| row[picked.place] * picked.size)
+        };
+        rows.push(number, [None, value(picks.force), value(picks.acceleration)])
+    };
+    match spec.sample_format {
+        SampleFormat::Float => {
+            for sample in reader.samples::<f32>() {
+                take(f64::from(sample.map_err(unread)?))?;
+            }
+        }
+        SampleFormat::Int => {
+            let full = 2f64.powi(i32::from(spec.bits_per_sample) - 1);
+            for sample in reader.samples::<i32>() {
+                take(f64::from(sample.map_err(unread)?) / full)?;
+            }
+        }
+    }
+    rows.end()
+}
+
+#[cfg(test)]
+mod tests {
+    use hound::{WavSpec, WavWriter};
+
+    use super::*;
+
+    /// A pulse on channel 2 of 2, half of full scale.
+    fn file(folder: &Path, bits: u16, format: SampleFormat) -> std::path::PathBuf {
+        let path = folder.join("drop.wav");
+        let spec = WavSpec {
+            channels: 2,
+            sample_rate: 48_000,
+            bits_per_sample: bits,
+            sample_format: format,
+        };
+        let mut writer = WavWriter::create(&path, spec).unwrap();
+        for n in 0..480 {
+            let value = 0.5 * (-(f64::from(n - 240) / 20.0).powi(2)).exp();
+            match format {
+                SampleFormat::Float => {
+                    writer.write_sample(0.1_f32).unwrap();
+                    writer.write_sample(value as f32).unwrap();
+                }
+                SampleFormat::Int => {
+                    writer.write_sample(1_i32).unwrap();
+                    let full = 2f64.powi(i32::from(bits) - 1);
+                    writer.write_sample((value * full).round() as i32).unwrap();
+                }
+            }
+        }
+        writer.finalize().unwrap();
+        path
+    }
+
+    fn of(wanted: &str) -> Choice {
+        Choice {
+            force: Some(wanted.parse().unwrap()),
+            ..Choice::default()
+        }
+    }
+
+    #[test]
+    fn full_scale_is_what_the_caller_says_in_every_width() {
+        let folder = tempfile::tempdir().unwrap();
+        for (bits, format, step) in [
+            (8, SampleFormat::Int, 1.0 / 128.0),
+            (16, SampleFormat::Int, 1.0 / 32768.0),
+            (24, SampleFormat::Int, 2f64.powi(-23)),
+            (32, SampleFormat::Int, 2f64.powi(-31)),
+            (32, SampleFormat::Float, 2f64.powi(-24)),
+        ] {
+            let path = file(folder.path(), bits, format);
+            let waveform = Waveform::read(&path, &of("2:500N"), None).unwrap();
+            let force = waveform.force.unwrap();
+            let (time, peak) = force.highest();
+            assert!((peak - 250.0).abs() <= 500.0 * step, "{bits} {format:?}: {peak}");
+            // Eight bits have a flat top.
+            let flat = if bits == 8 { 3.1 } else { 1e-6 };
+            assert!((time * 48_000.0 - 240.0).abs() < flat, "{bits}: {time}");
+        }
+    }
+
+    #[test]
+    fn without_units_or_cut_short_it_is_refused_in_one_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = file(folder.path(), 16, SampleFormat::Int);
+        let says = |choice: &Choice| Waveform::read(&path, choice, None).unwrap_err().to_string();
+        let why = says(&Choice::default());
+        assert!(
+            why.contains("(it has 2) what full scale is: --force-column 1:500N"),
+            "{why}"
+        );
+        assert!(says(&of("3:500N")).contains("no such column of numbers; there are 1, 2"));
+        assert!(says(&of("2")).contains("column 2 has no unit"));
+        let whole = std::fs::read(&path).unwrap();
+        for length in [12, 20, 43, 44, 45, 301] {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            let why = says(&of("2:500N"));
+            assert_eq!(why.lines().count(), 1, "{why}");
+        }
+    }
+}
