@@ -12,6 +12,7 @@ use cortex_m::peripheral::SCB;
 use embassy_time::{Duration, Instant, Timer};
 
 use crate::keep::{self, Again, Sent};
+use crate::sample_clock::SAMPLE_RATE_HZ;
 use crate::settings::{self, Loaded, Refusal};
 use crate::storage;
 use crate::trace::{self, Boot};
@@ -22,6 +23,9 @@ const DRAIN: Duration = Duration::from_millis(500);
 
 /// A strike is sent again within this time, or not: other requests wait meanwhile.
 const FETCH: Duration = Duration::from_millis(500);
+
+/// Scans of a minute: a window that is asked for comes within it.
+const MINUTE: u64 = 60 * SAMPLE_RATE_HZ as u64;
 
 /// Counters of signed requests that one write to flash covers.
 const COUNTERS: u64 = 64;
@@ -229,6 +233,16 @@ impl Commands {
             }
             Request::Fetch { boot, strike } => {
                 return keep::find(boot, strike).map(Step::Fetch).ok_or_else(not_kept);
+            }
+            Request::Keep { index } => {
+                let ahead = index.saturating_sub(counters::snapshot().newest_index);
+                if !(1..=MINUTE).contains(&ahead) {
+                    return Err(Answer(
+                        Outcome::OutOfRange,
+                        "its scan has to come within a minute from now".into(),
+                    ));
+                }
+                estimate::keep_around(index);
             }
             // None is left: the lock has taken out what it carries.
             Request::Signed { .. } => return Err(not_understood(Cause::Body)),

@@ -7,13 +7,16 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use bead_model::{Chunk, Meter, Settings, Sink, StrikeReport};
+use bead_model::{Chunk, Meter, Origin, Settings, Sink, StrikeReport};
 use bead_wire::{FaultCause, Gap, Packed, Standing, StrikeFlags};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 
 use crate::block::{BLOCK_US, Block, SCANS_PER_BLOCK};
 use crate::counters;
 use crate::health::{Stillness, Watch};
+use crate::line::{Told, TriggerLine};
 use crate::{handover, keep, load, outbox, raw, report, settings};
 
 /// Windows up to this length, in scans, are kept for a host that missed them. To copy a longer one beside measuring
@@ -29,9 +32,17 @@ pub(crate) fn arm(armed: bool) {
     ARMED.store(armed, Ordering::Relaxed);
 }
 
+/// The scan around which a host wants the window kept.
+static WANTED: Signal<CriticalSectionRawMutex, u64> = Signal::new();
+
+/// Keeps the window around the scan with this index, which has to come yet.
+pub(crate) fn keep_around(index: u64) {
+    WANTED.signal(index);
+}
+
 /// Measures strikes for ever. `settings` hold until others are offered.
 #[embassy_executor::task]
-pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) -> ! {
+pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter, line: TriggerLine) -> ! {
     let mut epoch = 0;
     let mut watch = Watch::new();
     let mut telemetry = Telemetry {
@@ -39,7 +50,10 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
         keeps: settings.window.length <= KEPT_LONGEST,
         stillness: Stillness::NONE,
         packed: Packed::new(),
+        line,
+        origin: Origin::Force,
     };
+    let mut wanted = None;
     let mut armed = true;
     let mut next_index = 0;
     let mut passed_over = 0;
@@ -63,6 +77,12 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter) 
             }
         }
         next_index = block.first_index + SCANS_PER_BLOCK as u64;
+        wanted = WANTED.try_take().or(wanted);
+        if let Some(Told { trigger, at }) = telemetry.line.look(next_index) {
+            meter.keep_around(trigger, at, Origin::Line);
+        } else if let Some(index) = wanted.take_if(|index| *index < next_index) {
+            meter.keep_around(index, index, Origin::Request);
+        }
         // Strikes without end would keep settings and the owner's word out, and fill the line with pieces of
         // windows. So there is a time at which none is measured, and no window begins that finds no room.
         meter.pass_over(settings::is_offered() || !ARMED.load(Ordering::Relaxed) || !outbox::has_room(room));
@@ -128,9 +148,19 @@ struct Telemetry {
     stillness: Stillness,
     /// Room for a frame.
     packed: Packed,
+    line: TriggerLine,
+    /// Of the window that is being measured.
+    origin: Origin,
 }
 
 impl Sink for Telemetry {
+    fn opened(&mut self, trigger_index: u64, origin: Origin) {
+        self.origin = origin;
+        if origin == Origin::Force {
+            self.line.pull(trigger_index);
+        }
+    }
+
     fn chunk(&mut self, chunk: &Chunk) {
         outbox::push_piece(&mut self.packed, chunk);
         self.keep(chunk.strike);
@@ -152,6 +182,8 @@ impl Sink for Telemetry {
         let doubts = [
             (still, StrikeFlags::SENSOR_STILL),
             (settings::are_not_owners(), StrikeFlags::SETTINGS_NOT_OWNERS),
+            (self.origin == Origin::Line, StrikeFlags::TRIGGERED_BY_LINE),
+            (self.origin == Origin::Request, StrikeFlags::TRIGGERED_ON_REQUEST),
             (
                 counters::snapshot().health.standing != Standing::NONE,
                 StrikeFlags::SENSOR_FAULT,

@@ -22,6 +22,7 @@ mod health;
 mod heartbeat;
 mod keep;
 mod known_answer;
+mod line;
 mod load;
 mod outbox;
 mod port;
@@ -46,6 +47,7 @@ use bead_wire::{FaultCause, MAX_FRAME, Standing};
 use commands::Commands;
 use converter::Converter;
 use defmt_rtt as _;
+use line::TriggerLine;
 use priorities::Spawners;
 use sample_clock::SampleClock;
 use static_cell::{ConstStaticCell, StaticCell};
@@ -100,6 +102,7 @@ fn main() -> ! {
     let converter = Converter::new(p.ADC1, p.DMA2_CH0, p.PA0, p.PA1, p.PA2, p.PA3);
     let clock = SampleClock::new(p.TIM3);
     let edges = SyncInput::new(p.TIM2, p.PA15);
+    let line = TriggerLine::new(p.PB10, p.PB11);
     let (transmitter, receiver) = port::open(p.USART1, p.PA9, p.PA10, p.DMA2_CH7, p.DMA2_CH2);
     let lock = commands::lock(&store);
     let commands = Commands {
@@ -138,7 +141,7 @@ fn main() -> ! {
     rest.spawn(keep::seal().expect(ONCE));
     rest.spawn(heartbeat::heartbeat(p.PC13, boot.left.is_some()).expect(ONCE));
     if sampling {
-        estimate.spawn(estimate::estimate(settings, METER.take()).expect(ONCE));
+        estimate.spawn(estimate::estimate(settings, METER.take(), line).expect(ONCE));
         acquire.spawn(acquire::acquire(converter, clock).expect(ONCE));
         rest.spawn(sync::sync(edges).expect(ONCE));
     } else {

@@ -34,7 +34,7 @@ bind_interrupts!(struct Irqs {
 });
 
 /// Timer clocks in a sample period.
-const CLOCKS_PER_SAMPLE: u16 = (TIMER_HZ / SAMPLE_RATE_HZ) as u16;
+pub(crate) const CLOCKS_PER_SAMPLE: u16 = (TIMER_HZ / SAMPLE_RATE_HZ) as u16;
 /// Edges closer than this are not reported one by one. A sync source gives one pulse a second.
 const HOLD_OFF: Duration = Duration::from_millis(10);
 /// Interval of the checks whether TIM3 has started the timer.

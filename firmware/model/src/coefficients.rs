@@ -124,7 +124,8 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
     let ring_decay = bead.damping / (number(2.0) * reduced);
     let ring = bead.stiffness / reduced - ring_decay * ring_decay;
 
-    let root = bead.contact_stiffness.cbrt();
+    // Its power 2/3. The cube root of `libm` for f32 reckons in f64, which takes 3 KB of flash; these two do not.
+    let root_squared = (bead.contact_stiffness.ln() * number(2.0 / 3.0)).exp_m1() + T::one();
 
     Coefficients {
         start: mean - (T::one() - lost),
@@ -139,7 +140,7 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
         host: (bead.mass - host_mass) / host_mass,
         // c ẋ² dt of a velocity of 1 µm/sample.
         predicted: bead.damping / dt / (um * um) * nj,
-        incident: number(SOLITARY_WAVE_ENERGY) * nj / (root * root),
+        incident: number(SOLITARY_WAVE_ENERGY) * nj / root_squared,
         ring_frequency: ring.max(T::zero()).sqrt() / number(core::f64::consts::TAU),
         ring_decay,
     }

@@ -45,7 +45,7 @@ pub mod shape;
 pub mod sqrt;
 pub mod window;
 
-pub use meter::{Chunk, Meter, Sink, scans};
+pub use meter::{Chunk, Meter, Origin, Sink, scans};
 pub use quantity::{Acceleration, AdcCode, Energy, Force, Pair, Scan};
 pub use settings::{Settings, SettingsError};
 pub use shape::{Shape, WindowRecord};

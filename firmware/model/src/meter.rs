@@ -1,4 +1,7 @@
 //! The strike meter: trigger, history before it, window, and the quiet that arms it again.
+//!
+//! A window can be asked for as well, around an instant that another bead or a host names
+//! ([`Meter::keep_around`]): a bead that feels little keeps what it felt.
 
 use core::ops::Range;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -31,8 +34,23 @@ pub struct Chunk {
     pub absorbed_predicted: Energy,
 }
 
+/// What opened a window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Origin {
+    /// The force rose by the threshold.
+    #[default]
+    Force = 0,
+    /// Another bead found a strike.
+    Line,
+    /// A host asked for it.
+    Request,
+}
+
 /// Where the meter's results go.
 pub trait Sink {
+    /// A window was opened, in which the scan with this index counts as the one that triggered. Its pieces follow.
+    fn opened(&mut self, _trigger_index: u64, _origin: Origin) {}
     /// A piece of the waveform is complete. Pieces come in order and cover the window.
     fn chunk(&mut self, chunk: &Chunk);
     /// A window is complete. This comes after its last chunk.
@@ -52,13 +70,22 @@ pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + 
     })
 }
 
-/// Most scans by which the meter may lag behind after a call: at the end of the longest window, when its whole
-/// history waited at first and of each eight scans that came three were left ([`Meter::process`]).
-const LAG_MAX: usize = HISTORY_MAX + WINDOW_MAX as usize * 3 / 5;
+/// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
+pub const REACH: usize = 816;
 
-/// Scans that [`Recent`] has room for: those, and a call of 256. When it is full, the scans still needed are
-/// moved to the front.
-const ROOM: usize = (LAG_MAX + 256).next_multiple_of(PIECE);
+/// Most scans by which the meter may lag behind after a call. A window that the force opened needs 939 at its end: of
+/// the longest one the whole history waited at first, and of each five scans that came two were left
+/// ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. Of 672 scans, with a history of 160,
+/// it comes to this limit in its last piece, and a longer one earlier.
+const LAG_MAX: usize = REACH + 592;
+const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 2 / 3);
+
+/// Scans of the longest call that the meter is made for.
+const CALL: usize = 256;
+
+/// Scans that [`Recent`] has room for: those, and a call. When it is full, the scans still needed are moved to the
+/// front.
+const ROOM: usize = (LAG_MAX + CALL).next_multiple_of(PIECE);
 
 /// The newest scans, in one slice: the trigger needs no arithmetic of a ring.
 #[derive(Clone)]
@@ -71,17 +98,16 @@ struct Recent {
 }
 
 impl Recent {
-    /// Appends as many of `scans` as there is room for. Of the scans that were taken, the last `keep` stay.
-    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, keep: usize) {
+    /// Appends as many of `scans` as there is room for. Of the scans that were taken, the last `keep` stay. Returns
+    /// whether scans had to be moved.
+    fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, keep: usize) -> bool {
         if self.length == 0 {
             // The first scans follow a history of zeros.
             (self.length, self.next) = (HISTORY_MAX, HISTORY_MAX);
         }
-        if self.length == ROOM {
-            let unwanted = self.next.saturating_sub(keep);
-            self.scans.copy_within(unwanted.., 0);
-            self.length -= unwanted;
-            self.next -= unwanted;
+        let moves = self.length == ROOM;
+        if moves {
+            self.make_room(keep);
         }
         let start = self.length;
         self.length = ROOM.min(start + scans.len());
@@ -89,6 +115,15 @@ impl Recent {
         for (room, scan) in self.scans[start..self.length].iter_mut().zip(scans) {
             *room = scan;
         }
+        moves
+    }
+
+    /// Moves the scans that are still needed to the front: those to be taken, and `keep` before them.
+    fn make_room(&mut self, keep: usize) {
+        let unwanted = self.next.saturating_sub(keep);
+        self.scans.copy_within(unwanted..self.length, 0);
+        self.length -= unwanted;
+        self.next -= unwanted;
     }
 
     /// The scans still to be taken.
@@ -113,12 +148,35 @@ enum Phase {
     Measuring(Measurement),
 }
 
+/// A window that was asked for.
+#[derive(Clone, Copy)]
+struct Around {
+    /// Sample index of the scan that is to count as the one that triggers.
+    trigger: u64,
+    /// The window is opened at this sample index, if the force has opened none before.
+    at: u64,
+    /// Who asks; the force if nobody does.
+    origin: Origin,
+}
+
+impl Around {
+    const NOTHING: Self = Self {
+        trigger: 0,
+        at: 0,
+        origin: Origin::Force,
+    };
+}
+
 /// Finds strikes in the stream of scans and measures each. It has state only: the settings come with every
 /// call.
 #[derive(Clone)]
 pub struct Meter {
     recent: Recent,
     phase: Phase,
+    around: Around,
+    /// Index of the first scan after the last window or gap, if `is_since_known`.
+    since: u64,
+    is_since_known: bool,
     /// Forces and accelerations of the window so far.
     record: WindowRecord,
     strikes: u32,
@@ -143,6 +201,9 @@ impl Meter {
                 next: 0,
             },
             phase: Phase::Settling { quiet: 0 },
+            around: Around::NOTHING,
+            since: 0,
+            is_since_known: false,
             record: WindowRecord::new(),
             strikes: 0,
             passing: false,
@@ -161,11 +222,24 @@ impl Meter {
         self.passed_over
     }
 
+    /// Asks for the window in which the scan `trigger` counts as the one that triggers. It is opened when the scan
+    /// `at` comes, unless the force has opened one by then: what the bead finds by itself goes first. It is not opened
+    /// if the meter is not armed at that scan, or if its history would reach back over [`REACH`] and its own
+    /// length, into another window or over a gap. A new instant takes the place of one that has not come.
+    pub fn keep_around(&mut self, trigger: u64, at: u64, origin: Origin) {
+        self.around = Around { trigger, at, origin };
+    }
+
     /// Forgets all scans, so that no window mixes samples from before and after a gap. The number of strikes
     /// goes on.
     pub fn restart(&mut self) {
-        self.phase = Phase::Settling { quiet: 0 };
+        self.settle();
         self.recent.next = self.recent.length;
+    }
+
+    fn settle(&mut self) {
+        self.phase = Phase::Settling { quiet: 0 };
+        self.is_since_known = false;
     }
 
     /// Strikes that have triggered so far.
@@ -187,11 +261,12 @@ impl Meter {
     /// calls of [`restart`](Self::restart). The results do not depend on how the scans are cut into calls.
     ///
     /// Measuring is most of the work, and when a strike triggers, its whole history waits to be measured. To
-    /// spread this work, a call measures five eighths as many scans as it was given, and at least [`PIECE`].
-    /// So the meter lags behind during a window: at its end by the history and three fifths of the length. In
+    /// spread this work, a call measures three fifths as many scans as it was given, and at least [`PIECE`]; a little
+    /// less if it has to move scans in its memory.
+    /// So the meter lags behind during a window: at its end by the history and two thirds of the length. In
     /// calls of up to 256 scans it has room for the lag of the longest window, so that no call measures more.
     /// In longer calls it may meet the limit of its room, and then measures what it must. Once the window is
-    /// complete, it catches up, in the next call at the latest.
+    /// complete, it catches up in the next call.
     pub fn process(
         &mut self,
         settings: &Settings,
@@ -200,27 +275,38 @@ impl Meter {
         sink: &mut (impl Sink + ?Sized),
     ) {
         let mut scans = scans.into_iter();
-        let mut quota = (scans.len() * 5 / 8).max(PIECE);
+        let mut quota = (scans.len() * 3 / 5).max(PIECE);
+        let is_short = scans.len() <= CALL;
         let mut end_index = first_index;
         while scans.len() > 0 {
             end_index += scans.len() as u64;
             // A window needs nothing before its next scan, and after it the history begins anew.
             let keep = match self.phase {
                 Phase::Measuring(_) => 0,
-                Phase::Settling { .. } | Phase::Armed => HISTORY_MAX,
+                Phase::Settling { .. } | Phase::Armed => REACH + usize::from(settings.window.history),
             };
-            self.recent.append(&mut scans, keep);
+            let offered = scans.len();
+            if self.recent.append(&mut scans, keep) && self.is_measuring() {
+                // To move them is work too.
+                quota -= quota / 4;
+            }
+            let is_full = scans.len() == offered;
             end_index -= scans.len() as u64;
             loop {
                 let new = self.recent.waiting().len();
-                if quota == 0 && new > LAG_MAX {
+                if quota == 0 && (new > LAG_MAX || is_full) {
                     // The limit of the lag.
                     quota = PIECE;
                 }
                 if quota == 0 || new == 0 {
                     break;
                 }
+                let measured = self.is_measuring();
                 self.advance(settings, end_index - new as u64, &mut quota, sink);
+                if is_short && measured && !self.is_measuring() {
+                    // To work out the report was enough for this call.
+                    quota = 0;
+                }
             }
         }
     }
@@ -237,6 +323,20 @@ impl Meter {
         self.process(settings, first_index, scans(words), sink);
     }
 
+    /// How many of `new` scans, the first of which has the index `index`, come before the one at which a window was
+    /// asked for. `None` if it is not among them.
+    fn asked(&self, index: u64, new: usize) -> Option<usize> {
+        let before = self.around.at.saturating_sub(index);
+        (self.around.origin != Origin::Force && before < new as u64).then_some(before as usize)
+    }
+
+    /// The trigger of the window that was asked for, if it can be opened. The scan with the index `index` is at `next`.
+    fn take_asked(&mut self, settings: &Settings, index: u64, next: usize) -> Option<(u64, Origin)> {
+        let Around { trigger, origin, .. } = core::mem::replace(&mut self.around, Around::NOTHING);
+        let first = (trigger + 1).checked_sub(settings.window.history.into())?;
+        (first >= self.since && first + next as u64 >= index).then_some((trigger, origin))
+    }
+
     /// Takes some of the scans that wait. The first of them has the index `index`.
     fn advance(
         &mut self,
@@ -246,25 +346,36 @@ impl Meter {
         sink: &mut (impl Sink + ?Sized),
     ) {
         let new = self.recent.waiting();
+        if !self.is_since_known {
+            (self.since, self.is_since_known) = (index, true);
+        }
+        let asked = self.asked(index, new.len());
         let scans = &self.recent.scans;
         self.recent.next = match &mut self.phase {
             Phase::Armed => {
-                let before = before_rise(settings, scans, new.clone());
-                if before == new.len() {
-                    new.end
-                } else if self.passing {
-                    self.strikes += 1;
-                    self.passed_over += 1;
-                    self.phase = Phase::Settling { quiet: 0 };
-                    new.start + before + 1
-                } else {
-                    // The window starts with the history, which ends with the scan that triggered.
-                    let history = usize::from(settings.window.history);
-                    let first_index = index + before as u64 + 1 - history as u64;
-                    self.phase = Phase::Measuring(Measurement::open(self.strikes, first_index));
-                    self.strikes += 1;
-                    self.record.clear();
-                    new.start + before + 1 - history
+                let end = asked.map_or(new.end, |before| new.start + before);
+                let before = before_rise(settings, scans, new.start..end);
+                let found = match new.start + before == end {
+                    // The window starts with the history, which ends with the scan that triggers.
+                    false => Some((index + before as u64, Origin::Force)),
+                    true => asked.and_then(|_| self.take_asked(settings, index, new.start)),
+                };
+                match found {
+                    None => end,
+                    Some(_) if self.passing => {
+                        self.strikes += 1;
+                        self.passed_over += 1;
+                        self.settle();
+                        new.start + before + 1
+                    }
+                    Some((trigger, origin)) => {
+                        sink.opened(trigger, origin);
+                        let first_index = trigger + 1 - u64::from(settings.window.history);
+                        self.phase = Phase::Measuring(Measurement::open(self.strikes, first_index));
+                        self.strikes += 1;
+                        self.record.clear();
+                        (new.start as u64 + first_index - index) as usize
+                    }
                 }
             }
             Phase::Settling { quiet } => {
@@ -280,6 +391,9 @@ impl Meter {
                 }
                 if *quiet >= settings.window.history {
                     self.phase = Phase::Armed;
+                    if self.around.at < index + (next - new.start) as u64 {
+                        self.around = Around::NOTHING;
+                    }
                 }
                 next
             }
@@ -288,7 +402,7 @@ impl Meter {
                 let taken = strike.process(settings, &scans[some], &mut self.record, sink);
                 *quota -= taken;
                 if strike.is_over(settings) {
-                    self.phase = Phase::Settling { quiet: 0 };
+                    self.settle();
                 }
                 new.start + taken
             }

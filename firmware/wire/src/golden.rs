@@ -35,7 +35,7 @@ const HEADER: Header = Header {
 };
 
 /// The requests with their delimiters: number 0xA1B2, for address 7.
-const REQUESTS: [&str; 15] = [
+const REQUESTS: [&str; 16] = [
     "000a0340b2a10785e734f500",
     "000a0341b2a107e080884d00",
     "000a0342b2a1070e2f3d5f00",
@@ -51,11 +51,12 @@ const REQUESTS: [&str; 15] = [
     "000e034cb2a107ac0202c096b10245159cc3f928d965e99ba80b5dbf392b9c49093f727600",
     "000a034db2a107583f5e0700",
     "000d034eb2a10702ac02e8ac339700",
+    "000e034fb2a107c096b102696cb06400",
 ];
 
 const KEY_BYTES: [u8; KEY] = *b"sixteen bytes ok";
 
-fn requests() -> [Request; 15] {
+fn requests() -> [Request; 16] {
     [
         Request::Identity,
         Request::Status,
@@ -84,6 +85,7 @@ fn requests() -> [Request; 15] {
         ),
         Request::ListKept,
         Request::Fetch { boot: 2, strike: 300 },
+        Request::Keep { index: 5_000_000 },
     ]
 }
 

@@ -94,6 +94,13 @@ requests! {
         /// Number of the strike in that boot.
         strike: u32,
     },
+    /// Measure the window in which the scan with this index counts as the one that triggers, whatever the force does.
+    /// It needs an armed bead at that scan, and becomes a strike with the flag `triggered_on_request`. The scan has to
+    /// be one that comes within a minute. A new request takes the place of one whose scan has not come.
+    79 "keep" Keep {
+        /// The sample index of the scan.
+        index: u64,
+    },
 }
 
 /// Writes one request, with both its delimiters, to the head of `buffer` and returns it. It is for the bead

@@ -383,6 +383,10 @@ impl Machine {
             Event::Converted(adc) => self.chip.convert(adc, at),
             Event::Started(tim) => units.tim[tim].start(at),
             Event::Level => self.levels.change(at, &mut self.chip),
+            Event::Moved(tim) => {
+                units.tim[tim].advance(at);
+                self.chip.move_outputs(tim, at);
+            }
             Event::Triggered(tim) => {
                 units.tim[tim].advance(at);
                 self.chip.trigger_converters(tim, at);

@@ -33,6 +33,9 @@ const LONGEST: f64 = 1200.0;
 
 /// The pin of the sync input (`firmware/src/sync.rs`).
 const SYNC_PIN: &str = "PA15";
+/// The pins of the trigger line (`firmware/src/line.rs`): the board joins them.
+const PULL_PIN: &str = "PB10";
+const LINE_PIN: &str = "PB11";
 /// Length of a sync pulse, s. The bead uses its rising edge.
 const SYNC_PULSE: f64 = 1e-3;
 /// The crystal, Hz.
@@ -61,6 +64,9 @@ pub struct RunTruth {
     /// True time of that scan, in s on the time that all beads of the run share.
     #[serde(default)]
     pub began: f64,
+    /// From when to when others held the trigger line low: as `sync_edges`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub line_low: Vec<[f64; 2]>,
     /// The waveform that the sensors felt, if it was not a strike of the chain. `truth` is then of the waveform: its
     /// highest force, and what f64 estimates make of it around that, from the acceleration if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -81,6 +87,11 @@ pub struct StimulusFile {
 }
 
 impl RunTruth {
+    /// The sample index at a true time in s since the first triggered scan, with a fraction.
+    pub fn index_at(&self, time: f64) -> f64 {
+        1.0 + time * (1.0 + self.clock_ppm * 1e-6) * f64::from(SAMPLE_RATE_HZ)
+    }
+
     /// The last strike, counted from 0, that began by a sample index.
     pub fn begun(&self, sample_index: u64) -> Option<usize> {
         self.starts
@@ -101,6 +112,8 @@ pub struct Ran {
     pub sent_ns: Vec<u64>,
     /// True time of the first triggered scan, in ns since power-up.
     pub first_scan_ns: u64,
+    /// From when to when the bead held the trigger line low, in ns of true time since power-up.
+    pub pulls_ns: Vec<[u64; 2]>,
     /// What was measured.
     pub report: EmulatorReport,
 }
@@ -381,6 +394,7 @@ impl Emulation {
             clock_ppm,
             sync_edges: Vec::new(),
             began: placed.began,
+            line_low: Vec::new(),
             stimulus: None,
         };
         Ok(Self {
@@ -403,6 +417,15 @@ impl Emulation {
         let own = edges.into_iter().map(|edge| edge - began);
         let on = own.take_while(|edge| *edge < seconds).filter(|edge| *edge > 0.0);
         self.truth.sync_edges = on.collect();
+    }
+
+    /// Lets others hold the trigger line low, from when to when in s on the time that all beads share, as far as the bead
+    /// is on.
+    pub fn line(&mut self, low: impl IntoIterator<Item = [f64; 2]>) {
+        let (began, seconds) = (self.truth.began, self.seconds());
+        let own = low.into_iter().map(|times| times.map(|time| time - began));
+        let on = own.filter(|[fall, rise]| *fall > 0.0 && *rise < seconds);
+        self.truth.line_low = on.collect();
     }
 
     /// Virtual time from the first scan to the end, s.
@@ -438,6 +461,16 @@ impl Emulation {
             since: Since::FirstScan,
             changes_ns: self.truth.sync_edges.iter().flat_map(pulse).collect(),
         }];
+        if !self.truth.line_low.is_empty() {
+            // High from the first scan on.
+            let low = self.truth.line_low.iter().flatten().map(|time| ns(*time));
+            run.pin_inputs.push(PinInput {
+                pin: LINE_PIN.to_owned(),
+                since: Since::FirstScan,
+                changes_ns: std::iter::once(0).chain(low).collect(),
+            });
+        }
+        run.record_pins = true;
         for fault in &self.faults {
             fault.provoke(&mut run);
         }
@@ -455,7 +488,9 @@ impl Emulation {
         let outcome = self.machine().execute()?;
         let (frames, counters) = frames::decode(&outcome.uart);
         let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
+        let changes = outcome.pins.iter().find(|pin| pin.name == PULL_PIN);
         Ok(Ran {
+            pulls_ns: changes.map_or_else(Vec::new, |pin| pulls(&pin.changes)),
             first_scan_ns: outcome.sampling.map_or(0, |sampling| sampling.first_ns),
             stream: outcome.uart,
             frames,
@@ -528,6 +563,13 @@ impl Emulation {
             log: outcome.log.iter().map(ToString::to_string).collect(),
         })
     }
+}
+
+/// From when to when a pin pulled low. It is in use from its first rise on, and until its last fall if that has no end.
+fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
+    let pairs = changes.windows(2).skip_while(|pair| !pair[0].1);
+    let low = pairs.filter(|pair| !pair[0].1 && pair[1].1);
+    low.map(|pair| [pair[0].0, pair[1].0]).collect()
 }
 
 /// The settings of a bead behind a front end.

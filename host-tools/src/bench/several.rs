@@ -2,10 +2,17 @@
 //!
 //! # Design
 //! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. What the beads
-//! share is true time: the strike, the sync line, and the times in the recording. Nothing goes from bead to bead.
+//! share is true time: the strike, the sync line, and the times in the recording.
+//!
+//! The trigger line goes from bead to bead. All beads run without it first. A bead that would have kept a window for
+//! what the others pulled then runs once more, with the line as they pulled it, until nothing changes any more
+//! (waveform relaxation: Lelarasmee, Ruehli and Sangiovanni-Vincentelli, 1982). A bead pulls milliseconds after what made
+//! it pull, so each round is right for that much longer, and the last one to the nanosecond. Where all beads feel the
+//! strike, none runs twice.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use bead_wire::{Message, StrikeFlags};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -85,7 +92,7 @@ pub fn run(
     done: impl Fn(usize) + Sync,
 ) -> Result<Vec<(Emulation, Ran)>, BenchError> {
     let count = AtomicUsize::new(0);
-    let one = |placed: &Placed| {
+    let one = |placed: &Placed| -> Result<(Emulation, Ran), BenchError> {
         let emulation = prepare(*placed)?;
         let ran = emulation.run()?;
         done(count.fetch_add(1, Ordering::Relaxed) + 1);
@@ -93,7 +100,74 @@ pub fn run(
     };
     // Of several errors, that of the first bead is told.
     let all: Vec<_> = placed.par_iter().with_max_len(1).map(one).collect();
-    all.into_iter().collect()
+    let mut all = all.into_iter().collect::<Result<Vec<_>, _>>()?;
+    loop {
+        let lines: Vec<_> = (0..all.len()).map(|bead| pulled_by_others(&all, bead)).collect();
+        let again = all.par_iter_mut().with_max_len(1).zip(lines);
+        let again: Vec<_> = again.map(|(one, line)| run_again(one, line)).collect();
+        if !again.into_iter().collect::<Result<Vec<_>, _>>()?.contains(&true) {
+            return Ok(all);
+        }
+    }
+}
+
+/// When the trigger line is low at a bead by the others' doing: from when to when, in s of the time that all share.
+fn pulled_by_others(all: &[(Emulation, Ran)], bead: usize) -> Vec<[f64; 2]> {
+    let others = all.iter().enumerate().filter(|(other, _)| *other != bead);
+    let mut low: Vec<[f64; 2]> = others
+        .flat_map(|(_, (emulation, ran))| {
+            let shared = |ns: u64| emulation.truth.began + (ns as f64 - ran.first_scan_ns as f64) * 1e-9;
+            ran.pulls_ns.iter().map(move |times| times.map(shared))
+        })
+        .collect();
+    low.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    low.dedup_by(|later, earlier| {
+        let joined = later[0] <= earlier[1];
+        if joined {
+            earlier[1] = earlier[1].max(later[1]);
+        }
+        joined
+    });
+    low
+}
+
+/// Runs a bead with the line as it is, if that may make a difference. Returns whether it did run.
+fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Result<bool, BenchError> {
+    let before = heard(emulation, ran);
+    let given = std::mem::take(&mut emulation.truth.line_low);
+    emulation.line(line);
+    if heard(emulation, ran) == before {
+        emulation.truth.line_low = given;
+        return Ok(false);
+    }
+    *ran = emulation.run()?;
+    Ok(true)
+}
+
+/// The falls of the line at which a bead was not measuring a strike that it had found by itself, nor within a history
+/// after that, when its detector is not armed: the only ones that it may heed. In s since its first scan.
+fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
+    /// Scans by which the index of a fall may be off.
+    const UNSURE: f64 = 3.0;
+    let own: Vec<_> = ran
+        .frames
+        .iter()
+        .filter_map(|frame| match &frame.message {
+            Message::Strike(strike) if !strike.flags.has(StrikeFlags::TRIGGERED_BY_LINE) => {
+                let quiet = u64::from(emulation.settings.window.history);
+                let end = strike.first_index + u64::from(strike.samples) + quiet;
+                Some(strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE)
+            }
+            _ => None,
+        })
+        .collect();
+    let falls = emulation.truth.line_low.iter().map(|[fall, _]| *fall);
+    falls
+        .filter(|fall| {
+            let index = emulation.truth.index_at(*fall);
+            !own.iter().any(|window| window.contains(&index))
+        })
+        .collect()
 }
 
 /// Records what all beads sent, each in its lane, in the order of time.

@@ -1,7 +1,7 @@
 //! The recorded samples through the bead's own fixed-point code: every result must come out bit for bit.
 
 use bead_model::layout::BASELINE;
-use bead_model::{Meter, Settings, Sink, StrikeReport, Window, WindowRecord};
+use bead_model::{Meter, Origin, Settings, Sink, StrikeReport, Window, WindowRecord};
 use bead_wire::{Energy, Fields, Shape, Strike, StrikeFlags, Value};
 
 use crate::recording::strikes::{Chunk, RecordedStrike};
@@ -226,6 +226,10 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     let quiet = strike.scans.get(..usize::from(BASELINE))?;
     let before = u64::from(settings.window.history) + 1;
     let mut meter = Meter::new();
+    // The force has not opened this window, and must not do so here.
+    if strike.said.flags.has(StrikeFlags::FROM_OUTSIDE) {
+        meter.keep_around(strike.said.trigger_index, strike.said.trigger_index, Origin::Line);
+    }
     let mut heard = Heard::default();
     // The indices are those of the recording. The indices of the quiet before it must only be consecutive.
     let first = strike.said.first_index.wrapping_sub(before);

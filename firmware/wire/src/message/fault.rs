@@ -47,6 +47,8 @@ names! {
         /// The crystal did not start, or it stopped. The bead runs on its internal oscillator. It answers, and it
         /// takes no samples.
         16 "crystal_failed" CrystalFailed,
+        /// The trigger line is held low: no bead on it can tell the others of a strike.
+        17 "trigger_line_low" TriggerLineLow,
     }
 }
 

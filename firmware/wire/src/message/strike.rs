@@ -33,13 +33,13 @@ body! {
         pub noise_energy: Energy,
         /// Standard deviation of the force before the strike.
         pub force_noise: Force,
-        /// Doubts about the result.
+        /// What is to be known of the result.
         pub flags: StrikeFlags,
     }
 }
 
 bits! {
-    /// Doubts about the result of a strike.
+    /// What is to be known of the result of a strike: doubts, and what opened its window.
     pub struct StrikeFlags(u16, 3) {
         /// The force at the low gain reached a rail of the converter: peak and prediction are too low.
         0 "force_railed" FORCE_RAILED,
@@ -53,6 +53,11 @@ bits! {
         5 "intruder_drifted" INTRUDER_DRIFTED,
         /// The two gains of a sensor differ by more than noise explains.
         6 "gains_differ" GAINS_DIFFER,
+        /// Another bead found a strike: it opened this window by the trigger line. The force here rose by less than the
+        /// threshold until then.
+        10 "triggered_by_line" TRIGGERED_BY_LINE,
+        /// A host asked for this window.
+        11 "triggered_on_request" TRIGGERED_ON_REQUEST,
         /// The code of a sensor stood still in the window for much longer than before the trigger: the sensor
         /// or its wire may have failed.
         12 "sensor_still" SENSOR_STILL,
@@ -69,7 +74,10 @@ impl StrikeFlags {
     /// Flags that depend on the state of the bead outside the window. A replay of the window cannot set them.
     pub const OF_THE_BEAD: Self = Self::SETTINGS_NOT_OWNERS
         .with(Self::SENSOR_FAULT)
-        .with(Self::SENSOR_STILL);
+        .with(Self::SENSOR_STILL)
+        .with(Self::FROM_OUTSIDE);
+    /// Flags of a window that the force did not open. They are no doubts.
+    pub const FROM_OUTSIDE: Self = Self::TRIGGERED_BY_LINE.with(Self::TRIGGERED_ON_REQUEST);
 }
 
 #[cfg(test)]

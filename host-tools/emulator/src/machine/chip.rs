@@ -32,6 +32,8 @@ pub(super) struct Chip {
     /// Scans of that converter that were started.
     pub(super) scans: u64,
     pub(super) wires: Wires,
+    /// Timers that have had a channel on, a bit for each.
+    pub(super) driving: u32,
     pub(super) clocks: Clocks,
     /// How long HCLK had each frequency, up to its last change, and when that was.
     hclk_ns: BTreeMap<u32, u64>,
@@ -62,6 +64,7 @@ impl Chip {
             sampler: None,
             scans: 0,
             wires: Wires::default(),
+            driving: 0,
             clocks: Clocks::HSI,
             hclk_ns: BTreeMap::new(),
             hclk_since_ns: 0,
@@ -95,6 +98,9 @@ impl Chip {
         let (row, offset) = self.clocked(address)?;
         (row.model_mut)(&mut self.units).write(offset, value, now)?;
         self.pass_on(now);
+        if row.name.starts_with("TIM") || row.name.starts_with("GPIO") {
+            self.update_outputs(now);
+        }
         Ok(())
     }
 

@@ -15,6 +15,8 @@ pub(super) enum Event {
     Started(usize),
     /// The level on a pin changes.
     Level,
+    /// A compare output of a timer moves.
+    Moved(usize),
     /// A timer triggers converters.
     Triggered(usize),
     /// A frame has left a USART.
@@ -54,6 +56,9 @@ pub(super) fn next_but(chip: &Chip, levels: &Levels, scans: Option<Scans>) -> Op
         }
     }
     offer(levels.next(chip), Event::Level);
+    for (n, timer) in tim.iter().enumerate() {
+        offer(timer.next_output(), Event::Moved(n));
+    }
     let but = |adc| scans.is_some_and(|scans| scans.adc == adc);
     for (n, converter) in units.adc.converters.iter().enumerate().filter(|(n, _)| !but(*n)) {
         offer(converter.next_conversion(), Event::Converted(n));

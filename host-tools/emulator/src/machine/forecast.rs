@@ -5,6 +5,7 @@ use super::levels::Levels;
 use super::table::TABLE;
 use super::wiring::{ADCS, SERVERS, USARTS};
 use crate::peripherals::Peripheral;
+use crate::peripherals::tim::Tim;
 
 /// When an interrupt line will rise, the machine will be reset, or the first scan may come, if no register is
 /// accessed. This time may be too early, but never too late.
@@ -24,11 +25,15 @@ pub(super) fn next_interrupt(chip: &Chip, levels: &Levels) -> Option<u64> {
     let converters = (0..ADCS.len()).filter_map(|adc| acquisition(chip, adc));
     let transmitters = (0..USARTS.len()).filter_map(|usart| transmission(chip, usart));
     let captures = levels.next_capture(chip);
+    // Over a wire, an output may come to an input that interrupts.
+    let outputs = units.tim.iter().filter(|_| !chip.wires.is_empty());
+    let outputs = outputs.filter_map(Tim::next_output);
     alone
         .chain(converters)
         .chain(transmitters)
         .chain(first_scan(chip))
         .chain(captures)
+        .chain(outputs)
         .min()
 }
 

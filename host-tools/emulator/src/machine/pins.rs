@@ -17,6 +17,29 @@ impl Chip {
         }
     }
 
+    /// The setting of a timer or of a pin may have changed.
+    pub(super) fn update_outputs(&mut self, now: u64) {
+        let timers = self.units.tim.iter().enumerate();
+        self.driving |= timers.fold(0, |bits, (n, tim)| bits | u32::from(tim.drives()) << n);
+        let driving = self.driving;
+        for tim in (0..self.units.tim.len()).filter(|tim| driving >> tim & 1 == 1) {
+            self.move_outputs(tim, now);
+        }
+    }
+
+    /// Gives the pins of a timer's compare outputs the levels that they have now.
+    pub(super) fn move_outputs(&mut self, tim: usize, now: u64) {
+        for &(pin, function, channel) in wiring::timer_pins(tim) {
+            let port = &mut self.units.gpio[pin.0];
+            if port.alternate(pin.1) == Some(function) {
+                port.move_by_timer(pin.1, self.units.tim[tim].output(channel), now);
+            }
+        }
+        if !self.wires.is_empty() {
+            self.drive_wires(now);
+        }
+    }
+
     /// The level on a pin has changed, from outside or by a wire.
     pub(super) fn level_changed(&mut self, pin: Pin, high: bool, at: u64) {
         if let Some((tim, input)) = self.timer_input(pin) {

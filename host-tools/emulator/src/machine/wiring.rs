@@ -63,6 +63,8 @@ pub(super) fn converter_trigger(extsel: u32) -> Option<TimNumber> {
 struct Connections {
     /// The timer and its channel (0 is the first) behind a pin and its alternate function.
     timer_inputs: BTreeMap<(Pin, u32), (TimNumber, usize)>,
+    /// Pins of a timer, each with its alternate function and its channel.
+    timer_pins: BTreeMap<TimNumber, Vec<(Pin, u32, usize)>>,
     /// Pins of a USART's transmitter or receiver, each with its alternate function.
     lines: BTreeMap<(usize, &'static str), Vec<(Pin, u32)>>,
     /// The pin of a converter's channel.
@@ -103,6 +105,7 @@ pub(super) static SERVERS: LazyLock<Servers> = LazyLock::new(|| {
 static CONNECTIONS: LazyLock<Connections> = LazyLock::new(|| {
     let mut found = Connections {
         timer_inputs: BTreeMap::new(),
+        timer_pins: BTreeMap::new(),
         lines: BTreeMap::new(),
         analog: BTreeMap::new(),
         requests: BTreeMap::new(),
@@ -152,8 +155,10 @@ impl Connections {
             peripheral.strip_prefix("TIM").map(str::parse),
             signal.strip_prefix("CH").map(str::parse::<usize>),
         ) {
-            self.timer_inputs
-                .insert((pin, function), (tim(number), channel - 1));
+            let (number, channel) = (tim(number), channel - 1);
+            self.timer_inputs.insert((pin, function), (number, channel));
+            let pins = self.timer_pins.entry(number).or_default();
+            pins.push((pin, function, channel));
         }
     }
 }
@@ -161,6 +166,11 @@ impl Connections {
 /// The timer and its channel (0 is the first) that a pin is connected to by an alternate function.
 pub(super) fn timer_input(pin: Pin, function: u32) -> Option<(TimNumber, usize)> {
     CONNECTIONS.timer_inputs.get(&(pin, function)).copied()
+}
+
+/// The pins of a timer's channels, each with its alternate function and its channel.
+pub(super) fn timer_pins(tim: TimNumber) -> &'static [(Pin, u32, usize)] {
+    CONNECTIONS.timer_pins.get(&tim).map_or(&[], Vec::as_slice)
 }
 
 /// The pins that can be the transmitter of a USART, each with its alternate function.

@@ -1,4 +1,4 @@
-//! General-purpose pins (RM0090 section 8). An output reads back what it drives. An input reads the level
+//! General-purpose pins (RM0090 section 8). An output reads back what it drives. So does a pin that a timer moves. An input reads the level
 //! that is put on it from outside. Where nothing is wired to it, it reads high if its pull-up is on, else
 //! low. Analog values are not seen here: they are the converter's stimulus.
 
@@ -35,6 +35,8 @@ pub struct Gpio {
     wired: [Option<bool>; 16],
     /// Levels from outputs at the other ends of wires. `None` where there is no wire, or nothing drives it.
     by_wire: [Option<bool>; 16],
+    /// Levels that the timers behind the pins' alternate functions give. `None` where none does.
+    by_timer: [Option<bool>; 16],
     /// How often each pin changed its level as an output.
     pub edges: [u64; 16],
     /// Whether the times of these changes are recorded.
@@ -82,9 +84,19 @@ impl Gpio {
 
     /// The level that a pin drives as an output. An open drain drives low only.
     pub fn driven(&self, pin: usize) -> Option<bool> {
-        let level = bit(self.odr, pin as u32);
-        let drives = field(self.moder, 2 * pin as u32, 2) == 0b01 && !(level && bit(self.otyper, pin as u32));
-        drives.then_some(level)
+        let level = match field(self.moder, 2 * pin as u32, 2) {
+            0b01 => bit(self.odr, pin as u32),
+            0b10 => self.by_timer[pin]?,
+            _ => return None,
+        };
+        (!(level && bit(self.otyper, pin as u32))).then_some(level)
+    }
+
+    /// Gives a pin the level of the timer behind its alternate function.
+    pub fn move_by_timer(&mut self, pin: usize, level: Option<bool>, now: u64) {
+        let before = self.outputs();
+        self.by_timer[pin] = level;
+        self.count(before ^ self.outputs(), now);
     }
 
     /// The alternate function that a pin is set to (section 8.3.2). `None` if it has another mode.
@@ -102,7 +114,7 @@ impl Gpio {
                 // An open drain that is let go is moved from outside; where nothing is, it reads its register.
                 0b01 if wired => self.driven(n).unwrap_or_else(|| self.level_at(n)),
                 0b01 => bit(self.odr, pin),
-                0b10 => wired && self.level_at(n),
+                0b10 => self.driven(n).unwrap_or_else(|| self.level_at(n)),
                 0b00 => self.level_at(n),
                 _ => false,
             };
@@ -112,8 +124,12 @@ impl Gpio {
 
     fn outputs(&self) -> u32 {
         (0..16).fold(0, |levels, pin| {
-            let driven = field(self.moder, 2 * pin, 2) == 0b01;
-            levels | (u32::from(driven) & field(self.odr, pin, 1)) << pin
+            let level = match field(self.moder, 2 * pin, 2) {
+                0b01 => bit(self.odr, pin),
+                0b10 => self.by_timer[pin as usize] == Some(true),
+                _ => false,
+            };
+            levels | u32::from(level) << pin
         })
     }
 }

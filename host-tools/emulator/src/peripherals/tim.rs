@@ -1,5 +1,5 @@
 //! Timers TIM1 to TIM14 (RM0090 sections 17 to 20): up-counting with update and compare events, input capture,
-//! and a start by another timer.
+//! compare outputs, and a start by another timer.
 //!
 //! # Design
 //!
@@ -64,6 +64,8 @@ pub struct Tim {
     ccer: u32,
     bdtr: u32,
     ccr: [Loaded; CHANNELS],
+    /// OCxREF.
+    references: [bool; CHANNELS],
     counter: Counter,
     /// Flags have been filled in up to this tick from the counter's origin.
     seen: u64,
@@ -86,6 +88,7 @@ impl Tim {
             ccer: 0,
             bdtr: 0,
             ccr: [Loaded::default(); CHANNELS],
+            references: [false; CHANNELS],
             counter: Counter::new(kind.max, hz),
             seen: 0,
             trigger_now: false,
@@ -182,6 +185,73 @@ impl Tim {
         nibble & 1 == 1 && polarity_fits && selected == input
     }
 
+    /// The level that a compare output puts on its pin. `None` if it drives none: the channel is an input, is off, or
+    /// the main output of an advanced timer is off.
+    pub fn output(&self, channel: usize) -> Option<bool> {
+        let nibble = field(self.ccer, 4 * channel as u32, 4);
+        let is_on = nibble & 1 == 1 && (self.kind.bdtr == 0 || self.bdtr & MOE != 0);
+        let inverts = nibble & 2 != 0;
+        (is_on && !self.is_input(channel)).then_some(self.references[channel] != inverts)
+    }
+
+    /// Whether a channel is on: most timers have none.
+    pub fn drives(&self) -> bool {
+        self.ccer & 0x1111 != 0
+    }
+
+    /// When a compare will next move an output by itself.
+    pub fn next_output(&self) -> Option<u64> {
+        if !self.drives() || !self.counter.counts() {
+            return None;
+        }
+        let moves = |channel: &usize| {
+            let reference = self.references[*channel];
+            self.output(*channel).is_some() && self.matched(*channel) != reference
+        };
+        let matches = (0..self.kind.channels).filter(moves);
+        let soonest = matches.map(|channel| self.counter.compare_after(self.ccr[channel].active, self.seen));
+        // A load at the next update may move everything after it.
+        let update = self
+            .has_pending_load()
+            .then(|| self.counter.update_after(self.seen));
+        let soonest = soonest.min()?;
+        Some(
+            self.counter
+                .time_of(update.map_or(soonest, |update| update.min(soonest))),
+        )
+    }
+
+    /// OCxREF of an output after a match, as OCxM says (section 18.4.7).
+    fn matched(&self, channel: usize) -> bool {
+        let reference = self.references[channel];
+        match self.mode(channel) {
+            0b001 => true,
+            0b010 => false,
+            0b011 => !reference,
+            _ => reference,
+        }
+    }
+
+    /// OCxM.
+    fn mode(&self, channel: usize) -> u32 {
+        field(self.ccmr[channel / 2], 4 + 8 * (channel as u32 % 2), 3)
+    }
+
+    /// Outputs that are forced have their level at once.
+    fn force_outputs(&mut self) {
+        for channel in 0..self.kind.channels {
+            match self.mode(channel) {
+                _ if self.is_input(channel) => {}
+                0b100 => self.references[channel] = false,
+                0b101 => self.references[channel] = true,
+                mode => self.notes.note_if(
+                    mode > 0b101 && bit(self.ccer, 4 * channel as u32),
+                    "CCMR: PWM moves no pin",
+                ),
+            }
+        }
+    }
+
     /// CCxS: 0 is an output (section 18.4.7).
     fn selection(&self, channel: usize) -> u32 {
         field(self.ccmr[channel / 2], 8 * (channel as u32 % 2), 2)
@@ -271,6 +341,7 @@ impl Tim {
             let compare = self.ccr[channel].active;
             if !self.is_input(channel) && self.counter.compare_after(compare, self.seen) <= to {
                 self.sr |= 2 << channel;
+                self.references[channel] = self.matched(channel);
             }
         }
         self.seen = to;
@@ -308,6 +379,7 @@ impl Tim {
             );
         }
         self.load_unbuffered();
+        self.force_outputs();
     }
 
     fn write_ccer(&mut self, value: u32) {
@@ -315,8 +387,7 @@ impl Tim {
         self.ccer = (self.ccer & locked) | (value & self.kind.ccer & !locked);
         let outputs = (0..self.kind.channels).filter(|channel| !self.is_input(*channel));
         let on = outputs.fold(0, |on, channel| on | self.ccer & (0b101 << (4 * channel)));
-        self.notes
-            .note_if(on & 0x1111 != 0, "CCER: compare outputs move no pin");
+        self.force_outputs();
         self.notes
             .note_if(on & 0x4444 != 0, "CCER: complementary outputs move no pin");
     }
@@ -525,6 +596,38 @@ mod tests {
         assert_eq!(tim.next_interrupt(), Some(11_000));
         tim.write(SR, 0, 123_456).unwrap();
         assert_eq!(tim.next_interrupt(), Some(131_000));
+    }
+
+    #[test]
+    fn a_compare_moves_its_output_at_the_match_as_its_mode_says() {
+        const CCER: u32 = 0x20;
+        let mut tim = at_100_khz();
+        tim.write(CCR1, 84, 0).unwrap();
+        tim.write(CCMR1, 0b101 << 4, 0).unwrap();
+        assert_eq!((tim.output(0), tim.next_output()), (None, None), "it is off");
+        tim.write(CCER, 1, 0).unwrap();
+        assert_eq!((tim.output(0), tim.next_output()), (Some(true), None), "forced");
+        // Inactive on match.
+        tim.write(CCMR1, 0b010 << 4, 500).unwrap();
+        assert_eq!((tim.output(0), tim.next_output()), (Some(true), Some(1_000)));
+        tim.advance(999);
+        assert_eq!(tim.output(0), Some(true));
+        tim.advance(1_000);
+        assert_eq!((tim.output(0), tim.next_output()), (Some(false), None));
+        // Active on match, and inverted.
+        tim.write(CCMR1, 0b001 << 4, 2_000).unwrap();
+        tim.write(CCER, 0b11, 2_000).unwrap();
+        assert_eq!((tim.output(0), tim.next_output()), (Some(true), Some(11_000)));
+        tim.advance(11_000);
+        assert_eq!(tim.output(0), Some(false));
+        // Toggle.
+        tim.write(CCMR1, 0b011 << 4, 12_000).unwrap();
+        let levels = [21_000, 31_000].map(|at| {
+            assert_eq!(tim.next_output(), Some(at));
+            tim.advance(at);
+            tim.output(0)
+        });
+        assert_eq!(levels, [Some(true), Some(false)]);
     }
 
     #[test]

@@ -154,10 +154,48 @@ fn a_pwm_with_complementary_outputs_runs_and_says_that_no_pin_moves() {
     assert_eq!(
         bench.outcome().unmodelled[..2],
         [
-            "TIM1 CCER: compare outputs move no pin",
-            "TIM1 CCER: complementary outputs move no pin"
+            "TIM1 CCER: complementary outputs move no pin",
+            "TIM1 CCMR: PWM moves no pin"
         ]
     );
+}
+
+#[test]
+fn a_compare_output_moves_its_pin_and_over_a_wire_the_input_of_another_channel() {
+    let (gpiob, tim2) = (0x4002_0400, 0x4000_0000);
+    let mut run = Run::new("");
+    run.record_pins = true;
+    run.wires = vec![("PB10".into(), "PB11".into())];
+    let mut bench = bench(run);
+    // Channel 3 goes low at 84 000 clocks of 84 MHz, channel 4 latches falling edges and interrupts.
+    for (register, value) in [
+        (0x2c, u32::MAX),
+        (0x1c, 0b101 << 4 | 0b01 << 8),
+        (0x20, 1 << 8 | 0b11 << 12),
+        (DIER, 1 << 4),
+    ] {
+        bench.write(tim2 + register, value);
+    }
+    // Alternate function 1, PB10 open-drain, PB11 with its pull-up.
+    bench.write(gpiob + 0x24, 0x1100);
+    bench.write(gpiob + 0x04, 1 << 10);
+    bench.write(gpiob + 0x0c, 0b01 << 22);
+    bench.write(gpiob, 0b1010 << 20);
+    assert_eq!(bench.read(gpiob + 0x10) >> 11 & 1, 1, "let go");
+    bench.write(tim2 + 0x3c, 84_000);
+    bench.write(tim2 + 0x1c, 0b010 << 4 | 0b01 << 8);
+    bench.write(tim2 + CR1, 1);
+    bench.run(2_000_000, |bench| {
+        bench.write(tim2 + SR, 0);
+    });
+    assert_eq!(bench.board.rises[&28], [1_000_000]);
+    assert_eq!(
+        (bench.read(tim2 + 0x40), bench.read(gpiob + 0x10) >> 10 & 0b11),
+        (84_000, 0)
+    );
+    let outcome = bench.outcome();
+    let moved = outcome.pins.iter().find(|pin| pin.name == "PB10").unwrap();
+    assert_eq!(moved.changes.last(), Some(&(1_000_000, false)));
 }
 
 #[test]

@@ -1,0 +1,150 @@
+//! Windows that are asked for from outside: around an instant that another bead or a host names.
+#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
+
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::meter::REACH;
+use bead_model::{Chunk, Meter, Origin, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+
+#[derive(Default)]
+struct Heard {
+    opened: Vec<(u64, Origin)>,
+    scans: Vec<Scan>,
+    reports: Vec<StrikeReport>,
+}
+
+impl Sink for Heard {
+    fn opened(&mut self, trigger_index: u64, origin: Origin) {
+        self.opened.push((trigger_index, origin));
+    }
+    fn chunk(&mut self, chunk: &Chunk) {
+        self.scans.extend(&chunk.scans);
+    }
+    fn report(&mut self, report: &StrikeReport) {
+        self.reports.push(*report);
+    }
+}
+
+/// What the image hands over at once.
+const BLOCK: usize = 200;
+
+fn settings() -> Settings {
+    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
+}
+
+/// A stream of a pulse of this height, in codes, from scan 2000 on. Each code before it is another, so that a window
+/// that is shifted by a scan differs.
+fn scan(index: u64, height: f64) -> Scan {
+    let pulse = match index {
+        2000..2050 => {
+            height
+                * (std::f64::consts::PI * (index - 2000) as f64 / 50.0)
+                    .sin()
+                    .powi(3)
+        }
+        _ => 0.0,
+    };
+    let noise = [0, 1, 3, 1, 2, 0, 2][(index % 7) as usize];
+    Scan::new([128 + noise + pulse as u16, 128, 2048 + noise, 2048])
+}
+
+/// Feeds blocks; `ask` is asked before each for an instant and the scan at which it is told of.
+fn hear(height: f64, ask: impl Fn(u64) -> Option<(u64, u64)>) -> Heard {
+    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
+    for first in (0..6000).step_by(BLOCK) {
+        if let Some((trigger, at)) = ask(first) {
+            meter.keep_around(trigger, at, Origin::Line);
+        }
+        let scans: Vec<Scan> = (first..first + BLOCK as u64)
+            .map(|index| scan(index, height))
+            .collect();
+        meter.process(&settings, first, scans, &mut heard);
+    }
+    heard
+}
+
+/// An instant that is told of in the block of the scan `at`.
+fn told(trigger: u64, at: u64) -> impl Fn(u64) -> Option<(u64, u64)> {
+    move |first| {
+        (first..first + BLOCK as u64)
+            .contains(&at)
+            .then_some((trigger, at))
+    }
+}
+
+#[test]
+fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_replays() {
+    let settings = settings();
+    let history = u64::from(settings.window.history);
+    for at in [2300, 2399, 2400] {
+        let heard = hear(20.0, told(at - 300, at));
+        assert_eq!(heard.opened, [(at - 300, Origin::Line)]);
+        let report = heard.reports[0];
+        assert_eq!(report.trigger_index, at - 300);
+        assert_eq!(report.first_index, at - 300 + 1 - history);
+        assert_eq!(heard.scans.len(), usize::from(report.samples));
+        let mut indices = report.first_index..;
+        assert!(
+            heard
+                .scans
+                .iter()
+                .all(|kept| *kept == scan(indices.next().unwrap(), 20.0))
+        );
+        // The pulse is in it, and the same codes give the same bits.
+        assert!((2000..2050).contains(&report.peak_index), "{report:?}");
+        let (mut window, mut record) = (Window::open(0, report.first_index), WindowRecord::new());
+        record.clear();
+        window.process(&settings, &heard.scans, &mut record);
+        assert_eq!(window.report(&settings, &record), report);
+    }
+}
+
+#[test]
+fn what_a_bead_finds_by_itself_goes_first() {
+    let alone = hear(1500.0, |_| None);
+    let [(trigger, Origin::Force)] = alone.opened[..] else {
+        panic!("{:?}", alone.opened);
+    };
+    for (instant, at) in [
+        (trigger - 100, trigger + 200),
+        (trigger, trigger + 300),
+        (1990, 2290),
+    ] {
+        let heard = hear(1500.0, told(instant, at));
+        assert_eq!((&heard.opened, &heard.reports), (&alone.opened, &alone.reports));
+    }
+    // Later than that, the line's window is the first, and has what the force would have found.
+    let heard = hear(1500.0, told(trigger - 310, trigger - 10));
+    assert_eq!(heard.opened, [(trigger - 310, Origin::Line)]);
+    assert!((2000..2050).contains(&heard.reports[0].peak_index));
+}
+
+#[test]
+fn an_instant_of_another_window_or_beyond_the_reach_is_not_kept() {
+    // While a window is measured, and for a history after it: its scans are not quiet.
+    let alone = hear(1500.0, |_| None).reports[0];
+    let end = alone.first_index + u64::from(alone.samples);
+    for at in [end - 1, end, end + 300, end + 400] {
+        assert_eq!(hear(1500.0, told(at - 300, at)).opened.len(), 1, "{at}");
+    }
+    let later = hear(1500.0, told(end + 159, end + 459));
+    assert_eq!(later.opened.last(), Some(&(end + 159, Origin::Line)));
+    // What stood before power-up is not there either.
+    assert_eq!(hear(0.0, told(100, 400)).opened, []);
+    assert_eq!(hear(0.0, told(200, 500)).opened, [(200, Origin::Line)]);
+    // How far back scans are kept at least.
+    let reach = REACH as u64 - BLOCK as u64;
+    assert_eq!(hear(0.0, told(3600 - reach, 3600)).opened.len(), 1);
+    assert_eq!(hear(0.0, told(1000, 3600)).opened, []);
+}
+
+#[test]
+fn an_instant_may_lie_ahead_and_one_that_passes_unarmed_does_not_come_later() {
+    // As a host asks: the scan itself is awaited.
+    let heard = hear(0.0, told(3777, 3777));
+    assert_eq!(heard.opened, [(3777, Origin::Line)]);
+    assert_eq!(heard.reports[0].trigger_index, 3777);
+    let measured = hear(1500.0, told(2200, 2200));
+    assert_eq!(measured.opened.len(), 1);
+    let ahead = |first| (first == 0).then_some((5000, 5000));
+    assert_eq!(hear(0.0, ahead).opened, [(5000, Origin::Line)]);
+}

@@ -1,0 +1,155 @@
+//! The trigger line, and windows that a host asks for: beads that feel little keep what they felt.
+
+use bead::bench::emulation::{Emulation, Placed, Ran};
+use bead::bench::error::BenchError;
+use bead::bench::front_end::FrontEnd;
+use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
+use bead::bench::several::{self, Clocks};
+use bead::comparison::replay::replay;
+use bead::recording::strikes::{RecordedStrike, assemble};
+use bead_model::settings::BLOCK_MAX;
+use bead_tests::{Heard, Requests, image, paper, workspace};
+use bead_wire::{FaultCause, Outcome, Request, StrikeFlags};
+use hertz_chain::{Scenario, Solution};
+
+/// No force rises by so many codes in this row.
+const DEAF: u16 = 4000;
+
+fn row() -> (Scenario, Solution) {
+    let file = workspace().join("docs/scenarios/ten-intruders.toml");
+    let (scenario, _) = load_scenario(&file).unwrap_or_else(|failure| panic!("{failure}"));
+    let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
+    (scenario, solution)
+}
+
+/// A bead whose threshold nothing reaches.
+fn deafen(emulation: &mut Emulation) {
+    emulation.settings.window.threshold = DEAF;
+    let mut block = [0; BLOCK_MAX];
+    let length = emulation
+        .settings
+        .encode(&mut block)
+        .unwrap_or_else(|error| panic!("{error}"));
+    emulation.block = block[..length].to_vec();
+}
+
+fn strikes(ran: &Ran) -> Vec<RecordedStrike> {
+    assemble(Heard::new(ran.stream.clone()).frames, None)
+}
+
+#[test]
+fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
+    let (scenario, solution) = row();
+    let timing = Timing {
+        lead_in: 0.07,
+        strikes: 2,
+        interval: 0.05,
+    };
+    let prepare = |placed: Placed| -> Result<Emulation, BenchError> {
+        let (front_end, image) = (FrontEnd::default(), image());
+        let mut run = Emulation::place(&scenario, &solution, placed, &front_end, timing, &image)?;
+        if placed.bead == 16 {
+            deafen(&mut run);
+        }
+        Ok(run)
+    };
+    let placed = several::placed(&[7, 8, 16], &Clocks::Each(vec![80.0, 0.0, -90.0]), 0.05, 1, true);
+    let placed = placed.unwrap_or_else(|failure| panic!("{failure}"));
+    let ran = several::run(&placed, prepare, |_| {}).unwrap_or_else(|failure| panic!("{failure}"));
+
+    let [near, middle, far] = [0, 1, 2].map(|n| strikes(&ran[n].1));
+    assert_eq!([near.len(), middle.len(), far.len()], [2; 3]);
+    for strike in near.iter().chain(&middle) {
+        assert_eq!(strike.said.flags, StrikeFlags::NONE);
+    }
+    for (near, far) in near.iter().zip(&far) {
+        assert!(
+            far.said.flags.has(StrikeFlags::TRIGGERED_BY_LINE),
+            "{:?}",
+            far.said
+        );
+        assert_eq!(replay(far).first_difference, None);
+        // The same instant, on the time that they share.
+        let instant = |n: usize, strike: &RecordedStrike| {
+            let truth = &ran[n].0.truth;
+            let since = (strike.said.trigger_index as f64 - 1.0) / (100e3 * (1.0 + truth.clock_ppm * 1e-6));
+            truth.began + since
+        };
+        let apart = instant(2, far) - instant(0, near);
+        assert!(apart.abs() < 10e-6, "{apart} s");
+        // The wave is in it: 2.2 ms later.
+        let later = far.said.peak_index as f64 - far.said.trigger_index as f64;
+        assert!((200.0..350.0).contains(&later), "{later} scans");
+        let truth = ran[2].0.truth.truth;
+        let force = far.said.peak_force.newtons() / truth.peak_force - 1.0;
+        let absorbed = far.said.absorbed_measured.joules() / truth.absorbed - 1.0;
+        println!(
+            "far bead: force {:+.2} %, A {:+.2} %",
+            force * 100.0,
+            absorbed * 100.0
+        );
+        assert!(force.abs() < 0.02 && absorbed.abs() < 0.02, "{force} {absorbed}");
+    }
+    // The beads in front ran once, with no line: what they find by themselves goes first.
+    assert!(ran[1].0.truth.line_low.is_empty() && !ran[2].0.truth.line_low.is_empty());
+    // With the line they say the same.
+    let mut again = prepare(placed[1]).unwrap_or_else(|failure| panic!("{failure}"));
+    again.truth.line_low = ran[0]
+        .1
+        .pulls_ns
+        .iter()
+        .map(|times| {
+            times.map(|ns| {
+                (ns as f64 - ran[0].1.first_scan_ns as f64) * 1e-9 + placed[0].began - placed[1].began
+            })
+        })
+        .collect();
+    let again = again.run().unwrap_or_else(|failure| panic!("{failure}"));
+    assert_eq!(again.stream, ran[1].1.stream);
+}
+
+#[test]
+fn touch_on_the_line_opens_no_window_and_one_that_is_held_low_is_told_once_and_costs_nothing() {
+    let mut run = paper(2, 0.3, Some(1));
+    let alone = run.run().unwrap_or_else(|error| panic!("{error}"));
+    // 20 µs each; and low for good between the strikes.
+    let touch = (0..20)
+        .map(|n| 0.1 + 0.0017 * f64::from(n))
+        .map(|at| [at, at + 20e-6]);
+    run.truth.line_low = touch.chain([[0.2, 0.9]]).collect();
+    let ran = run.run().unwrap_or_else(|error| panic!("{error}"));
+    let heard = Heard::new(ran.stream.clone());
+    let faults: Vec<_> = heard.faults().map(|fault| fault.cause).collect();
+    assert_eq!(faults, [FaultCause::TriggerLineLow]);
+    let said = |ran: &Ran| strikes(ran).iter().map(|strike| strike.said).collect::<Vec<_>>();
+    // The fall itself is an edge like any other: what there is at 0.2 s is kept, and then never again.
+    let (said, alone) = (said(&ran), said(&alone));
+    assert_eq!(said.len(), 3);
+    assert!(said[1].flags.has(StrikeFlags::TRIGGERED_BY_LINE));
+    for (with, without) in [(&said[0], &alone[0]), (&said[2], &alone[1])] {
+        assert_eq!(with.first_index, without.first_index);
+        assert_eq!(with.absorbed_measured, without.absorbed_measured);
+        assert_eq!(with.absorbed_predicted, without.absorbed_predicted);
+    }
+}
+
+#[test]
+fn a_host_asks_for_the_window_around_a_scan_to_come() {
+    let mut requests = Requests::new(&paper(1, 0.1, Some(1)));
+    let first = requests.first_scan();
+    let at = |index: u64| first + index as f64 * 1e-5;
+    let kept = requests.request(at(20_000), &Request::Keep { index: 30_123 });
+    let past = requests.request(at(50_000), &Request::Keep { index: 49_000 });
+    let far = requests.request(at(50_100), &Request::Keep { index: 7_000_000 });
+    let answered = requests.run();
+    assert_eq!(answered.heard.answer(kept).0, Outcome::Done);
+    assert_eq!(answered.heard.answer(past).0, Outcome::OutOfRange);
+    assert_eq!(answered.heard.answer(far).0, Outcome::OutOfRange);
+    let strikes = assemble(answered.heard.frames.clone(), None);
+    let [_, asked] = &strikes[..] else {
+        panic!("{} strikes", strikes.len());
+    };
+    assert_eq!(asked.said.trigger_index, 30_123);
+    assert!(asked.said.flags.has(StrikeFlags::TRIGGERED_ON_REQUEST));
+    assert_eq!(replay(asked).first_difference, None);
+}
