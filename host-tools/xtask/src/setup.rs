@@ -6,6 +6,7 @@
 
 use std::path::PathBuf;
 
+use crate::paths;
 use crate::step::{Line, Steps, Stop};
 
 /// The target of the STM32F405's Cortex-M4F.
@@ -35,6 +36,7 @@ pub(crate) fn setup(steps: &Steps, need: Need) -> Result<(), Stop> {
         ));
     }
     let qemu = qemu(steps)?;
+    paths::leave_out(steps)?;
     let found = format!("{rust} with {TARGET}, QEMU {qemu}, a C compiler");
     steps.announce(&format!("set-up: {found}: all in place"));
     Ok(())
@@ -162,7 +164,7 @@ pub(crate) fn find(program: &str) -> Option<PathBuf> {
 }
 
 /// What a command prints on standard output, trimmed; `None` if it fails.
-fn output(line: &str) -> Option<String> {
+pub(crate) fn output(line: &str) -> Option<String> {
     let out = Line::new(line).command().output().ok()?;
     let said = String::from_utf8_lossy(&out.stdout);
     out.status.success().then(|| said.trim().to_owned())
