@@ -12,6 +12,7 @@ mod links;
 mod lint;
 mod mutants;
 mod packages;
+mod paths;
 mod python;
 mod setup;
 mod step;
