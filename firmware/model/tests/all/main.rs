@@ -1,6 +1,7 @@
 //! Tests of the model, one program: the simulator beside them is linked once.
 
 mod accuracy;
+mod around;
 mod meter;
 mod noise;
 mod settings;
