@@ -1,17 +1,17 @@
 //! Beads of one chain on one strike, on one time: what each takes, and when the wave came to it.
 
-use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use bead::bench::emulation::{Emulation, Placed, Ran};
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::bench::several::{self, Clocks};
-use bead::comparison::replay::replay;
-use bead::recording::clock;
+use bead::comparison::row::{Chain, Member, Place, Row, RowComparison, among, compare};
+use bead::comparison::strike::FullChain;
+use bead::recording::clock::CommonTime;
 use bead::recording::file::{About, Origin, Recording, State, Writer};
 use bead::recording::received::Received;
-use bead::recording::strikes::RecordedStrike;
 use bead::recording::whole::Target;
 use bead_tests::{image, workspace};
 use hertz_chain::{Scenario, Solution};
@@ -64,38 +64,28 @@ fn record(path: &Path, ran: &[(Emulation, Ran)]) {
     writer.finish().unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// Part of the energy that each bead lets through, by what each has taken, front to back. `first` is what came to the
-/// first of them.
-fn transmissions(first: f64, absorbed: &[f64]) -> Vec<f64> {
-    let mut left = first;
-    let through = |absorbed: &f64| {
-        let before = left;
-        left -= absorbed;
-        left / before
+/// What `bead compare` makes of the recording.
+fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowComparison {
+    let received = Received::open(path).unwrap_or_else(|error| panic!("{error}"));
+    let chain = Chain {
+        scenario: scenario.clone(),
+        solution: Arc::new(solution.clone()),
+        hosts: scenario.hosts(),
     };
-    absorbed.iter().map(through).collect()
-}
-
-/// When the force at a host rises through half of its height, s, in the simulation.
-fn front(solution: &Solution, host: usize) -> f64 {
-    let summary = solution.summary();
-    let peak = summary.peak_force.iter().find(|peak| peak.contact == host);
-    let peak = peak.unwrap_or_else(|| panic!("no force at {host}"));
-    let (mut below, mut above) = (peak.time - 1e-3, peak.time);
-    // To the nanosecond and below, by halves: the force only rises there.
-    for _ in 0..30 {
-        let middle = 0.5 * (below + above);
-        match solution.at(middle).force(host) < 0.5 * peak.force {
-            true => below = middle,
-            false => above = middle,
-        }
-    }
-    above
+    let (places, notes) = among(&received, &chain, "");
+    let time = CommonTime::of(&received.recording).unwrap_or_else(|error| panic!("{error}"));
+    let member = |place: &Place| {
+        let full =
+            FullChain::of(scenario, &chain.solution, place.bead).unwrap_or_else(|error| panic!("{error}"));
+        Member::read(place.bead, &place.received, full, &time, 0.0).unwrap_or_else(|error| panic!("{error}"))
+    };
+    let row = Row::of(places.iter().map(member).collect());
+    compare(&row, &chain, notes).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Ten beads at hosts 7 to 16: transmissions within 0.002 by A and 0.005 by B, arrivals to 0.2 µs rms, all replays
-/// identical. Gives the runs.
-fn assert_tells(scenario: &Scenario, solution: &Solution) -> Vec<(Emulation, Ran)> {
+/// identical. Gives the runs, and what comes of them.
+fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ran)>, RowComparison) {
     let hosts: Vec<usize> = (7..=16).collect();
     let placed = several::placed(&hosts, &Clocks::Spread(100.0), START_SPREAD, 1, true)
         .unwrap_or_else(|failure| panic!("{failure}"));
@@ -106,59 +96,59 @@ fn assert_tells(scenario: &Scenario, solution: &Solution) -> Vec<(Emulation, Ran
     let recording = Recording::open(&path).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!((recording.state, recording.beads.len()), (State::Whole, 10));
 
-    let received = Received::open(&path).unwrap_or_else(|error| panic!("{error}"));
-    let strikes: BTreeMap<usize, RecordedStrike> = received
-        .strikes()
-        .unwrap_or_else(|error| panic!("{error}"))
-        .map(|strike| (strike.address.into(), strike))
-        .collect();
-    assert_eq!(strikes.keys().copied().collect::<Vec<_>>(), hosts);
-    assert!(strikes.values().all(|strike| replay(strike).identical()));
+    let told = compared(&path, scenario, solution);
+    assert_eq!((told.strikes, &told.notes[..]), (1, &[] as &[String]));
+    assert_eq!(told.beads.iter().map(|bead| bead.bead).collect::<Vec<_>>(), hosts);
+    assert!(told.beads.iter().all(|bead| bead.replay_identical == Some(true)));
+    assert!(
+        told.beads
+            .iter()
+            .all(|bead| !bead.flags.contains(&"intruder_drifted"))
+    );
 
-    let first = &strikes[&7].said;
-    let peak = ran[0].0.truth.truth.peak_force;
-    let incident = first.incident_energy.joules();
-    // The law of the bead's own figure: energy by the peak's power 5/3.
-    let incident_true = incident * (peak / first.peak_force.newtons()).powf(5.0 / 3.0);
-    let absorbed = |of: &dyn Fn(usize) -> f64| (0..10).map(of).collect::<Vec<_>>();
-    let truth = transmissions(incident_true, &absorbed(&|n| ran[n].0.truth.truth.absorbed));
-    let said = |n: usize| &strikes[&(n + 7)].said;
-    let by_a = transmissions(incident, &absorbed(&|n| said(n).absorbed_measured.joules()));
-    let by_b = transmissions(incident, &absorbed(&|n| said(n).absorbed_predicted.joules()));
-    let off = |by: &[f64]| {
-        by.iter()
-            .zip(&truth)
-            .map(|(by, truth)| (by - truth).abs())
+    let through = told.energy.after.iter().filter_map(|after| after.transmission);
+    let through: Vec<[f64; 4]> = through
+        .map(|sides| sides.each().map(|side| side.unwrap_or(f64::NAN)))
+        .collect();
+    assert_eq!(through.len(), 10);
+    let off = |side: usize| {
+        through
+            .iter()
+            .map(|sides| (sides[side] - sides[2]).abs())
             .fold(0.0, f64::max)
     };
-    println!(
-        "T {truth:.4?}: by A within {:.5}, by B within {:.5}",
-        off(&by_a),
-        off(&by_b)
+    println!("T: by A within {:.5}, by B within {:.5}", off(0), off(1));
+    assert!(off(0) < 0.002 && off(1) < 0.005, "{through:?}");
+    let fit = told
+        .energy
+        .fit
+        .each()
+        .map(|fit| fit.map_or(f64::NAN, |fit| fit.transmission));
+    assert!(
+        (fit[0] - fit[2]).abs() < 0.002 && (fit[1] - fit[2]).abs() < 0.005,
+        "{fit:?}"
     );
-    assert!(off(&by_a) < 0.002, "{truth:?} {by_a:?}");
-    assert!(off(&by_b) < 0.005, "{truth:?} {by_b:?}");
 
-    let clocks = clock::compare(&[path]).unwrap_or_else(|error| panic!("{error}"));
-    let mut late = Vec::new();
-    for arrival in &clocks.strikes {
-        let host = usize::from(arrival.place.address);
-        let rise = arrival.rise_s.expect("its samples were received");
-        late.push(rise - front(solution, host));
-    }
-    assert_eq!(late.len(), 10);
-    let mean = late.iter().sum::<f64>() / 10.0;
-    let rms = (late.iter().map(|late| (late - mean).powi(2)).sum::<f64>() / 10.0).sqrt();
+    let rms = told.arrivals.off_rms_s.unwrap_or(f64::NAN);
     println!("arrivals: {:.3} us rms", rms * 1e6);
-    assert!(rms < 0.2e-6, "{rms} s: {late:?}");
-    ran
+    assert!(rms < 0.2e-6, "{:?}", told.arrivals);
+    assert_eq!((told.arrivals.beads.len(), told.arrivals.speeds.len()), (10, 9));
+    (ran, told)
 }
 
 #[test]
 fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_of_cores() {
     let scenario = row(2.7e-3, 0.0);
     let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
-    let ran = assert_tells(&scenario, &solution);
+    let (ran, told) = assert_tells(&scenario, &solution);
+    // So light that they leave one another alone: the paper's E(n), of rows with n intruders each, is that of the beads.
+    for after in &told.energy.after {
+        let left = after.left;
+        assert!((left.by_a - left.rows_of_n).abs() < 0.003, "{after:?}");
+    }
+    let fit = told.energy.fit.by_a.zip(told.energy.fit.rows_of_n);
+    let off = fit.map(|(by_a, rows)| (by_a.transmission - rows.transmission).abs());
+    assert!(off.is_some_and(|off| off < 0.001), "{fit:?}");
     // One after another, and not all of them.
     let hosts: Vec<usize> = (7..=16).collect();
     let placed = several::placed(&hosts, &Clocks::Spread(100.0), START_SPREAD, 1, true)

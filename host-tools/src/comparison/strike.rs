@@ -309,7 +309,7 @@ impl FullChain {
     ///
     /// # Errors
     /// The bead has no intruder, or no force reaches it.
-    pub(crate) fn of(scenario: &Scenario, solution: &Arc<Solution>, bead: usize) -> Result<Self, BenchError> {
+    pub fn of(scenario: &Scenario, solution: &Arc<Solution>, bead: usize) -> Result<Self, BenchError> {
         let solution = Arc::clone(solution);
         let physics = bead_of(&solution, bead)?;
         let neighbours = neighbours_of(&solution, bead);

@@ -58,6 +58,13 @@ const TASKS: &[Task] = &[
         demo,
     ),
     (
+        "chain",
+        "Simulate a strike on a row of ten absorbers, run the flash image inside each in QEMU, compare them all",
+        "It is Fig. 5 of the paper by measurement: what ten beads sense of one strike, on one time, and the energy that \
+         their intruders leave. The recording, the pictures and report.html land in target/chain.",
+        chain,
+    ),
+    (
         "test",
         "Run every check, on the host and in QEMU: format, lints, documentation, builds, tests",
         "It stops at the first step that fails, with the command that repeats this step.",
@@ -181,26 +188,60 @@ fn build(steps: &Steps, packages: &str) -> Result<(), Stop> {
     steps.both(|steps| steps.run("build the host tools", &host), image::build)
 }
 
+/// A command of the `bead` that was built.
+fn bead(steps: &Steps, words: &str) -> Line {
+    Line::program(steps.built("release/bead")).words(words)
+}
+
 fn demo(steps: &Steps) -> Result<(), Stop> {
     setup(steps, Need::Run)?;
     build(steps, DEMO)?;
     let scenario = "docs/scenarios/paper-strike.toml";
-    let bead = |words: &str| Line::program(steps.built("release/bead")).words(words);
     let recording = steps.built("demo/bead-8.mcap");
     let report = steps.built("demo/report.html");
-    let emulate = bead(&format!("emulate {scenario} --bead 8 --firmware"))
+    let emulate = bead(steps, &format!("emulate {scenario} --bead 8 --firmware"))
         .arg(image::path(steps))
         .words("--force --out")
         .arg(steps.built("demo"));
     let title = "a striker hits the chain; the flash image senses it inside bead 8, in QEMU";
     steps.run(title, &emulate)?;
     let title = "the recorded samples, through the same fixed-point code on this computer";
-    steps.run(title, &bead("replay").arg(&recording))?;
-    let compare = bead("compare")
+    steps.run(title, &bead(steps, "replay").arg(&recording))?;
+    let compare = bead(steps, "compare")
         .arg(&recording)
         .words(&format!("--scenario {scenario} --force --report"))
         .arg(&report);
     steps.run("device, replay and simulation, side by side", &compare)?;
     steps.announce(&format!("done. The report: {}", report.display()));
+    Ok(())
+}
+
+fn chain(steps: &Steps) -> Result<(), Stop> {
+    setup(steps, Need::Run)?;
+    build(steps, DEMO)?;
+    let folder = steps.built("chain");
+    let (recording, report) = (steps.built("chain/chain.mcap"), steps.built("chain/report.html"));
+    let emulate = bead(
+        steps,
+        "emulate docs/scenarios/row-of-ten.toml --bead all --firmware",
+    )
+    .arg(image::path(steps))
+    .words("--clock-spread 100 --start-spread 0.05 --force --out")
+    .arg(&folder);
+    let title = "a striker hits a row of ten absorbers; the flash image senses it inside each, in QEMU";
+    steps.run(title, &emulate)?;
+    let compare = bead(steps, "compare")
+        .arg(&recording)
+        .words("--force --report")
+        .arg(&report)
+        .words("--figures")
+        .arg(&folder);
+    steps.run("ten beads and one simulation, side by side", &compare)?;
+    let picture = steps.built("chain/row.svg");
+    steps.announce(&format!(
+        "done. The picture: {}. The report: {}",
+        picture.display(),
+        report.display()
+    ));
     Ok(())
 }

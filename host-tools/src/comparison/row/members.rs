@@ -33,6 +33,9 @@ pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec
         }
     }
     places.sort_by_key(|place| place.bead);
+    if places.is_empty() {
+        return (places, notes);
+    }
     let is_missing = |host: &&usize| places.iter().all(|place| place.bead != **host);
     let missing: Vec<String> = chain
         .hosts
@@ -41,9 +44,12 @@ pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec
         .map(usize::to_string)
         .collect();
     if !missing.is_empty() {
-        let beads = if missing.len() == 1 { "bead" } else { "beads" };
+        let (beads, took) = match missing.len() {
+            1 => ("bead", "its intruder"),
+            _ => ("beads", "their intruders"),
+        };
         notes.push(format!(
-            "{beads} {} of the scenario did not record: what its intruder took is the simulation's",
+            "{beads} {} of the scenario did not record: what {took} took is the simulation's",
             missing.join(", ")
         ));
     }

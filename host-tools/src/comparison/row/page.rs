@@ -8,6 +8,7 @@ use crate::comparison::row::arrivals::Speed;
 use crate::comparison::row::chain::Chain;
 use crate::comparison::row::compare::RowComparison;
 use crate::comparison::row::energy::{After, Fit};
+use crate::comparison::row::later::Wave;
 use crate::comparison::row::member::{BeadOfRow, Pair};
 use crate::comparison::row::pictures::{details, overview};
 use crate::comparison::row::strikes::Row;
@@ -56,6 +57,7 @@ impl Page<'_> {
             ),
             self.beads(),
             self.speeds(),
+            self.later(),
             self.energy(),
             format!(
                 "<h2>The intruders</h2><p>Their accelerations, and the part of the wave’s energy that each lets pass.</p>{}",
@@ -99,7 +101,7 @@ impl Page<'_> {
             let worst = spreads.max_by(|a, b| a.mean.abs().total_cmp(&b.mean.abs()));
             worst.map_or(DASH.to_owned(), |worst| percent(worst.mean))
         };
-        let fit = |fit: Option<Fit>| fit.map_or(DASH.to_owned(), |fit| format!("{:.4}", fit.transmission));
+        let fit = |fit: Option<Fit>| fit.map_or(DASH.to_owned(), |fit| format!("{:.5}", fit.transmission));
         let rms = told.arrivals.off_rms_s;
         let in_simulation = format!(
             "T of an intruder, by the beads’ A; {} in the simulation",
@@ -174,7 +176,7 @@ impl Page<'_> {
                 Some(false) => "differs",
             };
             format!(
-                "<tr><td>{}</td><td>{}</td><td>{}</td>{}{}{}{}<td class=\"more\">{replay}</td><td class=\"more\">{}</td></tr>",
+                "<tr><td>{}</td><td>{}</td><td>{}</td>{}{}{}{}<td class=\"more\">{replay}</td></tr>",
                 bead.bead,
                 arrival[0],
                 arrival[1],
@@ -182,10 +184,6 @@ impl Page<'_> {
                 pair(bead.width, 1e6, 1),
                 judged(bead.spread.first()),
                 judged(bead.spread.get(1)),
-                match bead.flags.is_empty() {
-                    true => DASH.to_owned(),
-                    false => escape(&bead.flags.join(", ")),
-                },
             )
         };
         let rows: String = self.told.beads.iter().map(row).collect();
@@ -197,12 +195,21 @@ impl Page<'_> {
         let differ: String = differ
             .map(|what| format!("<p class=\"fail\">{}</p>", escape(what)))
             .collect();
+        let flagged = self.told.beads.iter().filter(|bead| !bead.flags.is_empty());
+        let flagged: String = flagged
+            .map(|bead| {
+                format!(
+                    "<p>Bead {} has flags: {}</p>",
+                    bead.bead,
+                    escape(&bead.flags.join(", "))
+                )
+            })
+            .collect();
         format!(
             "<h2>Each bead</h2><p>The wave comes when the force has risen to half its height. Goals: A within 0.2 % of the \
              simulation, B within 0.5 %, every bit replayed.</p><div class=\"scroll\"><table><thead><tr><th>bead</th>\
              <th>arrival (ms)</th><th>off (µs)</th><th>peak (N)</th><th class=\"more\">off (%)</th><th>width (µs)</th>\
-             <th class=\"more\">off (%)</th><th>A off (%)</th><th>B off (%)</th><th class=\"more\">replay</th>\
-             <th class=\"more\">flags</th></tr></thead><tbody>{rows}</tbody></table></div>{differ}"
+             <th class=\"more\">off (%)</th><th>A off (%)</th><th>B off (%)</th><th class=\"more\">replay</th></tr></thead><tbody>{rows}</tbody></table></div>{differ}{flagged}"
         )
     }
 
@@ -225,6 +232,35 @@ impl Page<'_> {
         format!(
             "<h2>How fast the wave went</h2><div class=\"scroll\"><table><thead><tr><th>from bead</th><th>by the beads \
              (m/s)</th><th>f64 chain (m/s)</th><th>off by</th></tr></thead><tbody>{rows}</tbody></table></div>"
+        )
+    }
+
+    fn later(&self) -> String {
+        let cells = |wave: Option<Wave>| match wave {
+            None => format!("<td>{DASH}</td><td class=\"more\">{DASH}</td>"),
+            Some(wave) => format!(
+                "<td>{:.1}</td><td class=\"more\">{:.2}</td>",
+                wave.peak_force * 1e3,
+                wave.after * 1e3
+            ),
+        };
+        let row = |bead: &BeadOfRow| {
+            let later = bead.later_wave?;
+            Some(format!(
+                "<tr><td>{}</td>{}{}</tr>",
+                bead.bead,
+                cells(later.device),
+                cells(later.f64_chain)
+            ))
+        };
+        let rows: String = self.told.beads.iter().filter_map(row).collect();
+        if rows.is_empty() {
+            return rows;
+        }
+        format!(
+            "<h2>Later waves</h2><p>The strongest wave after the main one, where there is one.</p><div class=\"scroll\"><table>\
+             <thead><tr><th>bead</th><th>peak by the bead (mN)</th><th class=\"more\">after (ms)</th><th>f64 chain (mN)</th>\
+             <th class=\"more\">after (ms)</th></tr></thead><tbody>{rows}</tbody></table></div>"
         )
     }
 

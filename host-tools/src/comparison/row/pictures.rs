@@ -18,7 +18,7 @@ const HIGH: f64 = 1.9;
 const BEFORE: f64 = 0.35e-3;
 const AFTER: f64 = 1.4e-3;
 /// Points of a simulated curve.
-const POINTS: usize = 700;
+const POINTS: usize = 400;
 
 /// A strike as it is drawn: for each bead, its curves and how much later than those it came by the time in common.
 struct Drawn<'a> {
@@ -171,12 +171,17 @@ fn marked(row: &Row, beads: impl IntoIterator<Item = usize>) -> Vec<(usize, Mark
     beads.into_iter().map(mark).collect()
 }
 
-fn places(row: &Row, chain: &Chain) -> (usize, usize) {
+/// The first place of the row and the last.
+fn ends(row: &Row) -> (usize, usize) {
     let beads = row.members.iter().map(|member| member.bead);
-    let (first, last) = beads.fold((usize::MAX, 0), |(low, high), bead| {
+    beads.fold((usize::MAX, 0), |(low, high), bead| {
         (low.min(bead), high.max(bead))
-    });
-    let end = chain.scenario.chain.beads;
+    })
+}
+
+/// The places whose force is drawn.
+fn places(row: &Row, chain: &Chain) -> (usize, usize) {
+    let ((first, last), end) = (ends(row), chain.scenario.chain.beads);
     (first.saturating_sub(BEYOND).max(1), (last + BEYOND).min(end))
 }
 
@@ -199,15 +204,12 @@ fn force(row: &Row, chain: &Chain) -> Panel {
         .range(first as f64 - 0.4, last as f64 + HIGH + 0.2)
         .over(time(span))
         .height(height(first, last))
-        .note(format!(
-            "Force at each bead's contact: {:.1} N are as high as a bead",
-            1.0 / scale
-        ))
+        .note(format!("Force: one bead up is {:.1} N", 1.0 / scale))
 }
 
 fn acceleration(row: &Row, chain: &Chain) -> Panel {
     let span = span(row, chain);
-    let (first, last) = places(row, chain);
+    let (first, last) = ends(row);
     let inside = |host: &usize| (first..=last).contains(host);
     let hosts = marked(row, chain.hosts.iter().copied().filter(inside));
     let of = |bead: usize| chain.solution.acceleration_curve(bead);
@@ -232,13 +234,10 @@ fn acceleration(row: &Row, chain: &Chain) -> Panel {
         span,
     ));
     Panel::new("place of the bead", series)
-        .range(first as f64 - 0.9, last as f64 + 0.9)
+        .range(first as f64 - 1.1, last as f64 + 1.1)
         .over(time(span))
         .height(height(first, last))
-        .note(format!(
-            "Acceleration of each intruder: {:.0} m/s² are as high as a bead",
-            1.0 / scale
-        ))
+        .note(format!("Acceleration: one bead up is {:.0} m/s²", 1.0 / scale))
 }
 
 /// Pixels for the places from one to another.
