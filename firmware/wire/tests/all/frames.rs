@@ -78,6 +78,7 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "what draws its texts takes minutes there")]
     fn texts_too_long_are_cut_between_characters(text: String, filling in "\\PC{80,200}") {
         let text = text + &filling;
         let cut = Text::<MAX_DETAIL>::from(text.as_str());
