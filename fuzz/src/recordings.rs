@@ -30,8 +30,8 @@ pub fn check(bytes: &[u8]) {
         assert!(read == bytes.len() && frames as usize <= bytes.len());
         if let Ok(recording) = Recording::open(path) {
             through(path, &recording);
-            // What is read of a sound recording is read of it as a damaged one.
-            Recording::salvage(path).expect("a recording that opens can be salvaged");
+            // What has frames has them as a damaged recording too.
+            assert!(recording.runs == 0 || Recording::salvage(path).is_ok());
         } else if let Ok(recording) = Recording::salvage(path) {
             through(path, &recording);
         }
