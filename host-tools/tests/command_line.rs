@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
-use bead::recording::file::{About, Part, Recording, Writer};
+use bead::recording::file::{About, Origin, Part, Recording, Writer};
 use bead::recording::whole::Target;
 use bead_model::design::{Capture, derive};
 use bead_model::settings::BLOCK_MAX;
@@ -91,8 +91,8 @@ impl Sink for Bead {
     }
 }
 
-/// A recording of the paper's strike. `spoil` changes its stream.
-fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
+/// What bead 8 sends of the paper's strike, and the scenario's text.
+fn struck() -> (Vec<u8>, String) {
     let (scenario, text) = load_scenario(Path::new(SCENARIO)).unwrap();
     let solution = simulate_with_ring_down(&scenario).unwrap();
     let front_end = FrontEnd::default();
@@ -141,8 +141,13 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
     let scans: Vec<Scan> = codes.scans.into_iter().map(Scan::new).collect();
     meter.process(&settings, 1, scans, &mut bead);
     assert_eq!(meter.strikes(), 1);
-    spoil(&mut bead.stream);
+    (bead.stream, text)
+}
 
+/// A recording of that strike. `spoil` changes its stream.
+fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
+    let (mut stream, text) = struck();
+    spoil(&mut stream);
     let path = directory.path().join("bead-8.mcap");
     let mut writer = Writer::create(
         &Target::new(&path),
@@ -153,9 +158,42 @@ fn recording(directory: &TempDir, spoil: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
     )
     .unwrap();
     writer.attach(Part::Scenario, text.as_bytes()).unwrap();
-    writer.write(&bead.stream, None, |_| {}).unwrap();
+    writer.write(&stream, None, |_| {}).unwrap();
     writer.finish().unwrap();
     path
+}
+
+#[test]
+fn compare_takes_the_bead_that_is_asked_for_out_of_several() {
+    let directory = tempfile::tempdir().unwrap();
+    let alone = recording(&directory, |_| {});
+    let (stream, text) = struck();
+    let mut spoilt = stream.clone();
+    lose(&mut spoilt, 5);
+    let path = directory.path().join("chain.mcap");
+    let mut writer = Writer::create_for_several(&Target::new(&path), &About::default()).unwrap();
+    writer.attach(Part::Scenario, text.as_bytes()).unwrap();
+    for (address, bead, stream) in [(1, 7, &spoilt), (0, 8, &stream), (2, 9, &spoilt)] {
+        let origin = Origin {
+            address,
+            bead: Some(bead),
+            port: None,
+            clock: None,
+        };
+        let lane = writer.join(&origin).unwrap();
+        writer.write_of(lane, stream, None, |_| {}).unwrap();
+    }
+    writer.finish().unwrap();
+    let [alone, several] = [alone.to_str().unwrap(), path.to_str().unwrap()];
+    assert_eq!(
+        json(&["compare", several, "--bead", "8", "--format", "json"]),
+        json(&["compare", alone, "--bead", "8", "--format", "json"])
+    );
+    refused(
+        &["compare", several, "--bead", "3"],
+        2,
+        &["has the beads [8, 7, 9]"],
+    );
 }
 
 /// Takes the frame number `number`, delimiters and all, out of a stream.
@@ -183,6 +221,31 @@ fn every_command_teaches_by_example() {
             "{command} has no example:\n{help}"
         );
     }
+}
+
+#[test]
+fn every_help_fits_a_terminal_of_80_columns() {
+    fn check(command: &mut clap::Command, path: &[String]) {
+        let mut bead = Command::new(env!("CARGO_BIN_EXE_bead"));
+        bead.env("COLUMNS", "80").args(path).arg("--help");
+        let help = String::from_utf8(bead.output().unwrap().stdout).unwrap();
+        assert!(help.contains("Usage: bead"), "{path:?}");
+        // What wraps has one word at least, and the line of usage does not wrap.
+        let wraps = |line: &&str| !line.starts_with("Usage:");
+        for line in help.lines().filter(wraps) {
+            assert!(line.chars().count() <= 80, "{path:?}: {line}");
+        }
+        // Another program answers for that one.
+        let below = command
+            .get_subcommands_mut()
+            .filter(|below| below.get_name() != "figures");
+        for below in below {
+            let path = [path, &[below.get_name().to_owned()]].concat();
+            check(below, &path);
+        }
+    }
+    use clap::CommandFactory;
+    check(&mut bead::cli::Cli::command(), &[]);
 }
 
 #[test]

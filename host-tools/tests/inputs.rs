@@ -140,6 +140,7 @@ fn fixture(folder: &Path) {
         ("inf", "velocity = 0.45", "velocity = inf"),
         ("negative", "velocity = 0.45", "velocity = -0.45"),
         ("huge", "velocity = 0.45", "velocity = 1e300"),
+        ("slow", "velocity = 0.45", "velocity = 1e-300"),
         ("zero", "radius = 0.019 ", "radius = 0.0 "),
         ("many", "beads = 16", "beads = 1000000000000"),
         ("none", "beads = 16", "beads = 0"),
@@ -158,6 +159,8 @@ fn fixture(folder: &Path) {
     copy("run/bead-8.mcap", "tests/data/recording-v2.mcap");
     symlink("nothing", folder.join("nowhere.mcap")).unwrap();
     symlink("loop.toml", folder.join("loop.toml")).unwrap();
+    // Its listener is dropped: nobody is there any more.
+    UnixListener::bind(folder.join("stale.sock")).unwrap();
     let pipe = folder.join("pipe");
     assert!(Command::new("mkfifo").arg(pipe).status().unwrap().success());
     fs::create_dir(folder.join("locked")).unwrap();

@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
 use std::fs;
-use std::os::unix::process::ExitStatusExt;
+use std::io::Read;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -21,18 +22,60 @@ impl Drop for Running {
 }
 
 impl Running {
+    /// `bead` in a directory, with another one for its temporary files. Like in a shell, it and what it starts are one
+    /// group, unless it says otherwise.
+    fn start(directory: &Path, temporary: &Path, arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bead"));
+        command
+            .current_dir(directory)
+            .env("TMPDIR", temporary)
+            .args(arguments)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .process_group(0);
+        Self(command.spawn().unwrap())
+    }
+
     fn ended(&self) -> bool {
-        // A child that has ended and was not waited for is a zombie.
-        let state = fs::read_to_string(format!("/proc/{}/stat", self.0.id())).unwrap_or_default();
-        state
-            .rsplit_once(") ")
-            .is_none_or(|(_, rest)| rest.starts_with('Z'))
+        !runs(self.0.id())
     }
 
     fn signal(&self, name: &str) {
-        let kill = format!("kill -{name} {}", self.0.id());
-        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+        kill(&format!("-{name} {}", self.0.id()));
     }
+
+    fn said(&mut self) -> String {
+        let mut said = String::new();
+        self.0.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        said
+    }
+
+    /// It has been interrupted, ends with this status, says so in a line, and leaves nothing in its directory.
+    fn leaves_nothing(&mut self, status: i32, directory: &Path) {
+        let ended = self.0.wait().unwrap();
+        let said = self.said();
+        assert_eq!((ended.code(), ended.signal()), (Some(status), None), "{said}");
+        assert!(
+            said.starts_with("bead: interrupted; nothing is left behind"),
+            "{said}"
+        );
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert_eq!(names(directory), [""; 0]);
+    }
+}
+
+/// Each signal that interrupts, and the exit status after it.
+const SIGNALS: [(&str, i32); 3] = [("INT", 130), ("TERM", 143), ("HUP", 129)];
+
+fn kill(whom: &str) {
+    let kill = format!("kill {whom}");
+    assert!(
+        Command::new("bash")
+            .args(["-c", &kill])
+            .status()
+            .unwrap()
+            .success()
+    );
 }
 
 /// Waits until something holds.
@@ -53,18 +96,11 @@ fn names(directory: &Path) -> Vec<String> {
 
 #[test]
 fn a_result_that_is_interrupted_leaves_no_part_of_it() {
-    for (signal, status) in [("INT", 130), ("TERM", 143), ("HUP", 129)] {
+    for (signal, status) in SIGNALS {
         let directory = tempfile::tempdir().unwrap();
-        let mut running = Running(
-            Command::new(env!("CARGO_BIN_EXE_bead"))
-                .current_dir(&directory)
-                // Half a gigabyte of rows: there is time to interrupt it.
-                .args(["simulate", SCENARIO, "--out", "a.parquet", "--rate", "1e8"])
-                .stdout(Stdio::null())
-                .stderr(Stdio::piped())
-                .spawn()
-                .unwrap(),
-        );
+        // Half a gigabyte of rows: there is time to interrupt it.
+        let long = ["simulate", SCENARIO, "--out", "a.parquet", "--rate", "1e8"];
+        let mut running = Running::start(directory.path(), directory.path(), &long);
         let hidden = || {
             names(directory.path())
                 .iter()
@@ -78,16 +114,7 @@ fn a_result_that_is_interrupted_leaves_no_part_of_it() {
             }
         });
         running.signal(signal);
-        let ended = running.0.wait().unwrap();
-        assert_eq!((ended.code(), ended.signal()), (Some(status), None));
-        assert_eq!(names(directory.path()), [""; 0]);
-        let mut said = String::new();
-        std::io::Read::read_to_string(&mut running.0.stderr.take().unwrap(), &mut said).unwrap();
-        assert!(
-            said.starts_with("bead: interrupted; nothing is left behind"),
-            "{said}"
-        );
-        assert_eq!(said.lines().count(), 1, "{said}");
+        running.leaves_nothing(status, directory.path());
     }
 }
 
@@ -112,77 +139,42 @@ fn runs(pid: u32) -> bool {
         .is_some_and(|rest| !rest.is_empty() && !rest.starts_with('Z'))
 }
 
+/// A run of the image that takes so many strikes.
+fn emulate(strikes: &str) -> [&str; 8] {
+    [
+        "emulate",
+        SCENARIO,
+        "--bead",
+        "8",
+        "--strikes",
+        strikes,
+        "--out",
+        "run",
+    ]
+}
+
 #[test]
 fn an_emulated_run_that_is_interrupted_leaves_no_file_and_no_qemu() {
-    for (signal, status) in [("INT", 130), ("TERM", 143), ("HUP", 129)] {
+    for (signal, status) in SIGNALS {
         let [directory, temporary] = [(); 2].map(|()| tempfile::tempdir().unwrap());
-        let mut running = Running(
-            Command::new(env!("CARGO_BIN_EXE_bead"))
-                .current_dir(&directory)
-                .env("TMPDIR", temporary.path())
-                // Ten seconds of virtual time: there is time to interrupt it.
-                .args([
-                    "emulate",
-                    SCENARIO,
-                    "--bead",
-                    "8",
-                    "--strikes",
-                    "100",
-                    "--out",
-                    "run",
-                ])
-                .stdout(Stdio::null())
-                .stderr(Stdio::piped())
-                .spawn()
-                .unwrap(),
-        );
+        // Ten seconds of the bead's time: there is time to interrupt it.
+        let mut running = Running::start(directory.path(), temporary.path(), &emulate("100"));
         until("QEMU runs", || !children(running.0.id()).is_empty());
         let qemu = children(running.0.id());
         std::thread::sleep(Duration::from_millis(200));
         running.signal(signal);
-        let ended = running.0.wait().unwrap();
-        assert_eq!((ended.code(), ended.signal()), (Some(status), None));
+        running.leaves_nothing(status, directory.path());
         until("QEMU has ended", || !qemu.iter().any(|pid| runs(*pid)));
         until("the temporary folder is empty", || {
             names(temporary.path()).is_empty()
         });
-        assert_eq!(names(directory.path()), [""; 0]);
-        let mut said = String::new();
-        std::io::Read::read_to_string(&mut running.0.stderr.take().unwrap(), &mut said).unwrap();
-        assert!(
-            said.starts_with("bead: interrupted; nothing is left behind"),
-            "{said}"
-        );
-        assert_eq!(said.lines().count(), 1, "{said}");
     }
 }
 
 #[test]
 fn ctrl_c_at_a_terminal_does_not_reach_qemu_and_the_run_leaves_nothing() {
-    use std::os::unix::process::CommandExt;
-    let (directory, temporary) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let mut running = Running(
-        Command::new(env!("CARGO_BIN_EXE_bead"))
-            .current_dir(&directory)
-            .env("TMPDIR", temporary.path())
-            // A minute of the bead's time, which takes ten seconds.
-            .args([
-                "emulate",
-                SCENARIO,
-                "--bead",
-                "8",
-                "--strikes",
-                "600",
-                "--out",
-                "run",
-            ])
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            // Like a shell: this program and what it starts are one group, unless it says otherwise.
-            .process_group(0)
-            .spawn()
-            .unwrap(),
-    );
+    let [directory, temporary] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let mut running = Running::start(directory.path(), temporary.path(), &emulate("300"));
     let started = || {
         let folders = fs::read_dir(temporary.path()).unwrap();
         let sends = |folder: fs::DirEntry| {
@@ -192,8 +184,7 @@ fn ctrl_c_at_a_terminal_does_not_reach_qemu_and_the_run_leaves_nothing() {
     };
     until("the bead speaks", || started() || running.ended());
     if running.ended() {
-        let mut said = String::new();
-        std::io::Read::read_to_string(&mut running.0.stderr.take().unwrap(), &mut said).unwrap();
+        let said = running.said();
         // There is neither an image nor QEMU where only this crate is built.
         assert!(
             said.contains("cargo xtask build") || said.contains("qemu-system-arm"),
@@ -201,23 +192,8 @@ fn ctrl_c_at_a_terminal_does_not_reach_qemu_and_the_run_leaves_nothing() {
         );
         return;
     }
-    let group = format!("kill -INT -- -{}", running.0.id());
-    assert!(
-        Command::new("bash")
-            .args(["-c", &group])
-            .status()
-            .unwrap()
-            .success()
-    );
-    let ended = running.0.wait().unwrap();
-    let mut said = String::new();
-    std::io::Read::read_to_string(&mut running.0.stderr.take().unwrap(), &mut said).unwrap();
-    assert_eq!((ended.code(), ended.signal()), (Some(130), None), "{said}");
-    assert!(
-        said.starts_with("bead: interrupted; nothing is left behind"),
-        "{said}"
-    );
-    assert_eq!(names(directory.path()), [""; 0]);
+    kill(&format!("-INT -- -{}", running.0.id()));
+    running.leaves_nothing(130, directory.path());
     // QEMU ends with its host, and takes its files with it.
     until("nothing is left of the run", || {
         names(temporary.path()).is_empty()
@@ -239,7 +215,13 @@ fn a_search_that_is_interrupted_prints_the_best_so_far() {
     std::thread::sleep(Duration::from_secs(2));
     running.signal("INT");
     let mut said = String::new();
-    std::io::Read::read_to_string(&mut running.0.stdout.take().unwrap(), &mut said).unwrap();
+    running
+        .0
+        .stdout
+        .take()
+        .unwrap()
+        .read_to_string(&mut said)
+        .unwrap();
     assert_eq!(running.0.wait().unwrap().code(), Some(0));
     let found: serde_json::Value = serde_json::from_str(&said).unwrap();
     assert_eq!(found["optimum"]["stopped"], true);

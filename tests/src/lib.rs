@@ -446,7 +446,7 @@ pub struct Answered {
 pub fn framed(payload: &[u8]) -> Vec<u8> {
     let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(payload);
     let payload = [payload, &crc.to_le_bytes()].concat();
-    let mut encoded = vec![0; corncobs::max_encoded_len(payload.len())];
-    let length = corncobs::encode_buf(&payload, &mut encoded);
-    [&[0], &encoded[..length]].concat()
+    let mut encoded = vec![0; cobs::max_encoding_length(payload.len())];
+    let length = cobs::encode(&payload, &mut encoded);
+    [&[0], &encoded[..length], &[0]].concat()
 }

@@ -1,6 +1,7 @@
 //! What a sample costs, and what the image takes, against the committed table of `docs/budget.md`.
 
 use std::fs;
+use std::path::PathBuf;
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
@@ -102,6 +103,24 @@ fn the_page_is_rewritten_in_its_figures_and_nowhere_else() {
         committed(page),
         [("trigger".into(), 8.7), ("stack, deepest".into(), 7016.0)]
     );
+}
+
+#[test]
+fn the_image_names_no_folder_of_the_computer_that_built_it() {
+    let image = fs::read(image()).unwrap();
+    let home = std::env::var_os("HOME").map(PathBuf::from);
+    let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let cargo = cargo.or(home.map(|home| home.join(".cargo")));
+    for folder in [Some(workspace().to_owned()), cargo].into_iter().flatten() {
+        let name = folder.as_os_str().as_encoded_bytes();
+        let there = image.windows(name.len()).any(|bytes| bytes == name);
+        assert!(
+            !there,
+            "{} is in the image, debug information included; `cargo xtask build` builds it without (a plain cargo \
+             does after it)",
+            folder.display()
+        );
+    }
 }
 
 #[test]

@@ -55,6 +55,35 @@ fn a_request_costs_a_live_bead_no_more_after_many_others() {
 }
 
 #[test]
+fn a_live_bead_samples_by_its_own_crystal() {
+    let samples = |ppm: f64| {
+        let mut run = paper(1, 0.1, Some(1));
+        run.truth.clock_ppm = ppm;
+        let mut bridge = Bridge::new(&run, None).unwrap_or_else(|failure| panic!("{failure}"));
+        let mut buffer = [0; MAX_REQUEST];
+        let request =
+            encode_request(ANY, 7, &Request::Status, &mut buffer).unwrap_or_else(|error| panic!("{error}"));
+        let second = Duration::from_secs(1);
+        let heard = [&[][..], &[], request].map(|bytes| {
+            bridge
+                .pass(bytes, second)
+                .unwrap_or_else(|failure| panic!("{failure}"))
+        });
+        let (frames, _) = decode(&heard.concat());
+        let mut replies = frames
+            .iter()
+            .filter(|frame| matches!(frame.message, Message::Reply(_)));
+        replies.next().expect("a reply").header.sample_index as f64
+    };
+    // 2 s of 100 kHz. An index moves by blocks of some ten samples.
+    let [slow, right, fast] = [-900.0, 0.0, 900.0].map(samples);
+    assert!((right - 2e5).abs() < 4000.0, "{right}");
+    for (index, expected) in [(slow, -180.0), (fast, 180.0)] {
+        assert!((index - right - expected).abs() < 60.0, "{index} {right}");
+    }
+}
+
+#[test]
 #[ignore = "an hour of the bead's time takes minutes: cargo test --release -p bead-tests --test live -- --ignored --nocapture"]
 fn a_thousand_requests_in_an_hour_cost_no_more_in_the_last_minute_than_in_the_first() {
     let began = Instant::now();

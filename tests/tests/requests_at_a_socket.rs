@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use bead::bench::bridge::{Bridge, serve};
+use bead::bench::bridge::{Bridge, Door, serve};
 use bead::bench::emulation::Emulation;
 use bead::cli::Cli;
 use bead_model::Settings;
@@ -34,8 +34,9 @@ fn behind_a_socket(run: &Emulation, requests: impl FnOnce(&str, &Path)) {
     thread::scope(|scope| {
         let server = scope.spawn(|| {
             let at = address.parse().unwrap_or_else(|error| panic!("{error}"));
+            let door = Door::open(&at)?;
             let mut bridge = Bridge::new(run, None)?;
-            serve(&mut bridge, &at, || (), &stop)
+            serve(&mut bridge, &door, &stop)
         });
         // The path is there a moment before anybody listens.
         while UnixStream::connect(&socket).is_err() && !server.is_finished() {

@@ -61,7 +61,7 @@ impl<const N: usize> Deframer<N> {
             .ok()
             .and_then(|length| self.encoded.get_mut(..length))
             .ok_or(Cause::TooLong)?;
-        let length = corncobs::decode_in_place(encoded).map_err(|_| Cause::Cobs)?;
+        let length = cobs::decode_in_place(encoded).map_err(|_| Cause::Cobs)?;
         Ok(&encoded[..length])
     }
 }

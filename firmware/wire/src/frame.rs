@@ -30,7 +30,7 @@ const HEADER: usize = 1 + 1 + 1 + 4 + 8;
 /// Longest frame before COBS, in bytes.
 const MAX_PAYLOAD: usize = HEADER + 1 + MAX_BODY + CRC_LENGTH;
 /// Longest frame between its delimiters, in bytes.
-pub(crate) const MAX_ENCODED: usize = corncobs::max_encoded_len(MAX_PAYLOAD) - 1;
+pub(crate) const MAX_ENCODED: usize = cobs::max_encoding_length(MAX_PAYLOAD);
 /// Longest frame on the wire with both delimiters, in bytes. A buffer of this length is always long enough.
 pub const MAX_FRAME: usize = 1 + MAX_ENCODED + 1;
 

@@ -21,6 +21,7 @@ mod queue;
 mod request;
 mod sequence;
 mod signed;
+mod stuffing;
 mod table;
 mod text;
 mod unit;

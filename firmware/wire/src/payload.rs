@@ -5,6 +5,7 @@ use bead_crc::checksum;
 use serde::Deserialize;
 
 use crate::cause::Cause;
+use crate::stuffing;
 
 pub(crate) const CRC_LENGTH: usize = 4;
 pub(crate) const DELIMITER: u8 = 0;
@@ -31,13 +32,9 @@ pub(crate) fn seal<'b>(
     payload[end..end + CRC_LENGTH].copy_from_slice(&crc.to_le_bytes());
     let (first, rest) = buffer.split_first_mut().ok_or(too_small)?;
     *first = DELIMITER;
-    let payload = &payload[..end + CRC_LENGTH];
-    if rest.len() < corncobs::max_encoded_len(payload.len()) {
-        return Err(too_small);
-    }
-    // This writes the delimiter at the end too.
-    let length = corncobs::encode_buf(payload, rest);
-    Ok(&buffer[..1 + length])
+    let length = stuffing::encode(&payload[..end + CRC_LENGTH], rest).ok_or(too_small)?;
+    *rest.get_mut(length).ok_or(too_small)? = DELIMITER;
+    Ok(&buffer[..1 + length + 1])
 }
 
 /// Splits a payload whose CRC is right into its first `HEADER` bytes and the rest, without the CRC.

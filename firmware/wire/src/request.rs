@@ -23,7 +23,7 @@ use crate::text::{Block, Inner};
 /// Version, kind, number.
 const HEADER: usize = 1 + 1 + 2;
 const MAX_PAYLOAD: usize = HEADER + 1 + MAX_BODY + CRC_LENGTH;
-const MAX_ENCODED: usize = corncobs::max_encoded_len(MAX_PAYLOAD) - 1;
+const MAX_ENCODED: usize = cobs::max_encoding_length(MAX_PAYLOAD);
 /// Longest request on the wire with both delimiters, in bytes. A buffer of this length is always long enough.
 pub const MAX_REQUEST: usize = 1 + MAX_ENCODED + 1;
 

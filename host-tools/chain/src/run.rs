@@ -39,6 +39,9 @@ pub struct Run {
     stepper: Stepper,
 }
 
+/// Steps that take seconds at most.
+const FEW_STEPS: f64 = 1e6;
+
 impl Run {
     /// The chain of a scenario at t = 0. Its duration is not looked at.
     ///
@@ -60,6 +63,10 @@ impl Run {
             return Ok(());
         };
         let steps = self.model.fewest_steps(end - self.time(), longest_step);
+        // A strike may also be so slow that no resonator is as slow.
+        if steps < FEW_STEPS {
+            return Ok(());
+        }
         // Sixteen evaluations, 20 ns for eight bodies each.
         let seconds = steps * (0.5e-6 + 0.04e-6 * self.model.bodies() as f64);
         let time = 1.0 / rate;

@@ -21,6 +21,7 @@ use std::ffi::OsString;
 use std::time::Duration;
 
 pub use error::RunError;
+pub use folder::remove_temporary_files;
 pub use image::{Function, functions};
 pub use live::{Live, Passed};
 pub use overlay::carry;

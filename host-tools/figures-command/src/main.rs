@@ -17,8 +17,8 @@ use hertz_figures::{catalogue, chapter};
 use serde_json::json;
 
 const AFTER_HELP: &str = "\
-Each figure is written as figure-NAME.svg, .png, .csv and .parquet, an animation as .gif too; index.html shows them all
-with their checks.
+Each figure is written as figure-NAME.svg, .png, .csv and .parquet, an animation as .gif too; index.html \
+shows them all with their checks.
 
 Examples:
   bead figures --list

@@ -48,6 +48,45 @@ fn keys(value: &Value) -> Vec<&str> {
 }
 
 #[test]
+fn the_help_fits_a_terminal_of_80_columns() {
+    let mut figures = Command::new(env!("CARGO_BIN_EXE_bead-figures"));
+    figures.env("COLUMNS", "80").arg("--help");
+    let help = String::from_utf8(figures.output().unwrap().stdout).unwrap();
+    assert!(help.contains("Usage:"), "{help}");
+    for line in help.lines() {
+        assert!(line.chars().count() <= 80, "{line}");
+    }
+}
+
+/// In a small file system in memory, in a namespace of its own.
+#[test]
+fn a_full_disk_is_told_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("disk")).unwrap();
+    let shell = |script: &str| {
+        Command::new("unshare")
+            .args(["--user", "--map-root-user", "--mount", "sh", "-c", script])
+            .current_dir(&folder)
+            .env("FIGURES", env!("CARGO_BIN_EXE_bead-figures"))
+            .output()
+    };
+    let mount = "mount -t tmpfs -o size=16k tmpfs disk";
+    if !shell(mount).is_ok_and(|output| output.status.success()) {
+        eprintln!("SKIPPED: this user may not mount a file system in a namespace of its own");
+        return;
+    }
+    let script = format!(
+        "{mount} && $FIGURES 2C --out disk/a > /dev/null; status=$?; find disk -type f >&2; exit $status"
+    );
+    let output = shell(&script).unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("No space left on device"), "{said}");
+    // No half of a result is left.
+    assert_eq!(said.lines().count(), 1, "{said}");
+}
+
+#[test]
 fn a_figure_leaves_its_picture_its_data_and_its_checks() {
     let directory = tempfile::tempdir().unwrap();
     let out = directory.path().join("new/figures");

@@ -10,7 +10,8 @@
 
 use std::io::{self, Read, Write};
 use std::net::TcpListener;
-use std::os::unix::net::UnixListener;
+use std::os::unix::fs::FileTypeExt;
+use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -46,6 +47,8 @@ pub struct Bridge {
     /// Up to when the image has codes, if it samples.
     codes_until_ns: Option<u64>,
     row_ns: u64,
+    /// Seconds of the bead's crystal in a true one: rows follow the crystal.
+    rate: f64,
     pace: Option<Pace>,
     /// What the last stretch of time has cost.
     pub work: Work,
@@ -74,6 +77,7 @@ impl Bridge {
             next: 0,
             codes_until_ns: None,
             row_ns: machine.sample_period_ns,
+            rate: 1.0 + emulation.truth.clock_ppm * 1e-6,
             live: machine.start()?,
             pace: pace.map(|factor| Pace {
                 started: Instant::now(),
@@ -126,7 +130,8 @@ impl Bridge {
             Some(until) => until,
             None => self.live.now_ns() + self.next as u64 * self.row_ns,
         };
-        let count = to_ns.saturating_sub(from_ns) / self.row_ns + 2;
+        let own_ns = to_ns.saturating_sub(from_ns) as f64 * self.rate;
+        let count = own_ns as u64 / self.row_ns + 2;
         let rows = self.rows.iter().cycle().skip(self.next % self.rows.len());
         self.next += count as usize;
         rows.take(count as usize).copied().collect()
@@ -154,49 +159,96 @@ impl Bridge {
     }
 }
 
-/// Serves the programs that connect to the address, one after another, until `stop`. Calls `ready` when they
-/// can.
+/// Where programs connect.
+pub struct Door {
+    listener: Listener,
+    #[expect(dead_code, reason = "a socket's path is removed when this is dropped")]
+    removed: Option<Removed>,
+}
+
+enum Listener {
+    Tcp(TcpListener),
+    Unix(UnixListener),
+}
+
+impl Door {
+    /// Listens at an address. Programs that connect wait until they are served.
+    ///
+    /// # Errors
+    /// The address cannot be listened at.
+    pub fn open(address: &Address) -> Result<Self, BenchError> {
+        let cannot = |error: io::Error| {
+            BenchError::Unfit(format!(
+                "cannot listen at {address}: {error}; {}",
+                advice(address, &error)
+            ))
+        };
+        let (listener, removed) = match address {
+            Address::Serial(path) => {
+                return Err(BenchError::Unfit(format!(
+                    "cannot listen at {path}; give unix:PATH or tcp:HOST:PORT"
+                )));
+            }
+            Address::Tcp(server) => {
+                let listener = TcpListener::bind(server.as_str()).map_err(cannot)?;
+                listener.set_nonblocking(true).map_err(cannot)?;
+                (Listener::Tcp(listener), None)
+            }
+            Address::Unix(path) => {
+                let listener = UnixListener::bind(path).map_err(cannot)?;
+                let removed = Removed(path.clone());
+                listener.set_nonblocking(true).map_err(cannot)?;
+                (Listener::Unix(listener), Some(removed))
+            }
+        };
+        Ok(Self { listener, removed })
+    }
+}
+
+/// What to do where an address cannot be listened at.
+fn advice(address: &Address, error: &io::Error) -> String {
+    match (address, error.kind()) {
+        (Address::Unix(path), io::ErrorKind::AddrInUse) => {
+            let is_socket = path.metadata().is_ok_and(|found| found.file_type().is_socket());
+            let shown = path.display();
+            match UnixStream::connect(path) {
+                Ok(_) => "another program listens there; give another path".to_owned(),
+                Err(_) if is_socket => {
+                    format!("the program that listened there is gone; remove its socket: rm {shown}")
+                }
+                Err(_) => "a file is there; give another path".to_owned(),
+            }
+        }
+        (Address::Unix(_), io::ErrorKind::NotFound) => "make its directory, or give another path".to_owned(),
+        (Address::Unix(_), _) => "give another path".to_owned(),
+        (_, io::ErrorKind::AddrInUse) => "another program listens there; give another port".to_owned(),
+        (_, io::ErrorKind::AddrNotAvailable) => {
+            "this computer has no such address; give tcp:127.0.0.1:PORT".to_owned()
+        }
+        (_, io::ErrorKind::PermissionDenied) => "give a port above 1023".to_owned(),
+        _ => "give an address of this computer, such as tcp:127.0.0.1:4000".to_owned(),
+    }
+}
+
+/// Serves the programs that connect, one after another, until `stop`.
 ///
 /// # Errors
-/// The address cannot be listened at, or QEMU fails.
-pub fn serve(
-    bridge: &mut Bridge,
-    address: &Address,
-    ready: impl FnOnce(),
-    stop: &AtomicBool,
-) -> Result<(), BenchError> {
+/// QEMU fails.
+pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), BenchError> {
     let pause = bridge.pause();
-    let cannot = |error| {
-        let what = format!("cannot listen at {address}; is something else there?");
-        BenchError::unfit(&what, error)
-    };
-    match address {
-        Address::Serial(path) => Err(BenchError::Unfit(format!(
-            "cannot listen at {path}; give unix:PATH or tcp:HOST:PORT"
-        ))),
-        Address::Tcp(server) => {
-            let listener = TcpListener::bind(server.as_str()).map_err(cannot)?;
-            listener.set_nonblocking(true).map_err(cannot)?;
-            ready();
-            accept(bridge, stop, || {
-                let (stream, _) = listener.accept()?;
-                stream.set_nonblocking(false)?;
-                stream.set_read_timeout(Some(pause))?;
-                Ok(stream)
-            })
-        }
-        Address::Unix(path) => {
-            let listener = UnixListener::bind(path).map_err(cannot)?;
-            let _removed = Removed(path.clone());
-            listener.set_nonblocking(true).map_err(cannot)?;
-            ready();
-            accept(bridge, stop, || {
-                let (stream, _) = listener.accept()?;
-                stream.set_nonblocking(false)?;
-                stream.set_read_timeout(Some(pause))?;
-                Ok(stream)
-            })
-        }
+    match &door.listener {
+        Listener::Tcp(listener) => accept(bridge, stop, || {
+            let (stream, _) = listener.accept()?;
+            stream.set_nonblocking(false)?;
+            stream.set_read_timeout(Some(pause))?;
+            Ok(stream)
+        }),
+        Listener::Unix(listener) => accept(bridge, stop, || {
+            let (stream, _) = listener.accept()?;
+            stream.set_nonblocking(false)?;
+            stream.set_read_timeout(Some(pause))?;
+            Ok(stream)
+        }),
     }
 }
 

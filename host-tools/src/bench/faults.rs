@@ -167,6 +167,16 @@ impl Planned {
         }
     }
 
+    /// Whether the bead cannot see a strike that begins at `time`, s after the first scan: its force sensor says
+    /// nothing then.
+    pub fn hides(&self, time: f64) -> bool {
+        /// From the strike to the end of what the detector looks at, s.
+        const PULSE: f64 = 0.01;
+        let blind = matches!(self.kind, Kind::ForceStuck | Kind::ForceRailed);
+        let until = self.duration.map_or(f64::INFINITY, |duration| self.at + duration);
+        blind && (self.at - PULSE..until).contains(&time)
+    }
+
     fn found(&self) -> bool {
         self.duration.is_none_or(|duration| duration >= FOUND)
     }

@@ -2,7 +2,7 @@
 //!
 //! # Design
 //! A command that is interrupted ends at once, and its results are whole or gone: files that were being written
-//! are removed, and a QEMU sees that its host is gone, removes the run's temporary files and ends. The exit
+//! are removed, so are the temporary files of a run, and a QEMU sees that its host is gone and ends. The exit
 //! status is 128 and the signal's number.
 //!
 //! A command that records has a better end: it asks for [`orderly`]. The first signal then asks it to complete
@@ -86,6 +86,7 @@ pub fn resumable(how: String) {
 /// Ends the program. Nothing half-done stays under a name that was asked for.
 fn end(signal: i32) -> ! {
     remove_unfinished();
+    stm32f405_qemu::remove_temporary_files();
     match ORDERLY.get().map(|orderly| &orderly.left).or(RESUMABLE.get()) {
         Some(left) => note(format_args!("interrupted; {left}")),
         None => note(format_args!("interrupted; nothing is left behind, run it again")),

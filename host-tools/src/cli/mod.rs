@@ -21,15 +21,16 @@ use commands::{
 use failure::{Blame, Failure};
 
 const AFTER_HELP: &str = "\
-Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure.
-Results go to standard output, everything else to standard error.
+Exit status: 0 done, 1 a check said no, 2 usage or input error, 3 device or emulator failure. Results go to \
+standard output, everything else to standard error.
 
 Examples:
   bead simulate docs/scenarios/paper-strike.toml
   bead sweep docs/scenarios/stiffness-and-speed.toml --out map.parquet
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
   bead replay run/bead-8.mcap
-  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
+  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml \\
+      --report report.html
   bead export run/bead-8.mcap --out tables
   bead record --port /dev/ttyUSB0
   bead fetch --port /dev/ttyUSB0 --out kept.mcap

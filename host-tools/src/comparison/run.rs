@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use crate::bench::emulation::{Emulation, InstructionsPerSample, Ran};
 use crate::bench::faults::Planned;
+use crate::bench::front_end::SAMPLE_RATE_HZ;
 use crate::bench::sensed::Truth;
 use crate::comparison::given::Given;
 use crate::comparison::replay::replay;
@@ -34,6 +35,9 @@ pub struct RunReport {
     pub strikes_passed_over: u64,
     /// Runs of scans that the bead lost: first index, and first index after. A strike in one was not seen.
     pub gaps: Vec<[u64; 2]>,
+    /// Strikes that a fault of the force sensor hid.
+    #[serde(skip)]
+    pub hidden: usize,
     /// The faults of the fault file.
     pub provoked: Vec<ProvokedFault>,
     /// The faults that the bead reported.
@@ -193,6 +197,7 @@ impl RunReport {
             echoes,
             strikes_passed_over,
             gaps,
+            hidden: hidden(&emulation.faults, &truth.starts),
             provoked: answered(&emulation.faults, &reported),
             faults: reported,
             health,
@@ -274,7 +279,7 @@ impl RunReport {
         let FrameCounts { lost, corrupt, .. } = self.frames;
         let dropped: u64 = self.frames.dropped_by_cause.values().sum();
         let unseen = self.strikes_passed_over as usize + self.gaps.len();
-        let known = self.strikes.len() + count(&[FaultCause::StrikeCut]) + unseen;
+        let known = self.strikes.len() + count(&[FaultCause::StrikeCut]) + unseen + self.hidden;
         ensure!(
             reported == provoked,
             "{reported} faults were reported where {provoked} were provoked"
@@ -296,10 +301,19 @@ impl RunReport {
         );
         ensure!(
             resets > 0 || known >= struck,
-            "{known} of {struck} strikes were measured, cut, passed over or in a gap that was told"
+            "{known} of {struck} strikes were measured, cut, passed over, in a gap that was told, or hidden by a fault of \
+             the force sensor"
         );
         Ok(())
     }
+}
+
+/// How many strikes, by the indices at which they begin, no bead could see for these faults.
+fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
+    let times = starts.iter().map(|start| start / f64::from(SAMPLE_RATE_HZ));
+    times
+        .filter(|time| faults.iter().any(|fault| fault.hides(*time)))
+        .count()
 }
 
 /// The last status of every boot, as counts begin at the reset. After power-up the number of the boot begins
@@ -382,6 +396,17 @@ mod tests {
     use serde_json::json;
 
     #[test]
+    fn strikes_under_a_force_sensor_that_stands_still_are_hidden_and_others_are_not() {
+        let faults = "[[fault]]\nat = 0.5\nduration = 0.25\nkind = \"force_stuck\"\n\
+                      [[fault]]\nat = 1.2\nduration = 0.25\nkind = \"acceleration_stuck\"";
+        let faults = crate::bench::faults::parse(faults, "f.toml").unwrap();
+        // One every 0.1 s: at 0.5, 0.6 and 0.7 s the sensor stands still.
+        let starts: Vec<f64> = (0..20).map(|strike| 1e4 * f64::from(strike)).collect();
+        assert_eq!(hidden(&faults, &starts), 3);
+        assert_eq!(hidden(&[], &starts), 0);
+    }
+
+    #[test]
     fn the_json_has_the_keys_of_the_contract() {
         let report = RunReport {
             frames: FrameCounts {
@@ -395,6 +420,7 @@ mod tests {
             echoes: Vec::new(),
             strikes_passed_over: 0,
             gaps: Vec::new(),
+            hidden: 0,
             provoked: Vec::new(),
             faults: Vec::new(),
             health: None,
@@ -478,6 +504,7 @@ mod tests {
             echoes: Vec::new(),
             strikes_passed_over: 0,
             gaps: Vec::new(),
+            hidden: 0,
             provoked: Vec::new(),
             faults: Vec::new(),
             health: None,

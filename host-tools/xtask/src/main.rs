@@ -15,6 +15,7 @@ mod miri;
 mod mutants;
 mod nightly;
 mod packages;
+mod paths;
 mod python;
 mod setup;
 mod step;

@@ -162,7 +162,7 @@ pub(crate) fn find(program: &str) -> Option<PathBuf> {
 }
 
 /// What a command prints on standard output, trimmed; `None` if it fails.
-fn output(line: &str) -> Option<String> {
+pub(crate) fn output(line: &str) -> Option<String> {
     let out = Line::new(line).command().output().ok()?;
     let said = String::from_utf8_lossy(&out.stdout);
     out.status.success().then(|| said.trim().to_owned())

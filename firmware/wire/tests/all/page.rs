@@ -196,7 +196,7 @@ fn example() -> String {
     let mut buffer = [0; MAX_FRAME];
     let sent = encode(&header, &message, &mut buffer).unwrap();
     let mut payload = vec![0; MAX_FRAME];
-    let length = corncobs::decode_buf(&sent[1..], &mut payload).unwrap();
+    let length = cobs::decode(&sent[1..], &mut payload).unwrap();
     let payload = &payload[..length];
     let crc = u32::from_le_bytes(payload[length - 4..].try_into().unwrap());
     let meanings = [

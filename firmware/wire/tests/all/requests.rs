@@ -29,10 +29,9 @@ fn by_hand(version: u8, kind: u8, number: u16, body: &[u8]) -> Vec<u8> {
     }
     payload.extend(body);
     payload.extend(Crc::<u32>::new(&CRC_32_ISO_HDLC).checksum(&payload).to_le_bytes());
-    let mut stream = vec![0; corncobs::max_encoded_len(payload.len())];
-    let length = corncobs::encode_buf(&payload, &mut stream);
-    stream.truncate(length);
-    [&[0][..], &stream].concat()
+    let mut stream = vec![0; cobs::max_encoding_length(payload.len())];
+    let length = cobs::encode(&payload, &mut stream);
+    [&[0], &stream[..length], &[0]].concat()
 }
 
 fn decode(decoder: &mut RequestDecoder, stream: &[u8]) -> Vec<Result<Heard, Cause>> {

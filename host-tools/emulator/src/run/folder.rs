@@ -1,11 +1,31 @@
 //! The directory of a run.
 
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 use super::error::{RunError, io};
 
+/// The directories that there are now.
+static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Removes the temporary files of all runs: for a program that is interrupted, and ends without an end of its runs.
+/// A QEMU that runs removes them when its host is gone, but there may be none yet.
+pub fn remove_temporary_files() {
+    for folder in FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+        // The program ends, and has something else to say.
+        let _ = std::fs::remove_dir_all(folder);
+    }
+}
+
 /// A temporary directory. It is removed when this is dropped.
 pub(super) struct Folder(tempfile::TempDir);
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
+        folders.retain(|folder| folder != self.0.path());
+    }
+}
 
 impl Folder {
     /// # Errors
@@ -21,6 +41,9 @@ impl Folder {
                 folder.path().display()
             )));
         }
+        let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
+        folders.push(folder.path().to_owned());
+        drop(folders);
         Ok(Self(folder))
     }
 

@@ -20,17 +20,20 @@ use crate::cli::front_end_options::Sensors;
 use crate::cli::output;
 
 const AFTER_HELP: &str = "\
-The scenario is struck by spheres of the given radii at the given speeds; all else in it stays. For each cell the flash
-image runs in QEMU on --strikes strikes, with the noise of the front end: once behind the sensors for weak strikes, and
-once behind those for strong ones. The error of an estimate is the root mean square over the strikes, relative to the
-full f64 chain; the worst error stands beside it.
+The scenario is struck by spheres of the given radii at the given speeds; all else in it stays. For each \
+cell the flash image runs in QEMU on --strikes strikes, with the noise of the front end: once behind the \
+sensors for weak strikes, and once behind those for strong ones. The error of an estimate is the root mean \
+square over the strikes, relative to the full f64 chain; the worst error stands beside it.
 
-Exit status 1 if in any cell neither pair of sensors keeps A within 0.5 % and B within 1 % without meeting a rail.
+Exit status 1 if in any cell neither pair of sensors keeps A within 0.5 % and B within 1 % without meeting a \
+rail.
 
 Examples:
   bead accuracy docs/scenarios/paper-strike.toml --bead 8
-  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --force --table docs/ranges.md
-  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --radii 0.0045 --speeds 0.3,0.6 --strikes 20 --format json";
+  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --force \\
+      --table docs/ranges.md
+  bead accuracy docs/scenarios/paper-strike.toml --bead 8 --radii 0.0045 \\
+      --speeds 0.3,0.6 --strikes 20 --format json";
 
 /// Arguments of `bead accuracy`.
 #[derive(Debug, Args)]

@@ -10,14 +10,15 @@ use crate::cli::output::{self, Format};
 use crate::recording::clock::{ClockComparison, Place, compare};
 
 const AFTER_HELP: &str = "\
-Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive times of the
-recording: a minute gives it to some ppm, ten minutes to a tenth of a ppm, as far as delays allow. With several
-recordings, beads whose sync inputs saw the same edges are put on the time of the first bead, to tens of ns. Their
-strikes are put on that time too.
+Drift is how fast a bead's clock is; below zero it is slow. Drift against the host comes from the receive \
+times of the recording: a minute gives it to some ppm, ten minutes to a tenth of a ppm, as far as delays \
+allow. With several recordings, beads whose sync inputs saw the same edges are put on the time of the first \
+bead, to tens of ns. Their strikes are put on that time too.
 
 Examples:
   bead clock strikes.mcap
-  bead clock bead-5.mcap bead-8.mcap --format json | jq '.strikes[] | [.recording, .arrival_s]'";
+  bead clock bead-5.mcap bead-8.mcap --format json \\
+      | jq '.strikes[] | [.recording, .arrival_s]'";
 
 /// Arguments of `bead clock`.
 #[derive(Debug, Args)]

@@ -25,7 +25,8 @@ Examples:
   bead command status --port /dev/ttyUSB0
   bead command self-test --port /dev/ttyUSB0 --format json
   bead command raw --port /dev/ttyUSB0 --duration 0.5 --out scans.csv
-  bead command status --port /dev/ttyUSB0 --address 3     (one of several on a line)
+  bead command status --port /dev/ttyUSB0 \\
+      --address 3 (one of several on a line)
   bead command reboot --port tcp:192.168.1.7:4000";
 
 /// Arguments of `bead command`.

@@ -25,29 +25,34 @@ use crate::recording::received::Received;
 use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
-Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. Several strikes are
-judged together: the mean by these goals, the scatter of A by 0.5 % and of B by 1 %, each with its uncertainty. An emulated run
-must also leave a quarter of the core free while a strike is measured. Exit status 1 if a goal is missed.
+Goals: A within 0.2 % of the full chain, B within 0.5 %, replay identical, no frame lost, no overrun. \
+Several strikes are judged together: the mean by these goals, the scatter of A by 0.5 % and of B by 1 %, \
+each with its uncertainty. An emulated run must also leave a quarter of the core free while a strike is \
+measured. Exit status 1 if a goal is missed.
 
-How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds the velocity
-from the recorded force alone, prints it with its uncertainty, and judges A and B against the chain at that velocity.
+How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds \
+the velocity from the recorded force alone, prints it with its uncertainty, and judges A and B against the \
+chain at that velocity.
 
-Of a recording of several beads (`bead emulate --bead 7-16`, `bead record --port all`) all are compared with one simulation:
-each by the goals above; when the wave came to each on the time of their sync edges, and how fast it went; the energy E(n)
-that n intruders leave, and T, the part that each lets pass, by the beads' own A and B. docs/row.md says how to read it.
+Of a recording of several beads (`bead emulate --bead 7-16`, `bead record --port all`) all are compared with \
+one simulation:
+each by the goals above; when the wave came to each on the time of their sync edges, and how fast it went; \
+the energy E(n) that n intruders leave, and T, the part that each lets pass, by the beads' own A and B. \
+docs/row.md says how to read it.
 
-With --reference a strike is held against the record of another instrument instead, and not against the chain: they are
-aligned, and correlation, gain, arrival, peak, energy and residual are printed (docs/waveforms.md). Exit status 1 if replay
-differs.
+With --reference a strike is held against the record of another instrument instead, and not against the \
+chain: they are aligned, and correlation, gain, arrival, peak, energy and residual are printed \
+(docs/waveforms.md). Exit status 1 if replay differs.
 
 Examples:
   bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml
-  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --velocity fit
-  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --report report.html
-  bead compare run/bead-8.mcap --scenario docs/scenarios/paper-strike.toml --figures figures
+  bead compare run/bead-8.mcap --velocity fit
+  bead compare run/bead-8.mcap --report report.html
+  bead compare run/bead-8.mcap --figures figures
   bead compare run/chain.mcap --report row.html
   bead compare run/chain.mcap --bead 9
-  bead compare run/bead-8.mcap --reference scope.csv --force-column CH1:8.9N --report report.html";
+  bead compare run/bead-8.mcap --reference scope.csv --force-column CH1:8.9N \\
+      --report report.html";
 
 /// Arguments of `bead compare`.
 #[derive(Debug, Args)]

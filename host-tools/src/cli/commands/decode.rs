@@ -17,9 +17,10 @@ use crate::recording::printable::printable;
 use crate::recording::received::Received;
 
 const AFTER_HELP: &str = "\
-Fixed-point fields are shown in SI units, named in the key, with the bits beside them (…_raw). Of a recording that has
-receive times each frame also has `received`, when this host got it, and `host_time`, what this host's clock showed at
-the frame's sample index, by the fit of `bead clock`. Counts of what was received, lost and refused go to standard error.
+Fixed-point fields are shown in SI units, named in the key, with the bits beside them (…_raw). Of a \
+recording that has receive times each frame also has `received`, when this host got it, and `host_time`, \
+what this host's clock showed at the frame's sample index, by the fit of `bead clock`. Counts of what was \
+received, lost and refused go to standard error.
 
 Examples:
   bead decode run/bead-8.mcap | jq 'select(.kind == \"strike\")'
@@ -86,7 +87,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recording = Received::open(path)?.recording;
     let tracker = Tracker::of(&recording)?;
     let fits: Vec<_> = tracker.segments.iter().map(|segment| segment.fit()).collect();
-    print(path, recording.frames()?, &fits)
+    print(path, recording.frames()?, &fits)?;
+    if tracker.left_out {
+        output::note(format_args!(
+            "boots of beads after the first {} have no host_time",
+            fits.len()
+        ));
+    }
+    Ok(())
 }
 
 /// Prints frames to standard output, one in each line. `fits` turn bead time into host time, one for each

@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::bench::bridge::{self, Bridge};
+use crate::bench::bridge::{self, Bridge, Door};
 use crate::bench::emulation::{Emulation, Placed, Ran, StimulusFile, settings_of};
 use crate::bench::error::BenchError;
 use crate::bench::faults::{self, Planned};
@@ -38,32 +38,41 @@ use crate::recording::whole::{Target, Unfinished};
 use crate::waveform::Waveform;
 
 const AFTER_HELP: &str = "\
-The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes at its
-converter. What it sends is decoded, replayed and compared with the full f64 chain. --out leaves the recording
-DIR/bead-N.mcap for `bead decode`, `bead replay` and `bead compare`, and the image's settings block DIR/bead-N.settings,
-which can be flashed to a board of this calibration at 0x080A0000.
+The image is the file that is flashed to a board. It gets the bead's settings in its flash sector and codes \
+at its converter. What it sends is decoded, replayed and compared with the full f64 chain. --out leaves the \
+recording DIR/bead-N.mcap for `bead decode`, `bead replay` and `bead compare`, and the image's settings \
+block DIR/bead-N.settings, which can be flashed to a board of this calibration at 0x080A0000.
 
-With several beads (--bead 7-16, 7,9,12 or all) one strike is simulated, and each bead runs in a QEMU of its own, as many
-at once as there are cores, with its own crystal, start, noise and address, on one time. Their sync inputs are on one line.
-All stand in one recording, DIR/chain.mcap. The same command gives the same bytes on any number of cores.
+With several beads (--bead 7-16, 7,9,12 or all) one strike is simulated, and each bead runs in a QEMU of its \
+own, as many at once as there are cores, with its own crystal, start, noise and address, on one time. Their \
+sync inputs are on one line. All stand in one recording, DIR/chain.mcap. The same command gives the same \
+bytes on any number of cores.
 
---stimulus plays a waveform of your own instead of the scenario's strike: force, acceleration or both over time, from a text
-table (CSV of an oscilloscope, a spreadsheet, a program), WAV, Parquet, or a recording. The scenario then only says which bead
-it is. Each result stands beside what f64 estimates make of the waveform: docs/waveforms.md.
+--stimulus plays a waveform of your own instead of the scenario's strike: force, acceleration or both over \
+time, from a text table (CSV of an oscilloscope, a spreadsheet, a program), WAV, Parquet, or a recording. \
+The scenario then only says which bead it is. Each result stands beside what f64 estimates make of the \
+waveform: docs/waveforms.md.
 
-Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay differs. With
---faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not counted, or replay
-differs.
+Exit status 1 if a frame is lost, a sample overruns, the image resets, a strike is not seen, or replay \
+differs. With --faults: if a fault is not reported, a fault is reported that was not provoked, a loss is not \
+counted, or replay differs.
 
 Examples:
   bead emulate docs/scenarios/paper-strike.toml --bead 8 --out run
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --noise off --format json
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 --interval 0.05 --seed 7
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 --faults docs/scenarios/faults.toml
-  bead emulate docs/scenarios/ten-intruders.toml --bead all --clock-spread 100 --start-spread 0.05 --out run
-  bead emulate docs/scenarios/ten-intruders.toml --bead 10 --sync-period 0.2 --clock-ppm -20 --out run
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --stimulus scope.csv --force-column CH1:8.9N --out run
-  bead emulate docs/scenarios/paper-strike.toml --bead 8 --listen unix:bead.sock
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --noise off \\
+      --format json
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 5 \\
+      --interval 0.05 --seed 7
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 --strikes 60 \\
+      --faults docs/scenarios/faults.toml
+  bead emulate docs/scenarios/ten-intruders.toml --bead all \\
+      --clock-spread 100 --start-spread 0.05 --out run
+  bead emulate docs/scenarios/ten-intruders.toml --bead 10 --sync-period 0.2 \\
+      --clock-ppm -20 --out run
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
+      --stimulus scope.csv --force-column CH1:8.9N --out run
+  bead emulate docs/scenarios/paper-strike.toml --bead 8 \\
+      --listen unix:bead.sock
     and, meanwhile: bead command self-test --port unix:bead.sock";
 
 /// Arguments of `bead emulate`.
@@ -241,9 +250,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.waveform.without("--stimulus")?;
     }
     let outputs = arguments.outputs(&beads)?;
+    // Before the work, which an address that does not do would waste.
+    let door = arguments.listen.as_ref().map(Door::open).transpose()?;
     let bench = Bench::of(arguments, &scenario, &beads)?;
-    if let Some(address) = &arguments.listen {
-        return listen(arguments, &bench, address);
+    if let (Some(address), Some(door)) = (&arguments.listen, &door) {
+        return listen(arguments, &bench, address, door);
     }
     if let Some(port) = arguments.gdb {
         bench.progress.suspend(|| {
@@ -313,7 +324,7 @@ struct OfBead<'a> {
 }
 
 /// Is a bead at an address until it is stopped.
-fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address) -> Result<(), Failure> {
+fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address, door: &Door) -> Result<(), Failure> {
     let emulation = bench.prepare(bench.placed[0])?;
     bench.progress.finish_and_clear();
     bench.tell();
@@ -322,16 +333,14 @@ fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address) -> Result
         Some(factor) => format!("passes {factor} times as fast as this computer's"),
         None => "passes while somebody is connected".to_owned(),
     };
-    let ready = || {
-        output::note(format_args!(
-            "a bead is at {address} until Ctrl-C; its time {passes}"
-        ));
-    };
     if let Some(port) = arguments.gdb {
         output::note(format_args!("it waits for a debugger: target remote :{port}"));
     }
     let mut bridge = Bridge::new(&emulation, arguments.pace)?;
-    Ok(bridge::serve(&mut bridge, address, ready, &stop)?)
+    output::note(format_args!(
+        "a bead is at {address} until Ctrl-C; its time {passes}"
+    ));
+    Ok(bridge::serve(&mut bridge, door, &stop)?)
 }
 
 /// The chain, and the beads in it that are run.

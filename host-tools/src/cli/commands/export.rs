@@ -20,10 +20,10 @@ use crate::recording::received::Received;
 use crate::recording::strikes::RecordedStrike;
 
 const AFTER_HELP: &str = "\
-Parquet and CSV are two tables: `strikes` has a row for each strike of each bead, with what the bead said of it and the
-settings that it measured with; `samples` has a row for each sample of each window. `id` joins them. All is in SI
-units, which end the names of the columns. Columns named _raw hold the bits that the bead computed, columns named
-_code the codes of its converter. docs/export.md says what each column is.
+Parquet and CSV are two tables: `strikes` has a row for each strike of each bead, with what the bead said of \
+it and the settings that it measured with; `samples` has a row for each sample of each window. `id` joins \
+them. All is in SI units, which end the names of the columns. Columns named _raw hold the bits that the bead \
+computed, columns named _code the codes of its converter. docs/export.md says what each column is.
 
 UFF is one file of datasets 58: force and acceleration of each strike over time.
 

@@ -12,7 +12,8 @@ use crate::cli::place::{self, Force, Kind};
 const COMPLETIONS_HELP: &str = "\
 Examples:
   bead completions bash > ~/.local/share/bash-completion/completions/bead
-  bead completions zsh > ~/.zfunc/_bead          (with fpath+=~/.zfunc before compinit in ~/.zshrc)
+  bead completions zsh > ~/.zfunc/_bead
+    (with fpath+=~/.zfunc before compinit in ~/.zshrc)
   bead completions fish > ~/.config/fish/completions/bead.fish";
 
 /// Arguments of `bead completions`.

@@ -19,15 +19,19 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
 
 const AFTER_HELP: &str = "\
-What remains is the share of the injected energy that the intruders have not dissipated by the end of the run: what they
-still hold, what was reflected and transmitted, and what the contacts lost. The scenario's duration is that of a strike at
-the scenario's speed V. A strike at speed v runs (V/v)^(1/5) times as long, in which its wave comes as far. The duration
-must let the whole wave pass the hosts, and the chain must be so long that nothing comes back: the result tells both.
+What remains is the share of the injected energy that the intruders have not dissipated by the end of the \
+run: what they still hold, what was reflected and transmitted, and what the contacts lost. The scenario's \
+duration is that of a strike at the scenario's speed V. A strike at speed v runs (V/v)^(1/5) times as long, \
+in which its wave comes as far. The duration must let the whole wave pass the hosts, and the chain must be \
+so long that nothing comes back: the result tells both.
 
 Examples:
-  bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 --total-mass 0.037
-  bead optimise docs/scenarios/ten-intruders.toml --hosts 7,9,11 --total-mass 0.03 --mass 0.001:0.02 --out best.toml
-  bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 --total-mass 0.12 --speeds 0.1,1,10 --worst
+  bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 \\
+      --total-mass 0.037
+  bead optimise docs/scenarios/ten-intruders.toml --hosts 7,9,11 \\
+      --total-mass 0.03 --mass 0.001:0.02 --out best.toml
+  bead optimise docs/scenarios/ten-intruders.toml --hosts 7-16 \\
+      --total-mass 0.12 --speeds 0.1,1,10 --worst
   bead simulate best.toml";
 
 /// Arguments of `bead optimise`.

@@ -39,26 +39,29 @@ use crate::recording::frames::{Frame, Item, Reader};
 use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
-Several beads go into one recording, on the host's time: --port for each, or --port all for every serial port here. A
-port that does not open, that has no bead, or whose bead has another one's address costs one line; the others go on.
-A port that goes away is opened again as soon as it is back, and goes on in the same recording.
+Several beads go into one recording, on the host's time: --port for each, or --port all for every serial \
+port here. A port that does not open, that has no bead, or whose bead has another one's address costs one \
+line; the others go on. A port that goes away is opened again as soon as it is back, and goes on in the same \
+recording.
 
-No strike is lost with the cable: a bead keeps its last ten strikes and more. When one did not come whole, it is asked
-for, and stands in the recording once. --no-fetch only listens.
+No strike is lost with the cable: a bead keeps its last ten strikes and more. When one did not come whole, \
+it is asked for, and stands in the recording once. --no-fetch only listens.
 
-Ends at Ctrl-C or after --duration with exit status 0, and with 3 when no port is left for --wait, or no frame came. The
-recording is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 seconds. Killed, it leaves F.mcap.partial,
-in which at most the last two seconds are missing; `bead recover` makes a whole recording of it. It takes at most 128 MB
-of memory, and 55 MB more for each GB received, which the file's index takes. It keeps every byte as received, corrupt frames included,
-with the time of receipt. Each strike is printed as it comes. The last line says how fast the bead's clock is against
-this host's, if the recording is long enough; see `bead clock`.
+Ends at Ctrl-C or after --duration with exit status 0, and with 3 when no port is left for --wait, or no \
+frame came. The recording is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 \
+seconds. Killed, it leaves F.mcap.partial, in which at most the last two seconds are missing; `bead recover` \
+makes a whole recording of it. It takes at most 128 MB of memory, and for the index of the file 55 MB more \
+for each GB received, or 70 MB for each day of a slow line. It keeps every byte as received, corrupt frames \
+included, with the time of receipt. Each strike is printed as it comes. The last line says how fast the \
+bead's clock is against this host's, if the recording is long enough; see `bead clock`.
 
 Examples:
   bead record --port /dev/ttyUSB0
   bead record --port /dev/ttyUSB0 --out strikes.mcap --duration 60
   bead record --port /dev/ttyUSB0 --port /dev/ttyUSB1 --out chain.mcap
   bead record --port all --out chain.mcap
-  bead record --port tcp:192.168.1.7:4000 --format json | jq .absorbed_measured_j";
+  bead record --port tcp:192.168.1.7:4000 --format json | \\
+      jq .absorbed_measured_j";
 
 /// Arguments of `bead record`.
 #[derive(Debug, Args)]

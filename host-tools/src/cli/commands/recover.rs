@@ -18,9 +18,10 @@ use crate::recording::raw;
 use crate::recording::whole::{Target, Unfinished};
 
 const AFTER_HELP: &str = "\
-What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all that is
-attached. Behind a damaged place the next record is looked for. What is missing is said, also a strike whose samples came
-and whose result did not; each frame is still checked by its own CRC. The file itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
+What can be read of the recording is written to a new one, byte for byte, with the times of receipt and all \
+that is attached. Behind a damaged place the next record is looked for. What is missing is said, also a \
+strike whose samples came and whose result did not; each frame is still checked by its own CRC. The file \
+itself stays as it is. Raw bytes as a bead sent them become a recording too, without times.
 
 Exit status 0 also if something is missing, 2 if there is nothing to recover.
 

@@ -12,9 +12,10 @@ use crate::comparison::replay::replay;
 use crate::recording::received::Received;
 
 const AFTER_HELP: &str = "\
-Every energy of every chunk and every field of every strike is compared bit for bit, and the strike detector must
-fire at the same sample. Exit status 1 if anything differs; the first difference is told in SI units and in bits, with
-what it usually means. Of more than 100 000 strikes the first are shown, and those that differ.
+Every energy of every chunk and every field of every strike is compared bit for bit, and the strike detector \
+must fire at the same sample. Exit status 1 if anything differs; the first difference is told in SI units \
+and in bits, with what it usually means. Of more than 100 000 strikes the first are shown, and those that \
+differ.
 
 Example:
   bead replay run/bead-8.mcap";

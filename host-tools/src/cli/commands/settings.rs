@@ -22,8 +22,9 @@ use crate::recording::physical::Physical;
 use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
-Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a checksum.
-`make` makes one of a TOML file of physical quantities; `bead emulate … --out DIR` derives one from a scenario.
+Settings are a file of some 100 bytes: calibration, window and the coefficients of both estimates, with a \
+checksum. `make` makes one of a TOML file of physical quantities; `bead emulate … --out DIR` derives one \
+from a scenario.
 
 Exit status 1 if the bead refuses, with its reason; 3 if it does not answer.
 
@@ -33,15 +34,17 @@ Examples:
   bead settings write bead.toml --port /dev/ttyUSB0
   bead settings set name=left k=3.9e5 --port /dev/ttyUSB0
   bead settings read --port /dev/ttyUSB0 --out bead.settings
-  bead settings set name=right --port /dev/ttyUSB0 --address 4     (one of several on a line)
+  bead settings set name=right --port /dev/ttyUSB0 \\
+      --address 4 (one of several on a line)
   bead settings show bead.settings
   bead settings write --port /dev/ttyUSB0 run/bead-8.settings
   bead settings reset --port tcp:192.168.1.7:4000
   bead settings key --new bead-8.key --port /dev/ttyUSB0";
 
 const KEY_HELP: &str = "\
-The key is 16 random bytes. The first key travels to the bead as it is: give it where nobody else listens. A key that
-takes another one's place is masked by the old one. docs/security.md says what a key keeps out and what it does not.
+The key is 16 random bytes. The first key travels to the bead as it is: give it where nobody else listens. A \
+key that takes another one's place is masked by the old one. docs/security.md says what a key keeps out and \
+what it does not.
 
 Examples:
   bead settings key --new bead-8.key --port /dev/ttyUSB0

@@ -17,12 +17,13 @@ use crate::cli::place::{self, Force, Kind};
 use crate::recording::physical::{Change, Physical};
 
 const AFTER_HELP: &str = "\
-The file explains each of its keys. Masses are weighed, springs and damper come from ring-downs (`bead compare` finds k
-and c), scales from the drop test and the shaker: docs/calibration.md.
+The file explains each of its keys. Masses are weighed, springs and damper come from ring-downs (`bead \
+compare` finds k and c), scales from the drop test and the shaker: docs/calibration.md.
 
 Examples:
   bead settings make --template bead.toml
-  bead settings make --template bead.toml --scenario docs/scenarios/own-chain.toml --bead 8
+  bead settings make --template bead.toml \\
+      --scenario docs/scenarios/own-chain.toml --bead 8
   bead settings make --template bead.toml --from before.settings
   bead settings make bead.toml --out left.settings";
 

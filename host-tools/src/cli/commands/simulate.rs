@@ -15,7 +15,8 @@ const AFTER_HELP: &str = "\
 Examples:
   bead simulate docs/scenarios/paper-strike.toml
   bead simulate docs/scenarios/paper-strike.toml --format json | jq .energy
-  bead simulate docs/scenarios/paper-strike.toml --out strike.parquet --rate 1e6";
+  bead simulate docs/scenarios/paper-strike.toml --out strike.parquet \\
+      --rate 1e6";
 
 /// Remarks that are printed, the first ones.
 const REMARKS: usize = 5;

@@ -24,16 +24,19 @@ use crate::cli::failure::Failure;
 use crate::cli::output;
 
 const AFTER_HELP: &str = "\
-Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --speed. Its intruder is the
-scenario's in units of the sphere: the same part of the mass, and the same frequency and damping in units of the time that
-a wave takes. The flash image runs in QEMU on --strikes strikes, behind sensors whose ranges at the high gain the strike
-fills to two thirds, with the noise of the reference in codes. Spheres whose waves are too short are refused, and
-the table says from which diameter on they are not.
+Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --speed. Its \
+intruder is the scenario's in units of the sphere: the same part of the mass, and the same frequency and \
+damping in units of the time that a wave takes. The flash image runs in QEMU on --strikes strikes, behind \
+sensors whose ranges at the high gain the strike fills to two thirds, with the noise of the reference in \
+codes. Spheres whose waves are too short are refused, and the table says from which diameter on they are \
+not.
 
 Examples:
   bead spheres docs/scenarios/paper-strike.toml --bead 8
-  bead spheres docs/scenarios/paper-strike.toml --bead 8 --materials steel,ptfe --diameters 0.015,0.025 --part 0.3
-  bead spheres docs/scenarios/paper-strike.toml --bead 8 --force --table docs/spheres.md";
+  bead spheres docs/scenarios/paper-strike.toml --bead 8 \\
+      --materials steel,ptfe --diameters 0.015,0.025 --part 0.3
+  bead spheres docs/scenarios/paper-strike.toml --bead 8 --force \\
+      --table docs/spheres.md";
 
 /// How much wider the range at the low gain is.
 const WIDER: f64 = 1.25;

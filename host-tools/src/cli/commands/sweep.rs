@@ -16,30 +16,44 @@ use crate::sweep::plan::Plan;
 
 const AFTER_HELP: &str = "\
 SWEEP.toml names a scenario, axes and what is kept of each run:
-  scenario = \"paper-strike.toml\"       beside this file; or the tables themselves: [scenario.chain] …
-  [[axis]]                             each axis multiplies the points; the last turns fastest
-  key = \"intruder.0.stiffness\"         any key of the scenario; tables of a list are counted from 0
-  logspace = [1e4, 1e6, 41]            or linspace = [first, last, how many], range = [first, last, step], values = […]
-  [[axis]]                             keys that go together
-  zip = [{ key = \"intruder.0.mass\", linspace = [1e-3, 6e-3, 6] }, { key = \"intruder.0.beads\", range = [3, 8, 1] }]
-  [[axis]]                             points that are drawn: random, or quasirandom (evenly spread)
-  quasirandom = 256
-  over = [{ key = \"striker.velocity\", loguniform = [0.1, 1.5] }, { key = \"chain.relaxation\", uniform = [0, 8e-6] }]
-  [outputs]
-  absorbed = true                      what intruders dissipate: J, of the striker's energy, of the injected
-  energies = true                      where the energy is at the end
-  intruders = [8]                      what the intruder in this bead dissipates
-  peaks = [1, 8]                       greatest force at these contacts
-  arrivals = [8]                       when it was greatest
-  transmission = [8]                   energy behind this bead at the end
+  # Beside this file; or the tables themselves: [scenario.chain] and so on.
+  scenario = \"paper-strike.toml\"
 
-Interrupted, the same command goes on where it was: finished chunks are in F.parquet.sweep until the table is whole. The
-table has the same bytes whatever the threads, the chunks and the interruptions. docs/sweeps.md says more, and how to
-spread a sweep over a cluster.
+  # Each axis multiplies the points; the last turns fastest. A key may be any
+  # of the scenario; tables of a list are counted from 0. Or: linspace =
+  # [first, last, how many], range = [first, last, step], values = [...]
+  [[axis]]
+  key = \"intruder.0.stiffness\"
+  logspace = [1e4, 1e6, 41]
+
+  # Keys that go together.
+  [[axis]]
+  zip = [{ key = \"intruder.0.mass\", linspace = [1e-3, 6e-3, 6] },
+         { key = \"intruder.0.beads\", range = [3, 8, 1] }]
+
+  # Points that are drawn: random, or quasirandom (evenly spread).
+  [[axis]]
+  quasirandom = 256
+  over = [{ key = \"striker.velocity\", loguniform = [0.1, 1.5] },
+          { key = \"chain.relaxation\", uniform = [0, 8e-6] }]
+
+  [outputs]
+  absorbed = true      # by intruders: J, of the striker's energy, of what went in
+  energies = true      # where the energy is at the end
+  intruders = [8]      # what the intruder in this bead dissipates
+  peaks = [1, 8]       # greatest force at these contacts
+  arrivals = [8]       # when it was greatest
+  transmission = [8]   # energy behind this bead at the end
+
+Interrupted, the same command goes on where it was: finished chunks are in F.parquet.sweep until the table \
+is whole. The table has the same bytes whatever the threads, the chunks and the interruptions. \
+docs/sweeps.md says more, and how to spread a sweep over a cluster.
 
 Examples:
-  bead sweep docs/scenarios/stiffness-and-speed.toml --out map.parquet --plot map.svg
-  bead sweep plot map.parquet --x striker_velocity_m_per_s --y absorbed_of_injected --out curves.svg
+  bead sweep docs/scenarios/stiffness-and-speed.toml --out map.parquet \\
+      --plot map.svg
+  bead sweep plot map.parquet --x striker_velocity_m_per_s \\
+      --y absorbed_of_injected --out curves.svg
   bead sweep plan SWEEP.toml --dir big --chunks 100
   bead sweep submit big --engine slurm --cpus 8 --out big.parquet --dry-run";
 

@@ -12,13 +12,16 @@ use crate::sweep::picture::{self, View};
 use crate::sweep::plan::Plan;
 
 const AFTER_HELP: &str = "\
-Columns are those of the table. Without options, a sweep over one axis is drawn as a curve, one over two as a map.
+Columns are those of the table. Without options, a sweep over one axis is drawn as a curve, one over two as \
+a map.
 
 Examples:
   bead sweep plot map.parquet --out map.svg
-  bead sweep plot map.parquet --x striker_velocity_m_per_s --y absorbed_of_injected --by intruder_0_mass_kg --out curves.svg
-  bead sweep plot map.parquet --x striker_velocity_m_per_s --y intruder_0_mass_kg --map absorbed_J --at chain_relaxation_s=0 \\
-    --out map.svg";
+  bead sweep plot map.parquet --x striker_velocity_m_per_s \\
+      --y absorbed_of_injected --by intruder_0_mass_kg --out curves.svg
+  bead sweep plot map.parquet --x striker_velocity_m_per_s \\
+      --y intruder_0_mass_kg --map absorbed_J --at chain_relaxation_s=0 \\
+      --out map.svg";
 
 /// `bead sweep plot`.
 #[derive(Debug, Args)]

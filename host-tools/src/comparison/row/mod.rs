@@ -5,12 +5,11 @@
 //! goals. What only a row tells comes from what several beads said of one strike:
 //!
 //! - **Which strikes are one.** By the host's time, on which a strike is within a millisecond at all beads, less the
-//!   wave's way ([`strikes`]).
+//!   wave's way.
 //! - **When the wave came**, on the time that the beads have in common by their sync edges. The recording does not say
-//!   when the striker hit, so each strike is placed where the differences from the simulation have the mean 0
-//!   ([`arrivals`]).
-//! - **Energy along the row**, E(n): what came to the first bead, less what the first n intruders took ([`energy`]).
-//! - **Later waves** behind the main one ([`later`]).
+//!   when the striker hit, so each strike is placed where the differences from the simulation have the mean 0.
+//! - **Energy along the row**, E(n): what came to the first bead, less what the first n intruders took.
+//! - **Later waves** behind the main one.
 //!
 //! A bead of which something is missing has no value there, and a note says so. The others go on without it.
 

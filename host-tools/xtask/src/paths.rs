@@ -1,0 +1,97 @@
+//! No path of this machine gets into the flash image.
+//!
+//! # Design
+//! A panic says the file that it is in, and the compiler writes its path into flash: for a dependency, below the
+//! home of the person that builds. So two people would get two images of one commit, each with a name in it. The
+//! compiler takes a shorter path for each of these folders, if it is told them, and cargo has no word yet for "the
+//! folder that I am in". So they are written into a file, which `.cargo/config.toml` includes: every cargo of this
+//! workspace builds the same image then, `cargo xtask` or not.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::files::write;
+use crate::setup::{TARGET, output};
+use crate::step::{Steps, Stop};
+
+/// Where cargo looks for it; git does not.
+pub(crate) const FILE: &str = ".cargo/paths.toml";
+
+/// Writes the file for this machine, unless it is right already.
+///
+/// # Errors
+/// It cannot be written.
+pub(crate) fn leave_out(steps: &Steps) -> Result<(), Stop> {
+    let file = steps.root.join(FILE);
+    let text = config(&folders(steps));
+    write(&file, text.as_bytes())
+        .map_err(|error| Stop::failed(format!("cannot write {}: {error}", file.display())))
+}
+
+/// The folders and what is written instead. Of two that fit, the compiler takes the later one.
+fn folders(steps: &Steps) -> Vec<(PathBuf, String)> {
+    let mut folders = Vec::new();
+    if let Some(home) = cargo_home() {
+        let sources = home.join("registry/src");
+        folders.push((home, "cargo".to_owned()));
+        // One for each registry; mirrors have names of their own. The version is in the name of the crate's folder.
+        let mut registries: Vec<_> = fs::read_dir(sources)
+            .into_iter()
+            .flatten()
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .collect();
+        registries.sort();
+        folders.extend(registries.into_iter().map(|path| (path, "crates".to_owned())));
+    }
+    // The standard library's sources, if they are installed, as they are called if they are not.
+    let verbose = output("rustc -vV").unwrap_or_default();
+    let commit = verbose
+        .lines()
+        .find_map(|line| line.strip_prefix("commit-hash: "));
+    if let (Some(sysroot), Some(commit)) = (output("rustc --print sysroot"), commit) {
+        let sources = Path::new(&sysroot).join("lib/rustlib/src/rust");
+        folders.push((sources, format!("/rustc/{commit}")));
+    }
+    folders.push((steps.root.clone(), ".".to_owned()));
+    folders.push((steps.target.clone(), "target".to_owned()));
+    folders
+}
+
+/// The folder that cargo keeps its registries in.
+pub(crate) fn cargo_home() -> Option<PathBuf> {
+    let set = |name| std::env::var_os(name).map(PathBuf::from);
+    set("CARGO_HOME").or_else(|| Some(set("HOME")?.join(".cargo")))
+}
+
+fn config(folders: &[(PathBuf, String)]) -> String {
+    let mut text = format!(
+        "# Written by `cargo xtask`: folders of this machine, which the image shall not name.\n[target.{TARGET}]\nrustflags = [\n"
+    );
+    for (folder, name) in folders {
+        let folder = folder.to_string_lossy();
+        // A TOML string without escapes; a path with both kinds of quotes stays in the image.
+        let quote = if folder.contains('\'') { '"' } else { '\'' };
+        if !folder.contains(quote) && !folder.contains('\\') {
+            text += &format!("    {quote}--remap-path-prefix={folder}={name}{quote},\n");
+        }
+    }
+    text + "]\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_folder_has_a_line_whatever_is_in_its_name() {
+        let folders =
+            ["/home/a b/.cargo", "/it's", "/both'\""].map(|path| (PathBuf::from(path), "x".to_owned()));
+        let text = config(&folders);
+        assert!(
+            text.contains("    '--remap-path-prefix=/home/a b/.cargo=x',\n"),
+            "{text}"
+        );
+        assert!(text.contains("    \"--remap-path-prefix=/it's=x\",\n"), "{text}");
+        assert!(!text.contains("both"), "{text}");
+    }
+}
