@@ -287,7 +287,8 @@ fn a_full_store_refuses_keeps_what_it_has_and_takes_more_after_the_next_start() 
     println!("{starts} starts and {erased} erases for {WRITES} writes");
     // A sector of 1 KiB takes four to five blocks. A start takes the room of two to three: the blocks that
     // fill the sector, the block that is moved, and the block that made it move.
-    assert!((WRITES / 3..=WRITES * 3 / 4).contains(&starts), "{starts}");
+    let writes = WRITES as u32;
+    assert!((writes / 3..=writes * 3 / 4).contains(&starts), "{starts}");
     assert_eq!(erased, starts);
 }
 
