@@ -19,10 +19,6 @@ use crate::health::{Stillness, Watch};
 use crate::line::{Told, TriggerLine};
 use crate::{handover, keep, load, outbox, raw, report, settings};
 
-/// Windows up to this length, in scans, are kept for a host that missed them. To copy a longer one beside measuring
-/// it would take a block over its budget.
-const KEPT_LONGEST: u16 = 672;
-
 /// Whether the meter is to look for strikes.
 static ARMED: AtomicBool = AtomicBool::new(true);
 
@@ -47,7 +43,6 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter, 
     let mut watch = Watch::new();
     let mut telemetry = Telemetry {
         history: settings.window.history,
-        keeps: settings.window.length <= KEPT_LONGEST,
         stillness: Stillness::NONE,
         packed: Packed::new(),
         line,
@@ -92,7 +87,6 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter, 
             if let Some(new) = settings::take() {
                 settings = new;
                 telemetry.history = settings.window.history;
-                telemetry.keeps = settings.window.length <= KEPT_LONGEST;
                 room = bead_telemetry::room_for_window(&settings);
                 meter.restart();
             } else if armed && !before {
@@ -142,8 +136,6 @@ fn process_block(settings: &Settings, meter: &mut Meter, block: &Block, telemetr
 struct Telemetry {
     /// Scans of a window up to the trigger.
     history: u16,
-    /// Whether its windows are kept.
-    keeps: bool,
     /// Of the sensors in the window that is being measured.
     stillness: Stillness,
     /// Room for a frame.
@@ -197,17 +189,13 @@ impl Sink for Telemetry {
         self.keep(report.strike);
         outbox::push_packed(&mut self.packed, bead_telemetry::shape(report));
         self.keep(report.strike);
-        if self.keeps {
-            keep::close();
-        }
+        keep::close();
     }
 }
 
 impl Telemetry {
     /// Keeps the frame that was just packed.
     fn keep(&self, strike: u32) {
-        if self.keeps {
-            keep::add(&self.packed, strike);
-        }
+        keep::add(&self.packed, strike);
     }
 }

@@ -175,3 +175,75 @@ pub(crate) fn square(value: i32) -> u64 {
 
 /// Energy dissipated by the intruder's damping per squared velocity and sample, nJ/(µm/sample)².
 pub type EnergyScale = I16F16;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fixed::types::extra::{U16, U30};
+
+    /// Numbers at which something ends: 0, powers of two, and their neighbours, of both signs.
+    fn edges() -> impl Iterator<Item = i32> + Clone {
+        let powers = (0..32).map(|power| 1_i64 << power);
+        let near = powers.flat_map(|power| [power - 1, power, power + 1]);
+        near.flat_map(|number| [number, -number])
+            .filter_map(|number| i32::try_from(number).ok())
+    }
+
+    #[test]
+    fn the_upper_half_of_every_product_of_edges_is_that_of_exact_arithmetic() {
+        for a in edges() {
+            for b in edges() {
+                let product = i128::from(a) * i128::from(b);
+                let low = product.rem_euclid(1 << 32);
+                let down = (product - low) / (1 << 32);
+                assert_eq!(i128::from(high(a, b)), down, "{a} {b}");
+                let nearest = down + i128::from(low >= 1 << 31);
+                assert_eq!(i128::from(high_rounded(a, b)), nearest, "{a} {b}");
+            }
+        }
+    }
+
+    /// Each sum with each scale and each power that `Settings::bounds` allows: the exact energy, or the greatest.
+    fn energies<const FRACTION: u32, F: LeEqU32>() {
+        let dense = if cfg!(miri) { 5 } else { 1 };
+        for bit in (0..70).step_by(dense) {
+            for sum in [1_u128 << bit, (1 << bit) - 1, (1 << bit) + 1] {
+                for scale in edges().filter(|scale| *scale >= 0).step_by(dense) {
+                    for powers in (-24..=24_i8).step_by(dense) {
+                        let energy =
+                            SquareSum::<FRACTION>(sum).energy(FixedI32::<F>::from_bits(scale), powers);
+                        let bits = FRACTION + F::U32 - Energy::FRAC_NBITS;
+                        let divisor = 1_u128 << (bits as i32 - i32::from(powers));
+                        let exact = sum * scale as u128 / divisor;
+                        let stated = exact.min(i64::MAX as u128) as i64;
+                        assert_eq!(energy.to_bits(), stated, "{sum} {scale} {powers}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_energy_is_exact_or_saturates_over_all_scales_and_powers() {
+        // Estimate A's sum with its scale, and estimate B's.
+        energies::<24, U30>();
+        energies::<44, U16>();
+    }
+
+    #[test]
+    fn nothing_is_left_of_a_sum_less_than_what_is_taken_off() {
+        let sum = SquareSum::<40>(100);
+        assert_eq!(
+            (sum.less(99), sum.less(100), sum.less(u128::MAX)),
+            (SquareSum(1), SquareSum(0), SquareSum(0))
+        );
+    }
+
+    #[test]
+    fn squares_of_a_piece_fit_its_sum() {
+        let most = (1 << 29) - 1;
+        assert_eq!(square(most), (most as u64).pow(2));
+        assert_eq!(square(-most), square(most));
+        assert!(square(most).checked_mul(32).is_some());
+    }
+}

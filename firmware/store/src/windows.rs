@@ -519,7 +519,8 @@ mod tests {
         let mut memory = memory(state);
         let mut expected: VecDeque<Given> = VecDeque::new();
         let (mut most, mut resets) = (0, 0);
-        for boot in 0..300 {
+        const BOOTS: u32 = if cfg!(miri) { 4 } else { 300 };
+        for boot in 0..BOOTS {
             let mut windows = Windows::new(&mut memory, boot > 0);
             assert_eq!(all(&windows), expected.make_contiguous(), "boot {boot}");
             for strike in 0..random(state) as u32 % 40 {
@@ -547,12 +548,12 @@ mod tests {
             }
             resets += 1;
         }
-        assert!(most > 15 && resets == 300, "{most}");
+        assert!(most > 15 && resets == BOOTS, "{most}");
     }
 
     #[test]
     fn of_a_memory_after_power_up_nothing_is_believed() {
-        for seed in 0..50_u64 {
+        for seed in 0..if cfg!(miri) { 2 } else { 50_u64 } {
             let state = &mut { seed };
             let mut memory = memory(state);
             assert!(all(&Windows::new(&mut memory, true)).is_empty());
@@ -586,7 +587,7 @@ mod tests {
         let kept = all(&windows);
         assert!(kept.len() > 8);
         let (mut lost, places) = (0, N + WINDOWS);
-        for place in (0..places).step_by(7) {
+        for place in (0..places).step_by(if cfg!(miri) { 1777 } else { 7 }) {
             let bit = 1 << (random(state) % 8);
             let flip = |memory: &mut Memory<N>| match place.checked_sub(N) {
                 None => memory.ring[place] ^= bit,

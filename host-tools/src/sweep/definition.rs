@@ -127,6 +127,10 @@ impl Definition {
     pub fn from_toml(text: &str, name: &str) -> Result<Self, InputError> {
         let file = TomlFile::parse(text, name)?;
         let definition: Self = file.read()?;
+        if let Base::File(_) = definition.scenario {
+            let what = "the name of a file, where its tables must be";
+            return Err(file.place(InputError::at("scenario", what, "make the plan anew")));
+        }
         definition.axes().map_err(|error| file.place(error))?;
         Ok(definition)
     }
@@ -509,6 +513,16 @@ mod tests {
                 .replace("[striker", "[scenario.striker")
         );
         Definition::from_toml(&text, "sweep.toml")
+    }
+
+    #[test]
+    fn a_plan_that_names_a_file_in_place_of_its_scenario_is_refused() {
+        let text = "scenario = \"a.toml\"\n[[axis]]\nkey = \"striker.velocity\"\nvalues = [1.0]";
+        let refused = Definition::from_toml(text, "plan.toml").unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "plan.toml:1: scenario: the name of a file, where its tables must be; make the plan anew"
+        );
     }
 
     #[test]

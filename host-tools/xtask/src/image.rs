@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use object::read::elf::{ElfFile32, ProgramHeader};
 
 use crate::packages::IMAGE;
+use crate::paths;
 use crate::setup::TARGET;
 use crate::step::{Line, Steps, Stop};
 
@@ -18,6 +19,7 @@ pub(crate) fn path(steps: &Steps) -> PathBuf {
 /// # Errors
 /// It does not build.
 pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
+    paths::leave_out(steps)?;
     steps.run("the flash image", &Line::new("cargo build").words(IMAGE))?;
     let image = path(steps);
     let size = Size::of(&steps.root.join(&image))?;

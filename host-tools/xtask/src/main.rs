@@ -7,10 +7,13 @@ mod book;
 mod checks;
 mod dist;
 mod files;
+mod fuzz;
 mod image;
 mod links;
 mod lint;
+mod miri;
 mod mutants;
+mod nightly;
 mod packages;
 mod paths;
 mod python;
@@ -128,6 +131,21 @@ const TASKS: &[Task] = &[
         "",
         mutants::check,
     ),
+    (
+        FUZZ,
+        "Look for inputs that break a reader, by libFuzzer: [TARGET] [TIME], such as `frames 1h`; all for a minute each",
+        "It needs Rust's nightly and cargo-fuzz, and says how to install them. The first build takes some minutes. What it \
+         learns stays in target/fuzz/corpus; an input that breaks something is left in target/fuzz/found. \
+         docs/reliability.md names the targets.",
+        |steps| fuzz::fuzz(steps, &[]),
+    ),
+    (
+        "miri",
+        "Run the tests of what runs on the bead under Miri, on a little-endian and on a big-endian machine",
+        "It needs Rust's nightly with its components miri and rust-src, and says how to install them. It takes some \
+         minutes: loops are shorter than in `test`.",
+        miri::miri,
+    ),
 ];
 
 fn main() -> ExitCode {
@@ -146,23 +164,23 @@ fn main() -> ExitCode {
             .trailing_var_arg(true)
             .allow_hyphen_values(true);
         let command = Command::new(name).about(about).after_help(more);
-        cli = cli.subcommand(if name == BENCH {
-            command.arg(words)
-        } else {
-            command
+        cli = cli.subcommand(match WITH_WORDS.iter().any(|(with, _)| *with == name) {
+            true => command.arg(words),
+            false => command,
         });
     }
     let matches = cli.get_matches();
-    let mut tasks = TASKS.iter();
-    let task = tasks.find(|(name, ..)| matches.subcommand_name() == Some(name));
-    let run = |&(.., run): &Task| run(&Steps::start()?);
-    let done = match matches.subcommand() {
-        Some((BENCH, matches)) => {
+    let (name, matches) = matches.subcommand().expect("a command is required");
+    let with_words = WITH_WORDS.iter().find(|(with, _)| *with == name);
+    let task = TASKS.iter().find(|(task, ..)| *task == name);
+    let done = Steps::start().and_then(|steps| match (with_words, task) {
+        (Some((_, run)), _) => {
             let words = matches.get_many::<String>("words").into_iter().flatten();
-            Steps::start().and_then(|steps| bench(&steps, &words.collect::<Vec<_>>()))
+            run(&steps, &words.collect::<Vec<_>>())
         }
-        _ => task.map_or(Ok(()), run),
-    };
+        (None, Some((.., run))) => run(&steps),
+        (None, None) => Ok(()),
+    });
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => {
@@ -174,6 +192,13 @@ fn main() -> ExitCode {
 
 /// The command of the benchmark.
 const BENCH: &str = "bench";
+/// The command of the fuzz targets.
+const FUZZ: &str = "fuzz";
+
+/// A command that takes words, with them.
+type WithWords = (&'static str, fn(&Steps, &[&String]) -> Result<(), Stop>);
+
+const WITH_WORDS: &[WithWords] = &[(BENCH, bench), (FUZZ, fuzz::fuzz)];
 
 /// Runs the benchmark with these words.
 fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {

@@ -6,7 +6,6 @@
 
 use std::path::PathBuf;
 
-use crate::paths;
 use crate::step::{Line, Steps, Stop};
 
 /// The target of the STM32F405's Cortex-M4F.
@@ -36,7 +35,6 @@ pub(crate) fn setup(steps: &Steps, need: Need) -> Result<(), Stop> {
         ));
     }
     let qemu = qemu(steps)?;
-    paths::leave_out(steps)?;
     let found = format!("{rust} with {TARGET}, QEMU {qemu}, a C compiler");
     steps.announce(&format!("set-up: {found}: all in place"));
     Ok(())

@@ -66,6 +66,7 @@ const WORKSPACE: &[Package] = &[
         ],
     },
     package("bead-figures", HOST),
+    package("bead-fuzz", HOST),
     package("bead-tests", HOST),
 ];
 /// All that the host's programs may use.

@@ -58,6 +58,7 @@ fn quiet_never_triggers_whatever_its_level() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
 fn a_slow_drift_over_the_whole_range_does_not_trigger() {
     let (meter, heard) = hear((0..400_000).map(|i| (i / 100) as u16));
     assert!(heard.reports.is_empty() && meter.is_armed());
@@ -79,6 +80,7 @@ fn two_pulses_give_two_reports_and_one_inside_a_window_gives_none_of_its_own() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
 fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
     let settings = settings();
     let stream: Vec<Scan> = (0..60_000)
@@ -104,6 +106,7 @@ fn strike_upon_strike_in_one_call_is_the_same_as_in_many() {
 /// Whatever triggers, in windows of whatever length: a meter that is to pass over comes to rest within the
 /// longest window and its lag, 16 ms, and stays there.
 #[test]
+#[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
 fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() {
     for (length, every) in [(129, 130), (672, 900), (1024, 1000), (1024, 1160), (1024, 1200)] {
         let mut settings = settings();
@@ -140,6 +143,7 @@ fn a_meter_that_passes_over_ends_its_strike_measures_no_other_and_counts_them() 
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
 fn no_call_measures_more_than_its_share_whatever_the_window_and_wherever_in_a_call_it_begins() {
     const CALL: usize = 200;
     for (history, length) in [(160, 672), (256, 1024), (128, 1024), (256, 257)] {

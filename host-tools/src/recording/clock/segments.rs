@@ -217,7 +217,7 @@ impl Segment {
         let point = Point {
             bead: position,
             // Exact below 104 days.
-            host_ns: (received_ns as i64 - origin as i64) as f64,
+            host_ns: (i128::from(received_ns) - i128::from(origin)) as f64,
         };
         self.keep(point);
         if self.buckets.len() > BUCKETS_MOST {

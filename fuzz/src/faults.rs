@@ -1,0 +1,26 @@
+//! Scripts of faults in TOML, provoked in a run that is not begun.
+
+use bead::bench::faults::parse;
+use stm32f405_qemu::Run;
+
+use crate::text;
+
+/// Reads the bytes as a script.
+///
+/// # Panics
+/// A fault that was accepted cannot be provoked, or has no time.
+pub fn check(bytes: &[u8]) {
+    let Some(text) = text::of(bytes) else { return };
+    let faults = match parse(text, "a.toml") {
+        Ok(faults) => faults,
+        Err(error) => return text::one_line(&error),
+    };
+    let mut run = Run::new("no-image");
+    run.stimulus = vec![[1, 2, 3, 4]; 1000];
+    for fault in &faults {
+        assert!(fault.told_after() >= 0.0 && fault.told_after().is_finite());
+        assert!(fault.cause().is_some() || !fault.resets() || fault.kind.name() == "power_cut");
+        fault.provoke(&mut run);
+    }
+    assert_eq!(run.stimulus.len(), 1000);
+}

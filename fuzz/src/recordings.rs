@@ -1,0 +1,64 @@
+//! Recordings, whole and damaged, through every reader.
+
+use std::path::Path;
+
+use bead::comparison::replay::replay;
+use bead::recording::clock::{self, CommonTime};
+use bead::recording::file::{Part, Recording};
+use bead::recording::frames::Item;
+use bead::recording::raw;
+use bead::recording::received::Received;
+
+use crate::file;
+
+/// Strikes of one recording that are replayed.
+const REPLAYED: usize = 2;
+
+/// Opens the bytes as a file.
+///
+/// # Panics
+/// Two readers do not find the same in it.
+pub fn check(bytes: &[u8]) {
+    file::with(bytes, |path| {
+        let frames = raw::frames_in(path);
+        let mut read = 0;
+        raw::read(path, |piece| {
+            read += piece.len();
+            Ok(())
+        })
+        .expect("a file can be read");
+        assert!(read == bytes.len() && frames as usize <= bytes.len());
+        if let Ok(recording) = Recording::open(path) {
+            through(path, &recording);
+            // What has frames has them as a damaged recording too.
+            assert!(recording.runs == 0 || Recording::salvage(path).is_ok());
+        } else if let Ok(recording) = Recording::salvage(path) {
+            through(path, &recording);
+        }
+        let _ = clock::compare(&[path.to_owned(), path.to_owned()]);
+    });
+}
+
+fn through(path: &Path, recording: &Recording) {
+    assert!(recording.warning().is_none_or(|line| !line.contains('\n')));
+    let mut frames = recording.frames().expect("it was opened before");
+    let said: Vec<Item> = frames.by_ref().collect();
+    let counters = *frames.counters();
+    assert_eq!(counters.frames + counters.rejected.total(), said.len() as u64);
+    CommonTime::of(recording).expect("it was opened before");
+    let received = Received {
+        path: path.to_owned(),
+        recording: recording.clone(),
+    };
+    for part in [Part::Truth, Part::EmulatorReport] {
+        let _ = received.json::<serde_json::Value>(part);
+    }
+    for one in received.each() {
+        let strikes = one.strikes().expect("it was opened before");
+        for (number, strike) in strikes.enumerate() {
+            if number < REPLAYED {
+                replay(&strike);
+            }
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Sweeps in TOML, and the points of those that are accepted.
+
+use bead::sweep::definition::Definition;
+use bead::sweep::plan::Plan;
+
+use crate::text;
+
+/// Reads the bytes as a sweep.
+///
+/// # Panics
+/// A plan is not the same after it was written, or a point of it has a row of another width.
+pub fn check(bytes: &[u8]) {
+    let Some(text) = text::of(bytes) else { return };
+    let definition = match Definition::from_toml(text, "a.toml") {
+        Ok(definition) => definition,
+        Err(error) => return text::one_line(&error),
+    };
+    let plan = match Plan::new(definition) {
+        Ok(plan) => plan,
+        Err(error) => return text::one_line(&error),
+    };
+    let written = plan.definition().to_toml();
+    let again = Definition::from_toml(&written, "b.toml").expect("what was written is a sweep");
+    let again = Plan::new(again).expect("what was written is a sweep");
+    assert_eq!((again.hash(), again.points()), (plan.hash(), plan.points()));
+    let width = plan.columns().len();
+    let points = plan.points();
+    for point in [0, points / 2, points.saturating_sub(1)] {
+        assert_eq!(plan.places(point).len(), plan.axes().len());
+        if let Ok(scenario) = plan.scenario(point) {
+            let _ = scenario.check();
+        }
+        assert_eq!(plan.row(point, &Err("a failure".to_owned())).len(), width);
+    }
+}
