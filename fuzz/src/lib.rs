@@ -5,7 +5,7 @@
 //! not hold. libFuzzer calls it with the bytes that it finds (`cargo xtask fuzz`), and the tests of this crate with the
 //! seeds in `corpus` and with mutations of them.
 //!
-//! **Checksums are mended** before bytes are read a second time ([`line`]): with wrong ones alone no mutation would come
+//! **Checksums are mended** before bytes are read a second time ([`mod@line`]): with wrong ones alone no mutation would come
 //! beyond them.
 
 pub mod beads;
