@@ -144,8 +144,11 @@ fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Re
     Ok(true)
 }
 
-/// The falls of the line at which a bead was not measuring a strike that it had found by itself, nor within a history
-/// after that, when its detector is not armed: the only ones that it may heed. In s since its first scan.
+/// Scans from the one that triggers to the fall of the line (`firmware/src/line.rs`).
+const LINE_DELAY: u64 = 600;
+
+/// The falls of the line that a bead may heed, in s since its first scan: not those that come while it measures a strike
+/// that it had found by itself, and not those that tell of an instant whose history reaches back into that.
 fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
     /// Scans by which the index of a fall may be off.
     const UNSURE: f64 = 3.0;
@@ -155,7 +158,7 @@ fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
         .filter_map(|frame| match &frame.message {
             Message::Strike(strike) if !strike.flags.has(StrikeFlags::TRIGGERED_BY_LINE) => {
                 let quiet = u64::from(emulation.settings.window.history);
-                let end = strike.first_index + u64::from(strike.samples) + quiet;
+                let end = strike.first_index + u64::from(strike.samples) + quiet + LINE_DELAY;
                 Some(strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE)
             }
             _ => None,
