@@ -74,6 +74,11 @@ struct Exception {
 /// In the value after reset.
 const RESETS: &[Exception] = &[
     Exception {
+        registers: "GPIO*_IDR",
+        bits: 1 << 15 | 1 << 13 | 1 << 4,
+        why: "PA13, PA15 and PB4 are pulled up for a probe (sections 8.3.1 and 8.4.5: 0x0000 XXXX)",
+    },
+    Exception {
         registers: "TIM*_ARR",
         bits: u32::MAX,
         why: "0xffff or 0xffffffff, not 0 (sections 17.4.12, 18.4.12, 19.5.9, 20.4.8)",
