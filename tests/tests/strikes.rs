@@ -74,9 +74,13 @@ fn a_quiet_chain_gives_no_report_and_a_running_sample_count() {
 fn a_second_without_strikes_leaves_the_core_asleep() {
     let report = paper(0, 0.1, None).run().unwrap().report;
     assert_eq!(report.instructions_per_sample.total, None);
-    let busy = report.instructions_per_sample.run / report.instructions_available;
-    println!("idle: {:.1} % of the core", busy * 100.0);
-    assert!(busy < 0.1, "{busy}");
+    let run = report.instructions_per_sample.run;
+    println!(
+        "idle: {:.1} % of the core",
+        run / report.instructions_available * 100.0
+    );
+    // The target of docs/budget.md, at any speed of the core, with the start-up in it.
+    assert!(run < 80.0, "{run}");
 }
 
 #[test]
