@@ -58,8 +58,6 @@ pub struct Package {
     pub authors: Vec<String>,
     /// Where it is developed.
     pub repository: Option<String>,
-    /// What it does.
-    pub description: Option<String>,
     /// Where it comes from; `None` for one of this workspace.
     pub source: Option<String>,
     /// SHA-256 of its archive, from the lock file, in hexadecimal.
@@ -82,12 +80,22 @@ pub struct Packages {
 }
 
 impl Packages {
-    /// Asks cargo, without the network, about the workspace at `root`.
+    /// Asks cargo about the workspace at `root`. Cargo downloads what no build has asked for so far, such as the packages
+    /// of the other one of our systems.
     ///
     /// # Errors
     /// Cargo does not run, or fails, or says something else than it does today; in words.
     pub fn of(root: &Path) -> Result<Self, String> {
-        let told = cargo(root, "metadata --format-version 1 --locked --offline")?;
+        let systems = |option: &str| -> String {
+            let systems = SYSTEMS.iter();
+            systems.map(|system| format!(" {option} {system}")).collect()
+        };
+        // Without systems it would download those of all others.
+        let metadata = format!(
+            "metadata --format-version 1 --locked{}",
+            systems("--filter-platform")
+        );
+        let told = cargo(root, &metadata)?;
         let metadata = serde_json::from_str(&told).map_err(|error| format!("cargo metadata: {error}"))?;
         let lock = std::fs::read_to_string(root.join("Cargo.lock"))
             .map_err(|error| format!("Cargo.lock: {error}"))?;
@@ -95,7 +103,7 @@ impl Packages {
         let tree = |words: &str| -> Result<BTreeSet<Id>, String> {
             let told = cargo(
                 root,
-                &format!("tree --locked --offline --prefix none --format {{p}} {words}"),
+                &format!("tree --locked --prefix none --format {{p}} {words}"),
             )?;
             let ids: BTreeSet<Id> = told.lines().filter_map(id_of_line).collect();
             match ids.iter().find(|id| !all.contains_key(*id)) {
@@ -106,11 +114,10 @@ impl Packages {
         let linked =
             |product: Product| tree(&format!("--edges normal,no-proc-macro {}", product.selection()));
         // `cargo metadata` names optional dependencies too that no feature turns on.
-        let systems: String = SYSTEMS
-            .iter()
-            .map(|system| format!(" --target {system}"))
-            .collect();
-        let used = tree(&format!("--workspace --edges normal,build,dev{systems}"))?;
+        let used = tree(&format!(
+            "--workspace --edges normal,build,dev{}",
+            systems("--target")
+        ))?;
         let (image, tools) = (linked(Product::Image)?, linked(Product::Tools)?);
         all.retain(|id, _| used.contains(id));
         Ok(Self { all, image, tools })
@@ -181,7 +188,6 @@ fn packages(metadata: &Value, lock: &str) -> Result<BTreeMap<Id, Package>, Strin
             licence: text(&value["license"]),
             authors: list(&value["authors"]).iter().filter_map(text).collect(),
             repository: text(&value["repository"]),
-            description: text(&value["description"]),
             source: text(&value["source"]),
             checksum: checksums.get(&id).cloned(),
             folder: manifest.parent().map(Path::to_owned).unwrap_or_default(),

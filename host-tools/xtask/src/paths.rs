@@ -17,23 +17,23 @@ use crate::step::{Steps, Stop};
 /// Where cargo looks for it; git does not.
 pub(crate) const FILE: &str = ".cargo/paths.toml";
 
-/// Writes the file for this machine, unless it is right already.
+/// Writes the file for these steps and this home of cargo, unless it is right already.
 ///
 /// # Errors
 /// It cannot be written.
-pub(crate) fn leave_out(steps: &Steps) -> Result<(), Stop> {
+pub(crate) fn leave_out(steps: &Steps, home: Option<&Path>) -> Result<(), Stop> {
     let file = steps.root.join(FILE);
-    let text = config(&folders(steps));
+    let text = config(&folders(steps, home));
     write(&file, text.as_bytes())
         .map_err(|error| Stop::failed(format!("cannot write {}: {error}", file.display())))
 }
 
 /// The folders and what is written instead. Of two that fit, the compiler takes the later one.
-fn folders(steps: &Steps) -> Vec<(PathBuf, String)> {
+fn folders(steps: &Steps, home: Option<&Path>) -> Vec<(PathBuf, String)> {
     let mut folders = Vec::new();
-    if let Some(home) = cargo_home() {
+    if let Some(home) = home {
         let sources = home.join("registry/src");
-        folders.push((home, "cargo".to_owned()));
+        folders.push((home.to_owned(), "cargo".to_owned()));
         // One for each registry; mirrors have names of their own. The version is in the name of the crate's folder.
         let mut registries: Vec<_> = fs::read_dir(sources)
             .into_iter()
