@@ -54,7 +54,12 @@ fn folders(steps: &Steps, home: Option<&Path>) -> Vec<(PathBuf, String)> {
     }
     folders.push((steps.root.clone(), ".".to_owned()));
     folders.push((steps.target.clone(), "target".to_owned()));
-    folders
+    let resolved = |(path, name): (PathBuf, String)| {
+        // The compiler asks the system for the folder that it runs in, which resolves links; cargo does not.
+        let resolved = fs::canonicalize(&path).ok().filter(|resolved| *resolved != path);
+        [resolved.map(|path| (path, name.clone())), Some((path, name))]
+    };
+    folders.into_iter().flat_map(resolved).flatten().collect()
 }
 
 /// The folder that cargo keeps its registries in.
@@ -81,6 +86,20 @@ fn config(folders: &[(PathBuf, String)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_behind_a_link_is_left_out_by_both_of_its_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        fs::create_dir_all(real.join("registry/src/mirror")).unwrap();
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        let folders = folders(&Steps::start().unwrap(), Some(&link));
+        for home in [real, link] {
+            let sources = home.join("registry/src/mirror");
+            assert!(folders.contains(&(home, "cargo".to_owned())), "{folders:?}");
+            assert!(folders.contains(&(sources, "crates".to_owned())), "{folders:?}");
+        }
+    }
 
     #[test]
     fn each_folder_has_a_line_whatever_is_in_its_name() {

@@ -17,15 +17,23 @@ pub(crate) fn check(steps: &Steps) -> Result<(), Stop> {
         );
         return Ok(());
     }
-    let mut parts = "bans licenses sources".to_owned();
-    match cargo_home().is_some_and(|home| home.join("advisory-dbs").exists()) {
-        true => parts += " advisories",
-        false => steps.announce(
+    let deny = Line::new("cargo deny --locked check --hide-inclusion-graph bans licenses sources");
+    steps.run("licences, origins and second versions of packages", &deny)?;
+    if !has_advisories(&cargo_home().unwrap_or_default()) {
+        steps.announce(
             "advisories are not looked at, since no database is here: cargo deny fetch db gets one",
-        ),
+        );
+        return Ok(());
     }
-    let deny = Line::new("cargo deny --locked check --disable-fetch --hide-inclusion-graph").words(&parts);
-    steps.run("licences, origins and second versions of packages", &deny)
+    // As they were when somebody fetched them: a check shall not fail because of the day.
+    let deny = Line::new("cargo deny --locked --offline check --hide-inclusion-graph advisories");
+    steps.run("advisories about packages", &deny)
+}
+
+/// Whether cargo-deny has fetched a database of advisories into this home of cargo.
+fn has_advisories(home: &Path) -> bool {
+    let entries = std::fs::read_dir(home.join("advisory-dbs")).into_iter().flatten();
+    entries.flatten().any(|entry| entry.path().is_dir())
 }
 
 /// The same by the test of `bead-inventory`, and whether THIRD-PARTY.md is what cargo would link.
@@ -58,4 +66,21 @@ pub(crate) fn release(steps: &Steps, folder: &Path) -> Result<(), Stop> {
 
 fn tool() -> Line {
     Line::new("cargo run --release --quiet -p bead-inventory --")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_database_of_advisories_is_a_folder_beside_cargo_denys_lock() {
+        let home = tempfile::tempdir().unwrap();
+        let databases = home.path().join("advisory-dbs");
+        assert!(!has_advisories(home.path()));
+        std::fs::create_dir(&databases).unwrap();
+        std::fs::write(databases.join("db.lock"), "").unwrap();
+        assert!(!has_advisories(home.path()));
+        std::fs::create_dir(databases.join("advisory-db-1")).unwrap();
+        assert!(has_advisories(home.path()));
+    }
 }
