@@ -2,8 +2,9 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter};
+use std::mem;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bead_wire::Counters;
 use mcap::records::Metadata;
@@ -16,16 +17,19 @@ use crate::recording::file::stream::Stream;
 use crate::recording::frames::Item;
 use crate::recording::whole::Target;
 
+type Mcap = mcap::Writer<BufWriter<File>>;
+
 /// Writes a recording while it comes.
 ///
 /// Dropped before [`finish`](Self::finish), it leaves a readable file under its temporary name.
 pub struct Writer {
     target: Target,
     partial: PathBuf,
-    mcap: mcap::Writer<BufWriter<File>>,
+    mcap: Mcap,
     /// One for each bead, or one for all.
     pub(super) streams: Vec<Stream>,
-    sample_rate_hz: u32,
+    about: About,
+    begun: Instant,
     flushed: Instant,
 }
 
@@ -49,35 +53,14 @@ impl Writer {
     /// # Errors
     /// The directory cannot be written to, or another program is recording under that name.
     pub fn create_for_several(target: &Target, about: &About) -> Result<Self, RecordingError> {
-        let (file, partial) = create_partial(target.path())?;
-        let named = partial.clone();
-        let failed = |error| {
-            // Nothing was received yet. If it cannot be removed either, the message names it.
-            let _ = std::fs::remove_file(&named);
-            RecordingError::unwritten(&named)(error)
-        };
-        let mut mcap = WriteOptions::new()
-            .compression(None)
-            .chunk_size(Some(CHUNK))
-            // A chunk is written in one go: seeking back to complete it would leave half ones after a crash.
-            .disable_seeking(true)
-            .library(concat!("bead ", env!("CARGO_PKG_VERSION")))
-            .create(BufWriter::new(file))
-            .map_err(&failed)?;
-        let mut begin = || {
-            mcap.write_metadata(&Metadata {
-                name: METADATA.into(),
-                metadata: about.to_map(),
-            })?;
-            mcap.flush()
-        };
-        begin().map_err(&failed)?;
+        let (mcap, partial) = begin_file(target, about, None)?;
         Ok(Self {
             target: target.clone(),
             partial,
             mcap,
             streams: Vec::new(),
-            sample_rate_hz: about.sample_rate_hz,
+            about: about.clone(),
+            begun: Instant::now(),
             flushed: Instant::now(),
         })
     }
@@ -95,7 +78,7 @@ impl Writer {
     }
 
     fn begin_stream(&mut self, origin: Option<&Origin>) -> Result<Lane, RecordingError> {
-        let begun = Stream::begin(&mut self.mcap, origin, self.sample_rate_hz);
+        let begun = Stream::begin(&mut self.mcap, origin, self.about.sample_rate_hz);
         let stream = begun.and_then(|stream| self.mcap.flush().map(|()| stream));
         let stream = stream.map_err(RecordingError::unwritten(&self.partial))?;
         self.streams.push(stream);
@@ -179,10 +162,18 @@ impl Writer {
         self.streams[lane.0]
             .write(&mut self.mcap, bytes, received_ns, sink)
             .map_err(RecordingError::unwritten(&self.partial))?;
-        if self.flushed.elapsed() >= FLUSH_EVERY {
-            self.flush()?;
+        self.flush_in_time()
+    }
+
+    /// Gives what has waited for a second to the system; a recording to which nothing comes needs that too.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn flush_in_time(&mut self) -> Result<(), RecordingError> {
+        match self.flushed.elapsed() >= FLUSH_EVERY {
+            true => self.flush(),
+            false => Ok(()),
         }
-        Ok(())
     }
 
     /// Gives all whole messages to the system. After that a crash of this program cannot lose them.
@@ -215,6 +206,48 @@ impl Writer {
         &self.partial
     }
 
+    /// Completes the file when it is older than `after`, or has 16 GiB, and goes on in another one, that will have
+    /// the next free name: `NAME-2.mcap` and so on. No byte is in none of them, or in both. Counters go on.
+    ///
+    /// The index of a file stands in memory until the file is complete. This bounds it, as long as
+    /// [`flush`](Self::flush) is not called more often than [`flush_in_time`](Self::flush_in_time) does. It waits up
+    /// to ten seconds for a moment when no bead is sending a strike. Attached parts stay where they are.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn split(&mut self, after: Duration) -> Result<Option<PathBuf>, RecordingError> {
+        let age = self.begun.elapsed();
+        let is_full = self.streams.iter().map(Stream::bytes).sum::<u64>() >= FULL;
+        if age < after && !is_full {
+            return Ok(None);
+        }
+        if !self.streams.iter().all(Stream::rests) && age < after.saturating_add(PATIENCE) {
+            return Ok(None);
+        }
+        let target = self.target.clone().replacing(false);
+        let (mut mcap, partial) = begin_file(&target, &self.about, Some(&self.partial))?;
+        let ended = self
+            .streams
+            .iter_mut()
+            .try_for_each(|stream| stream.end_noise(&mut self.mcap));
+        ended.map_err(RecordingError::unwritten(&self.partial))?;
+        let begun = self
+            .streams
+            .iter_mut()
+            .try_for_each(|stream| stream.go_on(&mut mcap));
+        begun
+            .and_then(|()| mcap.flush())
+            .map_err(RecordingError::unwritten(&partial))?;
+        let (mcap, partial) = (
+            mem::replace(&mut self.mcap, mcap),
+            mem::replace(&mut self.partial, partial),
+        );
+        let target = mem::replace(&mut self.target, target);
+        self.begun = Instant::now();
+        let path = end_file(mcap, &partial, &target)?;
+        Ok(Some(path))
+    }
+
     /// Completes the file and gives it its name. A file of that name that is not to be replaced came meanwhile:
     /// then the recording takes the next free name, `NAME-2.mcap` and so on.
     ///
@@ -226,22 +259,62 @@ impl Writer {
             .streams
             .iter_mut()
             .try_for_each(|stream| stream.end(&mut self.mcap));
-        let finished = ended.and_then(|()| self.mcap.finish());
-        finished.map_err(RecordingError::unwritten(&self.partial))?;
-        let file = self.mcap.into_inner().into_inner();
-        // The file must be on disk before it has its name: after a power cut no name may stand for an empty
-        // file.
-        let file = file
-            .map_err(|error| error.into_error())
-            .and_then(|file| file.sync_all().map(|()| file))
-            .map_err(RecordingError::refused("write", &self.partial))?;
-        let path = take_name(&self.partial, &self.target).map_err(RecordingError::refused(
-            "rename the recording to",
-            self.target.path(),
-        ))?;
-        // Its lock is held until it has its name.
-        drop(file);
+        ended.map_err(RecordingError::unwritten(&self.partial))?;
+        let path = end_file(self.mcap, &self.partial, &self.target)?;
         Ok(Finished { path, counters })
+    }
+}
+
+/// Completes a file, and gives it its name.
+fn end_file(mut mcap: Mcap, partial: &Path, target: &Target) -> Result<PathBuf, RecordingError> {
+    mcap.finish().map_err(RecordingError::unwritten(partial))?;
+    let file = mcap.into_inner().into_inner();
+    // The file must be on disk before it has its name: after a power cut no name may stand for an empty file.
+    let file = file
+        .map_err(|error| error.into_error())
+        .and_then(|file| file.sync_all().map(|()| file))
+        .map_err(RecordingError::refused("write", partial))?;
+    let path = take_name(partial, target)
+        .map_err(RecordingError::refused("rename the recording to", target.path()))?;
+    // Its lock is held until it has its name.
+    drop(file);
+    Ok(path)
+}
+
+/// Bytes of a file that gets no longer. Some 65 000 chunks: with one for each second of a day their index takes 125 MB.
+const FULL: u64 = 16 << 30;
+/// Longest time for which a file that is due is kept open because a strike is on its way.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Begins a file under a temporary name, with what the recording is of; `before` is the file that it follows.
+fn begin_file(
+    target: &Target,
+    about: &About,
+    before: Option<&Path>,
+) -> Result<(Mcap, PathBuf), RecordingError> {
+    let (file, partial) = create_partial(target.path(), before)?;
+    let begin = || {
+        let mut mcap = WriteOptions::new()
+            .compression(None)
+            .chunk_size(Some(CHUNK))
+            // A chunk is written in one go: seeking back to complete it would leave half ones after a crash.
+            .disable_seeking(true)
+            .library(concat!("bead ", env!("CARGO_PKG_VERSION")))
+            .create(BufWriter::new(file))?;
+        mcap.write_metadata(&Metadata {
+            name: METADATA.into(),
+            metadata: about.to_map(),
+        })?;
+        mcap.flush()?;
+        Ok(mcap)
+    };
+    match begin() {
+        Ok(mcap) => Ok((mcap, partial)),
+        Err(error) => {
+            // Nothing is in it yet. If it cannot be removed either, the message names it.
+            let _ = fs::remove_file(&partial);
+            Err(RecordingError::unwritten(&partial)(error))
+        }
     }
 }
 
@@ -295,8 +368,8 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
 }
 
 /// Creates `path` with `.partial`, or `.2.partial` and so on, and locks it. A file that an earlier crash left is
-/// not touched. One that is locked is being written by another program.
-fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
+/// not touched. One that is locked is being written by another program, if it is not `own`.
+fn create_partial(path: &Path, own: Option<&Path>) -> Result<(File, PathBuf), RecordingError> {
     let mut attempt = 1u32;
     loop {
         let mut partial = path.as_os_str().to_owned();
@@ -314,7 +387,9 @@ fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
             }
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
                 let other = File::open(&partial).map(|other| other.try_lock());
-                if let Ok(Err(TryLockError::WouldBlock)) = other {
+                if let Ok(Err(TryLockError::WouldBlock)) = other
+                    && own != Some(&partial)
+                {
                     return Err(RecordingError::Busy(path.to_owned()));
                 }
                 attempt += 1;
