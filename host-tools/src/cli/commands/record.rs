@@ -51,8 +51,8 @@ Ends at Ctrl-C or after --duration with exit status 0, and with 3 when no port i
 frame came. The recording is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 \
 seconds. Killed, it leaves F.mcap.partial, in which at most the last two seconds are missing; `bead recover` \
 makes a whole recording of it. It keeps every byte as received, corrupt frames included, with the time of \
-receipt. After a day, or 16 GiB, it goes on in F-2.mcap, between two strikes: it can run for months, in at \
-most 320 MB of memory. `bead export` takes many files at once. Each strike is printed as it comes. The last line says how fast the \
+receipt. After a day (sooner with many ports, or after 30 GB of a fast source) it goes on in F-2.mcap, between \
+two strikes. So it can run for months, in at most 256 MB of memory. `bead export` takes many files. Each strike is printed as it comes. The last line says how fast the \
 bead's clock is against this host's, if the recording is long enough; see `bead clock`.
 
 Examples:

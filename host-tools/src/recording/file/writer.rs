@@ -31,6 +31,7 @@ pub struct Writer {
     about: About,
     begun: Instant,
     flushed: Instant,
+    flushes: u64,
 }
 
 /// A bead's place in a recording that is being written.
@@ -62,6 +63,7 @@ impl Writer {
             about: about.clone(),
             begun: Instant::now(),
             flushed: Instant::now(),
+            flushes: 0,
         })
     }
 
@@ -182,6 +184,7 @@ impl Writer {
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<(), RecordingError> {
         self.flushed = Instant::now();
+        self.flushes += 1;
         self.mcap
             .flush()
             .map_err(RecordingError::unwritten(&self.partial))
@@ -206,19 +209,23 @@ impl Writer {
         &self.partial
     }
 
-    /// Completes the file when it is older than `after`, or has 16 GiB, and goes on in another one, that will have
-    /// the next free name: `NAME-2.mcap` and so on. No byte is in none of them, or in both. Counters go on.
-    ///
-    /// The index of a file stands in memory until the file is complete. This bounds it, as long as
-    /// [`flush`](Self::flush) is not called more often than [`flush_in_time`](Self::flush_in_time) does. It waits up
-    /// to ten seconds for a moment when no bead is sending a strike. Attached parts stay where they are.
+    /// Bytes that the index of the file takes, at most: a record for each chunk, with a place for each channel in it.
+    fn index(&self) -> u64 {
+        let bytes: u64 = self.streams.iter().map(Stream::bytes).sum();
+        let chunks = self.flushes + bytes / CHUNK;
+        chunks * (256 + 192 * self.streams.len() as u64)
+    }
+
+    /// Completes the file when it is older than `after`, or when its index, which stands in memory until the file is
+    /// complete, takes 64 MB. Goes on in another file, that will have the next free name: `NAME-2.mcap` and so on.
+    /// Each byte is in one of them; counters go on. It waits up to ten seconds for a moment when no bead is sending
+    /// a strike. Attached parts stay where they are.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn split(&mut self, after: Duration) -> Result<Option<PathBuf>, RecordingError> {
         let age = self.begun.elapsed();
-        let is_full = self.streams.iter().map(Stream::bytes).sum::<u64>() >= FULL;
-        if age < after && !is_full {
+        if age < after && self.index() < LONGEST_INDEX {
             return Ok(None);
         }
         if !self.streams.iter().all(Stream::rests) && age < after.saturating_add(PATIENCE) {
@@ -243,7 +250,7 @@ impl Writer {
             mem::replace(&mut self.partial, partial),
         );
         let target = mem::replace(&mut self.target, target);
-        self.begun = Instant::now();
+        (self.begun, self.flushes) = (Instant::now(), 0);
         let path = end_file(mcap, &partial, &target)?;
         Ok(Some(path))
     }
@@ -281,8 +288,8 @@ fn end_file(mut mcap: Mcap, partial: &Path, target: &Target) -> Result<PathBuf, 
     Ok(path)
 }
 
-/// Bytes of a file that gets no longer. Some 65 000 chunks: with one for each second of a day their index takes 125 MB.
-const FULL: u64 = 16 << 30;
+/// Bytes of an index that gets no longer. When a file is completed, the library copies it.
+const LONGEST_INDEX: u64 = 64 << 20;
 /// Longest time for which a file that is due is kept open because a strike is on its way.
 const PATIENCE: Duration = Duration::from_secs(10);
 
