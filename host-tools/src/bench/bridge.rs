@@ -275,9 +275,9 @@ struct Program {
     read: Instant,
 }
 
-trait Stream: Read + Write {}
+trait Stream: Read + Write + Send {}
 
-impl<S: Read + Write> Stream for S {}
+impl<S: Read + Write + Send> Stream for S {}
 
 impl Door {
     /// Takes the programs that wait to be connected.
