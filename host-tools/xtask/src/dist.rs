@@ -7,9 +7,10 @@ use std::path::Path;
 use crate::files::{below, write};
 use crate::setup::find;
 use crate::step::{Line, Steps, Stop};
+use crate::supply;
 
 /// What is beside the program and the pages.
-const BESIDE: [&str; 3] = ["LICENSE-MIT", "LICENSE-APACHE", "CHANGELOG.md"];
+const BESIDE: [&str; 4] = ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.md", "CHANGELOG.md"];
 
 const README: &str = "\
 # bead
@@ -25,6 +26,7 @@ strike in pandas in ten minutes. QEMU (`qemu-system-arm`) is all that has to be 
 | `completions/` | for bash, zsh (`_bead`) and fish |
 | `man/` | manual pages: `man -M man bead` |
 | `firmware/` | the image, for a debug probe: docs/how-to.md |
+| `THIRD-PARTY.md`, `notices/` | what others made in programs and image: licences, their texts, bills of materials (CycloneDX) |
 ";
 
 /// The programs, and where each is built from.
@@ -102,6 +104,7 @@ pub(crate) fn make(steps: &Steps, image: &Path) -> Result<(), Stop> {
         "manual pages",
         &Line::program(&program).words("man").arg(packed.join("man/man1")),
     )?;
+    supply::release(steps, &packed.join("notices"))?;
     let archive = root.join(format!("{name}.tar.gz"));
     let pack = Line::new("tar --sort=name --owner=0 --group=0 --numeric-owner -czf")
         .arg(&archive)

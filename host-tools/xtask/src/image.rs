@@ -19,7 +19,7 @@ pub(crate) fn path(steps: &Steps) -> PathBuf {
 /// # Errors
 /// It does not build.
 pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
-    paths::leave_out(steps)?;
+    paths::leave_out(steps, paths::cargo_home().as_deref())?;
     steps.run("the flash image", &Line::new("cargo build").words(IMAGE))?;
     let image = path(steps);
     let size = Size::of(&steps.root.join(&image))?;

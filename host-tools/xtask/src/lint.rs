@@ -3,6 +3,7 @@
 use crate::links;
 use crate::packages::{HOST, IMAGE, IMAGES};
 use crate::step::{Line, Steps, Stop};
+use crate::supply;
 
 /// All of them.
 ///
@@ -12,6 +13,7 @@ pub(crate) fn lint(steps: &Steps) -> Result<(), Stop> {
     text(steps)?;
     let imports = Line::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");
     steps.run("circles of imports, and arrows up", &imports)?;
+    supply::inventory(steps)?;
     steps.both(host, image)
 }
 
@@ -30,12 +32,13 @@ pub(crate) fn host(steps: &Steps) -> Result<(), Stop> {
     steps.run("documentation, host", &doc(&packages))
 }
 
-/// Lints and documentation of what is built for the part.
+/// Lints and documentation of what is built for the part; and the packages, which all are there then.
 pub(crate) fn image(steps: &Steps) -> Result<(), Stop> {
     steps.run("lints, image", &clippy(IMAGE))?;
     let images = format!("{IMAGES} --features embassy");
     steps.run("lints, images of the emulator's tests", &clippy(&images))?;
-    steps.run("documentation, image", &doc(IMAGE))
+    steps.run("documentation, image", &doc(IMAGE))?;
+    supply::check(steps)
 }
 
 fn clippy(what: &str) -> Line {

@@ -17,9 +17,11 @@ mod nightly;
 mod packages;
 mod paths;
 mod python;
+mod reproducible;
 mod setup;
 mod step;
 mod suite;
+mod supply;
 mod test;
 
 use std::process::ExitCode;
@@ -118,6 +120,23 @@ const TASKS: &[Task] = &[
             setup(steps, Need::Run)?;
             build(steps, DEMO)?;
             dist::make(steps, &image::path(steps))
+        },
+    ),
+    (
+        "notices",
+        "Write THIRD-PARTY.md, and the licences' texts and bills of materials into target/notices",
+        "What cargo links into image and tools is on the page, with the licence that it is taken under. deny.toml says \
+         which licences are allowed. `dist` packs all of it.",
+        supply::notices,
+    ),
+    (
+        "reproducible",
+        "Build the flash image in another folder with another home too, and compare all bytes",
+        "It takes as long as a first build of the image. What is built is the commit, so sources of the image must not \
+         differ from it.",
+        |steps| {
+            setup(steps, Need::Run)?;
+            reproducible::check(steps)
         },
     ),
     (

@@ -17,23 +17,23 @@ use crate::step::{Steps, Stop};
 /// Where cargo looks for it; git does not.
 pub(crate) const FILE: &str = ".cargo/paths.toml";
 
-/// Writes the file for this machine, unless it is right already.
+/// Writes the file for these steps and this home of cargo, unless it is right already.
 ///
 /// # Errors
 /// It cannot be written.
-pub(crate) fn leave_out(steps: &Steps) -> Result<(), Stop> {
+pub(crate) fn leave_out(steps: &Steps, home: Option<&Path>) -> Result<(), Stop> {
     let file = steps.root.join(FILE);
-    let text = config(&folders(steps));
+    let text = config(&folders(steps, home));
     write(&file, text.as_bytes())
         .map_err(|error| Stop::failed(format!("cannot write {}: {error}", file.display())))
 }
 
 /// The folders and what is written instead. Of two that fit, the compiler takes the later one.
-fn folders(steps: &Steps) -> Vec<(PathBuf, String)> {
+fn folders(steps: &Steps, home: Option<&Path>) -> Vec<(PathBuf, String)> {
     let mut folders = Vec::new();
-    if let Some(home) = cargo_home() {
+    if let Some(home) = home {
         let sources = home.join("registry/src");
-        folders.push((home, "cargo".to_owned()));
+        folders.push((home.to_owned(), "cargo".to_owned()));
         // One for each registry; mirrors have names of their own. The version is in the name of the crate's folder.
         let mut registries: Vec<_> = fs::read_dir(sources)
             .into_iter()
@@ -54,7 +54,12 @@ fn folders(steps: &Steps) -> Vec<(PathBuf, String)> {
     }
     folders.push((steps.root.clone(), ".".to_owned()));
     folders.push((steps.target.clone(), "target".to_owned()));
-    folders
+    let resolved = |(path, name): (PathBuf, String)| {
+        // The compiler asks the system for the folder that it runs in, which resolves links; cargo does not.
+        let resolved = fs::canonicalize(&path).ok().filter(|resolved| *resolved != path);
+        [resolved.map(|path| (path, name.clone())), Some((path, name))]
+    };
+    folders.into_iter().flat_map(resolved).flatten().collect()
 }
 
 /// The folder that cargo keeps its registries in.
@@ -81,6 +86,20 @@ fn config(folders: &[(PathBuf, String)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_behind_a_link_is_left_out_by_both_of_its_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        fs::create_dir_all(real.join("registry/src/mirror")).unwrap();
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        let folders = folders(&Steps::start().unwrap(), Some(&link));
+        for home in [real, link] {
+            let sources = home.join("registry/src/mirror");
+            assert!(folders.contains(&(home, "cargo".to_owned())), "{folders:?}");
+            assert!(folders.contains(&(sources, "crates".to_owned())), "{folders:?}");
+        }
+    }
 
     #[test]
     fn each_folder_has_a_line_whatever_is_in_its_name() {

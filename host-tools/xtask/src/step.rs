@@ -150,6 +150,16 @@ impl Steps {
         })
     }
 
+    /// Steps on the same clock in another workspace, which builds into its own folder.
+    pub(crate) fn of(&self, root: PathBuf) -> Self {
+        let target = root.join("target");
+        Steps {
+            root,
+            target,
+            ..self.clone()
+        }
+    }
+
     /// A path below the target directory, written relative to the root where it can be.
     pub(crate) fn built(&self, path: &str) -> PathBuf {
         let full = self.target.join(path);

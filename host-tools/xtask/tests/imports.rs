@@ -67,6 +67,7 @@ const WORKSPACE: &[Package] = &[
     },
     package("bead-figures", HOST),
     package("bead-fuzz", HOST),
+    package("bead-inventory", &[]),
     package("bead-tests", HOST),
 ];
 /// All that the host's programs may use.
