@@ -108,6 +108,44 @@ fn a_chain_has_the_same_bits_in_any_company_and_on_any_number_of_threads() {
     }
 }
 
+#[test]
+fn chains_that_differ_in_their_intruders_alone_have_the_bits_that_each_has_alone() {
+    let mut draw = Draw(0x1357_9bdf_0246_8ace);
+    let mut scenarios = Vec::new();
+    for kind in 0..4 {
+        for _ in 0..13 {
+            let mut scenario = draw.like_the_paper();
+            scenario.striker.velocity = 0.45;
+            match kind {
+                1 => scenario.intruders.push(softer([11, 16])),
+                2 => scenario.wall = Some(Wall::flat(Material::STEEL)),
+                // Bead 16 comes from the far end and is the first to reach an intruder.
+                3 => {
+                    scenario.starts = vec![Start::apart([5], 1e-6), Start::moving([16], -0.3)];
+                    scenario.intruders.push(softer([14]));
+                }
+                _ => {}
+            }
+            scenarios.push(scenario);
+        }
+    }
+    let options = EnsembleOptions {
+        peaks: &[1, 8, 12],
+        ..EnsembleOptions::default()
+    };
+    let found = |scenarios: &[Scenario]| -> Vec<_> {
+        let outcomes = ensemble(scenarios, &options).into_iter();
+        let of = |outcome: Outcome| (bits(&outcome), outcome.peaks().to_vec(), outcome.steps());
+        outcomes
+            .map(|outcome| of(outcome.expect("the scenario runs")))
+            .collect()
+    };
+    let together = found(&scenarios);
+    for (one, together) in scenarios.iter().zip(together) {
+        assert_eq!(found(std::slice::from_ref(one))[0], together);
+    }
+}
+
 /// Chains of every kind that goes through the lanes, and those that do not.
 fn of_every_kind() -> Vec<Scenario> {
     let mut scenarios = vec![elastic(1, 0.002), elastic(20, 0.006), struck_by_a_bead(20, 0.006)];
