@@ -35,11 +35,28 @@ use crate::summarise::Summariser;
 
 /// How to run an ensemble.
 #[derive(Clone, Copy, Default)]
+#[non_exhaustive]
 pub struct EnsembleOptions<'a> {
     /// Contacts whose greatest force is wanted ([`Outcome::peaks`]).
     pub peaks: &'a [usize],
     /// Called now and then with the part of the chains that are done, 0 to 1.
     pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
+}
+
+impl<'a> EnsembleOptions<'a> {
+    /// The same with the greatest forces of these contacts.
+    #[must_use]
+    pub const fn peaks(mut self, contacts: &'a [usize]) -> Self {
+        self.peaks = contacts;
+        self
+    }
+
+    /// The same with a listener.
+    #[must_use]
+    pub const fn telling(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
+        self.progress = Some(progress);
+        self
+    }
 }
 
 impl std::fmt::Debug for EnsembleOptions<'_> {

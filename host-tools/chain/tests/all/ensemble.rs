@@ -33,14 +33,8 @@ impl Draw {
 }
 
 fn exactly(scenario: &Scenario) -> Solution {
-    let accuracy = Accuracy {
-        tolerance: 1e-12,
-        longest_step: 0.25,
-    };
-    let options = Options {
-        accuracy,
-        ..Options::default()
-    };
+    let accuracy = Accuracy::new(1e-12, 0.25);
+    let options = Options::with(accuracy);
     simulate_with(scenario, &options).expect("the scenario runs")
 }
 
@@ -129,10 +123,7 @@ fn chains_that_differ_in_their_intruders_alone_have_the_bits_that_each_has_alone
             scenarios.push(scenario);
         }
     }
-    let options = EnsembleOptions {
-        peaks: &[1, 8, 12],
-        ..EnsembleOptions::default()
-    };
+    let options = EnsembleOptions::default().peaks(&[1, 8, 12]);
     let found = |scenarios: &[Scenario]| -> Vec<_> {
         let outcomes = ensemble(scenarios, &options).into_iter();
         let of = |outcome: Outcome| (bits(&outcome), outcome.peaks().to_vec(), outcome.steps());
@@ -214,10 +205,7 @@ fn the_greatest_forces_of_chosen_contacts_are_those_of_a_single_run() {
     let mut scenarios = of_every_kind();
     let mut draw = Draw(0x5555_4444_3333_2222);
     scenarios.extend((0..30).map(|_| draw.like_the_paper()));
-    let options = EnsembleOptions {
-        peaks: &[8, 1, 5, 99, 8],
-        ..EnsembleOptions::default()
-    };
+    let options = EnsembleOptions::default().peaks(&[8, 1, 5, 99, 8]);
     let (mut worst, mut latest) = (0.0_f64, 0.0_f64);
     for (scenario, outcome) in scenarios.iter().zip(ensemble(&scenarios, &options)) {
         let outcome = outcome.expect("the scenario runs");
@@ -261,10 +249,7 @@ fn progress_goes_up_to_all() {
     let scenarios = vec![Scenario::paper(); 20];
     let seen = Mutex::new(Vec::new());
     let told = |part: f64| seen.lock().expect("no thread has failed").push(part);
-    let options = EnsembleOptions {
-        progress: Some(&told),
-        ..EnsembleOptions::default()
-    };
+    let options = EnsembleOptions::default().telling(&told);
     ensemble(&scenarios, &options);
     let mut seen = seen.into_inner().expect("no thread has failed");
     seen.sort_by(f64::total_cmp);
