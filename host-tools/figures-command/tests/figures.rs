@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
 
-#[path = "../../tests/schema/mod.rs"]
+#[path = "../../tests/all/schema/mod.rs"]
 mod schema;
 
 use std::fs;

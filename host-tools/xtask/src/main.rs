@@ -92,8 +92,8 @@ const TASKS: &[Task] = &[
         |steps| {
             setup(steps, Need::Run)?;
             build(steps, DEMO)?;
-            let measure =
-                Line::new("cargo test --release -p bead-tests --test budget").env("BEAD_NUMBERS_WRITE", "1");
+            let measure = Line::new("cargo test --release -p bead-tests --test all budget::")
+                .env("BEAD_NUMBERS_WRITE", "1");
             steps.run("the budget", &measure)
         },
     ),

@@ -68,13 +68,19 @@ fn part(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
+/// The end-to-end tests that depend on the core's speed.
+const SPEED_MATTERS: &str = "strikes:: faults:: link::";
+
 /// What depends on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, which is about
 /// the most that the core can take (docs/emulator.md).
 fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
-    let tests = ["strikes", "faults", "link"].map(|name| format!("-p bead-tests --test {name}"));
     let tests = jobs
         .iter()
-        .filter(|job| tests.iter().any(|test| job.title.ends_with(test)));
+        .filter(|job| job.title.ends_with("-p bead-tests --test all"));
+    let tests = tests.cloned().map(|Job { title, line }| Job {
+        title: format!("{title} {SPEED_MATTERS}"),
+        line: line.words(SPEED_MATTERS),
+    });
     let corners = Job {
         title: "strikers and speeds at the corners of their ranges".to_owned(),
         line: Line::program(steps.built("release/bead"))
@@ -85,7 +91,7 @@ fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
         title: format!("{}, on a core half as fast", job.title),
         line: job.line.env("STM32F405_QEMU_SHIFT", "4"),
     };
-    tests.cloned().chain([corners]).map(slow).collect()
+    tests.chain([corners]).map(slow).collect()
 }
 
 fn documented_examples() -> Job {

@@ -7,7 +7,7 @@
 //! crate: what they do to a register stands in them.
 //!
 //! To add one, put a file in `src/bin/`. One that uses embassy also gets its `[[bin]]` in `Cargo.toml`, and
-//! its name in the list of `tests/images.rs`, which builds them.
+//! its name in the list of `tests/all/images.rs`, which builds them.
 #![no_std]
 
 use core::panic::PanicInfo;

@@ -2,7 +2,7 @@
 //!
 //! The table `registers.txt` is not hand-written. It comes from the crate `stm32f4` of the project stm32-rs,
 //! which publishes ST's description with corrections; `examples/registers.rs` makes it. The overlay takes
-//! names from it. `tests/registers.rs` holds the models against it.
+//! names from it. `tests/all/registers.rs` holds the models against it.
 
 use std::fmt;
 use std::ops::Range;

@@ -1,7 +1,5 @@
 //! docs/first-strike.md, followed word for word: every command, in its order.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,15 +1,13 @@
 //! A bead with a key does what its owner signs, once and in time, and nothing else that changes its state.
 
-mod ram;
-
 use std::sync::LazyLock;
 
+use crate::ram::{RANGE, Ram};
 use bead::bench::emulation::Emulation;
 use bead_model::settings::BLOCK_MAX;
 use bead_store::{BURST, Secret, Store, Vault};
 use bead_tests::{Answered, Requests, paper, replied};
 use bead_wire::{Block, FaultCause, Key, Message, Outcome, Request, Ticket};
-use ram::{RANGE, Ram};
 use stm32f405_qemu::{Fault, FaultKind};
 
 /// Where the bead keeps settings and key (`memory.x`).

@@ -9,8 +9,6 @@
 //! A command line may end with `< FILE`, `> /dev/full`, or `| head -1`. `\xFF` in a word is that byte. `@gone` is a port
 //! whose other end hangs up at once, `@noise` one that sends what are no frames.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -27,7 +25,7 @@ use std::time::{Duration, Instant};
 
 use clap::CommandFactory;
 
-const TABLE: &str = include_str!("inputs.txt");
+const TABLE: &str = include_str!("../inputs.txt");
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 /// A command that takes longer than this hangs.
 const PATIENCE: Duration = Duration::from_secs(60);

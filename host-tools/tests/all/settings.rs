@@ -1,7 +1,5 @@
 //! `bead settings make` and `bead settings set`: from physical quantities to a bead.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::io::{Read, Write};
 use std::os::unix::net::UnixListener;

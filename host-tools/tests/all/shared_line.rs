@@ -1,15 +1,11 @@
 //! Two beads on one line: each is asked by its address, and a message says which one answered.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod beads;
-
 use std::fs;
 use std::process::Output;
 
+use crate::beads::{Bead, Line};
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::Request;
-use beads::{Bead, Line};
 use serde_json::Value;
 
 fn block(address: u8) -> Vec<u8> {

@@ -1,7 +1,5 @@
 //! docs/waveforms.md: every command of the page, and a recorded strike played again from every form of file.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;

@@ -1,7 +1,5 @@
 //! `bead export`: what comes out is what the recording holds, in every bit, for whoever opens it.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};

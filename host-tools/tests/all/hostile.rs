@@ -1,8 +1,6 @@
 //! Recordings that no bead would send: fields at the ends of their ranges, and numbers that repeat. No command may
 //! panic or take more memory for them.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,8 +1,6 @@
 //! Recordings of other versions, as `tests/data/README.md` tells of them: read, or refused by one line that
 //! says what to do.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::process::{Command, Output};
 

@@ -84,7 +84,7 @@ fn a_live_bead_samples_by_its_own_crystal() {
 }
 
 #[test]
-#[ignore = "an hour of the bead's time takes minutes: cargo test --release -p bead-tests --test live -- --ignored --nocapture"]
+#[ignore = "an hour of the bead's time takes minutes: cargo test --release -p bead-tests --test all live:: -- --ignored --nocapture"]
 fn a_thousand_requests_in_an_hour_cost_no_more_in_the_last_minute_than_in_the_first() {
     let began = Instant::now();
     let every = Duration::from_millis(3600);

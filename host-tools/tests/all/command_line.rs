@@ -1,7 +1,5 @@
 //! The command line as scripts see it: exit status, one line of reason, keys of JSON.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,5 @@
 //! Commands that are interrupted: what they leave behind, and how they end.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::io::Read;
 use std::os::unix::process::{CommandExt, ExitStatusExt};

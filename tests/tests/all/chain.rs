@@ -162,7 +162,7 @@ fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_o
 }
 
 #[test]
-#[ignore = "thirty runs of the image: cargo test --release -p bead-tests --test chain -- --ignored --nocapture"]
+#[ignore = "thirty runs of the image: cargo test --release -p bead-tests --test all chain:: -- --ignored --nocapture"]
 fn rows_of_heavier_intruders_and_of_spheres_that_lose_energy_tell_as_well() {
     for (mass, relaxation) in [(4.7e-3, 0.0), (4.7e-3, 4.2e-6), (12e-3, 4.2e-6)] {
         println!("{mass} kg, {relaxation} s");

@@ -1,7 +1,5 @@
 //! `bead command` and `bead settings` at a line where something is wrong.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::io::{Read, Write};
 use std::os::unix::net::UnixListener;
 use std::path::Path;

@@ -1,7 +1,5 @@
 //! `bead record` as its users run it: over pseudo-terminals and sockets, interrupted, unplugged, refused.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpListener;

@@ -1,10 +1,9 @@
 //! Settings over the link: in force from the next strike on and after a reset, refused by name, and never
 //! half there.
 
-mod ram;
-
 use std::sync::LazyLock;
 
+use crate::ram::{RANGE, Ram};
 use bead::bench::emulation::{Emulation, SETTINGS_ADDRESS};
 use bead::comparison::replay::replay;
 use bead::recording::frames::Frame;
@@ -18,7 +17,6 @@ use bead_wire::{
     ANY, Block, FaultCause, MAX_REQUEST, Outcome, Request, SettingsSource, StrikeFlags, encode_request,
 };
 use crc::{CRC_32_ISO_HDLC, Crc};
-use ram::{RANGE, Ram};
 use stm32f405_qemu::{Fault, FaultKind};
 
 /// Where the bead keeps what came over the link (`memory.x`).

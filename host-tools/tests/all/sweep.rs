@@ -1,8 +1,6 @@
 //! `bead sweep`: rows that are those of single runs, the same bytes however they were computed, and what is said when it
 //! cannot be.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

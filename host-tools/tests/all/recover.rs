@@ -1,7 +1,5 @@
 //! Recorders that are killed or flooded, and `bead recover`: what is lost, and what it costs.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::io::Write;
 use std::net::TcpListener;

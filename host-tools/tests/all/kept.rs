@@ -1,8 +1,6 @@
 //! `bead record` at beads that keep their strikes: a cable that is pulled, beads that are reset meanwhile, several
 //! ports, and ports at which something is wrong; and `bead fetch`.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::collections::VecDeque;
 use std::fs;
 use std::io::{ErrorKind, Read, Write};

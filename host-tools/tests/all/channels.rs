@@ -1,7 +1,5 @@
 //! Recordings as programs see them that know nothing of beads: schemas, values in SI units, times of the host.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

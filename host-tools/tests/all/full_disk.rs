@@ -5,8 +5,6 @@
 //! with the shell that made it, so that shell says what is left on it. Where mounting is not allowed, the tests are
 //! skipped and say so.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::io::Write;
 use std::os::unix::net::UnixListener;

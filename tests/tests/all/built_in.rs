@@ -6,7 +6,7 @@ use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Settings, WindowRecord};
 
-#[path = "../../firmware/src/known_answer.rs"]
+#[path = "../../../firmware/src/known_answer.rs"]
 mod known_answer;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../firmware/src/built_in.rs");
@@ -25,7 +25,7 @@ fn the_built_in_settings_and_the_known_answer_are_those_of_this_computer() {
     let derived = format!(
         "//! Settings of a bead that has none of its own, and what its estimators must find with them.\n\
          //!\n\
-         //! This file is written by `PAGES=overwrite cargo test --release -p bead-tests --test built_in`.\n\
+         //! This file is written by `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::`.\n\
          \n\
          use crate::known_answer::RESULTS;\n\
          \n\
@@ -46,6 +46,6 @@ fn the_built_in_settings_and_the_known_answer_are_those_of_this_computer() {
     assert!(
         file == derived,
         "firmware/src/built_in.rs is stale: \
-         `PAGES=overwrite cargo test --release -p bead-tests --test built_in` writes it"
+         `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::` writes it"
     );
 }

@@ -1,14 +1,8 @@
 //! The JSON of every command, held by a schema in docs/schemas.
 //!
 //! A schema is made of what the command prints of recordings, runs, and frames with random fields. After a change that
-//! is meant: `SCHEMAS=overwrite cargo test --release -p bead --test schemas`, and a new `schema_version` if a key
+//! is meant: `SCHEMAS=overwrite cargo test --release -p bead --test all schemas::`, and a new `schema_version` if a key
 //! went away or means something else. (`bead figures` has its own in host-tools/figures-command.)
-
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod beads;
-mod rows;
-mod schema;
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -17,11 +11,12 @@ use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use crate::beads::{Bead, Line};
+use crate::rows::{self, Who};
+use crate::schema;
 use bead::recording::file::{Part, Recording};
 use bead_wire::{Header, Kind, MAX_FRAME, Message, encode};
-use beads::{Bead, Line};
 use hertz_chain::Scenario;
-use rows::Who;
 use serde_json::{Value, json};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");

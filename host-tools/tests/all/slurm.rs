@@ -1,7 +1,5 @@
 //! A sweep on a real Slurm: one node on this machine, killed in the middle and submitted again.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};

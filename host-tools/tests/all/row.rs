@@ -1,15 +1,11 @@
 //! `bead compare` of a recording of several beads: what it says of a row, and of a row in which something is missing.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
-
-mod rows;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::rows::{Who, record};
 use hertz_chain::Scenario;
-use rows::{Who, record};
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -1,0 +1,27 @@
+//! The tests of the command line, of recordings and of the host's side of a line: one program, linked once.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up has failed")]
+
+mod beads;
+mod channels;
+mod command_line;
+mod export;
+mod first_strike;
+mod full_disk;
+mod hostile;
+mod inputs;
+mod interrupted;
+mod kept;
+mod record;
+mod recover;
+mod requests;
+mod row;
+mod rows;
+mod schema;
+mod schemas;
+mod settings;
+mod shared_line;
+mod slurm;
+mod sweep;
+mod waveforms;
+mod yesterday;

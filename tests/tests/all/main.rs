@@ -1,0 +1,22 @@
+//! The end-to-end tests: one program, linked once.
+
+mod any_settings;
+mod budget;
+mod built_in;
+mod chain;
+mod company;
+mod faults;
+mod kept;
+mod key;
+mod link;
+mod live;
+mod ram;
+mod requests;
+mod requests_at_a_socket;
+mod settings;
+mod stack;
+mod start;
+mod strikes;
+mod time;
+mod trigger_line;
+mod within_reach;
