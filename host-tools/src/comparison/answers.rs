@@ -123,6 +123,8 @@ const LOW: [f64; 2] = [2.93, 3.03];
 /// From a strike to its result, s, and from the first samples to a detector that is armed.
 const MEASURED: f64 = 0.03;
 const ARMED: f64 = 0.02;
+/// What takes no time, s: less than this, since times are rounded to ns.
+const INSTANT: f64 = 1e-6;
 /// Codes this near to an end of the range are at the rail (`firmware/src/health.rs`).
 const RAIL: u16 = 16;
 
@@ -288,13 +290,10 @@ impl<'a> Faulty<'a> {
         good.min(began + PATIENCE) + GOOD
     }
 
-    fn boot_at(&self, time: f64) -> (usize, &Boot) {
-        let number = self
-            .boots
-            .iter()
-            .rposition(|boot| boot.began <= time)
-            .unwrap_or(0);
-        (number, &self.boots[number])
+    /// The boot that a fault meets. One that resets at once is not of the boot that it begins.
+    fn boot_at(&self, time: f64) -> &Boot {
+        let number = self.boots.iter().rposition(|boot| boot.began < time - INSTANT);
+        &self.boots[number.unwrap_or(0)]
     }
 
     /// When a report that is made at a time has left at the latest.
@@ -381,7 +380,7 @@ impl<'a> Faulty<'a> {
             });
         }
         for fault in self.faults {
-            let (_, boot) = self.boot_at(fault.at);
+            let boot = self.boot_at(fault.at);
             // A converter that is being set up anew has no DMA stream to fail.
             let sampling = boot.surely <= fault.at && !self.set_up_anew(fault.at);
             let within = match fault.kind {
@@ -430,7 +429,7 @@ impl<'a> Faulty<'a> {
             if fault.kind != Kind::AdcOverrun {
                 continue;
             }
-            let (_, boot) = self.boot_at(fault.at);
+            let boot = self.boot_at(fault.at);
             let others = self.faults.iter().enumerate();
             let alone = !others.into_iter().any(|(other, fault_of_other)| {
                 other != index
@@ -563,7 +562,7 @@ impl<'a> Faulty<'a> {
 
     /// Whether a bead surely sees and tells a strike that begins at a time.
     fn is_undisturbed(&self, start: f64) -> bool {
-        let (_, boot) = self.boot_at(start);
+        let boot = self.boot_at(start);
         let runs = boot.surely + ARMED <= start && self.survives(boot, start + MEASURED);
         let near = |fault: &Planned| {
             let ends = fault.at + fault.duration.unwrap_or(f64::INFINITY);
