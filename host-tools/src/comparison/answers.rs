@@ -123,6 +123,8 @@ const LOW: [f64; 2] = [2.93, 3.03];
 /// From a strike to its result, s, and from the first samples to a detector that is armed.
 const MEASURED: f64 = 0.03;
 const ARMED: f64 = 0.02;
+/// A result leaves a line that is not behind within this time, s.
+const RESULT_LEAVES: f64 = 0.02;
 /// What takes no time, s: less than this, since times are rounded to ns.
 const INSTANT: f64 = 1e-6;
 /// Codes this near to an end of the range are at the rail (`firmware/src/health.rs`).
@@ -549,7 +551,7 @@ impl<'a> Faulty<'a> {
         let mut results = results.to_vec();
         let mut lost = Vec::new();
         for &start in starts.iter().filter(|start| self.is_undisturbed(**start)) {
-            let until = self.leaves(start + MEASURED);
+            let until = start + MEASURED + RESULT_LEAVES;
             match results.iter().position(|at| (start..=until).contains(at)) {
                 Some(at) => drop(results.remove(at)),
                 None => lost.push(format!(
@@ -571,7 +573,7 @@ impl<'a> Faulty<'a> {
                     (fault.at - MEASURED..fault.at + SET_UP_ANEW + ARMED).contains(&start)
                 }
                 Kind::ForceStuck | Kind::ForceRailed => (fault.at - MEASURED..ends + ARMED).contains(&start),
-                Kind::UartStall => (fault.at - LEAVES..ends + LEAVES).contains(&start),
+                Kind::UartStall => (fault.at - LEAVES..ends + 2.0 * LEAVES).contains(&start),
                 _ => false,
             }
         };
@@ -669,4 +671,201 @@ fn standing(rows: &[[u16; 4]], sensor: usize) -> Vec<(bool, [f64; 2])> {
         from += many;
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::faults::parse;
+
+    /// What is wrong with a run of 2 s with these faults, resets and reports, and 19 strikes that were all measured.
+    fn wrong(faults: &str, resets: &[(f64, ResetCause)], told: &[(f64, FaultCause, &str)]) -> Vec<String> {
+        let strikes = (1..20).map(|strike| 0.1 * f64::from(strike));
+        run(faults, resets, told, strikes.map(|start| start + 0.02).collect()).wrong
+    }
+
+    fn run(
+        faults: &str,
+        resets: &[(f64, ResetCause)],
+        told: &[(f64, FaultCause, &str)],
+        strikes: Vec<f64>,
+    ) -> Answers {
+        let text: String = faults
+            .split(';')
+            .map(|fault| {
+                let mut words = fault.split_whitespace();
+                let (kind, at) = (words.next().unwrap(), words.next().unwrap());
+                let more: Vec<_> = words.map(|word| word.replace('=', " = ")).collect();
+                format!("[[fault]]\nkind = \"{kind}\"\nat = {at}\n{}\n", more.join("\n"))
+            })
+            .collect();
+        let faults = parse(&text, "f.toml").unwrap();
+        let mut stimulus = stm32f405_qemu::Run::new("none");
+        stimulus.stimulus = (0..200_000u32).map(|row| [1000 + (row % 7) as u16; 4]).collect();
+        faults.iter().for_each(|fault| fault.provoke(&mut stimulus));
+        let life = Life {
+            resets: resets.to_vec(),
+            end: 2.0,
+        };
+        let told = told.iter().map(|(at, cause, detail)| Told {
+            at: *at,
+            cause: *cause,
+            detail: (*detail).to_owned(),
+        });
+        let heard = Heard {
+            told: told.collect(),
+            strikes,
+        };
+        let starts: Vec<f64> = (1..20).map(|strike| 0.1 * f64::from(strike)).collect();
+        answers(&faults, &stimulus.stimulus, &starts, &life, &heard)
+    }
+
+    /// The only line.
+    fn only(wrong: &[String]) -> &str {
+        match wrong {
+            [line] => line,
+            _ => panic!("{wrong:?}"),
+        }
+    }
+
+    use FaultCause::{AdcOverrun, ForceRailed, ForceStuck, HardFault, Panic, Recovered, SupplyLow, Watchdog};
+    use ResetCause::{PowerCut, Software};
+
+    #[test]
+    fn a_fault_is_told_once_in_its_time() {
+        let overrun = "adc_overrun 0.5";
+        assert_eq!(wrong(overrun, &[], &[(0.513, AdcOverrun, "")]), [""; 0]);
+        let missing = wrong(overrun, &[], &[]);
+        assert!(
+            only(&missing).starts_with("adc_overrun, due between 0.5000 and"),
+            "{missing:?}"
+        );
+        let twice = wrong(overrun, &[], &[(0.513, AdcOverrun, ""), (0.514, AdcOverrun, "")]);
+        assert!(
+            only(&twice).ends_with("was reported at 0.5140 s, and nothing provoked it"),
+            "{twice:?}"
+        );
+        let late = wrong(overrun, &[], &[(0.8, AdcOverrun, "")]);
+        assert_eq!(late.len(), 2, "{late:?}");
+        let another = wrong(overrun, &[], &[(0.513, AdcOverrun, ""), (0.513, Panic, "")]);
+        assert!(only(&another).starts_with("panic"), "{another:?}");
+    }
+
+    #[test]
+    fn a_reset_needs_its_fault_and_a_fault_its_reset() {
+        let told = [(0.56, HardFault, "CFSR")];
+        let fault = "hard_fault 0.5";
+        assert_eq!(wrong(fault, &[(0.502, Software)], &told), [""; 0]);
+        let none = wrong(fault, &[], &[]);
+        assert!(
+            only(&none).starts_with("hard_fault at 0.5 s ended in no reset"),
+            "{none:?}"
+        );
+        let two = wrong(fault, &[(0.502, Software), (1.0, Software)], &told);
+        assert!(only(&two).contains("reset at 1.0000 s"), "{two:?}");
+        let other = wrong(fault, &[(0.502, ResetCause::Watchdog)], &told);
+        assert!(
+            other.iter().any(|line| line.contains("nothing explains it")),
+            "{other:?}"
+        );
+        let late = wrong("power_cut 0.5", &[(0.6, PowerCut)], &[]);
+        assert_eq!(late.len(), 2, "{late:?}");
+    }
+
+    #[test]
+    fn a_hang_ends_in_two_seconds_unless_the_run_does() {
+        assert_eq!(wrong("hang 0.5", &[], &[]), [""; 0]);
+        let hang = "hang 0.01";
+        let late = run(
+            hang,
+            &[(1.9, ResetCause::Watchdog)],
+            &[(1.96, Watchdog, "")],
+            Vec::new(),
+        );
+        assert_eq!((&late.wrong[..], &late.fates[..]), (&[][..], &[Fate::Told][..]));
+    }
+
+    #[test]
+    fn what_another_fault_hides_need_not_be_told_and_may_be() {
+        // While the bead starts again after the panic, nothing overruns.
+        let faults = "panic 0.5; adc_overrun 0.51";
+        let resets = [(0.502, Software)];
+        for told in [
+            &[(0.56, Panic, "")][..],
+            &[(0.56, Panic, ""), (0.57, AdcOverrun, "")],
+        ] {
+            assert_eq!(wrong(faults, &resets, told), [""; 0]);
+        }
+        let fates = run(faults, &resets, &[(0.56, Panic, "")], Vec::new()).fates;
+        assert_eq!(fates, [Fate::Told, Fate::Untold]);
+        // Of two that end one boot, one is told.
+        let faults = "panic 0.5; hard_fault 0.501";
+        assert_eq!(wrong(faults, &resets, &[(0.56, HardFault, "")]), [""; 0]);
+        assert_eq!(wrong(faults, &resets, &[]).len(), 1);
+        let both = [(0.56, HardFault, ""), (0.57, Panic, "")];
+        assert!(only(&wrong(faults, &resets, &both)).starts_with("panic"));
+    }
+
+    #[test]
+    fn a_sensor_is_told_of_by_how_long_it_stood_still_and_when_it_is_over() {
+        let told = |recovered: &'static str| [(0.56, ForceStuck, ""), (0.7, Recovered, recovered)];
+        let long = "force_stuck 0.5 duration=0.2";
+        assert_eq!(wrong(long, &[], &told("force_stuck")), [""; 0]);
+        assert_eq!(wrong(long, &[], &told("force_railed")).len(), 2);
+        assert_eq!(wrong(long, &[], &told("force_stuck")[..1]).len(), 1);
+        assert_eq!(wrong("force_stuck 0.5 duration=0.04", &[], &[]), [""; 0]);
+        let short = wrong("force_stuck 0.5 duration=0.04", &[], &[(0.54, ForceStuck, "")]);
+        assert!(only(&short).contains("nothing provoked it"), "{short:?}");
+        // At a rail for a while in between, it is another fault.
+        let within = "force_stuck 0.3 duration=0.5; force_railed 0.4 duration=0.3";
+        let told = [
+            (0.36, ForceStuck, ""),
+            (0.4, Recovered, "force_stuck"),
+            (0.46, ForceRailed, ""),
+            (0.7, Recovered, "force_railed"),
+            (0.76, ForceStuck, ""),
+            (0.8, Recovered, "force_stuck"),
+        ];
+        assert_eq!(wrong(within, &[], &told), [""; 0]);
+        assert_eq!(wrong(within, &[], &told[..5]).len(), 1);
+    }
+
+    #[test]
+    fn a_supply_that_dips_again_at_once_is_one_fault() {
+        let dips = "supply 0.5 volts=2.7 duration=0.01; supply 0.515 volts=2.5 duration=0.01";
+        let told = [(0.502, SupplyLow, ""), (0.546, Recovered, "supply_low")];
+        assert_eq!(wrong(dips, &[], &told), [""; 0]);
+        assert!(wrong(dips, &[], &told[..1]).len() == 1);
+        assert_eq!(wrong("supply 0.5 volts=3.0 duration=0.01", &[], &[]), [""; 0]);
+    }
+
+    #[test]
+    fn a_strike_that_no_fault_is_near_has_a_result() {
+        let results: Vec<f64> = (1..20).map(|strike| 0.1 * f64::from(strike) + 0.02).collect();
+        for lost in 0..results.len() {
+            let mut results = results.clone();
+            results.remove(lost);
+            let wrong = run("adc_overrun 0.5", &[], &[(0.513, AdcOverrun, "")], results).wrong;
+            // The overrun cuts the strike at 0.5 s, and the run may end before the last result leaves.
+            assert_eq!(wrong.len(), usize::from(lost != 4 && lost != 18), "{lost}: {wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_silent_port_is_given_up_after_a_second_and_a_half_and_told_of_when_it_speaks() {
+        let stall = "uart_stall 0.1 duration=1.6";
+        let told = [(1.75, Panic, "transmission hangs")];
+        let reset = [(1.4, Software)];
+        assert_eq!(run(stall, &reset, &told, Vec::new()).fates, [Fate::Told]);
+        let none = run(stall, &[], &[], Vec::new()).wrong;
+        assert!(
+            none.iter().any(|line| line.contains("was not given up")),
+            "{none:?}"
+        );
+        let short = wrong("uart_stall 0.5 duration=0.2", &[(0.8, Software)], &[]);
+        assert!(
+            short.iter().any(|line| line.contains("nothing explains it")),
+            "{short:?}"
+        );
+    }
 }
