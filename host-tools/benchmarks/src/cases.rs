@@ -30,19 +30,24 @@ fn plain(beads: usize, relaxation: f64, host: usize, stiffness: f64) -> Scenario
 }
 
 impl Case {
-    pub(crate) fn all() -> [Self; 2] {
+    /// Name, what it is, and the scenario.
+    pub(crate) fn scenarios() -> [(&'static str, &'static str, Scenario); 2] {
         [
-            Self::new(
+            (
                 "A",
                 "16 viscoelastic beads, intruder in bead 8, 10 ms",
                 plain(16, 4.2e-6, 8, 3.95e5),
             ),
-            Self::new(
+            (
                 "B",
                 "46 elastic beads, intruder in bead 15, 10 ms",
                 plain(46, 0.0, 15, 1e5),
             ),
         ]
+    }
+
+    pub(crate) fn all() -> [Self; 2] {
+        Self::scenarios().map(|(name, what, scenario)| Self::new(name, what, scenario))
     }
 
     fn new(name: &'static str, what: &'static str, scenario: Scenario) -> Self {

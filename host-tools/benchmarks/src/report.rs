@@ -2,7 +2,13 @@
 
 use std::fmt;
 
+use hertz_chain::Accuracy;
 use serde::{Deserialize, Serialize};
+
+use crate::machine::Machine;
+
+/// Error, as a part of the greatest velocity, and seconds.
+pub(crate) type Point = (f64, f64);
 
 /// One solver's time for the error asked for.
 #[derive(Debug, Serialize)]
@@ -13,29 +19,68 @@ pub(crate) struct Row {
     pub(crate) error: Option<f64>,
     /// Tolerances: ours and the longest step, or relative and absolute.
     pub(crate) settings: Option<String>,
+    #[serde(skip)]
+    pub(crate) accuracy: Option<Accuracy>,
+    /// The settings that no other one surpasses in both error and time.
+    pub(crate) points: Vec<Point>,
 }
 
 /// A solver of Python: its time for the error asked for, or its chains a second, or why it has neither.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Foreign {
-    case: String,
-    solver: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) case: String,
+    pub(crate) solver: String,
+    /// The least of all rounds, s.
+    #[serde(default, skip_serializing)]
+    seconds: Option<f64>,
+    /// The simulator's least time in the same rounds, s.
+    #[serde(skip)]
+    own_seconds: Option<f64>,
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     milliseconds: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     chains_per_second: Option<f64>,
+    /// How many times faster the simulator was in the same rounds.
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    simulator_faster: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     error: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     settings: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     left_out: Option<String>,
+    #[serde(default)]
+    pub(crate) points: Vec<Point>,
+}
+
+impl Foreign {
+    /// Takes the times of a round.
+    pub(crate) fn note(&mut self, seconds: f64, own: f64) {
+        let least = |one: Option<f64>, other: f64| Some(one.map_or(other, |one| one.min(other)));
+        self.seconds = least(self.seconds, seconds);
+        self.own_seconds = least(self.own_seconds, own);
+    }
+
+    /// Takes the times together, when all rounds are made; an ensemble is of so many chains.
+    pub(crate) fn conclude(&mut self, chains: usize) {
+        match self.seconds {
+            Some(seconds) if self.case == "ensemble" => {
+                self.chains_per_second = Some(chains as f64 / seconds)
+            }
+            seconds => self.milliseconds = seconds.map(|seconds| 1e3 * seconds),
+        }
+        let both = self.seconds.zip(self.own_seconds);
+        self.simulator_faster = both.map(|(seconds, own)| seconds / own);
+    }
 }
 
 /// All solvers on one case.
 #[derive(Debug, Serialize)]
 pub(crate) struct Comparison {
+    /// A or B.
+    pub(crate) name: &'static str,
     pub(crate) case: String,
+    pub(crate) sampled: bool,
     /// Greatest error allowed, as a part of the greatest velocity.
     pub(crate) allowed: f64,
     /// How far a converged run of another solver is from the motion that the errors are taken from, in the same
@@ -112,28 +157,18 @@ fn number(value: f64) -> String {
 
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
-    /// Processor, as its system names it.
-    machine: String,
-    comparisons: Vec<Comparison>,
+    machine: Machine,
+    pub(crate) comparisons: Vec<Comparison>,
     /// Solvers of Python.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) peers: Vec<Foreign>,
     pub(crate) targets: Vec<Target>,
 }
 
-fn machine() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let named = text.lines().find_map(|line| line.strip_prefix("model name"));
-    let name = named.map_or("unknown processor", |name| {
-        name.trim_start_matches([' ', '\t', ':'])
-    });
-    format!("{name}, {}", std::env::consts::ARCH)
-}
-
 impl Report {
     pub(crate) fn new() -> Self {
         Self {
-            machine: machine(),
+            machine: Machine::new(),
             comparisons: Vec::new(),
             peers: Vec::new(),
             targets: Vec::new(),
@@ -184,19 +219,33 @@ impl fmt::Display for Report {
         }
         for (place, row) in self.peers.iter().enumerate() {
             if place == 0 {
-                writeln!(f, "\nsolvers of Python")?;
+                writeln!(
+                    f,
+                    "\nsolvers of Python, and how many times faster hertz-chain was beside them"
+                )?;
             }
-            let what = match (row.milliseconds, row.chains_per_second, &row.left_out) {
-                (Some(ms), ..) => format!("{ms:8.3} ms"),
-                (_, Some(rate), _) => format!("{rate:8.1} chains/s"),
-                (.., why) => why.clone().unwrap_or_default(),
+            let what = match (row.milliseconds, row.chains_per_second) {
+                (Some(ms), _) => format!("{ms:8.2} ms"),
+                (_, Some(rate)) => format!("{rate:8.1} chains/s"),
+                _ => String::new(),
             };
+            let why = row
+                .left_out
+                .as_deref()
+                .map_or(String::new(), |why| format!(": {why}"));
+            let faster = row
+                .simulator_faster
+                .map_or(String::new(), |times| format!("  {times:.1} times"));
             let error = row.error.map_or(String::new(), |error| format!("  {error:.1e}"));
             let settings = row
                 .settings
                 .as_deref()
                 .map_or(String::new(), |text| format!("  ({text})"));
-            writeln!(f, "  {what}{error}  {}, {}{settings}", row.case, row.solver)?;
+            writeln!(
+                f,
+                "  {what}{error}{faster}  {}, {}{settings}{why}",
+                row.case, row.solver
+            )?;
         }
         writeln!(f)?;
         for target in &self.targets {

@@ -12,11 +12,11 @@ use crate::report::{Comparison, Row};
 /// Gives velocities of all bodies at the end, or at each sample.
 type Runner<'a> = Box<dyn Fn() -> Option<Vec<f64>> + 'a>;
 
-fn ours<'a>(case: &'a Case, tolerance: f64, longest_step: f64, sampled: bool) -> Runner<'a> {
-    let accuracy = Accuracy {
-        tolerance,
-        longest_step,
-    };
+/// What the simulator is called.
+pub(crate) const OURS: &str = "hertz-chain";
+const END_ONLY: &str = "end only";
+
+fn ours(case: &Case, accuracy: Accuracy, sampled: bool) -> Runner<'_> {
     Box::new(move || {
         Some(if sampled {
             ours::samples(&case.scenario, accuracy)
@@ -45,111 +45,148 @@ pub(crate) fn compare(case: &Case, sampled: bool, rounds: usize) -> Comparison {
     }
 }
 
-/// A setting that keeps the error: its name, the error, the run, and its least time.
+/// A setting that was tried: its name, the error, the run, and its least time.
 struct Fit<'a> {
     settings: String,
+    accuracy: Option<Accuracy>,
     error: f64,
     run: Runner<'a>,
     seconds: f64,
 }
 
+/// All settings of a solver that give a result.
+struct Tried<'a> {
+    solver: String,
+    fits: Vec<Fit<'a>>,
+}
+
+impl<'a> Tried<'a> {
+    fn new(solver: &str) -> Self {
+        Self {
+            solver: solver.to_owned(),
+            fits: Vec::new(),
+        }
+    }
+
+    fn add(
+        &mut self,
+        settings: String,
+        accuracy: Option<Accuracy>,
+        run: Runner<'a>,
+        error_of: &impl Fn(&[f64]) -> f64,
+    ) {
+        let Some(error) = run().map(|found| error_of(&found)) else {
+            return;
+        };
+        if error < LARGEST {
+            let seconds = (0..3).map(|_| time(&run)).fold(f64::INFINITY, f64::min);
+            self.fits.push(Fit {
+                settings,
+                accuracy,
+                error,
+                run,
+                seconds,
+            });
+        }
+    }
+
+    /// Error and seconds of the settings that no other one surpasses in both.
+    fn front(&self) -> Vec<(f64, f64)> {
+        let mut points: Vec<_> = self.fits.iter().map(|fit| (fit.error, fit.seconds)).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut least = f64::INFINITY;
+        points.retain(|(_, seconds)| {
+            let surpasses = *seconds < least;
+            least = least.min(*seconds);
+            surpasses
+        });
+        points
+    }
+
+    /// Keeps the fastest of the settings that keep the error.
+    fn finalists(&mut self) {
+        self.fits.retain(|fit| fit.error <= ALLOWED);
+        self.fits.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+        self.fits.truncate(FINALISTS);
+    }
+}
+
+/// Errors from here on are no results.
+const LARGEST: f64 = 1e-3;
+
 fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> Comparison {
     let model = Model::of(&case.scenario).expect("the case is sound");
     let chain = &Chain::<D>::new(&case.scenario, &model);
-    let mut solvers: Vec<(String, Vec<Fit<'_>>)> = Vec::new();
-    let fits = |settings: String, run: Runner<'_>| {
-        let found = run()?;
-        let error = if sampled {
-            case.sampled_error(&found)
-        } else {
-            case.end_error(&found)
-        };
-        (error <= ALLOWED).then_some((settings, error))
+    let error_of = |found: &[f64]| match sampled {
+        true => case.sampled_error(found),
+        false => case.end_error(found),
     };
-    let mut ours_fit = Vec::new();
-    for step in 0..24 {
-        let tolerance = 10f64.powf(-7.0 - 0.25 * f64::from(step));
-        for longest in [1.0, 0.5] {
-            let name = format!("tolerance {tolerance:.1e}, longest step {longest}");
-            if let Some((settings, error)) = fits(name, ours(case, tolerance, longest, sampled)) {
-                let run = ours(case, tolerance, longest, sampled);
-                ours_fit.push(Fit {
-                    settings,
-                    error,
-                    run,
-                    seconds: f64::INFINITY,
-                });
-            }
+    let mut own = Tried::new(OURS);
+    for step in 0..32 {
+        let tolerance = 10f64.powf(-5.0 - 0.25 * f64::from(step));
+        for longest_step in [1.0, 0.5] {
+            let accuracy = Accuracy {
+                tolerance,
+                longest_step,
+            };
+            let name = format!("tolerance {tolerance:.1e}, longest step {longest_step}");
+            own.add(name, Some(accuracy), ours(case, accuracy, sampled), &error_of);
         }
     }
-    solvers.push(("hertz-chain".to_owned(), ours_fit));
+    let mut solvers = vec![own];
     for peer in Peer::ALL {
-        let mut found = Vec::new();
-        for step in 0..20 {
-            let relative = 10f64.powf(-6.0 - 0.4 * f64::from(step));
+        let mut tried = Tried::new(peer.name());
+        for step in 0..25 {
+            let relative = 10f64.powf(-4.0 - 0.4 * f64::from(step));
             for part in [1.0, 0.1, 0.01, 1e-3, 1e-4] {
                 let absolute = relative * part;
                 let run = move || peer.run(chain, (relative, absolute), sampled);
                 let name = format!("relative {relative:.1e}, absolute {absolute:.1e}");
-                if let Some((settings, error)) = fits(name, Box::new(run)) {
-                    found.push(Fit {
-                        settings,
-                        error,
-                        run: Box::new(run),
-                        seconds: f64::INFINITY,
-                    });
-                }
+                tried.add(name, None, Box::new(run), &error_of);
             }
         }
-        solvers.push((peer.name().to_owned(), found));
+        solvers.push(tried);
     }
     // A converged run of another solver: the nearest to the reference of those whose tolerances are least.
     let mut reference = f64::INFINITY;
     for peer in Peer::ALL {
         for absolute in [1e-14, 1e-15, 1e-16] {
             let found = peer.run(chain, (1e-14, absolute), sampled);
-            let error = found.map(|found| {
-                if sampled {
-                    case.sampled_error(&found)
-                } else {
-                    case.end_error(&found)
-                }
-            });
-            reference = reference.min(error.unwrap_or(f64::INFINITY));
+            reference = reference.min(found.map_or(f64::INFINITY, |found| error_of(&found)));
         }
     }
-    for (_, fits) in &mut solvers {
-        for fit in fits.iter_mut() {
-            fit.seconds = (0..3).map(|_| time(&fit.run)).fold(f64::INFINITY, f64::min);
-        }
-        fits.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
-        fits.truncate(FINALISTS);
-    }
+    let fronts: Vec<_> = solvers.iter().map(Tried::front).collect();
+    solvers.iter_mut().for_each(Tried::finalists);
     // One after another, so that whatever else the computer does hits all alike.
     for _ in 0..rounds {
-        for fit in solvers.iter_mut().flat_map(|(_, fits)| fits) {
+        for fit in solvers.iter_mut().flat_map(|tried| &mut tried.fits) {
             fit.seconds = fit.seconds.min(time(&fit.run));
         }
     }
-    let row = |(solver, fits): (String, Vec<Fit<'_>>)| {
-        let best = fits.into_iter().min_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    let row = |(tried, points): (Tried<'_>, Vec<(f64, f64)>)| {
+        let fits = tried.fits.into_iter();
+        let best = fits.min_by(|a, b| a.seconds.total_cmp(&b.seconds));
         Row {
-            solver,
+            solver: tried.solver,
             milliseconds: best.as_ref().map(|fit| 1e3 * fit.seconds),
             error: best.as_ref().map(|fit| fit.error),
+            accuracy: best.as_ref().and_then(|fit| fit.accuracy),
             settings: best.map(|fit| fit.settings),
+            points,
         }
     };
     let what = if sampled {
         format!("{SAMPLES} samples")
     } else {
-        "end only".to_owned()
+        END_ONLY.to_owned()
     };
     Comparison {
+        name: case.name,
         case: format!("{} ({}), {what}", case.name, case.what),
+        sampled,
         allowed: ALLOWED,
         reference,
-        rows: solvers.into_iter().map(row).collect(),
+        rows: solvers.into_iter().zip(fronts).map(row).collect(),
         target: match (case.name, sampled) {
             ("A", false) => 5.0,
             ("A", true) => 4.0,

@@ -106,8 +106,9 @@ const TASKS: &[Task] = &[
     (
         BENCH,
         "Time the chain simulator and general solvers side by side, for a given error; takes some minutes",
-        "Words that follow go to the benchmark: `--format json`, `--quick`. What it compares with is compiled for it \
-         alone. docs/benchmarks.md says how to read it.",
+        "Words that follow go to the benchmark: `--format json`; `--quick`; `--peers` for solvers of Python too; `--native` \
+         to compare with a program compiled for this processor alone; `--plots FOLDER` for pictures. What it compares with \
+         is compiled for it alone. docs/benchmarks.md says how to read it.",
         |steps| bench(steps, &[]),
     ),
     (
@@ -219,12 +220,25 @@ type WithWords = (&'static str, fn(&Steps, &[&String]) -> Result<(), Stop>);
 
 const WITH_WORDS: &[WithWords] = &[(BENCH, bench), (FUZZ, fuzz::fuzz)];
 
-/// Runs the benchmark with these words.
+/// Runs the benchmark with these words. For `--native` it is compiled a second time, for this processor alone.
 fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
-    let line = Line::new("cargo run --release --package hertz-benchmarks --");
-    let line = words.iter().fold(line, |line, word| line.arg(word.as_str()));
+    let mut line = Line::new("cargo run --release --package hertz-benchmarks --");
+    for word in words {
+        line = line.arg(word.as_str());
+        if word.as_str() == NATIVE {
+            let folder = steps.target.join("native");
+            let build = Line::new("cargo build --release --package hertz-benchmarks --target-dir")
+                .arg(&folder)
+                .env("RUSTFLAGS", "-C target-cpu=native");
+            steps.run("the same program for this processor alone", &build)?;
+            line = line.arg(folder.join("release/hertz-benchmarks"));
+        }
+    }
     steps.run("the chain simulator and general solvers", &line)
 }
+
+/// The word of the benchmark for which there has to be a second program.
+const NATIVE: &str = "--native";
 
 /// Builds the host's packages in `packages`, and beside it the flash image.
 fn build(steps: &Steps, packages: &str) -> Result<(), Stop> {

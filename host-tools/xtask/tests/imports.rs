@@ -50,7 +50,7 @@ const WORKSPACE: &[Package] = &[
         ],
     ),
     package("hertz-figures", &["hertz-chain"]),
-    package("hertz-benchmarks", &["hertz-chain"]),
+    package("hertz-benchmarks", &["hertz-chain", "hertz-figures"]),
     Package {
         name: "bead",
         knows: HOST,

@@ -17,7 +17,6 @@ mod outcome;
 mod peak;
 mod together;
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
@@ -25,8 +24,10 @@ use rayon::prelude::*;
 use self::chain::Shape;
 pub use self::outcome::Outcome;
 use crate::model::Model;
+use crate::options::{Accuracy, SimulateError};
+use crate::run::Run;
 use crate::scenario::Scenario;
-use crate::simulate::{Accuracy, Options, SimulateError, simulate_with};
+use crate::summarise::Summariser;
 
 /// How to run an ensemble.
 #[derive(Clone, Copy, Default)]
@@ -50,7 +51,7 @@ impl std::fmt::Debug for EnsembleOptions<'_> {
 /// are in the order of the scenarios, and each is the same whatever the others are.
 ///
 /// What intruders absorb has an error of at most 1e-6 of it, and a greatest force of 1e-5 (seen over thousands of
-/// random chains like the paper's; the tests hold them against [`simulate_with`]). It is quick for scenarios that differ in numbers alone: as many beads,
+/// random chains like the paper's; the tests hold them against [`simulate_with`](crate::simulate_with())). It is quick for scenarios that differ in numbers alone: as many beads,
 /// intruders in the same beads, a wall in all or none. Chains under a load and those with clipped forces run
 /// one by one.
 ///
@@ -117,29 +118,32 @@ pub fn ensemble(
         .collect()
 }
 
-/// A chain by itself.
+/// A chain by itself. Nothing of the motion is kept.
 fn single(scenario: &Scenario, peaks: &[usize]) -> Result<Outcome, SimulateError> {
-    let options = Options {
-        accuracy: Accuracy {
-            tolerance: 1e-9,
-            longest_step: 0.5,
-        },
-        ..Options::default()
+    let accuracy = Accuracy {
+        tolerance: 1e-9,
+        longest_step: 0.5,
     };
-    let solution = simulate_with(scenario, &options)?;
-    let last = solution.step_times().len() - 1;
-    let mut found = if peaks.is_empty() {
-        Vec::new()
+    let mut run = Run::new(scenario, accuracy)?;
+    run.check(scenario.duration, accuracy.longest_step)?;
+    let mut found = Vec::new();
+    if peaks.is_empty() {
+        run.to(scenario.duration)?;
     } else {
-        solution.summary().peak_force
-    };
-    found.retain(|peak| peaks.contains(&peak.contact));
-    found.iter_mut().for_each(|peak| peak.fwhm = None);
+        let mut summary = Summariser::new(&mut run);
+        run.watch(scenario.duration, |step| summary.look(step))?;
+        found = summary.summary(&mut run).peak_force;
+        found.retain(|peak| peaks.contains(&peak.contact));
+        found.iter_mut().for_each(|peak| peak.fwhm = None);
+    }
+    let model = run.shared_model();
+    let mut state = vec![0.0; model.layout().dimension()];
+    run.write_state(&mut state);
     Ok(Outcome {
-        state: solution.state(last).to_vec(),
-        time: solution.end(),
-        model: Arc::clone(&solution.model),
+        state,
+        time: run.time(),
+        model,
         peaks: found,
-        steps: last as u64,
+        steps: run.steps(),
     })
 }

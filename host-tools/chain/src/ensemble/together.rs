@@ -7,7 +7,7 @@ use super::group::{Group, Motion};
 use super::outcome::Outcome;
 use crate::model::Model;
 use crate::observe::ContactPeak;
-use crate::simulate::SimulateError;
+use crate::options::SimulateError;
 
 /// Steps of one chain, above which it would keep seven others waiting. The single run refuses those that need far
 /// more.

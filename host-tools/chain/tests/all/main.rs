@@ -3,6 +3,7 @@
 mod accuracy;
 mod any_scenario;
 mod common;
+mod counts;
 mod ensemble;
 mod formulas;
 mod graded;

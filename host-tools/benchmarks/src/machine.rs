@@ -1,0 +1,68 @@
+//! What a time belongs to: processor, vectors, compiler.
+
+use pulp::{Arch, Simd, WithSimd};
+use serde::Serialize;
+
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct Machine {
+    /// As its system names it.
+    processor: String,
+    /// How many this process may use.
+    cores: usize,
+    /// f64 in one of the vectors that this run uses.
+    vector_lanes: usize,
+    system: String,
+    compiler: &'static str,
+    /// What the compiler was told beyond the workspace's profile.
+    flags: &'static str,
+}
+
+struct Lanes;
+
+impl WithSimd for Lanes {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        S::F64_LANES
+    }
+}
+
+impl Machine {
+    pub(crate) fn new() -> Self {
+        let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let value = |key: &str| {
+            let line = text.lines().find(|line| line.starts_with(key))?;
+            line.split_once(':').map(|(_, value)| value.trim().to_owned())
+        };
+        let named = value("model name").unwrap_or_else(|| "unknown processor".to_owned());
+        // A virtual machine may hide the model, but not these.
+        let numbers = match (value("cpu family"), value("model\t")) {
+            (Some(family), Some(model)) => format!(" (family {family}, model {model})"),
+            _ => String::new(),
+        };
+        Self {
+            processor: named + &numbers,
+            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            vector_lanes: Arch::new().dispatch(Lanes),
+            system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            compiler: env!("COMPILER"),
+            flags: env!("FLAGS"),
+        }
+    }
+}
+
+impl std::fmt::Display for Machine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (cores, lanes) = (self.cores, self.vector_lanes);
+        let (processor, system, compiler) = (&self.processor, &self.system, self.compiler);
+        write!(
+            f,
+            "{processor}, {cores} cores, vectors of {lanes}, {system}, {compiler}"
+        )?;
+        if !self.flags.is_empty() {
+            write!(f, ", {}", self.flags)?;
+        }
+        Ok(())
+    }
+}

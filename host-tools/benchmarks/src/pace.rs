@@ -1,0 +1,73 @@
+//! What the portable program, which finds its vectors when it starts, loses against one compiled for this processor.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+
+use crate::cases::Case;
+use crate::report::{Report, Target};
+use crate::{ensemble, ours};
+
+/// What is timed.
+const NAMES: [&str; 3] = ["A, end only", "B, end only", "ensemble"];
+const CHAINS: usize = 512;
+/// Runs within one round: the least counts.
+const RUNS: usize = 40;
+
+/// Prints the least seconds of each of [`NAMES`], in one line. Both programs do this, in turn.
+pub(crate) fn print() {
+    let accuracy = hertz_chain::Accuracy {
+        tolerance: 1e-8,
+        longest_step: 1.0,
+    };
+    let [a, b] = Case::scenarios().map(|(.., scenario)| scenario);
+    let chains = ensemble::scenarios(CHAINS);
+    let least = |runs: usize, run: &dyn Fn()| {
+        let once = |_| {
+            let clock = Instant::now();
+            run();
+            clock.elapsed().as_secs_f64()
+        };
+        (0..runs).map(once).fold(f64::INFINITY, f64::min)
+    };
+    let seconds = [
+        least(10 * RUNS, &|| drop(std::hint::black_box(ours::end(&a, accuracy)))),
+        least(10 * RUNS, &|| drop(std::hint::black_box(ours::end(&b, accuracy)))),
+        least(RUNS / 8, &|| drop(std::hint::black_box(ensemble::alone(&chains)))),
+    ];
+    println!("{}", seconds.map(|seconds| seconds.to_string()).join(" "));
+}
+
+/// A round of a program.
+fn round(program: &Path) -> Result<Vec<f64>, String> {
+    let told = Command::new(program).arg("--pace").output();
+    let told = told.map_err(|error| format!("cannot run {}: {error}", program.display()))?;
+    let text = String::from_utf8_lossy(&told.stdout).into_owned();
+    let seconds: Vec<f64> = text
+        .split_whitespace()
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    match seconds.len() == NAMES.len() {
+        true => Ok(seconds),
+        false => Err(format!("{} printed no times", program.display())),
+    }
+}
+
+/// Compares this program with `native`, the same one compiled for this processor.
+pub(crate) fn compare(report: &mut Report, native: &Path, rounds: usize) -> Result<(), String> {
+    let own = std::env::current_exe().map_err(|error| error.to_string())?;
+    let mut least = [[f64::INFINITY; NAMES.len()]; 2];
+    for _ in 0..rounds {
+        for (least, program) in least.iter_mut().zip([own.as_path(), native]) {
+            for (least, seconds) in least.iter_mut().zip(round(program)?) {
+                *least = least.min(seconds);
+            }
+        }
+    }
+    for (at, name) in NAMES.iter().enumerate() {
+        let more = 100.0 * (least[0][at] / least[1][at] - 1.0);
+        let name = format!("{name}: time of the portable program beyond that of a native one");
+        report.targets.push(Target::at_most(name, Some(more), 5.0, "%"));
+    }
+    Ok(())
+}

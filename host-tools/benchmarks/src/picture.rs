@@ -1,0 +1,91 @@
+//! Time over error, a picture for each case.
+
+use std::path::Path;
+
+use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH};
+
+use crate::report::{Comparison, Point, Report};
+
+/// Colour and dashes of each solver, in the order of the legend.
+fn style(place: usize) -> (Ink, Mark) {
+    match place {
+        0 => (Ink::Curve(0), Mark::Line),
+        1..7 => (Ink::Curve(place), Mark::Family(place)),
+        7 => (Ink::Guide, Mark::Line),
+        _ => (Ink::Chain, Mark::Dashed),
+    }
+}
+
+/// Settings that no other one surpasses, from the coarsest on. Noise of a clock leaves steps, not returns.
+fn front(points: &[Point]) -> Vec<(f64, f64)> {
+    let mut points = points.to_vec();
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut least = f64::INFINITY;
+    points.retain(|(_, seconds)| {
+        let surpasses = *seconds < least;
+        least = least.min(*seconds);
+        surpasses
+    });
+    points
+        .iter()
+        .map(|(error, seconds)| (*error, 1e3 * seconds))
+        .collect()
+}
+
+const ERRORS: (f64, f64) = (1e-12, 1e-4);
+
+fn panel(report: &Report, comparison: &Comparison) -> Panel {
+    let own = comparison.rows.iter().map(|row| (&row.solver, &row.points));
+    let others = report
+        .peers
+        .iter()
+        .filter(|row| row.case == comparison.name && !comparison.sampled);
+    let others = others.map(|row| (&row.solver, &row.points));
+    let shown = |(place, (solver, points)): (usize, (&String, &Vec<Point>))| {
+        let (ink, mark) = style(place);
+        let points = front(points);
+        let inside = points
+            .iter()
+            .any(|(error, _)| (ERRORS.0..=ERRORS.1).contains(error));
+        inside.then(|| Series {
+            name: solver.clone(),
+            ink,
+            mark,
+            points,
+        })
+    };
+    let series = own.chain(others).enumerate().filter_map(shown).collect();
+    let what = if comparison.sampled {
+        "1000 samples"
+    } else {
+        "the end only"
+    };
+    Panel::new("time (ms)", series)
+        .log()
+        .height(if comparison.sampled { 240 } else { 360 })
+        .note(what)
+}
+
+/// Writes the pictures into a folder.
+pub(crate) fn draw(report: &Report, folder: &Path) -> Result<(), String> {
+    for name in ["A", "B"] {
+        let of_case = report
+            .comparisons
+            .iter()
+            .filter(|comparison| comparison.name == name);
+        let panels = of_case.map(|comparison| panel(report, comparison)).collect();
+        let x = Axis::log(
+            "greatest error of a velocity, over the greatest velocity",
+            ERRORS.0..ERRORS.1,
+        );
+        let chart = Chart {
+            description: format!("Time that each solver takes on case {name}, over the error that it makes"),
+            width: WIDTH,
+            ..Chart::new(x, panels)
+        };
+        let svg = chart.standalone_svg().map_err(|error| error.to_string())?;
+        let path = folder.join(format!("work-precision-{}.svg", name.to_lowercase()));
+        std::fs::write(&path, svg).map_err(|error| format!("{}: {error}", path.display()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,171 @@
+//! How many instructions fixed runs take, counted by valgrind: a slower solver is noticed on any computer, however busy.
+//!
+//! Valgrind shows every program the same processor, with vectors of 256 bits. The counts belong to the compiler that
+//! `rust-toolchain.toml` names; a new one may change them. `COUNTS=overwrite cargo test --release -p hertz-chain counts`
+//! writes them anew, and the change of `data/instructions.txt` belongs into the commit that causes it.
+
+use std::fmt::Write;
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::process::Command;
+
+use hertz_chain::{
+    Accuracy, Channel, EnsembleOptions, Intruder, Oscillator, Run, Samples, Scenario, ensemble, summarise,
+};
+
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/all/data/instructions.txt");
+/// Part by which a count may differ: what a change elsewhere in the crate moves by other inlining.
+const SLACK: f64 = 0.02;
+
+const ACCURACY: Accuracy = Accuracy {
+    tolerance: 1e-8,
+    longest_step: 1.0,
+};
+
+/// The chains of `docs/benchmarks.md`.
+fn chain(beads: usize, relaxation: f64, host: usize, stiffness: f64) -> Scenario {
+    let mut scenario = Scenario::paper();
+    scenario.duration = 0.010;
+    scenario.chain.beads = beads;
+    scenario.chain.relaxation = relaxation;
+    let oscillator = Oscillator {
+        stiffness,
+        ..Oscillator::PAPER
+    };
+    scenario.intruders = vec![Intruder::new([host], oscillator)];
+    scenario
+}
+
+fn a() -> Scenario {
+    chain(16, 4.2e-6, 8, 3.95e5)
+}
+
+fn b() -> Scenario {
+    chain(46, 0.0, 15, 1e5)
+}
+
+fn end(scenario: &Scenario) {
+    let mut run = Run::new(scenario, ACCURACY).expect("the chain is sound");
+    run.to(scenario.duration).expect("it runs");
+    black_box(run.snapshot().velocity(1));
+}
+
+#[inline(never)]
+fn counted_end_of_a() {
+    end(&a());
+}
+
+#[inline(never)]
+fn counted_end_of_b() {
+    end(&b());
+}
+
+#[inline(never)]
+fn counted_samples_of_b() {
+    let scenario = b();
+    let channels = (0..=scenario.chain.beads).map(Channel::Velocity).collect();
+    let mut samples = Samples::new(1e-5, channels);
+    let mut run = Run::new(&scenario, ACCURACY).expect("the chain is sound");
+    run.watch(scenario.duration, |step| samples.look(step))
+        .expect("it runs");
+    black_box(samples.values().len());
+}
+
+#[inline(never)]
+fn counted_summary_of_a() {
+    let options = hertz_chain::Options {
+        accuracy: ACCURACY,
+        ..hertz_chain::Options::default()
+    };
+    black_box(summarise(&a(), &options).expect("it runs"));
+}
+
+#[inline(never)]
+fn counted_ensemble_like_a() {
+    let mut scenarios = [(); 8].map(|()| a());
+    scenarios[0].intruders[0].stiffness = 1e5;
+    black_box(ensemble(&scenarios, &EnsembleOptions::default()));
+}
+
+const CASES: [(&str, fn()); 5] = [
+    ("counted_end_of_a", counted_end_of_a),
+    ("counted_end_of_b", counted_end_of_b),
+    ("counted_samples_of_b", counted_samples_of_b),
+    ("counted_summary_of_a", counted_summary_of_a),
+    ("counted_ensemble_like_a", counted_ensemble_like_a),
+];
+
+/// What valgrind runs; it is a test because a test's program has no other doors.
+#[test]
+#[ignore = "of use under valgrind alone"]
+fn runs_that_are_counted() {
+    for (_, case) in CASES {
+        case();
+    }
+}
+
+/// Instructions of each case, in their order; none without valgrind.
+fn counts() -> Option<Vec<u64>> {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("counts-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder can be made");
+    let found = Command::new("valgrind")
+        .args(["--tool=callgrind", "--collect-atstart=no"])
+        .arg(format!("--callgrind-out-file={}", folder.join("part").display()))
+        .arg("--toggle-collect=*::counted_*")
+        // A file of its own for each case.
+        .args(CASES.map(|(name, _)| format!("--dump-after=all::counts::{name}")))
+        .arg(std::env::current_exe().expect("this program has a name"))
+        .args([
+            "--exact",
+            "counts::runs_that_are_counted",
+            "--ignored",
+            "--test-threads=1",
+        ])
+        // All in the thread that is watched.
+        .env("RAYON_NUM_THREADS", "1")
+        .output();
+    let told = found.ok()?.stderr;
+    let count = |number: usize| {
+        let part = std::fs::read_to_string(folder.join(format!("part.{number}"))).unwrap_or_default();
+        let total = part.lines().find_map(|line| line.strip_prefix("totals: "));
+        let total = total.and_then(|total| total.trim().parse().ok());
+        total.unwrap_or_else(|| panic!("valgrind counts nothing: {}", String::from_utf8_lossy(&told)))
+    };
+    let counts = (1..=CASES.len()).map(count).collect();
+    std::fs::remove_dir_all(&folder).expect("a folder can be removed");
+    Some(counts)
+}
+
+#[test]
+fn fixed_runs_take_as_many_instructions_as_they_did() {
+    if !cfg!(target_arch = "x86_64") {
+        println!("counts are of x86-64: not compared");
+        return;
+    }
+    let Some(counts) = counts() else {
+        println!("no valgrind: instructions are not compared");
+        return;
+    };
+    let (mut text, mut wrong) = (String::new(), String::new());
+    let known = std::fs::read_to_string(FILE).unwrap_or_default();
+    for ((name, _), now) in CASES.iter().zip(counts) {
+        writeln!(text, "{name} {now}").unwrap();
+        let before = known
+            .lines()
+            .find_map(|line| line.strip_prefix(name)?.trim().parse().ok());
+        let before: f64 = before.unwrap_or(0.0);
+        let change = now as f64 / before - 1.0;
+        println!("{name}: {now}, {:+.2} %", 100.0 * change);
+        if change.abs() > SLACK {
+            writeln!(wrong, "{name} takes {now} instructions, {before} before").unwrap();
+        }
+    }
+    if std::env::var("COUNTS").is_ok_and(|value| value == "overwrite") {
+        std::fs::write(FILE, text).unwrap();
+        return;
+    }
+    assert!(
+        wrong.is_empty(),
+        "{wrong}if that is meant: COUNTS=overwrite cargo test --release -p hertz-chain counts"
+    );
+}
