@@ -847,7 +847,11 @@ mod tests {
             results.remove(lost);
             let wrong = run("adc_overrun 0.5", &[], &[(0.513, AdcOverrun, "")], results).wrong;
             // The overrun cuts the strike at 0.5 s, and the run may end before the last result leaves.
-            assert_eq!(wrong.len(), usize::from(lost != 4 && lost != 18), "{lost}: {wrong:?}");
+            assert_eq!(
+                wrong.len(),
+                usize::from(lost != 4 && lost != 18),
+                "{lost}: {wrong:?}"
+            );
         }
     }
 
