@@ -51,10 +51,7 @@ impl Case {
     }
 
     fn new(name: &'static str, what: &'static str, scenario: Scenario) -> Self {
-        let accuracy = Accuracy {
-            tolerance: 1e-14,
-            longest_step: 1.0 / 16.0,
-        };
+        let accuracy = Accuracy::new(1e-14, 1.0 / 16.0);
         Self {
             name,
             what,

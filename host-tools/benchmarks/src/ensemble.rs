@@ -38,13 +38,7 @@ pub(crate) fn scenarios(count: usize) -> Vec<Scenario> {
 }
 
 pub(crate) fn absorbed(scenario: &Scenario) -> f64 {
-    let options = Options {
-        accuracy: Accuracy {
-            tolerance: 1e-13,
-            longest_step: 0.125,
-        },
-        ..Options::default()
-    };
+    let options = Options::with(Accuracy::new(1e-13, 0.125));
     let solution = simulate_with(scenario, &options).expect("it runs");
     solution.at(solution.end()).energies().dissipated_intruders
 }

@@ -6,10 +6,7 @@ use hertz_chain::{Accuracy, Run, Scenario};
 
 use crate::report::{Report, Target};
 
-const ACCURACY: Accuracy = Accuracy {
-    tolerance: 1e-10,
-    longest_step: 1.0,
-};
+const ACCURACY: Accuracy = Accuracy::new(1e-10, 1.0);
 
 fn scenario(beads: usize, relaxation: f64) -> Scenario {
     let mut scenario = Scenario::paper();

@@ -16,10 +16,7 @@ const RUNS: usize = 40;
 
 /// Prints the least seconds of each of [`NAMES`], in one line. Both programs do this, in turn.
 pub(crate) fn print() {
-    let accuracy = hertz_chain::Accuracy {
-        tolerance: 1e-8,
-        longest_step: 1.0,
-    };
+    let accuracy = hertz_chain::Accuracy::new(1e-8, 1.0);
     let [a, b] = Case::scenarios().map(|(.., scenario)| scenario);
     let chains = ensemble::scenarios(CHAINS);
     let least = |runs: usize, run: &dyn Fn()| {

@@ -125,10 +125,7 @@ fn compare_sized<const D: usize>(case: &Case, sampled: bool, rounds: usize) -> C
     for step in 0..32 {
         let tolerance = 10f64.powf(-5.0 - 0.25 * f64::from(step));
         for longest_step in [1.0, 0.5] {
-            let accuracy = Accuracy {
-                tolerance,
-                longest_step,
-            };
+            let accuracy = Accuracy::new(tolerance, longest_step);
             let name = format!("tolerance {tolerance:.1e}, longest step {longest_step}");
             own.add(name, Some(accuracy), ours(case, accuracy, sampled), &error_of);
         }

@@ -327,6 +327,11 @@ impl Model {
         self.starts[body].0
     }
 
+    /// Velocity of a body at t = 0, m/s.
+    pub(crate) fn initial_speed(&self, body: usize) -> f64 {
+        self.starts[body].1
+    }
+
     /// The greatest difference of velocities at t = 0, bodies at rest included: the scale of velocities.
     pub(crate) fn speed_scale(&self) -> f64 {
         // A free end or a wall is at rest.

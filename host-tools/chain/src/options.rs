@@ -7,6 +7,7 @@ pub(crate) const MOST_VALUES: usize = 500_000_000;
 
 /// How closely the integration follows the equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Accuracy {
     /// Error allowed to each step in each component, as a part of the component's magnitude plus a hundredth
     /// of its scale. The scales are the striker's speed, its depth in a bead at rest, and its energy.
@@ -27,6 +28,14 @@ impl Accuracy {
         tolerance: 1e-8,
         longest_step: 1.0 / 2.0,
     };
+
+    /// Both numbers.
+    pub const fn new(tolerance: f64, longest_step: f64) -> Self {
+        Self {
+            tolerance,
+            longest_step,
+        }
+    }
 
     pub(crate) fn check(self) -> Result<(), InputError> {
         let (key, value, range) = if !(1e-14..=1e-3).contains(&self.tolerance) {
@@ -49,6 +58,7 @@ impl Default for Accuracy {
 
 /// How to run a scenario.
 #[derive(Clone, Copy, Default)]
+#[non_exhaustive]
 pub struct Options<'a> {
     /// Time to simulate, s, in place of the scenario's; longer for a signal that goes on past it. The
     /// [`Summary`](crate::Summary) covers the scenario's duration, or this one where it is shorter.
@@ -57,6 +67,31 @@ pub struct Options<'a> {
     pub accuracy: Accuracy,
     /// Called now and then with the part done, 0 to 1.
     pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
+}
+
+impl<'a> Options<'a> {
+    /// The scenario's duration, this closely, without a word on the way.
+    pub const fn with(accuracy: Accuracy) -> Self {
+        Self {
+            duration: None,
+            accuracy,
+            progress: None,
+        }
+    }
+
+    /// The same with this time to simulate, s.
+    #[must_use]
+    pub const fn lasting(mut self, duration: f64) -> Self {
+        self.duration = Some(duration);
+        self
+    }
+
+    /// The same with a listener.
+    #[must_use]
+    pub const fn telling(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
+        self.progress = Some(progress);
+        self
+    }
 }
 
 impl std::fmt::Debug for Options<'_> {

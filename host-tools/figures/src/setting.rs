@@ -1,6 +1,6 @@
 //! The paper's set-up: beads, striker, intruder.
 
-use hertz_chain::{Chain, Intruder, Oscillator, Scenario};
+use hertz_chain::{Chain, Intruder, Oscillator, Scenario, Striker};
 
 /// Relaxation time of the experiment's beads, s (Fig. 2). From Sec. III on the paper leaves viscosity out.
 pub(crate) const VISCOUS: f64 = Chain::PAPER.relaxation;
@@ -15,17 +15,9 @@ pub(crate) const OPTIMUM: f64 = 1e5;
 
 /// The steel ball on a chain of `beads` beads, for `duration` seconds.
 pub(crate) fn strike(beads: usize, relaxation: f64, duration: f64) -> Scenario {
-    Scenario {
-        title: String::new(),
-        duration,
-        chain: Chain {
-            beads,
-            relaxation,
-            ..Chain::PAPER
-        },
-        intruders: Vec::new(),
-        ..Scenario::paper()
-    }
+    let mut chain = Chain::PAPER;
+    (chain.beads, chain.relaxation) = (beads, relaxation);
+    Scenario::new(duration, chain, Striker::PAPER)
 }
 
 /// An intruder in each of these beads.

@@ -162,10 +162,7 @@ pub fn load_scenario(path: &Path) -> Result<(Scenario, String), BenchError> {
 /// # Errors
 /// The scenario cannot be integrated.
 pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchError> {
-    let options = Options {
-        duration: Some(scenario.duration + RING_DOWN),
-        ..Options::default()
-    };
+    let options = Options::default().lasting(scenario.duration + RING_DOWN);
     Ok(simulate_with(scenario, &options)?)
 }
 
@@ -362,10 +359,9 @@ mod tests {
 
     /// The first millisecond of the paper's strike: the wave does not reach the intruder.
     fn short_scenario() -> Scenario {
-        Scenario {
-            duration: 1e-3,
-            ..Scenario::paper()
-        }
+        let mut scenario = Scenario::paper();
+        scenario.duration = 1e-3;
+        scenario
     }
 
     #[test]

@@ -210,10 +210,9 @@ mod tests {
 
     /// The first millisecond of the paper's strike: the wave does not reach the intruder.
     fn short_scenario() -> Scenario {
-        Scenario {
-            duration: 1e-3,
-            ..Scenario::paper()
-        }
+        let mut scenario = Scenario::paper();
+        scenario.duration = 1e-3;
+        scenario
     }
 
     #[test]
@@ -260,10 +259,7 @@ mod tests {
         (scenario.chain.beads, scenario.chain.relaxation, scenario.duration) = (2000, 0.0, 0.4);
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("long.parquet");
-        let draft = Options {
-            accuracy: hertz_chain::Accuracy::DRAFT,
-            ..Options::default()
-        };
+        let draft = Options::with(hertz_chain::Accuracy::DRAFT);
         write(&scenario, &draft, 10.0, &Target::new(&path)).unwrap();
         let reader = SerializedFileReader::new(std::fs::File::open(&path).unwrap()).unwrap();
         assert_eq!(reader.metadata().file_metadata().num_rows(), 5);

@@ -70,10 +70,7 @@ fn results(
         .map(|scenario| scenario.map(|scenario| runnable.push(scenario)).err())
         .collect();
     let contacts = plan.definition().outputs.contacts();
-    let options = EnsembleOptions {
-        peaks: &contacts,
-        progress: Some(progress),
-    };
+    let options = EnsembleOptions::default().peaks(&contacts).telling(progress);
     let mut outcomes = ensemble(&runnable, &options).into_iter();
     let result = |refused: Option<String>| match refused {
         Some(why) => Err(why),

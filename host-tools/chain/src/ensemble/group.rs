@@ -75,9 +75,25 @@ pub(super) struct Group<'a> {
     /// Contacts that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
     changes: Vec<Changes>,
+    /// The first of the bodies none of which may be pushed, if a lane stops before one is, and the lanes that have
+    /// stopped.
+    unpushed: Option<usize>,
+    stopped: [Option<Lane>; LANES],
     /// The models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
     models: &'a [&'a Model],
     pub(super) peaks: Vec<Peaks>,
+}
+
+/// One chain on its way, at the end of a step, with its intruders at rest.
+#[derive(Debug, Clone)]
+pub(super) struct Lane {
+    u: Vec<f64>,
+    v: Vec<f64>,
+    time: f64,
+    step: f64,
+    rejected: f64,
+    tries: u64,
+    peaks: Vec<(f64, f64)>,
 }
 
 /// Why a lane came to no end: the time that it reached.
@@ -117,8 +133,49 @@ impl<'a> Group<'a> {
             guests: Vec::new(),
             crossings: Vec::new(),
             changes: Vec::new(),
+            unpushed: None,
+            stopped: Default::default(),
             models,
             peaks: peaks.iter().map(|&contact| Peaks::of(contact)).collect(),
+        }
+    }
+
+    /// Lets each lane stop before the step in which a body from `first` on is pushed.
+    pub(super) fn stop_before_pushed(&mut self, first: usize) {
+        self.unpushed = Some(first);
+    }
+
+    /// A lane as it was when it stopped, or else as it is.
+    pub(super) fn lane(&self, lane: usize) -> Lane {
+        if let Some(stopped) = &self.stopped[lane] {
+            return stopped.clone();
+        }
+        let of = |motion: &[Eight]| motion.iter().map(|of| of.0[lane]).collect();
+        Lane {
+            u: of(&self.now.u),
+            v: of(&self.now.v),
+            time: self.time.0[lane],
+            step: self.step.0[lane],
+            rejected: self.rejected.0[lane],
+            tries: self.tries[lane],
+            peaks: self.peaks.iter().map(|peaks| peaks.greatest[lane]).collect(),
+        }
+    }
+
+    /// Lets a lane go on from there.
+    pub(super) fn start_lane(&mut self, lane: usize, from: &Lane) {
+        for (motion, from) in [(&mut self.now.u, &from.u), (&mut self.now.v, &from.v)] {
+            motion
+                .iter_mut()
+                .zip(from)
+                .for_each(|(of, from)| of.0[lane] = *from);
+        }
+        self.time.0[lane] = from.time;
+        self.step.0[lane] = from.step;
+        self.rejected.0[lane] = from.rejected;
+        self.tries[lane] = from.tries;
+        for (peaks, from) in self.peaks.iter_mut().zip(&from.peaks) {
+            peaks.greatest[lane] = *from;
         }
     }
 
@@ -163,6 +220,7 @@ impl<S: Wide> NullaryFnOnce for Call<'_, '_, S> {
                 }
             }
             group.cross(simd);
+            group.stop_lanes();
             let before = group.time;
             let allowed = group.judge(simd);
             if !group.peaks.is_empty() {
@@ -188,7 +246,7 @@ impl Group<'_> {
             let (time, end) = (self.time.0[lane], self.constants.end.0[lane]);
             let (left, step) = (end - time, self.step.0[lane]);
             let length = if step >= left * (1.0 - 1e-9) { left } else { step };
-            let moves = left > 0.0 && stuck.is_none();
+            let moves = left > 0.0 && stuck.is_none() && self.stopped[lane].is_none();
             self.length.0[lane] = 0.0;
             if moves && (time + length <= time || step.is_nan()) {
                 *stuck = Some(time);
@@ -485,6 +543,18 @@ impl Group<'_> {
                 self.next.x[guest].0[lane] -= shift * part;
                 self.next.w[guest].0[lane] -= kick * part;
                 self.guest_errors[guest].0[lane] += error * part;
+            }
+        }
+    }
+
+    /// Stops the lanes in which this step pushes a body that must not move: as if the step had not been tried.
+    fn stop_lanes(&mut self) {
+        let Some(first) = self.unpushed else { return };
+        for lane in 0..LANES {
+            let pushed = |body: usize| self.next.v[body].0[lane] != self.now.v[body].0[lane];
+            if self.length.0[lane] > 0.0 && (first..self.shape.bodies).any(pushed) {
+                self.tries[lane] -= 1;
+                self.stopped[lane] = Some(self.lane(lane));
             }
         }
     }

@@ -5,8 +5,9 @@
 //! Chains of one shape, which differ in numbers alone, are computed eight at a time, one a vector lane
 //! ([`group`]). Every lane has its own steps ([`method`]) and its own contacts that open and close
 //! ([`crossing`]), so a chain has the same bits whatever others there are, in whatever order, on any number of
-//! threads, and on any processor that multiplies and adds in one rounding. Chains of other kinds run one by
-//! one.
+//! threads, and on any processor that multiplies and adds in one rounding. What happens before the wave reaches
+//! an intruder is computed once for chains that differ in their intruders alone ([`prefix`]). Chains of other kinds
+//! run one by one.
 
 mod chain;
 mod crossing;
@@ -15,6 +16,7 @@ mod group;
 mod method;
 mod outcome;
 mod peak;
+mod prefix;
 mod together;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -23,6 +25,8 @@ use rayon::prelude::*;
 
 use self::chain::Shape;
 pub use self::outcome::Outcome;
+pub(crate) use self::prefix::Prefixes;
+use self::together::Member;
 use crate::model::Model;
 use crate::options::{Accuracy, SimulateError};
 use crate::run::Run;
@@ -31,11 +35,28 @@ use crate::summarise::Summariser;
 
 /// How to run an ensemble.
 #[derive(Clone, Copy, Default)]
+#[non_exhaustive]
 pub struct EnsembleOptions<'a> {
     /// Contacts whose greatest force is wanted ([`Outcome::peaks`]).
     pub peaks: &'a [usize],
     /// Called now and then with the part of the chains that are done, 0 to 1.
     pub progress: Option<&'a (dyn Fn(f64) + Sync)>,
+}
+
+impl<'a> EnsembleOptions<'a> {
+    /// The same with the greatest forces of these contacts.
+    #[must_use]
+    pub const fn peaks(mut self, contacts: &'a [usize]) -> Self {
+        self.peaks = contacts;
+        self
+    }
+
+    /// The same with a listener.
+    #[must_use]
+    pub const fn telling(mut self, progress: &'a (dyn Fn(f64) + Sync)) -> Self {
+        self.progress = Some(progress);
+        self
+    }
 }
 
 impl std::fmt::Debug for EnsembleOptions<'_> {
@@ -61,20 +82,39 @@ pub fn ensemble(
     scenarios: &[Scenario],
     options: &EnsembleOptions<'_>,
 ) -> Vec<Result<Outcome, SimulateError>> {
+    ensemble_on(scenarios, options, &Prefixes::default())
+}
+
+/// The same for one who asks again and again: what has been found out once is kept in `prefixes`.
+pub(crate) fn ensemble_on(
+    scenarios: &[Scenario],
+    options: &EnsembleOptions<'_>,
+    prefixes: &Prefixes,
+) -> Vec<Result<Outcome, SimulateError>> {
     let models: Vec<_> = scenarios.par_iter().map(Model::of).collect();
     let mut alone = Vec::new();
-    let mut grouped: Vec<(Shape, usize)> = Vec::new();
+    let mut grouped: Vec<(Shape, Member<'_>)> = Vec::new();
     for (index, model) in models.iter().enumerate() {
         let Ok(model) = model else { continue };
-        if together::suits(model, scenarios[index].duration) {
-            grouped.push((Shape::of(model), index));
+        let time = scenarios[index].duration;
+        if together::suits(model, time) {
+            let member = Member {
+                index,
+                model,
+                time,
+                start: None,
+            };
+            grouped.push((Shape::of(model), member));
         } else {
             alone.push(index);
         }
     }
+    prefixes.share(&mut grouped, options.peaks);
     // Chains that are struck alike take as many steps and reach the same beads: they lose least by waiting.
-    let speed = |index: usize| models[index].as_ref().map_or(0.0, Model::striker_speed);
-    grouped.sort_by(|(one, i), (other, j)| one.cmp(other).then(speed(*i).total_cmp(&speed(*j))));
+    grouped.sort_by(|(one, a), (other, b)| {
+        let speeds = a.model.striker_speed().total_cmp(&b.model.striker_speed());
+        one.cmp(other).then(speeds)
+    });
 
     let done = AtomicUsize::new(0);
     let tell = |count: usize| {
@@ -83,21 +123,15 @@ pub fn ensemble(
             progress(done as f64 / scenarios.len() as f64);
         }
     };
-    let groups: Vec<&[(Shape, usize)]> = grouped
+    let groups: Vec<&[(Shape, Member<'_>)]> = grouped
         .chunk_by(|one, other| one.0 == other.0)
         .flat_map(|alike| alike.chunks(eight::LANES))
         .collect();
     let of_groups = groups.into_par_iter().flat_map_iter(|group| {
-        let chains: Vec<_> = group
-            .iter()
-            .map(|(_, index)| {
-                let model = models[*index].as_ref().expect("only models are grouped");
-                (model, scenarios[*index].duration)
-            })
-            .collect();
-        let outcomes = together::run(&group[0].0, &chains, options.peaks);
+        let members: Vec<&Member<'_>> = group.iter().map(|(_, member)| member).collect();
+        let outcomes = together::run(&group[0].0, &members, options.peaks);
         tell(group.len());
-        group.iter().map(|(_, index)| *index).zip(outcomes)
+        group.iter().map(|(_, member)| member.index).zip(outcomes)
     });
     let mut found: Vec<(usize, Result<Outcome, SimulateError>)> = of_groups.collect();
     let one_by_one = alone.into_par_iter().map(|index| {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::chain::{Constants, Shape};
-use super::group::{Group, Motion};
+use super::group::{Group, Lane, Motion};
 use super::outcome::Outcome;
 use crate::model::Model;
 use crate::observe::ContactPeak;
@@ -25,42 +25,99 @@ pub(super) fn suits(model: &Model, duration: f64) -> bool {
 /// like the paper's, none then errs by more than 8e-7 in what its intruder absorbs.
 const TOLERANCE: f64 = 2.5e-7;
 
-/// Runs up to eight chains, each to its time, s. The greatest forces of these contacts are kept.
-pub(super) fn run(
-    shape: &Shape,
-    chains: &[(&Model, f64)],
-    peaks: &[usize],
-) -> Vec<Result<Outcome, SimulateError>> {
-    let constants = Constants::new(shape, chains, TOLERANCE);
-    let models: Vec<&Model> = chains.iter().map(|(model, _)| *model).collect();
-    let mut start = Motion::zeros(shape);
-    for (lane, model) in models.iter().enumerate() {
-        let (state, layout) = (model.initial(), model.layout());
-        for body in 0..shape.bodies {
-            start.u[body].0[lane] = state[body];
-            start.v[body].0[lane] = state[layout.velocity(body)];
+/// A chain that goes with others.
+#[derive(Debug)]
+pub(super) struct Member<'a> {
+    /// Its place among the scenarios.
+    pub(super) index: usize,
+    pub(super) model: &'a Model,
+    /// How long it runs, s.
+    pub(super) time: f64,
+    /// Where it starts, if not at t = 0.
+    pub(super) start: Option<Arc<Lane>>,
+}
+
+/// Eight chains before they start.
+struct Eightfold<'a> {
+    constants: Constants,
+    models: Vec<&'a Model>,
+    start: Motion,
+    /// The contacts whose greatest force is wanted.
+    peaks: Vec<usize>,
+}
+
+impl<'a> Eightfold<'a> {
+    fn new(shape: &Shape, members: &[&Member<'a>], peaks: &[usize]) -> Self {
+        let chains: Vec<_> = members.iter().map(|member| (member.model, member.time)).collect();
+        let mut start = Motion::zeros(shape);
+        for (lane, (model, _)) in chains.iter().enumerate() {
+            for body in 0..shape.bodies {
+                start.u[body].0[lane] = model.start(body);
+                start.v[body].0[lane] = model.initial_speed(body);
+            }
+        }
+        let there = |contact: &usize| (1..shape.places()).contains(contact);
+        let mut wanted: Vec<usize> = peaks.iter().copied().filter(there).collect();
+        wanted.sort_unstable();
+        wanted.dedup();
+        Self {
+            constants: Constants::new(shape, &chains, TOLERANCE),
+            models: chains.iter().map(|(model, _)| *model).collect(),
+            start,
+            peaks: wanted,
         }
     }
-    let there = |contact: &usize| (1..shape.places()).contains(contact);
-    let mut wanted: Vec<usize> = peaks.iter().copied().filter(there).collect();
-    wanted.sort_unstable();
-    wanted.dedup();
-    let mut group = Group::new(shape, &constants, &models, start, &wanted);
+
+    fn group<'b>(&'b self, shape: &'b Shape) -> Group<'b> {
+        Group::new(
+            shape,
+            &self.constants,
+            &self.models,
+            self.start.clone(),
+            &self.peaks,
+        )
+    }
+}
+
+/// Runs up to eight chains without their intruders until a body from `last` on would be pushed; gives each as it is before that
+/// step.
+pub(super) fn before(shape: &Shape, members: &[&Member<'_>], peaks: &[usize], last: usize) -> Vec<Lane> {
+    let eight = Eightfold::new(shape, members, peaks);
+    let mut group = eight.group(shape);
+    group.stop_before_pushed(last);
+    // One that is stuck will be so again, and then say so.
+    let _ = group.run();
+    (0..members.len()).map(|lane| group.lane(lane)).collect()
+}
+
+/// Runs up to eight chains, each to its time. The greatest forces of these contacts are kept.
+pub(super) fn run(
+    shape: &Shape,
+    members: &[&Member<'_>],
+    peaks: &[usize],
+) -> Vec<Result<Outcome, SimulateError>> {
+    let eight = Eightfold::new(shape, members, peaks);
+    let mut group = eight.group(shape);
+    for (lane, member) in members.iter().enumerate() {
+        if let Some(start) = &member.start {
+            group.start_lane(lane, start);
+        }
+    }
     let stuck = group.run();
-    let outcome = |(lane, (model, time)): (usize, &(&Model, f64))| match stuck[lane] {
+    let outcome = |(lane, member): (usize, &&Member<'_>)| match stuck[lane] {
         Some(time) => Err(SimulateError::Stuck { time }),
         None => {
             let outcome = Outcome {
-                model: Arc::new((*model).clone()),
-                time: *time,
-                state: state(shape, model, &group, lane),
+                model: Arc::new(member.model.clone()),
+                time: member.time,
+                state: state(shape, member.model, &group, lane),
                 peaks: greatest(&group, lane),
                 steps: group.tries[lane],
             };
             Ok(outcome.balanced())
         }
     };
-    chains.iter().enumerate().map(outcome).collect()
+    members.iter().enumerate().map(outcome).collect()
 }
 
 /// The state of one lane, but for what contacts and the wall took.

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::problem::{Problem, Watch};
 use super::remaining::Remaining;
 use super::search::{OptimiseError, Search};
+use crate::ensemble::Prefixes;
 use crate::scenario::{Intruder, MOST_BEADS, Scenario};
 use crate::simulate::Accuracy;
 
@@ -84,6 +85,7 @@ pub fn optimise(
         search,
         speeds,
         watch,
+        prefixes: Prefixes::default(),
         sofar: Cell::default(),
         stopped: Cell::new(false),
     };

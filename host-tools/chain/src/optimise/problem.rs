@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::remaining::{Remaining, remaining, struck_at};
 use super::search::{Aim, COARSE, Search};
-use crate::ensemble::{EnsembleOptions, ensemble};
+use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
 use crate::scenario::{Intruder, Scenario};
 use crate::simulate::{Accuracy, SimulateError};
 
@@ -53,6 +53,8 @@ pub(super) struct Problem<'a> {
     pub(super) search: &'a Search,
     pub(super) speeds: Vec<f64>,
     pub(super) watch: Option<&'a Watch<'a>>,
+    /// What all designs have in common.
+    pub(super) prefixes: Prefixes,
     /// How far the search has come.
     pub(super) sofar: Cell<SoFar>,
     /// It was asked to stop.
@@ -102,7 +104,7 @@ impl Problem<'_> {
                 scenario
             })
             .collect();
-        let shares = ensemble(&scenarios, &EnsembleOptions::default()).into_iter();
+        let shares = ensemble_on(&scenarios, &EnsembleOptions::default(), &self.prefixes).into_iter();
         let shares: Vec<f64> = shares
             .map(|outcome| outcome.map(|outcome| 1.0 - outcome.absorbed() / outcome.injected()))
             .collect::<Result<_, _>>()?;

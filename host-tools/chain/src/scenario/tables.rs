@@ -10,6 +10,7 @@ use crate::oscillator::Oscillator;
 /// with [`Scenario::check`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Scenario {
     /// A title, for people.
     #[serde(default)]
@@ -37,6 +38,7 @@ pub struct Scenario {
 /// The beads of the chain, alike but for what [`Section`]s say.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Chain {
     /// Number of beads.
     pub beads: usize,
@@ -77,6 +79,7 @@ pub enum ContactForce {
 /// The sphere that hits bead 1 at t = 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Striker {
     /// Radius, m.
     pub radius: f64,
@@ -99,6 +102,7 @@ pub struct Striker {
 /// A body behind the last bead. It does not move.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Wall {
     /// Young's modulus, Pa.
     pub young: f64,
@@ -118,6 +122,7 @@ pub struct Wall {
 /// A mass on a spring and damper inside each of some beads. Its mass is part of the bead's, not added to it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Intruder {
     /// The host beads.
     pub beads: Vec<usize>,
@@ -132,6 +137,7 @@ pub struct Intruder {
 /// Beads unlike the rest. Each value given here replaces that of [`Chain`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Section {
     /// The beads.
     pub beads: Vec<usize>,

@@ -5,10 +5,9 @@ use hertz_chain::{Accuracy, Material, Options, Scenario, Section, Solution, Wall
 
 /// The paper's strike, for the 4 ms that its figure shows.
 fn paper() -> Scenario {
-    Scenario {
-        duration: 0.004,
-        ..Scenario::paper()
-    }
+    let mut scenario = Scenario::paper();
+    scenario.duration = 0.004;
+    scenario
 }
 
 fn with(options: &Options<'_>) -> Solution {
@@ -17,18 +16,8 @@ fn with(options: &Options<'_>) -> Solution {
 
 /// More steps, each of a fifth of the error.
 fn run_finer(scenario: &Scenario) -> Solution {
-    let accuracy = Accuracy {
-        tolerance: 2e-14,
-        longest_step: 1.0 / 50.0,
-    };
-    simulate_with(
-        scenario,
-        &Options {
-            accuracy,
-            ..Options::default()
-        },
-    )
-    .expect("the scenario runs")
+    let accuracy = Accuracy::new(2e-14, 1.0 / 50.0);
+    simulate_with(scenario, &Options::with(accuracy)).expect("the scenario runs")
 }
 
 /// Worst distance of forces (in parts of the greatest at the last contact) and of energies (in parts of the
@@ -102,10 +91,7 @@ fn peaks_and_widths_repeat_with_other_steps() {
 
 #[test]
 fn the_draft_is_good_for_pictures() {
-    let draft = Options {
-        accuracy: Accuracy::DRAFT,
-        ..Options::default()
-    };
+    let draft = Options::with(Accuracy::DRAFT);
     let (force, energy) = distance(&with(&draft), &run(&paper()));
     assert!(
         force < 3e-6 && energy < 3e-6,
@@ -206,15 +192,12 @@ fn an_elastic_chain_scales_with_the_speed() {
 fn a_chain_of_other_size_and_material_is_the_same_on_another_scale() {
     let mut small = paper();
     small.chain.precompression = 0.3;
-    small.wall = Some(Wall {
-        radius: Some(0.05),
-        ..Wall::flat(Material::STEEL)
-    });
-    small.sections = vec![Section {
-        beads: vec![4, 5],
-        radius: Some(0.012),
-        ..Section::default()
-    }];
+    let mut wall = Wall::flat(Material::STEEL);
+    wall.radius = Some(0.05);
+    small.wall = Some(wall);
+    let mut thin = Section::of([4, 5]);
+    thin.radius = Some(0.012);
+    small.sections = vec![thin];
     for (l, r, y) in [
         (3.0, 1.0, 1.0),
         (1.0, 4.4, 1.0),
@@ -311,10 +294,7 @@ fn a_pulse_becomes_the_solitary_wave() {
 
 #[test]
 fn a_longer_run_leaves_the_summary_as_it_is() {
-    let longer = Options {
-        duration: Some(0.006),
-        ..Options::default()
-    };
+    let longer = Options::default().lasting(0.006);
     let (longer, plain) = (with(&longer), run(&paper()));
     assert_eq!(longer.end(), 0.006);
     assert_eq!(longer.summary().peak_force, plain.summary().peak_force);
@@ -324,10 +304,7 @@ fn a_longer_run_leaves_the_summary_as_it_is() {
 
 #[test]
 fn a_shorter_run_is_summed_up_to_its_own_end() {
-    let shorter = Options {
-        duration: Some(0.001),
-        ..Options::default()
-    };
+    let shorter = Options::default().lasting(0.001);
     let solution = with(&shorter);
     let end = solution.summary().final_state;
     assert_eq!((solution.end(), end.time), (0.001, 0.001));
@@ -344,12 +321,9 @@ fn a_time_after_the_end_is_refused() {
 #[test]
 fn sections_make_their_beads_unlike_the_rest() {
     let mut scenario = paper();
-    scenario.sections = vec![Section {
-        beads: vec![3, 4],
-        radius: Some(0.0095),
-        relaxation: Some(0.0),
-        ..Section::default()
-    }];
+    let mut thin = Section::of([3, 4]);
+    (thin.radius, thin.relaxation) = (Some(0.0095), Some(0.0));
+    scenario.sections = vec![thin];
     let solution = run(&scenario);
     let model = solution.model();
     assert!((model.mass(3) / model.mass(2) - 0.125).abs() < 1e-15);
@@ -381,10 +355,7 @@ fn progress_is_told() {
         assert!(part > *last && part <= 1.0);
         *last = part;
     };
-    let options = Options {
-        progress: Some(&progress),
-        ..Options::default()
-    };
+    let options = Options::default().telling(&progress);
     with(&options);
     assert_eq!(*last.lock().expect("no panic"), 1.0);
 }

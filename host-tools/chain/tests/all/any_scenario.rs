@@ -30,15 +30,21 @@ fn intruder(beads: usize) -> impl Strategy<Value = Intruder> {
         })
 }
 
+/// Elastic beads like the paper's, struck by a sphere of this radius, modulus and speed.
+fn struck(beads: usize, radius: f64, young: f64, velocity: f64) -> Scenario {
+    let chain = Chain::new(beads, Chain::PAPER.radius, Material::BAKELITE);
+    let material = Material {
+        young,
+        ..Material::STEEL
+    };
+    Scenario::new(0.004, chain, Striker::new(radius, material, velocity))
+}
+
 fn section(beads: usize) -> impl Strategy<Value = Section> {
     (1..=beads, decades(0.012, 0.04), decades(1e9, 2e11), 0.0..2e-5).prop_map(|(bead, radius, young, tau)| {
-        Section {
-            beads: vec![bead],
-            radius: Some(radius),
-            young: Some(young),
-            relaxation: Some(tau),
-            ..Section::default()
-        }
+        let mut section = Section::of([bead]);
+        (section.radius, section.young, section.relaxation) = (Some(radius), Some(young), Some(tau));
+        section
     })
 }
 
@@ -48,12 +54,10 @@ fn wall() -> impl Strategy<Value = Wall> {
         prop::option::of(decades(0.005, 1.0)),
         prop::option::of(0.0..1e-5),
     )
-        .prop_map(|(young, radius, relaxation)| Wall {
-            young,
-            poisson: 0.3,
-            radius,
-            relaxation,
-            gap: 0.0,
+        .prop_map(|(young, radius, relaxation)| {
+            let mut wall = Wall::flat(Material::new(0.0, young, 0.3));
+            (wall.radius, wall.relaxation) = (radius, relaxation);
+            wall
         })
 }
 
@@ -69,31 +73,16 @@ fn scenario() -> impl Strategy<Value = Scenario> {
         let load = prop::option::of(decades(1e-3, 1e3));
         (striker, tables, contacts, load).prop_map(
             move |((radius, young, velocity), (intruder, section, wall), (relaxation, clipped), load)| {
-                Scenario {
-                    title: String::new(),
-                    duration: 0.004,
-                    chain: Chain {
-                        beads,
-                        relaxation: relaxation.unwrap_or(0.0),
-                        contact_force: if clipped {
-                            ContactForce::Clipped
-                        } else {
-                            ContactForce::Printed
-                        },
-                        precompression: load.unwrap_or(0.0),
-                        ..Chain::PAPER
-                    },
-                    striker: Striker {
-                        radius,
-                        young,
-                        velocity,
-                        ..Striker::PAPER
-                    },
-                    wall,
-                    intruders: intruder.into_iter().collect(),
-                    sections: section.into_iter().collect(),
-                    starts: Vec::new(),
+                let mut scenario = struck(beads, radius, young, velocity);
+                scenario.chain.relaxation = relaxation.unwrap_or(0.0);
+                if clipped {
+                    scenario.chain.contact_force = ContactForce::Clipped;
                 }
+                scenario.chain.precompression = load.unwrap_or(0.0);
+                scenario.wall = wall;
+                scenario.intruders = intruder.into_iter().collect();
+                scenario.sections = section.into_iter().collect();
+                scenario
             },
         )
     })
@@ -164,27 +153,8 @@ const LATE: [(f64, f64, f64, usize, f64); 3] = [
 #[test]
 fn a_contact_that_closes_late_in_a_step_keeps_the_energy() {
     for (radius, young, velocity, beads, wall) in LATE {
-        let scenario = Scenario {
-            duration: 0.004,
-            chain: Chain {
-                beads,
-                relaxation: 0.0,
-                ..Chain::PAPER
-            },
-            striker: Striker {
-                radius,
-                young,
-                velocity,
-                ..Striker::PAPER
-            },
-            wall: Some(Wall::flat(Material {
-                density: 1000.0,
-                young: wall,
-                poisson: 0.3,
-            })),
-            intruders: Vec::new(),
-            ..Scenario::paper()
-        };
+        let mut scenario = struck(beads, radius, young, velocity);
+        scenario.wall = Some(Wall::flat(Material::new(1000.0, wall, 0.3)));
         let error = simulate(&scenario)
             .expect("the scenario is sound")
             .summary()
@@ -199,40 +169,16 @@ fn a_contact_that_closes_late_in_a_step_keeps_the_energy() {
 /// where those beads had been long before.
 #[test]
 fn a_contact_that_opens_beside_free_beads_keeps_the_energy() {
-    let scenario = Scenario {
-        duration: 0.004,
-        chain: Chain {
-            beads: 8,
-            relaxation: 0.0,
-            contact_force: ContactForce::Clipped,
-            ..Chain::PAPER
-        },
-        striker: Striker {
-            radius: 0.0064223869955761115,
-            young: 231123608.43138403,
-            velocity: 0.8810889744561234,
-            ..Striker::PAPER
-        },
-        sections: vec![Section {
-            beads: vec![6],
-            radius: Some(0.03220477505145295),
-            density: None,
-            young: Some(69915237581.45857),
-            poisson: None,
-            relaxation: Some(1.971215220691216e-5),
-        }],
-        intruders: Vec::new(),
-        ..Scenario::paper()
-    };
+    let mut scenario = struck(8, 0.0064223869955761115, 231123608.43138403, 0.8810889744561234);
+    scenario.chain.contact_force = ContactForce::Clipped;
+    let mut other = Section::of([6]);
+    other.radius = Some(0.03220477505145295);
+    other.young = Some(69915237581.45857);
+    other.relaxation = Some(1.971215220691216e-5);
+    scenario.sections = vec![other];
     for tolerance in [1e-10, 1e-12, 1e-14] {
-        let accuracy = Accuracy {
-            tolerance,
-            longest_step: 1.0,
-        };
-        let options = Options {
-            accuracy,
-            ..Options::default()
-        };
+        let accuracy = Accuracy::new(tolerance, 1.0);
+        let options = Options::with(accuracy);
         let solution = simulate_with(&scenario, &options).expect("the scenario is sound");
         let error = solution.summary().energy.balance_error;
         assert!(error < 0.1 * tolerance + 1e-15, "{tolerance:e}: {error:e}");

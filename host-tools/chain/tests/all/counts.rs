@@ -17,10 +17,7 @@ const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/all/data/instruct
 /// Part by which a count may differ: what a change elsewhere in the crate moves by other inlining.
 const SLACK: f64 = 0.02;
 
-const ACCURACY: Accuracy = Accuracy {
-    tolerance: 1e-8,
-    longest_step: 1.0,
-};
+const ACCURACY: Accuracy = Accuracy::new(1e-8, 1.0);
 
 /// The chains of `docs/benchmarks.md`.
 fn chain(beads: usize, relaxation: f64, host: usize, stiffness: f64) -> Scenario {
@@ -73,10 +70,7 @@ fn counted_samples_of_b() {
 
 #[inline(never)]
 fn counted_summary_of_a() {
-    let options = hertz_chain::Options {
-        accuracy: ACCURACY,
-        ..hertz_chain::Options::default()
-    };
+    let options = hertz_chain::Options::with(ACCURACY);
     black_box(summarise(&a(), &options).expect("it runs"));
 }
 

@@ -33,14 +33,8 @@ impl Draw {
 }
 
 fn exactly(scenario: &Scenario) -> Solution {
-    let accuracy = Accuracy {
-        tolerance: 1e-12,
-        longest_step: 0.25,
-    };
-    let options = Options {
-        accuracy,
-        ..Options::default()
-    };
+    let accuracy = Accuracy::new(1e-12, 0.25);
+    let options = Options::with(accuracy);
     simulate_with(scenario, &options).expect("the scenario runs")
 }
 
@@ -105,6 +99,41 @@ fn a_chain_has_the_same_bits_in_any_company_and_on_any_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let again = pool.expect("threads can be had").install(|| all(&scenarios));
         assert!(again.iter().map(bits).eq(together.iter().cloned()));
+    }
+}
+
+#[test]
+fn chains_that_differ_in_their_intruders_alone_have_the_bits_that_each_has_alone() {
+    let mut draw = Draw(0x1357_9bdf_0246_8ace);
+    let mut scenarios = Vec::new();
+    for kind in 0..4 {
+        for _ in 0..13 {
+            let mut scenario = draw.like_the_paper();
+            scenario.striker.velocity = 0.45;
+            match kind {
+                1 => scenario.intruders.push(softer([11, 16])),
+                2 => scenario.wall = Some(Wall::flat(Material::STEEL)),
+                // Bead 16 comes from the far end and is the first to reach an intruder.
+                3 => {
+                    scenario.starts = vec![Start::apart([5], 1e-6), Start::moving([16], -0.3)];
+                    scenario.intruders.push(softer([14]));
+                }
+                _ => {}
+            }
+            scenarios.push(scenario);
+        }
+    }
+    let options = EnsembleOptions::default().peaks(&[1, 8, 12]);
+    let found = |scenarios: &[Scenario]| -> Vec<_> {
+        let outcomes = ensemble(scenarios, &options).into_iter();
+        let of = |outcome: Outcome| (bits(&outcome), outcome.peaks().to_vec(), outcome.steps());
+        outcomes
+            .map(|outcome| of(outcome.expect("the scenario runs")))
+            .collect()
+    };
+    let together = found(&scenarios);
+    for (one, together) in scenarios.iter().zip(together) {
+        assert_eq!(found(std::slice::from_ref(one))[0], together);
     }
 }
 
@@ -176,10 +205,7 @@ fn the_greatest_forces_of_chosen_contacts_are_those_of_a_single_run() {
     let mut scenarios = of_every_kind();
     let mut draw = Draw(0x5555_4444_3333_2222);
     scenarios.extend((0..30).map(|_| draw.like_the_paper()));
-    let options = EnsembleOptions {
-        peaks: &[8, 1, 5, 99, 8],
-        ..EnsembleOptions::default()
-    };
+    let options = EnsembleOptions::default().peaks(&[8, 1, 5, 99, 8]);
     let (mut worst, mut latest) = (0.0_f64, 0.0_f64);
     for (scenario, outcome) in scenarios.iter().zip(ensemble(&scenarios, &options)) {
         let outcome = outcome.expect("the scenario runs");
@@ -223,10 +249,7 @@ fn progress_goes_up_to_all() {
     let scenarios = vec![Scenario::paper(); 20];
     let seen = Mutex::new(Vec::new());
     let told = |part: f64| seen.lock().expect("no thread has failed").push(part);
-    let options = EnsembleOptions {
-        progress: Some(&told),
-        ..EnsembleOptions::default()
-    };
+    let options = EnsembleOptions::default().telling(&told);
     ensemble(&scenarios, &options);
     let mut seen = seen.into_inner().expect("no thread has failed");
     seen.sort_by(f64::total_cmp);

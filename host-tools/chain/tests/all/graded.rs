@@ -1,14 +1,12 @@
 //! Chains whose beads differ: stepped, tapered, and with an intruder of its own in each bead.
 
 use crate::common::{run, softer, struck_by_a_bead};
-use hertz_chain::{Intruder, Material, PulseSearch, Section};
+use hertz_chain::{Intruder, Material, Oscillator, PulseSearch, Section};
 
 fn of_radius(beads: impl IntoIterator<Item = usize>, radius: f64) -> Section {
-    Section {
-        beads: beads.into_iter().collect(),
-        radius: Some(radius),
-        ..Section::default()
-    }
+    let mut section = Section::of(beads);
+    section.radius = Some(radius);
+    section
 }
 
 /// Job, Melo, Sokolow and Sen, Granular Matter 10, 13 (2007): a wave that meets beads of half the radius goes
@@ -113,11 +111,15 @@ fn an_array_with_one_section_and_one_intruder_a_bead_is_what_its_beads_say() {
         .collect();
     graded.intruders = hosts
         .clone()
-        .map(|bead| Intruder {
-            beads: vec![bead],
-            mass: 3.7e-3 * (1.0 - 0.5 * part(bead)),
-            stiffness: 1e5 * (1.0 + part(bead)),
-            damping: 12.0 * (1.0 - 0.5 * part(bead)),
+        .map(|bead| {
+            Intruder::new(
+                [bead],
+                Oscillator {
+                    mass: 3.7e-3 * (1.0 - 0.5 * part(bead)),
+                    stiffness: 1e5 * (1.0 + part(bead)),
+                    damping: 12.0 * (1.0 - 0.5 * part(bead)),
+                },
+            )
         })
         .collect();
     let solution = run(&graded);
@@ -147,10 +149,7 @@ fn an_array_with_one_section_and_one_intruder_a_bead_is_what_its_beads_say() {
     single.sections = hosts.clone().rev().map(|bead| of_radius([bead], 0.015)).collect();
     single.intruders = hosts
         .rev()
-        .map(|bead| Intruder {
-            beads: vec![bead],
-            ..uniform.intruders[0].clone()
-        })
+        .map(|bead| Intruder::new([bead], uniform.intruders[0].oscillator()))
         .collect();
     assert_eq!(
         run(&uniform).summary().final_state,

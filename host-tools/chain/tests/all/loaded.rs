@@ -18,11 +18,9 @@ fn harder() -> Vec<(&'static str, Scenario)> {
         scenario.chain.precompression = load;
         scenario.wall = walled.then(|| Wall::flat(Material::BAKELITE));
         scenario.intruders = vec![softer([5, 16])];
-        scenario.sections = vec![Section {
-            beads: vec![9, 10],
-            radius: Some(0.012),
-            ..Section::default()
-        }];
+        let mut thin = Section::of([9, 10]);
+        thin.radius = Some(0.012);
+        scenario.sections = vec![thin];
         cases.push((name, scenario));
     }
     let (_, mut clipped) = cases[3].clone();
@@ -124,22 +122,18 @@ fn the_walls_stiffness_is_hertz() {
     let compliance = |of: Material| 0.75 * (1.0 - of.poisson * of.poisson) / of.young;
     let theta = compliance(Material::BAKELITE) + compliance(Material::STEEL);
     for (radius, curvature) in [(None, 1.0 / 0.019), (Some(0.05), 1.0 / 0.019 + 1.0 / 0.05)] {
-        scenario.wall = Some(Wall {
-            radius,
-            relaxation: Some(3e-6),
-            ..Wall::flat(Material::STEEL)
-        });
+        let mut wall = Wall::flat(Material::STEEL);
+        (wall.radius, wall.relaxation) = (radius, Some(3e-6));
+        scenario.wall = Some(wall);
         let solution = run(&scenario);
         let wall = solution.model().contact(4);
         assert!((wall.stiffness * theta * f64::sqrt(curvature) - 1.0).abs() < 1e-15);
         assert_eq!(wall.relaxation, 3e-6);
     }
     // Without one of its own, the contact has the last bead's relaxation time.
-    scenario.sections = vec![Section {
-        beads: vec![3],
-        relaxation: Some(1e-6),
-        ..Section::default()
-    }];
+    let mut last = Section::of([3]);
+    last.relaxation = Some(1e-6);
+    scenario.sections = vec![last];
     scenario.wall.as_mut().expect("it has one").relaxation = None;
     assert_eq!(run(&scenario).model().contact(4).relaxation, 1e-6);
 }
@@ -219,10 +213,11 @@ fn a_small_wave_goes_at_the_speed_of_sound() {
 #[test]
 fn a_small_wave_gives_a_rigid_wall_twice_its_momentum() {
     let mut scenario = long_and_small(800.0, 160, 0.025);
-    scenario.wall = Some(Wall {
+    let rigid = Material {
         young: 1e300,
-        ..Wall::flat(Material::BAKELITE)
-    });
+        ..Material::BAKELITE
+    };
+    scenario.wall = Some(Wall::flat(rigid));
     let solution = run(&scenario);
     // Before the wave reaches the wall, and on its way back.
     let (before, after) = (solution.at(0.012), solution.at(0.025));

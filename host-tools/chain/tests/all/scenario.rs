@@ -491,21 +491,16 @@ fn more_beads_than_anybody_means_are_refused_at_once() {
 fn lists_as_long_as_the_longest_chain_are_checked_in_no_time() {
     let mut scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
     scenario.chain.beads = 100_000;
-    let intruder = scenario.intruders[0].clone();
-    let one_by_one = |bead: usize| hertz_chain::Intruder {
-        beads: vec![bead],
-        ..intruder.clone()
-    };
+    let oscillator = scenario.intruders[0].oscillator();
+    let intruder = |beads: &mut dyn Iterator<Item = usize>| hertz_chain::Intruder::new(beads, oscillator);
+    let one_by_one = |bead: usize| intruder(&mut std::iter::once(bead));
     scenario.intruders = (1..=50_000).map(one_by_one).collect();
-    scenario.intruders.push(hertz_chain::Intruder {
-        beads: (50_001..=100_000).collect(),
-        ..intruder.clone()
-    });
+    scenario.intruders.push(intruder(&mut (50_001..=100_000)));
     scenario.sections = (1..=100_000)
-        .map(|bead| hertz_chain::Section {
-            beads: vec![bead],
-            radius: Some(0.02),
-            ..hertz_chain::Section::default()
+        .map(|bead| {
+            let mut section = hertz_chain::Section::of([bead]);
+            section.radius = Some(0.02);
+            section
         })
         .collect();
     let clock = std::time::Instant::now();
@@ -547,10 +542,7 @@ fn a_scenario_built_in_code_is_checked_too() {
 #[test]
 fn options_out_of_range_are_refused() {
     let scenario = Scenario::from_toml(SOUND, "s.toml").expect("sound");
-    let options = Options {
-        duration: Some(-1.0),
-        ..Options::default()
-    };
+    let options = Options::default().lasting(-1.0);
     let error = simulate_with(&scenario, &options).expect_err("negative");
     let expected = "duration: -1 s cannot be simulated; give a number above zero";
     assert_eq!(error.to_string(), expected);

@@ -58,10 +58,7 @@ fn same(what: &str, one: f64, other: f64, scale: f64, tolerance: f64) {
 fn a_summary_found_on_the_way_is_that_of_a_run_that_was_kept() {
     for (number, scenario) in scenarios().iter().enumerate() {
         for accuracy in [Accuracy::REFERENCE, Accuracy::DRAFT] {
-            let options = Options {
-                accuracy,
-                ..Options::default()
-            };
+            let options = Options::with(accuracy);
             let kept = simulate_with(scenario, &options).unwrap().summary();
             let found = summarise(scenario, &options).unwrap();
             let what = |name: &str| format!("scenario {number}, {accuracy:?}, {name}");
@@ -130,10 +127,7 @@ fn a_summary_found_on_the_way_is_that_of_a_run_that_was_kept() {
 fn a_run_that_goes_on_from_a_snapshot_comes_to_where_the_whole_run_does() {
     for scenario in scenarios() {
         let end = scenario.duration;
-        let accuracy = Accuracy {
-            tolerance: 1e-13,
-            longest_step: 0.125,
-        };
+        let accuracy = Accuracy::new(1e-13, 0.125);
         let mut whole = Run::new(&scenario, accuracy).unwrap();
         whole.to(0.4 * end).unwrap();
         let mut rest = whole.snapshot().run_on(accuracy).unwrap();
@@ -231,10 +225,7 @@ fn a_balance_that_was_broken_on_the_way_is_told_at_the_end() {
     // The chain's energy is right again when a wave has gone, but the books remember the worst.
     let mut scenario = Scenario::paper();
     scenario.chain.relaxation = 0.0;
-    let accuracy = Accuracy {
-        tolerance: 1e-3,
-        longest_step: 0.5,
-    };
+    let accuracy = Accuracy::new(1e-3, 0.5);
     let mut run = Run::new(&scenario, accuracy).unwrap();
     let mut found = Summariser::new(&mut run);
     let mut worst = 0.0_f64;
@@ -247,10 +238,7 @@ fn a_balance_that_was_broken_on_the_way_is_told_at_the_end() {
     let told = found.summary(&mut run).energy.balance_error;
     assert!(worst > 1e-6, "{worst:e}");
     same("balance", told, worst, worst, 1e-6);
-    let options = Options {
-        accuracy,
-        ..Options::default()
-    };
+    let options = Options::with(accuracy);
     let kept = simulate_with(&scenario, &options).unwrap();
     let last = (kept.at(kept.end()).energies().total() / run.model().striker_energy() - 1.0).abs();
     assert!(

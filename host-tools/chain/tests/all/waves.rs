@@ -5,10 +5,11 @@ use crate::common::{elastic, run};
 use hertz_chain::{Intruder, Oscillator, PulseSearch, Scenario};
 
 fn with_intruder(mut scenario: Scenario, beads: Vec<usize>, stiffness: f64) -> Scenario {
-    scenario.intruders = vec![Intruder {
+    let oscillator = Oscillator {
         stiffness,
-        ..Intruder::new(beads, Oscillator::PAPER)
-    }];
+        ..Oscillator::PAPER
+    };
+    scenario.intruders = vec![Intruder::new(beads, oscillator)];
     scenario
 }
 

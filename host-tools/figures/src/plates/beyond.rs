@@ -186,13 +186,7 @@ struct Effort {
 }
 
 fn at(scenario: &Scenario, tolerance: f64, longest_step: f64) -> Result<Solution, Error> {
-    let options = Options {
-        accuracy: Accuracy {
-            tolerance,
-            longest_step,
-        },
-        ..Options::default()
-    };
+    let options = Options::with(Accuracy::new(tolerance, longest_step));
     Ok(simulate_with(scenario, &options)?)
 }
 

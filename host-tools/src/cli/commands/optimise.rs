@@ -226,18 +226,17 @@ fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Ve
         others.push(("the scenario's own", scenario.intruders.clone()));
     }
     for (name, stiffness) in PAPER {
-        let paper = Intruder {
+        let paper = Oscillator {
             stiffness,
-            ..Intruder::new(search.hosts.iter().copied(), Oscillator::PAPER)
+            ..Oscillator::PAPER
         };
+        let paper = Intruder::new(search.hosts.iter().copied(), paper);
         others.push((name, vec![paper]));
     }
     let mut compared = Vec::new();
     for (name, intruders) in others {
-        let other = Scenario {
-            intruders,
-            ..scenario.clone()
-        };
+        let mut other = scenario.clone();
+        other.intruders = intruders;
         // The paper's intruder may be too heavy for these beads.
         if other.check().is_err() {
             continue;

@@ -50,10 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     )?;
     let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
     let told = |part| output::set_part(&progress, part);
-    let options = Options {
-        progress: Some(&told),
-        ..Options::default()
-    };
+    let options = Options::default().telling(&told);
     let summary = match &out {
         // Nothing is kept in memory: a chain may have any length.
         None => summarise(&scenario, &options)?,

@@ -22,10 +22,9 @@ pub(crate) fn struck_by_a_bead(beads: usize, duration: f64) -> Scenario {
 
 /// The paper's intruder on the spring that absorbs most, 1e5 N/m.
 pub(crate) fn softer(beads: impl IntoIterator<Item = usize>) -> Intruder {
-    Intruder {
-        stiffness: 1e5,
-        ..Intruder::new(beads, Oscillator::PAPER)
-    }
+    let mut intruder = Intruder::new(beads, Oscillator::PAPER);
+    intruder.stiffness = 1e5;
+    intruder
 }
 
 pub(crate) fn run(scenario: &Scenario) -> Solution {
