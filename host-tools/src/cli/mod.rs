@@ -10,6 +10,7 @@ mod line_options;
 pub mod output;
 pub mod place;
 mod printer;
+mod provenance;
 mod waveform_options;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};

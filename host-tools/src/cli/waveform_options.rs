@@ -1,14 +1,10 @@
 //! Which columns of a waveform's file are meant: options that `bead emulate` and `bead compare` share.
 
-use std::fs::File;
-use std::io;
 use std::path::Path;
 
 use clap::Args;
-use sha2::{Digest, Sha256};
 
-use crate::cli::failure::{Blame, Failure};
-use crate::recording::json::hex;
+use crate::cli::failure::Failure;
 use crate::waveform::{Choice, Wanted, Waveform};
 
 /// Options that say what is in a file with a waveform.
@@ -67,12 +63,4 @@ impl WaveformOptions {
         };
         Ok(Waveform::read(path, &choice, bead)?)
     }
-}
-
-/// The SHA-256 of a file, in hexadecimal, as `sha256sum` prints it.
-pub(crate) fn sha256_of(path: &Path) -> Result<String, Failure> {
-    let mut digest = Sha256::new();
-    let read = File::open(path).and_then(|mut file| io::copy(&mut file, &mut digest));
-    read.or_input(|| format!("cannot read {}", path.display()))?;
-    Ok(hex(&digest.finalize()))
 }

@@ -9,10 +9,11 @@ use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::sensed::only_host;
 use crate::cli::commands::compare_reference;
 use crate::cli::commands::compare_row::{self, Wanted};
-use crate::cli::commands::compared::{Velocity, made, scenario, shown};
+use crate::cli::commands::compared::{Velocity, scenario, shown};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
+use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::page::Page;
 use crate::comparison::pictures::{residual_chart, strike_chart};
@@ -205,9 +206,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let spread = deviations.spread();
     let soundness = Soundness::of(heard.counters(), heard.status.as_ref(), emulator.as_ref());
     let failure = failure(differs.as_deref(), &soundness, &spread);
-    let mut made = report
-        .as_ref()
-        .map_or(Ok(Vec::new()), |_| made(&received, &text))?;
+    let mut made = report.as_ref().map_or(Ok(Vec::new()), |_| {
+        provenance::made(&received.path, provenance::scenario(&text))
+    })?;
     made.extend(fitted.map(|fitted| ("striker's velocity", shown(&fitted))));
     if left_out > 0 {
         let of = format!("the first {STRIKES_MOST} of {compared}; the verdict is over all");

@@ -1,17 +1,14 @@
 //! `bead compare --reference`: a strike against the record of another instrument.
 
-use std::env;
 use std::path::Path;
-use std::time::SystemTime;
 
-use chrono::{DateTime, Utc};
 use serde_json::json;
 
 use crate::bench::emulation::RunTruth;
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
-use crate::cli::waveform_options::{WaveformOptions, sha256_of};
-use crate::comparison::page::Fact;
+use crate::cli::provenance::{made, sha256_of};
+use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::reference::{AgainstReference, compare};
 use crate::comparison::reference_page::{ReferencePage, absorbed_row, rows};
 use crate::comparison::replay::replay;
@@ -93,7 +90,7 @@ pub(super) fn run(request: &Request<'_>) -> Result<(), Failure> {
         .and_then(|truth| truth.stimulus)
         .map(|file| file.sha256 == sha256);
     if let Some(report) = &request.report {
-        let mut made = made(received, &sha256)?;
+        let mut made = made(&received.path, ("reference, SHA-256", sha256.clone()))?;
         if played == Some(true) {
             made.push(("reference", "the waveform that was played to the bead".to_owned()));
         }
@@ -146,17 +143,4 @@ fn table(against: &AgainstReference, identical: bool) -> String {
     let bits = output::either(identical, "identical", "differ");
     all.push(vec!["bits of device and replay".to_owned(), bits]);
     output::table("| bead | reference | bead off by", all)
-}
-
-/// How a page was made, and of what.
-fn made(received: &Received, reference: &str) -> Result<Vec<Fact>, Failure> {
-    let command: Vec<_> = env::args().skip(1).collect();
-    let now = DateTime::<Utc>::from(SystemTime::now());
-    Ok(vec![
-        ("command", format!("bead {}", command.join(" "))),
-        ("recording, SHA-256", sha256_of(&received.path)?),
-        ("reference, SHA-256", reference.to_owned()),
-        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
-    ])
 }

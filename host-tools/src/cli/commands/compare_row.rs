@@ -6,10 +6,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::bench::sensed::unlike_the_reduced_chain;
-use crate::cli::commands::compared::{Velocity, made, scenario, shown};
+use crate::cli::commands::compared::{Velocity, scenario, shown};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
+use crate::cli::provenance;
 use crate::comparison::row::{
     self, After, Arrival, BeadOfRow, Chain, Member, Page, Pair, Place, Row, RowComparison, Speed, Wave, among,
 };
@@ -85,7 +86,7 @@ pub(super) fn run(received: &Received, wanted: &Wanted<'_>) -> Result<(), Failur
     }
 
     if let Some(report) = &wanted.report {
-        let mut made = made(received, &text)?;
+        let mut made = provenance::made(&received.path, provenance::scenario(&text))?;
         made.extend(fitted.map(|fitted| ("striker's velocity", shown(&fitted))));
         let page = Page {
             recording: &received.path.file_name().unwrap_or_default().to_string_lossy(),

@@ -1,22 +1,14 @@
 //! What both kinds of comparison begin with: the scenario, the striker's velocity, and how a page was made.
 
-use std::env;
-use std::fs::File;
-use std::io;
 use std::path::Path;
 use std::str::FromStr;
-use std::time::SystemTime;
 
-use chrono::{DateTime, Utc};
 use hertz_chain::Scenario;
-use sha2::{Digest, Sha256};
 
 use crate::bench::sensed::load_scenario;
-use crate::cli::failure::{Blame, Failure};
-use crate::comparison::page::Fact;
+use crate::cli::failure::Failure;
 use crate::comparison::velocity::FittedVelocity;
 use crate::recording::file::Part;
-use crate::recording::json::hex;
 use crate::recording::received::Received;
 
 /// How fast the striker is.
@@ -81,20 +73,4 @@ pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<(Sce
     let text = String::from_utf8_lossy(text).into_owned();
     let scenario = Scenario::from_toml(&text, &format!("{shown}: {}", Part::Scenario.name()))?;
     Ok((scenario, text))
-}
-
-/// How a page was made, and of what.
-pub(super) fn made(received: &Received, scenario: &str) -> Result<Vec<Fact>, Failure> {
-    let command: Vec<_> = env::args().skip(1).collect();
-    let now = DateTime::<Utc>::from(SystemTime::now());
-    let mut recording = Sha256::new();
-    let read = File::open(&received.path).and_then(|mut file| io::copy(&mut file, &mut recording));
-    read.or_input(|| format!("cannot read {}", received.path.display()))?;
-    Ok(vec![
-        ("command", format!("bead {}", command.join(" "))),
-        ("recording, SHA-256", hex(&recording.finalize())),
-        ("scenario, SHA-256", hex(&Sha256::digest(scenario))),
-        ("made by", concat!("bead ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("made at", now.format("%Y-%m-%d %H:%M UTC").to_string()),
-    ])
 }
