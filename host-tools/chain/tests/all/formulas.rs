@@ -3,9 +3,7 @@
 
 use crate::common::{elastic, normal, run, softer};
 use hertz_chain::solitary::{EqualSpheres, KINETIC_SHARE, SPEED_FROM_FORCE, SPEED_FROM_VELOCITY};
-use hertz_chain::{
-    Accuracy, Collision, Options, PulseSearch, TransmissionFit, simulate, simulate_with,
-};
+use hertz_chain::{Accuracy, Collision, Options, PulseSearch, TransmissionFit, simulate, simulate_with};
 
 #[test]
 fn a_collision_lasts_peaks_and_ends_as_the_closed_forms_say() {
