@@ -9,6 +9,7 @@
 //! beyond them.
 
 pub mod beads;
+pub mod campaign;
 pub mod faults;
 mod file;
 pub mod frames;

@@ -161,10 +161,21 @@ impl<F: NorFlash> asynchronous::NorFlash for Sectors<F> {
         Self::erase(self, &(from..to))
     }
 
+    /// Reads it back, too: flash that has worn out takes a word and does not keep it, and the library erases the sector
+    /// that it has moved the block from.
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), SectorError> {
-        match self.alone {
-            Some(_) => Err(SectorError::Flash),
-            None => self.flash.write(offset, bytes).map_err(|_| SectorError::Flash),
+        if self.alone.is_some() {
+            return Err(SectorError::Flash);
         }
+        self.flash.write(offset, bytes).map_err(|_| SectorError::Flash)?;
+        for (at, word) in (offset..).step_by(4).zip(bytes.chunks(4)) {
+            let mut kept = [0; 4];
+            let kept = &mut kept[..word.len()];
+            Self::read(self, at, kept)?;
+            if kept != word {
+                return Err(SectorError::Flash);
+            }
+        }
+        Ok(())
     }
 }

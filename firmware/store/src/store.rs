@@ -137,7 +137,8 @@ impl<F: NorFlash> Store<F> {
         Ok(self.fetch()?.filter(|block| !block.is_empty()))
     }
 
-    /// Writes a block, and reads it back. After an error the block before it holds.
+    /// Writes a block, and reads it back. After an error the block before it holds; on flash that has worn out it may be
+    /// this one, if only what is beside it was not kept.
     ///
     /// # Errors
     /// See [`StoreError`].

@@ -6,8 +6,9 @@
 //! do in any other run: the same bytes at the same virtual times give the same answers.
 //!
 //! Without a pace the image's time passes while a program is connected, as fast as it can, and stands still otherwise.
-//! With a pace it follows the time of this computer.
+//! With a pace it follows the time of this computer. Several programs may be connected, as to one line.
 
+use std::collections::VecDeque;
 use std::io::{self, Read, Write};
 use std::net::TcpListener;
 use std::os::unix::fs::FileTypeExt;
@@ -37,6 +38,12 @@ const PAUSE: Duration = Duration::from_millis(100);
 const BEAT: Duration = Duration::from_millis(10);
 /// Between two looks for a new connection, or for a request to stop.
 const LOOK: Duration = Duration::from_millis(50);
+/// Between two looks for bytes from programs, or for room to send them some.
+const POLL: Duration = Duration::from_millis(1);
+/// A program that reads nothing for so long is hung up on, if others are connected.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// With a pace: bytes that a program may be behind, before it is hung up on.
+const UNREAD: usize = 1 << 20;
 
 /// An image whose time passes on demand.
 pub struct Bridge {
@@ -230,26 +237,140 @@ fn advice(address: &Address, error: &io::Error) -> String {
     }
 }
 
-/// Serves the programs that connect, one after another, until `stop`.
+/// Serves the programs that connect, until `stop`. They share the bead's line: each hears all that the bead says, and
+/// the bead hears each.
 ///
 /// # Errors
 /// QEMU fails.
 pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), BenchError> {
-    let pause = bridge.pause();
-    match &door.listener {
-        Listener::Tcp(listener) => accept(bridge, stop, || {
-            let (stream, _) = listener.accept()?;
-            stream.set_nonblocking(false)?;
-            stream.set_read_timeout(Some(pause))?;
-            Ok(stream)
-        }),
-        Listener::Unix(listener) => accept(bridge, stop, || {
-            let (stream, _) = listener.accept()?;
-            stream.set_nonblocking(false)?;
-            stream.set_read_timeout(Some(pause))?;
-            Ok(stream)
-        }),
+    let mut programs = Vec::new();
+    while !stop.load(Ordering::Relaxed) {
+        door.let_in(&mut programs);
+        let heard = hear(&mut programs, bridge.pause());
+        if programs.is_empty() && bridge.pace.is_none() {
+            // Nobody connects, or the last one hung up: time stands still.
+            thread::sleep(LOOK);
+            continue;
+        }
+        // Without a program what a bead says is lost, as on any line.
+        let said = bridge.pass(&heard, bridge.due(!heard.is_empty()))?;
+        for program in &mut programs {
+            program.unread.extend(&said);
+        }
+        tell(&mut programs);
+        if bridge.pace.is_some() {
+            programs.retain(|program| program.unread.len() <= UNREAD);
+            continue;
+        }
+        wait_for_readers(&mut programs, |programs| door.let_in(programs), stop);
     }
+    Ok(())
+}
+
+/// A program that is connected.
+struct Program {
+    stream: Box<dyn Stream>,
+    /// What it has not read yet, and when it last read something.
+    unread: VecDeque<u8>,
+    read: Instant,
+}
+
+trait Stream: Read + Write + Send {}
+
+impl<S: Read + Write + Send> Stream for S {}
+
+impl Door {
+    /// Takes the programs that wait to be connected.
+    fn let_in(&self, programs: &mut Vec<Program>) {
+        let accept = || -> io::Result<Box<dyn Stream>> {
+            match &self.listener {
+                Listener::Tcp(listener) => {
+                    let (stream, _) = listener.accept()?;
+                    stream.set_nonblocking(true)?;
+                    Ok(Box::new(stream))
+                }
+                Listener::Unix(listener) => {
+                    let (stream, _) = listener.accept()?;
+                    stream.set_nonblocking(true)?;
+                    Ok(Box::new(stream))
+                }
+            }
+        };
+        // One that hung up at once was none.
+        while let Ok(stream) = accept() {
+            programs.push(Program {
+                stream,
+                unread: VecDeque::new(),
+                read: Instant::now(),
+            });
+        }
+    }
+}
+
+/// What the programs send; waits for it so long, or until none is left.
+fn hear(programs: &mut Vec<Program>, longest: Duration) -> Vec<u8> {
+    let began = Instant::now();
+    let mut heard = Vec::new();
+    let mut buffer = [0; 4096];
+    loop {
+        programs.retain_mut(|program| match program.stream.read(&mut buffer) {
+            Ok(length) => {
+                heard.extend_from_slice(&buffer[..length]);
+                length > 0
+            }
+            Err(error) => is_passing(&error),
+        });
+        if !heard.is_empty() || programs.is_empty() || began.elapsed() >= longest {
+            return heard;
+        }
+        thread::sleep(POLL);
+    }
+}
+
+/// Sends to each program as much as it takes now.
+fn tell(programs: &mut Vec<Program>) {
+    programs.retain_mut(|program| {
+        loop {
+            let (unread, _) = program.unread.as_slices();
+            if unread.is_empty() {
+                program.read = Instant::now();
+                return true;
+            }
+            match program.stream.write(unread) {
+                Ok(0) => return false,
+                Ok(length) => {
+                    program.unread.drain(..length);
+                    program.read = Instant::now();
+                }
+                Err(error) => return is_passing(&error),
+            }
+        }
+    });
+}
+
+/// Waits until each program has read what it was sent, so that a slow one loses nothing. One that reads nothing at all
+/// holds nobody else up: it is hung up on.
+fn wait_for_readers(
+    programs: &mut Vec<Program>,
+    mut let_in: impl FnMut(&mut Vec<Program>),
+    stop: &AtomicBool,
+) {
+    while programs.iter().any(|program| !program.unread.is_empty()) && !stop.load(Ordering::Relaxed) {
+        thread::sleep(POLL);
+        let_in(programs);
+        tell(programs);
+        if programs.len() > 1 {
+            programs.retain(|program| program.unread.is_empty() || program.read.elapsed() < PATIENCE);
+        }
+    }
+}
+
+/// Whether it is no error of the connection.
+fn is_passing(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::Interrupted | io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock
+    )
 }
 
 /// The path of a socket. It is removed with its listener.
@@ -262,40 +383,57 @@ impl Drop for Removed {
     }
 }
 
-fn accept<S: Read + Write>(
-    bridge: &mut Bridge,
-    stop: &AtomicBool,
-    mut next: impl FnMut() -> io::Result<S>,
-) -> Result<(), BenchError> {
-    while !stop.load(Ordering::Relaxed) {
-        match next() {
-            Ok(stream) => talk(bridge, stream, stop)?,
-            // No program connects, or it hung up at once. What a bead says then is lost, as on any line.
-            Err(_) if bridge.pace.is_some() => {
-                bridge.pass(&[], bridge.due(false))?;
-                thread::sleep(BEAT);
-            }
-            Err(_) => thread::sleep(LOOK),
-        }
-    }
-    Ok(())
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Passes bytes both ways until the other end hangs up.
-fn talk<S: Read + Write>(bridge: &mut Bridge, mut stream: S, stop: &AtomicBool) -> Result<(), BenchError> {
-    use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
-    let mut buffer = [0; 4096];
-    while !stop.load(Ordering::Relaxed) {
-        let length = match stream.read(&mut buffer) {
-            Ok(0) => return Ok(()),
-            Ok(length) => length,
-            Err(error) if matches!(error.kind(), Interrupted | TimedOut | WouldBlock) => 0,
-            Err(_) => return Ok(()),
-        };
-        let said = bridge.pass(&buffer[..length], bridge.due(length > 0))?;
-        if stream.write_all(&said).is_err() {
-            return Ok(());
+    fn program(stream: UnixStream, unread: usize) -> Program {
+        stream.set_nonblocking(true).unwrap();
+        Program {
+            stream: Box::new(stream),
+            unread: vec![7; unread].into(),
+            read: Instant::now(),
         }
     }
-    Ok(())
+
+    #[test]
+    fn a_slow_reader_gets_everything_and_one_that_never_reads_holds_nobody_up() {
+        const BYTES: usize = 1 << 20;
+        let stop = AtomicBool::new(false);
+        let (stuck, _other_end) = UnixStream::pair().unwrap();
+        let (slow, mut reader) = UnixStream::pair().unwrap();
+        let reads = thread::spawn(move || {
+            let mut piece = [0; 65_536];
+            let mut total = 0;
+            while total < BYTES {
+                thread::sleep(Duration::from_millis(20));
+                total += reader.read(&mut piece).unwrap();
+            }
+            (total, reader)
+        });
+        let mut programs = vec![program(stuck, BYTES), program(slow, BYTES)];
+        let began = Instant::now();
+        wait_for_readers(&mut programs, |_| {}, &stop);
+        assert!(began.elapsed() >= PATIENCE);
+        assert_eq!(programs.len(), 1);
+        let (total, reader) = reads.join().unwrap();
+        assert_eq!(total, BYTES);
+        // A program that hangs up is noticed, and what it said before is heard.
+        let mut reader = reader;
+        reader.write_all(b"last words").unwrap();
+        drop(reader);
+        assert_eq!(hear(&mut programs, PAUSE), b"last words");
+        assert!(hear(&mut programs, PAUSE).is_empty() && programs.is_empty());
+        // Alone, one that does not read is waited for until the end.
+        let (alone, _other_end) = UnixStream::pair().unwrap();
+        let mut programs = vec![program(alone, BYTES)];
+        let ended = thread::scope(|scope| {
+            let waits = scope.spawn(|| wait_for_readers(&mut programs, |_| {}, &stop));
+            thread::sleep(PATIENCE + Duration::from_millis(300));
+            let waited = !waits.is_finished();
+            stop.store(true, Ordering::Relaxed);
+            waited
+        });
+        assert!(ended);
+    }
 }

@@ -11,7 +11,7 @@ use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};
-use stm32f405_qemu::{Outcome, PinInput, Run, Since};
+use stm32f405_qemu::{Outcome, PinInput, Reset, Run, Since};
 
 use crate::bench::error::BenchError;
 use crate::bench::faults::Planned;
@@ -114,6 +114,8 @@ pub struct Ran {
     pub first_scan_ns: u64,
     /// From when to when the bead held the trigger line low, in ns of true time since power-up.
     pub pulls_ns: Vec<[u64; 2]>,
+    /// The resets after power-up.
+    pub resets: Vec<Reset>,
     /// What was measured.
     pub report: EmulatorReport,
 }
@@ -496,6 +498,7 @@ impl Emulation {
             frames,
             counters,
             sent_ns: outcome.uart_ns,
+            resets: outcome.resets,
             report,
         })
     }

@@ -76,8 +76,8 @@ const VOLTS: std::ops::RangeInclusive<f64> = 1.8..=3.6;
 const GOOD_MV: u32 = 3300;
 /// Below this the bead's detector finds the supply low, V (`firmware/src/health.rs`).
 const LOW_VOLTS: f64 = 2.93;
-/// The bead always finds a sensor that is stuck or railed for this long, s: two windows of its check.
-const FOUND: f64 = 0.2;
+/// The bead always finds a sensor that is stuck or railed for this long, s (`firmware/src/health.rs`).
+const FOUND: f64 = 0.065;
 /// The bead always rides out a port that sends nothing for this long, s.
 const RIDDEN_OUT: f64 = 0.5;
 /// The bead always resets itself when its port sends nothing for this long, s.
@@ -128,10 +128,9 @@ impl Planned {
         match self.kind {
             Kind::AdcOverrun => Some(FaultCause::AdcOverrun),
             Kind::AdcDmaError => Some(FaultCause::DmaError),
-            Kind::ForceStuck => self.found().then_some(FaultCause::ForceStuck),
-            Kind::AccelerationStuck => self.found().then_some(FaultCause::AccelerationStuck),
-            Kind::ForceRailed => self.found().then_some(FaultCause::ForceRailed),
-            Kind::AccelerationRailed => self.found().then_some(FaultCause::AccelerationRailed),
+            Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
+                self.sensor_cause().filter(|_| self.found())
+            }
             Kind::Supply => (self.volts? < LOW_VOLTS).then_some(FaultCause::SupplyLow),
             Kind::UartStall => (self.duration? >= GIVEN_UP).then_some(FaultCause::Panic),
             Kind::Panic => Some(FaultCause::Panic),
@@ -140,6 +139,17 @@ impl Planned {
             Kind::StackOverflow => Some(FaultCause::StackOverflow),
             // The bead's identity says so: a power-on reset is no fault.
             Kind::PowerCut => None,
+        }
+    }
+
+    /// What a bead calls the fault of a sensor, if it lasts for long enough to be found.
+    pub fn sensor_cause(&self) -> Option<FaultCause> {
+        match self.kind {
+            Kind::ForceStuck => Some(FaultCause::ForceStuck),
+            Kind::AccelerationStuck => Some(FaultCause::AccelerationStuck),
+            Kind::ForceRailed => Some(FaultCause::ForceRailed),
+            Kind::AccelerationRailed => Some(FaultCause::AccelerationRailed),
+            _ => None,
         }
     }
 

@@ -1,5 +1,6 @@
 //! A recorded strike held against replay, f64 estimates and the full chain; and the page that shows it.
 
+pub mod answers;
 pub mod f64_estimators;
 pub mod given;
 pub mod page;

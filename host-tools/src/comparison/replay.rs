@@ -224,15 +224,15 @@ impl Sink for Heard {
 fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<String> {
     let number = strike.said.strike;
     let quiet = strike.scans.get(..usize::from(BASELINE))?;
-    let before = u64::from(settings.window.history) + 1;
+    // Of a strike right after the start the bead had less before the window, too.
+    let before = (u64::from(settings.window.history) + 1).min(strike.said.first_index);
     let mut meter = Meter::new();
     // The force has not opened this window, and must not do so here.
     if strike.said.flags.has(StrikeFlags::FROM_OUTSIDE) {
         meter.keep_around(strike.said.trigger_index, strike.said.trigger_index, Origin::Line);
     }
     let mut heard = Heard::default();
-    // The indices are those of the recording. The indices of the quiet before it must only be consecutive.
-    let first = strike.said.first_index.wrapping_sub(before);
+    let first = strike.said.first_index - before;
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
     for (offset, codes) in (0..).zip(stream) {
         let fired = meter.strikes();
@@ -270,7 +270,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::testing::recorded_strike;
+    use crate::comparison::testing::{recorded_after, recorded_strike};
     use bead_wire::{Acceleration, Decay, Force, Frequency, Impulse, Samples};
 
     #[test]
@@ -278,6 +278,20 @@ mod tests {
         let replay = replay(&recorded_strike());
         assert_eq!(replay.first_difference, None);
         assert_eq!(replay.energies.len(), 672);
+    }
+
+    #[test]
+    fn a_strike_right_after_the_start_replays_to_the_same_bits() {
+        // With less before it no strike is found, and none is lost without a word: the detector was not armed.
+        let earliest = (0..300).find_map(|quiet| recorded_after(f64::from(quiet) * 1e-5));
+        let earliest = earliest.expect("3 ms are enough");
+        let reach = u64::from(earliest.settings.unwrap().window.history);
+        assert!(earliest.said.first_index < reach, "{}", earliest.said.first_index);
+        assert_eq!(replay(&earliest).first_difference, None);
+        for more in 1..10 {
+            let later = recorded_after(3e-3 + f64::from(more) * 2e-4).unwrap();
+            assert_eq!(replay(&later).first_difference, None);
+        }
     }
 
     #[test]

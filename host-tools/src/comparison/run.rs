@@ -9,12 +9,13 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::bench::emulation::{Emulation, InstructionsPerSample, Ran};
-use crate::bench::faults::Planned;
+use crate::bench::faults::{Kind, Planned};
 use crate::bench::front_end::SAMPLE_RATE_HZ;
 use crate::bench::sensed::Truth;
+use crate::comparison::answers::{Answers, Fate, Heard, Life, answers};
 use crate::comparison::given::Given;
 use crate::comparison::replay::replay;
-use crate::recording::frames::Frame;
+use crate::recording::frames::{Frame, Reader};
 use crate::recording::strikes::{RecordedStrike, assemble};
 
 /// The result of a run, as in the JSON of `bead emulate`. SI units.
@@ -42,6 +43,9 @@ pub struct RunReport {
     pub provoked: Vec<ProvokedFault>,
     /// The faults that the bead reported.
     pub faults: Vec<ReportedFault>,
+    /// What is wrong about reports, resets and strikes where faults were provoked, a line each.
+    #[serde(skip)]
+    pub wrong: Vec<String>,
     /// The last health frame.
     pub health: Option<Value>,
     /// What a sample cost.
@@ -69,6 +73,8 @@ pub struct ProvokedFault {
     pub cause: Option<FaultCause>,
     /// Whether it did.
     pub reported: bool,
+    /// Whether it need not, because of the other faults: the bead was starting, hung, or was reset before it could.
+    pub excused: bool,
 }
 
 /// A fault that the bead reported.
@@ -140,6 +146,7 @@ impl MeasuredStrike {
 impl RunReport {
     /// The result of a run of `emulation`. Every strike is replayed.
     pub fn of(emulation: &Emulation, ran: Ran, recording: Option<PathBuf>) -> Self {
+        let answered = answered(emulation, &ran);
         let Ran {
             frames,
             counters,
@@ -153,6 +160,7 @@ impl RunReport {
         let mut begun = None;
         let (mut strikes, mut echoes) = (Vec::new(), Vec::new());
         let reported = reported(&frames);
+        let Answers { fates, wrong } = answered;
         let is_health = |frame: &&Frame| matches!(frame.message, Message::Health(_));
         let health = frames.iter().rev().find(is_health).map(Frame::body);
         let gaps = gaps(&frames);
@@ -198,7 +206,8 @@ impl RunReport {
             strikes_passed_over,
             gaps,
             hidden: hidden(&emulation.faults, &truth.starts),
-            provoked: answered(&emulation.faults, &reported),
+            provoked: provoked(&emulation.faults, &fates),
+            wrong,
             faults: reported,
             health,
             instructions_per_sample: measured.instructions_per_sample,
@@ -260,38 +269,28 @@ impl RunReport {
 
     /// With faults: each is reported, none is made up, and all that was lost is counted.
     fn verdict_on_faults(&self, struck: usize) -> anyhow::Result<()> {
-        let silent = |provoked: &&ProvokedFault| provoked.cause.is_some() && !provoked.reported;
-        if let Some(ProvokedFault { fault, .. }) = self.provoked.iter().find(silent) {
-            bail!("{} at {} s was not reported", fault.kind.name(), fault.at);
+        if let Some(what) = self.wrong.first() {
+            bail!("{what}");
         }
-        let causes = || self.faults.iter().map(|fault| fault.cause);
-        let count = |wanted: &[FaultCause]| causes().filter(|cause| wanted.contains(cause)).count();
-        let provoked = self.provoked.iter().filter(|provoked| provoked.reported).count();
-        // A strike that a fault cut, and the end of a condition, follow from a fault.
-        let reported = self.faults.len() - count(&[FaultCause::StrikeCut, FaultCause::Recovered]);
-        let resets = self
+        let cut = self
+            .faults
+            .iter()
+            .filter(|fault| fault.cause == FaultCause::StrikeCut);
+        let resets = self.resets;
+        // A converter whose DMA stream stops also overruns.
+        let overrun = |fault: &Planned| matches!(fault.kind, Kind::AdcOverrun | Kind::AdcDmaError);
+        let overruns = self
             .provoked
             .iter()
-            .filter(|provoked| provoked.fault.resets())
+            .filter(|provoked| overrun(&provoked.fault))
             .count();
-        // A converter whose DMA stream stops also overruns.
-        let overruns = count(&[FaultCause::AdcOverrun, FaultCause::DmaError]);
         let FrameCounts { lost, corrupt, .. } = self.frames;
         let dropped: u64 = self.frames.dropped_by_cause.values().sum();
         let unseen = self.strikes_passed_over as usize + self.gaps.len();
-        let known = self.strikes.len() + count(&[FaultCause::StrikeCut]) + unseen + self.hidden;
+        let known = self.strikes.len() + cut.count() + unseen + self.hidden;
         ensure!(
-            reported == provoked,
-            "{reported} faults were reported where {provoked} were provoked"
-        );
-        ensure!(
-            self.resets == resets,
-            "the image reset {} times where {resets} faults end in a reset",
-            self.resets
-        );
-        ensure!(
-            self.overruns == overruns as u64,
-            "{} overruns where {overruns} follow from what was reported",
+            self.overruns <= overruns as u64,
+            "{} overruns where {overruns} were provoked",
             self.overruns
         );
         // A reset cuts the frame that is being sent, and takes what waits with it.
@@ -372,22 +371,40 @@ fn reported(frames: &[Frame]) -> Vec<ReportedFault> {
     faults.collect()
 }
 
-/// Which faults of the fault file the bead reported. The first report of a cause answers the first fault that
-/// has it.
-fn answered(planned: &[Planned], reported: &[ReportedFault]) -> Vec<ProvokedFault> {
-    let mut in_time = planned.to_vec();
-    in_time.sort_by(|a, b| a.at.total_cmp(&b.at));
-    let mut open: Vec<FaultCause> = reported.iter().map(|fault| fault.cause).collect();
-    let answer = |fault: Planned| {
-        let cause = fault.cause();
-        let at = open.iter().position(|reported| Some(*reported) == cause);
-        ProvokedFault {
-            fault,
-            cause,
-            reported: at.map(|at| open.remove(at)).is_some(),
-        }
+/// What was said of the faults of a run, if there were any.
+fn answered(emulation: &Emulation, ran: &Ran) -> Answers {
+    if emulation.faults.is_empty() {
+        return Answers::default();
+    }
+    let (mut reader, mut frames) = (Reader::default(), Vec::new());
+    for (at_ns, piece) in ran.pieces(0) {
+        reader.feed(piece, Some(at_ns), |item| frames.extend(item.frame()));
+    }
+    let end_ns = (ran.report.virtual_seconds * 1e9) as u64;
+    let life = Life::new(&ran.resets, ran.first_scan_ns, end_ns);
+    let rows = emulation.machine().stimulus;
+    let starts = emulation.truth.starts.iter();
+    // A waveform that is played may hold no strike.
+    let starts: Vec<f64> = match emulation.waveform {
+        Some(_) => Vec::new(),
+        None => starts
+            .map(|start| (start - 1.0) / f64::from(SAMPLE_RATE_HZ))
+            .collect(),
     };
-    in_time.into_iter().map(answer).collect()
+    answers(&emulation.faults, &rows, &starts, &life, &Heard::new(&frames))
+}
+
+/// The faults of the fault file with what became of them, in time.
+fn provoked(planned: &[Planned], fates: &[Fate]) -> Vec<ProvokedFault> {
+    let mut in_time: Vec<_> = planned.iter().zip(fates).collect();
+    in_time.sort_by(|(a, _), (b, _)| a.at.total_cmp(&b.at));
+    let provoked = |(fault, fate): (&Planned, &Fate)| ProvokedFault {
+        fault: *fault,
+        cause: fault.cause(),
+        reported: *fate == Fate::Told,
+        excused: *fate == Fate::Untold,
+    };
+    in_time.into_iter().map(provoked).collect()
 }
 
 #[cfg(test)]
@@ -423,6 +440,7 @@ mod tests {
             hidden: 0,
             provoked: Vec::new(),
             faults: Vec::new(),
+            wrong: Vec::new(),
             health: None,
             strikes: vec![MeasuredStrike {
                 sample_index: 2144,
@@ -507,6 +525,7 @@ mod tests {
             hidden: 0,
             provoked: Vec::new(),
             faults: Vec::new(),
+            wrong: Vec::new(),
             health: None,
             instructions_per_sample: InstructionsPerSample {
                 observer: None,

@@ -1,9 +1,11 @@
 //! What the unit tests of several files share.
 
+use std::sync::LazyLock;
+
 use bead_model::design::{Capture, derive};
 use bead_model::{Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
 use bead_wire::StrikeFlags;
-use hertz_chain::Scenario;
+use hertz_chain::{Scenario, Solution};
 
 use crate::bench::front_end::FrontEnd;
 use crate::bench::sensed::{Sensed, Timing, bead_of, simulate_with_ring_down};
@@ -14,34 +16,45 @@ pub(crate) fn recorded_strike() -> RecordedStrike {
     recorded(&Scenario::paper(), &Scenario::paper(), 1)
 }
 
+/// The same, a time in s after the first scan. `None` if the detector was not armed by then.
+pub(crate) fn recorded_after(lead_in: f64) -> Option<RecordedStrike> {
+    static PAPER: LazyLock<Solution> = LazyLock::new(|| simulate_with_ring_down(&Scenario::paper()).unwrap());
+    measured(&PAPER, &PAPER, 1, lead_in)
+}
+
 /// A strike of `scenario` with the noise of a seed, measured with the settings of bead 8 of `believed`.
 pub(crate) fn recorded(scenario: &Scenario, believed: &Scenario, seed: u64) -> RecordedStrike {
-    let solution = simulate_with_ring_down(scenario).unwrap();
+    let [scenario, believed] =
+        [scenario, believed].map(|scenario| simulate_with_ring_down(scenario).unwrap());
+    measured(&scenario, &believed, seed, 0.02).unwrap()
+}
+
+fn measured(solution: &Solution, believed: &Solution, seed: u64, lead_in: f64) -> Option<RecordedStrike> {
     let front_end = FrontEnd::default();
     let settings = derive(
-        &bead_of(&simulate_with_ring_down(believed).unwrap(), 8).unwrap(),
+        &bead_of(believed, 8).unwrap(),
         &front_end.calibration(),
         &Capture::default(),
     )
     .unwrap();
     let timing = Timing {
-        lead_in: 0.02,
+        lead_in,
         strikes: 1,
         interval: 0.1,
     };
     let codes = front_end.digitise(
-        &Sensed::new(&solution, 8, timing),
+        &Sensed::new(solution, 8, timing),
         timing.scans(solution.end()),
         Some(seed),
     );
     let nothing = Window::open(0, 0).report(&settings, &WindowRecord::new());
     let mut strike = RecordedStrike::new(0, bead_telemetry::strike(&nothing, StrikeFlags::NONE));
     strike.settings = Some(settings);
-    feed(&settings, &codes.scans, &mut strike);
-    strike
+    feed(&settings, &codes.scans, &mut strike).then_some(strike)
 }
 
-fn feed(settings: &Settings, codes: &[[u16; 4]], strike: &mut RecordedStrike) {
+/// Whether the detector fired.
+fn feed(settings: &Settings, codes: &[[u16; 4]], strike: &mut RecordedStrike) -> bool {
     struct Into<'a>(&'a mut RecordedStrike);
     impl Sink for Into<'_> {
         fn chunk(&mut self, chunk: &bead_model::Chunk) {
@@ -55,5 +68,6 @@ fn feed(settings: &Settings, codes: &[[u16; 4]], strike: &mut RecordedStrike) {
     let mut meter = Meter::new();
     let scans: Vec<Scan> = codes.iter().copied().map(Scan::new).collect();
     meter.process(settings, 1, scans, &mut Into(strike));
-    assert_eq!(meter.strikes(), 1);
+    assert!(meter.strikes() <= 1);
+    meter.strikes() == 1
 }

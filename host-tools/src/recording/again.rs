@@ -34,6 +34,11 @@ pub struct Again {
 }
 
 impl Again {
+    /// Whether a part of a strike came, and another part did not.
+    pub fn is_begun(&self) -> bool {
+        self.coming.values().any(|coming| !coming.parts.is_empty())
+    }
+
     /// Takes a frame of the bead with this address; gives the strike that it makes whole.
     pub fn take(&mut self, address: u8, frame: &Fetched) -> Option<Whole> {
         let coming = self.coming.entry(address).or_default();

@@ -342,6 +342,37 @@ fn a_duration_ends_a_recording_with_status_0_and_a_dated_name() {
 }
 
 #[test]
+fn a_long_recording_goes_on_in_further_files_of_which_each_is_whole() {
+    let (mut bead, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    let arguments = ["--port", &port, "--out", "a.mcap", "--split", "1"];
+    let running = Running::start(&directory, &arguments);
+    for second in 0..3 {
+        bead.write_all(&identity(second)).unwrap();
+        std::thread::sleep(Duration::from_millis(1100));
+    }
+    running.signal("INT");
+    let (status, stderr) = running.end();
+    assert_eq!(status, 0, "{stderr}");
+    assert!(
+        stderr.contains("bead: a.mcap is complete; the recording goes on"),
+        "{stderr}"
+    );
+    assert!(stderr.contains("bead: a.mcap, a-2.mcap, "), "{stderr}");
+    assert!(stderr.contains(" 3 frames in "), "{stderr}");
+    let frames: u64 = files(&directory)
+        .iter()
+        .map(|name| recorded(&directory.path().join(name)).runs)
+        .sum();
+    assert_eq!(frames, 3);
+    for wrong in ["0", "86401", "a day"] {
+        let (status, stderr) = run(&directory, &["--port", &port, "--split", wrong]);
+        assert_eq!(status, 2, "{stderr}");
+        assert!(stderr.contains("--split"), "{stderr}");
+    }
+}
+
+#[test]
 fn silence_and_noise_are_told_apart_at_the_end() {
     for (sent, advice) in [
         (&b""[..], "bead: nothing came: "),

@@ -78,12 +78,14 @@ impl Recorder {
 
     /// Greatest memory that it ever had, in KB.
     fn memory(&self) -> u64 {
-        let status = fs::read_to_string(format!("/proc/{}/status", self.0.id())).unwrap();
-        let peak = status
-            .lines()
-            .find_map(|line| line.strip_prefix("VmHWM:"))
-            .unwrap();
-        peak.trim().trim_end_matches(" kB").parse().unwrap()
+        self.peak().unwrap()
+    }
+
+    /// The same; none if it has just ended.
+    fn peak(&self) -> Option<u64> {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.0.id())).ok()?;
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+        peak.trim().trim_end_matches(" kB").parse().ok()
     }
 }
 
@@ -222,6 +224,55 @@ fn a_flood_of_noise_and_of_restarts_costs_bounded_memory_and_ends_at_the_first_s
         assert_eq!(names.len(), 1);
         assert!(names[0].metadata().unwrap().len() < 4 * sent + 100_000);
     }
+}
+
+#[test]
+#[ignore = "five minutes and 20 GB of disk: cargo test --release -p bead --test all five_gigabytes -- --ignored --nocapture"]
+fn five_gigabytes_of_strikes_are_recorded_in_the_memory_of_any_other_recording() {
+    const SENT: u64 = 5_000_000_000;
+    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data/recording-v2.mcap");
+    let old = Recording::open(Path::new(old)).unwrap();
+    let strike: Vec<u8> = old.pieces().unwrap().flat_map(|piece| piece.bytes).collect();
+    let block = strike.repeat((4 << 20) / strike.len());
+    let folder = tempfile::tempdir().unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    let arguments = [
+        "record",
+        "--port",
+        &port,
+        "--out",
+        "a.mcap",
+        "--wait",
+        "0",
+        "--no-fetch",
+    ];
+    let mut recorder = Recorder(
+        Command::new(env!("CARGO_BIN_EXE_bead"))
+            .current_dir(&folder)
+            .args(arguments)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap(),
+    );
+    let (mut bead, _) = listener.accept().unwrap();
+    let mut sent = 0;
+    while sent < SENT {
+        bead.write_all(&block).unwrap();
+        sent += block.len() as u64;
+    }
+    drop(bead);
+    let mut memory = 0;
+    while recorder.0.try_wait().unwrap().is_none() {
+        memory = recorder.peak().unwrap_or(memory);
+        thread::sleep(Duration::from_millis(20));
+    }
+    println!("{sent} bytes, {} MB of memory", memory >> 10);
+    assert!((1..MEMORY_MOST_KB).contains(&memory), "{memory} kB");
+    let told = recover(folder.path(), &["a.mcap", "--out", "whole.mcap"]);
+    let runs = sent / strike.len() as u64 * strike.iter().filter(|&&byte| byte == 0).count() as u64;
+    assert_eq!(told["frames"].as_u64(), Some(runs), "{told}");
 }
 
 #[test]

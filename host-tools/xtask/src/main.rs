@@ -4,6 +4,7 @@
 //! command of `demo` fails, `demo` ends with its status.
 
 mod book;
+mod campaign;
 mod checks;
 mod dist;
 mod files;
@@ -160,6 +161,13 @@ const TASKS: &[Task] = &[
         |steps| fuzz::fuzz(steps, &[]),
     ),
     (
+        CAMPAIGN,
+        "Run the image under scripts of faults that chance draws: N [--seed S], such as `300`; two a second",
+        "A script that fails is made smaller as long as it fails, and left in target/campaign: it can join those in \
+         fuzz/scripts, which `test` runs. docs/reliability.md says what has to hold.",
+        |steps| campaign::campaign(steps, &[]),
+    ),
+    (
         "miri",
         "Run the tests of what runs on the bead under Miri, on a little-endian and on a big-endian machine",
         "It needs Rust's nightly with its components miri and rust-src, and says how to install them. It takes some \
@@ -215,10 +223,13 @@ const BENCH: &str = "bench";
 /// The command of the fuzz targets.
 const FUZZ: &str = "fuzz";
 
+/// The command of the fault campaign.
+const CAMPAIGN: &str = "campaign";
+
 /// A command that takes words, with them.
 type WithWords = (&'static str, fn(&Steps, &[&String]) -> Result<(), Stop>);
 
-const WITH_WORDS: &[WithWords] = &[(BENCH, bench), (FUZZ, fuzz::fuzz)];
+const WITH_WORDS: &[WithWords] = &[(BENCH, bench), (FUZZ, fuzz::fuzz), (CAMPAIGN, campaign::campaign)];
 
 /// Runs the benchmark with these words. For `--native` it is compiled a second time, for this processor alone.
 fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {

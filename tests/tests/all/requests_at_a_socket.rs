@@ -1,10 +1,12 @@
 //! `bead settings` and `bead command` as their users run them, on the flash image behind a socket.
 
 use std::fs;
+use std::io::Read;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
+use std::time::Duration;
 
 use bead::bench::bridge::{Bridge, Door, serve};
 use bead::bench::emulation::Emulation;
@@ -123,6 +125,51 @@ fn settings_are_read_written_refused_and_reset_from_the_command_line() {
             (0, String::new())
         );
         assert_eq!(read("fourth.settings"), run.block);
+    });
+}
+
+#[test]
+fn programs_share_the_line_and_an_idle_one_holds_nobody_up() {
+    let run = paper(1, 0.1, Some(1));
+    behind_a_socket(&run, |port, folder| {
+        let socket = folder.join("bead.sock");
+        let connect = || UnixStream::connect(&socket).unwrap_or_else(|error| panic!("{error}"));
+        let idle = connect();
+        let mut listener = connect();
+        let limit = Some(Duration::from_secs(60));
+        listener
+            .set_read_timeout(limit)
+            .unwrap_or_else(|error| panic!("{error}"));
+        let out = folder.join("out.settings").display().to_string();
+        let arguments = [
+            "settings",
+            "read",
+            "--port",
+            port,
+            "--out",
+            &out,
+            "--timeout",
+            "20",
+        ];
+        assert_eq!(bead(&arguments), (0, String::new()));
+        assert_eq!(
+            fs::read(&out).unwrap_or_else(|error| panic!("{error}")),
+            run.block
+        );
+        // The settings passed by here too.
+        let mut decoder = bead_wire::Decoder::new();
+        let mut told = false;
+        while !told {
+            let mut piece = [0; 1024];
+            let length = listener
+                .read(&mut piece)
+                .unwrap_or_else(|error| panic!("{error}"));
+            assert!(length > 0, "it was hung up on");
+            decoder.feed(&piece[..length], |frame| {
+                told |= frame.is_ok_and(|frame| matches!(frame.message, bead_wire::Message::Settings(_)));
+            });
+        }
+        drop(idle);
     });
 }
 

@@ -148,7 +148,10 @@ fn counts(report: &RunReport) -> String {
 
 fn provoked(report: &RunReport) -> String {
     let rows = report.provoked.iter().map(|provoked| {
-        let reported = output::either(provoked.reported, "yes", "no");
+        let reported = match provoked.excused {
+            true => "another fault hid it".to_owned(),
+            false => output::either(provoked.reported, "yes", "no"),
+        };
         [
             provoked.fault.kind.name().to_owned(),
             provoked.fault.at.to_string(),

@@ -50,9 +50,9 @@ it is asked for, and stands in the recording once. --no-fetch only listens.
 Ends at Ctrl-C or after --duration with exit status 0, and with 3 when no port is left for --wait, or no \
 frame came. The recording is complete in each case. At Ctrl-C, SIGTERM or SIGHUP that takes less than 5 \
 seconds. Killed, it leaves F.mcap.partial, in which at most the last two seconds are missing; `bead recover` \
-makes a whole recording of it. It takes at most 128 MB of memory, and for the index of the file 5 MB more \
-for each GB received, or 70 MB for each day of a slow line. It keeps every byte as received, corrupt frames \
-included, with the time of receipt. Each strike is printed as it comes. The last line says how fast the \
+makes a whole recording of it. It keeps every byte as received, corrupt frames included, with the time of \
+receipt. After a day (sooner with many ports, or after 30 GB of a fast source) it goes on in F-2.mcap, between \
+two strikes. So it can run for months, in at most 256 MB of memory. `bead export` takes many files. Each strike is printed as it comes. The last line says how fast the \
 bead's clock is against this host's, if the recording is long enough; see `bead clock`.
 
 Examples:
@@ -81,6 +81,9 @@ pub(crate) struct Arguments {
     /// Stop after this time, s.
     #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
     duration: Option<Duration>,
+    /// Go on in another file after this time, s, at most a day.
+    #[arg(long, value_name = "SECONDS", default_value = "86400", value_parser = split)]
+    split: Duration,
     /// How long to wait for the ports when all have gone away, s; 0 to end when one does.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = wait)]
     wait: Duration,
@@ -101,8 +104,18 @@ fn wait(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// Received bytes go to the system at least this often.
-const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// The longest time of a file: the memory that a recording takes grows with it.
+const DAY: Duration = Duration::from_secs(86_400);
+
+/// A time, s, of one second to a day.
+fn split(text: &str) -> Result<Duration, String> {
+    let time = output::seconds(text)?;
+    match (Duration::from_secs(1)..=DAY).contains(&time) {
+        true => Ok(time),
+        false => Err("from 1 to 86400 s, a day".to_owned()),
+    }
+}
+
 /// So often is it looked at whether there is something to ask a bead.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Received bytes that may wait for the disk: minutes of a serial line.
@@ -140,9 +153,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             recorder => break recorder?,
         }
     };
-    let partial = recorder.writer.partial_path().display().to_string();
     let stop = interrupt::orderly(format!(
-        "the disk was too slow to complete the recording; what came is in {partial}, for `bead recover`"
+        "the disk was too slow to complete the recording; what came is in {}.partial, for `bead recover`",
+        target.path().display()
     ));
     let queue = Queue::new(QUEUE);
     let shared = Shared {
@@ -189,6 +202,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let seconds = recorder.opened.elapsed().as_secs_f64();
     let beads = recorder.beads();
     let several = recorder.is_of_several();
+    let partial = recorder.writer.partial_path().display().to_string();
     let kept = kept.and_then(|()| recorder.writer.finish());
     let finished = kept.map_err(|error| {
         Failure::input(format!(
@@ -199,9 +213,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let printed = recorder.printer.finish();
 
     let asked = asked_again(&recorder.gaps);
+    recorder.complete.push(finished.path);
+    let files: Vec<_> = recorder
+        .complete
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
     let result = format!(
         "{}: {}{asked}",
-        finished.path.display(),
+        files.join(", "),
         summary(&counters, recorder.strikes, seconds)
     );
     let gone = |(address, heard): (&Address, &io::Result<()>)| {
@@ -310,6 +330,9 @@ struct Source {
 
 struct Recorder {
     writer: Writer,
+    split: Duration,
+    /// Files that are complete.
+    complete: Vec<PathBuf>,
     sources: Vec<Source>,
     live: Live,
     opened: Instant,
@@ -370,6 +393,8 @@ impl Recorder {
                 [_] => Writer::create(target, &about)?,
                 _ => Writer::create_for_several(target, &about)?,
             },
+            split: arguments.split,
+            complete: Vec::new(),
             sources: addresses.iter().map(source).collect(),
             live: Live::default(),
             opened,
@@ -418,8 +443,14 @@ impl Recorder {
 
     /// Records what comes until the queue is closed, and asks for what is missing.
     fn keep(&mut self, queue: &Queue, asks: &[Sender<Vec<u8>>]) -> Result<(), RecordingError> {
-        let mut flushed = Instant::now();
         loop {
+            if let Some(path) = self.writer.split(self.split)? {
+                output::note(format_args!(
+                    "{} is complete; the recording goes on",
+                    path.display()
+                ));
+                self.complete.push(path);
+            }
             match queue.pop(LOOK_EVERY) {
                 Ok(Some((source, _, bytes))) if bytes.is_empty() => {
                     let of_port = self.gaps.iter_mut().filter(|((port, _), _)| *port == source);
@@ -430,11 +461,7 @@ impl Recorder {
                     let received_ns = self.opened_ns + since.as_nanos() as u64;
                     self.take(source, bytes, received_ns)?;
                 }
-                Ok(None) if flushed.elapsed() >= FLUSH_EVERY => {
-                    flushed = Instant::now();
-                    self.writer.flush()?;
-                }
-                Ok(None) => {}
+                Ok(None) => self.writer.flush_in_time()?,
                 Err(Closed) => return Ok(()),
             }
             if self.fetch {

@@ -80,6 +80,8 @@ struct Coming {
     strike: u32,
     first_index: u64,
     scans: Vec<ScanCodes>,
+    /// A part of it came, and its last frame, the shape, did not.
+    is_begun: bool,
 }
 
 /// The channels, and what waits to be written to them.
@@ -97,21 +99,27 @@ const TOLD: usize = 3 * 4096;
 impl Channels {
     /// Adds the channels to a file: of one bead among several, or of all.
     pub(super) fn begin<W: Write + Seek>(mcap: &mut mcap::Writer<W>, bead: Option<u8>) -> McapResult<Self> {
-        let mut ids = HashMap::new();
-        for topic in Topic::ALL {
-            let Schema { name, descriptors } = topic.schema();
-            let schema = mcap.add_schema(&name, "protobuf", &descriptors)?;
-            ids.insert(
-                topic,
-                mcap.add_channel(schema, &name_of(bead, topic.name()), "protobuf", &BTreeMap::new())?,
-            );
-        }
         Ok(Self {
-            ids,
+            ids: ids(mcap, bead)?,
             coming: HashMap::new(),
             again: Again::default(),
             told: BTreeSet::new(),
         })
+    }
+
+    /// Adds the channels to the file that follows.
+    pub(super) fn go_on<W: Write + Seek>(
+        &mut self,
+        mcap: &mut mcap::Writer<W>,
+        bead: Option<u8>,
+    ) -> McapResult<()> {
+        self.ids = ids(mcap, bead)?;
+        Ok(())
+    }
+
+    /// Whether no strike is on its way.
+    pub(super) fn rest(&self) -> bool {
+        !self.again.is_begun() && !self.coming.values().any(|coming| coming.is_begun)
     }
 
     /// What a frame adds to the channels.
@@ -196,6 +204,7 @@ impl Channels {
         match &frame.message {
             Message::Settings(told) => coming.settings = Settings::decode(told.block.bytes()).ok(),
             Message::Waveform(piece) => {
+                coming.is_begun = true;
                 let next = coming.first_index.checked_add(coming.scans.len() as u64);
                 let goes_on = piece.strike == coming.strike && Some(piece.first_index) == next;
                 if !goes_on {
@@ -216,7 +225,10 @@ impl Channels {
                     say(Topic::Waveforms, data);
                 }
             }
-            Message::Shape(shape) => say(Topic::Shapes, protobuf::message(frame, shape)),
+            Message::Shape(shape) => {
+                coming.is_begun = false;
+                say(Topic::Shapes, protobuf::message(frame, shape));
+            }
             Message::Status(status) => say(Topic::Status, protobuf::message(frame, status)),
             Message::Health(health) => say(Topic::Health, protobuf::message(frame, health)),
             Message::Fault(fault) => say(Topic::Faults, protobuf::message(frame, fault)),
@@ -224,6 +236,20 @@ impl Channels {
         }
         said
     }
+}
+
+/// Adds a channel for each topic to a file, and gives their numbers.
+fn ids<W: Write + Seek>(mcap: &mut mcap::Writer<W>, bead: Option<u8>) -> McapResult<HashMap<Topic, u16>> {
+    let mut add = |topic: Topic| {
+        let Schema { name, descriptors } = topic.schema();
+        let schema = mcap.add_schema(&name, "protobuf", &descriptors)?;
+        let name = name_of(bead, topic.name());
+        Ok((
+            topic,
+            mcap.add_channel(schema, &name, "protobuf", &BTreeMap::new())?,
+        ))
+    };
+    Topic::ALL.into_iter().map(&mut add).collect()
 }
 
 /// The window of a strike in SI units; none without settings.

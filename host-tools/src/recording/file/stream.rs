@@ -15,8 +15,8 @@ use crate::recording::frames::{Item, Reader};
 
 /// The channels of one bead, and what is not yet written to them. In a recording of one line, of all its beads.
 pub(super) struct Stream {
-    /// Its address, if it is one of several.
-    bead: Option<u8>,
+    /// Which it is, if it is one of several.
+    origin: Option<Origin>,
     channel: u16,
     received: u16,
     channels: Channels,
@@ -25,7 +25,9 @@ pub(super) struct Stream {
     noise: Vec<u8>,
     reader: Reader,
     clock: Clock,
+    /// Messages, and bytes in them, in this file.
     pub(super) written: u32,
+    bytes: u64,
 }
 
 impl Stream {
@@ -35,17 +37,12 @@ impl Stream {
         origin: Option<&Origin>,
         sample_rate_hz: u32,
     ) -> McapResult<Self> {
-        let bead = origin.map(|origin| origin.address);
-        let mut layout = origin.map(Origin::to_map).unwrap_or_default();
-        layout.insert("version".into(), bead_wire::VERSION.to_string());
-        let channel = mcap.add_channel(0, &name_of(bead, TOPIC), ENCODING, &layout)?;
-        let none = BTreeMap::new();
-        let received = mcap.add_channel(0, &name_of(bead, RECEIVED), RECEIVED_ENCODING, &none)?;
+        let (channel, received) = add_channels(mcap, origin)?;
         Ok(Self {
-            bead,
+            origin: origin.cloned(),
             channel,
             received,
-            channels: Channels::begin(mcap, bead)?,
+            channels: Channels::begin(mcap, origin.map(|origin| origin.address))?,
             run: Vec::new(),
             noise: Vec::new(),
             reader: Reader::default(),
@@ -54,12 +51,32 @@ impl Stream {
                 ..Clock::default()
             },
             written: 0,
+            bytes: 0,
         })
+    }
+
+    /// Adds its channels to the file that follows. Everything that is not written yet goes there; noise must be
+    /// [ended](Self::end_noise) before.
+    pub(super) fn go_on<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+        (self.channel, self.received) = add_channels(mcap, self.origin.as_ref())?;
+        self.channels.go_on(mcap, self.bead())?;
+        (self.written, self.bytes) = (0, 0);
+        Ok(())
     }
 
     /// The bead's address, if it is one of several.
     pub(super) fn bead(&self) -> Option<u8> {
-        self.bead
+        self.origin.as_ref().map(|origin| origin.address)
+    }
+
+    /// Bytes that it has in this file.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Whether no strike is on its way.
+    pub(super) fn rests(&self) -> bool {
+        self.channels.rest()
     }
 
     pub(super) fn counters(&self) -> &Counters {
@@ -129,13 +146,18 @@ impl Stream {
     }
 
     /// Records when the piece with the end of the last run was received.
-    fn write_time<W: Write + Seek>(&self, mcap: &mut mcap::Writer<W>, received_ns: u64) -> McapResult<()> {
+    fn write_time<W: Write + Seek>(
+        &mut self,
+        mcap: &mut mcap::Writer<W>,
+        received_ns: u64,
+    ) -> McapResult<()> {
         let last = self.written.wrapping_sub(1);
         let data = [&last.to_le_bytes()[..], &received_ns.to_le_bytes()].concat();
         self.message(mcap, self.received, last, &data)
     }
 
-    fn end_noise<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
+    /// Writes the runs that are no frames.
+    pub(super) fn end_noise<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
         // The reader puts a delimiter behind each message.
         self.noise.pop();
         let noise = std::mem::take(&mut self.noise);
@@ -160,7 +182,7 @@ impl Stream {
     }
 
     fn message<W: Write + Seek>(
-        &self,
+        &mut self,
         mcap: &mut mcap::Writer<W>,
         channel_id: u16,
         sequence: u32,
@@ -172,6 +194,21 @@ impl Stream {
             log_time: self.clock.log,
             publish_time: self.clock.bead,
         };
+        self.bytes += data.len() as u64;
         mcap.write_to_known_channel(&header, data)
     }
+}
+
+/// Adds the channels of raw frames and of their times of receipt.
+fn add_channels<W: Write + Seek>(
+    mcap: &mut mcap::Writer<W>,
+    origin: Option<&Origin>,
+) -> McapResult<(u16, u16)> {
+    let bead = origin.map(|origin| origin.address);
+    let mut layout = origin.map(Origin::to_map).unwrap_or_default();
+    layout.insert("version".into(), bead_wire::VERSION.to_string());
+    let channel = mcap.add_channel(0, &name_of(bead, TOPIC), ENCODING, &layout)?;
+    let none = BTreeMap::new();
+    let received = mcap.add_channel(0, &name_of(bead, RECEIVED), RECEIVED_ENCODING, &none)?;
+    Ok((channel, received))
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::found::Lanes;
 use super::layout::{LONGEST_RUN, TOPIC};
@@ -11,7 +12,7 @@ use super::read::Pieces;
 use super::{About, Origin, Part, Recording, RecordingError, State, Writer};
 use crate::recording::frames::Item;
 use crate::recording::whole::Target;
-use bead_wire::{Block, Decoder, Header, Identity, MAX_FRAME, Message, ResetCauses, Settings, encode};
+use bead_wire::{Block, Decoder, Header, Identity, Kind, MAX_FRAME, Message, ResetCauses, Settings, encode};
 use tempfile::TempDir;
 
 fn sent(boot: u8, sequence: u32, sample_index: u64, message: &Message) -> Vec<u8> {
@@ -434,6 +435,72 @@ fn a_name_has_one_writer_at_a_time_and_a_recording_that_comes_second_takes_anoth
     assert_eq!(Recording::open(&finished.path).unwrap().state, State::Whole);
     assert_eq!(fs::read_to_string(target.path()).unwrap(), "of another program");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+}
+
+#[test]
+fn a_recording_that_goes_on_in_other_files_has_each_run_once_and_never_cuts_a_strike() {
+    let strike = |n: u32| {
+        let codes = bead_wire::Codes::pack((0..8).map(|code| [code, code])).unwrap();
+        let waveform = bead_wire::Waveform {
+            strike: n,
+            first_index: u64::from(n),
+            codes,
+            wide: bead_wire::Codes::default(),
+            absorbed_measured: bead_wire::Energy::from_bits(0),
+            absorbed_predicted: bead_wire::Energy::from_bits(0),
+        };
+        let Message::Shape(shape) = Message::draw(Kind::Shape, &mut || 0) else {
+            panic!("a shape");
+        };
+        let shape = bead_wire::Shape { strike: n, ..shape };
+        let frames = [waveform.clone().into(), waveform.into(), shape.into()];
+        let frames = (3 * n..).zip(frames);
+        frames.flat_map(|(sequence, message)| sent(1, 100 + sequence, u64::from(sequence), &message))
+    };
+    let mut sent: Vec<u8> = stream(20);
+    sent.push(0);
+    sent.extend((0..20).flat_map(strike));
+    for length in [7, 97, 1000] {
+        let folder = tempfile::tempdir().unwrap();
+        let target = Target::new(folder.path().join("long.mcap"));
+        fs::write(folder.path().join("long-3.mcap"), "of another program").unwrap();
+        let mut writer = Writer::create(&target, &about()).unwrap();
+        let mut files = Vec::new();
+        for (n, piece) in (1..).zip(sent.chunks(length)) {
+            writer.write(piece, Some(n), |_| {}).unwrap();
+            files.extend(writer.split(Duration::ZERO).unwrap());
+        }
+        let finished = writer.finish().unwrap();
+        assert_eq!(finished.counters.frames, 40 + 60);
+        files.push(finished.path);
+        assert_eq!(files[0], target.path());
+        assert_eq!(files[1], folder.path().join("long-2.mcap"));
+        assert_eq!(files[2], folder.path().join("long-4.mcap"));
+        let all: Vec<_> = files.iter().flat_map(|file| kept(file)).collect();
+        // Runs that are no frames may stand in one message.
+        assert!(all.join(&0) == runs(&sent).join(&0), "pieces of {length} bytes");
+        for file in &files {
+            let recording = Recording::open(file).unwrap();
+            assert_eq!(recording.state, State::Whole);
+            assert_eq!(recording.about, about());
+            let (mut begun, mut ended) = (0, 0);
+            for item in recording.frames().unwrap() {
+                match item.frame().map(|frame| frame.message) {
+                    Some(Message::Waveform(_)) => begun += 1,
+                    Some(Message::Shape(_)) => ended += 2,
+                    _ => {}
+                }
+            }
+            assert_eq!(begun, ended, "{}", file.display());
+        }
+        // Each file begins with the piece in which the first of its runs ended.
+        let times: Vec<_> = files
+            .iter()
+            .flat_map(|file| pieces(file))
+            .map(|piece| piece.received_ns)
+            .collect();
+        assert!(times.is_sorted() && times[0].is_some());
+    }
 }
 
 #[test]

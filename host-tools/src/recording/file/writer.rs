@@ -2,8 +2,9 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter};
+use std::mem;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bead_wire::Counters;
 use mcap::records::Metadata;
@@ -16,17 +17,21 @@ use crate::recording::file::stream::Stream;
 use crate::recording::frames::Item;
 use crate::recording::whole::Target;
 
+type Mcap = mcap::Writer<BufWriter<File>>;
+
 /// Writes a recording while it comes.
 ///
 /// Dropped before [`finish`](Self::finish), it leaves a readable file under its temporary name.
 pub struct Writer {
     target: Target,
     partial: PathBuf,
-    mcap: mcap::Writer<BufWriter<File>>,
+    mcap: Mcap,
     /// One for each bead, or one for all.
     pub(super) streams: Vec<Stream>,
-    sample_rate_hz: u32,
+    about: About,
+    begun: Instant,
     flushed: Instant,
+    flushes: u64,
 }
 
 /// A bead's place in a recording that is being written.
@@ -49,36 +54,16 @@ impl Writer {
     /// # Errors
     /// The directory cannot be written to, or another program is recording under that name.
     pub fn create_for_several(target: &Target, about: &About) -> Result<Self, RecordingError> {
-        let (file, partial) = create_partial(target.path())?;
-        let named = partial.clone();
-        let failed = |error| {
-            // Nothing was received yet. If it cannot be removed either, the message names it.
-            let _ = std::fs::remove_file(&named);
-            RecordingError::unwritten(&named)(error)
-        };
-        let mut mcap = WriteOptions::new()
-            .compression(None)
-            .chunk_size(Some(CHUNK))
-            // A chunk is written in one go: seeking back to complete it would leave half ones after a crash.
-            .disable_seeking(true)
-            .library(concat!("bead ", env!("CARGO_PKG_VERSION")))
-            .create(BufWriter::new(file))
-            .map_err(&failed)?;
-        let mut begin = || {
-            mcap.write_metadata(&Metadata {
-                name: METADATA.into(),
-                metadata: about.to_map(),
-            })?;
-            mcap.flush()
-        };
-        begin().map_err(&failed)?;
+        let (mcap, partial) = begin_file(target, about, None)?;
         Ok(Self {
             target: target.clone(),
             partial,
             mcap,
             streams: Vec::new(),
-            sample_rate_hz: about.sample_rate_hz,
+            about: about.clone(),
+            begun: Instant::now(),
             flushed: Instant::now(),
+            flushes: 0,
         })
     }
 
@@ -95,7 +80,7 @@ impl Writer {
     }
 
     fn begin_stream(&mut self, origin: Option<&Origin>) -> Result<Lane, RecordingError> {
-        let begun = Stream::begin(&mut self.mcap, origin, self.sample_rate_hz);
+        let begun = Stream::begin(&mut self.mcap, origin, self.about.sample_rate_hz);
         let stream = begun.and_then(|stream| self.mcap.flush().map(|()| stream));
         let stream = stream.map_err(RecordingError::unwritten(&self.partial))?;
         self.streams.push(stream);
@@ -179,10 +164,18 @@ impl Writer {
         self.streams[lane.0]
             .write(&mut self.mcap, bytes, received_ns, sink)
             .map_err(RecordingError::unwritten(&self.partial))?;
-        if self.flushed.elapsed() >= FLUSH_EVERY {
-            self.flush()?;
+        self.flush_in_time()
+    }
+
+    /// Gives what has waited for a second to the system; a recording to which nothing comes needs that too.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn flush_in_time(&mut self) -> Result<(), RecordingError> {
+        match self.flushed.elapsed() >= FLUSH_EVERY {
+            true => self.flush(),
+            false => Ok(()),
         }
-        Ok(())
     }
 
     /// Gives all whole messages to the system. After that a crash of this program cannot lose them.
@@ -191,6 +184,7 @@ impl Writer {
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<(), RecordingError> {
         self.flushed = Instant::now();
+        self.flushes += 1;
         self.mcap
             .flush()
             .map_err(RecordingError::unwritten(&self.partial))
@@ -215,6 +209,52 @@ impl Writer {
         &self.partial
     }
 
+    /// Bytes that the index of the file takes, at most: a record for each chunk, with a place for each channel in it.
+    fn index(&self) -> u64 {
+        let bytes: u64 = self.streams.iter().map(Stream::bytes).sum();
+        let chunks = self.flushes + bytes / CHUNK;
+        chunks * (256 + 192 * self.streams.len() as u64)
+    }
+
+    /// Completes the file when it is older than `after`, or when its index, which stands in memory until the file is
+    /// complete, takes 64 MB. Goes on in another file, that will have the next free name: `NAME-2.mcap` and so on.
+    /// Each byte is in one of them; counters go on. It waits up to ten seconds for a moment when no bead is sending
+    /// a strike. Attached parts stay where they are.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn split(&mut self, after: Duration) -> Result<Option<PathBuf>, RecordingError> {
+        let age = self.begun.elapsed();
+        if age < after && self.index() < LONGEST_INDEX {
+            return Ok(None);
+        }
+        if !self.streams.iter().all(Stream::rests) && age < after.saturating_add(PATIENCE) {
+            return Ok(None);
+        }
+        let target = self.target.clone().replacing(false);
+        let (mut mcap, partial) = begin_file(&target, &self.about, Some(&self.partial))?;
+        let ended = self
+            .streams
+            .iter_mut()
+            .try_for_each(|stream| stream.end_noise(&mut self.mcap));
+        ended.map_err(RecordingError::unwritten(&self.partial))?;
+        let begun = self
+            .streams
+            .iter_mut()
+            .try_for_each(|stream| stream.go_on(&mut mcap));
+        begun
+            .and_then(|()| mcap.flush())
+            .map_err(RecordingError::unwritten(&partial))?;
+        let (mcap, partial) = (
+            mem::replace(&mut self.mcap, mcap),
+            mem::replace(&mut self.partial, partial),
+        );
+        let target = mem::replace(&mut self.target, target);
+        (self.begun, self.flushes) = (Instant::now(), 0);
+        let path = end_file(mcap, &partial, &target)?;
+        Ok(Some(path))
+    }
+
     /// Completes the file and gives it its name. A file of that name that is not to be replaced came meanwhile:
     /// then the recording takes the next free name, `NAME-2.mcap` and so on.
     ///
@@ -226,22 +266,62 @@ impl Writer {
             .streams
             .iter_mut()
             .try_for_each(|stream| stream.end(&mut self.mcap));
-        let finished = ended.and_then(|()| self.mcap.finish());
-        finished.map_err(RecordingError::unwritten(&self.partial))?;
-        let file = self.mcap.into_inner().into_inner();
-        // The file must be on disk before it has its name: after a power cut no name may stand for an empty
-        // file.
-        let file = file
-            .map_err(|error| error.into_error())
-            .and_then(|file| file.sync_all().map(|()| file))
-            .map_err(RecordingError::refused("write", &self.partial))?;
-        let path = take_name(&self.partial, &self.target).map_err(RecordingError::refused(
-            "rename the recording to",
-            self.target.path(),
-        ))?;
-        // Its lock is held until it has its name.
-        drop(file);
+        ended.map_err(RecordingError::unwritten(&self.partial))?;
+        let path = end_file(self.mcap, &self.partial, &self.target)?;
         Ok(Finished { path, counters })
+    }
+}
+
+/// Completes a file, and gives it its name.
+fn end_file(mut mcap: Mcap, partial: &Path, target: &Target) -> Result<PathBuf, RecordingError> {
+    mcap.finish().map_err(RecordingError::unwritten(partial))?;
+    let file = mcap.into_inner().into_inner();
+    // The file must be on disk before it has its name: after a power cut no name may stand for an empty file.
+    let file = file
+        .map_err(|error| error.into_error())
+        .and_then(|file| file.sync_all().map(|()| file))
+        .map_err(RecordingError::refused("write", partial))?;
+    let path = take_name(partial, target)
+        .map_err(RecordingError::refused("rename the recording to", target.path()))?;
+    // Its lock is held until it has its name.
+    drop(file);
+    Ok(path)
+}
+
+/// Bytes of an index that gets no longer. When a file is completed, the library copies it.
+const LONGEST_INDEX: u64 = 64 << 20;
+/// Longest time for which a file that is due is kept open because a strike is on its way.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Begins a file under a temporary name, with what the recording is of; `before` is the file that it follows.
+fn begin_file(
+    target: &Target,
+    about: &About,
+    before: Option<&Path>,
+) -> Result<(Mcap, PathBuf), RecordingError> {
+    let (file, partial) = create_partial(target.path(), before)?;
+    let begin = || {
+        let mut mcap = WriteOptions::new()
+            .compression(None)
+            .chunk_size(Some(CHUNK))
+            // A chunk is written in one go: seeking back to complete it would leave half ones after a crash.
+            .disable_seeking(true)
+            .library(concat!("bead ", env!("CARGO_PKG_VERSION")))
+            .create(BufWriter::new(file))?;
+        mcap.write_metadata(&Metadata {
+            name: METADATA.into(),
+            metadata: about.to_map(),
+        })?;
+        mcap.flush()?;
+        Ok(mcap)
+    };
+    match begin() {
+        Ok(mcap) => Ok((mcap, partial)),
+        Err(error) => {
+            // Nothing is in it yet. If it cannot be removed either, the message names it.
+            let _ = fs::remove_file(&partial);
+            Err(RecordingError::unwritten(&partial)(error))
+        }
     }
 }
 
@@ -295,8 +375,8 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
 }
 
 /// Creates `path` with `.partial`, or `.2.partial` and so on, and locks it. A file that an earlier crash left is
-/// not touched. One that is locked is being written by another program.
-fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
+/// not touched. One that is locked is being written by another program, if it is not `own`.
+fn create_partial(path: &Path, own: Option<&Path>) -> Result<(File, PathBuf), RecordingError> {
     let mut attempt = 1u32;
     loop {
         let mut partial = path.as_os_str().to_owned();
@@ -314,7 +394,9 @@ fn create_partial(path: &Path) -> Result<(File, PathBuf), RecordingError> {
             }
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
                 let other = File::open(&partial).map(|other| other.try_lock());
-                if let Ok(Err(TryLockError::WouldBlock)) = other {
+                if let Ok(Err(TryLockError::WouldBlock)) = other
+                    && own != Some(&partial)
+                {
                     return Err(RecordingError::Busy(path.to_owned()));
                 }
                 attempt += 1;

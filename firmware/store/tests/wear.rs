@@ -1,0 +1,196 @@
+//! Flash at the end of its endurance: what was acknowledged is kept, and what is not kept is refused.
+
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use std::ops::Range;
+
+use bead_store::{Store, StoreError};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+
+const SECTOR: usize = 1024;
+const SIZE: usize = 2 * SECTOR;
+const RANGE: Range<u32> = 0..SIZE as u32;
+/// Flashes that wear out, each in its own way; under Miri, which is slow, fewer.
+const FLASHES: u32 = if cfg!(miri) { 4 } else { 200 };
+/// Writes to each. A sector holds four, so each is erased more than ten times.
+const WRITES: usize = if cfg!(miri) { 40 } else { 120 };
+
+/// How a bit fails that has been erased too often.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Weakness {
+    /// It does not rise any more: erased flash is not blank.
+    StaysLow,
+    /// It does not fall any more: a word is not what was written.
+    StaysHigh,
+    /// It falls, and rises again by itself before the next operation.
+    RisesAgain,
+    /// As `StaysHigh`, and the controller says so.
+    Told,
+}
+
+const WEAKNESSES: [Weakness; 4] = [
+    Weakness::StaysLow,
+    Weakness::StaysHigh,
+    Weakness::RisesAgain,
+    Weakness::Told,
+];
+
+/// Flash whose sectors bear a number of erases. Each further one makes a word of it fail.
+#[derive(Clone)]
+struct Worn {
+    bytes: Vec<u8>,
+    /// Erases that each sector still bears.
+    left: [u32; 2],
+    weakness: Weakness,
+    /// Bits that have failed.
+    failed: Vec<u8>,
+    random: u32,
+}
+
+#[derive(Debug)]
+struct Refused;
+
+impl NorFlashError for Refused {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl ErrorType for Worn {
+    type Error = Refused;
+}
+
+impl Worn {
+    fn new(number: u32) -> Self {
+        let mut flash = Self {
+            bytes: vec![0xFF; SIZE],
+            left: [0; 2],
+            weakness: WEAKNESSES[number as usize % WEAKNESSES.len()],
+            failed: vec![0; SIZE],
+            random: number + 1,
+        };
+        flash.left = [0; 2].map(|_: u32| flash.draw() % 12);
+        flash
+    }
+
+    fn draw(&mut self) -> u32 {
+        // xorshift32, Marsaglia 2003.
+        for shift in [13, -17, 5i32] {
+            self.random ^= match shift {
+                ..0 => self.random >> -shift,
+                _ => self.random << shift,
+            };
+        }
+        self.random
+    }
+}
+
+impl ReadNorFlash for Worn {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Refused> {
+        let offset = offset as usize;
+        bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        SIZE
+    }
+}
+
+impl NorFlash for Worn {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Refused> {
+        for start in (from as usize..to as usize).step_by(SECTOR) {
+            let sector = start / SECTOR;
+            match self.left[sector].checked_sub(1) {
+                Some(left) => self.left[sector] = left,
+                None => {
+                    // Near the start of a sector as often as anywhere: there the library keeps its mark and writes first.
+                    let place = match self.draw() % 2 {
+                        0 => self.draw() as usize % 32,
+                        _ => self.draw() as usize % SECTOR,
+                    };
+                    let bit = 1 << (self.draw() % 8);
+                    self.failed[start + place] |= bit;
+                }
+            }
+            for at in start..start + SECTOR {
+                self.bytes[at] = match self.weakness {
+                    Weakness::StaysLow => !self.failed[at],
+                    _ => 0xFF,
+                };
+            }
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Refused> {
+        assert!(offset.is_multiple_of(4) && bytes.len().is_multiple_of(4));
+        for (at, &byte) in (offset as usize..).zip(bytes) {
+            let failed = match self.weakness {
+                Weakness::StaysLow => 0,
+                _ => self.failed[at],
+            };
+            let meant = self.bytes[at] & byte;
+            self.bytes[at] = meant | failed;
+            if self.weakness == Weakness::Told && self.bytes[at] != meant {
+                return Err(Refused);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Block number `n`.
+fn block(n: usize) -> Vec<u8> {
+    (0..180 + 7 * (n % 5)).map(|i| (i * 31 + n * 17) as u8).collect()
+}
+
+fn reads(flash: &Worn) -> Option<Vec<u8>> {
+    let (mut store, _) = Store::open(flash.clone(), RANGE);
+    store.read().ok().flatten().map(<[u8]>::to_vec)
+}
+
+#[test]
+fn a_store_that_wears_out_keeps_what_it_acknowledged_and_refuses_the_rest() {
+    let (mut refused, mut kept) = (0, 0);
+    for number in 0..FLASHES {
+        let mut flash = Worn::new(number);
+        let weakness = flash.weakness;
+        // The block that was acknowledged last, and those that were refused since. As after a power cut, one of
+        // these may be there all the same.
+        let mut holds: Vec<Option<usize>> = vec![None];
+        for n in 0..WRITES {
+            let (mut store, _) = Store::open(flash, RANGE);
+            let mut written = store.write(&block(n));
+            if written == Err(StoreError::Full) {
+                // As a bead does that starts again to make room.
+                store = Store::open(store.into_flash(), RANGE).0;
+                written = store.write(&block(n));
+            }
+            flash = store.into_flash();
+            match written {
+                Ok(()) => {
+                    holds = vec![Some(n)];
+                    kept += 1;
+                }
+                Err(_) => {
+                    holds.push(Some(n));
+                    refused += 1;
+                }
+            }
+            let held = reads(&flash);
+            let which = (0..=n).rev().find(|n| held.as_ref() == Some(&block(*n)));
+            assert!(
+                holds.contains(&which),
+                "flash {number}, {weakness:?}, write {n} ({written:?}): it holds block {which:?} of {holds:?}"
+            );
+        }
+    }
+    println!("{FLASHES} flashes, {kept} writes kept, {refused} refused");
+    assert!(refused > FLASHES && kept > 10 * FLASHES);
+}

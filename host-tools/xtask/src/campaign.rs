@@ -1,0 +1,46 @@
+//! The fault campaign: scripts of faults that chance draws, and the image under each.
+
+use crate::image;
+use crate::packages::DEMO;
+use crate::setup::{Need, setup};
+use crate::step::{Line, Steps, Stop};
+
+/// Runs as many scripts as the words say: `N [--seed S]`.
+///
+/// # Errors
+/// A script fails; the smallest one that does is in target/campaign.
+pub(crate) fn campaign(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
+    let number = |word: &&String| word.parse::<u64>().is_ok();
+    let good = match words {
+        [count] => number(count),
+        [count, option, seed] => number(count) && *option == "--seed" && number(seed),
+        _ => false,
+    };
+    if !good {
+        return Err(Stop::failed(
+            "give how many scripts, and perhaps the number that draws the first: `campaign 300 --seed 1000`",
+        ));
+    }
+    setup(steps, Need::Run)?;
+    image::build(steps)?;
+    let overlay = Line::new("cargo build --release").words(DEMO);
+    steps.run("the host tools", &overlay)?;
+    let line = Line::new("cargo run --release --quiet -p bead-fuzz --example campaign --");
+    let line = words.iter().fold(line, |line, word| line.arg(word.as_str()));
+    steps.run("scripts of faults", &line)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_of_scripts_is_refused_before_anything_is_built() {
+        let steps = Steps::start().unwrap();
+        for words in [&[][..], &["many"], &["3", "--sed", "1"], &["3", "--seed"]] {
+            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+            let stop = campaign(&steps, &words.iter().collect::<Vec<_>>()).unwrap_err();
+            assert!(stop.message.starts_with("give how many"), "{}", stop.message);
+        }
+    }
+}
