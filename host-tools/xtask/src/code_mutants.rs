@@ -48,11 +48,12 @@ pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
         ));
     }
     let folder = steps.target.join("code-mutants").join(name);
-    let line = Line::new("cargo mutants --profile release --no-shuffle --colors never -p")
-        .arg(package)
-        .words(files)
-        .words(&format!("--timeout {SECONDS} --shard {shard} --output"))
-        .arg(&folder);
+    let line =
+        Line::new("cargo mutants --profile release --no-shuffle --colors never --sharding round-robin -p")
+            .arg(package)
+            .words(files)
+            .words(&format!("--timeout {SECONDS} --shard {shard} --output"))
+            .arg(&folder);
     std::fs::create_dir_all(&folder)
         .map_err(|error| Stop::failed(format!("cannot make {}: {error}", folder.display())))?;
     // It ends with a status of its own if a change is missed.
