@@ -87,7 +87,9 @@ details summary{cursor:pointer;color:var(--faint)}\
 .key{grid-template-columns:1fr 1fr}.bar{min-width:70px}}\
 @media print{main{max-width:none;padding:0}.scroll{overflow:visible}table{font-size:.78rem}\
 th,td{padding:.25em .4em;white-space:normal}pre{white-space:pre-wrap}\
-tr,svg.chart,.key div{break-inside:avoid}h2,h2+p,thead,summary{break-after:avoid}}";
+tr,svg.chart,.key div{break-inside:avoid}.key{grid-template-columns:repeat(5,1fr)}.key b{font-size:1.1rem;white-space:nowrap}\
+tbody tr:nth-child(-n+3){break-after:avoid}tbody tr:nth-last-child(-n+3){break-before:avoid}\
+h2,h2+p,thead,summary{break-after:avoid}}";
 
 impl Page<'_> {
     /// The page.

@@ -222,10 +222,7 @@ fn history(strikes: &[StrikeComparison]) -> Chart {
         description: "How far both estimates are off the full chain, strike by strike".to_owned(),
         width: WIDTH,
         ..Chart::new(
-            Axis::new(
-                "strike, in the order of the recording",
-                0.0..(strikes.len() - 1).max(1) as f64,
-            ),
+            Axis::count("strike, in the order of the recording", 0..=strikes.len() - 1),
             vec![Panel::new("off the full chain (%)", curves).height(190)],
         )
     }

@@ -137,3 +137,27 @@ fn strikes_and_waveforms_that_all_have_one_number_cost_no_memory() {
     }
     read_by_all(&stream.bytes);
 }
+
+#[test]
+fn boots_beyond_those_whose_clocks_are_fitted_are_printed_and_told() {
+    let mut numbers = 1..;
+    let identity = Message::draw(Kind::Identity, &mut || numbers.next().unwrap());
+    let mut stream = Stream::default();
+    for boot in 0..4100_u32 {
+        stream.sequence = 0;
+        stream.say(boot as u8, 0, &identity);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("raw.bin"), &stream.bytes).unwrap();
+    assert!(bead(folder, "recover raw.bin --out a.mcap").status.success());
+    let decoded = bead(folder, "decode a.mcap");
+    assert!(decoded.status.success());
+    let lines = decoded.stdout.iter().filter(|&&byte| byte == b'\n').count();
+    assert_eq!(lines, 4100);
+    let said = String::from_utf8_lossy(&decoded.stderr);
+    assert!(
+        said.contains("boots of beads after the first 4096 have no host_time"),
+        "{said}"
+    );
+}

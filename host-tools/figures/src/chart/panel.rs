@@ -1,6 +1,6 @@
 //! Axes and panels.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use super::map::Map;
 use super::scale::Scale;
@@ -24,6 +24,14 @@ impl Axis {
             label: label.into(),
             range: (range.start, range.end),
             scale: Scale::Linear,
+        }
+    }
+
+    /// An axis of what is counted, with a margin beyond both ends.
+    pub fn count(label: impl Into<String>, range: RangeInclusive<usize>) -> Self {
+        Self {
+            scale: Scale::Count,
+            ..Self::new(label, *range.start() as f64 - 0.3..*range.end() as f64 + 0.3)
         }
     }
 

@@ -6,6 +6,8 @@ pub enum Scale {
     /// Equal steps have equal lengths.
     #[default]
     Linear,
+    /// The same for what is counted: every tick is a whole number.
+    Count,
     /// Equal factors have equal lengths; points that are not positive are left out.
     Log,
 }
@@ -14,7 +16,7 @@ impl Scale {
     /// The place of a value on the axis.
     pub(super) fn place(self, value: f64) -> f64 {
         match self {
-            Self::Linear => value,
+            Self::Linear | Self::Count => value,
             Self::Log => value.log10(),
         }
     }
@@ -46,20 +48,23 @@ impl Ticks {
         let slack = 1e-9 * (high - low);
         let inside = |place: &f64| (low - slack..=high + slack).contains(place);
         match scale {
-            Scale::Linear => Self::linear((low, high), most, inside),
+            Scale::Linear => Self::linear((low, high), most, false, inside),
+            Scale::Count => Self::linear((low, high), most, true, inside),
             Scale::Log => Self::log((low, high), most, inside),
         }
     }
 
-    /// Steps of 1, 2 or 5.
-    fn linear((low, high): (f64, f64), most: usize, inside: impl Fn(&f64) -> bool) -> Self {
+    /// Steps of 1, 2 or 5; if whole, of no less than 1, and so are those between them.
+    fn linear((low, high): (f64, f64), most: usize, whole: bool, inside: impl Fn(&f64) -> bool) -> Self {
         let rough = (high - low) / most as f64;
+        let rough = if whole { rough.max(1.0) } else { rough };
         let decade = 10_f64.powf(rough.log10().floor());
         // A step, and the parts into which minor ticks divide it.
         let steps = [(1.0, 5), (2.0, 4), (5.0, 5), (10.0, 5)];
         let fits = |(digit, _): &(f64, i64)| digit * decade >= rough * (1.0 - 1e-9);
         let (digit, parts) = steps.into_iter().find(fits).unwrap_or((10.0, 5));
         let step = digit * decade;
+        let parts = if whole && step < 10.0 { step as i64 } else { parts };
         let fine = step / parts as f64;
         let all = ((low / fine).floor() as i64..=(high / fine).ceil() as i64).map(|n| (n, n as f64 * fine));
         let (major, minor): (Vec<_>, Vec<_>) = all
@@ -102,7 +107,7 @@ impl Ticks {
             // Less than a decade without a round number: equal steps of the value do.
             let ends = (10_f64.powf(low), 10_f64.powf(high));
             let value = |place: &f64| (ends.0..=ends.1).contains(place);
-            let linear = Self::linear(ends, most, value);
+            let linear = Self::linear(ends, most, false, value);
             major = linear.major.into_iter().map(|(value, _)| value.log10()).collect();
             minor = linear.minor.into_iter().map(f64::log10).collect();
         }
@@ -158,6 +163,17 @@ mod tests {
         assert_eq!(labels(Scale::Linear, -3.0, 8.0, 6), "−2 0 2 4 6 8");
         let ticks = Ticks::new(Scale::Linear, (0.0, 2.0), 2);
         assert_eq!(ticks.minor.len(), 8);
+    }
+
+    #[test]
+    fn an_axis_of_a_count_has_whole_numbers_alone() {
+        assert_eq!(labels(Scale::Count, -0.5, 4.5, 9), "0 1 2 3 4");
+        assert_eq!(labels(Scale::Count, -0.5, 0.5, 9), "0");
+        assert_eq!(labels(Scale::Count, -0.5, 19.5, 9), "0 5 10 15");
+        for high in [4.5, 19.5, 199.5] {
+            let ticks = Ticks::new(Scale::Count, (-0.5, high), 9);
+            assert!(ticks.minor.iter().all(|place| place.fract() == 0.0), "{ticks:?}");
+        }
     }
 
     #[test]

@@ -301,7 +301,7 @@ fn left(told: &RowComparison) -> Option<Panel> {
     }
     Some(
         Panel::new("energy left, E(n) (%)", all)
-            .over(Axis::new("intruders n", -0.3..most as f64 + 0.3))
+            .over(Axis::count("intruders n", 0..=most))
             .height(230),
     )
 }
@@ -328,10 +328,7 @@ fn transmission(told: &RowComparison) -> Option<Panel> {
     ];
     Some(
         Panel::new("T of the intruder", all)
-            .over(Axis::new(
-                "place of the bead",
-                first as f64 - 0.3..last as f64 + 0.3,
-            ))
+            .over(Axis::count("place of the bead", first..=last))
             .height(230),
     )
 }
