@@ -32,8 +32,8 @@ fn run() -> Emulation {
 
 /// Address and size in bytes of the variable whose name holds all of these.
 fn variable(parts: &[&str]) -> (u32, u32) {
-    let elf = fs::read(bead_tests::image()).unwrap();
-    let elf = object::File::parse(&*elf).unwrap();
+    let elf = fs::read(bead_tests::image()).expect("the image is built");
+    let elf = object::File::parse(&*elf).expect("it is an ELF file");
     let is = |name: &str| parts.iter().all(|part| name.contains(part));
     let mut found = elf.symbols().filter(|symbol| symbol.name().is_ok_and(is));
     let symbol = found.next().expect("the image has it");
