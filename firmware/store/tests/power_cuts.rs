@@ -196,6 +196,74 @@ fn a_block_survives_a_start_that_reads_it_wrongly_once() {
     }
 }
 
+/// Flash that refuses its first erases, and of which one read gives wrong bytes.
+struct Stubborn {
+    flash: Misread,
+    refuses: u32,
+}
+
+impl ErrorType for Stubborn {
+    type Error = PowerCut;
+}
+
+impl ReadNorFlash for Stubborn {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), PowerCut> {
+        self.flash.read(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        SIZE
+    }
+}
+
+impl NorFlash for Stubborn {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), PowerCut> {
+        match self.refuses.checked_sub(1) {
+            Some(left) => {
+                self.refuses = left;
+                Err(PowerCut)
+            }
+            None => self.flash.erase(from, to),
+        }
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), PowerCut> {
+        self.flash.write(offset, bytes)
+    }
+}
+
+#[test]
+fn where_tidying_fails_a_block_that_can_be_read_is_kept_and_what_cannot_is_erased() {
+    let (mut store, _) = open(&Ram::blank());
+    store.write(&block(1)).unwrap();
+    let mut ram = store.into_flash();
+    let start = |ram: &Ram, wrong| {
+        let flash = Misread {
+            ram: ram.clone(),
+            left: wrong,
+        };
+        let (store, opened) = Store::open(Stubborn { flash, refuses: 1 }, RANGE);
+        let (mut store, _) = open(&store.into_flash().flash.ram);
+        (opened, read(&mut store))
+    };
+    // The other sector holds rubbish, and does not let itself be erased at once.
+    ram.bytes[2 * SECTOR..3 * SECTOR].fill(0x5A);
+    for wrong in std::iter::once(None).chain((0..200).step_by(STEP).map(Some)) {
+        let (opened, held) = start(&ram, wrong);
+        assert!(!opened.lost, "read {wrong:?} was wrong");
+        assert_eq!(held, Some(block(1)), "read {wrong:?} was wrong");
+    }
+    ram.bytes[SECTOR..2 * SECTOR].fill(0x5A);
+    let (opened, held) = start(&ram, None);
+    assert!(opened.lost, "{opened:?}");
+    assert_eq!(held, None);
+}
+
 #[test]
 fn a_store_that_is_opened_as_it_is_changes_nothing() {
     for contents in [vec![0xFF; SIZE], vec![0x5A; SIZE]] {

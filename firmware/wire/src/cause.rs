@@ -108,3 +108,51 @@ impl Rejected {
         } += 1;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As many rejects of each cause as a power of three says, so that no sum can be another one.
+    fn each(times: u64) -> Rejected {
+        let causes = [
+            Cause::TooLong,
+            Cause::Cobs,
+            Cause::TooShort,
+            Cause::Crc,
+            Cause::Version(9),
+            Cause::Kind(200),
+            Cause::Body,
+            Cause::Trailing,
+        ];
+        let mut rejected = Rejected::NONE;
+        for (cause, many) in causes.into_iter().zip((0..).map(|power| 3_u64.pow(power))) {
+            (0..times * many).for_each(|_| rejected.count(cause));
+        }
+        rejected
+    }
+
+    #[test]
+    fn rejects_are_counted_by_cause_and_in_all() {
+        let one = each(1);
+        let Rejected {
+            too_long,
+            cobs,
+            too_short,
+            crc,
+            version,
+            kind,
+            body,
+            trailing,
+        } = one;
+        let counts = [too_long, cobs, too_short, crc, version, kind, body, trailing];
+        assert_eq!(counts, [1, 3, 9, 27, 81, 243, 729, 2187]);
+        assert_eq!(one.total(), 3280);
+    }
+
+    #[test]
+    fn counts_of_two_lines_are_added_cause_by_cause() {
+        assert_eq!(each(1).and(&each(2)), each(3));
+        assert_eq!(Rejected::NONE.and(&each(2)), each(2));
+    }
+}

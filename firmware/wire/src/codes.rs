@@ -129,3 +129,50 @@ impl<const BYTES: usize> Field for Codes<BYTES> {
         Self((0..bytes).map(|_| random() as u8).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_above_twelve_bits_are_refused_also_if_both_have_the_same_bit() {
+        let high = 1 << 12;
+        for (scan, worst) in [
+            ([high, 0], high),
+            ([0, high], high),
+            ([high, high], high),
+            ([MAX_CODE, high | 5], high | 5),
+            ([u16::MAX, u16::MAX], u16::MAX),
+        ] {
+            assert_eq!(
+                Codes::<30>::pack([scan]),
+                Err(CodeError::TooHigh(worst)),
+                "{scan:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn scans_take_three_bytes_each_in_a_buffer_of_any_length_and_come_back() {
+        let scans: [[u16; 2]; 5] = [
+            [0, 0],
+            [MAX_CODE, MAX_CODE],
+            [MAX_CODE, 0],
+            [0, MAX_CODE],
+            [0x123, 0xABC],
+        ];
+        for many in 0..=scans.len() {
+            let small = Codes::<15>::pack(scans[..many].iter().copied()).unwrap();
+            let large = Codes::<300>::pack(scans[..many].iter().copied()).unwrap();
+            assert_eq!(small.bytes(), large.bytes());
+            assert_eq!(
+                (large.bytes().len(), large.len(), large.is_empty()),
+                (3 * many, many, many == 0)
+            );
+            assert!(large.iter().eq(scans[..many].iter().copied()));
+        }
+        assert_eq!(Codes::<12>::pack(scans), Err(CodeError::TooMany(12)));
+        assert_eq!(Codes::<12>::from_bytes(&[0; 4]), Err(CodeError::PartialScan(4)));
+        assert_eq!(Codes::<12>::from_bytes(&[0; 15]), Err(CodeError::TooMany(12)));
+    }
+}

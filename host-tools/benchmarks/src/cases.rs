@@ -56,7 +56,8 @@ impl Case {
             name,
             what,
             end: ours::end(&scenario, accuracy),
-            samples: ours::samples(&scenario, accuracy),
+            // The first is the start.
+            samples: ours::samples(&scenario, accuracy).split_off(scenario.chain.beads + 1),
             scenario,
         }
     }
@@ -66,8 +67,9 @@ impl Case {
         distance(velocities, &self.end) / greatest(&self.end)
     }
 
-    /// The same over all samples.
+    /// The same over all samples, with the start before them or not.
     pub(crate) fn sampled_error(&self, samples: &[f64]) -> f64 {
+        let samples = &samples[samples.len() - self.samples.len()..];
         distance(samples, &self.samples) / greatest(&self.samples)
     }
 }

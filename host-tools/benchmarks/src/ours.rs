@@ -15,14 +15,12 @@ pub(crate) fn end(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
         .collect()
 }
 
-/// The same at each of [`SAMPLES`] times, one after another.
+/// The same at the start and at each of [`SAMPLES`] times, one after another.
 pub(crate) fn samples(scenario: &Scenario, accuracy: Accuracy) -> Vec<f64> {
     let channels: Vec<Channel> = (0..=scenario.chain.beads).map(Channel::Velocity).collect();
-    let bodies = channels.len();
-    let mut samples = Samples::new(scenario.duration / SAMPLES as f64, channels);
+    let mut samples = Samples::new(scenario.duration / SAMPLES as f64, channels).until(scenario.duration);
     let mut run = Run::new(scenario, accuracy).expect("the case is sound");
     run.watch(scenario.duration, |step| samples.look(step))
         .expect("the case can be run");
-    // The first is the start.
-    samples.values()[bodies..].to_vec()
+    samples.into_values()
 }

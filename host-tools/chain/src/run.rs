@@ -289,7 +289,8 @@ impl Moment<'_> {
     /// # Panics
     /// If there is no such body.
     pub fn velocity(&self, body: usize) -> f64 {
-        self.body(body).1
+        assert!(body < self.model.bodies(), "body {body} is not of this chain");
+        self.stepper.speed(body)
     }
 
     fn body(&self, body: usize) -> (f64, f64) {

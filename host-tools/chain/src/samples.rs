@@ -73,6 +73,15 @@ impl Samples {
         }
     }
 
+    /// Makes room for all samples of a run to `end`, s: then the list of them need not grow on the way.
+    #[must_use]
+    pub fn until(mut self, end: f64) -> Self {
+        let rows = (end / self.interval).ceil().max(0.0) as usize + 1;
+        self.values
+            .reserve_exact(rows.saturating_mul(self.channels.len()));
+        self
+    }
+
     /// Takes the samples of a step: all of them, in order.
     pub fn look(&mut self, step: &mut Step<'_>) {
         let (from, to) = (step.from(), step.to());
@@ -118,5 +127,10 @@ impl Samples {
     /// All samples, one after another.
     pub fn values(&self) -> &[f64] {
         &self.values
+    }
+
+    /// The same, to keep.
+    pub fn into_values(self) -> Vec<f64> {
+        self.values
     }
 }

@@ -6,6 +6,7 @@
 mod book;
 mod campaign;
 mod checks;
+mod code_mutants;
 mod dist;
 mod files;
 mod fuzz;
@@ -147,10 +148,12 @@ const TASKS: &[Task] = &[
         python::setup,
     ),
     (
-        "mutants",
-        "Make mistakes in a copy of the simulator, one by one, and see that the figures' checks notice each",
-        "",
-        mutants::check,
+        MUTANTS,
+        "Make mistakes in a copy, one by one, and see that checks and tests notice each: [PART] [SHARD]",
+        "Alone it makes mistakes in the physics, which the figures' checks must notice. `model`, `wire`, `store` and \
+         `solver` are parts whose code cargo-mutants changes in many places; all of one takes hours, `store 0/16` a \
+         sixteenth of that.",
+        |steps| code_mutants::check(steps, &[]),
     ),
     (
         FUZZ,
@@ -223,13 +226,20 @@ const BENCH: &str = "bench";
 /// The command of the fuzz targets.
 const FUZZ: &str = "fuzz";
 
+/// The command of the mutants.
+const MUTANTS: &str = "mutants";
 /// The command of the fault campaign.
 const CAMPAIGN: &str = "campaign";
 
 /// A command that takes words, with them.
 type WithWords = (&'static str, fn(&Steps, &[&String]) -> Result<(), Stop>);
 
-const WITH_WORDS: &[WithWords] = &[(BENCH, bench), (FUZZ, fuzz::fuzz), (CAMPAIGN, campaign::campaign)];
+const WITH_WORDS: &[WithWords] = &[
+    (BENCH, bench),
+    (FUZZ, fuzz::fuzz),
+    (CAMPAIGN, campaign::campaign),
+    (MUTANTS, code_mutants::check),
+];
 
 /// Runs the benchmark with these words. For `--native` it is compiled a second time, for this processor alone.
 fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {

@@ -15,7 +15,7 @@ impl Work {
         self.crossings.clear();
         self.sooner = None;
         if crossed > 0.0 || lanes.clipped {
-            self.find_crossings(lanes, length, tolerance);
+            dispatch(self, lanes, Task::Cross { tolerance }, length);
         }
         length * dispatch(self, lanes, Task::Error { tolerance }, length)
     }

@@ -21,6 +21,8 @@ use super::work::Work;
 pub(super) enum Task {
     /// All stages of a step and its end; gives how many blocks have contacts that open or close.
     Step,
+    /// The contacts that open or close in the step, after that.
+    Cross { tolerance: f64 },
     /// One stage of the dense output, after that.
     Inner { stage: usize },
     /// The motion at the part `x` of the step, after all that.
@@ -42,8 +44,12 @@ struct Call<'a, S, const KIND: u8> {
 
 /// Runs a task on the widest vectors of this processor.
 pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
+    let general = lanes.loaded || lanes.clipped;
     match task {
+        Task::Step if general => of_kind::<STEP_OF_ANY>(work, lanes, task, length),
         Task::Step => of_kind::<STEP>(work, lanes, task, length),
+        Task::Cross { .. } => of_kind::<CROSS>(work, lanes, task, length),
+        Task::Inner { .. } if general => of_kind::<INNER_OF_ANY>(work, lanes, task, length),
         Task::Inner { .. } => of_kind::<INNER>(work, lanes, task, length),
         Task::Look { .. } => of_kind::<LOOK>(work, lanes, task, length),
         Task::Error { .. } => of_kind::<ERRS>(work, lanes, task, length),
@@ -54,6 +60,10 @@ const STEP: u8 = 0;
 const INNER: u8 = 1;
 const LOOK: u8 = 2;
 const ERRS: u8 = 3;
+const CROSS: u8 = 4;
+/// Of chains with a load or clipped forces too.
+const STEP_OF_ANY: u8 = 5;
+const INNER_OF_ANY: u8 = 6;
 
 fn of_kind<const KIND: u8>(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
     macro_rules! call {
@@ -88,12 +98,19 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for Call<'_, S, KIND> 
             task,
             length,
         } = self;
-        let general = lanes.loaded || lanes.clipped;
         match (KIND, task) {
-            (STEP, _) if general => step::<S, true>(simd, work, lanes, length),
+            (STEP_OF_ANY, _) => step::<S, true>(simd, work, lanes, length),
             (STEP, _) => step::<S, false>(simd, work, lanes, length),
-            (INNER, Task::Inner { stage: number }) => {
+            (INNER_OF_ANY, Task::Inner { stage: number }) => {
                 stage::<S, true>(simd, work, lanes, number, length);
+                0.0
+            }
+            (INNER, Task::Inner { stage: number }) => {
+                stage::<S, false>(simd, work, lanes, number, length);
+                0.0
+            }
+            (CROSS, Task::Cross { tolerance }) => {
+                work.find_crossings(lanes, length, tolerance);
                 0.0
             }
             (LOOK, Task::Look { x }) => {

@@ -181,7 +181,17 @@ impl Stepper {
         }
     }
 
-    /// The same of an intruder, relative to its host.
+    /// Velocity of a body where [`Stepper::look`] has looked.
+    pub(crate) fn speed(&self, body: usize) -> f64 {
+        let lane = BLOCK + body;
+        if self.made.is_some() && self.rest.moves(lane) {
+            self.work.stage.v[lane]
+        } else {
+            self.work.start.v[lane]
+        }
+    }
+
+    /// Displacement and velocity of an intruder, relative to its host.
     pub(crate) fn guest(&self, guest: usize) -> (f64, f64) {
         let host = self.lanes.guests.hosts[guest];
         let motion = if self.made.is_some() && self.rest.moves(host) {

@@ -177,6 +177,7 @@ impl Work {
     }
 
     /// Replaces the force of contacts that open or close by what their polynomial leaves of it.
+    #[inline(always)]
     pub(super) fn find_crossings(&mut self, lanes: &Lanes, length: f64, tolerance: f64) {
         for run in 0..self.active.len() {
             self.fly_beside(self.active[run].clone(), length);
@@ -193,6 +194,7 @@ impl Work {
     }
 
     /// Brings the two bodies beside a run of blocks to the end of the step: no stage does, for they fly freely.
+    #[inline(always)]
     fn fly_beside(&mut self, run: Range<usize>, length: f64) {
         for lane in [first(run.start) - 1, first(run.end)] {
             self.end.u[lane] = self.start.u[lane] + length * self.start.v[lane];
@@ -201,6 +203,7 @@ impl Work {
     }
 
     /// Whether the force of a contact is cut off at zero for all of the step.
+    #[inline(always)]
     fn stays_cut_off(&self, lanes: &Lanes, lane: usize) -> bool {
         let force = |motion: &Motion| {
             let overlap = motion.u[lane - 1] - motion.u[lane] + lanes.rest[lane];
@@ -212,6 +215,7 @@ impl Work {
         from > 0.0 && start < 1e-9 * from && (to <= 0.0 || end <= 0.0)
     }
 
+    #[inline(always)]
     fn cross(&mut self, lanes: &Lanes, lane: usize, length: f64, tolerance: f64, cut: bool) {
         // Below this acceleration a force may be wrong by itself without harm to a velocity.
         let least = 1e-4 * tolerance * lanes.speed / length;
@@ -257,6 +261,7 @@ impl Work {
     }
 
     /// Leaves a part of a contact's force out of stages from `from` on, and the power that it dissipates.
+    #[inline(always)]
     pub(super) fn take(&mut self, lanes: &Lanes, lane: usize, from: usize, forces: &[f64], powers: &[f64]) {
         for (body, sign) in [(lane - 1, 1.0), (lane, -1.0)] {
             let inverse = sign * lanes.inverse[body];
@@ -320,6 +325,7 @@ pub(super) struct Inside {
 
 /// Pushes the bodies of a contact apart. A body of mass M gets `shift` / M of displacement and `kick` / M of
 /// velocity.
+#[inline(always)]
 pub(super) fn give(lanes: &Lanes, motion: &mut Motion, lane: usize, (shift, kick): (f64, f64)) {
     for (body, sign) in [(lane - 1, -1.0), (lane, 1.0)] {
         let part = sign * lanes.inverse[body];
@@ -345,6 +351,7 @@ pub(super) fn clear(lanes: &Lanes, motion: &mut Motion, lane: usize) {
 }
 
 /// Overlap of a contact, its rate and its acceleration.
+#[inline(always)]
 fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
     let (u, v) = (&motion.u[..], &motion.v[..]);
     let force = |lane: usize| {

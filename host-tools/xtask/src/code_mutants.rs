@@ -1,0 +1,120 @@
+//! Whether the tests would notice wrong code, by cargo-mutants: it makes one change after another, such as `<` for `<=` or
+//! a function that returns nothing, and runs the tests of the crate on each.
+//!
+//! # Design
+//! All changes of a part take hours, so they can be made in shards. `.cargo/mutants.toml` leaves out what no test can
+//! tell from the code as it is, each with its reason.
+
+use std::path::Path;
+
+use crate::files::read;
+use crate::mutants;
+use crate::step::{Line, Steps, Stop};
+
+/// What can be changed: its name, its crate, and the files if not all are meant.
+const PARTS: [(&str, &str, &str); 4] = [
+    ("model", "bead-model", ""),
+    ("wire", "bead-wire", ""),
+    ("store", "bead-store", ""),
+    ("solver", "hertz-chain", "-f host-tools/chain/src/solver/*.rs"),
+];
+/// The tests notice at least this many of 100 changes that compile.
+const LEAST: usize = 95;
+/// The tests of a crate take a few seconds, and hang on some changes.
+const SECONDS: u32 = 60;
+
+/// Runs the mutants that the words name: none for those of the physics, or a part and perhaps a shard.
+///
+/// # Errors
+/// A check or the tests do not notice enough, or cargo-mutants is missing.
+pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
+    let part = |name: &String| PARTS.into_iter().find(|(part, ..)| *part == name.as_str());
+    let (part, shard) = match words {
+        [] => return mutants::check(steps),
+        [name] => (part(name), Some("0/1".to_owned())),
+        [name, shard] => (part(name), is_shard(shard).then(|| (*shard).clone())),
+        _ => (None, None),
+    };
+    let Some(((name, package, files), shard)) = part.zip(shard) else {
+        let parts = PARTS.map(|(name, ..)| name).join(", ");
+        return Err(Stop::failed(format!(
+            "give nothing, or one of {parts}, and perhaps which shard of how many: `mutants store 0/16`"
+        )));
+    };
+    let installed = Line::new("cargo mutants --version").command().output();
+    if !installed.is_ok_and(|output| output.status.success()) {
+        return Err(Stop::missing(
+            "cargo-mutants is not installed: cargo install cargo-mutants --locked",
+        ));
+    }
+    let folder = steps.target.join("code-mutants").join(name);
+    let line =
+        Line::new("cargo mutants --profile release --no-shuffle --colors never --sharding round-robin -p")
+            .arg(package)
+            .words(files)
+            .words(&format!("--timeout {SECONDS} --shard {shard} --output"))
+            .arg(&folder);
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Stop::failed(format!("cannot make {}: {error}", folder.display())))?;
+    // It ends with a status of its own if a change is missed.
+    let ran = steps.run(&format!("mistakes in {name}, shard {shard}"), &line);
+    let told = |what: &str| lines(&folder.join("mutants.out").join(what));
+    let (missed, noticed) = (
+        told("missed.txt"),
+        told("caught.txt").len() + told("timeout.txt").len(),
+    );
+    let viable = noticed + missed.len();
+    if viable == 0 {
+        ran?;
+        return Err(Stop::failed("cargo-mutants made no change that compiles"));
+    }
+    for change in &missed {
+        eprintln!("          not noticed: {change}");
+    }
+    let score = format!("{noticed} of {viable} changes were noticed");
+    match 100 * noticed >= LEAST * viable {
+        true => {
+            steps.announce(&score);
+            Ok(())
+        }
+        false => Err(Stop::failed(format!("{score}; {LEAST} of 100 are meant"))),
+    }
+}
+
+/// Such as `3/16`: counted from 0.
+fn is_shard(word: &str) -> bool {
+    let numbers = word
+        .split_once('/')
+        .map(|(a, b)| (a.parse::<u32>(), b.parse::<u32>()));
+    matches!(numbers, Some((Ok(shard), Ok(all))) if shard < all)
+}
+
+fn lines(path: &Path) -> Vec<String> {
+    read(path).map_or_else(|_| Vec::new(), |text| text.lines().map(str::to_owned).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_part_and_no_shard_is_refused_before_anything_is_built() {
+        let steps = Steps::start().unwrap();
+        for words in [
+            &["tests"][..],
+            &["store", "1"],
+            &["store", "4/4"],
+            &["store", "a/b"],
+            &["wire", "0/2", "x"],
+        ] {
+            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+            let stop = check(&steps, &words.iter().collect::<Vec<_>>()).unwrap_err();
+            assert!(
+                stop.message.starts_with("give nothing, or one of model, wire"),
+                "{}",
+                stop.message
+            );
+        }
+        assert!(is_shard("0/1") && is_shard("15/16"));
+    }
+}

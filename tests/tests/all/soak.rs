@@ -1,0 +1,100 @@
+//! Hours of sparse strikes in one run: counts, memory and time are at the end as they should be.
+
+use std::time::Duration;
+
+use bead::bench::bridge::Bridge;
+use bead::bench::sensed::Timing;
+use bead::recording::frames::{Item, Reader};
+use bead::recording::strikes::Strikes;
+use bead_tests::paper_at;
+use bead_wire::{Message, Status, StrikeFlags};
+
+/// How long, in s of the bead's time.
+const HOURS: f64 = 5.0 * 3600.0;
+
+#[test]
+#[ignore = "five hours of the bead's time: BEAD_SOAK=600 takes ten minutes of it"]
+fn after_five_hours_of_sparse_strikes_all_counts_are_as_they_should_be() {
+    let given = std::env::var("BEAD_SOAK")
+        .ok()
+        .and_then(|seconds| seconds.parse().ok());
+    let seconds: f64 = given.unwrap_or(HOURS);
+    // Two strikes, 4 s apart, again and again: the codes are a ring.
+    let timing = Timing {
+        lead_in: 0.5,
+        strikes: 2,
+        interval: 4.0,
+    };
+    let emulation = paper_at(timing, Some(1));
+    let ring = emulation.seconds();
+    let settings = emulation.settings;
+    let mut bridge = Bridge::new(&emulation, None).unwrap_or_else(|error| panic!("{error}"));
+    let (mut reader, mut strikes) = (Reader::default(), 0_u64);
+    let (mut first, mut last): (Option<Status>, Option<(u64, Status)>) = (None, None);
+    let mut results: Vec<(u64, u64)> = Vec::new();
+    let mut known: Option<Vec<(u64, u64)>> = None;
+    let mut pending = Vec::new();
+    while bridge.now().as_secs_f64() < seconds {
+        let said = bridge
+            .pass(&[], Duration::from_secs(1))
+            .unwrap_or_else(|error| panic!("{error}"));
+        reader.feed(&said, None, |item| match item {
+            Item::Frame(frame) => {
+                match &frame.message {
+                    Message::Status(status) => {
+                        if status.uptime_ms > 20_000 && first.is_none() {
+                            first = Some(*status);
+                        }
+                        last = Some((frame.header.sample_index, *status));
+                    }
+                    Message::Fault(fault) => panic!("{fault:?}"),
+                    _ => {}
+                }
+                pending.push(frame);
+            }
+            Item::Rejected(reject) => panic!("{reject:?}"),
+        });
+        // Strikes are whole once a second is over; what is read is forgotten, as `bead record` does.
+        for strike in Strikes::new(std::mem::take(&mut pending), Some(settings)) {
+            assert_eq!(
+                strike.said.flags,
+                StrikeFlags::NONE,
+                "strike {}",
+                strike.said.strike
+            );
+            assert_eq!(u64::from(strike.said.strike), strikes);
+            strikes += 1;
+            let said = &strike.said;
+            results.push((
+                said.absorbed_measured.bits() as u64,
+                said.absorbed_predicted.bits() as u64,
+            ));
+        }
+        // The same codes give the same bits, after a minute and after hours.
+        if results.len() == 2 {
+            let before = known.get_or_insert_with(|| results.clone());
+            assert_eq!(*before, results, "after {strikes} strikes");
+            results.clear();
+        }
+    }
+    let (index, last) = last.expect("it tells its status");
+    let first = first.expect("the run is longer than 20 s");
+    println!("{:.0} s, {strikes} strikes, {last:?}", seconds);
+    assert_eq!(reader.counters().lost, 0);
+    assert_eq!((last.overruns, last.blocks_dropped, last.epoch), (0, 0, 0));
+    assert_eq!(
+        (last.frames_dropped_queue_full, last.frames_dropped_too_long),
+        (0, 0)
+    );
+    // The index is the time: a scan every 10 µs since the first one, within a block of 2 ms.
+    let ran = last.samples as f64 * 1e-5;
+    assert!((last.uptime_ms as f64 * 1e-3 - ran).abs() < 0.05, "{last:?}");
+    assert!(index.abs_diff(last.samples) <= 400, "{index}, {last:?}");
+    // No strike is missing, and nothing grows on the stack.
+    let expected = 2.0 * (ran / ring).floor();
+    assert!(
+        (expected..=expected + 2.0).contains(&(strikes as f64)),
+        "{strikes} of {expected}"
+    );
+    assert_eq!(last.stack_free_min, first.stack_free_min);
+}

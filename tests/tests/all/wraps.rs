@@ -1,0 +1,153 @@
+//! Numbers that grow for as long as a bead is on: past 2^32, hours and days are seconds.
+//!
+//! # Design
+//! The image has no way to begin a count elsewhere. So the emulator writes into its variables. Which word of a variable
+//! holds the number is found by trying: the layout is the compiler's. The word of today is tried first.
+
+use std::fs;
+
+use bead::bench::emulation::Emulation;
+use bead::bench::sensed::Timing;
+use bead::comparison::replay::replay;
+use bead::recording::strikes::{RecordedStrike, assemble};
+use bead_tests::{Heard, paper_at};
+use bead_wire::{FaultCause, StrikeFlags};
+use object::{Object, ObjectSymbol};
+use stm32f405_qemu::{Outcome, Poke};
+
+/// When the word is written, ns since power-up: the image samples, and nothing has struck it yet.
+const RUNNING_NS: u64 = 60_000_000;
+/// While the image waits for its supply: its variables have their first values, and the time has not begun.
+const STARTING_NS: u64 = 10_000_000;
+
+/// A run with three strikes, the first 60 ms after the first scan.
+fn run() -> Emulation {
+    let timing = Timing {
+        lead_in: 0.06,
+        strikes: 3,
+        interval: 0.15,
+    };
+    paper_at(timing, Some(1))
+}
+
+/// Address and size in bytes of the variable whose name holds all of these.
+fn variable(parts: &[&str]) -> (u32, u32) {
+    let elf = fs::read(bead_tests::image()).expect("the image is built");
+    let elf = object::File::parse(&*elf).expect("it is an ELF file");
+    let is = |name: &str| parts.iter().all(|part| name.contains(part));
+    let mut found = elf.symbols().filter(|symbol| symbol.name().is_ok_and(is));
+    let symbol = found.next().expect("the image has it");
+    assert!(found.next().is_none(), "{parts:?} are not enough to name it");
+    (symbol.address() as u32, symbol.size() as u32)
+}
+
+/// Runs the image with `value` in that word of a variable of which `shows` says that it is the right one. The word at
+/// `today` is tried first.
+fn written(
+    parts: &[&str],
+    today: u32,
+    at_ns: u64,
+    value: u32,
+    shows: impl Fn(&Heard) -> bool,
+) -> (Emulation, Outcome, Heard) {
+    let (address, size) = variable(parts);
+    let words = (0..size / 4).map(|word| 4 * word);
+    for offset in std::iter::once(today).chain(words.filter(|offset| *offset != today)) {
+        let emulation = run();
+        let mut machine = emulation.machine();
+        machine.pokes = vec![Poke {
+            at_ns,
+            address: address + offset,
+            bytes: value.to_le_bytes().to_vec(),
+        }];
+        let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+        let heard = Heard::new(outcome.uart.clone());
+        if outcome.resets.is_empty() && shows(&heard) {
+            println!("{parts:?}: the word at {offset}");
+            return (emulation, outcome, heard);
+        }
+    }
+    panic!("no word of {parts:?} is the number");
+}
+
+/// All three are measured as without the jump: no flag, the same bits in replay, A within 0.2 %.
+fn assert_measured(emulation: &Emulation, strikes: &[RecordedStrike]) {
+    assert_eq!(strikes.len(), 3);
+    for strike in strikes {
+        assert_eq!(replay(strike).first_difference, None);
+        assert_eq!(strike.said.flags, StrikeFlags::NONE);
+        let off = strike.said.absorbed_measured.joules() / emulation.truth.truth.absorbed - 1.0;
+        assert!(off.abs() < 2e-3, "A off by {off}");
+    }
+}
+
+#[test]
+fn frames_are_numbered_past_2_to_the_32_and_none_is_lost() {
+    const NEXT: u32 = u32::MAX - 60;
+    let number_of = |frame: &bead::recording::frames::Frame| frame.header.sequence;
+    let (emulation, outcome, heard) = written(&["counters", "COUNTERS"], 80, RUNNING_NS, NEXT, |heard| {
+        heard.frames.iter().any(|frame| number_of(frame) == NEXT)
+    });
+    // What a host hears that begins to listen after the jump.
+    let jump = heard
+        .frames
+        .iter()
+        .position(|frame| number_of(frame) == NEXT)
+        .unwrap();
+    let runs: Vec<&[u8]> = outcome.uart.split_inclusive(|byte| *byte == 0).collect();
+    let of_frames: Vec<_> = runs.iter().filter(|run| run.len() > 1).copied().collect();
+    let after = Heard::new([&[0][..], &of_frames[jump..].concat()].concat());
+    assert_eq!(number_of(&after.frames[0]), NEXT);
+    assert!(number_of(after.frames.last().unwrap()) < 1000, "it wrapped");
+    assert_eq!((after.counters.lost, after.counters.rejected.total()), (0, 0));
+    assert_measured(&emulation, &assemble(after.frames, Some(emulation.settings)));
+}
+
+#[test]
+fn the_time_passes_2_to_the_32_ticks_and_nothing_is_missed() {
+    // The driver counts times of 2^15 ticks of 10 µs: 0.33 s before 2^32 ticks.
+    let (emulation, outcome, heard) = written(
+        &["time_driver", "DRIVER"],
+        16,
+        STARTING_NS,
+        (1 << 17) - 1,
+        |heard| heard.status().uptime_ms > 40_000_000,
+    );
+    assert!(heard.status().uptime_ms > (1 << 32) / 100, "{:?}", heard.status());
+    assert_eq!(heard.faults().count(), 0);
+    assert_eq!(
+        (heard.status().overruns, heard.counters.lost, outcome.overruns),
+        (0, 0, 0)
+    );
+    // A status at boot and each second.
+    let told = heard
+        .frames
+        .iter()
+        .filter(|frame| matches!(frame.message, bead_wire::Message::Status(_)));
+    assert!((2..=3).contains(&told.count()));
+    assert_measured(&emulation, &assemble(heard.frames, Some(emulation.settings)));
+}
+
+#[test]
+fn samples_are_numbered_past_2_to_the_32() {
+    const PAST: u64 = 1 << 32;
+    // The high word of the tick at which the scans began: 2^32 ticks earlier.
+    let (emulation, _, heard) = written(&["acquire", "POOL"], 84, RUNNING_NS, u32::MAX, |heard| {
+        // To the end: a wrong index is found at the next block, and corrected.
+        let last = heard.frames.last().map_or(0, |frame| frame.header.sample_index);
+        (PAST..PAST + 1_000_000).contains(&last)
+    });
+    // The jump is a gap as any other: told, in a new epoch, no strike of which is lost.
+    let causes: Vec<_> = heard.faults().map(|fault| fault.cause).collect();
+    assert_eq!(causes, [FaultCause::AdcOverrun]);
+    let starts = emulation.truth.starts.clone();
+    let strikes = assemble(heard.frames, Some(emulation.settings));
+    assert_measured(&emulation, &strikes);
+    for (strike, start) in strikes.iter().zip(starts) {
+        let arrival = ((strike.said.trigger_index - PAST) as f64 - start) / 100e3;
+        assert!(
+            (1.3e-3..1.6e-3).contains(&arrival),
+            "{arrival} s after the strike"
+        );
+    }
+}
