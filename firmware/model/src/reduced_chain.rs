@@ -359,3 +359,48 @@ fn gated(gate: i32, silent: &mut u16, force: Force) -> i32 {
     *silent = if force.abs() < gate { *silent + 1 } else { 0 };
     if *silent > FOOT { 0 } else { force }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_or_an_acceleration_that_leaves_its_range_is_remembered_and_one_within_is_not() {
+        let left = |change: fn(&mut Watch)| {
+            let mut watch = Watch::default();
+            change(&mut watch);
+            // What comes after it is small.
+            watch.state(1);
+            watch.limited(-1);
+            watch.0 >= LIMIT
+        };
+        // States are in units of which 2^7 are one of an acceleration.
+        assert!(left(|watch| watch.state(LIMIT << 7)));
+        assert!(left(|watch| watch.state(-(LIMIT << 7) - 1)));
+        assert!(!left(|watch| watch.state((LIMIT << 7) - 1)));
+        assert!(!left(|watch| watch.state(-(LIMIT << 7))));
+        assert!(left(|watch| {
+            watch.limited(LIMIT);
+        }));
+        assert!(left(|watch| {
+            watch.limited(-LIMIT - 1);
+        }));
+        assert!(!left(|watch| {
+            watch.limited(LIMIT - 1);
+        }));
+        assert!(!left(|watch| {
+            watch.limited(-LIMIT);
+        }));
+    }
+
+    #[test]
+    fn an_acceleration_is_limited_to_what_the_core_saturates_to() {
+        let mut watch = Watch::default();
+        let limited =
+            [i32::MIN, -LIMIT - 1, -LIMIT, -1, 0, LIMIT - 1, LIMIT, i32::MAX].map(|a| watch.limited(a));
+        assert_eq!(
+            limited,
+            [-LIMIT, -LIMIT, -LIMIT, -1, 0, LIMIT - 1, LIMIT - 1, LIMIT - 1]
+        );
+    }
+}

@@ -13,6 +13,8 @@ import json
 import os
 import sys
 
+# Nothing is left behind in the source.
+sys.dont_write_bytecode = True
 # Libraries may print: only what is written here goes to the caller.
 TELL = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)
