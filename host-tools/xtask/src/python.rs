@@ -21,7 +21,7 @@ pub(crate) fn setup(steps: &Steps) -> Result<(), Stop> {
         &Line::new("python3 -m venv --clear").arg(&folder),
     )?;
     let install = Line::program(&python)
-        .words("-m pip install --quiet --requirement")
+        .words("-m pip install --quiet --no-compile --requirement")
         .arg(REQUIREMENTS);
     steps.run("pandas, polars, xarray, pyuff and mcap, some 150 MB", &install)?;
     std::fs::write(steps.root.join(&ready), "")
