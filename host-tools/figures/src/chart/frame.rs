@@ -54,9 +54,16 @@ impl<'a> Frame<'a> {
             y_places,
             x_ticks: Ticks::new(x.scale, x_places, columns),
             y_ticks: Ticks::new(panel.y_scale, y_places, rows),
-            // Less room than there is: the axes begin right of the numbers.
-            legend: Legend::new(panel, picture - 2.0 * MARGIN - 50.0),
+            legend: Legend::new(panel, picture),
             labelled,
+        }
+    }
+
+    /// The same with a legend that has room from here to the edge of a picture of this width.
+    pub(super) fn named_from(self, left: f64, picture: f64) -> Self {
+        Self {
+            legend: Legend::new(self.panel, picture - MARGIN - left),
+            ..self
         }
     }
 

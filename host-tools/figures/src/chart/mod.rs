@@ -87,14 +87,22 @@ impl Chart {
 
     fn frames(&self) -> Vec<Frame<'_>> {
         let last = self.panels.len().saturating_sub(1);
+        let picture = f64::from(self.width);
         let panels = self.panels.iter().enumerate();
-        panels
+        let frames: Vec<_> = panels
             .map(|(place, panel)| {
                 // An axis of a panel's own has its numbers, and the shared one has them below the last panel.
                 let labelled = place == last || panel.x.is_some();
                 let x = panel.x.as_ref().unwrap_or(&self.x);
-                Frame::new(panel, x, labelled, f64::from(self.width))
+                Frame::new(panel, x, labelled, picture)
             })
+            .collect();
+        // All axes begin where those with the widest numbers do, and names stand above them.
+        let left = frames.iter().map(|frame| frame.columns(picture).left);
+        let left = left.fold(0.0, f64::max);
+        frames
+            .into_iter()
+            .map(|frame| frame.named_from(left, picture))
             .collect()
     }
 
@@ -207,6 +215,32 @@ mod tests {
         let mut chart = chart();
         chart.x.range = (1.0, 1.0);
         assert!(chart.inline_svg().is_err());
+    }
+
+    #[test]
+    fn names_stay_within_the_picture_however_wide_the_numbers_are() {
+        for letters in 1..60 {
+            let mut chart = chart();
+            let one = Series {
+                name: "n".repeat(letters),
+                ..chart.panels[0].series[0].clone()
+            };
+            chart.panels[0] = Panel::new("energy (J)", vec![one; 4]).range(0.0, 2e-5);
+            let svg = chart.inline_svg().unwrap();
+            let names = svg
+                .split("<text")
+                .filter(|text| text.contains(&format!(">{}<", "n".repeat(letters))));
+            let ends = names.map(|text| {
+                let x = text.split("x=\"").nth(1).unwrap().split('"').next().unwrap();
+                x.parse::<f64>().unwrap() + canvas::width(&"n".repeat(letters), legend::NAMES)
+            });
+            let ends: Vec<f64> = ends.collect();
+            assert_eq!(ends.len(), 4);
+            assert!(
+                ends.iter().all(|end| *end <= f64::from(chart.width)),
+                "{letters}: {ends:?}"
+            );
+        }
     }
 
     #[test]
