@@ -108,10 +108,10 @@ fn settings([mass, stiff, part, damped]: [f64; 4], behind: u8) -> Settings {
     derive_among(&bead, &neighbours, &front_end, &capture).unwrap()
 }
 
-/// Scans of a strike: a pulse of the force from scan 400 on, `width` scans wide at its foot and `force` N high, and an
+/// Scans of two strikes: a pulse of the force from the scans 400 and 1900 on, `width` scans wide at its foot and `force` N high, and an
 /// acceleration of `ringing` m/s² that rings and decays. The gain of the wide channels is `more` times what the
 /// settings say, and the noise is up to `noise` codes.
-fn strike([force, width, ringing, more]: [f64; 4], noise: u64, samples: usize) -> Vec<Scan> {
+fn strikes([force, width, ringing, more]: [f64; 4], noise: u64, samples: usize) -> Vec<Scan> {
     let mut state = 1_u64;
     let mut drawn = |most: u64| {
         state = state
@@ -123,7 +123,7 @@ fn strike([force, width, ringing, more]: [f64; 4], noise: u64, samples: usize) -
     let [mut last, mut before] = [0.0; 2];
     (0..samples)
         .map(|n| {
-            let x = (n as f64 - 400.0) / width;
+            let x = ((n % 1500) as f64 - 400.0) / width;
             let pulse = if (0.0..1.0).contains(&x) {
                 16.0 * (x * (1.0 - x)) * (x * (1.0 - x))
             } else {
@@ -149,7 +149,7 @@ fn metered(settings: &Settings, scans: &[Scan], call: usize) -> u32 {
     for (n, some) in scans.chunks(call).enumerate() {
         meter.process(settings, (n * call) as u64, some.iter().copied(), &mut told);
     }
-    assert!(told.reports > 0, "no strike was measured");
+    assert_eq!(told.reports, 2, "both strikes are measured");
     told.checksum()
 }
 
@@ -166,18 +166,18 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [12.0, 60.0, 150.0, 1.0],
             1,
-            0xe8e2_9e35,
+            0xc6b5_0653,
         ),
-        ("no noise", paper, 0, [12.0, 60.0, 150.0, 1.0], 0, 0x7a73_26e3),
-        ("much noise", paper, 0, [12.0, 60.0, 150.0, 1.0], 9, 0xd8be_75fd),
-        ("faint", paper, 0, [0.3, 50.0, 2.0, 1.0], 2, 0x4789_ee12),
+        ("no noise", paper, 0, [12.0, 60.0, 150.0, 1.0], 0, 0xadf7_22ab),
+        ("much noise", paper, 0, [12.0, 60.0, 150.0, 1.0], 9, 0x8783_5a41),
+        ("faint", paper, 0, [0.3, 50.0, 2.0, 1.0], 2, 0x9bfd_ca6c),
         (
             "wide channels",
             paper,
             0,
             [120.0, 45.0, 1500.0, 1.0],
             3,
-            0xe05c_5757,
+            0x690c_1575,
         ),
         (
             "wide channels without noise",
@@ -185,7 +185,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [120.0, 45.0, 1500.0, 1.0],
             0,
-            0x2e4b_2c5d,
+            0x020d_7bf0,
         ),
         (
             "wide channels of another gain",
@@ -193,7 +193,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [100.0, 45.0, 1500.0, 1.05],
             4,
-            0x7d15_13cf,
+            0x5395_575b,
         ),
         (
             "at the rails",
@@ -201,7 +201,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [300.0, 40.0, 6000.0, 1.0],
             4,
-            0x567b_2ab0,
+            0x2007_d245,
         ),
         (
             "a narrow pulse",
@@ -209,7 +209,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [30.0, 7.0, 300.0, 1.0],
             4,
-            0xe4a9_f706,
+            0x9417_6f44,
         ),
         (
             "a little damping",
@@ -217,7 +217,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [30.0, 50.0, 300.0, 1.0],
             4,
-            0xac9b_97c4,
+            0x8de7_f8c4,
         ),
         (
             "much damping",
@@ -225,7 +225,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [30.0, 50.0, 300.0, 1.0],
             4,
-            0x8354_627e,
+            0xef30_0b69,
         ),
         (
             "a small bead",
@@ -233,7 +233,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [10.0, 30.0, 800.0, 1.0],
             4,
-            0xb83c_2d06,
+            0x84bb_eae9,
         ),
         (
             "a small bead with a light intruder",
@@ -241,7 +241,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [10.0, 30.0, 800.0, 1.0],
             4,
-            0x57dd_5ad7,
+            0x0a40_1ab8,
         ),
         (
             "a heavy intruder",
@@ -249,7 +249,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [30.0, 30.0, 800.0, 1.0],
             4,
-            0x87fb_f1da,
+            0x6819_57c5,
         ),
         (
             "a large bead",
@@ -257,7 +257,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0,
             [150.0, 90.0, 900.0, 1.0],
             4,
-            0x2632_0071,
+            0xd714_4812,
         ),
         (
             "one intruder behind",
@@ -265,7 +265,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             1,
             [80.0, 45.0, 900.0, 1.0],
             4,
-            0xf058_cef4,
+            0x3f45_d895,
         ),
         (
             "two intruders behind",
@@ -273,7 +273,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0b1010,
             [80.0, 45.0, 900.0, 1.0],
             4,
-            0x8a07_b92e,
+            0x5d4b_4017,
         ),
         (
             "intruders behind a small bead",
@@ -281,7 +281,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0b1111,
             [10.0, 30.0, 800.0, 1.0],
             4,
-            0xc999_e6d2,
+            0x04dc_4917,
         ),
         (
             "heavy intruders behind",
@@ -289,7 +289,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0b0101,
             [30.0, 30.0, 800.0, 1.0],
             4,
-            0xd3ba_32f0,
+            0xb010_37d1,
         ),
         (
             "out of range",
@@ -297,7 +297,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0b0100,
             [200.0, 60.0, 5000.0, 1.0],
             4,
-            0x90b9_d1fc,
+            0x89ef_43ea,
         ),
     ];
     let measured = cases.map(|(what, bead, behind, shape, noise, _)| {
@@ -305,7 +305,7 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
         println!("{what}: {:?}", settings.scale);
         format!(
             "{what}: {:#010x}",
-            metered(&settings, &strike(shape, noise, 2600), 200)
+            metered(&settings, &strikes(shape, noise, 3600), 200)
         )
     });
     let stated = cases.map(|case| format!("{}: {:#010x}", case.0, case.5));
