@@ -356,7 +356,7 @@ mod tests {
         forged(with(counter, boot, until + 1, kind, &body, code), ANY, 5);
         forged(with(counter, boot, until, kind + 1, &body, code), ANY, 5);
         forged(with(counter, boot, until, kind, &Inner::default(), code), ANY, 5);
-        for bit in 0..128 {
+        for bit in (0..128).step_by(if cfg!(miri) { 37 } else { 1 }) {
             let mut code = code;
             code[bit / 8] ^= 1 << (bit % 8);
             forged(with(counter, boot, until, kind, &body, code), ANY, 5);
