@@ -292,7 +292,15 @@ mod tests {
             1 + cobs::max_encoding_length(Packed::MAX + CRC_LENGTH) + 1,
             MAX_FRAME
         );
-        assert!(Kind::ALL.iter().all(|kind| Packed::HEADER + kind.longest() <= Packed::MAX));
-        assert!(Kind::ALL.iter().any(|kind| Packed::HEADER + kind.longest() == Packed::MAX));
+        assert!(
+            Kind::ALL
+                .iter()
+                .all(|kind| Packed::HEADER + kind.longest() <= Packed::MAX)
+        );
+        assert!(
+            Kind::ALL
+                .iter()
+                .any(|kind| Packed::HEADER + kind.longest() == Packed::MAX)
+        );
     }
 }

@@ -410,4 +410,18 @@ mod tests {
         let outer = inner.signed(&key(1), &BEAD, ANY, 5, TICKET);
         assert_eq!(admitted(&mut lock(), outer), Err(Outcome::Body));
     }
+
+    #[test]
+    fn a_lock_takes_another_key_and_tells_it_to_no_log() {
+        let mut lock = lock();
+        assert_eq!((lock.key(), lock.counter()), (Some(&key(1)), 7));
+        lock.set(Some(key(2)));
+        let signed = |by| Request::Arm.signed(&key(by), &BEAD, ANY, 5, TICKET);
+        assert_eq!(admitted(&mut lock, signed(1)), Err(Outcome::Forged));
+        assert_eq!(admitted(&mut lock, signed(2)), Ok(Request::Arm));
+        lock.set(None);
+        assert_eq!(lock.key(), None);
+        assert_eq!(admitted(&mut lock, Request::Arm), Ok(Request::Arm));
+        assert_eq!(std::format!("{:?}", key(2)), "Key");
+    }
 }
