@@ -300,14 +300,16 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
             0x89ef_43ea,
         ),
     ];
-    let measured = cases.map(|(what, bead, behind, shape, noise, _)| {
+    let (mut measured, mut stated) = (Vec::new(), Vec::new());
+    for (n, (what, bead, behind, shape, noise, checksum)) in cases.into_iter().enumerate() {
+        // Miri, which is slow, takes one with wide channels, and one with powers of two and intruders behind.
+        if cfg!(miri) && ![4, 17].contains(&n) {
+            continue;
+        }
         let settings = settings(bead, behind);
-        println!("{what}: {:?}", settings.scale);
-        format!(
-            "{what}: {:#010x}",
-            metered(&settings, &strikes(shape, noise, 3600), 200)
-        )
-    });
-    let stated = cases.map(|case| format!("{}: {:#010x}", case.0, case.5));
+        let found = metered(&settings, &strikes(shape, noise, 3600), 200);
+        measured.push(format!("{what}, {:?}: {found:#010x}", settings.scale));
+        stated.push(format!("{what}, {:?}: {checksum:#010x}", settings.scale));
+    }
     assert_eq!(measured, stated);
 }

@@ -519,7 +519,7 @@ mod tests {
         let length = settings.encode(&mut block).unwrap();
         println!("settings block: {length} bytes");
         assert_eq!(Settings::decode(&block), Ok(settings));
-        for bit in 0..length * 8 {
+        for bit in (0..length * 8).step_by(if cfg!(miri) { 41 } else { 1 }) {
             let mut damaged = block;
             damaged[bit / 8] ^= 1 << (bit % 8);
             assert!(

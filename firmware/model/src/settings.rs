@@ -579,7 +579,7 @@ mod tests {
     fn a_block_needs_its_room_and_tells_its_length() {
         let (settings, mut room) = (in_company(), [0; BLOCK_MAX]);
         let length = settings.encode(&mut room).unwrap();
-        for short in 0..length {
+        for short in (0..length).step_by(if cfg!(miri) { 19 } else { 1 }) {
             let refused = settings.encode(&mut [0; BLOCK_MAX][..short]);
             assert_eq!(refused, Err(SettingsError::BufferTooSmall), "{short}");
             assert!(Settings::decode(&room[..short]).is_err(), "{short}");
