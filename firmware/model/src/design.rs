@@ -553,7 +553,8 @@ mod tests {
 
     #[test]
     fn each_input_that_is_not_finite_and_positive_is_refused_by_its_name() {
-        let numbers: [(&str, fn(&mut Inputs, f64)); 11] = [
+        type Set = fn(&mut Inputs, f64);
+        let numbers: [(&str, Set); 11] = [
             ("bead mass", |inputs, value| inputs.bead.mass = value),
             ("intruder mass", |inputs, value| inputs.bead.intruder_mass = value),
             ("intruder stiffness", |inputs, value| {
@@ -620,7 +621,8 @@ mod tests {
         let host =
             |inputs: &mut Inputs| inputs.bead.front_mass = inputs.bead.mass - inputs.bead.intruder_mass;
         refused(host, "front mass = 0.047");
-        let behind: [(&str, fn(&mut Intruder) -> &mut f64); 3] = [
+        type Number = fn(&mut Intruder) -> &mut f64;
+        let behind: [(&str, Number); 3] = [
             ("mass", |intruder| &mut intruder.mass),
             ("stiffness", |intruder| &mut intruder.stiffness),
             ("damping", |intruder| &mut intruder.damping),

@@ -60,7 +60,8 @@ mod tests {
 
     #[test]
     fn each_number_of_powers_has_its_limits() {
-        let limits: [(fn(&mut Scale, i8), [i8; 2]); 6] = [
+        type Set = fn(&mut Scale, i8);
+        let limits: [(Set, [i8; 2]); 6] = [
             (|scale, powers| scale.contact = powers as u8, [0, 6]),
             (|scale, powers| scale.incoming = powers as u8, [0, 8]),
             (|scale, powers| scale.masses = powers as u8, [0, 6]),
