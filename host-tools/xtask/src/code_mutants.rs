@@ -69,32 +69,29 @@ pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     let sound = line("cargo test --quiet --profile mutants --lib --tests -p").arg(package);
     steps.run(&format!("the tests of {name} without a change"), &sound)?;
     let output = folder.join(name);
-    let changes = |words: &str, tests: &str| {
-        line("cargo mutants --in-place --baseline skip --profile mutants --no-shuffle --colors never")
-            .words("--sharding round-robin -p")
+    let changes = |words: &str| {
+        line("cargo mutants --in-place --baseline skip --profile mutants --no-shuffle --colors never -p")
             .arg(package)
-            .words(files)
-            .words(&format!("--timeout {SECONDS} --shard {shard} {words} --output"))
+            .words(&format!("--timeout {SECONDS} {words} --output"))
             .arg(&output)
-            .words(tests)
     };
     std::fs::create_dir_all(&output)
         .map_err(|error| Stop::failed(format!("cannot make {}: {error}", output.display())))?;
     let told = |what: &str| lines(&output.join("mutants.out").join(what));
+    let noticed = || told("caught.txt").len() + told("timeout.txt").len();
     // It ends with a status of its own if a change is missed.
-    let title = format!("changes of {name}, shard {shard}");
-    let mut ran = steps.run(
-        &format!("{title}: the unit tests"),
-        &changes("--cargo-arg=--lib", ""),
-    );
-    let mut noticed = told("caught.txt").len();
-    if !(told("missed.txt").is_empty() && told("timeout.txt").is_empty()) {
-        let rest = changes("--iterate", "-- --lib --tests");
-        ran = steps.run(&format!("{title}: all tests, on the rest"), &rest);
-        noticed += told("caught.txt").len();
+    let some = format!("{files} --shard {shard} --sharding round-robin --cargo-arg=--lib");
+    let mut ran = steps.run(&format!("changes of {name}: the unit tests"), &changes(&some));
+    let (by_unit_tests, mut missed, mut by_others) = (noticed(), told("missed.txt"), 0);
+    if !missed.is_empty() {
+        let title = format!("changes of {name}: all tests, on the {} others", missed.len());
+        let others = missed
+            .iter()
+            .fold(changes(""), |line, name| line.arg("--re").arg(exactly(name)));
+        ran = steps.run(&title, &others.words("-- --lib --tests"));
+        (by_others, missed) = (noticed(), told("missed.txt"));
     }
-    noticed += told("timeout.txt").len();
-    let missed = told("missed.txt");
+    let noticed = by_unit_tests + by_others;
     let viable = noticed + missed.len();
     if viable == 0 {
         ran?;
@@ -119,6 +116,18 @@ fn is_shard(word: &str) -> bool {
         .split_once('/')
         .map(|(a, b)| (a.parse::<u32>(), b.parse::<u32>()));
     matches!(numbers, Some((Ok(shard), Ok(all))) if shard < all)
+}
+
+/// The regular expression of this text and no other.
+fn exactly(text: &str) -> String {
+    let special = |letter: &char| r".*+?()|[]{}^$\".contains(*letter);
+    let escaped = text.chars().flat_map(|letter| {
+        Some('\\')
+            .filter(|_| special(&letter))
+            .into_iter()
+            .chain([letter])
+    });
+    format!("^{}$", escaped.collect::<String>())
 }
 
 fn lines(path: &Path) -> Vec<String> {
@@ -148,5 +157,13 @@ mod tests {
             );
         }
         assert!(is_shard("0/1") && is_shard("15/16"));
+    }
+
+    #[test]
+    fn a_change_is_named_by_an_expression_that_fits_nothing_else() {
+        assert_eq!(
+            exactly("a_b.rs:1:2: replace <X as F>::f -> [u8; 2] with x | (1 + 2)"),
+            r"^a_b\.rs:1:2: replace <X as F>::f -> \[u8; 2\] with x \| \(1 \+ 2\)$"
+        );
     }
 }
