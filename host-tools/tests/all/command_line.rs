@@ -729,7 +729,7 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
     refused(
         &["clock", timed, timed],
         2,
-        &["fewer than two sync edges in common"],
+        &["are both of the bead with UID 0707"],
     );
 
     let lines = |path: &str| -> Vec<Value> {
