@@ -5,6 +5,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::program;
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead::recording::file::{About, Origin, Part, Recording, Writer};
@@ -19,10 +20,7 @@ use tempfile::TempDir;
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
 
 fn bead(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bead"))
-        .args(arguments)
-        .output()
-        .unwrap()
+    program::bead(Path::new("."), arguments)
 }
 
 /// Standard error of a command that must end with `status`: one line, which holds every one of `parts`.
@@ -40,13 +38,7 @@ fn refused(arguments: &[&str], status: i32, parts: &[&str]) {
 }
 
 fn json(arguments: &[&str]) -> Value {
-    let output = bead(arguments);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    serde_json::from_slice(&output.stdout).unwrap()
+    program::json(&bead(arguments))
 }
 
 fn keys(value: &Value) -> Vec<&str> {
