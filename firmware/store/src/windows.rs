@@ -610,7 +610,7 @@ mod tests {
             windows.close();
             assert_eq!(all(&windows).last(), Some(&next));
         }
-        assert!(lost > 100, "{lost}");
+        assert!(lost > 100 || cfg!(miri), "{lost}");
     }
 
     #[test]
@@ -685,7 +685,9 @@ mod tests {
             .collect();
         for (n, new) in given.iter().enumerate() {
             keep(&mut windows, new);
-            assert_eq!(all(&windows), given[(n + 1).saturating_sub(WINDOWS)..=n]);
+            if !cfg!(miri) || n.is_multiple_of(25) {
+                assert_eq!(all(&windows), given[(n + 1).saturating_sub(WINDOWS)..=n]);
+            }
         }
         assert_eq!(
             all(&Windows::new(&mut memory, true)),
@@ -764,7 +766,7 @@ mod tests {
         let mut windows = Windows::new(&mut memory, false);
         (0..3).for_each(|strike| keep(&mut windows, &of(strike, &[20])));
         for field in FIELDS {
-            for bit in (0..32).step_by(if cfg!(miri) { 11 } else { 1 }) {
+            for bit in (0..32).step_by(if cfg!(miri) { 31 } else { 1 }) {
                 let mut copy = Memory {
                     entries: memory.entries,
                     ring: memory.ring,
