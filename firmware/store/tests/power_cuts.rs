@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-use bead_store::{MAX_BLOCK, Opened, Secret, Store, StoreError, Vault};
+use bead_store::{MAX_BLOCK, MAX_SETTINGS, Opened, Secret, Store, StoreError, Vault};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use proptest::prelude::*;
 
@@ -382,6 +382,11 @@ fn a_start_leaves_room_for_the_longest_block_after_any_number_of_short_ones() {
         other.write(&[9; MAX_BLOCK]).unwrap();
         store = open(&before).0;
     }
+}
+
+#[test]
+fn there_is_room_for_the_longest_settings_of_a_frame_beside_a_secret() {
+    assert_eq!((MAX_SETTINGS, MAX_BLOCK), (256, 256 + 4 + 16 + 8));
 }
 
 #[test]
