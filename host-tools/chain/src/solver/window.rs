@@ -77,3 +77,31 @@ fn no_step_moves_more_bodies_because_the_chain_is_longer() {
     let (_, moved) = run(&long(3000, 0.0), 1e-8, false);
     assert!(moved < 32.0, "{moved} bodies");
 }
+
+#[test]
+#[ignore]
+fn probe() {
+    for beads in [256, 1024, 4096usize] {
+        let scenario = long(beads, 4.2e-6);
+        for rate in [1.0] {
+        let model = Model::new(&scenario);
+        let lanes = Arc::new(Lanes::new(&model));
+        let state = model.initial();
+        let longest = model.shortest_contact() / rate;
+        let clock = std::time::Instant::now();
+        let mut stepper = Stepper::new(lanes.clone(), model.layout(), (0.0, &state), 1e-10, longest);
+        while stepper.time < scenario.duration {
+            stepper.advance(scenario.duration).expect("it goes on");
+        }
+        println!("beads {beads} longest/{rate} steps {} wall {:.4} {}", stepper.steps, clock.elapsed().as_secs_f64(), stepper.report());
+        let mut ours = state.clone();
+        stepper.state(&mut ours);
+        if beads < 2000 {
+            let (whole, _) = run(&scenario, 1e-10, true);
+            println!("  error {:e}", apart(beads + 1, &ours, &whole));
+            let (finest, _) = run(&scenario, 1e-12, true);
+            println!("  error against 1e-12: {:e}, whole's {:e}", apart(beads + 1, &ours, &finest), apart(beads + 1, &whole, &finest));
+        }
+        }
+    }
+}
