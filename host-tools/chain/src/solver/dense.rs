@@ -83,7 +83,8 @@ impl<'a> Dense<'a> {
     /// The overlap of a contact less that at rest, for the whole step, which has these times.
     pub(crate) fn glimpse_contact(&self, contact: usize, times: (f64, f64)) -> Glimpse {
         let step = (self.start, self.length);
-        self.work.glimpse_contact(self.lanes, BLOCK + contact, step, times)
+        self.work
+            .glimpse_contact(self.lanes, BLOCK + contact, step, times)
     }
 
     /// The displacement of an intruder relative to its host, for the whole step.

@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use super::kernel::{Task, dispatch};
 use super::lanes::{BLOCK, Lanes, first};
-use super::parting::{Calm, Parts, count, holds};
+use super::parting::{Calm, count, holds};
 use super::rest::{AHEAD, FLOOR, Rest};
 use super::work::{Motion, Work};
 
@@ -22,6 +22,8 @@ use super::work::{Motion, Work};
 const FEWEST: usize = 24;
 /// How many quick steps a slow one has to be worth.
 const WORTH: f64 = 4.0;
+/// The most that may be computed of what a step of all blocks computes.
+const PAYS: f64 = 0.75;
 /// Steps that go by after parting the blocks did not pay: the least and the most.
 const PAUSE: [u64; 2] = [16, 1024];
 
@@ -32,6 +34,7 @@ struct Slow {
     /// Blocks whose motion it gives.
     own: Vec<Range<usize>>,
     from: f64,
+    length: f64,
     to: f64,
     prepared: bool,
     /// The motion at two times that were asked for, and what contacts have dissipated by the second.
@@ -55,7 +58,31 @@ pub(super) struct Multirate {
     /// The number of the step at which to part blocks again, and steps to wait if that does not pay.
     next: u64,
     pause: u64,
-    counts: [f64; 6],
+}
+
+/// Blocks beside calm ones, and whether they are behind those.
+fn sleepers(lanes: &Lanes, calm: &Calm) -> impl Iterator<Item = (usize, bool)> {
+    let blocks = lanes.blocks;
+    calm.runs.iter().flat_map(move |run| {
+        let before = run.start.checked_sub(1).map(|block| (block, false));
+        before
+            .into_iter()
+            .chain((run.end < blocks).then_some((run.end, true)))
+    })
+}
+
+/// What the next slow step should be of the last, whose blocks had these errors: what costs least then, if errors
+/// go as the ninth power of the step.
+fn better(calm: &Calm, errors: &[f64], length: f64, step: f64) -> f64 {
+    let blocks = || calm.runs.iter().flat_map(Clone::clone);
+    let cost = |part: f64| {
+        let cube = part * part * part;
+        let bad = blocks().filter(|&block| length * errors[block] * (cube * cube * cube) > 1.0);
+        bad.count() as f64 + count(&calm.runs) as f64 * step / (part * length)
+    };
+    let parts = [1.0, 1.25, 0.8, 0.64].map(|part| (cost(part), part));
+    let cheaper = |best: (f64, f64), part: (f64, f64)| if part.0 < best.0 { part } else { best };
+    parts.into_iter().fold(parts[0], cheaper).1
 }
 
 impl Multirate {
@@ -70,7 +97,6 @@ impl Multirate {
             reach: 0.0,
             next: if never { u64::MAX } else { 0 },
             pause: PAUSE[0],
-            counts: [0.0; 6],
         }
     }
 
@@ -79,8 +105,6 @@ impl Multirate {
     pub(super) fn never(&mut self) {
         self.next = u64::MAX;
     }
-
-    pub(super) fn report(&self) -> String { format!("{:?}", self.counts) }
 
     /// Whether to try to part the blocks at step `number`.
     pub(super) fn is_due(&self, rest: &Rest, number: u64) -> bool {
@@ -114,58 +138,45 @@ impl Multirate {
         let length = calm.longest(lanes, &work.start, self.quiet, wanted);
         // A whole number of quick steps: the last is not cut short.
         let length = (step * (length / step * (1.0 + 1e-9)).floor()).min(most);
-        let meets = rest.next_touch() <= time + AHEAD * length
-            || calm.runs.iter().any(|run| {
-                (run.start > 0 && rest.meets(lanes, work, run.start - 1, false, (time, length)))
-                    || (run.end < lanes.blocks && rest.meets(lanes, work, run.end, true, (time, length)))
-            });
         let awake = rest.awake().len();
-        let most_computed = awake - count(&calm.runs) + (count(&calm.runs) as f64 * step / length) as usize;
-        if length < WORTH * step || meets || 4 * most_computed > 3 * awake {
+        let pays = |computed: usize| {
+            let slow = count(&calm.runs) as f64 * step / length;
+            computed as f64 + slow < PAYS * awake as f64
+        };
+        if length < WORTH * step
+            || !pays(awake - count(&calm.runs))
+            || rest.next_touch() <= time + AHEAD * length
+            || sleepers(lanes, &calm)
+                .any(|(block, behind)| rest.meets(lanes, work, block, behind, (time, length)))
+        {
             self.wait(number);
             return 0;
         }
-        if !self.attempt(lanes, rest, work, &calm, (time, length)) {
-            self.reach = 0.5 * length;
-            self.wait(number);
-            return 1;
-        }
+        let stays_calm = self.attempt(lanes, rest, work, &calm, (time, length));
         let slow = self.slow.as_mut().expect("it was tried");
-        let cheapest = |reach: f64| {
-            let good = |block: &usize| {
-                let ratio = reach / length;
-                let power = ratio * ratio * ratio;
-                length * slow.work.errors[*block] * power * power * power <= 1.0
+        self.reach = length
+            * if stays_calm {
+                better(&calm, &slow.work.errors, length, step)
+            } else {
+                0.5
             };
-            let good = calm.runs.iter().flat_map(Clone::clone).filter(good).count();
-            (awake - good) as f64 + count(&calm.runs) as f64 * step / reach
-        };
-        let reaches = [0.64, 0.8, 1.0, 1.25].map(|part| (cheapest(part * length), part * length));
-        self.reach = reaches.into_iter().fold((f64::INFINITY, length), |best, this| if this.0 < best.0 { this } else { best }).1;
-        let parts = calm.parts(lanes, &work.start, self.quiet, length, &slow.work.errors);
-        self.counts[5] += 1.0;
-        match parts {
-            Some(parts) if 4 * (count(&parts.quick) + (count(&parts.slow) as f64 * step / length) as usize) < 3 * awake => {
-                self.counts[0] += 1.0;
-                self.counts[1] += length / step;
-                self.counts[2] += count(&parts.quick) as f64;
-                self.counts[3] += awake as f64;
-                self.pause = PAUSE[0];
-                self.parted = true;
-                let among = |blocks: &[Range<usize>]| blocks.iter().flat_map(Clone::clone).collect::<Vec<_>>();
-                work.shared = among(&parts.quick);
+        let parts = calm.parts(lanes, &work.start, (self.quiet, length), &slow.work.errors);
+        match parts.filter(|parts| stays_calm && pays(count(&parts.quick))) {
+            Some(parts) => {
+                (self.parted, self.pause) = (true, PAUSE[0]);
+                // The end of the run is met to the last bit.
+                slow.to = if length == most { stop } else { time + length };
+                let all = |blocks: &[Range<usize>]| blocks.iter().flat_map(Clone::clone).collect::<Vec<_>>();
+                work.shared = all(&parts.quick);
                 work.shared.retain(|block| holds(&parts.own, *block));
-                slow.work.shared = among(&parts.slow);
+                slow.work.shared = all(&calm.runs);
                 slow.work.shared.retain(|block| !holds(&parts.own, *block));
-                let elsewhere = rest.awake().iter().copied();
-                let elsewhere = elsewhere.filter(|block| !holds(&parts.quick, *block)).collect();
-                slow.own = parts.own;
+                let mut elsewhere = rest.awake().to_vec();
+                elsewhere.retain(|block| !holds(&parts.quick, *block));
                 rest.leave(lanes, work, elsewhere);
+                slow.own = parts.own;
             }
-            _ => {
-                self.counts[4] += 1.0;
-                self.wait(number);
-            }
+            None => self.wait(number),
         }
         1
     }
@@ -186,12 +197,11 @@ impl Multirate {
         (time, length): (f64, f64),
     ) -> bool {
         let slow = self.slow.get_or_insert_with(|| {
-            let mut work = Work::new(lanes, true);
-            work.keep_powers(lanes);
             Box::new(Slow {
-                work,
+                work: Work::new(lanes, false),
                 own: Vec::new(),
                 from: 0.0,
+                length: 0.0,
                 to: 0.0,
                 prepared: false,
                 ends: [Motion::zeros(lanes), Motion::zeros(lanes)],
@@ -199,7 +209,7 @@ impl Multirate {
                 lost: 0.0,
             })
         });
-        (slow.from, slow.to) = (time, time + length);
+        (slow.from, slow.length) = (time, length);
         (slow.prepared, slow.times) = (false, [f64::NAN; 2]);
         slow.work.active.clone_from(&calm.runs);
         for run in &calm.runs {
@@ -210,10 +220,9 @@ impl Multirate {
         let crossed = dispatch(&mut slow.work, lanes, Task::Step, length);
         let tolerance = self.tolerance;
         dispatch(&mut slow.work, lanes, Task::Errors { tolerance }, length);
-        let meets = calm.runs.iter().any(|run| {
-            (run.start > 0 && rest.closes(lanes, &slow.work, run.start - 1, false, length))
-                || (run.end < lanes.blocks && rest.closes(lanes, &slow.work, run.end, true, length))
-        });
+        let work = &slow.work;
+        let meets =
+            sleepers(lanes, calm).any(|(block, behind)| rest.closes(lanes, work, block, behind, length));
         crossed == 0.0 && !meets
     }
 
@@ -254,7 +263,12 @@ impl Multirate {
     }
 
     /// Whether the slow step gives the motion of a body.
+    #[inline(always)]
     pub(super) fn moves(&self, lane: usize) -> bool {
+        self.parted && self.owns(lane)
+    }
+
+    fn owns(&self, lane: usize) -> bool {
         let block = (lane / BLOCK).wrapping_sub(1);
         self.under_way().is_some_and(|slow| holds(&slow.own, block))
     }
@@ -268,8 +282,14 @@ impl Multirate {
 
 impl Slow {
     fn prepare(&mut self, lanes: &Lanes) -> f64 {
-        let length = self.to - self.from;
+        let length = self.length;
         if !self.prepared {
+            // Once more, for the powers of its own contacts: which those are was not known before.
+            self.work.keep_inside(lanes);
+            if self.work.powers.is_none() {
+                self.work.keep_powers(lanes);
+            }
+            dispatch(&mut self.work, lanes, Task::Step, length);
             self.work.prepare(lanes, length);
             self.prepared = true;
         }
@@ -312,20 +332,18 @@ impl Multirate {
         }
         let x = slow.look(lanes, times[1]);
         std::mem::swap(&mut slow.ends[1], &mut slow.work.stage);
-        slow.lost = slow.work.lost_inside(lanes, slow.to - slow.from, x).contacts;
+        slow.lost = slow.work.lost_inside(lanes, slow.length, x).contacts;
         slow.times = times;
     }
 
-    /// Displacement and velocity of a body of the slow part where [`Multirate::look`] has looked.
-    pub(super) fn body(&self, lane: usize) -> Option<(f64, f64)> {
-        let stage = &self.under_way().filter(|_| self.moves(lane))?.work.stage;
-        Some((stage.u[lane], stage.v[lane]))
+    /// The motion where [`Multirate::look`] has looked, for bodies that the slow step moves.
+    pub(super) fn looked(&self) -> &Motion {
+        &self.under_way().expect("a slow step is under way").work.stage
     }
 
     /// The same at both times of [`Multirate::look_at_ends`].
-    pub(super) fn at_ends(&self, lane: usize) -> Option<[(f64, f64); 2]> {
-        let slow = self.under_way().filter(|_| self.moves(lane))?;
-        Some([0, 1].map(|end: usize| (slow.ends[end].u[lane], slow.ends[end].v[lane])))
+    pub(super) fn at_ends(&self) -> &[Motion; 2] {
+        &self.under_way().expect("a slow step is under way").ends
     }
 
     /// What contacts of the slow part have dissipated by the second time of [`Multirate::look_at_ends`].

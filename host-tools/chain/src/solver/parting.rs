@@ -44,9 +44,9 @@ use super::rest::FLOOR;
 use super::work::{Motion, force};
 
 /// Blocks beside its own that each part computes where both meet.
-pub(super) const SHARED: usize = 1;
+const SHARED: usize = 1;
 /// Blocks between one that is not calm and those that the slow part computes.
-pub(super) const GUARD: usize = 2;
+const GUARD: usize = 2;
 /// The fewest blocks in a row that are slow.
 const FEWEST: usize = 4;
 /// The part of a calm contact's overlap that a slow step may change.
@@ -54,13 +54,12 @@ const CALM: f64 = 0.25;
 /// Longest slow step, over the time constant of the stiffest contact in it. The method is stable up to 3.
 const STABLE: f64 = 2.5;
 
-/// Blocks of both parts, in runs.
+/// Both parts, in runs of blocks.
 #[derive(Debug)]
 pub(super) struct Parts {
-    /// What each computes.
+    /// What the quick part computes.
     pub(super) quick: Vec<Range<usize>>,
-    pub(super) slow: Vec<Range<usize>>,
-    /// What of it is the slow part's own. All else is the quick part's.
+    /// What the slow part gives the motion of. All else is the quick part's.
     pub(super) own: Vec<Range<usize>>,
 }
 
@@ -171,54 +170,53 @@ impl Calm {
         (1.5 * stiffest * (2.5 * energy).powf(0.2)).sqrt()
     }
 
+    fn moves(&self, block: usize) -> bool {
+        self.moves.get(block) == Some(&true)
+    }
+
     /// Beads beside runs that begin or end where more moves: a part lets them fly freely.
     fn edges(&self, runs: &[Range<usize>]) -> Vec<usize> {
-        let moves = |block: usize| self.moves.get(block) == Some(&true);
         let mut lanes = Vec::new();
         for run in runs {
-            if moves(run.start.wrapping_sub(1)) {
+            if self.moves(run.start.wrapping_sub(1)) {
                 lanes.push(first(run.start) - 1);
             }
-            if moves(run.end) {
+            if self.moves(run.end) {
                 lanes.push(first(run.end));
             }
         }
         lanes
     }
 
+    /// The blocks of a run without those at ends where more moves.
+    fn inner(&self, run: &Range<usize>) -> Range<usize> {
+        let shared = |block: usize| if self.moves(block) { SHARED } else { 0 };
+        run.start + shared(run.start.wrapping_sub(1))..run.end - shared(run.end)
+    }
+
     /// The parts, after a slow step of `length` with these errors of its blocks. None if the quick part would leave
     /// out a velocity above `quiet`.
     pub(super) fn parts(
-        self,
+        &self,
         lanes: &Lanes,
         motion: &Motion,
-        quiet: f64,
-        length: f64,
+        (quiet, length): (f64, f64),
         errors: &[f64],
     ) -> Option<Parts> {
         let mut good = vec![false; self.moves.len()];
-        for run in &self.runs {
-            let end = |block: usize| if self.moves.get(block) == Some(&true) { SHARED } else { 0 };
-            let inner = run.start + end(run.start.wrapping_sub(1))..run.end - end(run.end);
-            for block in inner {
-                good[block] = length * errors[block] <= 1.0;
-            }
+        for block in self.runs.iter().flat_map(|run| self.inner(run)) {
+            good[block] = length * errors[block] <= 1.0;
         }
         let mut own = runs(&good);
         own.retain(|run| run.len() >= FEWEST);
         let mut quick = self.moves.clone();
         for run in &own {
-            let end = |block: usize| if self.moves.get(block) == Some(&true) { SHARED } else { 0 };
-            quick[run.start + end(run.start.wrapping_sub(1))..run.end - end(run.end)].fill(false);
+            quick[self.inner(run)].fill(false);
         }
         let quick = runs(&quick);
         let slopes = Slopes::of(lanes, motion, &self.runs);
         let left_out = slopes.left_out(lanes, motion, &self.edges(&quick), length);
-        (left_out <= quiet).then_some(Parts {
-            quick,
-            slow: self.runs,
-            own,
-        })
+        (left_out <= quiet).then_some(Parts { quick, own })
     }
 }
 

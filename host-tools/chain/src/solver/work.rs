@@ -167,7 +167,10 @@ impl Work {
             .iter()
             .map(|run| first(run.start)..first(run.end).min(end));
         let lost = |lanes: Range<usize>| self.lost[lanes].iter().sum::<f64>();
-        let shared = self.shared.iter().map(|&block| lost(first(block)..first(block + 1)));
+        let shared = self
+            .shared
+            .iter()
+            .map(|&block| lost(first(block)..first(block + 1)));
         runs.map(lost).sum::<f64>() - shared.sum::<f64>()
     }
 
