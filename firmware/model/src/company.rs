@@ -65,3 +65,98 @@ impl Company {
         none || self.behind < 1 << FOLLOWERS && self.behind > 0 && exists && mass < bead_mass && positive
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of a bead of 50 g, with intruders in these followers.
+    fn company(behind: u8) -> Company {
+        Company {
+            behind,
+            intruder: Intruder {
+                mass: 3.7e-3,
+                stiffness: 3.95e5,
+                damping: 12.0,
+            },
+            stiffness: I0F32::from_num(0.1),
+            damping: I0F32::from_num(0.1),
+            ratio: I0F32::from_num(0.1),
+            ..Company::default()
+        }
+    }
+
+    #[test]
+    fn a_bead_is_alone_if_no_other_holds_an_intruder_near_or_far() {
+        let elsewhere = Company {
+            elsewhere: true,
+            ..Company::default()
+        };
+        assert!(Company::default().is_alone());
+        assert!(!elsewhere.is_alone());
+        assert!(!company(4).is_alone());
+        assert!(
+            !Company {
+                elsewhere: true,
+                ..company(4)
+            }
+            .is_alone()
+        );
+    }
+
+    #[test]
+    fn each_bit_stands_for_a_follower() {
+        for behind in 0..16 {
+            let held = [0, 1, 2, 3].map(|follower| company(behind).holds(follower));
+            assert_eq!(
+                held,
+                [1, 2, 4, 8].map(|bit| behind % (2 * bit) >= bit),
+                "{behind}"
+            );
+        }
+    }
+
+    #[test]
+    fn company_has_no_numbers_or_those_of_an_intruder_in_one_of_four_followers() {
+        const BEAD: f32 = 0.05;
+        let allowed = |company: Company| company.is_bounded(BEAD);
+        let with = |change: fn(&mut Company)| {
+            let mut company = company(1);
+            change(&mut company);
+            allowed(company)
+        };
+        assert!(allowed(Company::default()));
+        for behind in 0..=17 {
+            assert_eq!(allowed(company(behind)), (1..16).contains(&behind), "{behind:#b}");
+        }
+        assert!(with(|company| company.elsewhere = true));
+        assert!(with(|company| *company = Company {
+            elsewhere: true,
+            ..Company::default()
+        }));
+        // Intruders that stand nowhere have no numbers.
+        assert!(!with(|company| *company = Company {
+            ratio: company.ratio,
+            ..Company::default()
+        }));
+        type Number = fn(&mut Company) -> &mut f32;
+        let numbers: [Number; 3] = [
+            |company| &mut company.intruder.mass,
+            |company| &mut company.intruder.stiffness,
+            |company| &mut company.intruder.damping,
+        ];
+        for number in numbers {
+            for value in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+                let mut company = company(1);
+                *number(&mut company) = value;
+                assert!(!allowed(company), "{company:?}");
+            }
+        }
+        assert!(!with(|company| company.intruder.mass = BEAD));
+        assert!(with(|company| company.intruder.mass = 0.999 * BEAD));
+        assert!(!with(|company| company.stiffness = -I0F32::DELTA));
+        assert!(!with(|company| company.damping = -I0F32::DELTA));
+        assert!(!with(|company| company.ratio = -I0F32::DELTA));
+        assert!(with(|company| company.ratio = I0F32::ZERO));
+    }
+}

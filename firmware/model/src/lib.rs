@@ -28,6 +28,8 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+#[cfg(test)]
+mod bits;
 pub mod calibration;
 pub mod coefficients;
 pub mod company;

@@ -53,3 +53,29 @@ impl Scale {
                 .all(|shift| shift.unsigned_abs() <= 24)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_number_of_powers_has_its_limits() {
+        type Set = fn(&mut Scale, i8);
+        let limits: [(Set, [i8; 2]); 6] = [
+            (|scale, powers| scale.contact = powers as u8, [0, 6]),
+            (|scale, powers| scale.incoming = powers as u8, [0, 8]),
+            (|scale, powers| scale.masses = powers as u8, [0, 6]),
+            (|scale, powers| scale.observer = powers as u8, [0, 1]),
+            (|scale, powers| scale.measured = powers, [-24, 24]),
+            (|scale, powers| scale.predicted = powers, [-24, 24]),
+        ];
+        for (n, (set, [least, most])) in limits.into_iter().enumerate() {
+            for powers in [least - 1, least, 0, most, most + 1] {
+                let mut scale = Scale::default();
+                set(&mut scale, powers);
+                let allowed = (least..=most).contains(&powers);
+                assert_eq!(scale.is_bounded(), allowed, "number {n}: {powers}");
+            }
+        }
+    }
+}

@@ -387,3 +387,233 @@ fn whole<F: Fixed<Bits: Into<i64>>>(coefficient: F, powers: i8) -> (i64, i32) {
         i32::from(powers) - F::FRAC_NBITS as i32,
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::{Bead, Capture, FrontEnd, Intruder, Neighbours, derive, derive_among};
+    use fixed::types::I0F32;
+
+    fn paper() -> Settings {
+        derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
+    }
+
+    /// Two of the followers hold an intruder like that of the bead.
+    fn in_company() -> Settings {
+        let bead = Bead::paper();
+        let neighbours = Neighbours {
+            behind: [true, false, true, false],
+            elsewhere: false,
+            intruder: Intruder {
+                mass: bead.intruder_mass,
+                stiffness: bead.stiffness,
+                damping: bead.damping,
+            },
+        };
+        derive_among(&bead, &neighbours, &FrontEnd::reference(), &Capture::default()).unwrap()
+    }
+
+    fn bounded(change: impl FnOnce(&mut Settings)) -> bool {
+        let mut settings = paper();
+        change(&mut settings);
+        settings.bounds().is_ok()
+    }
+
+    #[test]
+    fn each_number_of_the_window_is_allowed_up_to_its_limits_and_not_beyond() {
+        type Number = fn(&mut WindowSettings) -> &mut u16;
+        // Of the paper's settings, whose window has 160 scans of history and 672 in all.
+        let limits: [(Number, [u16; 2]); 4] = [
+            (|window| &mut window.history, [128, 256]),
+            (|window| &mut window.length, [161, 1024]),
+            (|window| &mut window.lookback, [1, 159]),
+            (|window| &mut window.threshold, [1, 4095]),
+        ];
+        for (n, (number, [least, most])) in limits.into_iter().enumerate() {
+            for value in [0, least - 1, least, most, most + 1, u16::MAX] {
+                let allowed = bounded(|settings| *number(&mut settings.window) = value);
+                assert_eq!(allowed, (least..=most).contains(&value), "number {n}: {value}");
+            }
+        }
+    }
+
+    #[test]
+    fn rate_address_tolerance_and_front_mass_have_their_limits() {
+        assert!(!bounded(|settings| settings.sample_rate_hz = 0));
+        assert!(bounded(|settings| settings.sample_rate_hz = 1));
+        assert!(bounded(|settings| settings.address = 254));
+        assert!(!bounded(|settings| settings.address = 255));
+        assert!(!bounded(|settings| settings.disagreement = I16F16::ZERO));
+        assert!(bounded(|settings| settings.disagreement = I16F16::DELTA));
+        let host = |settings: &Settings| settings.bead.mass - settings.bead.intruder_mass;
+        assert!(!bounded(|settings| settings.bead.front_mass = host(settings)));
+        assert!(bounded(
+            |settings| settings.bead.front_mass = 0.999 * host(settings)
+        ));
+        assert!(bounded(|settings| settings.bead.relaxation = 0.0));
+        assert!(!bounded(|settings| settings.bead.relaxation = -1e-9));
+        assert!(!bounded(|settings| settings.scale.contact = 7));
+        assert!(!bounded(|settings| settings.company.behind = 1));
+    }
+
+    #[test]
+    fn no_coefficient_is_negative_and_each_may_be_zero() {
+        type Number = fn(&mut Settings) -> &mut I0F32;
+        let numbers: [Number; 8] = [
+            |settings| &mut settings.observer.start,
+            |settings| &mut settings.observer.end,
+            |settings| &mut settings.chain.contact,
+            |settings| &mut settings.chain.incoming,
+            |settings| &mut settings.chain.stiffness,
+            |settings| &mut settings.chain.damping,
+            |settings| &mut settings.chain.intruder,
+            |settings| &mut settings.chain.host,
+        ];
+        for (n, number) in numbers.into_iter().enumerate() {
+            assert!(!bounded(|settings| *number(settings) = -I0F32::DELTA), "{n}");
+            assert!(bounded(|settings| *number(settings) = I0F32::ZERO), "{n}");
+        }
+        assert!(!bounded(|settings| settings.chain.relaxation = -I2F30::DELTA));
+        assert!(bounded(|settings| settings.chain.relaxation = I2F30::ZERO));
+    }
+
+    #[test]
+    fn the_codes_of_a_channel_reach_as_far_as_the_sums_and_no_further() {
+        // 32 kN less the powers of two of a small bead, and 65 km/s², over 4095 codes and three sums.
+        let powers = INCOMING_MAX;
+        let force = |per_code: i64, slope: i64| {
+            bounded(|settings| {
+                settings.scale.incoming = powers;
+                for channel in [&mut settings.force.sensitive, &mut settings.force.wide] {
+                    channel.per_code = I2F30::from_bits(per_code as i32);
+                    channel.slope = I2F30::from_bits(slope as i32);
+                }
+            })
+        };
+        let most = ((32_768_i64 >> powers) << 30).div_euclid(4095);
+        assert!(force(most, 0) && !force(most + 1, 0));
+        let (slope, rest) = (most / 4, most - 2 * (most / 4));
+        assert!(force(rest, slope) && !force(rest + 1, slope) && !force(rest, slope + 1));
+        assert!(force(rest, -slope) && !force(rest, -slope - 1));
+        let acceleration = |per_code: i64| {
+            bounded(|settings| {
+                settings.acceleration.wide.per_code = fixed::FixedI32::from_bits(per_code as i32);
+                settings.acceleration.wide.slope = fixed::FixedI32::ZERO;
+            })
+        };
+        let most = (65_536_i64 << 26).div_euclid(4095);
+        assert!(acceleration(most) && !acceleration(most + 1));
+        // A slope is as great as the unit per code at a pole of f_s/4π.
+        let pole = |slope: i32| {
+            bounded(|settings| {
+                settings.force.wide.slope = settings.force.wide.per_code + I2F30::from_bits(slope)
+            })
+        };
+        assert!(pole(-1) && !pole(0));
+        assert!(!bounded(|settings| {
+            (settings.force.wide.per_code, settings.force.wide.slope) = (I2F30::ZERO, I2F30::ZERO);
+        }));
+    }
+
+    #[test]
+    fn the_trigger_is_at_least_twice_the_gate() {
+        let mut settings = paper();
+        let rise =
+            i64::from(settings.window.threshold) * i64::from(settings.force.sensitive.per_code.to_bits());
+        settings.chain.gate = Force::from_bits((rise >> 15) as i32);
+        assert_eq!(settings.validate(), Ok(()));
+        settings.chain.gate += Force::DELTA;
+        let refused = settings.validate().unwrap_err().to_string();
+        assert!(refused.contains("threshold is within the noise"), "{refused}");
+    }
+
+    #[test]
+    fn each_coefficient_belongs_to_the_physics_and_the_one_that_does_not_is_named() {
+        type Change = fn(&mut Settings, f64);
+        macro_rules! times {
+            ($($field:ident).+) => {
+                |settings, factor| {
+                    let bits = f64::from(settings.$($field).+.to_bits()) * factor;
+                    settings.$($field).+ = Fixed::from_bits(bits.round() as _);
+                }
+            };
+        }
+        let rows: [(&str, Change); 17] = [
+            ("stiffness behind", times!(company.stiffness)),
+            ("damping behind", times!(company.damping)),
+            ("mass behind", times!(company.ratio)),
+            ("weight of the old acceleration", times!(observer.start)),
+            ("weight of the new acceleration", times!(observer.end)),
+            ("energy by acceleration", times!(observer.energy)),
+            ("contact", times!(chain.contact)),
+            ("relaxation", times!(chain.relaxation)),
+            ("incoming", times!(chain.incoming)),
+            ("stiffness", times!(chain.stiffness)),
+            ("damping", times!(chain.damping)),
+            ("intruder", times!(chain.intruder)),
+            ("host", times!(chain.host)),
+            ("energy by velocity", times!(chain.energy)),
+            ("incident energy", times!(incident)),
+            ("frequency of the ringing", times!(ringing.frequency)),
+            ("decay of the ringing", times!(ringing.decay)),
+        ];
+        for (name, change) in rows {
+            for factor in [1.0 - 3e-4, 1.0 + 3e-4, 0.0, 2.0] {
+                let mut settings = in_company();
+                change(&mut settings, factor);
+                assert_eq!(
+                    settings.validate(),
+                    Err(SettingsError::NotTheBeads(name)),
+                    "times {factor}"
+                );
+            }
+            for factor in [1.0 - 5e-5, 1.0 + 5e-5] {
+                let mut settings = in_company();
+                change(&mut settings, factor);
+                assert_eq!(settings.validate(), Ok(()), "{name} times {factor}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_block_needs_its_room_and_tells_its_length() {
+        let (settings, mut room) = (in_company(), [0; BLOCK_MAX]);
+        let length = settings.encode(&mut room).unwrap();
+        for short in (0..length).step_by(if cfg!(miri) { 19 } else { 1 }) {
+            let refused = settings.encode(&mut [0; BLOCK_MAX][..short]);
+            assert_eq!(refused, Err(SettingsError::BufferTooSmall), "{short}");
+            assert!(Settings::decode(&room[..short]).is_err(), "{short}");
+        }
+        assert_eq!(settings.encode(&mut [0; BLOCK_MAX][..length]), Ok(length));
+        assert_eq!(Settings::decode(&room[..length]), Ok(settings));
+        assert_eq!(Settings::block_length(&room), Some(length));
+        assert_eq!(Settings::block_length(&room[..HEADER]), Some(length));
+        assert_eq!(Settings::block_length(&room[..HEADER - 1]), None);
+        room[0] = b'b';
+        assert_eq!(Settings::block_length(&room), None);
+        assert_eq!(Settings::decode(&room), Err(SettingsError::Magic));
+    }
+
+    #[test]
+    fn a_name_is_text_up_to_its_first_zero() {
+        let named = |bytes: &[u8]| {
+            let mut name = Name::default();
+            name.0[..bytes.len()].copy_from_slice(bytes);
+            name
+        };
+        for (bytes, is_text) in [
+            (&b""[..], true),
+            (b"a", true),
+            (b"sixteen bytes ok", true),
+            (b"a\0b", false),
+            (b"\0b", false),
+            (b"a\tb", false),
+            (b"\xff", false),
+        ] {
+            assert_eq!(named(bytes).is_text(), is_text, "{bytes:?}");
+        }
+        assert_eq!(named(b"bead 8").as_str(), "bead 8");
+        assert_eq!(named(b"sixteen bytes ok").as_str(), "sixteen bytes ok");
+        assert_eq!(named(b"\xff").as_str(), "");
+    }
+}

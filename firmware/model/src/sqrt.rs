@@ -81,7 +81,7 @@ mod tests {
     /// A straight line is farthest from the root at its ends and near its middle.
     #[test]
     fn square_root_is_within_its_stated_error_where_each_segment_begins_turns_and_ends() {
-        for segment in 64..256_u32 {
+        for segment in (64..256_u32).step_by(if cfg!(miri) { 7 } else { 1 }) {
             for shift in (0..=24).step_by(2) {
                 for place in [0, 1, 0x7F_FFFF, 0x80_0000, 0x80_0001, 0xFF_FFFE, 0xFF_FFFF] {
                     let bits = ((segment << 24) + place) >> shift;

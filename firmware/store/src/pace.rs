@@ -88,6 +88,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "a day of asking")]
     fn whatever_a_host_does_the_sectors_last_two_and_a_half_years() {
         let (mut pace, mut written) = (Pace::new(0), 0_u64);
         // A day of asking every 100 ms.

@@ -271,4 +271,36 @@ mod tests {
         let body = Inner::default();
         assert_eq!(Fetched { body, ..fetched }.message(), Err(Cause::Body));
     }
+
+    #[test]
+    fn a_body_that_is_packed_by_its_kind_gives_the_same_bytes() {
+        let (body, mut one, mut other) = (crate::message::gap::example(), Packed::new(), Packed::new());
+        one.pack(7, 2, &body.into()).unwrap();
+        other.pack_body(7, 2, Kind::Gap, &body).unwrap();
+        assert_eq!(one.bytes(), other.bytes());
+        assert_eq!(one.bytes()[..3], [VERSION, Kind::Gap as u8, 2]);
+        assert_eq!((Packed::HEADER, one.bytes()[15]), (16, 7));
+        let (kind, content) = one.content();
+        assert_eq!((kind, content), (Kind::Gap as u8, &one.bytes()[16..]));
+    }
+
+    #[test]
+    fn there_is_room_for_the_longest_frame_and_no_more() {
+        let mut packed = Packed::new();
+        assert_eq!(packed.room(Packed::MAX + 1).len(), Packed::MAX);
+        assert_eq!(
+            1 + cobs::max_encoding_length(Packed::MAX + CRC_LENGTH) + 1,
+            MAX_FRAME
+        );
+        assert!(
+            Kind::ALL
+                .iter()
+                .all(|kind| Packed::HEADER + kind.longest() <= Packed::MAX)
+        );
+        assert!(
+            Kind::ALL
+                .iter()
+                .any(|kind| Packed::HEADER + kind.longest() == Packed::MAX)
+        );
+    }
 }

@@ -131,7 +131,7 @@ mod tests {
         let mut waiting: VecDeque<Vec<u8>> = VecDeque::new();
         let mut packed = Packed::new();
         let (mut sequence, mut refused) = (0, 0);
-        const ROUNDS: u32 = if cfg!(miri) { 800 } else { 80_000 };
+        const ROUNDS: u32 = if cfg!(miri) { 500 } else { 80_000 };
         for _ in 0..ROUNDS {
             if random() % 2 == 0 {
                 let kind = Kind::ALL[random() as usize % Kind::ALL.len()];

@@ -356,7 +356,7 @@ mod tests {
         forged(with(counter, boot, until + 1, kind, &body, code), ANY, 5);
         forged(with(counter, boot, until, kind + 1, &body, code), ANY, 5);
         forged(with(counter, boot, until, kind, &Inner::default(), code), ANY, 5);
-        for bit in 0..128 {
+        for bit in (0..128).step_by(if cfg!(miri) { 37 } else { 1 }) {
             let mut code = code;
             code[bit / 8] ^= 1 << (bit % 8);
             forged(with(counter, boot, until, kind, &body, code), ANY, 5);
@@ -409,5 +409,19 @@ mod tests {
         let inner = Request::Arm.signed(&key(1), &BEAD, ANY, 5, TICKET);
         let outer = inner.signed(&key(1), &BEAD, ANY, 5, TICKET);
         assert_eq!(admitted(&mut lock(), outer), Err(Outcome::Body));
+    }
+
+    #[test]
+    fn a_lock_takes_another_key_and_tells_it_to_no_log() {
+        let mut lock = lock();
+        assert_eq!((lock.key(), lock.counter()), (Some(&key(1)), 7));
+        lock.set(Some(key(2)));
+        let signed = |by| Request::Arm.signed(&key(by), &BEAD, ANY, 5, TICKET);
+        assert_eq!(admitted(&mut lock, signed(1)), Err(Outcome::Forged));
+        assert_eq!(admitted(&mut lock, signed(2)), Ok(Request::Arm));
+        lock.set(None);
+        assert_eq!(lock.key(), None);
+        assert_eq!(admitted(&mut lock, Request::Arm), Ok(Request::Arm));
+        assert_eq!(std::format!("{:?}", key(2)), "Key");
     }
 }

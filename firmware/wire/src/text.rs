@@ -171,3 +171,58 @@ impl Field for Block {
         Self((0..length).map(|_| random() as u8).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is drawn from these bits and those that follow them.
+    fn drawn<F: Field>(first: usize, next: impl Fn(u64) -> u64) -> F {
+        let mut taken = 0;
+        F::draw(&mut || {
+            taken += 1;
+            if taken == 1 { first as u64 } else { next(taken - 2) }
+        })
+    }
+
+    #[test]
+    fn texts_and_bytes_of_every_length_are_drawn() {
+        for length in 0..=8 {
+            assert_eq!(drawn::<Text<8>>(length, |_| 0).as_str(), &"xxxxxxxx"[..length]);
+        }
+        assert_eq!(drawn::<Text<8>>(9, |_| 0).as_str(), "");
+        assert_eq!(drawn::<Text<8>>(3, |n| n).as_str(), "x\u{e9}\u{2026}");
+        for length in [0, 1, 7, MAX_BLOCK] {
+            assert!(
+                drawn::<Block>(length, |n| n)
+                    .bytes()
+                    .iter()
+                    .copied()
+                    .eq((0..length).map(|n| n as u8))
+            );
+        }
+        for length in [0, 1, 7, MAX_INNER] {
+            assert!(
+                drawn::<Inner>(length, |n| n)
+                    .bytes()
+                    .iter()
+                    .copied()
+                    .eq((0..length).map(|n| n as u8))
+            );
+        }
+        assert_eq!(drawn::<Block>(MAX_BLOCK + 1, |n| n).bytes(), []);
+        assert_eq!(drawn::<Inner>(MAX_INNER + 1, |n| n).bytes(), []);
+    }
+
+    #[test]
+    fn a_text_that_comes_in_pieces_is_cut_where_it_is_full() {
+        let text = Text::<8>::new(format_args!("{}{}{}", "abcdef", "ghijk", "l"));
+        assert_eq!(text.as_str(), "abcdefgh");
+        assert_eq!(std::format!("{text}"), "abcdefgh");
+        // Two bytes do not fit behind seven.
+        assert_eq!(
+            Text::<8>::new(format_args!("{}{}", "abcdefg", "\u{e9}")).as_str(),
+            "abcdefg"
+        );
+    }
+}

@@ -24,3 +24,22 @@ impl Unit {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_become_a_value_in_the_si_unit_by_way_of_the_sample_rate_where_it_counts() {
+        let unit = |per_sample| Unit {
+            symbol: "",
+            suffix: "",
+            resolution: 0.25,
+            per_sample,
+        };
+        assert_eq!(unit(false).si(-6, None), Some(-1.5));
+        assert_eq!(unit(false).si(-6, Some(10)), Some(-1.5));
+        assert_eq!(unit(true).si(8, Some(10)), Some(0.2));
+        assert_eq!(unit(true).si(8, None), None);
+    }
+}

@@ -96,3 +96,27 @@ impl Impulse {
         self.newton_samples() / f64::from(sample_rate_hz)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bits_of_each_quantity_are_worth_what_its_form_says() {
+        assert_eq!(Force::from_bits(3 << 15).newtons(), 1.5);
+        assert_eq!(
+            Acceleration::from_bits(-1 << 16).metres_per_second_squared(),
+            -1.0
+        );
+        assert_eq!(Energy::from_bits(5 << 24).joules(), 5e-9);
+        assert_eq!(Fraction::from_bits(1 << 14).ratio(), 0.25);
+        assert_eq!(Samples::from_bits(1 << 17).samples(), 2.0);
+        assert_eq!(Frequency::from_bits(1700 << 16).hertz(), 1700.0);
+        assert_eq!(Decay::from_bits(1 << 15).per_second(), 0.5);
+        let impulse = Impulse::from_bits(3 << 16);
+        assert_eq!(
+            (impulse.newton_samples(), impulse.newton_seconds(50_000)),
+            (3.0, 60e-6)
+        );
+    }
+}

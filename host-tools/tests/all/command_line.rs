@@ -5,6 +5,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::program;
 use bead::bench::front_end::FrontEnd;
 use bead::bench::sensed::{Sensed, Timing, bead_of, load_scenario, simulate_with_ring_down};
 use bead::recording::file::{About, Origin, Part, Recording, Writer};
@@ -19,10 +20,7 @@ use tempfile::TempDir;
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
 
 fn bead(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bead"))
-        .args(arguments)
-        .output()
-        .unwrap()
+    program::bead(Path::new("."), arguments)
 }
 
 /// Standard error of a command that must end with `status`: one line, which holds every one of `parts`.
@@ -40,13 +38,7 @@ fn refused(arguments: &[&str], status: i32, parts: &[&str]) {
 }
 
 fn json(arguments: &[&str]) -> Value {
-    let output = bead(arguments);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    serde_json::from_slice(&output.stdout).unwrap()
+    program::json(&bead(arguments))
 }
 
 fn keys(value: &Value) -> Vec<&str> {
@@ -729,7 +721,7 @@ fn a_recording_without_receive_times_has_no_clock_and_one_with_them_has_host_tim
     refused(
         &["clock", timed, timed],
         2,
-        &["fewer than two sync edges in common"],
+        &["are both of the bead with UID 0707"],
     );
 
     let lines = |path: &str| -> Vec<Value> {

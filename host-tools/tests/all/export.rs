@@ -5,6 +5,7 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::program::{bead, said};
 use bead::recording::file::{About, Recording, Writer};
 use bead::recording::frames::Item;
 use bead::recording::signal::Signal;
@@ -17,16 +18,7 @@ use serde_json::{Value, json};
 const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/data");
 
 fn export(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bead"))
-        .current_dir(folder)
-        .arg("export")
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
+    bead(folder, [&["export"], arguments].concat())
 }
 
 /// A recording of the old strike `times` times over, by today's program, received at the host's times.
@@ -146,13 +138,13 @@ fn tables_hold_the_recording_bit_for_bit() {
             folder,
             &["one.mcap", "more.mcap", "--out", "tables", "--format", form],
         );
-        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(output.status.success(), "{}", said(&output));
         let lines = String::from_utf8(output.stdout.clone()).unwrap();
         assert!(
             lines.contains("MATLAB") && lines.contains(&format!(".{form}\"")),
             "{lines}"
         );
-        assert!(stderr(&output).contains("4 strikes with 2688 samples, of 2 recordings, now in tables"));
+        assert!(said(&output).contains("4 strikes with 2688 samples, of 2 recordings, now in tables"));
     }
     let tables = folder.join("tables");
     let wanted = expected(&all);
@@ -216,9 +208,9 @@ fn the_columns_are_the_same_whatever_the_data() {
     for name in ["strike", "quiet"] {
         let recording = format!("{name}.mcap");
         let output = export(folder, &[&recording, "--out", name]);
-        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(output.status.success(), "{}", said(&output));
         assert_eq!(
-            stderr(&output).contains("quiet.mcap: no strike in it"),
+            said(&output).contains("quiet.mcap: no strike in it"),
             name == "quiet"
         );
     }
@@ -245,7 +237,7 @@ fn nothing_is_replaced_and_nothing_counts_twice() {
     recorded(&folder.join("strike.mcap"), 1);
     let refused = |arguments: &[&str], why: &str| {
         let output = export(folder, arguments);
-        let said = stderr(&output);
+        let said = said(&output);
         assert_eq!(
             (output.status.code(), said.lines().count()),
             (Some(2), 1),
@@ -307,7 +299,7 @@ fn pandas_polars_xarray_pyuff_and_mcap_read_the_same_bits() {
     recorded(&path, 3);
     for form in ["parquet", "csv", "uff"] {
         let output = export(folder, &["strikes.mcap", "--out", "tables", "--format", form]);
-        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(output.status.success(), "{}", said(&output));
     }
     let tables = folder.join("tables");
     let mut wanted = expected(&strikes(&path));
@@ -321,6 +313,6 @@ fn pandas_polars_xarray_pyuff_and_mcap_read_the_same_bits() {
         .output()
         .unwrap();
     print!("{}", String::from_utf8_lossy(&read.stdout));
-    assert!(read.status.success(), "{}", stderr(&read));
+    assert!(read.status.success(), "{}", said(&read));
     assert_eq!(read.stdout.iter().filter(|&&byte| byte == b'\n').count(), 7);
 }

@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use crate::program;
 use bead::recording::received::Received;
 use bead_model::design::{Bead as Paper, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
@@ -528,12 +529,10 @@ fn what_a_bead_keeps_is_listed_and_fetched_to_a_recording() {
     bead.set(|fate| &fate.calm, true);
     pause(0.1);
     let fetch = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_bead"))
-            .current_dir(&directory)
-            .args(["fetch", "--port", &bead.port])
-            .args(arguments)
-            .output()
-            .unwrap();
+        let output = program::bead(
+            directory.path(),
+            [&["fetch", "--port", &bead.port], arguments].concat(),
+        );
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
         (
             output.status.code().unwrap(),

@@ -12,6 +12,7 @@ mod hostile;
 mod inputs;
 mod interrupted;
 mod kept;
+mod program;
 mod record;
 mod recover;
 mod requests;

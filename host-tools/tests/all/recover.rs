@@ -4,10 +4,11 @@ use std::fs;
 use std::io::Write;
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::program::{self, bead};
 use bead::recording::file::{Recording, State};
 use bead::recording::frames::{Item, decode};
 use bead_wire::{Header, Identity, MAX_FRAME, Message, ResetCauses, Status, encode};
@@ -96,22 +97,11 @@ impl Drop for Recorder {
     }
 }
 
-fn bead(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bead"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
 fn recover(folder: &Path, arguments: &[&str]) -> Value {
-    let output = bead(folder, &[&["recover", "--format", "json"], arguments].concat());
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    serde_json::from_slice(&output.stdout).unwrap()
+    program::json(&bead(
+        folder,
+        &[&["recover", "--format", "json"], arguments].concat(),
+    ))
 }
 
 /// Sends frames to a recorder and kills it. Returns how many were sent `LOST_MOST` before that, and how many of the

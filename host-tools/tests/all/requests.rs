@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::thread;
 
+use crate::program::said;
 use bead_wire::{Block, Header, MAX_FRAME, Message, Outcome, Reply, RequestDecoder, Settings, encode};
 
 /// Runs `bead` with `--port` at a socket. The other end answers what it reads with `peer`, until `bead` hangs
@@ -39,10 +40,6 @@ fn at(mut peer: impl FnMut(&[u8]) -> Vec<u8> + Send, arguments: impl FnOnce(&Pat
 fn command(name: &str) -> impl FnOnce(&Path) -> Vec<String> + use<> {
     let arguments = ["command", name].map(str::to_owned).to_vec();
     |_| arguments
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 fn frame(sequence: u32, message: &Message) -> Vec<u8> {
@@ -87,7 +84,7 @@ fn a_bead_that_says_nothing_gets_one_line_and_status_3_after_three_tries() {
         command("arm"),
     );
     assert_eq!(output.status.code(), Some(3));
-    let said = stderr(&output);
+    let said = said(&output);
     assert_eq!(said.lines().count(), 1, "{said}");
     assert!(
         said.contains("no reply") && said.contains("nothing came at all"),
@@ -103,7 +100,7 @@ fn a_bead_that_says_nothing_gets_one_line_and_status_3_after_three_tries() {
 fn bytes_that_are_no_frames_are_told_from_a_bead_that_sends_and_does_not_reply() {
     let noise = at(|_| vec![0x55; 300], command("arm"));
     assert_eq!(noise.status.code(), Some(3));
-    assert!(stderr(&noise).contains("--baud"), "{}", stderr(&noise));
+    assert!(said(&noise).contains("--baud"), "{}", said(&noise));
     let deaf = at(
         |_| {
             frame(
@@ -116,7 +113,7 @@ fn bytes_that_are_no_frames_are_told_from_a_bead_that_sends_and_does_not_reply()
         command("arm"),
     );
     assert_eq!(deaf.status.code(), Some(3));
-    assert!(stderr(&deaf).contains("PA10"), "{}", stderr(&deaf));
+    assert!(said(&deaf).contains("PA10"), "{}", said(&deaf));
 }
 
 #[test]
@@ -142,7 +139,7 @@ fn a_reply_to_somebody_else_is_not_taken_for_ours() {
         },
         command("arm"),
     );
-    assert_eq!((output.status.code(), stderr(&output)), (Some(0), String::new()));
+    assert_eq!((output.status.code(), said(&output)), (Some(0), String::new()));
 }
 
 #[test]
@@ -172,7 +169,7 @@ fn a_refusal_prints_the_beads_reason_and_ends_with_status_1() {
     });
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(
-        stderr(&output),
+        said(&output),
         "bead: the bead at address 0 refused: flash failed; worn out\n"
     );
 }
@@ -182,9 +179,9 @@ fn an_answer_whose_frame_is_lost_is_no_answer() {
     let output = at(replying(Outcome::Done, ""), command("status"));
     assert_eq!(output.status.code(), Some(3));
     assert!(
-        stderr(&output).contains("status frame was lost"),
+        said(&output).contains("status frame was lost"),
         "{}",
-        stderr(&output)
+        said(&output)
     );
     assert!(output.stdout.is_empty());
 }
@@ -204,7 +201,7 @@ fn a_file_that_is_no_settings_is_refused_before_any_bead_is_asked() {
     for bytes in [&b""[..], b"no settings", &[0xFF; 64], &[0; 300]] {
         let output = show(bytes);
         assert_eq!(output.status.code(), Some(2));
-        let said = stderr(&output);
+        let said = said(&output);
         assert_eq!(said.lines().count(), 1, "{said}");
         assert!(said.contains("some.settings"), "{said}");
     }

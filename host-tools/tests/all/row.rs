@@ -2,8 +2,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
+use crate::program::bead;
 use crate::rows::{Who, record};
 use hertz_chain::Scenario;
 use serde_json::Value;
@@ -35,12 +36,7 @@ impl Recorded {
     }
 
     fn compare(&self, more: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_bead"))
-            .current_dir(self.folder.path())
-            .args(["compare", "row.mcap"])
-            .args(more)
-            .output()
-            .unwrap()
+        bead(self.folder.path(), [&["compare", "row.mcap"], more].concat())
     }
 
     /// The result as JSON, and the notes on standard error, after an end with this status.

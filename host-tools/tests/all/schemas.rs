@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use crate::beads::{Bead, Line};
+use crate::program::bead;
 use crate::rows::{self, Who};
 use crate::schema;
 use bead::recording::file::{Part, Recording};
@@ -47,12 +48,7 @@ fn documents(output: &Output) -> Vec<Value> {
 
 /// What a command prints.
 fn printed(arguments: &str) -> Vec<Value> {
-    let output = Command::new(env!("CARGO_BIN_EXE_bead"))
-        .current_dir(ROOT)
-        .args(arguments.split_whitespace())
-        .output()
-        .unwrap();
-    documents(&output)
+    documents(&bead(Path::new(ROOT), arguments.split_whitespace()))
 }
 
 /// What a command prints as JSON, over all these lines.

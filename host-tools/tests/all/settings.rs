@@ -4,9 +4,10 @@ use std::fs;
 use std::io::{Read, Write};
 use std::os::unix::net::UnixListener;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 use std::thread;
 
+use crate::program::{self, said};
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::{
@@ -15,15 +16,7 @@ use bead_wire::{
 use serde_json::Value;
 
 fn bead(folder: &Path, arguments: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bead"))
-        .current_dir(folder)
-        .args(arguments.split(' '))
-        .output()
-        .unwrap()
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
+    program::bead(folder, arguments.split(' '))
 }
 
 fn paper() -> Settings {
@@ -177,11 +170,7 @@ fn set(settings: &Settings, changes: &[&str]) -> (Output, Option<Vec<u8>>) {
         });
         let port = format!("unix:{}", socket.display());
         let arguments = ["settings", "set", "--timeout", "2", "--port", &port];
-        Command::new(env!("CARGO_BIN_EXE_bead"))
-            .args(arguments)
-            .args(changes)
-            .output()
-            .unwrap()
+        program::bead(Path::new("."), arguments.iter().chain(changes))
     });
     (output, sent)
 }

@@ -2,8 +2,10 @@
 //! says what to do.
 
 use std::fs;
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Output;
 
+use crate::program;
 use bead::recording::file::{About, Writer};
 use bead::recording::whole::Target;
 use serde_json::Value;
@@ -16,10 +18,7 @@ fn data(name: &str) -> String {
 }
 
 fn bead(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bead"))
-        .args(arguments)
-        .output()
-        .unwrap()
+    program::bead(Path::new("."), arguments)
 }
 
 fn lines(bytes: &[u8]) -> Vec<Value> {

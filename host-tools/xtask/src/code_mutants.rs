@@ -2,8 +2,12 @@
 //! a function that returns nothing, and runs the tests of the crate on each.
 //!
 //! # Design
-//! All changes of a part take hours, so they can be made in shards. `.cargo/mutants.toml` leaves out what no test can
+//! All changes of a part take an hour, so they can be made in shards. `.cargo/mutants.toml` leaves out what no test can
 //! tell from the code as it is, each with its reason.
+//!
+//! **A change has to be cheap.** The changes are made in a copy of the workspace that stays, so nothing but the changed
+//! crate is compiled anew, and in a profile that compiles fast (`mutants` in Cargo.toml). Most changes are noticed by the
+//! unit tests, which need one program. So these are run alone first, and all tests only for what they let pass.
 
 use std::path::Path;
 
@@ -47,22 +51,47 @@ pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
             "cargo-mutants is not installed: cargo install cargo-mutants --locked",
         ));
     }
-    let folder = steps.target.join("code-mutants").join(name);
-    let line =
-        Line::new("cargo mutants --profile release --no-shuffle --colors never --sharding round-robin -p")
+    let folder = steps.target.join("code-mutants");
+    let copy = folder.join("tree");
+    mutants::copy_tree(&steps.root, &copy).map_err(|error| {
+        Stop::failed(format!(
+            "cannot copy the workspace to {}: {error}",
+            copy.display()
+        ))
+    })?;
+    let line = |words: &str| {
+        Line::new(words)
+            .within(&copy)
+            .env("CARGO_TARGET_DIR", &folder.join("target").to_string_lossy())
+            // A file of cases that failed once would be tried on every other change.
+            .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1")
+    };
+    let sound = line("cargo test --quiet --profile mutants --lib --tests -p").arg(package);
+    steps.run(&format!("the tests of {name} without a change"), &sound)?;
+    let output = folder.join(name);
+    let changes = |words: &str| {
+        line("cargo mutants --in-place --baseline skip --profile mutants --no-shuffle --colors never -p")
             .arg(package)
-            .words(files)
-            .words(&format!("--timeout {SECONDS} --shard {shard} --output"))
-            .arg(&folder);
-    std::fs::create_dir_all(&folder)
-        .map_err(|error| Stop::failed(format!("cannot make {}: {error}", folder.display())))?;
+            .words(&format!("--timeout {SECONDS} {words} --output"))
+            .arg(&output)
+    };
+    std::fs::create_dir_all(&output)
+        .map_err(|error| Stop::failed(format!("cannot make {}: {error}", output.display())))?;
+    let told = |what: &str| lines(&output.join("mutants.out").join(what));
+    let noticed = || told("caught.txt").len() + told("timeout.txt").len();
     // It ends with a status of its own if a change is missed.
-    let ran = steps.run(&format!("mistakes in {name}, shard {shard}"), &line);
-    let told = |what: &str| lines(&folder.join("mutants.out").join(what));
-    let (missed, noticed) = (
-        told("missed.txt"),
-        told("caught.txt").len() + told("timeout.txt").len(),
-    );
+    let some = format!("{files} --shard {shard} --sharding round-robin --cargo-arg=--lib");
+    let mut ran = steps.run(&format!("changes of {name}: the unit tests"), &changes(&some));
+    let (by_unit_tests, mut missed, mut by_others) = (noticed(), told("missed.txt"), 0);
+    if !missed.is_empty() {
+        let title = format!("changes of {name}: all tests, on the {} others", missed.len());
+        let others = missed
+            .iter()
+            .fold(changes(""), |line, name| line.arg("--re").arg(exactly(name)));
+        ran = steps.run(&title, &others.words("-- --lib --tests"));
+        (by_others, missed) = (noticed(), told("missed.txt"));
+    }
+    let noticed = by_unit_tests + by_others;
     let viable = noticed + missed.len();
     if viable == 0 {
         ran?;
@@ -87,6 +116,18 @@ fn is_shard(word: &str) -> bool {
         .split_once('/')
         .map(|(a, b)| (a.parse::<u32>(), b.parse::<u32>()));
     matches!(numbers, Some((Ok(shard), Ok(all))) if shard < all)
+}
+
+/// The regular expression of this text and no other.
+fn exactly(text: &str) -> String {
+    let special = |letter: &char| r".*+?()|[]{}^$\".contains(*letter);
+    let escaped = text.chars().flat_map(|letter| {
+        Some('\\')
+            .filter(|_| special(&letter))
+            .into_iter()
+            .chain([letter])
+    });
+    format!("^{}$", escaped.collect::<String>())
 }
 
 fn lines(path: &Path) -> Vec<String> {
@@ -116,5 +157,13 @@ mod tests {
             );
         }
         assert!(is_shard("0/1") && is_shard("15/16"));
+    }
+
+    #[test]
+    fn a_change_is_named_by_an_expression_that_fits_nothing_else() {
+        assert_eq!(
+            exactly("a_b.rs:1:2: replace <X as F>::f -> [u8; 2] with x | (1 + 2)"),
+            r"^a_b\.rs:1:2: replace <X as F>::f -> \[u8; 2\] with x \| \(1 \+ 2\)$"
+        );
     }
 }

@@ -24,7 +24,7 @@ pub(crate) fn miri(steps: &Steps) -> Result<(), Stop> {
                 .arg(name)
                 // Files are read, and what is drawn is drawn by a seed from the environment.
                 .env("MIRIFLAGS", "-Zmiri-disable-isolation")
-                .env("PROPTEST_CASES", "3")
+                .env("PROPTEST_CASES", "2")
                 .env("CARGO_TARGET_DIR", &steps.target.join("miri").to_string_lossy());
             if !machine.is_empty() {
                 line = line.words("--target").arg(machine);

@@ -205,7 +205,7 @@ fn broken_checks(steps: &Steps, copy: &Path) -> Result<Option<Vec<String>>, Stop
 }
 
 /// Copies what is source: no hidden entries but cargo's, nothing built.
-fn copy_tree(from: &Path, to: &Path) -> std::io::Result<()> {
+pub(crate) fn copy_tree(from: &Path, to: &Path) -> std::io::Result<()> {
     let is_source = |path: &Path| {
         let name = path.file_name().unwrap_or_default();
         let hidden = name.to_string_lossy().starts_with('.') && name != ".cargo";

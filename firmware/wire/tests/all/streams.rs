@@ -4,7 +4,7 @@
 
 use std::collections::HashSet;
 
-use crate::common::{STEP, bytes, bytes_of, decode, filler, message, unopening};
+use crate::common::{STEP, bytes, bytes_of, decode, filler, message, most, unopening};
 use bead_wire::{Arrival, Decoder, Identity, MAX_FRAME, REORDER, ResetCauses};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -65,7 +65,7 @@ proptest! {
 
 proptest! {
     #[test]
-    fn dropped_frames_are_counted_exactly(first: u32, kept in vec(any::<bool>(), 1..300)) {
+    fn dropped_frames_are_counted_exactly(first: u32, kept in vec(any::<bool>(), 1..most(300))) {
         let mut decoder = Decoder::new();
         let sequence = |n: usize| first.wrapping_add(n as u32);
         for n in (0..kept.len()).filter(|&n| kept[n]) {
@@ -85,7 +85,7 @@ proptest! {
     /// Several boots, each with frames dropped anywhere. The first frames of a boot may be dropped, or all of
     /// them.
     #[test]
-    fn dropped_frames_are_counted_exactly_over_restarts(boots in vec(vec(any::<bool>(), 1..100), 1..6)) {
+    fn dropped_frames_are_counted_exactly_over_restarts(boots in vec(vec(any::<bool>(), 1..most(100)), 1..6)) {
         let mut decoder = Decoder::new();
         let (mut lost, mut heard) = (0, 0);
         for (number, kept) in boots.iter().enumerate() {
@@ -106,7 +106,7 @@ proptest! {
 
     #[test]
     fn noise_between_frames_costs_no_frame(
-        messages in vec((message(), vec(any::<u8>(), 0..2 * MAX_FRAME)), 1..8),
+        messages in vec((message(), vec(any::<u8>(), 0..most(2 * MAX_FRAME))), 1..8),
     ) {
         let mut stream = Vec::new();
         for (n, (message, noise)) in messages.iter().enumerate() {
@@ -161,7 +161,7 @@ proptest! {
     }
 
     #[test]
-    fn each_byte_ends_in_one_counter(stream in vec(prop_oneof![Just(0u8), any::<u8>()], 0..5000)) {
+    fn each_byte_ends_in_one_counter(stream in vec(prop_oneof![Just(0u8), any::<u8>()], 0..most(5000))) {
         let mut decoder = Decoder::new();
         let (frames, rejects) = decode(&mut decoder, &stream);
         let counters = decoder.counters();
@@ -174,7 +174,7 @@ proptest! {
 
     /// Each frame comes up to 20 places late, or not at all, or up to three times.
     #[test]
-    fn in_any_near_order_lost_is_what_never_came(first: u32, frames in vec((0..20u32, 0..4usize), 1..200)) {
+    fn in_any_near_order_lost_is_what_never_came(first: u32, frames in vec((0..20u32, 0..4usize), 1..most(200))) {
         let mut order = vec![(0, 0)];
         for (n, (delay, times)) in (1..).zip(frames) {
             order.extend(std::iter::repeat_n((n + delay, n), times));

@@ -229,9 +229,9 @@ fn a_search_that_is_stopped_gives_the_best_so_far() {
 fn a_search_ends_where_another_method_finds_no_better() {
     let ten = Scenario::load("../../docs/scenarios/ten-intruders.toml").expect("it is there");
     for (scenario, hosts, total_mass, evaluations, other) in [
-        (&Scenario::paper(), 8..=8, 3.7e-3, 5_000, 0.98335),
-        (&ten, 7..=9, 12e-3, 15_000, 0.81429),
-        (&ten, 7..=16, 120e-3, 60_000, 0.30725),
+        (&Scenario::paper(), 8..=8, 3.7e-3, 3_000, 0.98335),
+        (&ten, 7..=9, 12e-3, 8_000, 0.81429),
+        (&ten, 7..=16, 120e-3, 30_000, 0.30725),
     ] {
         let mut search = Search::new(scenario, hosts.collect(), total_mass).expect("it can be searched");
         search.evaluations = evaluations;

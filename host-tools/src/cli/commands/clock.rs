@@ -37,7 +37,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     for what in &report.left_out {
         output::note(format_args!("left out: {what}"));
     }
+    for clock in report.clocks.iter().filter(|clock| !clock.in_real_time) {
+        let times = times_as_fast(clock.drift_ppm.unwrap_or(0.0));
+        output::note(format_args!("{}: {times}", named(&clock.place)));
+    }
     output::print(arguments.format, &report, || table(&report))
+}
+
+/// What is said in place of the drift of a clock that is none.
+pub(crate) fn times_as_fast(ppm: f64) -> String {
+    format!(
+        "the bead's time passed {:.2} times as fast as the host's, so this tells nothing of its crystal (an emulated \
+         bead keeps time with --pace)",
+        1.0 + ppm * 1e-6
+    )
 }
 
 /// Host time in ns since 1970, as people and programs read it.

@@ -34,6 +34,7 @@ use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::given::Given;
 use crate::comparison::run::RunReport;
 use crate::line::port::Address;
+use crate::recording::clock::CRYSTAL_PPM;
 use crate::recording::file::{About, Origin, Part, Writer};
 use crate::recording::whole::{Target, Unfinished};
 use crate::waveform::Waveform;
@@ -212,8 +213,8 @@ impl Arguments {
         }
         for ppm in self.clock_ppm.iter().chain(&self.clock_spread) {
             ensure!(
-                ppm.abs() < 1000.0,
-                "--clock-ppm {ppm}: a crystal is off by less than 1000 ppm"
+                ppm.abs() < CRYSTAL_PPM,
+                "--clock-ppm {ppm}: a crystal is off by less than {CRYSTAL_PPM} ppm"
             );
         }
         ensure!(

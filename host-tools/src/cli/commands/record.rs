@@ -22,7 +22,7 @@ use bead_wire::{Arrival, Counters, Fault, Header, Message, Strike};
 use chrono::{DateTime, Utc};
 use clap::Args;
 
-use super::clock::{drift, rfc3339};
+use super::clock::{drift, rfc3339, times_as_fast};
 use crate::cli::failure::Failure;
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
@@ -651,6 +651,9 @@ fn clock_lines(live: &Live) -> String {
         let fit = segment.fit()?;
         let [ppm, within] = drift(fit.drift_ppm, Some(fit.uncertainty_ppm?));
         let (address, seconds) = (segment.address, fit.span);
+        if !fit.in_real_time() {
+            return Some(format!("address {address}: {}", times_as_fast(fit.drift_ppm)));
+        }
         Some(format!(
             "the clock of the bead at address {address} is {ppm} ± {within} ppm fast against this host's, by \
              {seconds:.0} s"

@@ -65,6 +65,8 @@ pub struct ClockReport {
     pub delay_s: f64,
     pub edges: usize,
     pub edges_missed: u32,
+    /// Whether the frames came as fast as the bead's time passed ([`Fit::in_real_time`]).
+    pub in_real_time: bool,
 }
 
 /// A bead's clock against the reference's.
@@ -139,10 +141,8 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     report.align(neighbours, base);
     for recording in others {
         if report.align(recording, base) == 0 {
-            return Err(RecordingError::Clock(format!(
-                "{} and {} have fewer than two sync edges in common; wire both beads' PA15 to one source, and record them at the same time",
-                reference.recording.display(),
-                recording[0][0].0.recording.display()
+            return Err(RecordingError::Clock(nothing_in_common(
+                base, reference, recording,
             )));
         }
     }
@@ -179,6 +179,29 @@ impl ClockComparison {
             });
         }
         self.alignments.len() - before
+    }
+}
+
+/// Why no bead of a recording could be put on the time of `base`.
+fn nothing_in_common(base: &Segment, reference: &Place, recording: &[Vec<Fitted>]) -> String {
+    let mut segments = recording.iter().flatten().map(|(.., segment)| segment);
+    let same = base
+        .uid
+        .filter(|uid| segments.any(|segment| segment.uid == Some(*uid)));
+    let files = format!(
+        "{} and {}",
+        reference.recording.display(),
+        recording[0][0].0.recording.display()
+    );
+    match same {
+        Some(uid) => format!(
+            "{files} are both of the bead with UID {}; give recordings of beads that differ, or one alone",
+            hex(&uid)
+        ),
+        None => format!(
+            "{files} have fewer than two sync edges in common; wire both beads' PA15 to one source, and record them at \
+             the same time"
+        ),
     }
 }
 
@@ -250,6 +273,7 @@ fn clock_report((place, fit, segment): &Fitted) -> ClockReport {
         delay_s: fit.delay,
         edges: segment.edges.len(),
         edges_missed: segment.missed,
+        in_real_time: fit.in_real_time(),
     }
 }
 
@@ -264,4 +288,35 @@ fn arrivals(segment: &Segment, place: &Place, reference: impl Fn(f64) -> f64) ->
         })
     };
     segment.struck.iter().filter_map(arrival).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beads_without_edges_in_common_are_told_from_one_bead_that_was_recorded_twice() {
+        let place = |recording: &str| Place {
+            recording: recording.into(),
+            address: 0,
+            boot: 0,
+        };
+        let of = |uid| Segment {
+            uid,
+            ..Segment::default()
+        };
+        let told = |own, other| {
+            let fit = Fit::below(0, &[(0.0, 0.0), (1.0, 1.0)]).expect("two points make a line");
+            let recording = [vec![(place("b.mcap"), fit, of(other))]];
+            nothing_in_common(&of(own), &place("a.mcap"), &recording)
+        };
+        let (one, two) = (Some([1; 12]), Some([2; 12]));
+        assert!(told(one, one).starts_with("a.mcap and b.mcap are both of the bead with UID 010101"));
+        for (own, other) in [(one, two), (None, one), (one, None), (None, None)] {
+            assert!(
+                told(own, other).contains("fewer than two sync edges"),
+                "{own:?} {other:?}"
+            );
+        }
+    }
 }

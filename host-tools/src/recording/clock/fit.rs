@@ -8,6 +8,9 @@ const COVERAGE: f64 = 3.0;
 const LEAST_SPAN: f64 = 1.0;
 const LEAST_BUCKETS: usize = 4;
 
+/// No crystal is as far from its frequency, ppm; crystals in order are within 100.
+pub const CRYSTAL_PPM: f64 = 1000.0;
+
 /// A bead's clock against the host's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
@@ -60,6 +63,13 @@ impl Fit {
             delay: median(&mut delays),
             span,
         })
+    }
+
+    /// Whether the frames came as fast as the bead's time passed. An emulated bead may run faster or slower, and a
+    /// stream out of a pipe comes at once: its times on the host say nothing of a crystal then.
+    pub fn in_real_time(&self) -> bool {
+        self.uncertainty_ppm
+            .is_none_or(|within| self.drift_ppm.abs() - within < CRYSTAL_PPM)
     }
 
     /// Host time, in ns since 1970, of a time of the bead, in s since its reset.

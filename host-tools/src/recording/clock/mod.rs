@@ -35,5 +35,5 @@ mod tests;
 pub use alignment::Alignment;
 pub use common::CommonTime;
 pub use comparison::{AlignmentReport, ClockComparison, ClockReport, Place, StrikeArrival, compare};
-pub use fit::Fit;
+pub use fit::{CRYSTAL_PPM, Fit};
 pub use segments::{Edge, Live, Segment, Segments, Struck, Tracker};

@@ -91,6 +91,21 @@ fn the_drift_is_found_within_its_uncertainty_whatever_holds_frames_up() {
 }
 
 #[test]
+fn frames_that_come_faster_or_slower_than_any_crystal_are_not_in_real_time() {
+    let comes = |times: f64| {
+        heard((times - 1.0) * 1e6, 60.0, 4.0, Delays::Queue, 3)
+            .fit()
+            .unwrap()
+    };
+    for times in [1.67, 5.0, 0.5, 1.002, 0.998] {
+        assert!(!comes(times).in_real_time(), "{times}");
+    }
+    for ppm in [0.0, 150.0, -900.0] {
+        assert!(comes(1.0 + ppm * 1e-6).in_real_time(), "{ppm} ppm");
+    }
+}
+
+#[test]
 fn a_recording_of_days_costs_no_more_memory_and_gives_the_drift_as_well() {
     // Two days, two frames a second.
     let segment = heard(35.0, 172_800.0, 2.0, Delays::Queue, 7);

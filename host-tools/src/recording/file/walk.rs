@@ -93,7 +93,8 @@ pub(super) struct Walk {
     doubtful: bool,
     /// CRC of the bytes before a place.
     hashed: (Hasher, u64),
-    data_end: bool,
+    /// Where the record ends that ends the data, and the index begins.
+    data_end: Option<u64>,
     footer: bool,
     damage: Damage,
     /// State of what was read so far.
@@ -139,7 +140,7 @@ impl Walk {
             chunk: None,
             doubtful: false,
             hashed: (Hasher::new(), 0),
-            data_end: false,
+            data_end: None,
             footer: false,
             damage: Damage::default(),
             state: State::Whole,
@@ -164,11 +165,11 @@ impl Walk {
             self.ended = true;
         }
         if self.ended {
-            if self.footer && !self.data_end {
+            if self.footer && self.data_end.is_none() {
                 self.wrong("the end of the data is not told");
             }
             let damaged = self.damage != Damage::default();
-            let runs_whole = self.data_end;
+            let runs_whole = self.data_end.is_some();
             self.state = match (damaged, self.footer) {
                 (true, _) => State::Damaged(std::mem::take(&mut self.damage)),
                 (false, true) => State::Whole,
@@ -255,7 +256,7 @@ impl Walk {
                 let Some(crc) = records::data_end(data) else {
                     return Ok(false);
                 };
-                self.data_end = true;
+                self.data_end = Some(body + head.length);
                 if crc != 0 && self.hashed.0.clone().finalize() != crc {
                     self.wrong("the CRC of the data is wrong");
                 }
@@ -269,7 +270,9 @@ impl Walk {
                 // The CRC counts from the summary on, with the footer up to the CRC itself.
                 let from = if summary == 0 { at } else { summary };
                 let to = body + head.length.saturating_sub(4);
-                if crc != 0 && (from > at || self.source.crc(from, to)? != crc) {
+                // An index that has moved within the file is not where the footer says; nor is there its CRC.
+                let moved = from > at || self.data_end.is_some_and(|begins| begins != from);
+                if crc != 0 && (moved || self.source.crc(from, to)? != crc) {
                     self.wrong("the CRC of the index is wrong");
                 }
                 Ok(true)
@@ -327,7 +330,7 @@ impl Walk {
     fn hash(&mut self, to: u64) -> io::Result<()> {
         let (hasher, from) = &mut self.hashed;
         // Behind the data nothing counts any more, and where something is damaged the CRC is wrong anyway.
-        while *from < to && !self.data_end && self.damage.first.is_none() {
+        while *from < to && self.data_end.is_none() && self.damage.first.is_none() {
             let bytes = self.source.at(*from, 1)?;
             let length = bytes.len().min(usize::try_from(to - *from).unwrap_or(usize::MAX));
             if length == 0 {

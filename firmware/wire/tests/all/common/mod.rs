@@ -3,8 +3,13 @@
 use bead_wire::{Block, Decoder, Header, Kind, MAX_FRAME, Message, Reject, Request, Settings, encode};
 use proptest::prelude::*;
 
-/// Every bit, every length; under Miri, which is slow, each 41st.
-pub(crate) const STEP: usize = if cfg!(miri) { 41 } else { 1 };
+/// Every bit, every length; under Miri, which is slow, each 211th.
+pub(crate) const STEP: usize = if cfg!(miri) { 211 } else { 1 };
+
+/// How many frames or bytes a test draws at most: under Miri a part of them.
+pub(crate) const fn most(number: usize) -> usize {
+    if cfg!(miri) { number / 20 + 2 } else { number }
+}
 
 /// Random bits from a seed (SplitMix64, Steele et al. 2014).
 fn bits(seed: u64) -> impl FnMut() -> u64 {
