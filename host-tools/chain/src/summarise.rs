@@ -288,6 +288,7 @@ impl Summariser {
     pub fn look(&mut self, step: &mut Step<'_>) {
         let (from, to) = (step.from(), step.to());
         let (model, stepper) = step.parts();
+        stepper.look_at_ends(from);
         let moving: Vec<Range<usize>> = stepper.moving().collect();
         self.balance(model, stepper, &moving, (from, to));
         for bodies in &moving {

@@ -82,12 +82,15 @@ impl<'a> Dense<'a> {
 
     /// The overlap of a contact less that at rest, for the whole step, which has these times.
     pub(crate) fn glimpse_contact(&self, contact: usize, times: (f64, f64)) -> Glimpse {
-        self.work.glimpse_contact(self.lanes, BLOCK + contact, times)
+        let step = (self.start, self.length);
+        self.work
+            .glimpse_contact(self.lanes, BLOCK + contact, step, times)
     }
 
     /// The displacement of an intruder relative to its host, for the whole step.
     pub(crate) fn glimpse_guest(&self, guest: usize, times: (f64, f64)) -> Glimpse {
-        self.work.glimpse_guest(self.lanes, guest, times)
+        let step = (self.start, self.length);
+        self.work.glimpse_guest(self.lanes, guest, step, times)
     }
 
     /// Whether `t` lies in this step.

@@ -12,6 +12,8 @@ use super::work::{Work, place};
 pub(crate) struct Glimpse {
     pub(crate) from: f64,
     pub(crate) to: f64,
+    /// Start of the step that it is of, and its length.
+    step: (f64, f64),
     /// At the start, with its rate.
     start: [f64; 2],
     /// The step's part in both, as [`POWERS`] are.
@@ -23,8 +25,8 @@ pub(crate) struct Glimpse {
 impl Glimpse {
     /// The coordinate at time `t`, its rate, and the rate of that.
     pub(crate) fn at(&self, t: f64) -> [f64; 3] {
-        let length = self.to - self.from;
-        let x = ((t - self.from) / length).clamp(0.0, 1.0);
+        let (from, length) = self.step;
+        let x = ((t - from) / length).clamp(0.0, 1.0);
         let (mut once, mut twice, mut rate) = (0.0, 0.0, 0.0);
         for weight in self.powers.iter().rev() {
             rate = rate * (x - 0.5) + once;
@@ -61,8 +63,15 @@ fn powers(rate: impl Fn(usize) -> f64) -> [Weight; TERMS] {
 }
 
 impl Work {
-    /// The overlap at `lane` less that at rest, in the step that [`Work::prepare`] was called for.
-    pub(super) fn glimpse_contact(&self, lanes: &Lanes, lane: usize, (from, to): (f64, f64)) -> Glimpse {
+    /// The overlap at `lane` less that at rest, in the step that [`Work::prepare`] was called for: from
+    /// `step.0` on, `step.1` long. It is looked at between two times of that.
+    pub(super) fn glimpse_contact(
+        &self,
+        lanes: &Lanes,
+        lane: usize,
+        step: (f64, f64),
+        (from, to): (f64, f64),
+    ) -> Glimpse {
         let (near, far) = (lane - 1, lane);
         let difference = |of: &[f64]| of[near] - of[far];
         let (near_push, far_push) = (lanes.inverse[near], lanes.inverse[far]);
@@ -75,6 +84,7 @@ impl Work {
         Glimpse {
             from,
             to,
+            step,
             start: [difference(&self.start.u), difference(&self.start.v)],
             powers: powers(|stage| self.rates[place(near, stage)] - self.rates[place(far, stage)]),
             crossings: self.crossings_that(factor),
@@ -82,7 +92,13 @@ impl Work {
     }
 
     /// The displacement of an intruder relative to its host.
-    pub(super) fn glimpse_guest(&self, lanes: &Lanes, guest: usize, (from, to): (f64, f64)) -> Glimpse {
+    pub(super) fn glimpse_guest(
+        &self,
+        lanes: &Lanes,
+        guest: usize,
+        step: (f64, f64),
+        (from, to): (f64, f64),
+    ) -> Glimpse {
         let (host, lane) = (lanes.guests.hosts[guest], lanes.guests.lane(guest));
         let factor = |crossing: &Crossing| match crossing.lane {
             before if before == host => -lanes.inverse[host],
@@ -92,6 +108,7 @@ impl Work {
         Glimpse {
             from,
             to,
+            step,
             start: [self.start.u[lane], self.start.v[lane]],
             powers: powers(|stage| self.rates[place(lane, stage)]),
             crossings: self.crossings_that(factor),

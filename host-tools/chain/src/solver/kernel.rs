@@ -30,6 +30,8 @@ pub(super) enum Task {
     /// The greatest error of a velocity, over the length of the step and what is allowed. It is not a number if
     /// a velocity is none.
     Error { tolerance: f64 },
+    /// The same for each block, kept in [`Work::errors`].
+    Errors { tolerance: f64 },
 }
 
 /// One kind of task on one kind of vectors. Each is a function of its own, so that what one keeps in registers
@@ -53,6 +55,7 @@ pub(super) fn dispatch(work: &mut Work, lanes: &Lanes, task: Task, length: f64) 
         Task::Inner { .. } => of_kind::<INNER>(work, lanes, task, length),
         Task::Look { .. } => of_kind::<LOOK>(work, lanes, task, length),
         Task::Error { .. } => of_kind::<ERRS>(work, lanes, task, length),
+        Task::Errors { .. } => of_kind::<EACH>(work, lanes, task, length),
     }
 }
 
@@ -64,6 +67,7 @@ const CROSS: u8 = 4;
 /// Of chains with a load or clipped forces too.
 const STEP_OF_ANY: u8 = 5;
 const INNER_OF_ANY: u8 = 6;
+const EACH: u8 = 7;
 
 fn of_kind<const KIND: u8>(work: &mut Work, lanes: &Lanes, task: Task, length: f64) -> f64 {
     macro_rules! call {
@@ -118,6 +122,10 @@ impl<S: Simd<f64s = f64x8>, const KIND: u8> NullaryFnOnce for Call<'_, S, KIND> 
                 0.0
             }
             (ERRS, Task::Error { tolerance }) => error(simd, work, lanes, tolerance),
+            (EACH, Task::Errors { tolerance }) => {
+                error_of_each(simd, work, lanes, tolerance);
+                0.0
+            }
             _ => unreachable!("dispatch chose the kind"),
         }
     }
@@ -258,6 +266,7 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     };
     let added = work.added.as_deref().filter(|_| number >= MAIN);
     let mut powers = work.powers.as_deref_mut();
+    let keeps_powers = powers.is_some();
     let length_of = lanes.len() / BLOCK;
     let (u_start, v_start) = (
         &blocks(&work.start.u)[..length_of],
@@ -325,7 +334,9 @@ fn stage<S: Simd<f64s = f64x8>, const GENERAL: bool>(
                     if weight != 0.0 {
                         sum_into(simd, &mut lost[at], weight, power);
                     }
-                    power_sum = simd.add_f64s(power_sum, power);
+                    if keeps_powers && !work.shared.contains(&(at - 1)) {
+                        power_sum = simd.add_f64s(power_sum, power);
+                    }
                 }
                 (u_before, v_before) = (u, v);
                 if lanes.wall.is_some_and(|wall| wall / BLOCK == at) {
@@ -467,6 +478,25 @@ fn error<S: Simd<f64s = f64x8>>(simd: S, work: &Work, lanes: &Lanes, tolerance: 
     let trace: Block = pulp::cast(trace);
     // A maximum may pass over what is not a number; this sum of zeros does not.
     greatest.into_iter().fold(0.0, f64::max) + trace.iter().sum::<f64>()
+}
+
+#[inline(always)]
+fn error_of_each<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, tolerance: f64) {
+    let allowed = (
+        simd.splat_f64s(0.01 * tolerance * lanes.speed),
+        simd.splat_f64s(tolerance),
+    );
+    let rates = all_rates(&work.rates);
+    work.errors.resize(lanes.blocks, 0.0);
+    for at in work.active.iter().flat_map(|run| run.start + 1..run.end + 1) {
+        let ends = (
+            pulp::cast(blocks(&work.start.v)[at]),
+            pulp::cast(blocks(&work.end.v)[at]),
+        );
+        let errors: Block = pulp::cast(errors(simd, &rates[at], ends, allowed));
+        let worst = |worst: f64, error: f64| if error < worst { worst } else { error };
+        work.errors[at - 1] = errors.into_iter().fold(0.0, worst);
+    }
 }
 
 /// The blocks of an array that move.

@@ -5,7 +5,7 @@
 //! Order 9 pays because the accuracy asked for lies near rounding ([`method`]). What would spoil it, contacts
 //! that open and close, is integrated exactly ([`crossing`]). Bodies are lanes of vectors ([`lanes`]), and a
 //! step works in room that was allotted once ([`work`]). Only blocks of beads that move are computed
-//! ([`stepper`]).
+//! ([`stepper`]), and blocks that a wave has left in touch take longer steps ([`multirate`]).
 //!
 //! A step's dense output is not stored. It follows from where the step started and how long it was, so
 //! [`Dense`] repeats the step when somebody looks inside it. Memory is one state a step, and a run that nobody
@@ -21,7 +21,9 @@ mod glimpse;
 mod kernel;
 mod lanes;
 mod method;
+mod multirate;
 mod overlap;
+mod parting;
 mod rest;
 mod stepper;
 mod verner;

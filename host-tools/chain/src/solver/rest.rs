@@ -28,7 +28,7 @@ const STILL: f64 = 1e-16;
 /// Beads at the edge of a block that are watched.
 const WATCHED: usize = 3;
 /// Steps ahead of a collision at which a block wakes.
-const AHEAD: f64 = 3.0;
+pub(super) const AHEAD: f64 = 3.0;
 
 /// The overlap at which a contact of the chain first has the elastic energy of its lighter body at the speed
 /// `quiet`, m.
@@ -44,6 +44,8 @@ pub(super) struct Rest {
     asleep: Vec<Option<f64>>,
     /// The others, in order.
     awake: Vec<usize>,
+    /// Those that another step moves ([`super::multirate`]), in order.
+    elsewhere: Vec<usize>,
     /// When two bodies of a sleeping block, or of it and a sleeping neighbour, will meet.
     touch: Vec<f64>,
     /// The same as a queue: bits of the time, which order as it does, and the block. What does not agree with
@@ -83,6 +85,7 @@ impl Rest {
             home,
             asleep: moves.iter().map(|moves| (!moves).then_some(time)).collect(),
             awake: (0..lanes.blocks).filter(|&block| moves[block]).collect(),
+            elsewhere: Vec::new(),
             touch: vec![f64::INFINITY; lanes.blocks],
             queue: BinaryHeap::new(),
             quiet,
@@ -146,7 +149,11 @@ impl Rest {
     fn arrange(&mut self, lanes: &Lanes, work: &mut Work) {
         work.active.clear();
         work.active_guests.clear();
+        let mut elsewhere = self.elsewhere.iter().peekable();
         for &block in &self.awake {
+            if elsewhere.next_if_eq(&&block).is_some() {
+                continue;
+            }
             match work.active.last_mut() {
                 Some(run) if run.end == block => run.end += 1,
                 _ => work.active.push(block..block + 1),
@@ -176,6 +183,30 @@ impl Rest {
                 call(self, work, run.end, true);
             }
         }
+    }
+
+    /// Blocks that are awake, in order.
+    pub(super) fn awake(&self) -> &[usize] {
+        &self.awake
+    }
+
+    /// Leaves blocks that are awake to another step, and all others to this one.
+    pub(super) fn leave(&mut self, lanes: &Lanes, work: &mut Work, elsewhere: Vec<usize>) {
+        self.elsewhere = elsewhere;
+        self.arrange(lanes, work);
+    }
+
+    /// Whether a block sleeps that a run beside it soon moves.
+    pub(super) fn meets(
+        &mut self,
+        lanes: &Lanes,
+        work: &mut Work,
+        block: usize,
+        behind: bool,
+        (time, h): (f64, f64),
+    ) -> bool {
+        self.settle(work, block, time);
+        self.asleep[block].is_some() && self.reaches(lanes, work, block, behind, h)
     }
 
     fn all_move(&self, lanes: &Lanes) -> bool {
@@ -247,6 +278,27 @@ impl Rest {
                 .any(|lane| (v[lane] - v[of_block]).abs() > 2.0 * self.quiet)
     }
 
+    /// Whether a step of length `h` has closed the contact between a sleeping block and the run beside it.
+    pub(super) fn closes(&self, lanes: &Lanes, work: &Work, block: usize, behind: bool, h: f64) -> bool {
+        let lane = if behind {
+            first(block)
+        } else {
+            first(block) + BLOCK
+        };
+        let gap = |near: f64, far: f64| far - near - lanes.rest[lane];
+        let start = gap(work.start.u[lane - 1], work.start.u[lane]);
+        let there = |lane: usize, sleeps: bool| {
+            if sleeps {
+                work.start.u[lane] + h * work.start.v[lane]
+            } else {
+                work.end.u[lane]
+            }
+        };
+        let end = gap(there(lane - 1, !behind), there(lane, behind));
+        let closes = start > 0.0 && end <= 0.0 && start - end > h * self.quiet;
+        closes && lanes.stiffness[lane] > 0.0 && self.asleep[block].is_some()
+    }
+
     /// Whether a step of length `h` has closed a contact with a sleeping block. The block is woken.
     pub(super) fn touched(&mut self, lanes: &Lanes, work: &mut Work, time: f64, h: f64) -> bool {
         if self.all_move(lanes) {
@@ -254,23 +306,7 @@ impl Rest {
         }
         let before = self.awake.len();
         self.for_neighbours(lanes, work, |rest, work, block, behind| {
-            let lane = if behind {
-                first(block)
-            } else {
-                first(block) + BLOCK
-            };
-            let gap = |near: f64, far: f64| far - near - lanes.rest[lane];
-            let start = gap(work.start.u[lane - 1], work.start.u[lane]);
-            let there = |lane: usize, sleeps: bool| {
-                if sleeps {
-                    work.start.u[lane] + h * work.start.v[lane]
-                } else {
-                    work.end.u[lane]
-                }
-            };
-            let end = gap(there(lane - 1, !behind), there(lane, behind));
-            let closes = start > 0.0 && end <= 0.0 && start - end > h * rest.quiet;
-            if closes && lanes.stiffness[lane] > 0.0 && rest.asleep[block].is_some() {
+            if rest.closes(lanes, work, block, behind, h) {
                 rest.wake(work, block, time);
             }
         });

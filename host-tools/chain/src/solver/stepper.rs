@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::dense::{pack, unpack};
 use super::glimpse::Glimpse;
 use super::lanes::{BLOCK, Lanes};
+use super::multirate::Multirate;
 use super::rest::Rest;
 use super::work::Work;
 use crate::model::Layout;
@@ -21,6 +22,7 @@ pub(crate) struct Stepper {
     layout: Layout,
     work: Work,
     rest: Rest,
+    multirate: Multirate,
     contacts_lost: f64,
     guests_lost: Vec<f64>,
     wall_impulse: f64,
@@ -61,6 +63,7 @@ impl Stepper {
             layout,
             work,
             rest,
+            multirate: Multirate::new(&lanes, tolerance),
             contacts_lost: state[layout.contact_loss()],
             guests_lost: (0..lanes.guests.count)
                 .map(|index| state[layout.intruder_loss(index)])
@@ -98,6 +101,7 @@ impl Stepper {
 
     /// Finds the motion at time `t` of the last step, for [`Stepper::body`] and [`Stepper::guest`].
     pub(crate) fn look(&mut self, t: f64) {
+        self.multirate.look(&self.lanes, t);
         if let Some(length) = self.prepare() {
             let x = 1.0 - (self.time - t) / length;
             self.work.look(&self.lanes, length, x.clamp(0.0, 1.0));
@@ -106,21 +110,35 @@ impl Stepper {
 
     /// The overlap of a contact that moves, less that at rest, in the last step. None if nothing moved.
     pub(crate) fn glimpse_contact(&mut self, contact: usize, from: f64) -> Option<Glimpse> {
-        self.prepare()?;
-        let times = (from, self.time);
-        Some(self.work.glimpse_contact(&self.lanes, BLOCK + contact, times))
+        let length = self.prepare()?;
+        let (lane, times) = (BLOCK + contact, (from, self.time));
+        Some(match self.multirate.step_of(&self.lanes, lane) {
+            Some((work, step)) => work.glimpse_contact(&self.lanes, lane, step, times),
+            None => self
+                .work
+                .glimpse_contact(&self.lanes, lane, (from, length), times),
+        })
     }
 
     /// The displacement of an intruder that moves, relative to its host, in the last step.
     pub(crate) fn glimpse_guest(&mut self, guest: usize, from: f64) -> Option<Glimpse> {
-        self.prepare()?;
-        Some(self.work.glimpse_guest(&self.lanes, guest, (from, self.time)))
+        let length = self.prepare()?;
+        let times = (from, self.time);
+        Some(self.work.glimpse_guest(&self.lanes, guest, (from, length), times))
+    }
+
+    /// Finds the motion at the ends of the last step, for [`Stepper::body_at_ends`] and [`Stepper::lost`].
+    pub(crate) fn look_at_ends(&mut self, from: f64) {
+        self.multirate.look_at_ends(&self.lanes, [from, self.time]);
     }
 
     /// Displacement and velocity of a body at the start of the last step, and at its end.
     pub(crate) fn body_at_ends(&self, body: usize, from: f64) -> [(f64, f64); 2] {
         let (lane, start) = (BLOCK + body, &self.work.start);
-        if self.made.is_some() && self.rest.moves(lane) {
+        if self.multirate.moves(lane) {
+            let [start, end] = self.multirate.at_ends();
+            [(start.u[lane], start.v[lane]), (end.u[lane], end.v[lane])]
+        } else if self.made.is_some() && self.rest.moves(lane) {
             let end = &self.work.end;
             [(start.u[lane], start.v[lane]), (end.u[lane], end.v[lane])]
         } else {
@@ -157,24 +175,27 @@ impl Stepper {
             };
             lost + now
         });
-        (self.contacts_lost + contacts, guests)
+        (self.contacts_lost + contacts + self.multirate.lost(), guests)
     }
 
     /// Bodies whose motion the last step has computed. All others fly freely.
     pub(crate) fn moving(&self) -> impl Iterator<Item = Range<usize>> + '_ {
-        let made = if self.made.is_some() {
-            &self.work.active[..]
+        let awake = if self.made.is_some() {
+            self.rest.awake()
         } else {
             &[]
         };
-        made.iter()
-            .map(|run| run.start * BLOCK..(run.end * BLOCK).min(self.lanes.bodies))
+        let runs = awake.chunk_by(|block, next| block + 1 == *next);
+        runs.map(|run| run[0] * BLOCK..((run[0] + run.len()) * BLOCK).min(self.lanes.bodies))
     }
 
     /// Displacement and velocity of a body: at `t` if that is where [`Stepper::look`] has looked.
     pub(crate) fn body(&self, body: usize, t: f64) -> (f64, f64) {
         let lane = BLOCK + body;
-        if self.made.is_some() && self.rest.moves(lane) {
+        if self.multirate.moves(lane) {
+            let looked = self.multirate.looked();
+            (looked.u[lane], looked.v[lane])
+        } else if self.made.is_some() && self.rest.moves(lane) {
             (self.work.stage.u[lane], self.work.stage.v[lane])
         } else {
             (self.rest.place(&self.work, lane, t), self.work.start.v[lane])
@@ -184,7 +205,9 @@ impl Stepper {
     /// Velocity of a body where [`Stepper::look`] has looked.
     pub(crate) fn speed(&self, body: usize) -> f64 {
         let lane = BLOCK + body;
-        if self.made.is_some() && self.rest.moves(lane) {
+        if self.multirate.moves(lane) {
+            self.multirate.looked().v[lane]
+        } else if self.made.is_some() && self.rest.moves(lane) {
             self.work.stage.v[lane]
         } else {
             self.work.start.v[lane]
@@ -207,6 +230,13 @@ impl Stepper {
     #[cfg(test)]
     pub(super) fn leave_nothing_out(&mut self) {
         self.rest.keep_awake(&self.lanes, &mut self.work, self.time);
+        self.multirate.never();
+    }
+
+    /// How many bodies the last step has computed.
+    #[cfg(test)]
+    pub(super) fn computed(&self) -> usize {
+        self.work.active.iter().map(|run| run.len() * BLOCK).sum()
     }
 
     /// The error allowed to each step.
@@ -219,6 +249,10 @@ impl Stepper {
     pub(crate) fn advance(&mut self, stop: f64) -> Result<(), Stuck> {
         const SAFETY: f64 = 0.9;
         self.settle();
+        if self.multirate.is_due(&self.rest, self.steps) {
+            self.part(stop);
+        }
+        let stop = self.multirate.end().map_or(stop, |end| end.min(stop));
         let mut rejected = false;
         loop {
             let left = stop - self.time;
@@ -273,6 +307,19 @@ impl Stepper {
         }
     }
 
+    /// Lets blocks that hardly change take one long step, if that pays.
+    fn part(&mut self, stop: f64) {
+        let (lanes, step) = (&self.lanes, self.step.min(stop - self.time));
+        self.rest.before_step(lanes, &mut self.work, self.time, step);
+        let tries = self.multirate.part(
+            lanes,
+            (&mut self.rest, &mut self.work),
+            (self.time, stop),
+            (step, self.steps),
+        );
+        self.evaluations += 16 * tries;
+    }
+
     fn attempt(&mut self, h: f64) -> f64 {
         self.evaluations += 16;
         self.work.attempt(&self.lanes, h, self.tolerance)
@@ -287,8 +334,12 @@ impl Stepper {
         }
         self.wall_impulse += self.work.wall_impulse;
         self.work.accept(&self.lanes);
-        self.rest
-            .after_step(&self.lanes, &mut self.work, self.time, length);
+        let parts = (&mut self.rest, &mut self.work);
+        self.contacts_lost += self.multirate.follow(&self.lanes, parts, (self.time, length));
+        if self.multirate.end().is_none() {
+            self.rest
+                .after_step(&self.lanes, &mut self.work, self.time, length);
+        }
     }
 
     /// Writes the state as it is now.
@@ -299,7 +350,13 @@ impl Stepper {
         for (body, place) in out[..self.lanes.bodies].iter_mut().enumerate() {
             *place = self.rest.place(&self.work, BLOCK + body, self.time);
         }
-        out[layout.contact_loss()] = self.contacts_lost;
+        self.look_at_ends(self.time);
+        for lane in self.multirate.lanes() {
+            let [_, now] = self.multirate.at_ends();
+            let body = lane - BLOCK;
+            (out[body], out[layout.velocity(body)]) = (now.u[lane], now.v[lane]);
+        }
+        out[layout.contact_loss()] = self.contacts_lost + self.multirate.lost();
         for (index, lost) in self.guests_lost.iter().enumerate() {
             out[layout.intruder_loss(index)] = *lost;
         }

@@ -53,6 +53,8 @@ impl Motion {
 pub(super) struct Work {
     /// Runs of blocks that move.
     pub(super) active: Vec<Range<usize>>,
+    /// Those of them that another step moves: they are computed for the sake of their neighbours alone.
+    pub(super) shared: Vec<usize>,
     /// Blocks of an array with intruders that move.
     pub(super) active_guests: Vec<usize>,
     pub(super) start: Motion,
@@ -61,6 +63,8 @@ pub(super) struct Work {
     pub(super) stage: Motion,
     /// Accelerations: block by block, stage by stage.
     pub(super) rates: Aligned,
+    /// The error of each block, where it was asked for.
+    pub(super) errors: Vec<f64>,
     /// What a contact's exact integral adds to a stage of the dense output.
     pub(super) added: Option<Box<Motion>>,
     /// The pull of each intruder's spring and damper on its host at a stage.
@@ -97,11 +101,13 @@ impl Work {
         let guests = lanes.guests.blocks.len() * BLOCK;
         Self {
             active: Vec::new(),
+            shared: Vec::new(),
             active_guests: Vec::new(),
             start: Motion::zeros(lanes),
             end: Motion::zeros(lanes),
             stage: Motion::zeros(lanes),
             rates: Aligned::zeros(lanes.len() * STAGES),
+            errors: Vec::new(),
             added: inside.then(|| Box::new(Motion::zeros(lanes))),
             pulls: Aligned::zeros(guests),
             lost: Aligned::zeros(lanes.len()),
@@ -160,7 +166,12 @@ impl Work {
             .active
             .iter()
             .map(|run| first(run.start)..first(run.end).min(end));
-        runs.map(|lanes| self.lost[lanes].iter().sum::<f64>()).sum()
+        let lost = |lanes: Range<usize>| self.lost[lanes].iter().sum::<f64>();
+        let shared = self
+            .shared
+            .iter()
+            .map(|&block| lost(first(block)..first(block + 1)));
+        runs.map(lost).sum::<f64>() - shared.sum::<f64>()
     }
 
     /// Energy that the step dissipates in an intruder.
@@ -350,19 +361,24 @@ pub(super) fn clear(lanes: &Lanes, motion: &mut Motion, lane: usize) {
     }
 }
 
+/// Force of a contact beyond its static load.
+#[inline(always)]
+pub(super) fn force(lanes: &Lanes, lane: usize, motion: &Motion) -> f64 {
+    let (u, v) = (&motion.u[..], &motion.v[..]);
+    let overlap = u[lane - 1] - u[lane] + lanes.rest[lane];
+    if overlap <= 0.0 {
+        return -lanes.load[lane];
+    }
+    let stiff = lanes.stiffness[lane] * overlap.sqrt();
+    let force = stiff * (overlap + lanes.viscosity[lane] * (v[lane - 1] - v[lane]));
+    (if lanes.clipped { force.max(0.0) } else { force }) - lanes.load[lane]
+}
+
 /// Overlap of a contact, its rate and its acceleration.
 #[inline(always)]
 fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
     let (u, v) = (&motion.u[..], &motion.v[..]);
-    let force = |lane: usize| {
-        let overlap = u[lane - 1] - u[lane] + lanes.rest[lane];
-        if overlap <= 0.0 {
-            return -lanes.load[lane];
-        }
-        let stiff = lanes.stiffness[lane] * overlap.sqrt();
-        let force = stiff * (overlap + lanes.viscosity[lane] * (v[lane - 1] - v[lane]));
-        (if lanes.clipped { force.max(0.0) } else { force }) - lanes.load[lane]
-    };
+    let force = |lane: usize| force(lanes, lane, motion);
     let rate = |body: usize| {
         let pull = lanes.guests.of(body).map_or(0.0, |guest| {
             let (seat, lane) = (lanes.guests.seat(guest), lanes.guests.lane(guest));

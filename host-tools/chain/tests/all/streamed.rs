@@ -284,3 +284,124 @@ fn samples_taken_on_the_way_are_those_of_a_run_that_was_kept() {
         assert!(row[5].is_nan(), "bead 9 has none");
     }
 }
+
+/// A wave that leaves most of the chain behind in slow motion, which takes longer steps.
+fn long_and_viscous() -> Scenario {
+    let mut scenario = Scenario::paper();
+    scenario.chain.beads = 450;
+    scenario.intruders = vec![Intruder::new([140], Oscillator::PAPER)];
+    scenario.duration = 0.13;
+    scenario
+}
+
+const FINE: Accuracy = Accuracy::new(1e-10, 1.0);
+
+#[test]
+fn a_long_viscous_chain_is_the_same_whoever_looks() {
+    let scenario = long_and_viscous();
+    let options = Options::with(FINE);
+    let kept = simulate_with(&scenario, &options).unwrap();
+    let found = summarise(&scenario, &options).unwrap();
+    let mut plain = Run::new(&scenario, FINE).unwrap();
+    plain.to(scenario.duration).unwrap();
+    let (end, plain) = (kept.at(kept.end()), plain.snapshot());
+    for body in 0..=scenario.chain.beads {
+        // The kept run is looked at inside its last step.
+        same("velocity", plain.velocity(body), end.velocity(body), 0.45, 1e-15);
+        same(
+            "velocity",
+            plain.velocity(body),
+            found.final_state.velocity[body],
+            0.45,
+            0.0,
+        );
+    }
+    let summary = kept.summary();
+    assert_eq!(found.final_state, summary.final_state);
+    assert_eq!(found.solver.evaluations, summary.solver.evaluations);
+    let greatest = summary.peak_force[0].force;
+    for (one, other) in found.peak_force.iter().zip(&summary.peak_force) {
+        assert_eq!(one.contact, other.contact);
+        same("peak", one.force, other.force, greatest, 1e-9);
+        if let (Some(a), Some(b)) = (one.fwhm, other.fwhm) {
+            same("width", a, b, b, 1e-6);
+        }
+    }
+    let (one, other) = (found.energy, summary.energy);
+    // What the strike left; the long way behind it adds nothing, in slow steps too.
+    assert!(one.balance_error < 1e-10, "{:e}", one.balance_error);
+    same("balance", one.balance_error, other.balance_error, 1.0, 1e-14);
+    same(
+        "lost",
+        one.dissipated_contacts,
+        other.dissipated_contacts,
+        one.striker_initial,
+        1e-15,
+    );
+    same(
+        "chain_max",
+        one.chain_max,
+        other.chain_max,
+        one.striker_initial,
+        1e-9,
+    );
+}
+
+#[test]
+fn a_long_viscous_chain_can_be_looked_into_and_run_on_at_any_time() {
+    let scenario = long_and_viscous();
+    let exact = simulate_with(&scenario, &Options::with(Accuracy::new(1e-13, 0.5))).unwrap();
+    let mut sampler = exact.sampler();
+    let mut run = Run::new(&scenario, FINE).unwrap();
+    let end = scenario.duration;
+    run.watch(end, |step| {
+        if !step.number().is_multiple_of(23) {
+            return;
+        }
+        for part in [0.2, 0.9] {
+            let t = step.from() + part * (step.to() - step.from());
+            let (there, here) = (sampler.at(t), step.at(t));
+            for body in 0..=scenario.chain.beads {
+                same("velocity", here.velocity(body), there.velocity(body), 0.45, 1e-9);
+                same(
+                    "displacement",
+                    here.displacement(body),
+                    there.displacement(body),
+                    1e-3,
+                    1e-9,
+                );
+            }
+        }
+    })
+    .unwrap();
+    // In the middle of a slow step too.
+    let mut run = Run::new(&scenario, FINE).unwrap();
+    let (mut number, mut first) = (0, None);
+    while run.time() < end {
+        run.step(end).unwrap();
+        number += 1;
+        if number % 300 != 0 {
+            continue;
+        }
+        let now = run.snapshot();
+        let energy = now.energies().total();
+        let before = *first.get_or_insert(energy);
+        same("energy", energy, before, before, 1e-11);
+        let mut other = now.run_on(FINE).unwrap();
+        other.to(end).unwrap();
+        let (other, last) = (other.snapshot(), exact.at(end));
+        for body in 0..=scenario.chain.beads {
+            same(
+                "a run from a snapshot",
+                other.velocity(body),
+                last.velocity(body),
+                0.45,
+                1e-9,
+            );
+        }
+    }
+    let (ours, last) = (run.snapshot(), exact.at(end));
+    for body in 0..=scenario.chain.beads {
+        same("the end", ours.velocity(body), last.velocity(body), 0.45, 1e-9);
+    }
+}

@@ -1,0 +1,363 @@
+//! Longer steps for beads that a wave has left behind in touch.
+//!
+//! # Design
+//!
+//! Behind a wave in a viscous chain all beads stay in contact and creep, far above the error allowed, so they
+//! cannot sleep ([`super::rest`]). But their contacts hardly change while the wave takes a dozen steps. So the
+//! blocks that move are parted, time and again ([`super::parting`]). The slow part makes its one step first. The
+//! quick one goes on as if it were alone, and looks nowhere but at its own beads; when it comes to the end of the
+//! slow step, both are one again.
+//!
+//! Meanwhile the slow step's own dense output tells where its beads are.
+
+use std::ops::Range;
+
+use super::kernel::{Task, dispatch};
+use super::lanes::{BLOCK, Lanes, first};
+use super::parting::{Calm, count, holds};
+use super::rest::{AHEAD, FLOOR, Rest};
+use super::work::{Motion, Work};
+
+/// The fewest blocks that are parted.
+const FEWEST: usize = 24;
+/// How many quick steps a slow one has to be worth.
+const WORTH: f64 = 4.0;
+/// The most that may be computed of what a step of all blocks computes.
+const PAYS: f64 = 0.75;
+/// Steps that go by after parting the blocks did not pay: the least and the most.
+const PAUSE: [u64; 2] = [16, 1024];
+
+/// One step of the slow part.
+#[derive(Debug, Clone)]
+struct Slow {
+    work: Work,
+    /// Blocks whose motion it gives.
+    own: Vec<Range<usize>>,
+    from: f64,
+    length: f64,
+    to: f64,
+    prepared: bool,
+    /// The motion at two times that were asked for, and what contacts have dissipated by the second.
+    ends: [Motion; 2],
+    times: [f64; 2],
+    lost: f64,
+}
+
+/// Which blocks take longer steps, and their step as long as others have not come to its end.
+#[derive(Debug, Clone)]
+pub(super) struct Multirate {
+    /// Room for the slow step, and the step.
+    slow: Option<Box<Slow>>,
+    /// Whether that is under way.
+    parted: bool,
+    /// Speed that may be left out, m/s.
+    quiet: f64,
+    tolerance: f64,
+    /// How long the next slow step should be, s.
+    reach: f64,
+    /// The number of the step at which to part blocks again, and steps to wait if that does not pay.
+    next: u64,
+    pause: u64,
+}
+
+/// Blocks beside calm ones, and whether they are behind those.
+fn sleepers(lanes: &Lanes, calm: &Calm) -> impl Iterator<Item = (usize, bool)> {
+    let blocks = lanes.blocks;
+    calm.runs.iter().flat_map(move |run| {
+        let before = run.start.checked_sub(1).map(|block| (block, false));
+        before
+            .into_iter()
+            .chain((run.end < blocks).then_some((run.end, true)))
+    })
+}
+
+/// What the next slow step should be of the last, whose blocks had these errors: what costs least then, if errors
+/// go as the ninth power of the step.
+fn better(calm: &Calm, errors: &[f64], length: f64, step: f64) -> f64 {
+    let blocks = || calm.runs.iter().flat_map(Clone::clone);
+    let cost = |part: f64| {
+        let cube = part * part * part;
+        let bad = blocks().filter(|&block| length * errors[block] * (cube * cube * cube) > 1.0);
+        bad.count() as f64 + count(&calm.runs) as f64 * step / (part * length)
+    };
+    let parts = [1.0, 1.25, 0.8, 0.64].map(|part| (cost(part), part));
+    let cheaper = |best: (f64, f64), part: (f64, f64)| if part.0 < best.0 { part } else { best };
+    parts.into_iter().fold(parts[0], cheaper).1
+}
+
+impl Multirate {
+    pub(super) fn new(lanes: &Lanes, tolerance: f64) -> Self {
+        // A loaded chain is as stiff everywhere as where the wave is.
+        let never = lanes.loaded || lanes.blocks < FEWEST;
+        Self {
+            slow: None,
+            parted: false,
+            quiet: FLOOR * tolerance * lanes.speed,
+            tolerance,
+            reach: 0.0,
+            next: if never { u64::MAX } else { 0 },
+            pause: PAUSE[0],
+        }
+    }
+
+    /// Parts no blocks from now on.
+    #[cfg(test)]
+    pub(super) fn never(&mut self) {
+        self.next = u64::MAX;
+    }
+
+    /// Whether to try to part the blocks at step `number`.
+    pub(super) fn is_due(&self, rest: &Rest, number: u64) -> bool {
+        number >= self.next && !self.parted && rest.awake().len() >= FEWEST
+    }
+
+    /// When the slow step ends, if one is under way.
+    pub(super) fn end(&self) -> Option<f64> {
+        self.under_way().map(|slow| slow.to)
+    }
+
+    fn under_way(&self) -> Option<&Slow> {
+        self.slow.as_deref().filter(|_| self.parted)
+    }
+
+    /// Parts the blocks at `time`, if that pays, and makes the slow part's step, which does not pass `stop`. Quick
+    /// steps are about `step` long, and this one has a number. Gives how many tries of a step were made.
+    pub(super) fn part(
+        &mut self,
+        lanes: &Lanes,
+        (rest, work): (&mut Rest, &mut Work),
+        (time, stop): (f64, f64),
+        (step, number): (f64, u64),
+    ) -> u64 {
+        let most = stop - time;
+        if most < WORTH * step {
+            return 0;
+        }
+        let wanted = self.reach.max(2.0 * WORTH * step).min(most);
+        let calm = Calm::new(lanes, rest.awake(), &work.start, wanted);
+        let length = calm.longest(lanes, &work.start, self.quiet, wanted);
+        // A whole number of quick steps: the last is not cut short.
+        let length = (step * (length / step * (1.0 + 1e-9)).floor()).min(most);
+        let awake = rest.awake().len();
+        let pays = |computed: usize| {
+            let slow = count(&calm.runs) as f64 * step / length;
+            computed as f64 + slow < PAYS * awake as f64
+        };
+        if length < WORTH * step
+            || !pays(awake - count(&calm.runs))
+            || rest.next_touch() <= time + AHEAD * length
+            || sleepers(lanes, &calm)
+                .any(|(block, behind)| rest.meets(lanes, work, block, behind, (time, length)))
+        {
+            self.wait(number);
+            return 0;
+        }
+        let stays_calm = self.attempt(lanes, rest, work, &calm, (time, length));
+        let slow = self.slow.as_mut().expect("it was tried");
+        self.reach = length
+            * if stays_calm {
+                better(&calm, &slow.work.errors, length, step)
+            } else {
+                0.5
+            };
+        let parts = calm.parts(lanes, &work.start, (self.quiet, length), &slow.work.errors);
+        match parts.filter(|parts| stays_calm && pays(count(&parts.quick))) {
+            Some(parts) => {
+                (self.parted, self.pause) = (true, PAUSE[0]);
+                // The end of the run is met to the last bit.
+                slow.to = if length == most { stop } else { time + length };
+                let all = |blocks: &[Range<usize>]| blocks.iter().flat_map(Clone::clone).collect::<Vec<_>>();
+                work.shared = all(&parts.quick);
+                work.shared.retain(|block| holds(&parts.own, *block));
+                slow.work.shared = all(&calm.runs);
+                slow.work.shared.retain(|block| !holds(&parts.own, *block));
+                let mut elsewhere = rest.awake().to_vec();
+                elsewhere.retain(|block| !holds(&parts.quick, *block));
+                rest.leave(lanes, work, elsewhere);
+                slow.own = parts.own;
+            }
+            None => self.wait(number),
+        }
+        1
+    }
+
+    /// Waits for some steps, and the next time for more.
+    fn wait(&mut self, number: u64) {
+        self.next = number + self.pause;
+        self.pause = (2 * self.pause).min(PAUSE[1]);
+    }
+
+    /// Makes a slow step of `length` with all blocks that are calm. Gives whether they have stayed so.
+    fn attempt(
+        &mut self,
+        lanes: &Lanes,
+        rest: &Rest,
+        work: &Work,
+        calm: &Calm,
+        (time, length): (f64, f64),
+    ) -> bool {
+        let slow = self.slow.get_or_insert_with(|| {
+            Box::new(Slow {
+                work: Work::new(lanes, false),
+                own: Vec::new(),
+                from: 0.0,
+                length: 0.0,
+                to: 0.0,
+                prepared: false,
+                ends: [Motion::zeros(lanes), Motion::zeros(lanes)],
+                times: [f64::NAN; 2],
+                lost: 0.0,
+            })
+        });
+        (slow.from, slow.length) = (time, length);
+        (slow.prepared, slow.times) = (false, [f64::NAN; 2]);
+        slow.work.active.clone_from(&calm.runs);
+        for run in &calm.runs {
+            let lanes = first(run.start) - BLOCK..first(run.end) + BLOCK;
+            slow.work.start.u[lanes.clone()].copy_from_slice(&work.start.u[lanes.clone()]);
+            slow.work.start.v[lanes.clone()].copy_from_slice(&work.start.v[lanes]);
+        }
+        let crossed = dispatch(&mut slow.work, lanes, Task::Step, length);
+        let tolerance = self.tolerance;
+        dispatch(&mut slow.work, lanes, Task::Errors { tolerance }, length);
+        let work = &slow.work;
+        let meets =
+            sleepers(lanes, calm).any(|(block, behind)| rest.closes(lanes, work, block, behind, length));
+        crossed == 0.0 && !meets
+    }
+
+    /// After a quick step of `length` to `time`: beads beside the quick part fly on. At the end of the slow step
+    /// both are one again; gives what contacts of the slow part have dissipated by then, once.
+    pub(super) fn follow(
+        &mut self,
+        lanes: &Lanes,
+        (rest, work): (&mut Rest, &mut Work),
+        (time, length): (f64, f64),
+    ) -> f64 {
+        let Some(slow) = self.slow.as_deref().filter(|_| self.parted) else {
+            return 0.0;
+        };
+        if time < slow.to {
+            for run in 0..work.active.len() {
+                let run = work.active[run].clone();
+                for block in [run.start.wrapping_sub(1), run.end] {
+                    if !holds(&slow.own, block) {
+                        continue;
+                    }
+                    for lane in first(block)..first(block) + BLOCK {
+                        work.start.u[lane] += length * work.start.v[lane];
+                    }
+                }
+            }
+            return 0.0;
+        }
+        for run in &slow.own {
+            let lanes = first(run.start)..first(run.end);
+            work.start.u[lanes.clone()].copy_from_slice(&slow.work.end.u[lanes.clone()]);
+            work.start.v[lanes.clone()].copy_from_slice(&slow.work.end.v[lanes]);
+        }
+        work.shared.clear();
+        rest.leave(lanes, work, Vec::new());
+        self.parted = false;
+        slow.work.lost_in_contacts(lanes)
+    }
+
+    /// Whether the slow step gives the motion of a body.
+    #[inline(always)]
+    pub(super) fn moves(&self, lane: usize) -> bool {
+        self.parted && self.owns(lane)
+    }
+
+    fn owns(&self, lane: usize) -> bool {
+        let block = (lane / BLOCK).wrapping_sub(1);
+        self.under_way().is_some_and(|slow| holds(&slow.own, block))
+    }
+
+    /// Lanes of the bodies whose motion the slow step gives.
+    pub(super) fn lanes(&self) -> impl Iterator<Item = usize> + '_ {
+        let runs = self.under_way().into_iter().flat_map(|slow| &slow.own);
+        runs.flat_map(|run| first(run.start)..first(run.end))
+    }
+}
+
+impl Slow {
+    fn prepare(&mut self, lanes: &Lanes) -> f64 {
+        let length = self.length;
+        if !self.prepared {
+            // Once more, for the powers of its own contacts: which those are was not known before.
+            self.work.keep_inside(lanes);
+            if self.work.powers.is_none() {
+                self.work.keep_powers(lanes);
+            }
+            dispatch(&mut self.work, lanes, Task::Step, length);
+            self.work.prepare(lanes, length);
+            self.prepared = true;
+        }
+        length
+    }
+
+    fn look(&mut self, lanes: &Lanes, t: f64) -> f64 {
+        let length = self.prepare(lanes);
+        let x = ((t - self.from) / length).clamp(0.0, 1.0);
+        self.work.look(lanes, length, x);
+        x
+    }
+}
+
+/// Inside the slow step.
+impl Multirate {
+    fn inside(&mut self) -> Option<&mut Slow> {
+        self.slow.as_deref_mut().filter(|_| self.parted)
+    }
+
+    /// Finds the motion of the slow part at `t`, for [`Multirate::body`].
+    pub(super) fn look(&mut self, lanes: &Lanes, t: f64) {
+        if let Some(slow) = self.inside() {
+            slow.look(lanes, t);
+        }
+    }
+
+    /// Finds the motion at two times, for [`Multirate::at_ends`], and the loss by the second.
+    pub(super) fn look_at_ends(&mut self, lanes: &Lanes, times: [f64; 2]) {
+        let Some(slow) = self.inside() else { return };
+        if slow.times == times {
+            return;
+        }
+        // As a rule the first is the second of the last step.
+        if slow.times[1] == times[0] {
+            slow.ends.swap(0, 1);
+        } else {
+            slow.look(lanes, times[0]);
+            std::mem::swap(&mut slow.ends[0], &mut slow.work.stage);
+        }
+        let x = slow.look(lanes, times[1]);
+        std::mem::swap(&mut slow.ends[1], &mut slow.work.stage);
+        slow.lost = slow.work.lost_inside(lanes, slow.length, x).contacts;
+        slow.times = times;
+    }
+
+    /// The motion where [`Multirate::look`] has looked, for bodies that the slow step moves.
+    pub(super) fn looked(&self) -> &Motion {
+        &self.under_way().expect("a slow step is under way").work.stage
+    }
+
+    /// The same at both times of [`Multirate::look_at_ends`].
+    pub(super) fn at_ends(&self) -> &[Motion; 2] {
+        &self.under_way().expect("a slow step is under way").ends
+    }
+
+    /// What contacts of the slow part have dissipated by the second time of [`Multirate::look_at_ends`].
+    pub(super) fn lost(&self) -> f64 {
+        self.under_way().map_or(0.0, |slow| slow.lost)
+    }
+
+    /// The slow step, its start and its length, where it has the contact at `lane`.
+    pub(super) fn step_of(&mut self, lanes: &Lanes, lane: usize) -> Option<(&Work, (f64, f64))> {
+        if !self.moves(lane) {
+            return None;
+        }
+        let slow = self.inside()?;
+        let length = slow.prepare(lanes);
+        Some((&slow.work, (slow.from, length)))
+    }
+}
