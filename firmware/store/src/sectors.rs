@@ -179,3 +179,137 @@ impl<F: NorFlash> asynchronous::NorFlash for Sectors<F> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use embedded_storage::nor_flash::{ErrorType, ReadNorFlash};
+    use std::vec;
+    use std::vec::Vec;
+
+    const SECTOR: usize = 1024;
+    /// The store is the middle of four sectors.
+    const RANGE: Range<u32> = SECTOR as u32..3 * SECTOR as u32;
+
+    struct Ram(Vec<u8>);
+
+    impl ErrorType for Ram {
+        type Error = NorFlashErrorKind;
+    }
+
+    impl ReadNorFlash for Ram {
+        const READ_SIZE: usize = 1;
+
+        fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+            bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
+            Ok(())
+        }
+
+        fn capacity(&self) -> usize {
+            self.0.len()
+        }
+    }
+
+    impl NorFlash for Ram {
+        const WRITE_SIZE: usize = 4;
+        const ERASE_SIZE: usize = SECTOR;
+
+        fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+            self.0[from as usize..to as usize].fill(BLANK);
+            Ok(())
+        }
+
+        fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+            self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+            Ok(())
+        }
+    }
+
+    /// Flash that holds zeros in the store, from the first to before the second of each of these bytes.
+    fn sectors(zeros: &[[usize; 2]]) -> Sectors<Ram> {
+        let mut bytes = vec![BLANK; 4 * SECTOR];
+        for &[from, to] in zeros {
+            bytes[SECTOR + from..SECTOR + to].fill(0);
+        }
+        Sectors::new(Ram(bytes), RANGE)
+    }
+
+    #[test]
+    fn there_are_two_sectors_side_by_side() {
+        let sectors = sectors(&[]);
+        assert_eq!(sectors.each(), [1024..2048, 2048..3072]);
+        assert_eq!(asynchronous::ReadNorFlash::capacity(&sectors), 4 * SECTOR);
+    }
+
+    #[test]
+    fn nothing_is_erased_unless_it_is_allowed_and_no_sector_is_looked_at_alone() {
+        let all_zeros = [[0, 2 * SECTOR]];
+        for (may_erase, alone) in [(false, None), (false, Some(RANGE)), (true, Some(RANGE))] {
+            let mut sectors = sectors(&all_zeros);
+            (sectors.may_erase, sectors.alone) = (may_erase, alone);
+            assert!(matches!(sectors.erase_all(), Err(SectorError::EraseRefused)));
+            assert_eq!(sectors.erased, 0);
+            assert!(
+                sectors.into_flash().0[SECTOR..3 * SECTOR]
+                    .iter()
+                    .all(|&byte| byte == 0)
+            );
+        }
+        let mut sectors = sectors(&all_zeros);
+        sectors.may_erase = true;
+        assert!(sectors.erase_all().is_ok());
+        assert_eq!(sectors.erased, 2);
+        assert!(
+            sectors
+                .each()
+                .iter()
+                .all(|sector| sectors.is_blank(sector).is_ok_and(|blank| blank))
+        );
+    }
+
+    #[test]
+    fn a_sector_is_blank_if_all_of_it_is() {
+        for at in [0, 3, 255, 256, 1020, 1023] {
+            let mut sectors = sectors(&[[at, at + 1]]);
+            let blank = sectors.each().map(|sector| sectors.is_blank(&sector).unwrap());
+            assert_eq!(blank, [false, true], "{at}");
+        }
+    }
+
+    #[test]
+    fn half_of_the_bits_of_the_last_byte_close_a_sector() {
+        for zeros in 0..=8_u32 {
+            let mut sectors = sectors(&[]);
+            sectors.flash.0[2 * SECTOR - 1] = (0xFF_u32 << zeros) as u8;
+            let closed = sectors.each().map(|sector| sectors.is_closed(&sector).unwrap());
+            assert_eq!(closed, [zeros >= 4, false], "{zeros}");
+        }
+    }
+
+    #[test]
+    fn room_is_what_is_blank_behind_the_last_word_less_the_mark() {
+        let room = |zeros: &[[usize; 2]]| sectors(zeros).room().unwrap();
+        assert_eq!(room(&[]), 1024);
+        assert_eq!(room(&[[0, 1]]), 1016);
+        assert_eq!(room(&[[0, 200]]), 820);
+        assert_eq!(room(&[[0, 256]]), 764);
+        assert_eq!(room(&[[0, 257]]), 760);
+        // What is blank in front of the last word is a part of a block.
+        assert_eq!(room(&[[0, 4], [700, 704]]), 316);
+        assert_eq!(room(&[[1020, 1024]]), 0);
+        // The sector with less room counts.
+        assert_eq!(room(&[[0, 200], [1024, 1424]]), 620);
+        assert_eq!(room(&[[1024, 1424]]), 620);
+    }
+
+    #[test]
+    fn a_sector_that_is_alone_hides_the_other() {
+        let mut sectors = sectors(&[[0, 2 * SECTOR]]);
+        sectors.alone = Some(1024..2048);
+        let mut byte = [7];
+        for (offset, seen) in [(1023, BLANK), (1024, 0), (2047, 0), (2048, BLANK)] {
+            sectors.read(offset, &mut byte).unwrap();
+            assert_eq!(byte, [seen], "{offset}");
+        }
+    }
+}

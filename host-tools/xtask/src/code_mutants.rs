@@ -2,8 +2,8 @@
 //! a function that returns nothing, and runs the tests of the crate on each.
 //!
 //! # Design
-//! All changes of a part take an hour, so they can be made in shards. `.cargo/mutants.toml` leaves out what no test can
-//! tell from the code as it is, each with its reason.
+//! All changes of a part take an hour, so they can be made in shards. A few cannot be told from the code as it is, by
+//! any test; docs/reliability.md lists these with their reasons.
 //!
 //! **A change has to be cheap.** The changes are made in a copy of the workspace that stays, so nothing but the changed
 //! crate is compiled anew, and in a profile that compiles fast (`mutants` in Cargo.toml). Most changes are noticed by the
