@@ -615,6 +615,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: if cfg!(miri) { 1 } else { 500 }, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
+    #[cfg_attr(miri, ignore = "what draws its garbage takes minutes there")]
     fn whatever_the_sectors_held_the_store_works_after_the_start(
         garbage in proptest::collection::vec(prop_oneof![3 => Just(0xFFu8), 1 => any::<u8>()], 2 * SECTOR),
         from in 0..2 * SECTOR, to in 0..2 * SECTOR,
