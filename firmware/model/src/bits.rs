@@ -302,8 +302,8 @@ fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
     ];
     let (mut measured, mut stated) = (Vec::new(), Vec::new());
     for (n, (what, bead, behind, shape, noise, checksum)) in cases.into_iter().enumerate() {
-        // Miri, which is slow, takes one with wide channels, and one with powers of two and intruders behind.
-        if cfg!(miri) && ![4, 17].contains(&n) {
+        // Miri, which takes half a minute for each, takes one with powers of two and intruders behind.
+        if cfg!(miri) && n != 17 {
             continue;
         }
         let settings = settings(bead, behind);

@@ -13,7 +13,7 @@ const RANGE: Range<u32> = 0..SIZE as u32;
 /// Flashes that wear out, each in its own way; under Miri, which is slow, fewer.
 const FLASHES: u32 = if cfg!(miri) { 2 } else { 200 };
 /// Writes to each. A sector holds four, so each is erased more than ten times.
-const WRITES: usize = if cfg!(miri) { 4 } else { 120 };
+const WRITES: usize = if cfg!(miri) { 3 } else { 120 };
 
 /// How a bit fails that has been erased too often.
 #[derive(Clone, Copy, Debug, PartialEq)]

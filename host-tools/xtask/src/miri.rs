@@ -5,8 +5,12 @@ use crate::step::{Steps, Stop};
 
 /// The crates whose tests run there, each on both machines.
 const CRATES: [&str; 3] = ["bead-wire", "bead-store", "bead-model"];
-/// One that is not like this machine: big-endian.
-const BIG_ENDIAN: &str = "s390x-unknown-linux-gnu";
+/// Machines that Miri plays, whatever it runs on: one with words of 32 bits as on the bead, and a big-endian one. For
+/// both, `libm` takes its roots in Rust. For x86-64 it has assembler, which Miri cannot run.
+const MACHINES: [&str; 2] = ["armv7-unknown-linux-gnueabihf", "s390x-unknown-linux-gnu"];
+/// Tests read files. And a sine gives the same bits each time: Miri would change the last ones by chance, and tests
+/// that draw a pulse with it draw it anew to compare.
+const FLAGS: &str = "-Zmiri-disable-isolation -Zmiri-no-extra-rounding-error";
 
 /// Runs the tests.
 ///
@@ -18,23 +22,16 @@ pub(crate) fn miri(steps: &Steps) -> Result<(), Stop> {
         "miri --version",
         "rustup component add --toolchain nightly miri rust-src",
     )?;
-    for machine in ["", BIG_ENDIAN] {
+    for machine in MACHINES {
         for name in CRATES {
-            let mut line = nightly::cargo("miri test -p")
+            let line = nightly::cargo("miri test -p")
                 .arg(name)
-                // Files are read, and what is drawn is drawn by a seed from the environment.
-                .env("MIRIFLAGS", "-Zmiri-disable-isolation")
-                .env("PROPTEST_CASES", "2")
+                .words("--target")
+                .arg(machine)
+                .env("MIRIFLAGS", FLAGS)
+                .env("PROPTEST_CASES", "1")
                 .env("CARGO_TARGET_DIR", &steps.target.join("miri").to_string_lossy());
-            if !machine.is_empty() {
-                line = line.words("--target").arg(machine);
-            }
-            let on = if machine.is_empty() {
-                "this machine"
-            } else {
-                machine
-            };
-            steps.run(&format!("{name} under Miri, {on}"), &line)?;
+            steps.run(&format!("{name} under Miri, {machine}"), &line)?;
         }
     }
     steps.announce("nothing undefined, and the same results on both machines");

@@ -50,6 +50,7 @@ fn pulse(sample: usize) -> u16 {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "thousands of scans")]
 fn quiet_never_triggers_whatever_its_level() {
     for level in [0, 128, 4095] {
         let (meter, heard) = hear(std::iter::repeat_n(level, 5000));
@@ -65,6 +66,7 @@ fn a_slow_drift_over_the_whole_range_does_not_trigger() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "thousands of scans")]
 fn two_pulses_give_two_reports_and_one_inside_a_window_gives_none_of_its_own() {
     let stream = |second: usize| {
         (0..4000).map(move |i| match i {
@@ -351,6 +353,7 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "thousands of scans")]
     fn how_the_stream_is_cut_into_calls_changes_nothing(
         cuts in prop::collection::vec(1usize..400, 1..40),
         noise in prop::collection::vec(0u16..8, 2 * MANY),
