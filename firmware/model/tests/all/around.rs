@@ -75,7 +75,7 @@ fn told(trigger: u64, at: u64) -> impl Fn(u64) -> Option<(u64, u64)> {
 fn a_bead_that_feels_too_little_keeps_the_window_around_the_instant_and_it_replays() {
     let settings = settings();
     let history = u64::from(settings.window.history);
-    // Miri, which takes a minute for each, takes one.
+    // Miri, which takes ten seconds for each, takes one.
     for at in [2300, 2399, 2400].into_iter().skip(if cfg!(miri) { 2 } else { 0 }) {
         let heard = hear(20.0, told(at - 300, at));
         assert_eq!(heard.opened, [(at - 300, Origin::Line)]);
