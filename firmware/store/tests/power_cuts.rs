@@ -514,6 +514,25 @@ fn owned(ram: &Ram) -> (Vault<Ram>, Owned) {
     (vault, (secret, block))
 }
 
+#[test]
+fn a_vault_forgets_its_settings_keeps_its_secret_and_refuses_what_is_too_long() {
+    let (mut vault, _) = owned(&Ram::blank());
+    let secret = Secret {
+        key: [3; 16],
+        counter: 1 << 40,
+    };
+    vault.keep(Some(secret)).unwrap();
+    for length in [MAX_SETTINGS + 1, MAX_SETTINGS + 2, 2 * MAX_BLOCK] {
+        assert_eq!(vault.write(&vec![7; length]), Err(StoreError::TooLong));
+    }
+    vault.write(&[7; MAX_SETTINGS]).unwrap();
+    let (mut vault, held) = owned(&vault.into_flash());
+    assert_eq!(held, (Some(([3; 16], 1 << 40)), Some(vec![7; MAX_SETTINGS])));
+    vault.clear().unwrap();
+    let (_, held) = owned(&vault.into_flash());
+    assert_eq!(held, (Some(([3; 16], 1 << 40)), None));
+}
+
 /// The operations of an owner on key and settings, in turn, so that a full sector is met in each.
 fn change(vault: &mut Vault<Ram>, n: usize) -> Result<(), StoreError> {
     let secret = |key: usize| Secret {
@@ -596,6 +615,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: if cfg!(miri) { 1 } else { 500 }, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
+    #[cfg_attr(miri, ignore = "what draws its garbage takes minutes there")]
     fn whatever_the_sectors_held_the_store_works_after_the_start(
         garbage in proptest::collection::vec(prop_oneof![3 => Just(0xFFu8), 1 => any::<u8>()], 2 * SECTOR),
         from in 0..2 * SECTOR, to in 0..2 * SECTOR,

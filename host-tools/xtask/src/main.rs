@@ -151,7 +151,7 @@ const TASKS: &[Task] = &[
         MUTANTS,
         "Make mistakes in a copy, one by one, and see that checks and tests notice each: [PART] [SHARD]",
         "Alone it makes mistakes in the physics, which the figures' checks must notice. `model`, `wire`, `store` and \
-         `solver` are parts whose code cargo-mutants changes in many places; all of one takes hours, `store 0/16` a \
+         `solver` are parts whose code cargo-mutants changes in many places; all of one takes an hour, `store 0/16` a \
          sixteenth of that.",
         |steps| code_mutants::check(steps, &[]),
     ),
