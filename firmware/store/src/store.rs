@@ -66,11 +66,16 @@ impl<F: NorFlash> Store<F> {
         let lost = match store.tidy() {
             Ok(worth) => !worth,
             // The flash fails somewhere. A block that can still be read is kept.
-            Err(_) if store.reads_block() || store.reads_block() => false,
             Err(_) => {
-                // If this fails too, the first write finds it.
-                let _ = store.sectors.erase_all();
-                true
+                // To the library a block that is read wrongly is one to be repaired, and it erases for that.
+                store.sectors.may_erase = false;
+                let held = store.reads_block() || store.reads_block();
+                store.sectors.may_erase = true;
+                if !held {
+                    // If this fails too, the first write finds it.
+                    let _ = store.sectors.erase_all();
+                }
+                !held
             }
         };
         store.sectors.may_erase = false;

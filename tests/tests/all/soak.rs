@@ -12,6 +12,9 @@ use bead_wire::{Message, Status, StrikeFlags};
 /// How long, in s of the bead's time.
 const HOURS: f64 = 5.0 * 3600.0;
 
+/// What an interrupt takes of the stack, with the registers of the floating-point unit and what its handler needs, bytes.
+const INTERRUPT: u32 = 256;
+
 #[test]
 #[ignore = "five hours of the bead's time: BEAD_SOAK=600 takes ten minutes of it"]
 fn after_five_hours_of_sparse_strikes_all_counts_are_as_they_should_be() {
@@ -96,5 +99,8 @@ fn after_five_hours_of_sparse_strikes_all_counts_are_as_they_should_be() {
         (expected..=expected + 2.0).contains(&(strikes as f64)),
         "{strikes} of {expected}"
     );
-    assert_eq!(last.stack_free_min, first.stack_free_min);
+    // An interrupt that comes at the deepest moment makes the mark a frame deeper, once. A word that each strike left
+    // would take 25 KB in five hours.
+    let deeper = first.stack_free_min - last.stack_free_min;
+    assert!(deeper <= INTERRUPT, "{first:?} {last:?}");
 }
