@@ -240,7 +240,7 @@ impl NorFlash for Stubborn {
 }
 
 #[test]
-#[cfg_attr(miri, ignore = "a start that looks through a sector of rubbish takes a minute there")]
+#[cfg_attr(miri, ignore = "a start over a sector of rubbish takes long there")]
 fn where_tidying_fails_a_block_that_can_be_read_is_kept_and_what_cannot_is_erased() {
     let (mut store, _) = open(&Ram::blank());
     store.write(&block(1)).unwrap();
