@@ -191,8 +191,8 @@ mod tests {
 
     #[test]
     fn the_upper_half_of_every_product_of_edges_is_that_of_exact_arithmetic() {
-        let dense = if cfg!(miri) { 17 } else { 1 };
-        for a in edges() {
+        let dense = if cfg!(miri) { 5 } else { 1 };
+        for a in edges().step_by(dense) {
             for b in edges().step_by(dense) {
                 let product = i128::from(a) * i128::from(b);
                 let low = product.rem_euclid(1 << 32);
