@@ -21,12 +21,13 @@ impl Drop for Running {
 
 impl Running {
     /// `bead` in a directory, with another one for its temporary files. Like in a shell, it and what it starts are one
-    /// group, unless it says otherwise.
+    /// group, unless it says otherwise. It heeds the signals that this test may have been told to ignore, as under nohup.
     fn start(directory: &Path, temporary: &Path, arguments: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_bead"));
+        let mut command = Command::new("env");
         command
             .current_dir(directory)
             .env("TMPDIR", temporary)
+            .args(["--default-signal=INT,TERM,HUP", env!("CARGO_BIN_EXE_bead")])
             .args(arguments)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
