@@ -361,6 +361,72 @@ mod tests {
     }
 
     #[test]
+    fn gains_differ_beyond_a_part_and_beyond_five_standard_deviations_to_either_side() {
+        let part = I16F16::from_num(0.02);
+        let differ = |deviation: I16F16, uncertainty: I16F16| {
+            [deviation, -deviation].map(|deviation| {
+                GainMatch {
+                    deviation,
+                    uncertainty,
+                }
+                .differ(part)
+            })
+        };
+        // The part itself is allowed, however sure it is.
+        assert_eq!(differ(part, I16F16::ZERO), [false; 2]);
+        assert_eq!(differ(part + I16F16::DELTA, I16F16::ZERO), [true; 2]);
+        for times in [2, 5, 50] {
+            let deviation = times * part;
+            assert_eq!(differ(deviation, deviation / 5), [false; 2]);
+            assert_eq!(differ(deviation, deviation / 5 - I16F16::DELTA), [true; 2]);
+        }
+        assert_eq!(differ(I16F16::MAX, I16F16::MAX), [false; 2]);
+        let least = GainMatch {
+            deviation: I16F16::MIN,
+            uncertainty: I16F16::ONE,
+        };
+        assert!(least.differ(part));
+    }
+
+    /// The wide channel reads a code, 1/16 N, too much while the signal moves, in `overlap` samples. Returns how much
+    /// of it is left when it takes over; the wide codes of the baseline are 100 plus those of `baseline` in turn.
+    fn left_at_the_hand_over(overlap: usize, baseline: [i32; 2]) -> f64 {
+        let sensor = sensor();
+        let mut state = SensorState::default();
+        let code = |codes: i32| codes as u16;
+        (0..BASELINE).for_each(|n| state.settle(Pair::new(128, code(100 + baseline[usize::from(n % 2)]))));
+        // Force in 1/16 N, which is 16 codes of the sensitive channel, and one of the wide one.
+        let at = |force: i32| Pair::new(code((128 + 16 * force).min(4095)), code(100 + force + 1));
+        let mut codes: Vec<Pair> = std::iter::repeat_n(at(100), overlap).collect();
+        codes.extend([at(2000); 2]);
+        let mut left = 0.0;
+        for piece in codes.chunks(PIECE) {
+            let mut values = [Force::ZERO; PIECE];
+            let values = &mut values[..piece.len()];
+            sensor.process(&mut state, piece.iter().copied(), values);
+            left = 16.0 * values.last().unwrap().to_num::<f64>() - 2000.0;
+        }
+        left
+    }
+
+    #[test]
+    fn the_wide_channel_takes_over_less_its_mean_difference_so_far_with_the_baseline() {
+        for overlap in [2, 3, 9, 33, 80] {
+            // A value is that of the sample before, so the first one is that of a sample that is quiet.
+            let samples = overlap as f64 - 1.0;
+            // A baseline that scatters counts as its 64 samples, and one of equal codes as one.
+            for (baseline, counts) in [([0, 0], 1.0), ([-1, 1], 64.0)] {
+                let left = left_at_the_hand_over(overlap, baseline);
+                let stated = 1.0 - samples / (samples + counts);
+                assert!(
+                    (left - stated).abs() < 2e-3,
+                    "{overlap}, {baseline:?}: {left} for {stated}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn a_wide_channel_that_reads_nonsense_does_not_panic() {
         let sensor = Sensor {
             sensitive: sensor().sensitive,
