@@ -534,6 +534,10 @@ mod tests {
         assert_eq!((ROOM - HISTORY_MAX, call * 3 / 5), (11 * call, measured));
         let more: Vec<usize> = lags[7..12].windows(2).map(|lags| lags[1] - lags[0]).collect();
         assert_eq!(more, [52, 52, 52, 52 + measured / 4]);
+        // The call that completes the window does no more.
+        let end = 1000 + 1 - 160 + 672;
+        let last = lags.iter().rposition(|&lag| lag > 0).unwrap();
+        assert_eq!(lags[last], (last + 1) * call - end);
     }
 
     #[test]

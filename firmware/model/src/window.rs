@@ -420,6 +420,29 @@ mod tests {
     }
 
     #[test]
+    fn the_signal_stands_above_the_noise_if_there_is_noise_and_it_is_higher() {
+        let settings = crate::design::derive(
+            &crate::design::Bead::paper(),
+            &crate::design::FrontEnd::reference(),
+            &crate::design::Capture::default(),
+        );
+        let nothing = Window::open(0, 0).report(&settings.unwrap(), &WindowRecord::new());
+        let level = |peak: f64, noise: f64| {
+            let [peak_force, force_noise] = [peak, noise].map(Force::from_num);
+            StrikeReport {
+                peak_force,
+                force_noise,
+                ..nothing
+            }
+            .signal_to_noise()
+        };
+        assert!((level(8.0, 0.008).unwrap() - 60.0).abs() < 0.02);
+        assert!((level(1.0, 0.5).unwrap() - 6.02).abs() < 0.01);
+        assert_eq!([level(8.0, 0.0), level(0.0, 0.0), level(-1.0, -2.0)], [None; 3]);
+        assert_eq!([level(0.5, 0.5), level(0.5, 1.0)], [None; 2]);
+    }
+
+    #[test]
     fn decibels_are_within_their_stated_error() {
         let (mut worst, mut ratio) = (0.0_f64, 1.0_f32);
         while ratio < 1e9 {

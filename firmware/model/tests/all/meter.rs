@@ -97,6 +97,29 @@ fn a_meter_is_armed_after_a_history_of_scans_in_which_the_force_does_not_rise() 
 }
 
 #[test]
+fn a_meter_that_passes_over_is_armed_again_after_a_history_from_the_scan_after_the_trigger() {
+    let settings = settings();
+    let history = usize::from(settings.window.history);
+    for at in [500, 555] {
+        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        meter.pass_over(true);
+        let mut feed = |indices: std::ops::Range<usize>| {
+            let first = indices.start as u64;
+            let scans: Vec<Scan> = indices
+                .map(|index| scan(if index < at { 128 } else { 1128 }))
+                .collect();
+            meter.process(&settings, first, scans, &mut heard);
+            (meter.is_armed(), meter.strikes(), meter.passed_over())
+        };
+        assert_eq!(feed(0..at), (true, 0, 0));
+        assert_eq!(feed(at..at + 30), (false, 1, 1));
+        assert_eq!(feed(at + 30..at + history), (false, 1, 1));
+        assert_eq!(feed(at + history..at + history + 1), (true, 1, 1));
+        assert!(heard.reports.is_empty());
+    }
+}
+
+#[test]
 fn words_of_a_dma_hold_the_high_gain_in_their_lower_half() {
     use bead_model::scans;
     let words =
@@ -104,6 +127,32 @@ fn words_of_a_dma_hold_the_high_gain_in_their_lower_half() {
     let codes: Vec<[u16; 4]> = scans(&words).map(Scan::codes).collect();
     assert_eq!(codes, [[0x456, 0x123, 0xABC, 0x789], [0, 0xFFF, 0xFFF, 0]]);
     assert_eq!(scans(&words).len(), 2);
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "thousands of scans")]
+fn words_of_a_dma_are_measured_as_the_scans_that_they_hold() {
+    let forces: Vec<u16> = (0..1500)
+        .map(|i| {
+            if (500..550).contains(&i) {
+                pulse(i - 500)
+            } else {
+                128
+            }
+        })
+        .collect();
+    let word = |[low, high]: [u16; 2]| AtomicU32::new(u32::from(low) | u32::from(high) << 16);
+    let words: Vec<[AtomicU32; 2]> = forces
+        .iter()
+        .map(|&force| {
+            let [force, force_wide, acceleration, acceleration_wide] = scan(force).codes();
+            [word([force, force_wide]), word([acceleration, acceleration_wide])]
+        })
+        .collect();
+    let (mut meter, mut heard) = (Meter::new(), Heard::default());
+    meter.process_words(&settings(), 0, &words, &mut heard);
+    assert_eq!(heard.reports.len(), 1);
+    assert_eq!(heard.reports, hear(forces).1.reports);
 }
 
 #[test]
