@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use object::read::elf::{ElfFile32, ProgramHeader};
 
+use crate::compiler;
 use crate::packages::IMAGE;
 use crate::paths;
 use crate::setup::TARGET;
@@ -21,6 +22,22 @@ pub(crate) fn path(steps: &Steps) -> PathBuf {
 pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     paths::leave_out(steps, paths::cargo_home().as_deref())?;
     steps.run("the flash image", &Line::new("cargo build").words(IMAGE))?;
+    tell_size(steps)
+}
+
+/// As [`build`]. If it is the first one, its crates are linted and documented as well: gives whether they are.
+///
+/// # Errors
+/// As [`build`].
+pub(crate) fn build_and_check(steps: &Steps) -> Result<bool, Stop> {
+    paths::leave_out(steps, paths::cargo_home().as_deref())?;
+    let line = Line::new("cargo build").words(IMAGE);
+    let built = compiler::build(steps, "the flash image", &line, &path(steps))?;
+    tell_size(steps)?;
+    Ok(built.checked)
+}
+
+fn tell_size(steps: &Steps) -> Result<(), Stop> {
     let image = path(steps);
     let size = Size::of(&steps.root.join(&image))?;
     steps.announce(&format!("the image {} takes {size}", image.display()));

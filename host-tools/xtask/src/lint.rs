@@ -14,7 +14,14 @@ pub(crate) fn lint(steps: &Steps) -> Result<(), Stop> {
     let imports = Line::new("cargo test --release --quiet -p xtask --test imports -- --nocapture");
     steps.run("circles of imports, and arrows up", &imports)?;
     supply::inventory(steps)?;
-    steps.both(host, image)
+    steps.both(
+        |steps| host(steps, HOST),
+        |steps| {
+            image(steps)?;
+            images(steps)?;
+            supply::check(steps)
+        },
+    )
 }
 
 /// What is read as text: links and format.
@@ -25,20 +32,23 @@ pub(crate) fn text(steps: &Steps) -> Result<(), Stop> {
     steps.run("format", &Line::new("cargo fmt --all --check"))
 }
 
-/// Lints and documentation of the host's packages.
-pub(crate) fn host(steps: &Steps) -> Result<(), Stop> {
-    let packages = format!("--release {HOST}");
+/// Lints and documentation of these packages of the host.
+pub(crate) fn host(steps: &Steps, packages: &str) -> Result<(), Stop> {
+    let packages = format!("--release {packages}");
     steps.run("lints, host", &clippy(&format!("{packages} --all-targets")))?;
     steps.run("documentation, host", &doc(&packages))
 }
 
-/// Lints and documentation of what is built for the part; and the packages, which all are there then.
+/// Lints and documentation of the flash image.
 pub(crate) fn image(steps: &Steps) -> Result<(), Stop> {
     steps.run("lints, image", &clippy(IMAGE))?;
+    steps.run("documentation, image", &doc(IMAGE))
+}
+
+/// Lints of the images of the emulator's tests.
+pub(crate) fn images(steps: &Steps) -> Result<(), Stop> {
     let images = format!("{IMAGES} --features embassy");
-    steps.run("lints, images of the emulator's tests", &clippy(&images))?;
-    steps.run("documentation, image", &doc(IMAGE))?;
-    supply::check(steps)
+    steps.run("lints, images of the emulator's tests", &clippy(&images))
 }
 
 fn clippy(what: &str) -> Line {

@@ -7,6 +7,7 @@ mod book;
 mod campaign;
 mod checks;
 mod code_mutants;
+mod compiler;
 mod dist;
 mod files;
 mod fuzz;
@@ -180,6 +181,9 @@ const TASKS: &[Task] = &[
 ];
 
 fn main() -> ExitCode {
+    if let Some(ended) = compiler::called() {
+        return ended;
+    }
     let mut cli = Command::new("cargo xtask")
         .bin_name("cargo xtask")
         .about("Set-up, build, demo and test of the sensing absorber bead")

@@ -13,3 +13,24 @@ pub(crate) const IMAGE: &str = "--profile firmware --target thumbv7em-none-eabih
 
 /// The images of the emulator's own tests.
 pub(crate) const IMAGES: &str = "--profile firmware --target thumbv7em-none-eabihf -p stm32f405-qemu-images";
+
+/// Those of them that use embassy. The others would miss the vectors that its device brings.
+pub(crate) const ON_EMBASSY: &str =
+    "--features embassy --bin default-time-driver --bin ports --bin converters";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_images_on_embassy_are_those_that_ask_for_it() {
+        let manifest = concat!(env!("CARGO_MANIFEST_DIR"), "/../emulator/images/Cargo.toml");
+        let manifest = std::fs::read_to_string(manifest).unwrap();
+        let programs = manifest.split("[[bin]]\nname = \"").skip(1);
+        let mut asked = "--features embassy".to_owned();
+        for program in programs.filter(|program| program.contains("required-features = [\"embassy\"]")) {
+            asked += &format!(" --bin {}", program.split('"').next().unwrap());
+        }
+        assert_eq!(asked, ON_EMBASSY);
+    }
+}

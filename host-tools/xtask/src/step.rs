@@ -197,8 +197,10 @@ impl Steps {
     pub(crate) fn read(&self, title: &str, line: &Line) -> Result<String, Stop> {
         let mut command = self.command(line)?;
         self.say(title, line);
-        let output = command.stderr(Stdio::inherit()).output();
-        let output = self.ended(title, line, output)?;
+        if !self.beside {
+            command.stderr(Stdio::inherit());
+        }
+        let output = self.ended(title, line, command.output())?;
         Ok(String::from_utf8_lossy(&output.stdout).into_owned())
     }
 

@@ -2,14 +2,15 @@
 //!
 //! # Design
 //! Two series of commands run beside one another, one for the host and one for the part. Each has a cargo lock of
-//! its own, and both keep two cores busy until all is compiled. Then everything that runs is put into one queue, and
-//! beside it come lints and documentation of the host, which leave a core idle for half of their time.
+//! its own, and both keep two cores busy until all is compiled. What is compiled for the first time is linted and
+//! documented at once (`compiler.rs`). Then everything that runs is put into one queue, and beside it come lints and
+//! documentation of what was there already, which leave a core idle for half of their time.
 
-use crate::packages::{DEMO, HOST};
+use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
 use crate::step::{Line, Steps, Stop};
 use crate::suite::Job;
-use crate::{checks, image, lint, mutants, python, suite};
+use crate::{checks, compiler, image, lint, mutants, python, suite, supply};
 
 /// Runs every check.
 ///
@@ -19,10 +20,11 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     setup(steps, Need::Check)?;
     lint::text(steps)?;
     image::build_if_there_is_one(steps)?;
-    let mut jobs = Vec::new();
+    compiler::put(steps)?;
+    let (mut jobs, mut unchecked) = (Vec::new(), HOST);
     steps.both(
         |steps| {
-            jobs = programs(steps)?;
+            (jobs, unchecked) = programs(steps)?;
             Ok(())
         },
         part,
@@ -32,10 +34,13 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     // Last: cargo compiles them, and waits for the lints.
     jobs.push(documented_examples());
     let mut passed = 0;
-    steps.both(lint::host, |steps| {
-        passed = suite::run(steps, jobs)?;
-        Ok(())
-    })?;
+    steps.both(
+        |steps| lint::host(steps, unchecked),
+        |steps| {
+            passed = suite::run(steps, jobs)?;
+            Ok(())
+        },
+    )?;
     steps.announce(&format!("{passed} tests passed"));
     let table = steps.root.join(steps.built(TABLE));
     let rows = checks::compare(&steps.root.join("docs/checks.md"), &table)?;
@@ -45,24 +50,28 @@ pub(crate) fn test(steps: &Steps) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Compiles all that the host needs, and gives the programs of the tests.
-fn programs(steps: &Steps) -> Result<Vec<Job>, Stop> {
-    let compile =
-        Line::new("cargo test --no-run --message-format json-render-diagnostics --release").words(HOST);
-    let told = steps.read("build the host tools and their tests", &compile)?;
+/// Compiles all that the host needs, and gives the programs of the tests, and what is to be linted yet.
+fn programs(steps: &Steps) -> Result<(Vec<Job>, &'static str), Stop> {
+    let compile = Line::new("cargo test --no-run --all-targets --release").words(HOST);
+    let made = steps.built("release/bead");
+    let built = compiler::build(steps, "build the host tools and their tests", &compile, &made)?;
     // The figures' checks are left to the program that draws them as well.
-    let programs = suite::programs(&told).into_iter();
+    let programs = suite::programs(&built.told).into_iter();
     let programs = programs.map(|job| Job {
         line: job.line.words("--skip").arg(mutants::TEST),
         ..job
     });
-    Ok(programs.collect())
+    let unchecked = if built.checked { "-p xtask" } else { HOST };
+    Ok((programs.collect(), unchecked))
 }
 
 /// Builds and checks what is for the part; and the readers of others, which come over the network.
 fn part(steps: &Steps) -> Result<(), Stop> {
-    image::build(steps)?;
-    lint::image(steps)?;
+    if !image::build_and_check(steps)? {
+        lint::image(steps)?;
+    }
+    images(steps)?;
+    supply::check(steps)?;
     let bare = format!(
         "cargo check --profile firmware --target {TARGET} -p bead-model -p bead-wire --no-default-features"
     );
@@ -72,6 +81,21 @@ fn part(steps: &Steps) -> Result<(), Stop> {
     )?;
     python::setup_if_it_can_be(steps);
     Ok(())
+}
+
+/// Builds and lints the images of the emulator's tests.
+fn images(steps: &Steps) -> Result<(), Stop> {
+    let (title, line) = (
+        "images of the emulator's tests",
+        Line::new("cargo build").words(IMAGES),
+    );
+    let made = steps.built(&format!("{TARGET}/firmware"));
+    let plain = compiler::build(steps, title, &line.clone().words("--bins"), &made.join("panics"))?;
+    let on_embassy = compiler::build(steps, title, &line.words(ON_EMBASSY), &made.join("ports"))?;
+    match plain.checked && on_embassy.checked {
+        true => Ok(()),
+        false => lint::images(steps),
+    }
 }
 
 /// The end-to-end tests that depend on the core's speed.
