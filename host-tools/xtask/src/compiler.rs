@@ -45,13 +45,15 @@ pub(crate) struct Built {
     pub(crate) checked: bool,
 }
 
-/// Runs a build of cargo. Unless `made` is there already, each crate of ours is checked as it is compiled.
+/// Runs a build of cargo. Unless `made` is there already, each crate of ours is checked as it is compiled. Documentation
+/// goes into target/lints/doc.
 ///
 /// # Errors
 /// Of the build.
 pub(crate) fn build(steps: &Steps, title: &str, line: &Line, made: &Path) -> Result<Built, Stop> {
     let line = line.clone().words("--message-format json-render-diagnostics");
-    if steps.root.join(made).exists() {
+    // A wrapper of the user's own, such as a cache of compiled crates, stays.
+    if steps.root.join(made).exists() || env::var_os("RUSTC_WRAPPER").is_some() {
         let told = steps.read(title, &line)?;
         return Ok(Built { told, checked: false });
     }
