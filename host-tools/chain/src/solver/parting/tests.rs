@@ -173,6 +173,13 @@ fn what_a_slow_step_leaves_out_is_below_the_bound_that_is_derived() {
     moving.v[LANE] = 1e-3;
     let left = elastic.left_out(&lanes, &moving, &[LANE], length);
     same(left, bound(2.0 * slope * 2e-3 * length, (slope, 0.0), length));
+    // With its neighbour, only one of them.
+    let mut along = moving.clone();
+    along.v[LANE + 1] = 1e-3;
+    same(
+        elastic.left_out(&lanes, &along, &[LANE], length),
+        bound(2.0 * slope * 1e-3 * length, (slope, 0.0), length),
+    );
     moving.u = motion.u.clone();
     let left = elastic.left_out(&lanes, &moving, &[LANE], length);
     same(

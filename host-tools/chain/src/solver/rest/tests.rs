@@ -128,16 +128,18 @@ fn sleeping_bodies_meet_when_their_gap_is_flown_through() {
 fn a_sleeping_neighbour_drifts_on_until_bodies_of_both_blocks_meet() {
     let (lanes, mut work, mut rest) = asleep(&[], None);
     let lane = first(2);
-    // Both blocks next to each other fly apart inside, and bead 16 comes back since 1 s.
+    // Both blocks next to each other fly apart inside, and beads 15 and 16 towards each other since 1 s.
     for other in 0..lanes.len() {
         work.start.u[other] = other as f64;
     }
-    work.start.v[lane] = -0.25;
-    let meets = 1.0 + 1.0 / 0.25;
+    (work.start.v[lane - 1], work.start.v[lane]) = (0.05, -0.25);
+    let meets = 1.0 + 1.0 / 0.3;
+    rest.settle(&mut work, 1, 2.0);
     same(rest.meeting(&lanes, &mut work, 1, 2.0), meets);
     same(work.start.u[lane], lane as f64 - 0.25);
     rest.settle(&mut work, 2, 3.0);
     same(rest.meeting(&lanes, &mut work, 2, 3.0), meets);
+    same(work.start.u[lane - 1], lane as f64 - 1.0 + 0.1);
     assert_eq!(rest.meeting(&lanes, &mut work, 0, 3.0), f64::INFINITY);
     // One that is awake is looked at with each step.
     rest.asleep[1] = None;
