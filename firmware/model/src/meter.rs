@@ -73,8 +73,8 @@ pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + 
 /// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
 pub const REACH: usize = 816;
 
-/// Most scans by which the meter may lag behind after a call. A window that the force opened needs 939 at its end: of
-/// the longest one the whole history waited at first, and of each five scans that came two were left
+/// Most scans by which the meter may lag behind after a call. A window that the force opened needs about 1000 at its
+/// end: of the longest one the whole history waited at first, and of each five scans that came two were left
 /// ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. Of 672 scans, with a history of 160,
 /// it comes to this limit in its last piece, and a longer one earlier.
 const LAG_MAX: usize = REACH + 592;
@@ -486,5 +486,82 @@ impl Measurement {
             }
         }
         scans.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::design::{Bead, Capture, FrontEnd, derive};
+
+    /// Counts the windows that are complete.
+    #[derive(Default)]
+    struct Complete(usize);
+
+    impl Sink for Complete {
+        fn chunk(&mut self, _: &Chunk) {}
+        fn report(&mut self, _: &StrikeReport) {
+            self.0 += 1;
+        }
+    }
+
+    /// The scans that wait after each call of `call` scans. The window is opened by the force, which rises at the
+    /// scan `at`; or by the line, which asks at that scan, as late as it can.
+    fn lags([history, length]: [u16; 2], call: usize, by_force: bool, at: usize) -> Vec<usize> {
+        let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        (settings.window.history, settings.window.length) = (history, length);
+        let (mut meter, mut complete, mut lags) = (Meter::new(), Complete::default(), Vec::new());
+        if !by_force {
+            let late = (REACH - call) as u64;
+            meter.keep_around(at as u64 - late, at as u64, Origin::Line);
+        }
+        for first in (0..5000).step_by(call) {
+            let force = |index| if by_force && index >= at { 500 } else { 128 };
+            let scans = (first..first + call).map(|index| Scan::new([force(index), 128, 2048, 2048]));
+            meter.process(&settings, first as u64, scans, &mut complete);
+            lags.push(meter.recent.waiting().len());
+        }
+        assert!(complete.0 == 1 && lags.ends_with(&[0]), "{length}, {call}, {at}");
+        lags
+    }
+
+    #[test]
+    #[cfg_attr(miri, ignore = "thousands of scans")]
+    fn a_call_measures_three_fifths_of_its_scans_and_a_quarter_less_if_it_moves_those_in_memory() {
+        // The room is full after eleven calls, of which the eighth has the trigger.
+        let (call, measured) = (128, 76);
+        let lags = lags([160, 672], call, true, 1000);
+        assert_eq!((ROOM - HISTORY_MAX, call * 3 / 5), (11 * call, measured));
+        let more: Vec<usize> = lags[7..12].windows(2).map(|lags| lags[1] - lags[0]).collect();
+        assert_eq!(more, [52, 52, 52, 52 + measured / 4]);
+        // The call that completes the window does no more.
+        let end = 1000 + 1 - 160 + 672;
+        let last = lags.iter().rposition(|&lag| lag > 0).unwrap();
+        assert_eq!(lags[last], (last + 1) * call - end);
+    }
+
+    #[test]
+    #[cfg_attr(miri, ignore = "hundreds of thousands of scans")]
+    fn the_meter_lags_by_no_more_than_its_limit_and_by_less_if_the_force_opened_the_window() {
+        let mut nearest = 0;
+        for window in [[256, 1024], [160, 672], [128, 1024], [256, 257]] {
+            let [history, length] = window.map(usize::from);
+            for call in [32, 50, 100, 199, 200, 201, 256] {
+                for at in [2000, 2000 + call / 3, 2000 + call / 2, 2000 + call - 1] {
+                    // The history waits, and two of five scans that come; so does the rest of a call, in which the
+                    // scans may have been moved.
+                    let most = |by_force| lags(window, call, by_force, at).into_iter().max().unwrap();
+                    let by_force = most(true);
+                    assert!(
+                        by_force <= history + length * 2 / 3 + call + call / 10,
+                        "{window:?}, {call}, {at}: {by_force}"
+                    );
+                    let asked = most(false);
+                    assert!(asked <= LAG_MAX, "{window:?}, {call}, {at}: {asked}");
+                    nearest = nearest.max(asked);
+                }
+            }
+        }
+        assert_eq!(nearest, LAG_MAX, "the limit is met");
     }
 }

@@ -181,6 +181,17 @@ mod tests {
     use super::*;
     use fixed::types::extra::{U16, U30};
 
+    #[test]
+    fn a_scan_has_the_codes_of_the_conversions_in_their_order_and_by_their_gain() {
+        let scan = Scan::new([1, 2, 3, 4]);
+        assert_eq!(scan.codes(), [1, 2, 3, 4]);
+        assert_eq!((scan.sensitive(), scan.wide()), ([1, 3], [2, 4]));
+        // A register has twelve bits.
+        assert_eq!(Scan::new([0xFFFF; 4]).codes(), [4095; 4]);
+        let railed = [0, 1, 2048, 4094, 4095].map(|code| AdcCode::new(code).is_railed());
+        assert_eq!(railed, [true, false, false, false, true]);
+    }
+
     /// Numbers at which something ends: 0, powers of two, and their neighbours, of both signs.
     fn edges() -> impl Iterator<Item = i32> + Clone {
         let powers = (0..32).map(|power| 1_i64 << power);

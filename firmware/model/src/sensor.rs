@@ -361,6 +361,171 @@ mod tests {
     }
 
     #[test]
+    fn gains_differ_beyond_a_part_and_beyond_five_standard_deviations_to_either_side() {
+        let part = I16F16::from_num(0.02);
+        let differ = |deviation: I16F16, uncertainty: I16F16| {
+            [deviation, -deviation].map(|deviation| {
+                GainMatch {
+                    deviation,
+                    uncertainty,
+                }
+                .differ(part)
+            })
+        };
+        // The part itself is allowed, however sure it is.
+        assert_eq!(differ(part, I16F16::ZERO), [false; 2]);
+        assert_eq!(differ(part + I16F16::DELTA, I16F16::ZERO), [true; 2]);
+        for times in [2, 5, 50] {
+            let deviation = times * part;
+            assert_eq!(differ(deviation, deviation / 5), [false; 2]);
+            assert_eq!(differ(deviation, deviation / 5 - I16F16::DELTA), [true; 2]);
+        }
+        assert_eq!(differ(I16F16::MAX, I16F16::MAX), [false; 2]);
+        let least = GainMatch {
+            deviation: I16F16::MIN,
+            uncertainty: I16F16::ONE,
+        };
+        assert!(least.differ(part));
+    }
+
+    /// The wide channel reads a code too much while the signal moves, in `overlap` samples. Returns what is subtracted
+    /// from it when it takes over, in bits; the wide codes of the baseline are 100 plus those of `baseline` in turn. A
+    /// sensitive code is 2^power/256 N, and a wide one 16 times as much.
+    fn offset(overlap: usize, baseline: [i32; 2], power: u32) -> i32 {
+        let mut sensor = sensor();
+        for channel in [&mut sensor.sensitive, &mut sensor.wide] {
+            channel.per_code <<= power;
+        }
+        let mut state = SensorState::default();
+        let code = |codes: i32| codes as u16;
+        (0..BASELINE).for_each(|n| state.settle(Pair::new(128, code(100 + baseline[usize::from(n % 2)]))));
+        // Of a signal in wide codes.
+        let at = |signal: i32| Pair::new(code((128 + 16 * signal).min(4095)), code(100 + signal + 1));
+        let mut codes: Vec<Pair> = std::iter::repeat_n(at(100), overlap).collect();
+        codes.extend([at(2000); 2]);
+        let mut last = Force::ZERO;
+        for piece in codes.chunks(PIECE) {
+            let mut values = [Force::ZERO; PIECE];
+            let values = &mut values[..piece.len()];
+            sensor.process(&mut state, piece.iter().copied(), values);
+            last = *values.last().unwrap();
+        }
+        (2001 << (12 + power)) - last.to_bits()
+    }
+
+    #[test]
+    fn the_wide_channel_takes_over_less_its_mean_difference_so_far_with_the_baseline() {
+        for overlap in [2, 3, 9, 33, 80] {
+            // A baseline that scatters counts as its 64 samples, and one of equal codes as one.
+            for (baseline, counts) in [([0, 0], 1), ([-1, 1], 64)] {
+                // The sums have 20 bits for a signal of the sensitive range, which is that of a code of 1/256 N.
+                for power in 0..=4 {
+                    // A value is that of the sample before, so the first one is that of a sample that is quiet.
+                    let samples = overlap as i32 - 1;
+                    let stated = (4096 * samples / (samples + counts)) << power;
+                    assert_eq!(
+                        offset(overlap, baseline, power),
+                        stated,
+                        "{overlap}, {counts}, {power}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn seven_samples_do_not_tell_the_gains_and_eight_do() {
+        for (overlap, told) in [(8, false), (9, true)] {
+            let forces: Vec<f64> = (0..=overlap)
+                .map(|n| {
+                    if n < overlap {
+                        6.0 + f64::from(n) / 8.0
+                    } else {
+                        0.0
+                    }
+                })
+                .collect();
+            // The last value is that of the sample before the last.
+            let (_, _, matched) = measured(&forces[..overlap as usize], 1.0, PIECE);
+            assert_eq!(matched.is_some(), told, "{overlap}");
+        }
+    }
+
+    #[test]
+    fn a_difference_counts_with_24_bits_and_a_sign_at_most() {
+        for (difference, counts) in [
+            ((1 << 24) - 1, (1 << 24) - 1),
+            (i32::MAX, (1 << 24) - 1),
+            (-(1 << 24), -(1 << 24)),
+            (i32::MIN, -(1 << 24)),
+        ] {
+            let mut overlap = Overlap::default();
+            overlap.add(1, difference);
+            assert_eq!(overlap.mean_difference(0), counts, "{difference}");
+        }
+    }
+
+    #[test]
+    fn a_zero_near_a_rail_does_not_make_codes_at_the_rail_quiet() {
+        for (zero, code, loud) in [
+            (128, 64, false),
+            (128, 63, true),
+            (128, 1152, false),
+            (128, 1153, true),
+            (2048, 1024, false),
+            (2048, 1023, true),
+            (3900, 2876, false),
+            (3900, 2875, true),
+            (3900, 4031, false),
+            (3900, 4032, true),
+        ] {
+            let mut state = SensorState::default();
+            (0..BASELINE).for_each(|_| state.settle(Pair::new(zero, 2000)));
+            let codes = [zero, code, zero].map(|code| Pair::new(code, 2000));
+            let loudness = sensor().process(&mut state, codes.into_iter(), &mut [Force::ZERO; 3]);
+            assert_eq!(loudness.loud, loud, "{zero}, {code}");
+        }
+    }
+
+    #[test]
+    fn the_pieces_do_not_matter_whatever_the_codes_and_the_pole() {
+        let mut sensor = sensor();
+        for channel in [&mut sensor.sensitive, &mut sensor.wide] {
+            channel.slope = channel.per_code * I2F30::from_num(0.45);
+        }
+        // Every so often steps within a quarter of the range, or as wide as it; the wide codes are as drawn.
+        let mut state = 1_u64;
+        let mut drawn = |most: u64| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 33) % most) as u16
+        };
+        let codes: Vec<Pair> = (0..960)
+            .map(|n| {
+                let most = if n % 40 < 3 { 4096 } else { 1200 };
+                Pair::new(drawn(most), 500 + drawn(100))
+            })
+            .collect();
+        let told = |piece: usize| {
+            let mut state = SensorState::default();
+            (0..BASELINE).for_each(|_| state.settle(Pair::new(150, 500)));
+            let mut out = Vec::new();
+            for codes in codes.chunks(piece) {
+                let mut values = [Force::ZERO; PIECE];
+                sensor.process(&mut state, codes.iter().copied(), &mut values[..codes.len()]);
+                out.extend_from_slice(&values[..codes.len()]);
+            }
+            (out, state.gain_match())
+        };
+        let whole = told(PIECE);
+        assert!(whole.1.is_some());
+        for piece in [1, 2, 3, 7, 31] {
+            assert_eq!(told(piece), whole, "{piece}");
+        }
+    }
+
+    #[test]
     fn a_wide_channel_that_reads_nonsense_does_not_panic() {
         let sensor = Sensor {
             sensitive: sensor().sensitive,

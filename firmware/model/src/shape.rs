@@ -380,6 +380,39 @@ mod tests {
     }
 
     #[test]
+    fn the_width_goes_to_where_the_force_falls_below_half_and_may_be_a_single_sample() {
+        let width = |forces: &[i32], peak| {
+            let forces: Vec<Force> = forces.iter().map(|&force| Force::from_bits(force)).collect();
+            width(&forces, peak)
+        };
+        assert_eq!(width(&[0, 0, 1000, 0, 0], 2), Some(1.0));
+        // Shoulders at just half the height belong to it.
+        assert_eq!(width(&[0, 500, 500, 1000, 500, 500, 500, 0], 3), Some(5.0));
+        assert_eq!(
+            width(&[0, 499, 499, 1000, 499, 499, 499, 0], 3).map(f32::round),
+            Some(2.0)
+        );
+    }
+
+    #[test]
+    fn the_first_of_the_highest_forces_is_the_peak_and_the_extremes_include_zero() {
+        let mut record = WindowRecord::new();
+        let forces = [0, 3, 7, 2, 7, 1].map(Force::from_num);
+        let accelerations = [0, 5, -9, 8, 2, 0].map(SensedAcceleration::from_num);
+        record.extend(&forces, &accelerations);
+        let peaks = record.peaks();
+        assert_eq!((peaks.force, peaks.sample), (Force::from_num(7), 2));
+        let stated = [-9, 8].map(SensedAcceleration::from_num);
+        assert_eq!([*peaks.acceleration.start(), *peaks.acceleration.end()], stated);
+        let mut below = WindowRecord::new();
+        below.extend(&[-Force::ONE; 3], &[SensedAcceleration::ONE; 3]);
+        let peaks = below.peaks();
+        assert_eq!((peaks.force, peaks.sample), (Force::ZERO, 0));
+        let stated = SensedAcceleration::ZERO..=SensedAcceleration::ONE;
+        assert_eq!(peaks.acceleration, stated);
+    }
+
+    #[test]
     fn a_window_of_nothing_has_no_shape() {
         let mut record = WindowRecord::new();
         assert_eq!(
@@ -421,6 +454,25 @@ mod tests {
             (rung(0.0, 0.0), false),
         ] {
             assert_eq!(ringing.is_other_than(&shape), other, "{shape:?}");
+        }
+        // The tolerance itself is allowed.
+        let ringing = Ringing {
+            frequency: Fine::from_num(1600),
+            frequency_tolerance: I16F16::from_num(0.25),
+            decay: Fine::from_num(2000),
+            decay_tolerance: I16F16::from_num(0.5),
+        };
+        for (frequency, decay) in [
+            (2000.0, 2000.0),
+            (1200.0, 2000.0),
+            (1600.0, 3000.0),
+            (1600.0, 1000.0),
+        ] {
+            let shape = rung(frequency, decay);
+            assert!(!ringing.is_other_than(&shape), "{shape:?}");
+            let more = |value: f64, good: f64| value + (value - good).signum() * 0.01;
+            let shape = rung(more(frequency, 1600.0), more(decay, 2000.0));
+            assert!(ringing.is_other_than(&shape), "{shape:?}");
         }
     }
 }

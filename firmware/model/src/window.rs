@@ -359,6 +359,32 @@ mod tests {
     use super::*;
 
     #[test]
+    fn flags_contain_others_if_all_of_them_are_set() {
+        let both = Flags::from_bits(Flags::FORCE_RAILED.bits() | Flags::GAINS_DIFFER.bits());
+        for (flag, name) in Flags::NAMES {
+            assert!(flag.contains(flag), "{name}");
+            assert!(flag.contains(Flags::default()), "{name}");
+            assert!(!Flags::default().contains(flag), "{name}");
+            let is_one = flag == Flags::FORCE_RAILED || flag == Flags::GAINS_DIFFER;
+            assert_eq!(both.contains(flag), is_one, "{name}");
+            // One of two is not both.
+            assert!(!flag.contains(both), "{name}");
+        }
+        assert!(both.contains(both));
+    }
+
+    #[test]
+    fn a_flag_is_set_on_its_condition_and_others_stay() {
+        let mut flags = Flags::FORCE_RAILED;
+        flags.set_if(Flags::CHAIN_RANGE, false);
+        assert_eq!(flags, Flags::FORCE_RAILED);
+        for _ in 0..2 {
+            flags.set_if(Flags::CHAIN_RANGE, true);
+            assert_eq!(flags, Flags::from_bits(0b1001));
+        }
+    }
+
+    #[test]
     fn energies_differ_when_they_are_further_apart_than_a_part_of_the_greater() {
         let part = I16F16::from_num(0.0625);
         let [whole, near, far] = [800.0, 750.0, 749.9].map(Energy::from_num);
@@ -391,6 +417,29 @@ mod tests {
         }
         println!("worst relative error of the power 5/3: {worst:.2e}");
         assert!(worst < 1e-5, "{worst:e}");
+    }
+
+    #[test]
+    fn the_signal_stands_above_the_noise_if_there_is_noise_and_it_is_higher() {
+        let settings = crate::design::derive(
+            &crate::design::Bead::paper(),
+            &crate::design::FrontEnd::reference(),
+            &crate::design::Capture::default(),
+        );
+        let nothing = Window::open(0, 0).report(&settings.unwrap(), &WindowRecord::new());
+        let level = |peak: f64, noise: f64| {
+            let [peak_force, force_noise] = [peak, noise].map(Force::from_num);
+            StrikeReport {
+                peak_force,
+                force_noise,
+                ..nothing
+            }
+            .signal_to_noise()
+        };
+        assert!((level(8.0, 0.008).unwrap() - 60.0).abs() < 0.02);
+        assert!((level(1.0, 0.5).unwrap() - 6.02).abs() < 0.01);
+        assert_eq!([level(8.0, 0.0), level(0.0, 0.0), level(-1.0, -2.0)], [None; 3]);
+        assert_eq!([level(0.5, 0.5), level(0.5, 1.0)], [None; 2]);
     }
 
     #[test]

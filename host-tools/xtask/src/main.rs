@@ -173,8 +173,8 @@ const TASKS: &[Task] = &[
     (
         "miri",
         "Run the tests of what runs on the bead under Miri, on a little-endian and on a big-endian machine",
-        "It needs Rust's nightly with its components miri and rust-src, and says how to install them. It takes some \
-         minutes: loops are shorter than in `test`.",
+        "It needs Rust's nightly with its components miri and rust-src, and says how to install them. It takes about \
+         half an hour of a core, though loops are shorter than in `test`.",
         miri::miri,
     ),
 ];

@@ -135,10 +135,51 @@ fn an_instant_of_another_window_or_beyond_the_reach_is_not_kept() {
     // What stood before power-up is not there either.
     assert_eq!(hear(0.0, told(100, 400)).opened, []);
     assert_eq!(hear(0.0, told(200, 500)).opened, [(200, Origin::Line)]);
-    // How far back scans are kept at least.
-    let reach = REACH as u64 - BLOCK as u64;
-    assert_eq!(hear(0.0, told(3600 - reach, 3600)).opened.len(), 1);
     assert_eq!(hear(0.0, told(1000, 3600)).opened, []);
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "tens of thousands of scans")]
+fn scans_are_kept_as_far_back_as_the_reach_whenever_the_instant_is_told_of() {
+    let reach = REACH as u64 - BLOCK as u64;
+    for at in (1000..5000).step_by(BLOCK) {
+        let heard = hear(0.0, told(at - reach, at));
+        assert_eq!(heard.opened, [(at - reach, Origin::Line)], "{at}");
+        let first = heard.reports[0].first_index;
+        assert!(
+            (first..)
+                .zip(&heard.scans)
+                .all(|(index, kept)| *kept == scan(index, 0.0)),
+            "{at}"
+        );
+    }
+}
+
+#[test]
+fn a_window_is_opened_when_the_scan_comes_at_which_it_was_asked_for_and_not_before() {
+    let (settings, mut meter, mut heard) = (settings(), Meter::new(), Heard::default());
+    meter.keep_around(700, 1000, Origin::Request);
+    meter.process(
+        &settings,
+        0,
+        (0..1000).map(|index| scan(index, 0.0)).collect::<Vec<_>>(),
+        &mut heard,
+    );
+    assert!(heard.opened.is_empty() && meter.is_armed());
+    meter.process(&settings, 1000, [scan(1000, 0.0)], &mut heard);
+    assert_eq!(heard.opened, [(700, Origin::Request)]);
+    assert!(meter.is_measuring());
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "thousands of scans")]
+fn the_scan_after_a_history_of_quiet_is_the_first_around_which_a_window_is_opened() {
+    let history = u64::from(settings().window.history);
+    assert_eq!(hear(0.0, told(history - 1, history - 1)).opened, []);
+    assert_eq!(
+        hear(0.0, told(history, history)).opened,
+        [(history, Origin::Line)]
+    );
 }
 
 #[test]

@@ -4,6 +4,7 @@
 #[cfg(not(miri))]
 mod accuracy;
 mod around;
+mod loudness;
 mod meter;
 #[cfg(not(miri))]
 mod noise;

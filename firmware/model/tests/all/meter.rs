@@ -6,6 +6,7 @@ use bead_model::settings::Name;
 use bead_model::{Chunk, Flags, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
 use fixed::types::{I0F32, I2F30, I6F26, I16F16};
 use proptest::prelude::*;
+use std::sync::atomic::AtomicU32;
 
 #[derive(Default)]
 struct Heard {
@@ -63,6 +64,95 @@ fn quiet_never_triggers_whatever_its_level() {
 fn a_slow_drift_over_the_whole_range_does_not_trigger() {
     let (meter, heard) = hear((0..400_000).map(|i| (i / 100) as u16));
     assert!(heard.reports.is_empty() && meter.is_armed());
+}
+
+#[test]
+fn a_meter_is_armed_after_a_history_of_scans_in_which_the_force_does_not_rise() {
+    let settings = settings();
+    let history = usize::from(settings.window.history);
+    // The number of scans after which it is armed.
+    let armed = |force: &dyn Fn(usize) -> u16, restart_at: usize| {
+        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        (0..1000).position(|index| {
+            if index == restart_at {
+                meter.restart();
+            }
+            meter.process(&settings, index as u64, [scan(force(index))], &mut heard);
+            meter.is_armed()
+        })
+    };
+    let never = usize::MAX;
+    // Whatever the level: the first scans are compared with none before them.
+    for level in [0, 128, 4095] {
+        assert_eq!(armed(&|_| level, never), Some(history - 1), "{level}");
+    }
+    assert_eq!(armed(&|_| 128, 100), Some(100 + history - 1));
+    // The history begins anew after a rise, but not with a fall, nor with a rise across a restart.
+    let step = |at: usize, from: u16, to: u16| move |index: usize| if index < at { from } else { to };
+    for at in [60, 100, history - 1] {
+        assert_eq!(armed(&step(at, 128, 1128), never), Some(at + history), "{at}");
+        assert_eq!(armed(&step(at, 1128, 128), never), Some(history - 1), "{at}");
+        assert_eq!(armed(&step(at, 128, 1128), at), Some(at + history - 1), "{at}");
+    }
+}
+
+#[test]
+fn a_meter_that_passes_over_is_armed_again_after_a_history_from_the_scan_after_the_trigger() {
+    let settings = settings();
+    let history = usize::from(settings.window.history);
+    for at in [500, 555] {
+        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        meter.pass_over(true);
+        let mut feed = |indices: std::ops::Range<usize>| {
+            let first = indices.start as u64;
+            let scans: Vec<Scan> = indices
+                .map(|index| scan(if index < at { 128 } else { 1128 }))
+                .collect();
+            meter.process(&settings, first, scans, &mut heard);
+            (meter.is_armed(), meter.strikes(), meter.passed_over())
+        };
+        assert_eq!(feed(0..at), (true, 0, 0));
+        assert_eq!(feed(at..at + 30), (false, 1, 1));
+        assert_eq!(feed(at + 30..at + history), (false, 1, 1));
+        assert_eq!(feed(at + history..at + history + 1), (true, 1, 1));
+        assert!(heard.reports.is_empty());
+    }
+}
+
+#[test]
+fn words_of_a_dma_hold_the_high_gain_in_their_lower_half() {
+    use bead_model::scans;
+    let words =
+        [[0x0123_0456, 0x0789_0ABC], [0x0FFF_0000, 0x0000_0FFF]].map(|words| words.map(AtomicU32::new));
+    let codes: Vec<[u16; 4]> = scans(&words).map(Scan::codes).collect();
+    assert_eq!(codes, [[0x456, 0x123, 0xABC, 0x789], [0, 0xFFF, 0xFFF, 0]]);
+    assert_eq!(scans(&words).len(), 2);
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "thousands of scans")]
+fn words_of_a_dma_are_measured_as_the_scans_that_they_hold() {
+    let forces: Vec<u16> = (0..1500)
+        .map(|i| {
+            if (500..550).contains(&i) {
+                pulse(i - 500)
+            } else {
+                128
+            }
+        })
+        .collect();
+    let word = |[low, high]: [u16; 2]| AtomicU32::new(u32::from(low) | u32::from(high) << 16);
+    let words: Vec<[AtomicU32; 2]> = forces
+        .iter()
+        .map(|&force| {
+            let [force, force_wide, acceleration, acceleration_wide] = scan(force).codes();
+            [word([force, force_wide]), word([acceleration, acceleration_wide])]
+        })
+        .collect();
+    let (mut meter, mut heard) = (Meter::new(), Heard::default());
+    meter.process_words(&settings(), 0, &words, &mut heard);
+    assert_eq!(heard.reports.len(), 1);
+    assert_eq!(heard.reports, hear(forces).1.reports);
 }
 
 #[test]

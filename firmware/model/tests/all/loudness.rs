@@ -1,0 +1,137 @@
+//! The low gain has a part in loud pieces of a window only: the others are the same without its codes, which are not
+//! sent.
+#![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
+
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::layout::{BASELINE, PIECE};
+use bead_model::{Chunk, Meter, Scan, Settings, Sink, StrikeReport, Window, WindowRecord};
+
+/// The scan that triggers.
+const TRIGGER: u64 = 500;
+
+#[derive(Default)]
+struct Heard {
+    chunks: Vec<Chunk>,
+    report: Option<StrikeReport>,
+}
+
+impl Sink for Heard {
+    fn chunk(&mut self, chunk: &Chunk) {
+        self.chunks.push(chunk.clone());
+    }
+    fn report(&mut self, report: &StrikeReport) {
+        self.report = Some(*report);
+    }
+}
+
+fn settings() -> Settings {
+    derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
+}
+
+/// What a meter tells of a rise of the force within a quarter of the range, and of a force and an acceleration `loud`
+/// codes above their zeros in four scans from `at` on.
+fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Heard {
+    let scans: Vec<Scan> = (0..1500)
+        .map(|index| {
+            let noise = [0, 1, 3, 1, 2][(index % 5) as usize];
+            let rise = if index >= TRIGGER { 100 } else { 0 };
+            let loud = if (at..at + 4).contains(&index) {
+                loud
+            } else {
+                [0; 2]
+            };
+            let [force, acceleration] = [noise + rise.max(loud[0]), noise + loud[1]];
+            Scan::new([
+                128 + force,
+                130 + force / 16,
+                2048 + acceleration,
+                2046 + acceleration / 16,
+            ])
+        })
+        .collect();
+    let (mut meter, mut heard) = (Meter::new(), Heard::default());
+    meter.process(settings, 0, scans, &mut heard);
+    assert_eq!(heard.report.unwrap().trigger_index, TRIGGER);
+    heard
+}
+
+/// The report of the same window with other wide codes in the pieces for which `wide` does not ask.
+fn replay(settings: &Settings, heard: &Heard, wide: impl Fn(&Chunk) -> bool) -> StrikeReport {
+    let mut scans: Vec<Scan> = Vec::new();
+    for chunk in &heard.chunks {
+        if wide(chunk) {
+            // The two scans before it come with it.
+            let before = scans.len().saturating_sub(2);
+            let known = scans.len() - before;
+            scans[before..].copy_from_slice(&chunk.before[2 - known..]);
+            scans.extend(&chunk.scans);
+        } else {
+            scans.extend(chunk.scans.iter().map(|scan| {
+                let [force, force_wide, acceleration, acceleration_wide] = scan.codes();
+                Scan::new([
+                    force,
+                    4095 - force_wide,
+                    acceleration,
+                    1000 + acceleration_wide / 2,
+                ])
+            }));
+        }
+    }
+    let report = heard.report.unwrap();
+    let (mut window, mut record) = (
+        Window::open(report.strike, report.first_index),
+        WindowRecord::new(),
+    );
+    record.clear();
+    window.process(settings, &scans, &mut record);
+    window.report(settings, &record)
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "tens of thousands of scans")]
+fn a_piece_is_loud_in_the_baseline_and_where_a_code_or_one_of_two_before_is_beyond_a_quarter() {
+    let settings = settings();
+    let history = u64::from(settings.window.history);
+    for loud in [[1100, 0], [0, 1100], [3500, 1500]] {
+        // Wherever the loud scans begin in a piece.
+        for at in TRIGGER + 40..TRIGGER + 40 + PIECE as u64 {
+            let heard = hear(&settings, loud, at);
+            for chunk in &heard.chunks {
+                let [first, end] = [0, PIECE as u64].map(|more| chunk.first_index + more);
+                let in_baseline = first < TRIGGER + 1 - history + u64::from(BASELINE);
+                // The codes from at to at + 4 have a part in values up to at + 6.
+                assert_eq!(
+                    chunk.loud,
+                    in_baseline || first < at + 6 && at < end,
+                    "{loud:?}, {at}: {first}"
+                );
+            }
+        }
+    }
+    let quiet = hear(&settings, [1000, 1000], TRIGGER + 50);
+    assert_eq!(
+        quiet.chunks.iter().filter(|chunk| chunk.loud).count() * PIECE,
+        usize::from(BASELINE)
+    );
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "tens of thousands of scans")]
+fn a_window_is_the_same_without_the_wide_codes_of_its_quiet_pieces_and_another_without_those_of_a_loud_one() {
+    let settings = settings();
+    for loud in [[3950, 0], [0, 2000], [3950, 2000]] {
+        for at in TRIGGER + 40..TRIGGER + 40 + PIECE as u64 {
+            let heard = hear(&settings, loud, at);
+            let report = heard.report.unwrap();
+            assert_eq!(
+                replay(&settings, &heard, |chunk| chunk.loud),
+                report,
+                "{loud:?}, {at}"
+            );
+            // Where the wide channel gives the signal.
+            let is_held = |chunk: &Chunk| (chunk.first_index..chunk.first_index + PIECE as u64).contains(&at);
+            let other = replay(&settings, &heard, |chunk| chunk.loud && !is_held(chunk));
+            assert_ne!(other, report, "{loud:?}, {at}");
+        }
+    }
+}
