@@ -199,3 +199,6 @@ pub(super) fn inside(x: f64) -> [Weight; STAGES] {
         }
     })
 }
+
+#[cfg(test)]
+mod tests;
