@@ -73,8 +73,8 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
     creeping.starts = vec![Start::moving([20], -2e-9), Start::moving([24], -1e-3)];
 
     // At first nothing touches.
-    let mut flying = plain(9, 0.0, 0.004);
-    flying.starts = vec![Start::apart([1, 4, 7], 1e-5)];
+    let mut flying = plain(9, 0.0, 0.006);
+    flying.starts = vec![Start::apart([1, 4, 7], 4e-4)];
 
     vec![
         (
@@ -162,7 +162,7 @@ const TALLIES: &[(&str, [[usize; 4]; 2])] = &[
     ("long", [[85, 1744, 1312, 1312], [293, 5712, 4752, 4752]]),
     ("rung down", [[87, 1680, 1504, 1450], [270, 5552, 4608, 4455]]),
     ("creeping", [[47, 944, 1104, 984], [172, 3680, 4056, 3676]]),
-    ("flying", [[54, 1216, 640, 484], [223, 5104, 2696, 2012]]),
+    ("flying", [[25, 464, 192, 192], [77, 1648, 608, 608]]),
     (
         "parted",
         [[654, 11696, 67416, 92984], [1841, 34272, 211760, 245112]],
