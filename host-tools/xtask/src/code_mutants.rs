@@ -37,6 +37,8 @@ const PARTS: [(&str, &str, &str, &str); 4] = [
     ),
 ];
 const UNIT_TESTS: &str = "--cargo-arg=--lib";
+/// The test that counts instructions knows those of the profile release.
+const OTHER_PROFILE: &str = "-- --skip counts::";
 /// The tests notice at least this many of 100 changes that compile.
 const LEAST: usize = 95;
 /// When a test counts as hanging.
@@ -81,7 +83,9 @@ pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
             // A file of cases that failed once would be tried on every other change.
             .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1")
     };
-    let sound = line("cargo test --quiet --profile mutants --lib --tests -p").arg(package);
+    let sound = line("cargo test --quiet --profile mutants --lib --tests -p")
+        .arg(package)
+        .words(OTHER_PROFILE);
     steps.run(&format!("the tests of {name} without a change"), &sound)?;
     let output = folder.join(name);
     let changes = |words: &str| {
@@ -105,7 +109,7 @@ pub(crate) fn check(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
         let others = missed
             .iter()
             .fold(changes(""), |line, name| line.arg("--re").arg(exactly(name)));
-        ran = steps.run(&title, &others.words("-- --lib --tests"));
+        ran = steps.run(&title, &others.words("-- --lib --tests").words(OTHER_PROFILE));
         (by_others, missed) = (noticed(), told("missed.txt"));
         if by_others + missed.len() < count {
             ran?;
