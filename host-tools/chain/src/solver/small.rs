@@ -256,6 +256,9 @@ fn inside_of_steps(tolerance: f64, longest: f64, every: u64, most: [f64; 3]) {
             }
             let mut dense = Dense::new(&lanes, layout, (from, to), &before, run.tolerance());
             let mut inside = before.clone();
+            let beside = 1e-3 * (to - from);
+            assert!([from, t].into_iter().all(|t| dense.holds(t)));
+            assert!(!dense.holds(from - beside) && !dense.holds(to + beside));
             dense.at(t, &mut inside);
             for component in 0..inside.len() {
                 let pair = (inside[component], there[component]);

@@ -37,7 +37,11 @@ fn every_row_integrates_as_many_powers_as_its_stage_needs() {
         // What is integrated twice loses one power.
         for k in 0..powers - 1 {
             let expected = NODES[row].powi(k + 2) / f64::from((k + 1) * (k + 2));
-            near(moment(|stage| weights[stage].displacement, k), expected, 3.0 * PRINTED);
+            near(
+                moment(|stage| weights[stage].displacement, k),
+                expected,
+                3.0 * PRINTED,
+            );
         }
         assert!(
             weights[row.min(MAIN)..]

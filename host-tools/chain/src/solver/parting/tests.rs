@@ -232,3 +232,29 @@ fn the_longest_step_is_stable_keeps_waves_out_and_leaves_out_what_is_quiet() {
     let length = step(&slow, quiet, 1.0);
     assert!(left(length) <= quiet && left(length / 0.9) > quiet);
 }
+
+#[test]
+fn a_block_is_calm_whose_contacts_change_by_a_quarter_or_stay_open() {
+    let (block, length) = (LANE / BLOCK - 1, 1e-5);
+    let calm = |relaxation: f64, host: Option<usize>, deep: f64, rate: f64| {
+        let (lanes, mut motion) = chain(relaxation, host);
+        // The other contacts are pressed hard.
+        for lane in BLOCK..BLOCK + 64 {
+            let short = if lane < LANE { 0.0 } else { 1e-5 - deep };
+            motion.u[lane] = short - 1e-5 * (lane - BLOCK) as f64;
+        }
+        motion.v[BLOCK..LANE].fill(rate);
+        is_calm(&lanes, &motion, block, length)
+    };
+    // Pressed by 1 µm: it may change by 0.25 µm, either way.
+    for sign in [1.0, -1.0] {
+        assert!(calm(0.0, None, 1e-6, sign * 0.0249) && !calm(0.0, None, 1e-6, sign * 0.0251));
+        // The viscous force changes with the rate: (3/2) τ counts as a time where it is longer.
+        assert!(calm(1e-5, None, 1e-6, sign * 0.0166) && !calm(1e-5, None, 1e-6, sign * 0.0168));
+        assert!(!calm(0.0, Some(LANE - BLOCK), 1e-6, 0.0));
+    }
+    // Open by 1 µm: it stays so in three times the step.
+    assert!(
+        calm(0.0, None, -1e-6, 0.0333) && !calm(0.0, None, -1e-6, 0.0334) && calm(0.0, None, -1e-6, -1.0)
+    );
+}

@@ -179,3 +179,41 @@ fn a_block_may_sleep_whose_contacts_and_intruder_are_quiet_or_open_for_long() {
     assert!(may(&[(guest, 0.0, -0.99 * quiet)]) && !may(&[(guest, 0.0, -1.01 * quiet)]));
     assert!(may(&[(guest, 0.99 * stretch, 0.0)]) && !may(&[(guest, 1.01 * stretch, 0.0)]));
 }
+
+#[test]
+fn a_contact_that_a_step_closes_with_a_sleeping_block_is_noticed_on_either_side() {
+    let (lanes, _, mut rest) = asleep(&[], None);
+    let (h, quiet) = (1e-4, rest.quiet);
+    for behind in [true, false] {
+        // Block 1 sleeps; the run is before it or behind it.
+        let lane = if behind { first(1) } else { first(2) };
+        let (mover, sleeper) = if behind {
+            (lane - 1, lane)
+        } else {
+            (lane, lane - 1)
+        };
+        let sign = if behind { 1.0 } else { -1.0 };
+        // The gap at the start, how far the one comes closer, and how far the other flies from it.
+        let closes = |gap: f64, way: f64, flight: f64| {
+            let mut work = Work::new(&lanes, false);
+            work.start.u[sleeper] = sign * gap;
+            work.start.v[sleeper] = sign * flight / h;
+            work.end.u[mover] = sign * way;
+            // What is kept of an earlier step at the end says nothing of the sleeper.
+            work.end.u[sleeper] = -sign;
+            rest.closes(&lanes, &work, 1, behind, h)
+        };
+        assert!(closes(1e-6, 1.1e-6, 0.0) && closes(1e-6, 1e-6, 0.0) && !closes(1e-6, 0.9e-6, 0.0));
+        assert!(!closes(1e-6, 1.1e-6, 0.2e-6) && closes(1e-6, 0.9e-6, -0.2e-6));
+        // It was closed before, or touches already; or it closes as slowly as may be left out.
+        assert!(!closes(-1e-6, 1e-6, 0.0) && !closes(0.0, 1e-6, 0.0));
+        let way = h * quiet;
+        assert!(!closes(0.9 * way, 0.99 * way, 0.0) && closes(0.9 * way, 1.01 * way, 0.0));
+    }
+    // One that is awake is computed.
+    let mut work = Work::new(&lanes, false);
+    (work.start.u[first(1)], work.end.u[first(1) - 1]) = (1e-6, 2e-6);
+    assert!(rest.closes(&lanes, &work, 1, true, h));
+    rest.asleep[1] = None;
+    assert!(!rest.closes(&lanes, &work, 1, true, h));
+}
