@@ -1,7 +1,6 @@
 //! Nonlinear least squares, with the uncertainty of the parameters found.
 
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::{Const, DMatrix, DVector, Dyn, Owned, SMatrix, SVector};
+use rmpfit::{MPConfig, MPFitter, MPPar, MPResult, MPSide, MPSuccess};
 
 /// Why data could not be fitted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -30,9 +29,9 @@ pub enum FitError {
 
 /// What least squares find: the parameters, their covariance, and the scatter.
 pub(crate) struct Found<const P: usize> {
-    pub(crate) parameters: SVector<f64, P>,
+    pub(crate) parameters: [f64; P],
     /// From the scatter of the points.
-    pub(crate) covariance: SMatrix<f64, P, P>,
+    pub(crate) covariance: [[f64; P]; P],
     /// Root mean square distance of the points; each parameter takes one degree of freedom.
     pub(crate) residual: f64,
 }
@@ -41,37 +40,63 @@ pub(crate) struct Found<const P: usize> {
 struct Problem<F, const P: usize> {
     points: usize,
     distance: F,
-    parameters: SVector<f64, P>,
+    parameters: [MPPar; P],
 }
 
-impl<F, const P: usize> LeastSquaresProblem<f64, Dyn, Const<P>> for Problem<F, P>
+/// Until rounding ends it.
+static SETTINGS: MPConfig = MPConfig {
+    ftol: 30.0 * f64::EPSILON,
+    xtol: 30.0 * f64::EPSILON,
+    gtol: 30.0 * f64::EPSILON,
+    ..MPConfig::new()
+};
+
+impl<F, const P: usize> Problem<F, P>
 where
-    F: Fn(&SVector<f64, P>, usize) -> (f64, [f64; P]),
+    F: Fn(&[f64; P], usize) -> (f64, [f64; P]),
 {
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, Const<P>>;
-    type ParameterStorage = Owned<f64, Const<P>>;
-
-    fn set_params(&mut self, parameters: &SVector<f64, P>) {
-        self.parameters = *parameters;
+    fn all(&self, parameters: &[f64]) -> impl Iterator<Item = (f64, [f64; P])> {
+        let parameters = std::array::from_fn(|which| parameters[which]);
+        (0..self.points).map(move |i| (self.distance)(&parameters, i))
     }
+}
 
-    fn params(&self) -> SVector<f64, P> {
-        self.parameters
-    }
-
-    fn residuals(&self) -> Option<DVector<f64>> {
-        let distance = |i, _| (self.distance)(&self.parameters, i).0;
-        Some(DVector::from_fn(self.points, distance))
-    }
-
-    fn jacobian(&self) -> Option<nalgebra::OMatrix<f64, Dyn, Const<P>>> {
-        let mut rows = nalgebra::OMatrix::<f64, Dyn, Const<P>>::zeros(self.points);
-        for i in 0..self.points {
-            let (_, derivatives) = (self.distance)(&self.parameters, i);
-            rows.row_mut(i).copy_from_slice(&derivatives);
+impl<F, const P: usize> MPFitter for Problem<F, P>
+where
+    F: Fn(&[f64; P], usize) -> (f64, [f64; P]),
+{
+    fn eval(&mut self, parameters: &[f64], distances: &mut [f64]) -> MPResult<()> {
+        for (to, (distance, _)) in distances.iter_mut().zip(self.all(parameters)) {
+            *to = distance;
         }
-        Some(rows)
+        Ok(())
+    }
+
+    fn jacobian(
+        &mut self,
+        parameters: &[f64],
+        distances: &mut [f64],
+        columns: &mut [Option<Vec<f64>>],
+    ) -> MPResult<()> {
+        for (i, (distance, derivatives)) in self.all(parameters).enumerate() {
+            distances[i] = distance;
+            for (column, derivative) in columns.iter_mut().flatten().zip(derivatives) {
+                column[i] = derivative;
+            }
+        }
+        Ok(())
+    }
+
+    fn number_of_points(&self) -> usize {
+        self.points
+    }
+
+    fn config(&self) -> &MPConfig {
+        &SETTINGS
+    }
+
+    fn parameters(&self) -> &[MPPar] {
+        &self.parameters
     }
 }
 
@@ -79,7 +104,7 @@ where
 pub(crate) fn least_squares<const P: usize>(
     points: usize,
     guess: [f64; P],
-    distance: impl Fn(&SVector<f64, P>, usize) -> (f64, [f64; P]),
+    distance: impl Fn(&[f64; P], usize) -> (f64, [f64; P]),
 ) -> Result<Found<P>, FitError> {
     if points <= P {
         return Err(FitError::TooFew {
@@ -87,24 +112,28 @@ pub(crate) fn least_squares<const P: usize>(
             need: P + 1,
         });
     }
-    let problem = Problem {
+    let with_derivatives = |_| MPPar {
+        side: MPSide::User,
+        ..MPPar::new()
+    };
+    let mut problem = Problem {
         points,
         distance,
-        parameters: SVector::from(guess),
+        parameters: std::array::from_fn(with_derivatives),
     };
-    let (problem, report) = LevenbergMarquardt::new().minimize(problem);
-    if !report.termination.was_successful() {
+    let mut parameters = guess;
+    let ended = problem.mpfit(&mut parameters).map_err(|_| FitError::NoEnd)?;
+    // A direction along which nothing changes has no variance there.
+    let undecided = ended.xerror.iter().any(|error| *error <= 0.0);
+    if undecided || matches!(ended.success, MPSuccess::NotDone | MPSuccess::MaxIter) {
         return Err(FitError::NoEnd);
     }
-    let squares = 2.0 * report.objective_function;
-    let residual = (squares / (points - P) as f64).sqrt();
-    let jacobian = problem.jacobian().ok_or(FitError::NoEnd)?;
-    let jacobian = DMatrix::from_iterator(points, P, jacobian.iter().copied());
-    let information = jacobian.transpose() * &jacobian;
-    let inverse = information.try_inverse().ok_or(FitError::NoEnd)?;
+    let squares: f64 = ended.resid.iter().map(|distance| distance * distance).sum();
+    let variance = squares / (points - P) as f64;
+    let of_row = |row| std::array::from_fn(|column| variance * ended.covar[row * P + column]);
     Ok(Found {
-        parameters: problem.parameters,
-        covariance: SMatrix::from_fn(|row, column| residual * residual * inverse[(row, column)]),
-        residual,
+        parameters,
+        covariance: std::array::from_fn(of_row),
+        residual: variance.sqrt(),
     })
 }

@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Vector2};
 use realfft::num_complex::Complex64;
 
 use crate::fit::{FitError, least_squares};
@@ -78,9 +77,9 @@ pub fn fit_response(points: &[(f64, f64)], mass: f64) -> Result<OscillatorFit, F
     let (stiffness, damping) = (found.parameters[0].exp(), found.parameters[1].exp());
     Ok(OscillatorFit {
         stiffness,
-        stiffness_error: stiffness * found.covariance[(0, 0)].sqrt(),
+        stiffness_error: stiffness * found.covariance[0][0].sqrt(),
         damping,
-        damping_error: damping * found.covariance[(1, 1)].sqrt(),
+        damping_error: damping * found.covariance[1][1].sqrt(),
         residual: found.residual,
     })
 }
@@ -126,15 +125,26 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
     positive("the strongest frequency", omega)?;
     let waves = |omega: f64, beta: f64, t: f64| {
         let (sin, cos) = (omega * t).sin_cos();
-        Vector2::new(cos, sin) * (-beta * t).exp()
+        [cos, sin].map(|wave| wave * (-beta * t).exp())
     };
-    let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
+    // A and B of these ω and β, which are linear: from the two normal equations.
+    let [mut cos_cos, mut cos_sin, mut sin_sin, mut right_cos, mut right_sin] = [0.0; 5];
     for (i, value) in values.iter().enumerate() {
-        let wave = waves(omega, beta, time(i));
-        normal += wave * wave.transpose();
-        right += wave * *value;
+        let [cos, sin] = waves(omega, beta, time(i));
+        cos_cos += cos * cos;
+        cos_sin += cos * sin;
+        sin_sin += sin * sin;
+        right_cos += cos * value;
+        right_sin += sin * value;
     }
-    let start = normal.lu().solve(&right).ok_or(FitError::NoEnd)?;
+    let determinant = cos_cos * sin_sin - cos_sin * cos_sin;
+    if determinant <= 0.0 {
+        return Err(FitError::NoEnd);
+    }
+    let start = [
+        (right_cos * sin_sin - right_sin * cos_sin) / determinant,
+        (right_sin * cos_cos - right_cos * cos_sin) / determinant,
+    ];
 
     let guess = [omega.ln(), beta.ln(), start[0], start[1]];
     let found = least_squares(values.len(), guess, |parameters, i| {
@@ -148,15 +158,15 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
     let (omega, beta) = (found.parameters[0].exp(), found.parameters[1].exp());
     let (by_omega, by_beta) = (2.0 * mass * omega * omega, 2.0 * mass * beta * beta);
     let covariance = found.covariance;
-    let variance = by_omega * by_omega * covariance[(0, 0)]
-        + 2.0 * by_omega * by_beta * covariance[(0, 1)]
-        + by_beta * by_beta * covariance[(1, 1)];
+    let variance = by_omega * by_omega * covariance[0][0]
+        + 2.0 * by_omega * by_beta * covariance[0][1]
+        + by_beta * by_beta * covariance[1][1];
     let damping = 2.0 * mass * beta;
     Ok(OscillatorFit {
         stiffness: mass * (omega * omega + beta * beta),
         stiffness_error: variance.sqrt(),
         damping,
-        damping_error: damping * covariance[(1, 1)].sqrt(),
+        damping_error: damping * covariance[1][1].sqrt(),
         residual: found.residual,
     })
 }
