@@ -147,3 +147,59 @@ impl Observer {
         state.noise as f32 * UNIT
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The square of 1 m/s² in bits of the sums.
+    const ONE: u64 = 1 << (2 * SensedAcceleration::FRAC_NBITS);
+
+    /// A state with a piece of 32 samples whose squares are `mean` (m/s²)² in the mean.
+    fn with_piece(state: ObserverState, mean: u64) -> ObserverState {
+        ObserverState {
+            piece: 32 * mean * ONE,
+            piece_samples: 32,
+            ..state
+        }
+    }
+
+    #[test]
+    fn the_noise_is_the_mean_square_of_the_quiet_pieces() {
+        let observer = Observer {
+            start: I0F32::ZERO,
+            end: I0F32::ZERO,
+            energy: I2F30::ONE,
+        };
+        let mut state = ObserverState::default();
+        assert_eq!(observer.noise_square(&state), 0.0);
+        for (mean, stated) in [(4, 4.0), (2, 3.0), (0, 2.0)] {
+            state = with_piece(state, mean);
+            state.close_noise();
+            assert_eq!(observer.noise_square(&state), stated);
+        }
+    }
+
+    #[test]
+    fn a_piece_counts_if_it_has_more_than_twice_the_noise_and_then_the_noise_is_taken_off() {
+        let observer = Observer {
+            start: I0F32::ZERO,
+            end: I0F32::ZERO,
+            energy: I2F30::ONE,
+        };
+        for noise in [0, 5] {
+            let mut quiet = with_piece(ObserverState::default(), noise);
+            quiet.close_noise();
+            let mut twice = with_piece(quiet, 2 * noise);
+            assert_eq!(observer.absorbed(0, &twice), Energy::ZERO);
+            assert!(!twice.close_piece());
+            let mut more = with_piece(twice, 2 * noise + 1);
+            // In nJ for a scale of 1 nJ/(m/s²)².
+            let stated = Energy::from_num(32 * (noise + 1));
+            assert_eq!(observer.absorbed(0, &more), stated);
+            assert!(more.close_piece());
+            assert_eq!(observer.absorbed(0, &more), stated);
+            assert_eq!(observer.noise(0, &more), Energy::from_num(32 * noise));
+        }
+    }
+}

@@ -403,4 +403,59 @@ mod tests {
             [-LIMIT, -LIMIT, -LIMIT, -1, 0, LIMIT - 1, LIMIT - 1, LIMIT - 1]
         );
     }
+    #[test]
+    fn an_overlap_beyond_half_of_what_its_powers_leave_room_for_is_remembered() {
+        // No force, so nothing but the overlap is watched.
+        let chain = ReducedChain {
+            contact: I0F32::ZERO,
+            relaxation: I2F30::ZERO,
+            incoming: I0F32::ZERO,
+            stiffness: I0F32::ZERO,
+            damping: I0F32::ZERO,
+            intruder: I0F32::ZERO,
+            host: I0F32::ZERO,
+            gate: Force::ZERO,
+            energy: EnergyScale::ZERO,
+        };
+        let left = |contact: u8, position: i32| {
+            let powers = Powers::new(&Scale {
+                contact,
+                ..Scale::default()
+            });
+            let overlap = Coordinate {
+                position,
+                ..Coordinate::default()
+            };
+            let mut watch = Watch::default();
+            chain.contact_force::<true>(&powers, &overlap, &mut watch);
+            watch.0 >= LIMIT
+        };
+        // 256 µm of the paper's bead; 4^(6 - contact)/2 µm if there is less room.
+        for (contact, half) in [(0, 256.0), (1, 256.0), (2, 128.0), (3, 32.0), (6, 0.5)] {
+            let half = Length::from_num(half).to_bits();
+            assert!(!left(contact, half - 1), "{contact}");
+            assert!(left(contact, half), "{contact}");
+            // Beads that have parted may drift.
+            assert!(!left(contact, -half), "{contact}");
+        }
+    }
+
+    #[test]
+    fn the_gate_closes_after_its_foot_and_a_force_at_it_opens_it() {
+        let gate = Force::ONE;
+        let [below, at] = [gate - Force::DELTA, gate].map(|force| [force, -force]);
+        let mut silent = 0;
+        let mut gated = |force: Force| gated(gate.to_bits(), &mut silent, force);
+        for _ in 0..2 {
+            for n in 0..FOOT {
+                let force = below[usize::from(n % 2)];
+                assert_eq!(gated(force), force.to_bits(), "{n}");
+            }
+            assert_eq!(below.map(&mut gated), [0; 2]);
+            // Each of these alone.
+            for force in at {
+                assert_eq!(gated(force), force.to_bits());
+            }
+        }
+    }
 }

@@ -488,6 +488,24 @@ mod tests {
     }
 
     #[test]
+    fn a_piece_is_loud_however_many_of_its_codes_are_far_from_zero_and_to_whichever_sides() {
+        for high in 0..=PIECE {
+            for low in [0, 1, 2, 7, 8] {
+                let mut state = SensorState::default();
+                (0..BASELINE).for_each(|_| state.settle(Pair::new(2048, 2048)));
+                let code = |n| match n {
+                    _ if n < high => 3500,
+                    _ if n < high + low => 700,
+                    _ => 2048,
+                };
+                let codes = (0..PIECE).map(|n| Pair::new(code(n), 2048));
+                let loudness = sensor().process(&mut state, codes, &mut [Force::ZERO; PIECE]);
+                assert_eq!(loudness.loud, high + low > 0, "{high} high, {low} low");
+            }
+        }
+    }
+
+    #[test]
     fn the_pieces_do_not_matter_whatever_the_codes_and_the_pole() {
         let mut sensor = sensor();
         for channel in [&mut sensor.sensitive, &mut sensor.wide] {

@@ -457,6 +457,35 @@ mod tests {
     }
 
     #[test]
+    fn the_physics_is_finite_and_above_zero_before_anything_is_computed_from_it() {
+        type Number = fn(&mut Settings) -> &mut f32;
+        let numbers: [Number; 5] = [
+            |settings| &mut settings.bead.mass,
+            |settings| &mut settings.bead.intruder_mass,
+            |settings| &mut settings.bead.stiffness,
+            |settings| &mut settings.bead.damping,
+            |settings| &mut settings.bead.contact_stiffness,
+        ];
+        for (n, number) in numbers.into_iter().enumerate() {
+            for value in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+                let mut settings = paper();
+                *number(&mut settings) = value;
+                let refused = settings.bounds().unwrap_err().to_string();
+                assert!(
+                    refused.contains("a mass, a stiffness or the damping"),
+                    "{n}, {value}: {refused}"
+                );
+            }
+        }
+        for value in [-1.0, f32::NAN, f32::INFINITY] {
+            let mut settings = paper();
+            settings.bead.relaxation = value;
+            let refused = settings.bounds().unwrap_err().to_string();
+            assert!(refused.contains("relaxation"), "{value}: {refused}");
+        }
+    }
+
+    #[test]
     fn no_coefficient_is_negative_and_each_may_be_zero() {
         type Number = fn(&mut Settings) -> &mut I0F32;
         let numbers: [Number; 8] = [

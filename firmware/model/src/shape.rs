@@ -351,6 +351,15 @@ mod tests {
             .collect();
         assert_eq!(ringing(&decays, 100_000, 0.0, 1700.0), None);
         assert_eq!(ringing(&rung(1700.0, 300.0, 400), 100_000, 100.0, 1700.0), None);
+        // Twelve means of eight samples are enough.
+        assert!(ringing(&rung(1700.0, 1700.0, 8 * 12), 100_000, 0.0, 1700.0).is_some());
+        // What grows is not free, and what creeps back does not oscillate.
+        assert_eq!(ringing(&rung(1700.0, -300.0, 400), 100_000, 0.0, 1700.0), None);
+        let creeps: Vec<SensedAcceleration> = (0..400)
+            .map(|n| [20.0, 60.0].map(|time| (-f64::from(n) / time).exp()))
+            .map(|[fast, slow]| SensedAcceleration::from_num(8000.0 * (fast - slow)))
+            .collect();
+        assert_eq!(ringing(&creeps, 100_000, 0.0, 1700.0), None);
     }
 
     #[test]
@@ -366,6 +375,12 @@ mod tests {
         // Near an end it makes do with what there is.
         let top = summit(&forces[..100], 97, 9);
         assert!((top - 97.3).abs() < 1e-3, "{top}");
+        // Where no parabola has its top within them, the highest sample it is.
+        let hollow = [99, 50, 50, 100, 50, 50, 60].map(Force::from_num);
+        assert_eq!(summit(&hollow, 3, 3), 3.0);
+        let shoulder = [0, 0, 0, 100, 99, 99, 99].map(Force::from_num);
+        assert_eq!(summit(&shoulder, 3, 3), 3.0);
+        assert_eq!(summit(&[Force::ONE; 7], 3, 3), 3.0);
     }
 
     #[test]

@@ -128,7 +128,13 @@ pub fn fit_ring_down(signal: &Signal, mass: f64) -> Result<OscillatorFit, FitErr
         [cos, sin].map(|wave| wave * (-beta * t).exp())
     };
     // A and B of these ω and β, which are linear: from the two normal equations.
-    let [mut cos_cos, mut cos_sin, mut sin_sin, mut right_cos, mut right_sin] = [0.0; 5];
+    let [
+        mut cos_cos,
+        mut cos_sin,
+        mut sin_sin,
+        mut right_cos,
+        mut right_sin,
+    ] = [0.0; 5];
     for (i, value) in values.iter().enumerate() {
         let [cos, sin] = waves(omega, beta, time(i));
         cos_cos += cos * cos;

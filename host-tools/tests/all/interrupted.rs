@@ -7,6 +7,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::program;
+
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
 
 /// A child that is killed if the test fails before it ends.
@@ -21,13 +23,11 @@ impl Drop for Running {
 
 impl Running {
     /// `bead` in a directory, with another one for its temporary files. Like in a shell, it and what it starts are one
-    /// group, unless it says otherwise. It heeds the signals that this test may have been told to ignore, as under nohup.
+    /// group, unless it says otherwise.
     fn start(directory: &Path, temporary: &Path, arguments: &[&str]) -> Self {
-        let mut command = Command::new("env");
+        let mut command = program::interruptible(directory);
         command
-            .current_dir(directory)
             .env("TMPDIR", temporary)
-            .args(["--default-signal=INT,TERM,HUP", env!("CARGO_BIN_EXE_bead")])
             .args(arguments)
             .stdout(Stdio::null())
             .stderr(Stdio::piped())

@@ -356,8 +356,7 @@ impl Drop for Running {
 }
 
 fn record(directory: &Path, arguments: &[&str]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_bead"))
-        .current_dir(directory)
+    program::interruptible(directory)
         .arg("record")
         .args(["--out", "a.mcap", "--duration", "60"])
         .args(arguments)

@@ -15,6 +15,16 @@ pub(crate) fn bead(folder: &Path, arguments: impl IntoIterator<Item: AsRef<OsStr
         .unwrap()
 }
 
+/// `bead` in a folder, ready to start. It heeds the signals that this test may have been told to ignore, as under nohup
+/// or in the background of a script.
+pub(crate) fn interruptible(folder: &Path) -> Command {
+    let mut command = Command::new("env");
+    command
+        .current_dir(folder)
+        .args(["--default-signal=INT,TERM,HUP", env!("CARGO_BIN_EXE_bead")]);
+    command
+}
+
 /// What it said on standard error.
 pub(crate) fn said(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()

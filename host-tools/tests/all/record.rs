@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use crate::program;
 use bead::recording::file::{Recording, State};
 use bead::recording::frames;
 use bead_wire::Message;
@@ -106,12 +107,8 @@ fn line() -> (File, String) {
 }
 
 fn bead(directory: &TempDir, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bead"));
-    command
-        .current_dir(directory)
-        .arg("record")
-        .args(arguments)
-        .stdin(Stdio::null());
+    let mut command = program::interruptible(directory.path());
+    command.arg("record").args(arguments).stdin(Stdio::null());
     command
 }
 
@@ -564,14 +561,14 @@ fn a_terminal_that_goes_away_ends_a_recording_as_ctrl_c_does_and_nohup_keeps_it(
         let (mut bead_end, port) = line();
         let directory = tempfile::tempdir().unwrap();
         let record = format!(
-            "exec {} record --port {port} --out a.mcap --duration 60",
+            "{} record --port {port} --out a.mcap --duration 60",
             env!("CARGO_BIN_EXE_bead")
         );
         // `nohup` does this: what ignores a signal hands that on to what it runs.
         let script = if wrapped {
-            format!("trap '' HUP; {record}")
+            format!("trap '' HUP; exec env --default-signal=INT,TERM {record}")
         } else {
-            record
+            format!("exec env --default-signal=INT,TERM,HUP {record}")
         };
         let mut child = Command::new("sh")
             .args(["-c", &script])

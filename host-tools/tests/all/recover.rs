@@ -66,8 +66,7 @@ struct Recorder(Child);
 
 impl Recorder {
     fn start(folder: &Path, port: &str, out: &str) -> Self {
-        let child = Command::new(env!("CARGO_BIN_EXE_bead"))
-            .current_dir(folder)
+        let child = program::interruptible(folder)
             .args(["record", "--port", port, "--out", out, "--duration", "100"])
             .stdin(Stdio::null())
             .stdout(Stdio::null())

@@ -20,8 +20,16 @@ pub(crate) struct Job {
     pub(crate) line: Line,
 }
 
-/// The packages whose tests take longest, by far the most of it in QEMU.
-const LONG: [&str; 2] = ["-p bead-tests ", "-p stm32f405-qemu "];
+/// What takes longest, first: then no core waits for one of them at the end. The others take some seconds.
+const LONG: [&str; 7] = [
+    "-p bead-tests ",
+    "-p bead --test all",
+    "the paper's figures",
+    "-p bead-fuzz --test campaign",
+    "-p hertz-chain --test all",
+    "-p stm32f405-qemu --test all",
+    "-p bead --lib",
+];
 
 /// What `cargo test --no-run --message-format json` says it has made.
 pub(crate) fn programs(told: &str) -> Vec<Job> {
@@ -66,7 +74,8 @@ fn field<'a>(object: &'a str, name: &str) -> Option<&'a str> {
 /// # Errors
 /// Of the job that fails first. Those that run then are waited for, and no other begins.
 pub(crate) fn run(steps: &Steps, mut jobs: Vec<Job>) -> Result<usize, Stop> {
-    jobs.sort_by_key(|job| !LONG.iter().any(|package| job.title.contains(package)));
+    let rank = |job: &Job| LONG.iter().position(|long| job.title.contains(long));
+    jobs.sort_by_key(|job| rank(job).unwrap_or(LONG.len()));
     let workers = thread::available_parallelism().map_or(2, usize::from);
     steps.announce(&format!("{} programs, {workers} at a time", jobs.len()));
     let (passed, queue) = (AtomicUsize::new(0), Mutex::new(jobs.into_iter()));
