@@ -191,3 +191,46 @@ impl Crossing {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, as in [`Overlap`]'s test; or its mirror in time.
+    #[test]
+    fn what_rests_on_the_end_of_a_step_alone_is_what_the_contact_does_to_itself_after_the_last_stage() {
+        let (length, stiffness) = (2.0, 3.0);
+        let compliance = 0.1 * 35.0 / 4.0 / (length * length) / stiffness;
+        let y = 0.1_f64;
+        let (apart, pressed) = (
+            [-0.9, 1.0 / length, 0.0],
+            [
+                y - 0.1 * y.powf(3.5),
+                (1.0 - 0.35 * y.powf(2.5)) / length,
+                -0.875 * y.powf(1.5) / (length * length),
+            ],
+        );
+        let closes = Crossing::new(0, (stiffness, 0.0), compliance, length, apart, pressed);
+        assert!((closes.root() - 0.9).abs() < 1e-9);
+        assert_eq!(closes.unseen(0.95), 0.0);
+        // dF/dδ = (3/2) κ √δ, for the time since the root.
+        let expected = 1.5 * stiffness * pressed[0].sqrt() * (0.1 * y.powf(3.5)) * y;
+        let unseen = closes.unseen(0.85);
+        assert!(
+            (unseen / expected - 1.0).abs() < 1e-5,
+            "{unseen:e}, {expected:e} expected"
+        );
+
+        let back = |[place, rate, bend]: Ends| [place, -rate, bend];
+        let opens = Crossing::new(
+            0,
+            (stiffness, 0.0),
+            compliance,
+            length,
+            back(pressed),
+            back(apart),
+        );
+        assert!((opens.root() - 0.1).abs() < 1e-9);
+        assert_eq!(opens.unseen(0.05), 0.0);
+    }
+}

@@ -186,16 +186,13 @@ const fn about_the_middle(coefficients: &[f64; TERMS]) -> [f64; TERMS] {
     shifted
 }
 
-/// The weights of all stages at the part `x` of a step.
-pub(super) fn inside(x: f64) -> [Weight; STAGES] {
+/// The weights of all stages in velocities, at the part `x` of a step.
+pub(super) fn inside(x: f64) -> [f64; STAGES] {
     POWERS.map(|powers| {
-        let sum = powers.iter().rev().fold(Weight::ZERO, |sum, weight| Weight {
-            velocity: sum.velocity * (x - 0.5) + weight.velocity,
-            displacement: sum.displacement * (x - 0.5) + weight.displacement,
-        });
-        Weight {
-            velocity: sum.velocity * x,
-            displacement: sum.displacement * x,
-        }
+        let terms = powers.iter().rev();
+        x * terms.fold(0.0, |sum, weight| sum * (x - 0.5) + weight.velocity)
     })
 }
+
+#[cfg(test)]
+mod tests;

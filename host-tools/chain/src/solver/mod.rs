@@ -25,6 +25,8 @@ mod multirate;
 mod overlap;
 mod parting;
 mod rest;
+#[cfg(test)]
+mod small;
 mod stepper;
 mod verner;
 #[cfg(test)]

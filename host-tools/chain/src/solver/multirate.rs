@@ -361,3 +361,6 @@ impl Multirate {
         Some((&slow.work, (slow.from, length)))
     }
 }
+
+#[cfg(test)]
+mod tests;

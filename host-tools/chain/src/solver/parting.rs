@@ -26,7 +26,7 @@
 //! best, the velocity of bead K is wrong after a step of H by at most
 //!
 //! ```text
-//! A H/(2K) e^(2K) z^(-K)                               8e-10 A H for K = 8 and √a H = 2
+//! A H/(2K) e^(2K) z^(-K)                               2.5e-9 A H for K = 8 and √a H = 2
 //! ```
 //!
 //! A slow step is so short that this is at most the speed that a block at rest may have, [`FLOOR`] × tolerance ×
@@ -266,3 +266,6 @@ impl Slopes {
         most / rate * (E * E / z).powi(BEADS as i32)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -445,3 +445,6 @@ impl Rest {
         work.start.u[lane] + work.start.v[lane] * (time - since)
     }
 }
+
+#[cfg(test)]
+mod tests;

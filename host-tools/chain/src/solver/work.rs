@@ -303,10 +303,7 @@ impl Work {
         let powers = self.powers.as_ref().expect("the powers were kept");
         let sum = |rate: &dyn Fn(usize) -> f64| {
             let parts = weights.iter().enumerate();
-            length
-                * parts
-                    .map(|(stage, weight)| weight.velocity * rate(stage))
-                    .sum::<f64>()
+            length * parts.map(|(stage, weight)| weight * rate(stage)).sum::<f64>()
         };
         let mut inside = Inside {
             contacts: sum(&|stage| powers.contacts[stage]),

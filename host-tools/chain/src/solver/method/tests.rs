@@ -1,0 +1,105 @@
+//! The conditions that coefficients of a method of order 9 meet, with a dense output of order 8.
+
+use super::*;
+
+/// Σ weights[s] c[s]^k, where c is where the stages lie.
+fn moment(weights: impl Fn(usize) -> f64, k: i32) -> f64 {
+    (0..STAGES)
+        .map(|stage| weights(stage) * NODES[stage].powi(k))
+        .sum()
+}
+
+#[track_caller]
+fn near(one: f64, other: f64, most: f64) {
+    assert!((one - other).abs() < most, "{one:e}, {other:e} expected");
+}
+
+/// The digits printed are good for 1e-14 of coefficients up to 70.
+const PRINTED: f64 = 3e-13;
+
+#[test]
+fn every_row_integrates_as_many_powers_as_its_stage_needs() {
+    for (row, weights) in ROWS.iter().enumerate() {
+        // To fourth order from the ninth stage on, to ninth at the end, and to eighth for the dense output.
+        let powers = match row {
+            0 => continue,
+            1 => 1,
+            2 | 3 => 2,
+            4..=6 => 3,
+            7..MAIN => 4,
+            MAIN => 9,
+            _ => 7,
+        };
+        for k in 0..powers {
+            let expected = NODES[row].powi(k + 1) / f64::from(k + 1);
+            near(moment(|stage| weights[stage].velocity, k), expected, PRINTED);
+        }
+        // What is integrated twice loses one power.
+        for k in 0..powers - 1 {
+            let expected = NODES[row].powi(k + 2) / f64::from((k + 1) * (k + 2));
+            near(
+                moment(|stage| weights[stage].displacement, k),
+                expected,
+                3.0 * PRINTED,
+            );
+        }
+        assert!(
+            weights[row.min(MAIN)..]
+                .iter()
+                .skip(1)
+                .all(|weight| row > MAIN || weight.velocity == 0.0)
+        );
+    }
+}
+
+#[test]
+fn the_estimate_of_the_error_is_what_an_order_of_eight_leaves() {
+    for k in 0..8 {
+        let sum: f64 = ERROR
+            .iter()
+            .map(|&(stage, weight)| weight * NODES[stage].powi(k))
+            .sum();
+        near(sum, 0.0, PRINTED);
+    }
+    let sum: f64 = ERROR
+        .iter()
+        .map(|&(stage, weight)| weight * NODES[stage].powi(8))
+        .sum();
+    assert!(sum.abs() > 1e-6, "{sum:e}");
+}
+
+#[test]
+fn inside_a_step_powers_up_to_the_seventh_are_integrated_and_straight_lines_exactly() {
+    for x in [0.0, 0.1, 0.5, 0.77, 1.0] {
+        let weights = inside(x);
+        let twice = |stage: usize| {
+            let powers = (0..TERMS).map(|k| POWERS[stage][k].displacement * (x - 0.5).powi(k as i32));
+            x * powers.sum::<f64>()
+        };
+        for k in 0..8 {
+            let most = if k < 2 { 1e-15 } else { 2e-11 };
+            let n = f64::from(k);
+            let velocity = moment(|stage| weights[stage], k);
+            near(velocity, x.powi(k + 1) / (n + 1.0), 20.0 * most);
+            // What is integrated twice loses one power.
+            if k < 7 {
+                let displacement = moment(twice, k);
+                near(
+                    displacement,
+                    x.powi(k + 2) / ((n + 1.0) * (n + 2.0)),
+                    20.0 * most.max(1e-13),
+                );
+            }
+        }
+    }
+    // It ends where the step does, and begins with the first stage alone.
+    for (stage, weight) in inside(1.0).into_iter().enumerate() {
+        near(weight, quadrature(stage), 1e-15);
+    }
+    for (stage, powers) in POWERS.iter().enumerate() {
+        let slope: f64 = (0..TERMS)
+            .map(|k| powers[k].velocity * (-0.5_f64).powi(k as i32))
+            .sum();
+        near(slope, if stage == 0 { 1.0 } else { 0.0 }, 1e-9);
+    }
+}

@@ -1,0 +1,219 @@
+//! What sleeping blocks do, on motions for which it is known.
+
+use super::*;
+use crate::model::Model;
+use crate::oscillator::Oscillator;
+use crate::scenario::{Chain, Intruder, Material, Scenario, Section, Striker, Wall};
+
+/// Speed that may be left out, over the scale of speeds.
+const TOLERANCE: f64 = 1e-6;
+
+/// 31 beads of the paper and a wall; some beads are lighter. All are at rest, and all blocks sleep since 1 s.
+fn asleep(light: &[usize], host: Option<usize>) -> (Lanes, Work, Rest) {
+    let chain = Chain {
+        beads: 31,
+        relaxation: 0.0,
+        ..Chain::PAPER
+    };
+    let mut scenario = Scenario::new(1e-3, chain, Striker::PAPER);
+    scenario.wall = Some(Wall::flat(Material::STEEL));
+    scenario.intruders = host
+        .map(|bead| Intruder::new([bead], Oscillator::PAPER))
+        .into_iter()
+        .collect();
+    scenario.sections = light
+        .iter()
+        .map(|&bead| {
+            let mut section = Section::of([bead]);
+            section.radius = Some(0.012);
+            section
+        })
+        .collect();
+    let lanes = Lanes::new(&Model::new(&scenario));
+    let mut work = Work::new(&lanes, false);
+    let rest = Rest::new(&lanes, &mut work, 1.0, TOLERANCE);
+    assert!(rest.awake().is_empty() && work.active.is_empty());
+    (lanes, work, rest)
+}
+
+#[track_caller]
+fn same(one: f64, other: f64) {
+    assert!((one / other - 1.0).abs() < 1e-12, "{one:e}, {other:e} expected");
+}
+
+#[test]
+fn no_contact_as_shallow_holds_more_than_a_body_of_the_speed_that_is_left_out() {
+    let (lanes, ..) = asleep(&[7], None);
+    let quiet = 1e-9;
+    let deep = shallow(&lanes, quiet);
+    let mut most = 0.0_f64;
+    for lane in BLOCK + 1..=BLOCK + lanes.bodies {
+        let elastic = 0.4 * lanes.stiffness[lane] * deep.powf(2.5);
+        let lighter = lanes.inverse[lane - 1].max(lanes.inverse[lane]);
+        most = most.max(elastic / (0.5 * quiet * quiet / lighter));
+    }
+    same(most, 1.0);
+}
+
+#[test]
+fn bodies_that_touch_go_on_together_with_their_momentum() {
+    let (lanes, mut work, rest) = asleep(&[10, 11], None);
+    let (quiet, from) = (rest.quiet, first(1));
+    // Beads 8 to 15: 8 alone, 9 to 12 in touch, 13 in touch but quicker, 14 slow and alone, 15 touches 16.
+    let u = [0.0, 1e-6, 1e-6, 1e-6, 0.9e-6, 0.9e-6, 2e-6, 3e-6, 3e-6];
+    let speeds = [
+        0.1,
+        0.2,
+        0.2 + 0.9 * quiet,
+        0.2,
+        0.2 - 0.9 * quiet,
+        0.2 - 2.0 * quiet,
+        0.9 * quiet,
+        1.1 * quiet,
+    ];
+    work.start.u[from..from + 9].copy_from_slice(&u);
+    work.start.v[from..from + 8].copy_from_slice(&speeds);
+    let momentum = |work: &Work| {
+        (1..5)
+            .map(|n| work.start.v[from + n] / lanes.inverse[from + n])
+            .sum::<f64>()
+    };
+    let before = momentum(&work);
+    rest.join(&lanes, &mut work, 1);
+    let v = &work.start.v[from..from + 9];
+    assert_eq!(
+        (v[0], v[5], v[6], v[7], v[8]),
+        (speeds[0], speeds[5], 0.0, speeds[7], 0.0)
+    );
+    assert!(v[1] == v[2] && v[2] == v[3] && v[3] == v[4] && (v[1] - 0.2).abs() < quiet);
+    assert!(
+        (momentum(&work) / before - 1.0).abs() < 1e-15,
+        "{:e}",
+        momentum(&work) / before - 1.0
+    );
+}
+
+#[test]
+fn sleeping_bodies_meet_when_their_gap_is_flown_through() {
+    let (lanes, mut work, mut rest) = asleep(&[], None);
+    let (quiet, shallow, lane) = (rest.quiet, rest.shallow, first(1) + 3);
+    assert_eq!(rest.meeting(&lanes, &mut work, 1, 2.0), f64::INFINITY);
+    // A gap of a micrometre, and the approach of two bodies that move towards each other.
+    let mut meets = |gap: f64, speeds: [f64; 2]| {
+        let mut work = Work::new(&lanes, false);
+        for other in lane..first(4) {
+            work.start.u[other] = gap;
+        }
+        (work.start.v[lane - 1], work.start.v[lane]) = (speeds[0], speeds[1]);
+        // Their neighbours are far away.
+        work.start.u[..lane - 1].fill(-1.0);
+        work.start.u[lane + 1..].fill(1.0);
+        for block in 0..lanes.blocks {
+            rest.asleep[block] = Some(2.0);
+        }
+        rest.meeting(&lanes, &mut work, 1, 2.0)
+    };
+    same(meets(1e-6, [0.03, -0.01]), 2.0 + 1e-6 / 0.04);
+    same(meets(1e-6, [-0.01, -0.03]), 2.0 + 1e-6 / 0.02);
+    assert_eq!(meets(-1e-9, [0.03, 0.01]), 2.0);
+    // What approaches slower than is noticed may also overlap by what is not noticed.
+    same(
+        meets(1e-6, [0.4 * quiet, -0.4 * quiet]) - 2.0,
+        (1e-6 + 4.0 * shallow) / (0.8 * quiet),
+    );
+    assert_eq!(meets(-5.0 * shallow, [0.4 * quiet, -0.4 * quiet]), 2.0);
+}
+
+#[test]
+fn a_sleeping_neighbour_drifts_on_until_bodies_of_both_blocks_meet() {
+    let (lanes, mut work, mut rest) = asleep(&[], None);
+    let lane = first(2);
+    // Both blocks next to each other fly apart inside, and beads 15 and 16 towards each other since 1 s.
+    for other in 0..lanes.len() {
+        work.start.u[other] = other as f64;
+    }
+    (work.start.v[lane - 1], work.start.v[lane]) = (0.05, -0.25);
+    let meets = 1.0 + 1.0 / 0.3;
+    rest.settle(&mut work, 1, 2.0);
+    same(rest.meeting(&lanes, &mut work, 1, 2.0), meets);
+    same(work.start.u[lane], lane as f64 - 0.25);
+    rest.settle(&mut work, 2, 3.0);
+    same(rest.meeting(&lanes, &mut work, 2, 3.0), meets);
+    same(work.start.u[lane - 1], lane as f64 - 1.0 + 0.1);
+    assert_eq!(rest.meeting(&lanes, &mut work, 0, 3.0), f64::INFINITY);
+    // One that is awake is looked at with each step.
+    rest.asleep[1] = None;
+    assert_eq!(rest.meeting(&lanes, &mut work, 2, 3.0), f64::INFINITY);
+    rest.asleep[1] = Some(3.0);
+    rest.asleep[2] = None;
+    assert_eq!(rest.meeting(&lanes, &mut work, 1, 3.0), f64::INFINITY);
+}
+
+#[test]
+fn a_block_may_sleep_whose_contacts_and_intruder_are_quiet_or_open_for_long() {
+    let (lanes, mut work, rest) = asleep(&[], Some(12));
+    let (quiet, shallow, lane, guest) = (rest.quiet, rest.shallow, first(1) + 3, lanes.guests.lane(0));
+    let mut may = |bodies: &[(usize, f64, f64)]| {
+        work.start.u.fill(0.0);
+        work.start.v.fill(0.0);
+        for &(lane, u, v) in bodies {
+            (work.start.u[lane], work.start.v[lane]) = (u, v);
+        }
+        rest.may_sleep(&lanes, &work, 1, 1e-5)
+    };
+    assert!(may(&[]));
+    // In touch: as slow as that, and as deep.
+    assert!(may(&[(lane, 0.0, 0.99 * quiet)]) && !may(&[(lane, 0.0, 1.01 * quiet)]));
+    assert!(may(&[(lane, 0.99 * shallow, 0.0)]) && !may(&[(lane, 1.01 * shallow, 0.0)]));
+    // Apart: not closed within a dozen steps of 10 µs. A bead comes back at 0.1 m/s.
+    let (near, far) = (1.19e-5, 1.21e-5);
+    let apart = |gap: f64| {
+        let behind = (lane + 1..first(3)).map(|lane| (lane, 1.0, 0.0));
+        let ends = [(lane, gap, -0.1), (first(1) - 1, -1.0, 0.0)];
+        behind.chain(ends).collect::<Vec<_>>()
+    };
+    assert!(may(&apart(far)) && !may(&apart(near)));
+    // The intruder: its speed, and what its spring could make of it.
+    let rest_of = Oscillator::PAPER;
+    let stretch = quiet * (rest_of.mass / rest_of.stiffness).sqrt();
+    assert!(may(&[(guest, 0.0, -0.99 * quiet)]) && !may(&[(guest, 0.0, -1.01 * quiet)]));
+    assert!(may(&[(guest, 0.99 * stretch, 0.0)]) && !may(&[(guest, 1.01 * stretch, 0.0)]));
+}
+
+#[test]
+fn a_contact_that_a_step_closes_with_a_sleeping_block_is_noticed_on_either_side() {
+    let (lanes, _, mut rest) = asleep(&[], None);
+    let (h, quiet) = (1e-4, rest.quiet);
+    for behind in [true, false] {
+        // Block 1 sleeps; the run is before it or behind it.
+        let lane = if behind { first(1) } else { first(2) };
+        let (mover, sleeper) = if behind {
+            (lane - 1, lane)
+        } else {
+            (lane, lane - 1)
+        };
+        let sign = if behind { 1.0 } else { -1.0 };
+        // The gap at the start, how far the one comes closer, and how far the other flies from it.
+        let closes = |gap: f64, way: f64, flight: f64| {
+            let mut work = Work::new(&lanes, false);
+            work.start.u[sleeper] = sign * gap;
+            work.start.v[sleeper] = sign * flight / h;
+            work.end.u[mover] = sign * way;
+            // What is kept of an earlier step at the end says nothing of the sleeper.
+            work.end.u[sleeper] = -sign;
+            rest.closes(&lanes, &work, 1, behind, h)
+        };
+        assert!(closes(1e-6, 1.1e-6, 0.0) && closes(1e-6, 1e-6, 0.0) && !closes(1e-6, 0.9e-6, 0.0));
+        assert!(!closes(1e-6, 1.1e-6, 0.2e-6) && closes(1e-6, 0.9e-6, -0.2e-6));
+        // It was closed before, or touches already; or it closes as slowly as may be left out.
+        assert!(!closes(-1e-6, 1e-6, 0.0) && !closes(0.0, 1e-6, 0.0));
+        let way = h * quiet;
+        assert!(!closes(0.9 * way, 0.99 * way, 0.0) && closes(0.9 * way, 1.01 * way, 0.0));
+    }
+    // One that is awake is computed.
+    let mut work = Work::new(&lanes, false);
+    (work.start.u[first(1)], work.end.u[first(1) - 1]) = (1e-6, 2e-6);
+    assert!(rest.closes(&lanes, &work, 1, true, h));
+    rest.asleep[1] = None;
+    assert!(!rest.closes(&lanes, &work, 1, true, h));
+}
