@@ -85,7 +85,13 @@ pub(crate) fn called() -> Option<ExitCode> {
         .to_string_lossy()
         .into_owned();
     let compile = Command::new(&rustc).args(&words).status();
-    let checks = checks(&words, &folder, env::var_os("CARGO_PRIMARY_PACKAGE").is_some());
+    // Build scripts of others try through this program too what rustc can do: nothing may change what they see.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2)?;
+    let ours = env::var_os("CARGO_MANIFEST_DIR").is_some_and(|package| Path::new(&package).starts_with(root));
+    let checks = match ours {
+        true => checks(&words, &folder, env::var_os("CARGO_PRIMARY_PACKAGE").is_some()),
+        false => Vec::new(),
+    };
     let checks = checks
         .iter()
         .map(|check| Command::new(&check[0]).args(&check[1..]).status());
@@ -137,7 +143,10 @@ fn checks(words: &[String], folder: &str, primary: bool) -> Vec<Vec<String>> {
         // Of a program there is nothing public.
         let private = has("bin").then_some("--document-private-items");
         let more = ["-o", &documentation].into_iter().chain(private);
-        lines.push(line(&["rustdoc"], &more.collect::<Vec<_>>()));
+        let mut line = line(&["rustdoc"], &more.collect::<Vec<_>>());
+        // Names of folders that the image shall not have. Only nightly's rustdoc knows them.
+        line.retain(|word| !word.starts_with("--remap-path-prefix="));
+        lines.push(line);
     }
     lines
 }
@@ -154,14 +163,15 @@ mod tests {
     fn a_crate_of_ours_is_linted_and_documented_by_what_rustc_was_told() {
         let library = words(
             "--crate-name bead --edition=2024 src/lib.rs --crate-type lib --json=a,artifacts,b \
-             --emit=dep-info,metadata,link --warn=missing_docs --out-dir deps -L dependency=deps",
+             --emit=dep-info,metadata,link --warn=missing_docs --out-dir deps -L dependency=deps \
+             --remap-path-prefix=/home=~",
         );
         let kept = "--crate-name bead --edition=2024 src/lib.rs --crate-type lib --json=a,b --warn=missing_docs \
-                    -L dependency=deps -D warnings";
+                    -L dependency=deps";
         let clippy = words(&format!(
-            "clippy-driver rustc {kept} --emit=metadata --out-dir lints"
+            "clippy-driver rustc {kept} --remap-path-prefix=/home=~ -D warnings --emit=metadata --out-dir lints"
         ));
-        let rustdoc = words(&format!("rustdoc {kept} -o lints/doc"));
+        let rustdoc = words(&format!("rustdoc {kept} -D warnings -o lints/doc"));
         assert_eq!(checks(&library, "lints", true), [clippy.clone(), rustdoc]);
         assert_eq!(checks(&library, "lints", false), [clippy]);
     }

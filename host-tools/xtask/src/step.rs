@@ -302,7 +302,10 @@ impl Steps {
             return Ok(output);
         }
         for kept in [&output.stdout, &output.stderr] {
-            eprint!("{}", String::from_utf8_lossy(kept));
+            let kept = String::from_utf8_lossy(kept);
+            // What cargo has made, it says to programs.
+            let lines = kept.lines().filter(|line| !line.starts_with(r#"{"reason":"#));
+            lines.for_each(|line| eprintln!("{line}"));
         }
         let code = match status.code() {
             Some(code) if program != "cargo" => u8::try_from(code).unwrap_or(1),
