@@ -65,7 +65,9 @@ pub(crate) fn build(steps: &Steps, title: &str, line: &Line, made: &Path) -> Res
 
 /// Whether cargo says that it has just compiled all of ours. (It has compiled xtask before this runs.)
 fn all_compiled(told: &str) -> bool {
-    let ours = |line: &&str| line.contains(r#""package_id":"path+file:"#);
+    let ours = |line: &&str| {
+        line.starts_with(r#"{"reason":"compiler-artifact","#) && line.contains(r#""package_id":"path+file:"#)
+    };
     let mut ours = told.lines().filter(ours);
     ours.all(|line| line.contains(r#""fresh":false"#) || line.contains("/xtask#"))
 }
@@ -192,7 +194,9 @@ mod tests {
     #[test]
     fn what_was_there_already_has_not_been_checked() {
         let made = |package: &str, fresh: bool| {
-            format!(r#"{{"package_id":"{package}","profile":{{}},"fresh":{fresh}}}"#)
+            format!(
+                r#"{{"reason":"compiler-artifact","package_id":"{package}","profile":{{}},"fresh":{fresh}}}"#
+            )
         };
         let told = |lines: &[String]| all_compiled(&lines.join("\n"));
         let ours = made("path+file:///w/host-tools#bead@0.1.0", false);
@@ -202,7 +206,9 @@ mod tests {
         );
         let xtask = made("path+file:///w/host-tools/xtask#0.1.0", true);
         let there = made("path+file:///w/firmware/wire#bead-wire@0.1.0", true);
-        assert!(told(&[ours.clone(), serde, xtask]));
+        let script =
+            r#"{"reason":"build-script-executed","package_id":"path+file:///w/host-tools#bead@0.1.0"}"#;
+        assert!(told(&[ours.clone(), serde, xtask, script.to_owned()]));
         assert!(!told(&[ours, there]));
     }
 }
