@@ -16,6 +16,8 @@
 
 use std::borrow::Cow;
 use std::io::{self, Read, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -42,6 +44,18 @@ pub(crate) const OUTCOME: &str = "outcome.json";
 pub(crate) const SEMIHOSTING: &str = "semihosting.txt";
 /// What flash sectors 10 and 11 hold at the end.
 pub(crate) const FLASH: &str = "flash.bin";
+
+/// Removes a run's directory while other threads, or the other side, may still write to it: a file that comes between
+/// keeps it in its place, so it is tried again for a second.
+pub(crate) fn remove(folder: &Path) {
+    let started = Instant::now();
+    // What cannot be removed lies in a folder for temporary files.
+    while std::fs::remove_dir_all(folder).is_err_and(|error| error.kind() == io::ErrorKind::DirectoryNotEmpty)
+        && started.elapsed() < Duration::from_secs(1)
+    {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
 
 /// Exit status of QEMU when the overlay's self-test fails. QEMU itself uses 0, 1 and signals.
 pub(crate) const SELF_TEST_STATUS: i32 = 86;

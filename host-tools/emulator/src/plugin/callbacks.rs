@@ -30,7 +30,7 @@ use super::rest::Rest;
 use super::self_test::self_test;
 use super::stops::{self, Wish};
 use crate::ending::End;
-use crate::exchange::{SELF_TEST_STATUS, Step};
+use crate::exchange::{self, SELF_TEST_STATUS, Step};
 use crate::memory::{CCM, FLASH, NO_RAM, PERIPHERALS, is_beyond_every_bus, is_ram};
 
 static QEMU: OnceLock<Qemu> = OnceLock::new();
@@ -170,8 +170,8 @@ fn watch_host(folder: &Path, steps: Option<&Sender<Step>>) {
             std::thread::sleep(Duration::from_millis(10));
         }
     } else {
-        // The host would have removed it. If that fails, it lies in a folder for temporary files.
-        let _ = std::fs::remove_dir_all(folder);
+        // The host would have removed it.
+        exchange::remove(folder);
     }
     leave(0);
 }

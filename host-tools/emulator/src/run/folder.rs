@@ -1,19 +1,24 @@
 //! The directory of a run.
 
+use std::mem::ManuallyDrop;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use super::error::{RunError, io};
+use crate::exchange;
 
 /// The directories that there are now.
 static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the temporary files of all runs: for a program that is interrupted, and ends without an end of its runs.
 /// A QEMU that runs removes them when its host is gone, but there may be none yet.
+///
+/// No run begins or ends after this: a thread that tries waits for the end of the program.
 pub fn remove_temporary_files() {
-    for folder in FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
-        // The program ends, and has something else to say.
-        let _ = std::fs::remove_dir_all(folder);
+    let folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
+    // It stays locked.
+    for folder in ManuallyDrop::new(folders).drain(..) {
+        exchange::remove(&folder);
     }
 }
 
@@ -24,6 +29,8 @@ impl Drop for Folder {
     fn drop(&mut self) {
         let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
         folders.retain(|folder| folder != self.0.path());
+        // While it is locked: a program that is interrupted here leaves nothing either.
+        exchange::remove(self.0.path());
     }
 }
 
@@ -31,6 +38,8 @@ impl Folder {
     /// # Errors
     /// [`RunError::Io`], and [`RunError::Input`] where QEMU could not read the directory's name.
     pub(super) fn new() -> Result<Self, RunError> {
+        // Locked before: what is removed is all that there is.
+        let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::Builder::new()
             .prefix("stm32f405-qemu-")
             .tempdir()
@@ -41,7 +50,6 @@ impl Folder {
                 folder.path().display()
             )));
         }
-        let mut folders = FOLDERS.lock().unwrap_or_else(PoisonError::into_inner);
         folders.push(folder.path().to_owned());
         drop(folders);
         Ok(Self(folder))
@@ -66,5 +74,33 @@ impl Folder {
 
     pub(super) fn read(&self, name: &str) -> Result<Vec<u8>, RunError> {
         std::fs::read(self.path(name)).map_err(io("cannot read back what the run wrote"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_directory_is_removed_although_files_still_come() {
+        for _ in 0..100 {
+            let folder = tempfile::tempdir().unwrap().keep();
+            let writer = std::thread::spawn({
+                let folder = folder.clone();
+                let write = move |name: u32| {
+                    std::thread::sleep(Duration::from_micros(50));
+                    File::create(folder.join((name % 4).to_string()))
+                };
+                // Until the directory is gone.
+                move || (0..).all(|name| write(name).is_ok())
+            });
+            std::thread::sleep(Duration::from_millis(1));
+            exchange::remove(&folder);
+            assert!(!folder.exists());
+            assert!(!writer.join().unwrap());
+        }
     }
 }
