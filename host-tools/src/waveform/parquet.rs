@@ -32,7 +32,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         path: path.to_owned(),
         source,
     })?;
-    let reader = SerializedFileReader::new(file).map_err(unread)?;
+    let reader = open(file).map_err(unread)?;
     let metadata = reader.metadata().file_metadata();
     let schema = metadata.schema_descr();
     let headers: Vec<_> = (0..schema.num_columns())
@@ -93,6 +93,26 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         }
     }
     finish(rows, picks.strike.is_some(), &strikes, choice)
+}
+
+/// Opens a Parquet file.
+///
+/// # Errors
+/// Of the library; and a column that would begin before the file or have less than no bytes, at which the library panics.
+fn open(file: File) -> Result<SerializedFileReader<File>, ParquetError> {
+    let reader = SerializedFileReader::new(file)?;
+    let groups = reader.metadata().row_groups().iter();
+    for column in groups.flat_map(|group| group.columns()) {
+        let start = column
+            .dictionary_page_offset()
+            .unwrap_or(column.data_page_offset());
+        let size = column.compressed_size();
+        if start < 0 || size < 0 {
+            let what = format!("a column of {size} bytes begins at byte {start}");
+            return Err(ParquetError::General(what));
+        }
+    }
+    Ok(reader)
 }
 
 /// The unit of a column of times of day.
