@@ -5,6 +5,7 @@ pub mod arrival;
 pub mod clock;
 pub mod file;
 pub mod frames;
+pub(crate) mod guarded;
 pub mod json;
 pub mod physical;
 pub mod printable;

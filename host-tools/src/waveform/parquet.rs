@@ -10,6 +10,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
+use crate::recording::guarded::guarded;
 use crate::waveform::choice::Choice;
 use crate::waveform::columns::{Header, pick};
 use crate::waveform::error::WaveformError;
@@ -32,7 +33,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         path: path.to_owned(),
         source,
     })?;
-    let reader = open(file).map_err(unread)?;
+    let reader = told(|| SerializedFileReader::new(file)).map_err(unread)?;
     let metadata = reader.metadata().file_metadata();
     let schema = metadata.schema_descr();
     let headers: Vec<_> = (0..schema.num_columns())
@@ -68,11 +69,11 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let mut strikes = Strikes::default();
     let mut number = 0;
     for group in 0..reader.num_row_groups() {
-        let group = reader.get_row_group(group).map_err(unread)?;
+        let group = told(|| reader.get_row_group(group)).map_err(unread)?;
         let count = usize::try_from(group.metadata().num_rows())
             .unwrap_or(0)
             .min(MOST + 1);
-        let column = |place: usize| values(group.as_ref(), place, count).map_err(unread);
+        let column = |place: usize| told(|| values(group.as_ref(), place, count)).map_err(unread);
         let [time, force, acceleration] = [picks.time, picks.force, picks.acceleration].map(|picked| {
             let picked = picked.filter(|picked| choice.rate_hz.is_none() || Some(*picked) != picks.time);
             picked.map(|picked| column(picked.place).map(|values| (values, picked.size)))
@@ -95,24 +96,9 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     finish(rows, picks.strike.is_some(), &strikes, choice)
 }
 
-/// Opens a Parquet file.
-///
-/// # Errors
-/// Of the library; and a column that would begin before the file or have less than no bytes, at which the library panics.
-fn open(file: File) -> Result<SerializedFileReader<File>, ParquetError> {
-    let reader = SerializedFileReader::new(file)?;
-    let groups = reader.metadata().row_groups().iter();
-    for column in groups.flat_map(|group| group.columns()) {
-        let start = column
-            .dictionary_page_offset()
-            .unwrap_or(column.data_page_offset());
-        let size = column.compressed_size();
-        if start < 0 || size < 0 {
-            let what = format!("a column of {size} bytes begins at byte {start}");
-            return Err(ParquetError::General(what));
-        }
-    }
-    Ok(reader)
+/// What the library returns, or its panic as an error.
+fn told<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, ParquetError> {
+    guarded(read).map_err(ParquetError::General).flatten()
 }
 
 /// The unit of a column of times of day.

@@ -181,7 +181,8 @@ pub(super) fn chunk(data: &[u8], length: u64) -> Option<ChunkHead> {
     let compression = rest.text()?.to_owned();
     let records = rest.u64()?;
     let begin = data.len() - rest.0.len();
-    let is_sound = begin as u64 + records == length && (!compression.is_empty() || uncompressed == records);
+    let fits = length.checked_sub(begin as u64) == Some(records);
+    let is_sound = fits && (!compression.is_empty() || uncompressed == records);
     is_sound.then_some(ChunkHead {
         uncompressed,
         crc,
