@@ -11,6 +11,7 @@ use std::env;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::UNIX_EPOCH;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
@@ -29,11 +30,12 @@ fn main() {
         println!(
             "cargo::warning=the flash image is not built, so that `bead` carries none: `cargo xtask build` says why"
         );
-        // Looked for again when there is one. An empty file stands for it until then, since `bead` includes it.
+        // Looked for again when there is one. An empty file stands for it until then, since `bead` includes it: an old one,
+        // as cargo compiles again for each file that is newer than this run.
         println!("cargo::rerun-if-changed={}", image.display());
         let folder = image.parent().expect("it lies in a directory");
         fs::create_dir_all(folder)
-            .and_then(|()| File::create(&image))
+            .and_then(|()| File::create(&image)?.set_modified(UNIX_EPOCH))
             .expect("the target directory can be written to");
     }
     println!("cargo::rustc-env=BEAD_IMAGE={}", image.display());
