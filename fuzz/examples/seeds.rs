@@ -1,5 +1,5 @@
-//! Writes the seeds that are made: frames, requests, settings with codes, recordings. The others, texts, are written by
-//! hand.
+//! Writes the seeds that are made: frames, requests, settings with codes, recordings. The others are texts that were written
+//! by hand, files in which a target found a fault, and the recording `two` as MCAP's Python library compresses it.
 //!
 //! `cargo run --release -p bead-fuzz --example seeds`
 

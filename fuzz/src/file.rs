@@ -1,4 +1,5 @@
-//! A file with the bytes of an input, for readers that open files by name.
+//! A file with the bytes of an input, for readers that open files by name. It is in memory where the system has a place for
+//! that: on a disk, a target waits five times as long as it computes.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -7,7 +8,9 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 
 thread_local! {
-    static FILE: NamedTempFile = NamedTempFile::new().expect("the temporary folder takes a file");
+    static FILE: NamedTempFile = NamedTempFile::new_in("/dev/shm")
+        .or_else(|_| NamedTempFile::new())
+        .expect("the temporary folder takes a file");
 }
 
 /// Calls `read` with the name of a file that has these bytes.

@@ -47,7 +47,8 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         })
         .map(|(place, column)| Header {
             place,
-            name: column.name().to_owned(),
+            // A message that names it is one line.
+            name: column.name().replace('\n', " "),
             unit: of_a_clock(&column).map(str::to_owned),
         })
         .collect();

@@ -217,3 +217,47 @@ fn a_contact_that_a_step_closes_with_a_sleeping_block_is_noticed_on_either_side(
     rest.asleep[1] = None;
     assert!(!rest.closes(&lanes, &work, 1, true, h));
 }
+
+#[test]
+fn a_run_reaches_a_sleeping_block_by_a_gap_that_soon_closes_or_by_what_moves_at_its_edge() {
+    let (lanes, _, rest) = asleep(&[], None);
+    let (h, quiet, shallow) = (1e-5, rest.quiet, rest.shallow);
+    for behind in [true, false] {
+        // Block 1 sleeps; the run is before it or behind it.
+        let (mover, sleeper) = if behind {
+            (first(1) - 1, first(1))
+        } else {
+            (first(2), first(2) - 1)
+        };
+        let sign = if behind { 1.0 } else { -1.0 };
+        let reaches = |gap: f64, speeds: &[(usize, f64)]| {
+            let mut work = Work::new(&lanes, false);
+            work.start.u[sleeper] = sign * gap;
+            for &(lane, speed) in speeds {
+                work.start.v[lane] = sign * speed;
+            }
+            rest.reaches(&lanes, &work, 1, behind, h)
+        };
+        // Apart: the gap is flown through within three steps, by both of them, and not too slowly to be noticed.
+        let apart = |gap: f64| reaches(gap, &[(mover, 0.3), (sleeper, 0.2)]);
+        assert!(apart(2.9 * h * 0.1) && !apart(3.1 * h * 0.1));
+        assert!(!reaches(0.1 * h * 0.1, &[(mover, 0.2), (sleeper, 0.3)]));
+        let slow = |speed: f64| reaches(0.5 * h * quiet, &[(mover, speed)]);
+        assert!(!slow(0.9 * quiet) && slow(1.1 * quiet));
+        // In touch: as deep as that, or as quick as that against the block, one of the three beads next to it.
+        assert!(!reaches(-3.9 * shallow, &[]) && reaches(-4.1 * shallow, &[]));
+        for away in 0..=WATCHED {
+            let lane = if behind { mover - away } else { mover + away };
+            let quick = |speed: f64| reaches(0.0, &[(lane, speed)]);
+            assert!(!quick(1.9 * quiet));
+            assert_eq!(quick(2.1 * quiet), away < WATCHED, "{away}");
+        }
+        let beads = if behind {
+            mover + 1 - WATCHED..mover + 1
+        } else {
+            mover..mover + WATCHED
+        };
+        let together: Vec<_> = beads.chain([sleeper]).map(|lane| (lane, 0.2)).collect();
+        assert!(!reaches(0.0, &together));
+    }
+}
