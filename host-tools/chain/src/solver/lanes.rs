@@ -287,3 +287,40 @@ pub(super) fn push<S: Simd<f64s = f64x8>, const GENERAL: bool>(
     let power = select(simd, closed, simd.mul_f64s(lost, approach), zero);
     (force, power)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::oscillator::Oscillator;
+    use crate::scenario::{Chain, Intruder, Scenario, Striker};
+
+    #[test]
+    fn each_intruder_is_in_the_block_of_its_lane_and_in_that_of_its_host() {
+        let chain = Chain {
+            beads: 90,
+            ..Chain::PAPER
+        };
+        let mut scenario = Scenario::new(1e-3, chain, Striker::PAPER);
+        scenario.intruders = (5..=60)
+            .step_by(3)
+            .map(|bead| Intruder::new([bead], Oscillator::PAPER))
+            .collect();
+        let lanes = Lanes::new(&Model::new(&scenario));
+        let guests = &lanes.guests;
+        assert_eq!((guests.count, guests.blocks.len()), (19, 3));
+        for block in 0..guests.blocks.end + 2 {
+            let those = |block_of: &dyn Fn(usize) -> usize| -> Vec<usize> {
+                (0..guests.count)
+                    .filter(|&guest| block_of(guest) == block)
+                    .collect()
+            };
+            let within: Vec<usize> = guests.within(block).collect();
+            assert_eq!(within, those(&|guest| guests.lane(guest) / BLOCK));
+            let hosts = guests.of_block.get(block).cloned().unwrap_or_default();
+            assert_eq!(
+                hosts.collect::<Vec<_>>(),
+                those(&|guest| guests.hosts[guest] / BLOCK - 1)
+            );
+        }
+    }
+}

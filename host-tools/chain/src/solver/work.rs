@@ -389,3 +389,6 @@ fn bend(lanes: &Lanes, lane: usize, motion: &Motion) -> Ends {
         rate(lane - 1) - rate(lane),
     ]
 }
+
+#[cfg(test)]
+mod tests;

@@ -234,6 +234,19 @@ fn the_longest_step_is_stable_keeps_waves_out_and_leaves_out_what_is_quiet() {
 }
 
 #[test]
+fn beads_beside_calm_blocks_fly_freely_where_more_moves() {
+    let (lanes, _) = chain(0.0, None);
+    let mut all = calm(&lanes, Vec::new());
+    let last = lanes.blocks;
+    assert_eq!(all.edges(&[2..4]), [first(2) - 1, first(4)]);
+    assert_eq!(all.edges(&[0..1, 3..last]), [first(1), first(3) - 1]);
+    all.moves[1] = false;
+    assert_eq!(all.edges(&[2..4]), [first(4)]);
+    all.moves[4] = false;
+    assert!(all.edges(&[2..4]).is_empty());
+}
+
+#[test]
 fn a_block_is_calm_whose_contacts_change_by_a_quarter_or_stay_open() {
     let (block, length) = (LANE / BLOCK - 1, 1e-5);
     let calm = |relaxation: f64, host: Option<usize>, deep: f64, rate: f64| {

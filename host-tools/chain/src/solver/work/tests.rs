@@ -1,0 +1,74 @@
+//! What the ends of a step are made of, beside the equations of motion.
+
+use super::*;
+use crate::dop853::System;
+use crate::model::Model;
+use crate::oscillator::Oscillator;
+use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Striker, Wall};
+
+#[test]
+fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
+    for (precompression, contact_force) in [
+        (0.0, ContactForce::Clipped),
+        (2.0, ContactForce::Clipped),
+        (2.0, ContactForce::Printed),
+    ] {
+        let chain = Chain {
+            beads: 20,
+            precompression,
+            contact_force,
+            ..Chain::PAPER
+        };
+        let mut scenario = Scenario::new(1e-3, chain, Striker::PAPER);
+        scenario.wall = Some(Wall::flat(Material::STEEL));
+        scenario.intruders = [4, 9, 10]
+            .map(|bead| Intruder::new([bead], Oscillator::PAPER))
+            .into();
+        let model = Model::new(&scenario);
+        let (lanes, layout) = (Lanes::new(&model), model.layout());
+        // Contacts of every kind beside each other: open, shallow, deep, closing, opening.
+        let mut state = model.initial();
+        let mut motion = Motion::zeros(&lanes);
+        let draw = |n: usize| (n as f64 * 12.9898).sin();
+        for body in 0..model.bodies() {
+            let (u, v) = (2e-5 * draw(body), 0.1 * draw(body + 40));
+            (state[body], state[layout.velocity(body)]) = (u, v);
+            (motion.u[BLOCK + body], motion.v[BLOCK + body]) = (u, v);
+        }
+        for guest in 0..model.intruders().len() {
+            let (x, w) = (1e-5 * draw(guest + 80), 0.2 * draw(guest + 90));
+            (
+                state[layout.relative(guest)],
+                state[layout.relative_velocity(guest)],
+            ) = (x, w);
+            let lane = lanes.guests.lane(guest);
+            (motion.u[lane], motion.v[lane]) = (x, w);
+        }
+        let mut rate = model.initial();
+        model.rate(&state, &mut rate);
+        let mut open = 0;
+        for contact in 1..=model.contacts() {
+            let lane = BLOCK + contact;
+            let [overlap, approach, acceleration] = bend(&lanes, lane, &motion);
+            let of = |values: &[f64], from: usize| {
+                let far = if contact < model.bodies() {
+                    values[from + contact]
+                } else {
+                    0.0
+                };
+                values[from + contact - 1] - far
+            };
+            let near = |one: f64, other: f64, scale: f64| {
+                assert!(
+                    (one - other).abs() < 1e-12 * scale,
+                    "contact {contact}: {one:e}, {other:e}"
+                );
+            };
+            near(overlap - lanes.rest[lane], of(&state, 0), 1e-6);
+            near(approach, of(&state, layout.velocity(0)), 0.1);
+            near(acceleration, of(&rate, layout.velocity(0)), 1e5);
+            open += usize::from(overlap <= 0.0);
+        }
+        assert!((4..model.contacts() - 4).contains(&open), "{open}");
+    }
+}
