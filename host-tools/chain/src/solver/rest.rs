@@ -260,14 +260,14 @@ impl Rest {
             return false;
         }
         let (u, v) = (&work.start.u, &work.start.v);
-        let gap = u[lane] - u[lane - 1] - lanes.rest[lane];
-        let approach = v[lane - 1] - v[lane];
         if lanes.loaded {
             // A loaded chain is linear: what is weak goes on.
             return edge
                 .into_iter()
                 .any(|lane| u[lane].abs() > STILL * lanes.depth || v[lane].abs() > STILL * lanes.speed);
         }
+        let gap = u[lane] - u[lane - 1];
+        let approach = v[lane - 1] - v[lane];
         if gap > 0.0 {
             return approach > self.quiet && gap < AHEAD * h * approach;
         }

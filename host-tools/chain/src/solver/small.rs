@@ -72,6 +72,13 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
     let mut creeping = plain(26, 0.0, 0.004);
     creeping.starts = vec![Start::moving([20], -2e-9), Start::moving([24], -1e-3)];
 
+    // Pressed so little that the pulse opens the contacts behind it.
+    let mut opened = with_intruders(plain(10, 3e-6, 0.0015), &[6]);
+    (opened.chain.precompression, opened.wall) = (0.05, Some(Wall::flat(Material::STEEL)));
+    let mut opened_and_rough = opened.clone();
+    opened_and_rough.chain.contact_force = ContactForce::Clipped;
+    opened_and_rough.chain.relaxation = 2e-5;
+
     // At first nothing touches.
     let mut flying = plain(9, 0.0, 0.006);
     flying.starts = vec![Start::apart([1, 4, 7], 4e-4)];
@@ -100,6 +107,8 @@ fn kinds() -> Vec<(&'static str, Scenario)> {
         ("rung down", rung_down),
         ("creeping", creeping),
         ("flying", flying),
+        ("opened", opened),
+        ("opened and rough", opened_and_rough),
     ]
 }
 
@@ -162,6 +171,28 @@ fn a_bead_that_is_hit_beside_a_sleeping_block_pushes_it_in_the_same_step() {
     assert!(error < 4e-5, "{error:e}");
 }
 
+#[test]
+fn a_contact_that_closes_at_the_end_of_a_step_keeps_the_energy() {
+    // Beads apart meet at any part of a step. Where they meet behind the last stage inside it, no stage sees their force, and
+    // a step that did not end before would lose up to 1.5e-8 of the energy.
+    for n in 0..120 {
+        let mut scenario = plain(2, 0.0, 0.0012);
+        scenario.wall = Some(Wall::flat(Material::STEEL));
+        scenario.starts = vec![Start::apart([1, 2], 1.1e-5 + 3e-8 * f64::from(n))];
+        let model = Model::new(&scenario);
+        let mut run = start(&model, (0.0, &model.initial()), 1e-14, 0.125);
+        while run.time < scenario.duration {
+            run.advance(scenario.duration).expect("it goes on");
+        }
+        let energy = |state: &[f64]| {
+            let energies = model.energies(state);
+            energies.striker + energies.chain
+        };
+        let error = (energy(&state(&model, &run)) / energy(&model.initial()) - 1.0).abs();
+        assert!(error < 1e-12, "{n}: {error:e}");
+    }
+}
+
 /// Steps, evaluations, bodies that steps computed and bodies that they moved, at two tolerances.
 const TALLIES: &[(&str, [[usize; 4]; 2])] = &[
     ("the paper's", [[39, 784, 744, 555], [160, 3472, 3168, 2342]]),
@@ -178,6 +209,8 @@ const TALLIES: &[(&str, [[usize; 4]; 2])] = &[
     ("rung down", [[87, 1680, 1504, 1450], [270, 5552, 4608, 4455]]),
     ("creeping", [[47, 944, 1104, 984], [172, 3680, 4056, 3676]]),
     ("flying", [[25, 464, 192, 192], [77, 1648, 608, 608]]),
+    ("opened", [[24, 432, 384, 264], [103, 2256, 1648, 1133]]),
+    ("opened and rough", [[32, 816, 512, 352], [100, 2320, 1600, 1100]]),
     (
         "parted",
         [[654, 11696, 67416, 92984], [1841, 34272, 211760, 245112]],
@@ -309,7 +342,8 @@ fn inside_of_steps(tolerance: f64, longest: f64, every: u64, most: [f64; 3]) {
                 let moves = run
                     .moving()
                     .any(|run| run.contains(&(contact - 1)) && run.contains(&contact));
-                if moves && let Some(glimpse) = run.glimpse_contact(contact, from) {
+                if moves {
+                    let glimpse = run.glimpse_contact(contact, from).expect("it moves");
                     glimpsed("glimpsed contact", contact, glimpse.at(t), expected);
                 }
             }
@@ -323,9 +357,8 @@ fn inside_of_steps(tolerance: f64, longest: f64, every: u64, most: [f64; 3]) {
                     dense.glimpse_guest(guest, times).at(t),
                     expected,
                 );
-                if run.moving().any(|run| run.contains(&intruder.bead))
-                    && let Some(glimpse) = run.glimpse_guest(guest, from)
-                {
+                if run.moving().any(|run| run.contains(&intruder.bead)) {
+                    let glimpse = run.glimpse_guest(guest, from).expect("it moves");
                     glimpsed("glimpsed intruder", guest, glimpse.at(t), expected);
                 }
             }

@@ -259,5 +259,32 @@ fn a_run_reaches_a_sleeping_block_by_a_gap_that_soon_closes_or_by_what_moves_at_
         };
         let together: Vec<_> = beads.chain([sleeper]).map(|lane| (lane, 0.2)).collect();
         assert!(!reaches(0.0, &together));
+        assert!(reaches(0.0, &[(sleeper, 2.1 * quiet)]));
+    }
+}
+
+#[test]
+fn in_a_loaded_chain_a_run_reaches_a_block_by_what_moves_at_all_at_its_edge() {
+    let chain = Chain {
+        beads: 31,
+        precompression: 2.0,
+        ..Chain::PAPER
+    };
+    let lanes = Lanes::new(&Model::new(&Scenario::new(1e-3, chain, Striker::PAPER)));
+    let mut work = Work::new(&lanes, false);
+    let rest = Rest::new(&lanes, &mut work, 1.0, TOLERANCE);
+    let reaches = |away: usize, (u, v): (f64, f64)| {
+        let mut work = Work::new(&lanes, false);
+        let lane = first(1) - 1 - away;
+        (work.start.u[lane], work.start.v[lane]) = (u, v);
+        rest.reaches(&lanes, &work, 1, true, 1e-5)
+    };
+    let (far, quick) = (STILL * lanes.depth, STILL * lanes.speed);
+    for sign in [1.0, -1.0] {
+        assert!(!reaches(0, (0.9 * sign * far, 0.9 * sign * quick)));
+        for away in 0..=WATCHED {
+            assert_eq!(reaches(away, (1.1 * sign * far, 0.0)), away < WATCHED);
+            assert_eq!(reaches(away, (0.0, 1.1 * sign * quick)), away < WATCHED);
+        }
     }
 }

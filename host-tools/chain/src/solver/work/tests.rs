@@ -72,3 +72,20 @@ fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
         assert!((4..model.contacts() - 4).contains(&open), "{open}");
     }
 }
+
+#[test]
+fn bodies_beside_a_run_fly_on() {
+    let chain = Chain {
+        beads: 40,
+        ..Chain::PAPER
+    };
+    let lanes = Lanes::new(&Model::new(&Scenario::new(1e-3, chain, Striker::PAPER)));
+    let mut work = Work::new(&lanes, false);
+    for (lane, u, v) in [(first(2) - 1, 1e-6, 0.3), (first(4), -2e-6, 0.2)] {
+        (work.start.u[lane], work.start.v[lane]) = (u, v);
+    }
+    work.fly_beside(2..4, 1e-5);
+    let end = |lane: usize| (work.end.u[lane], work.end.v[lane]);
+    assert_eq!(end(first(2) - 1), (1e-6 + 1e-5 * 0.3, 0.3));
+    assert_eq!(end(first(4)), (-2e-6 + 1e-5 * 0.2, 0.2));
+}
