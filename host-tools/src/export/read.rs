@@ -11,11 +11,11 @@ use parquet::data_type::{ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use crate::export::columns::{Cell, Column, Kind};
-use crate::recording::guarded::guarded;
+use crate::recording::parquet::{Bounded, guarded, open};
 
 /// A table that is read.
 pub struct Reading {
-    reader: SerializedFileReader<File>,
+    reader: SerializedFileReader<Bounded>,
     columns: Vec<Column>,
 }
 
@@ -32,7 +32,7 @@ impl Reading {
     /// It cannot be read, or is no Parquet file with columns of this program's kinds.
     pub fn open(path: &Path) -> anyhow::Result<Self> {
         let file = File::open(path).context("it cannot be read")?;
-        let reader = told(|| Ok(SerializedFileReader::new(file)?)).context("it is no Parquet file")?;
+        let reader = open(file).context("it is no Parquet file")?;
         let schema = reader.metadata().file_metadata().schema_descr();
         let column = |n: usize| {
             let column = schema.column(n);
@@ -89,10 +89,10 @@ impl Reading {
     }
 
     fn group(&self, group: usize, wanted: impl Fn(usize) -> bool) -> anyhow::Result<Group> {
-        let group = told(|| Ok(self.reader.get_row_group(group)?))?;
+        let group = guarded(|| self.reader.get_row_group(group))?;
         let rows = usize::try_from(group.metadata().num_rows())?;
         let column = |(place, column): (usize, &Column)| match wanted(place) {
-            true => told(|| cells(group.get_column_reader(place)?, column.kind, rows)),
+            true => guarded(|| cells(group.get_column_reader(place)?, column.kind, rows)),
             false => Ok(Vec::new()),
         };
         let columns = self.columns.iter().enumerate().map(column);
@@ -100,11 +100,6 @@ impl Reading {
             columns: columns.collect::<anyhow::Result<_>>()?,
         })
     }
-}
-
-/// What the library returns, or its panic as an error.
-fn told<T>(read: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
-    guarded(read).map_err(anyhow::Error::msg)?
 }
 
 fn cells(reader: ColumnReader, kind: Kind, rows: usize) -> anyhow::Result<Vec<Cell>> {

@@ -7,10 +7,10 @@ use parquet::basic::{LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, get_typed_column_reader};
 use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::errors::ParquetError;
-use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
+use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::schema::types::ColumnDescriptor;
 
-use crate::recording::guarded::guarded;
+use crate::recording::parquet::{guarded, open};
 use crate::waveform::choice::Choice;
 use crate::waveform::columns::{Header, pick};
 use crate::waveform::error::WaveformError;
@@ -33,7 +33,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         path: path.to_owned(),
         source,
     })?;
-    let reader = told(|| SerializedFileReader::new(file)).map_err(unread)?;
+    let reader = open(file).map_err(unread)?;
     let metadata = reader.metadata().file_metadata();
     let schema = metadata.schema_descr();
     let headers: Vec<_> = (0..schema.num_columns())
@@ -70,11 +70,11 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let mut strikes = Strikes::default();
     let mut number = 0;
     for group in 0..reader.num_row_groups() {
-        let group = told(|| reader.get_row_group(group)).map_err(unread)?;
+        let group = guarded(|| reader.get_row_group(group)).map_err(unread)?;
         let count = usize::try_from(group.metadata().num_rows())
             .unwrap_or(0)
             .min(MOST + 1);
-        let column = |place: usize| told(|| values(group.as_ref(), place, count)).map_err(unread);
+        let column = |place: usize| guarded(|| values(group.as_ref(), place, count)).map_err(unread);
         let [time, force, acceleration] = [picks.time, picks.force, picks.acceleration].map(|picked| {
             let picked = picked.filter(|picked| choice.rate_hz.is_none() || Some(*picked) != picks.time);
             picked.map(|picked| column(picked.place).map(|values| (values, picked.size)))
@@ -95,11 +95,6 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         }
     }
     finish(rows, picks.strike.is_some(), &strikes, choice)
-}
-
-/// What the library returns, or its panic as an error.
-fn told<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, ParquetError> {
-    guarded(read).map_err(ParquetError::General).flatten()
 }
 
 /// The unit of a column of times of day.
