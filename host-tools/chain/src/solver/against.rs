@@ -149,6 +149,12 @@ impl Draw {
     }
 }
 
+/// Of places or velocities of all bodies, how much the first body of a contact is ahead of the second. A wall stands still
+/// at 0.
+pub(super) fn across(bodies: &[f64], contact: usize) -> f64 {
+    bodies[contact - 1] - bodies.get(contact).copied().unwrap_or(0.0)
+}
+
 /// Greatest distance of two states, as a part of their values or of the scales.
 pub(super) fn distance(model: &Model, ours: &[f64], theirs: &[f64]) -> f64 {
     let pairs = ours.iter().zip(theirs).zip(model.scales());

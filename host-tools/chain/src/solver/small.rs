@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::against::{distance, other};
+use super::against::{across, distance, other};
 use super::{Dense, Lanes, Stepper};
 use crate::dop853::System;
 use crate::model::Model;
@@ -322,14 +322,7 @@ fn inside_of_steps(tolerance: f64, longest: f64, every: u64, most: [f64; 3]) {
                 }
             };
             for contact in 1..=model.contacts() {
-                let of = |values: &[f64], from: usize| {
-                    let far = if contact < model.bodies() {
-                        values[from + contact]
-                    } else {
-                        0.0
-                    };
-                    values[from + contact - 1] - far
-                };
+                let of = |values: &[f64], from: usize| across(&values[from..][..model.bodies()], contact);
                 let velocities = layout.velocity(0);
                 let expected = [of(&there, 0), of(&there, velocities), of(&rate, velocities)];
                 let times = (from, to);

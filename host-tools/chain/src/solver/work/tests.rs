@@ -5,6 +5,7 @@ use crate::dop853::System;
 use crate::model::Model;
 use crate::oscillator::Oscillator;
 use crate::scenario::{Chain, ContactForce, Intruder, Material, Scenario, Striker, Wall};
+use crate::solver::against::across;
 
 #[test]
 fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
@@ -50,14 +51,7 @@ fn overlaps_their_rates_and_accelerations_are_those_of_the_model() {
         for contact in 1..=model.contacts() {
             let lane = BLOCK + contact;
             let [overlap, approach, acceleration] = bend(&lanes, lane, &motion);
-            let of = |values: &[f64], from: usize| {
-                let far = if contact < model.bodies() {
-                    values[from + contact]
-                } else {
-                    0.0
-                };
-                values[from + contact - 1] - far
-            };
+            let of = |values: &[f64], from: usize| across(&values[from..][..model.bodies()], contact);
             let near = |one: f64, other: f64, scale: f64| {
                 assert!(
                     (one - other).abs() < 1e-12 * scale,
