@@ -202,7 +202,7 @@ fn ctrl_c_at_a_terminal_does_not_reach_qemu_and_the_run_leaves_nothing() {
 #[test]
 fn a_search_that_is_interrupted_prints_the_best_so_far() {
     let mut running = Running(
-        Command::new(env!("CARGO_BIN_EXE_bead"))
+        program::interruptible(Path::new(env!("CARGO_MANIFEST_DIR")))
             // Five speeds and nine hosts: there is time to interrupt it.
             .args(["optimise", SCENARIO, "--hosts", "2-10", "--total-mass", "0.05"])
             .args(["--speeds", "0.1,0.2,0.5,1,2", "--format", "json"])

@@ -11,6 +11,8 @@ use bead::export::read::Reading;
 use hertz_chain::{EnsembleOptions, Scenario, ensemble};
 use serde_json::Value;
 
+use crate::program;
+
 /// Two axes, keys that go together, and drawn points: 3 × 3 × 8 points.
 const SWEEP: &str = r#"
 title = "A small one"
@@ -45,11 +47,8 @@ fn folder(sweep: &str) -> tempfile::TempDir {
 }
 
 fn command(folder: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bead"));
-    command
-        .current_dir(folder)
-        .arg("sweep")
-        .args(arguments.split_whitespace());
+    let mut command = program::interruptible(folder);
+    command.arg("sweep").args(arguments.split_whitespace());
     command
 }
 
