@@ -6,20 +6,30 @@ use std::borrow::Cow;
 /// device, a file or its name can hold sequences that steer a terminal: clear it, rename its window, write into
 /// the clipboard. All that this library and its programs print goes through here.
 pub fn printable(text: &str) -> Cow<'_, str> {
-    let steers = |character: char| character.is_control() && !matches!(character, '\n' | '\t');
-    if !text.contains(steers) {
+    without(text, |character| {
+        character.is_control() && !matches!(character, '\n' | '\t')
+    })
+}
+
+/// The same in one line: line ends and tabs are shown too. Names in a file can hold them.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    without(text, char::is_control)
+}
+
+fn without(text: &str, shown: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&shown) {
         return Cow::Borrowed(text);
     }
-    let shown = |character: char| match steers(character) {
+    let written = |character: char| match shown(character) {
         true => format!("\\u{:04x}", u32::from(character)),
         false => character.to_string(),
     };
-    Cow::Owned(text.chars().map(shown).collect())
+    Cow::Owned(text.chars().map(written).collect())
 }
 
-/// Says something beside the result, on standard error. What could steer a terminal is shown, not sent.
+/// Says something beside the result in one line, on standard error. What could steer a terminal is shown, not sent.
 pub fn note(what: std::fmt::Arguments<'_>) {
-    eprintln!("bead: {}", printable(&what.to_string()));
+    eprintln!("bead: {}", one_line(&what.to_string()));
 }
 
 #[cfg(test)]
@@ -31,6 +41,8 @@ mod tests {
         assert_eq!(printable("a\tb\nµ"), "a\tb\nµ");
         assert_eq!(printable("\u{1b}]52;c;eA==\u{7}"), "\\u001b]52;c;eA==\\u0007");
         assert_eq!(printable("\r\u{9b}2J\u{7f}"), "\\u000d\\u009b2J\\u007f");
+        assert_eq!(one_line("a\tb\nµ\u{1b}"), "a\\u0009b\\u000aµ\\u001b");
+        assert_eq!(one_line("a b"), "a b");
     }
 
     #[test]

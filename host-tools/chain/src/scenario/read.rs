@@ -5,7 +5,7 @@
 //! Values are checked on plain data, so data built in code get the same answers as data from a file. A check
 //! knows only the key (`intruder[1].mass`). [`TomlFile::place`] adds the file and the line of that key.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::fs::File;
 use std::io::Read;
 use std::ops::Range;
@@ -45,17 +45,31 @@ impl InputError {
 
 impl fmt::Display for InputError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut line = OneLine(f);
         if let Some(file) = &self.file {
-            write!(f, "{file}:")?;
-            if let Some(line) = self.line {
-                write!(f, "{line}:")?;
+            write!(line, "{file}:")?;
+            if let Some(number) = self.line {
+                write!(line, "{number}:")?;
             }
-            write!(f, " ")?;
+            write!(line, " ")?;
         }
         if !self.key.is_empty() {
-            write!(f, "{}: ", self.key)?;
+            write!(line, "{}: ", self.key)?;
         }
-        write!(f, "{}; {}", self.what, self.advice)
+        write!(line, "{}; {}", self.what, self.advice)
+    }
+}
+
+/// Writes control characters as TOML does, such as `\u000a`: a quoted key can hold line breaks.
+struct OneLine<'a, 'b>(&'a mut fmt::Formatter<'b>);
+
+impl fmt::Write for OneLine<'_, '_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        text.chars()
+            .try_for_each(|character| match character.is_control() {
+                true => write!(self.0, "\\u{:04x}", u32::from(character)),
+                false => self.0.write_char(character),
+            })
     }
 }
 

@@ -3,6 +3,7 @@
 use std::io::{Cursor, Read};
 
 use crate::recording::file::records::ChunkHead;
+use crate::recording::printable::one_line;
 
 /// The records in a chunk, at most `most` bytes.
 ///
@@ -13,7 +14,8 @@ pub(super) fn records(header: &ChunkHead, data: &[u8], most: usize) -> Result<Ve
     let size = usize::try_from(header.uncompressed).unwrap_or(usize::MAX);
     if size > most {
         return Err(format!(
-            "a chunk of {size} bytes, compressed with {by}, is larger than any chunk"
+            "a chunk of {size} bytes, compressed with {}, is larger than any chunk",
+            one_line(by)
         ));
     }
     let mut records = Vec::new();
@@ -34,7 +36,8 @@ pub(super) fn records(header: &ChunkHead, data: &[u8], most: usize) -> Result<Ve
             .map_err(|error| error.to_string()),
         _ => {
             return Err(format!(
-                "chunks are compressed with {by}, which is not known here: run `mcap decompress` on it"
+                "chunks are compressed with {}, which is not known here: run `mcap decompress` on it",
+                one_line(by)
             ));
         }
     };

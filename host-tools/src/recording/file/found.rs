@@ -8,6 +8,7 @@ use crate::recording::file::layout::{
 };
 use crate::recording::file::records::{self, ChannelHead, op};
 use crate::recording::frames::Piece;
+use crate::recording::printable::one_line;
 
 /// Greatest number of bytes in runs that wait for the time of their piece. A piece has up to 64 KiB and may
 /// end a run that began before it.
@@ -153,14 +154,15 @@ impl Found {
 
     /// What a file is that has no frames of a bead, for people.
     pub(super) fn stranger(&self) -> String {
-        let topics: Vec<_> = self.topics.iter().map(|topic| format!("`{topic}`")).collect();
+        let topics = self.topics.iter().map(|topic| one_line(topic));
+        let topics: Vec<_> = topics.map(|topic| format!("`{topic}`")).collect();
         let topics = match topics[..] {
             [] => "no channels".to_owned(),
             _ => format!("the channels {}", topics.join(", ")),
         };
         match self.made_by.as_str() {
             "" => topics,
-            by => format!("{topics}, written by `{by}`"),
+            by => format!("{topics}, written by `{}`", one_line(by)),
         }
     }
 
