@@ -1,5 +1,6 @@
 //! Whether a scenario makes sense. The first value that does not is answered with what would do.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use super::read::{InputError, TomlFile, text_of};
@@ -145,6 +146,7 @@ impl Scenario {
                 "no velocity",
                 "give a number in m/s, below zero for a bead that flies towards the striker",
             )?;
+            at.in_range("velocity", start.velocity)?;
             at.not_negative("gap", start.gap, GAP)?;
             self.check_gap(&at, start.gap)?;
         }
@@ -166,6 +168,10 @@ impl Scenario {
 
 /// Longer chains are refused: they would ask for memory and time that nobody meant.
 pub(crate) const MOST_BEADS: usize = 100_000;
+
+/// Values other than 0 outside of this are refused, in SI units: no body, contact or time has them, and the products of some
+/// would leave the range of an `f64`.
+const RANGE: RangeInclusive<f64> = 1e-30..=1e30;
 
 const GAP: &str = "give a length in m, such as 1e-6, or 0 for bodies that touch";
 const RELAXATION: &str = "give a time in s, such as 4.2e-6, or 0 for an elastic contact";
@@ -215,14 +221,32 @@ impl Table {
         unit: &str,
         example: &str,
     ) -> Result<(), InputError> {
+        let value = value.into();
         let advice = format!("give a number above zero in {unit}, such as {example}");
         let fits = |value: f64| value.is_finite() && value > 0.0;
-        self.ensure(key, value, fits, "not a positive number", &advice)
+        self.ensure(key, value, fits, "not a positive number", &advice)?;
+        self.in_range(key, value)
     }
 
     fn not_negative(&self, key: &str, value: impl Into<Option<f64>>, advice: &str) -> Result<(), InputError> {
+        let value = value.into();
         let fits = |value: f64| value.is_finite() && value >= 0.0;
-        self.ensure(key, value, fits, "not zero or a positive number", advice)
+        self.ensure(key, value, fits, "not zero or a positive number", advice)?;
+        self.in_range(key, value)
+    }
+
+    /// Refuses a number that is out of [`RANGE`].
+    fn in_range(&self, key: &str, value: impl Into<Option<f64>>) -> Result<(), InputError> {
+        let fits = |value: &f64| *value == 0.0 || RANGE.contains(&value.abs());
+        let Some(value) = value.into().filter(|value| !fits(value)) else {
+            return Ok(());
+        };
+        let (least, most) = (RANGE.start(), RANGE.end());
+        Err(self.error(
+            key,
+            format!("{value:e} is out of the range of sizes that are computed with"),
+            format!("give a number from {least:e} to {most:e}, in SI units"),
+        ))
     }
 
     fn poisson(&self, value: impl Into<Option<f64>>) -> Result<(), InputError> {

@@ -63,6 +63,12 @@ fn an_unknown_key_gets_the_nearest_name() {
             "titel",
             "s.toml:1: titel: unknown key; did you mean `title`?",
         ),
+        // Told in one line, whatever it holds.
+        (
+            "title",
+            r#""\nti\u001btle""#,
+            r"s.toml:1: \u000ati\u001btle: unknown key; did you mean `title`?",
+        ),
         (
             "young = 4.5e9",
             "yuong = 4.5e9",
@@ -167,6 +173,17 @@ fn a_value_out_of_range_says_what_would_do() {
             "radius = 0.019",
             "radius = nan",
             "s.toml:5: chain.radius: NaN is not a positive number; give",
+        ),
+        (
+            "radius = 0.019",
+            "radius = 1e308",
+            "s.toml:5: chain.radius: 1e308 is out of the range of sizes that are computed with; give a number from 1e-30 to \
+             1e30, in SI units",
+        ),
+        (
+            "relaxation = 4.2e-6",
+            "relaxation = 1e-31",
+            "s.toml:9: chain.relaxation: 1e-31 is out of the range",
         ),
         (
             "density = 1775.0",
