@@ -6,12 +6,14 @@
 //! set once, and hands all other panics on to the hook that was there.
 //!
 //! Behind the end of a file the library skips a list of any length, entry by entry, for a minute. So the end of the file is an
-//! error to what reads on.
+//! error to what reads on. And it reserves the memory that a length asks for before it reads: that of a part of the file, and
+//! that of a page when it is not compressed any more. So the first is held against the file, and the second against what
+//! Snappy can make of so few bytes.
 
 use std::any::Any;
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, BufReader, ErrorKind, Read};
+use std::io::{self, BufRead, BufReader, ErrorKind, Read};
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
@@ -36,11 +38,21 @@ impl Length for Bounded {
 impl ChunkReader for Bounded {
     type T = Rest;
 
+    /// Asked for by the library where the footer or a page begins.
     fn get_read(&self, start: u64) -> Result<Rest, ParquetError> {
-        self.0.get_read(start).map(Rest)
+        let mut rest = self.0.get_read(start)?;
+        if start.saturating_add(FOOTER) != self.len() {
+            check_page(rest.fill_buf()?)?;
+        }
+        Ok(Rest(rest))
     }
 
     fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        let rest = self.len().saturating_sub(start);
+        if length as u64 > rest {
+            let words = format!("{length} bytes of it are named where only {rest} follow");
+            return Err(ParquetError::EOF(words));
+        }
         self.0.get_bytes(start, length)
     }
 }
@@ -52,6 +64,43 @@ impl Read for Rest {
             read => Ok(read),
         }
     }
+}
+
+/// Bytes of the footer, at the end of a file.
+const FOOTER: u64 = 8;
+/// Snappy makes at most 64 bytes of 3: a copy of bytes that were there before. Other compressions are not built in.
+const GROWTH_MOST: i64 = 22;
+
+/// Refuses a page by its header, if it says that it grows more than Snappy can let it.
+fn check_page(header: &[u8]) -> Result<(), ParquetError> {
+    let wrong = |what: String| Err(ParquetError::General(what));
+    let Some([_, size, compressed]) = first_numbers(header) else {
+        return wrong("a page does not begin with its type and its sizes".to_owned());
+    };
+    if size > compressed.saturating_mul(GROWTH_MOST) {
+        return wrong(format!(
+            "a page of {compressed} bytes cannot hold the {size} that it names"
+        ));
+    }
+    Ok(())
+}
+
+/// The first fields of a page's header: type, size, and size when compressed. Each has one byte for its place after the last
+/// and its type, then a zigzag number of seven bits a byte (Apache Thrift, compact protocol).
+fn first_numbers(mut header: &[u8]) -> Option<[i64; 3]> {
+    const NEXT_I32: u8 = 0x15;
+    let mut numbers = [0; 3];
+    for number in &mut numbers {
+        header = header.strip_prefix(&[NEXT_I32])?;
+        let length = 1 + header.iter().take(5).position(|byte| byte & 0x80 == 0)?;
+        let zigzag = header[..length]
+            .iter()
+            .rev()
+            .fold(0, |value, byte| value << 7 | i64::from(byte & 0x7F));
+        *number = zigzag >> 1 ^ -(zigzag & 1);
+        header = &header[length..];
+    }
+    Some(numbers)
 }
 
 /// Opens a Parquet file.
@@ -98,7 +147,42 @@ fn words(panicked: &dyn Any) -> &str {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write as _;
+
     use super::*;
+
+    #[test]
+    fn a_length_that_the_file_does_not_have_is_refused_before_memory_is_reserved() {
+        let mut file = tempfile::tempfile().expect("a temporary file");
+        file.write_all(b"PAR1 and more").expect("it is written");
+        let file = Bounded(file);
+        assert_eq!(file.get_bytes(4, 9).expect("they are there"), &b" and more"[..]);
+        for (start, length) in [(4, 10), (14, 1), (0, usize::MAX), (u64::MAX, 1)] {
+            let why = file.get_bytes(start, length).unwrap_err().to_string();
+            assert!(why.contains("bytes of it are named where only"), "{why}");
+        }
+    }
+
+    #[test]
+    fn a_page_that_grows_more_than_snappy_lets_it_is_refused() {
+        // Type 0, sizes of 44 and 2, then another field.
+        let header = [0x15, 0, 0x15, 88, 0x15, 4, 0x2C];
+        assert_eq!(first_numbers(&header), Some([0, 44, 2]));
+        assert_eq!(check_page(&header), Ok(()));
+        assert_eq!(
+            first_numbers(&[0x15, 3, 0x15, 0xFF, 0xFF, 0xFF, 0xFF, 0x0F, 0x15, 0xAC, 2]),
+            Some([-2, -(1 << 31), 150])
+        );
+        let why = check_page(&[0x15, 0, 0x15, 90, 0x15, 4]).unwrap_err().to_string();
+        assert!(why.contains("a page of 2 bytes cannot hold the 45"), "{why}");
+        for cut in 0..6 {
+            assert_eq!(first_numbers(&header[..cut]), None);
+        }
+        assert_eq!(
+            first_numbers(&[0x15, 0, 0x15, 0x80, 0x80, 0x80, 0x80, 0x80, 0, 0x15, 0]),
+            None
+        );
+    }
 
     #[test]
     fn a_panic_becomes_an_error_of_one_line_and_the_next_call_is_as_before() {

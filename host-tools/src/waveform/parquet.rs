@@ -4,8 +4,8 @@ use std::fs::File;
 use std::path::Path;
 
 use parquet::basic::{LogicalType, TimeUnit, Type};
-use parquet::column::reader::{ColumnReader, get_typed_column_reader};
-use parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::schema::types::ColumnDescriptor;
@@ -18,7 +18,10 @@ use crate::waveform::rows::{MOST, Rows};
 use crate::waveform::signals::Waveform;
 use crate::waveform::text::{Strikes, finish};
 
-/// Reads a Parquet file, a row group at a time.
+/// Rows that are read at once.
+const AT_ONCE: usize = 1 << 14;
+
+/// Reads a Parquet file, some rows at a time.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
     let unread = |error: ParquetError| {
         let what = match &error {
@@ -71,27 +74,38 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let mut number = 0;
     for group in 0..reader.num_row_groups() {
         let group = guarded(|| reader.get_row_group(group)).map_err(unread)?;
-        let count = usize::try_from(group.metadata().num_rows())
+        let column = |place: usize| guarded(|| Column::of(group.as_ref(), place)).map_err(unread);
+        let picked = [picks.time, picks.force, picks.acceleration].map(|picked| {
+            let picked = picked.filter(|picked| choice.rate_hz.is_none() || Some(*picked) != picks.time);
+            picked.map(|picked| column(picked.place).map(|column| (column, picked.size)))
+        });
+        let [time, force, acceleration] = picked;
+        let mut columns = [time.transpose()?, force.transpose()?, acceleration.transpose()?];
+        let mut strike = picks.strike.map(column).transpose()?;
+        let mut left = usize::try_from(group.metadata().num_rows())
             .unwrap_or(0)
             .min(MOST + 1);
-        let column = |place: usize| guarded(|| values(group.as_ref(), place, count)).map_err(unread);
-        let [time, force, acceleration] = [picks.time, picks.force, picks.acceleration].map(|picked| {
-            let picked = picked.filter(|picked| choice.rate_hz.is_none() || Some(*picked) != picks.time);
-            picked.map(|picked| column(picked.place).map(|values| (values, picked.size)))
-        });
-        let [time, force, acceleration] = [time.transpose()?, force.transpose()?, acceleration.transpose()?];
-        let strike = picks.strike.map(column).transpose()?;
-        for row in 0..count {
-            let of = |column: &Option<(Vec<Option<f64>>, f64)>| {
-                let (values, size) = column.as_ref()?;
-                Some((*values.get(row)?)? * size)
-            };
-            number += 1;
-            let strike = strike.as_ref().and_then(|strike| *strike.get(row)?);
-            if strike.is_some_and(|strike| strikes.passes_over(strike, wanted)) {
-                continue;
+        while left > 0 {
+            let count = left.min(AT_ONCE);
+            left -= count;
+            for (column, _) in columns.iter_mut().flatten() {
+                guarded(|| column.read(count)).map_err(unread)?;
             }
-            rows.push(number, [of(&time), of(&force), of(&acceleration)])?;
+            if let Some(column) = &mut strike {
+                guarded(|| column.read(count)).map_err(unread)?;
+            }
+            for row in 0..count {
+                number += 1;
+                let strike = strike.as_ref().and_then(|column| column.number(row));
+                if strike.is_some_and(|strike| strikes.passes_over(strike, wanted)) {
+                    continue;
+                }
+                let of = |picked: &Option<(Column, f64)>| {
+                    let (column, size) = picked.as_ref()?;
+                    Some(column.number(row)? * size)
+                };
+                rows.push(number, columns.each_ref().map(of))?;
+            }
         }
     }
     finish(rows, picks.strike.is_some(), &strikes, choice)
@@ -109,48 +123,65 @@ fn of_a_clock(column: &ColumnDescriptor) -> Option<&'static str> {
     }
 }
 
-/// The numbers of a column in a row group, none where there is none.
-fn values(
-    group: &(dyn RowGroupReader + '_),
-    place: usize,
-    rows: usize,
-) -> Result<Vec<Option<f64>>, ParquetError> {
-    fn read<T: DataType>(
-        reader: ColumnReader,
-        rows: usize,
-        number: impl Fn(&T::T) -> f64,
-    ) -> Result<Vec<Option<f64>>, ParquetError> {
-        let (mut values, mut known) = (Vec::new(), Vec::new());
-        let mut reader = get_typed_column_reader::<T>(reader);
-        reader.read_records(rows, Some(&mut known), None, &mut values)?;
-        let mut values = values.iter().map(number);
+/// A column of numbers in a row group, some rows at a time: a few bytes of a file can stand for millions of rows.
+struct Column {
+    reader: Box<dyn FnMut(usize) -> Result<Vec<Option<f64>>, ParquetError>>,
+    rows: Vec<Option<f64>>,
+}
+
+impl Column {
+    /// The column at a place.
+    fn of(group: &(dyn RowGroupReader + '_), place: usize) -> Result<Self, ParquetError> {
+        let known_at = group.metadata().column(place).column_descr().max_def_level();
+        let reader = match group.get_column_reader(place)? {
+            ColumnReader::Int32ColumnReader(reader) => numbers(reader, known_at, |value| f64::from(*value)),
+            ColumnReader::Int64ColumnReader(reader) => numbers(reader, known_at, |value| *value as f64),
+            ColumnReader::FloatColumnReader(reader) => numbers(reader, known_at, |value| f64::from(*value)),
+            ColumnReader::DoubleColumnReader(reader) => numbers(reader, known_at, |value| *value),
+            _ => return Err(ParquetError::General("a column has changed its type".to_owned())),
+        };
+        let rows = Vec::new();
+        Ok(Self { reader, rows })
+    }
+
+    /// Takes the next rows; fewer at the column's end.
+    fn read(&mut self, count: usize) -> Result<(), ParquetError> {
+        self.rows = (self.reader)(count)?;
+        Ok(())
+    }
+
+    /// The number in one of these rows, where there is one.
+    fn number(&self, row: usize) -> Option<f64> {
+        *self.rows.get(row)?
+    }
+}
+
+/// Reads the next rows of a column, whose numbers are known where their definition level is `known_at`.
+fn numbers<T: DataType>(
+    mut reader: ColumnReaderImpl<T>,
+    known_at: i16,
+    number: impl Fn(&T::T) -> f64 + 'static,
+) -> Box<dyn FnMut(usize) -> Result<Vec<Option<f64>>, ParquetError>> {
+    Box::new(move |count| {
+        let (mut values, mut levels) = (Vec::new(), Vec::new());
+        reader.read_records(count, Some(&mut levels), None, &mut values)?;
+        let mut values = values.iter().map(&number);
         // A column that cannot have nulls does not say where they are.
-        if known.is_empty() {
+        if known_at == 0 {
             return Ok(values.map(Some).collect());
         }
-        let most = known.iter().copied().max().unwrap_or(0).max(1);
+        let known = levels.into_iter().map(|level| level == known_at);
         Ok(known
-            .into_iter()
-            .map(|known| if known == most { values.next() } else { None })
+            .map(|known| if known { values.next() } else { None })
             .collect())
-    }
-    match group.get_column_reader(place)? {
-        reader @ ColumnReader::Int32ColumnReader(_) => {
-            read::<Int32Type>(reader, rows, |value| f64::from(*value))
-        }
-        reader @ ColumnReader::Int64ColumnReader(_) => read::<Int64Type>(reader, rows, |value| *value as f64),
-        reader @ ColumnReader::FloatColumnReader(_) => {
-            read::<FloatType>(reader, rows, |value| f64::from(*value))
-        }
-        reader @ ColumnReader::DoubleColumnReader(_) => read::<DoubleType>(reader, rows, |value| *value),
-        _ => Ok(Vec::new()),
-    }
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
+    use parquet::data_type::{FloatType, Int64Type};
     use parquet::file::properties::WriterProperties;
     use parquet::file::writer::SerializedFileWriter;
     use parquet::schema::parser::parse_message_type;
