@@ -14,5 +14,6 @@ pub mod raw;
 pub mod received;
 pub mod signal;
 pub mod strikes;
+mod thrift;
 pub mod time_series;
 pub mod whole;

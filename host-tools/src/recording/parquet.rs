@@ -8,18 +8,20 @@
 //! Behind the end of a file the library skips a list of any length, entry by entry, for a minute. So the end of the file is an
 //! error to what reads on. And it reserves the memory that a length asks for before it reads: that of a part of the file, and
 //! that of a page when it is not compressed any more. So the first is held against the file, and the second against what
-//! Snappy can make of so few bytes.
+//! Snappy can make of so few bytes. What a file and a page tell of themselves is gone through before ([`thrift`]).
 
 use std::any::Any;
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, ErrorKind, Read};
+use std::io::{self, BufReader, ErrorKind, Read};
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, Length, SerializedFileReader};
 use prost::bytes::Bytes;
+
+use crate::recording::thrift;
 
 /// A file whose end is an error.
 #[derive(Debug)]
@@ -40,11 +42,10 @@ impl ChunkReader for Bounded {
 
     /// Asked for by the library where the footer or a page begins.
     fn get_read(&self, start: u64) -> Result<Rest, ParquetError> {
-        let mut rest = self.0.get_read(start)?;
         if start.saturating_add(FOOTER) != self.len() {
-            check_page(rest.fill_buf()?)?;
+            check_page(Rest(self.0.get_read(start)?))?;
         }
-        Ok(Rest(rest))
+        self.0.get_read(start).map(Rest)
     }
 
     fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
@@ -53,7 +54,12 @@ impl ChunkReader for Bounded {
             let words = format!("{length} bytes of it are named where only {rest} follow");
             return Err(ParquetError::EOF(words));
         }
-        self.0.get_bytes(start, length)
+        let bytes = self.0.get_bytes(start, length)?;
+        if length as u64 + FOOTER == rest {
+            // What the file holds is told before the footer.
+            thrift::whole_numbers(&*bytes)?;
+        }
+        Ok(bytes)
     }
 }
 
@@ -72,35 +78,14 @@ const FOOTER: u64 = 8;
 const GROWTH_MOST: i64 = 22;
 
 /// Refuses a page by its header, if it says that it grows more than Snappy can let it.
-fn check_page(header: &[u8]) -> Result<(), ParquetError> {
-    let wrong = |what: String| Err(ParquetError::General(what));
-    let Some([_, size, compressed]) = first_numbers(header) else {
-        return wrong("a page does not begin with its type and its sizes".to_owned());
-    };
+fn check_page(header: impl Read) -> Result<(), ParquetError> {
+    let numbers = thrift::whole_numbers(header)?;
+    let [size, compressed] = [2, 3].map(|field| numbers.get(&field).copied().unwrap_or(0));
     if size > compressed.saturating_mul(GROWTH_MOST) {
-        return wrong(format!(
-            "a page of {compressed} bytes cannot hold the {size} that it names"
-        ));
+        let words = format!("a page of {compressed} bytes cannot hold the {size} that it names");
+        return Err(ParquetError::General(words));
     }
     Ok(())
-}
-
-/// The first fields of a page's header: type, size, and size when compressed. Each has one byte for its place after the last
-/// and its type, then a zigzag number of seven bits a byte (Apache Thrift, compact protocol).
-fn first_numbers(mut header: &[u8]) -> Option<[i64; 3]> {
-    const NEXT_I32: u8 = 0x15;
-    let mut numbers = [0; 3];
-    for number in &mut numbers {
-        header = header.strip_prefix(&[NEXT_I32])?;
-        let length = 1 + header.iter().take(5).position(|byte| byte & 0x80 == 0)?;
-        let zigzag = header[..length]
-            .iter()
-            .rev()
-            .fold(0, |value, byte| value << 7 | i64::from(byte & 0x7F));
-        *number = zigzag >> 1 ^ -(zigzag & 1);
-        header = &header[length..];
-    }
-    Some(numbers)
 }
 
 /// Opens a Parquet file.
@@ -165,23 +150,12 @@ mod tests {
 
     #[test]
     fn a_page_that_grows_more_than_snappy_lets_it_is_refused() {
-        // Type 0, sizes of 44 and 2, then another field.
-        let header = [0x15, 0, 0x15, 88, 0x15, 4, 0x2C];
-        assert_eq!(first_numbers(&header), Some([0, 44, 2]));
-        assert!(check_page(&header).is_ok());
-        assert_eq!(
-            first_numbers(&[0x15, 3, 0x15, 0xFF, 0xFF, 0xFF, 0xFF, 0x0F, 0x15, 0xAC, 2]),
-            Some([-2, -(1 << 31), 150])
-        );
-        let why = check_page(&[0x15, 0, 0x15, 90, 0x15, 4]).unwrap_err().to_string();
+        // Type 0, sizes of 44 and 2.
+        assert!(check_page(&[0x15, 0, 0x15, 88, 0x15, 4, 0][..]).is_ok());
+        let why = check_page(&[0x15, 0, 0x15, 90, 0x15, 4, 0][..]).unwrap_err();
+        let why = why.to_string();
         assert!(why.contains("a page of 2 bytes cannot hold the 45"), "{why}");
-        for cut in 0..6 {
-            assert_eq!(first_numbers(&header[..cut]), None);
-        }
-        assert_eq!(
-            first_numbers(&[0x15, 0, 0x15, 0x80, 0x80, 0x80, 0x80, 0x80, 0, 0x15, 0]),
-            None
-        );
+        assert!(check_page(&[0x15, 0, 0x15, 88, 0x15][..]).is_err());
     }
 
     #[test]

@@ -1,0 +1,177 @@
+//! What is in a struct of Apache Thrift's compact protocol, before a library reads it.
+//!
+//! # Design
+//! The Parquet library passes over what it does not know. It takes no byte for an entry of a list of booleans, nor of a map
+//! of them, so that a few bytes can name 2^31 entries and keep a core busy for seconds, and a file has room for many such
+//! lists. Parquet's own structs hold no list of booleans and no map where this program reads them. They are refused here. All
+//! else takes a byte at least for each entry.
+
+use std::collections::BTreeMap;
+use std::io::{self, ErrorKind, Read};
+
+/// Structs and lists that lie within each other, at most; as many as the library allows.
+const DEPTH: u8 = 64;
+
+/// Types of values (Thrift compact protocol).
+mod kind {
+    pub(super) const STOP: u8 = 0;
+    pub(super) const TRUE: u8 = 1;
+    pub(super) const FALSE: u8 = 2;
+    pub(super) const BYTE: u8 = 3;
+    pub(super) const I16: u8 = 4;
+    pub(super) const I64: u8 = 6;
+    pub(super) const DOUBLE: u8 = 7;
+    pub(super) const BINARY: u8 = 8;
+    pub(super) const LIST: u8 = 9;
+    pub(super) const SET: u8 = 10;
+    pub(super) const STRUCT: u8 = 12;
+}
+
+/// The whole numbers of a struct by their fields, after all of it was read.
+///
+/// # Errors
+/// It does not end, or holds what nothing of Parquet's holds.
+pub(super) fn whole_numbers(bytes: impl Read) -> io::Result<BTreeMap<i64, i64>> {
+    let mut numbers = BTreeMap::new();
+    let mut walk = Walk(bytes);
+    walk.fields(DEPTH, |field, number| {
+        numbers.insert(field, number);
+    })?;
+    Ok(numbers)
+}
+
+fn odd<T>(what: &str) -> io::Result<T> {
+    Err(io::Error::new(ErrorKind::InvalidData, what))
+}
+
+struct Walk<R>(R);
+
+impl<R: Read> Walk<R> {
+    fn byte(&mut self) -> io::Result<u8> {
+        let mut byte = [0];
+        self.0.read_exact(&mut byte)?;
+        Ok(byte[0])
+    }
+
+    /// A number of seven bits a byte, the least first.
+    fn varint(&mut self) -> io::Result<u64> {
+        let mut number = 0;
+        for place in 0..10 {
+            let byte = self.byte()?;
+            number |= u64::from(byte & 0x7F) << (7 * place);
+            if byte & 0x80 == 0 {
+                return Ok(number);
+            }
+        }
+        odd("it holds a number of more than 64 bits")
+    }
+
+    /// The same with the sign in its lowest bit.
+    fn zigzag(&mut self) -> io::Result<i64> {
+        let number = self.varint()?;
+        Ok((number >> 1) as i64 ^ -((number & 1) as i64))
+    }
+
+    fn pass(&mut self, bytes: u64) -> io::Result<()> {
+        match io::copy(&mut self.0.by_ref().take(bytes), &mut io::sink())? == bytes {
+            true => Ok(()),
+            false => Err(ErrorKind::UnexpectedEof.into()),
+        }
+    }
+
+    /// Goes through a struct to its end, and tells of each whole number and its field.
+    fn fields(&mut self, depth: u8, mut tell: impl FnMut(i64, i64)) -> io::Result<()> {
+        let mut field = 0_i64;
+        loop {
+            let head = self.byte()?;
+            let (step, kind) = (head >> 4, head & 0xF);
+            if kind == kind::STOP {
+                return Ok(());
+            }
+            field = match step {
+                0 => self.zigzag()?,
+                _ => field.saturating_add(step.into()),
+            };
+            if let Some(number) = self.value(kind, depth)? {
+                tell(field, number);
+            }
+        }
+    }
+
+    /// Goes through a value, which is given if it is a whole number.
+    fn value(&mut self, kind: u8, depth: u8) -> io::Result<Option<i64>> {
+        let Some(depth) = depth.checked_sub(1) else {
+            return odd("too many structs lie within each other");
+        };
+        match kind {
+            // A field that is one has no byte beside its head.
+            kind::TRUE | kind::FALSE => {}
+            kind::BYTE => drop(self.byte()?),
+            kind::I16..=kind::I64 => return self.zigzag().map(Some),
+            kind::DOUBLE => self.pass(8)?,
+            kind::BINARY => {
+                let length = self.varint()?;
+                self.pass(length)?;
+            }
+            kind::LIST | kind::SET => {
+                let head = self.byte()?;
+                let (size, kind) = (head >> 4, head & 0xF);
+                let size = if size == 15 { self.varint()? } else { size.into() };
+                if size > 0 && matches!(kind, kind::TRUE | kind::FALSE) {
+                    return odd("it holds a list of booleans");
+                }
+                for _ in 0..size {
+                    self.value(kind, depth)?;
+                }
+            }
+            kind::STRUCT => self.fields(depth, |_, _| {})?,
+            _ => return odd("it holds a map, or what has no name"),
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_are_told_by_their_fields() {
+        // Fields 1, 2, 3 (a struct with a field 1), 20 in the long form; a boolean, a double and a text between.
+        let bytes = [
+            &[0x15, 3, 0x16, 0xAC, 2, 0x1C, 0x15, 9, 0][..],
+            &[0x11, 0x17, 0, 0, 0, 0, 0, 0, 0, 0, 0x18, 2, b'a', b'b'],
+            &[0x05, 40, 0x80, 1, 0x19, 0x25, 1, 2, 0],
+        ]
+        .concat();
+        let numbers = whole_numbers(&*bytes).unwrap();
+        assert_eq!(Vec::from_iter(numbers), [(1, -2), (2, 150), (20, 64)]);
+        for cut in 0..bytes.len() {
+            let error = whole_numbers(&bytes[..cut]).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{cut}");
+        }
+    }
+
+    #[test]
+    fn what_costs_without_end_is_refused() {
+        let says = |bytes: &[u8]| whole_numbers(bytes).unwrap_err().to_string();
+        for kind in [0xF1, 0xF2] {
+            let list = [0x19, kind, 0xFF, 0xFF, 0xFF, 0xFF, 0x07, 0];
+            assert_eq!(says(&list), "it holds a list of booleans");
+        }
+        // An empty one costs nothing.
+        assert!(whole_numbers(&[0x19, 0x01, 0][..]).unwrap().is_empty());
+        assert_eq!(says(&[0x1B, 1, 0x11]), "it holds a map, or what has no name");
+        assert_eq!(says(&[0x1C; 100]), "too many structs lie within each other");
+        assert_eq!(says(&[0x19; 100]), "too many structs lie within each other");
+        assert_eq!(
+            says(&[[0x15].as_slice(), &[0x80; 11]].concat()),
+            "it holds a number of more than 64 bits"
+        );
+        let list = [0x19, 0xF5, 0xFF, 0xFF, 0xFF, 0xFF, 0x07, 0];
+        assert_eq!(
+            whole_numbers(&list[..]).unwrap_err().kind(),
+            ErrorKind::UnexpectedEof
+        );
+    }
+}
