@@ -8,7 +8,8 @@
 //! Behind the end of a file the library skips a list of any length, entry by entry, for a minute. So the end of the file is an
 //! error to what reads on. And it reserves the memory that a length asks for before it reads: that of a part of the file, and
 //! that of a page when it is not compressed any more. So the first is held against the file, and the second against what
-//! Snappy can make of so few bytes. What a file and a page tell of themselves is gone through before ([`thrift`]).
+//! Snappy can make of so few bytes. What a file and a page tell of themselves is gone through before
+//! ([`crate::recording::thrift`]).
 
 use std::any::Any;
 use std::cell::Cell;
@@ -21,7 +22,8 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, Length, SerializedFileReader};
 use prost::bytes::Bytes;
 
-use crate::recording::thrift;
+use crate::recording::thrift::parquet::{COMPRESSED_SIZE, FILE, PAGE, SIZE};
+use crate::recording::thrift::whole_numbers;
 
 /// A file whose end is an error.
 #[derive(Debug)]
@@ -57,7 +59,7 @@ impl ChunkReader for Bounded {
         let bytes = self.0.get_bytes(start, length)?;
         if length as u64 + FOOTER == rest {
             // What the file holds is told before the footer.
-            thrift::whole_numbers(&*bytes)?;
+            whole_numbers(&*bytes, FILE)?;
         }
         Ok(bytes)
     }
@@ -79,8 +81,9 @@ const GROWTH_MOST: i64 = 22;
 
 /// Refuses a page by its header, if it says that it grows more than Snappy can let it.
 fn check_page(header: impl Read) -> Result<(), ParquetError> {
-    let numbers = thrift::whole_numbers(header)?;
-    let [size, compressed] = [2, 3].map(|field| numbers.get(&field).copied().unwrap_or(0));
+    let numbers = whole_numbers(header, PAGE)?;
+    let number = |field| numbers.get(&field).copied().unwrap_or(0);
+    let (size, compressed) = (number(SIZE), number(COMPRESSED_SIZE));
     if size > compressed.saturating_mul(GROWTH_MOST) {
         let words = format!("a page of {compressed} bytes cannot hold the {size} that it names");
         return Err(ParquetError::General(words));

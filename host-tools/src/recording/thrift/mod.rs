@@ -1,19 +1,40 @@
 //! What is in a struct of Apache Thrift's compact protocol, before a library reads it.
 //!
 //! # Design
-//! The Parquet library passes over what it does not know. It takes no byte for an entry of a list of booleans, nor of a map
-//! of them, so that a few bytes can name 2^31 entries and keep a core busy for seconds, and a file has room for many such
-//! lists. Parquet's own structs hold no list of booleans and no map where this program reads them. They are refused here. All
-//! else takes a byte at least for each entry.
+//! The Parquet library believes a field to have the type that it should have, and passes over what it does not know. It takes
+//! no byte for an entry of a list of booleans, nor of a map of them. So a few bytes can name 2^31 entries and keep a core busy
+//! for seconds, and a file has room for many such lists. A struct is gone through here before: the fields that the library
+//! knows have their types ([`mod@parquet`]), and nothing holds a list of booleans or a map. All else takes a byte at least for
+//! each entry.
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind, Read};
 
+pub(super) mod parquet;
+
 /// Structs and lists that lie within each other, at most; as many as the library allows.
 const DEPTH: u8 = 64;
 
-/// Types of values (Thrift compact protocol).
-mod kind {
+/// What a value is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Kind {
+    Boolean,
+    Byte,
+    /// Of 16, 32 or 64 bits, which are written alike; an enumeration too.
+    Whole,
+    Double,
+    /// Or text.
+    Bytes,
+    /// Of values of one kind.
+    List(&'static Kind),
+    Struct(Fields),
+}
+
+/// The fields of a struct that a reader knows, by their numbers.
+pub(super) type Fields = &'static [(i64, Kind)];
+
+/// Types of values, in four bits.
+mod bits {
     pub(super) const STOP: u8 = 0;
     pub(super) const TRUE: u8 = 1;
     pub(super) const FALSE: u8 = 2;
@@ -21,20 +42,33 @@ mod kind {
     pub(super) const I16: u8 = 4;
     pub(super) const I64: u8 = 6;
     pub(super) const DOUBLE: u8 = 7;
-    pub(super) const BINARY: u8 = 8;
+    pub(super) const BYTES: u8 = 8;
     pub(super) const LIST: u8 = 9;
     pub(super) const SET: u8 = 10;
     pub(super) const STRUCT: u8 = 12;
 }
 
+impl Kind {
+    fn is_written_as(self, kind: u8) -> bool {
+        match self {
+            Self::Boolean => matches!(kind, bits::TRUE | bits::FALSE),
+            Self::Byte => kind == bits::BYTE,
+            Self::Whole => matches!(kind, bits::I16..=bits::I64),
+            Self::Double => kind == bits::DOUBLE,
+            Self::Bytes => kind == bits::BYTES,
+            Self::List(_) => kind == bits::LIST,
+            Self::Struct(_) => kind == bits::STRUCT,
+        }
+    }
+}
+
 /// The whole numbers of a struct by their fields, after all of it was read.
 ///
 /// # Errors
-/// It does not end, or holds what nothing of Parquet's holds.
-pub(super) fn whole_numbers(bytes: impl Read) -> io::Result<BTreeMap<i64, i64>> {
+/// It does not end, a field has another type, or it holds what nothing of Parquet's holds.
+pub(super) fn whole_numbers(bytes: impl Read, fields: Fields) -> io::Result<BTreeMap<i64, i64>> {
     let mut numbers = BTreeMap::new();
-    let mut walk = Walk(bytes);
-    walk.fields(DEPTH, |field, number| {
+    Walk(bytes).fields(fields, DEPTH, |field, number| {
         numbers.insert(field, number);
     })?;
     Ok(numbers)
@@ -80,51 +114,65 @@ impl<R: Read> Walk<R> {
     }
 
     /// Goes through a struct to its end, and tells of each whole number and its field.
-    fn fields(&mut self, depth: u8, mut tell: impl FnMut(i64, i64)) -> io::Result<()> {
+    fn fields(&mut self, known: Fields, depth: u8, mut tell: impl FnMut(i64, i64)) -> io::Result<()> {
         let mut field = 0_i64;
         loop {
             let head = self.byte()?;
-            let (step, kind) = (head >> 4, head & 0xF);
-            if kind == kind::STOP {
+            let (step, bits) = (head >> 4, head & 0xF);
+            if bits == bits::STOP {
                 return Ok(());
             }
             field = match step {
                 0 => self.zigzag()?,
                 _ => field.saturating_add(step.into()),
             };
-            if let Some(number) = self.value(kind, depth)? {
+            let kind = known.iter().find(|(known, _)| *known == field);
+            if let Some(number) = self.value(bits, kind.map(|(_, kind)| *kind), depth)? {
                 tell(field, number);
             }
         }
     }
 
-    /// Goes through a value, which is given if it is a whole number.
-    fn value(&mut self, kind: u8, depth: u8) -> io::Result<Option<i64>> {
+    /// Goes through a value, which is given if it is a whole number. Its kind is known or may be any.
+    fn value(&mut self, bits: u8, kind: Option<Kind>, depth: u8) -> io::Result<Option<i64>> {
         let Some(depth) = depth.checked_sub(1) else {
             return odd("too many structs lie within each other");
         };
-        match kind {
+        if kind.is_some_and(|kind| !kind.is_written_as(bits)) {
+            return odd("a field has another type than it should have");
+        }
+        match bits {
             // A field that is one has no byte beside its head.
-            kind::TRUE | kind::FALSE => {}
-            kind::BYTE => drop(self.byte()?),
-            kind::I16..=kind::I64 => return self.zigzag().map(Some),
-            kind::DOUBLE => self.pass(8)?,
-            kind::BINARY => {
+            bits::TRUE | bits::FALSE => {}
+            bits::BYTE => drop(self.byte()?),
+            bits::I16..=bits::I64 => return self.zigzag().map(Some),
+            bits::DOUBLE => self.pass(8)?,
+            bits::BYTES => {
                 let length = self.varint()?;
                 self.pass(length)?;
             }
-            kind::LIST | kind::SET => {
+            bits::LIST | bits::SET => {
                 let head = self.byte()?;
-                let (size, kind) = (head >> 4, head & 0xF);
+                let (size, bits) = (head >> 4, head & 0xF);
                 let size = if size == 15 { self.varint()? } else { size.into() };
-                if size > 0 && matches!(kind, kind::TRUE | kind::FALSE) {
+                if size > 0 && matches!(bits, bits::TRUE | bits::FALSE) {
                     return odd("it holds a list of booleans");
                 }
+                let of = match kind {
+                    Some(Kind::List(of)) => Some(*of),
+                    _ => None,
+                };
                 for _ in 0..size {
-                    self.value(kind, depth)?;
+                    self.value(bits, of, depth)?;
                 }
             }
-            kind::STRUCT => self.fields(depth, |_, _| {})?,
+            bits::STRUCT => {
+                let fields = match kind {
+                    Some(Kind::Struct(fields)) => fields,
+                    _ => &[],
+                };
+                self.fields(fields, depth, |_, _| {})?;
+            }
             _ => return odd("it holds a map, or what has no name"),
         }
         Ok(None)
@@ -144,23 +192,23 @@ mod tests {
             &[0x05, 40, 0x80, 1, 0x19, 0x25, 1, 2, 0],
         ]
         .concat();
-        let numbers = whole_numbers(&*bytes).unwrap();
+        let numbers = whole_numbers(&*bytes, &[]).unwrap();
         assert_eq!(Vec::from_iter(numbers), [(1, -2), (2, 150), (20, 64)]);
         for cut in 0..bytes.len() {
-            let error = whole_numbers(&bytes[..cut]).unwrap_err();
+            let error = whole_numbers(&bytes[..cut], &[]).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{cut}");
         }
     }
 
     #[test]
     fn what_costs_without_end_is_refused() {
-        let says = |bytes: &[u8]| whole_numbers(bytes).unwrap_err().to_string();
+        let says = |bytes: &[u8]| whole_numbers(bytes, &[]).unwrap_err().to_string();
         for kind in [0xF1, 0xF2] {
             let list = [0x19, kind, 0xFF, 0xFF, 0xFF, 0xFF, 0x07, 0];
             assert_eq!(says(&list), "it holds a list of booleans");
         }
         // An empty one costs nothing.
-        assert!(whole_numbers(&[0x19, 0x01, 0][..]).unwrap().is_empty());
+        assert!(whole_numbers(&[0x19, 0x01, 0][..], &[]).unwrap().is_empty());
         assert_eq!(says(&[0x1B, 1, 0x11]), "it holds a map, or what has no name");
         assert_eq!(says(&[0x1C; 100]), "too many structs lie within each other");
         assert_eq!(says(&[0x19; 100]), "too many structs lie within each other");
@@ -170,8 +218,29 @@ mod tests {
         );
         let list = [0x19, 0xF5, 0xFF, 0xFF, 0xFF, 0xFF, 0x07, 0];
         assert_eq!(
-            whole_numbers(&list[..]).unwrap_err().kind(),
+            whole_numbers(&list[..], &[]).unwrap_err().kind(),
             ErrorKind::UnexpectedEof
         );
+    }
+
+    #[test]
+    fn a_field_that_is_known_has_its_type() {
+        const FIELDS: Fields = &[
+            (1, Kind::Whole),
+            (2, Kind::List(&Kind::Struct(&[(1, Kind::Bytes)]))),
+            (3, Kind::Boolean),
+        ];
+        let sound = [0x15, 2, 0x19, 0x1C, 0x18, 1, b'a', 0, 0x12, 0];
+        assert_eq!(whole_numbers(&sound[..], FIELDS).unwrap()[&1], 1);
+        for (place, other) in [(0, 0x13), (3, 0x18), (4, 0x15), (8, 0x15)] {
+            let mut wrong = sound;
+            wrong[place] = other;
+            let error = whole_numbers(&wrong[..], FIELDS).unwrap_err();
+            assert_eq!(
+                error.to_string(),
+                "a field has another type than it should have",
+                "{place}"
+            );
+        }
     }
 }
