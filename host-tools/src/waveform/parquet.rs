@@ -123,9 +123,12 @@ fn of_a_clock(column: &ColumnDescriptor) -> Option<&'static str> {
     }
 }
 
+/// Gives the next rows of a column; fewer at its end.
+type Reader = Box<dyn FnMut(usize) -> Result<Vec<Option<f64>>, ParquetError>>;
+
 /// A column of numbers in a row group, some rows at a time: a few bytes of a file can stand for millions of rows.
 struct Column {
-    reader: Box<dyn FnMut(usize) -> Result<Vec<Option<f64>>, ParquetError>>,
+    reader: Reader,
     rows: Vec<Option<f64>>,
 }
 
@@ -161,7 +164,7 @@ fn numbers<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
     known_at: i16,
     number: impl Fn(&T::T) -> f64 + 'static,
-) -> Box<dyn FnMut(usize) -> Result<Vec<Option<f64>>, ParquetError>> {
+) -> Reader {
     Box::new(move |count| {
         let (mut values, mut levels) = (Vec::new(), Vec::new());
         reader.read_records(count, Some(&mut levels), None, &mut values)?;
