@@ -7,6 +7,7 @@ pub mod file;
 pub mod frames;
 pub mod json;
 pub(crate) mod parquet;
+mod parquet_structs;
 pub mod physical;
 pub mod printable;
 pub mod protobuf;

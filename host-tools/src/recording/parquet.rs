@@ -22,7 +22,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, Length, SerializedFileReader};
 use prost::bytes::Bytes;
 
-use crate::recording::thrift::parquet::{COMPRESSED_SIZE, FILE, PAGE, SIZE};
+use crate::recording::parquet_structs::{COMPRESSED_SIZE, FILE, PAGE, SIZE};
 use crate::recording::thrift::whole_numbers;
 
 /// A file whose end is an error.

@@ -4,13 +4,11 @@
 //! The Parquet library believes a field to have the type that it should have, and passes over what it does not know. It takes
 //! no byte for an entry of a list of booleans, nor of a map of them. So a few bytes can name 2^31 entries and keep a core busy
 //! for seconds, and a file has room for many such lists. A struct is gone through here before: the fields that the library
-//! knows have their types ([`mod@parquet`]), and nothing holds a list of booleans or a map. All else takes a byte at least for
+//! knows have their types, and nothing holds a list of booleans or a map. All else takes a byte at least for
 //! each entry.
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind, Read};
-
-pub(super) mod parquet;
 
 /// Structs and lists that lie within each other, at most; as many as the library allows.
 const DEPTH: u8 = 64;

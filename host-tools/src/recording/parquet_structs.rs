@@ -1,10 +1,10 @@
 //! The structs of a Parquet file that are read here, by their fields (Apache Parquet, parquet.thrift).
 
-use super::Fields;
-use super::Kind::{self, Boolean, Byte, Bytes, Double, List, Struct, Whole};
+use crate::recording::thrift::Fields;
+use crate::recording::thrift::Kind::{self, Boolean, Byte, Bytes, Double, List, Struct, Whole};
 
 /// What stands before each page (PageHeader).
-pub(in crate::recording) const PAGE: Fields = &[
+pub(super) const PAGE: Fields = &[
     (TYPE, Whole),
     (SIZE, Whole),
     (COMPRESSED_SIZE, Whole),
@@ -33,12 +33,12 @@ pub(in crate::recording) const PAGE: Fields = &[
 
 const TYPE: i64 = 1;
 /// Field of a page's size, bytes.
-pub(in crate::recording) const SIZE: i64 = 2;
+pub(super) const SIZE: i64 = 2;
 /// Field of its size in the file, bytes.
-pub(in crate::recording) const COMPRESSED_SIZE: i64 = 3;
+pub(super) const COMPRESSED_SIZE: i64 = 3;
 
 /// What stands at the end of a file (FileMetaData). Keys of encryption are read by nobody here.
-pub(in crate::recording) const FILE: Fields = &[
+pub(super) const FILE: Fields = &[
     (1, Whole),
     (2, List(&SCHEMA_ELEMENT)),
     (3, Whole),
