@@ -491,10 +491,10 @@ impl Model {
         fastest.filter(|(_, rate)| rate * self.shortest_contact() > 6e5)
     }
 
-    /// Steps that so much time takes at least. The method is stable for steps of up to some 6 of the shortest
-    /// time constants.
-    pub(crate) fn fewest_steps(&self, duration: f64, longest_step: f64) -> f64 {
-        duration * (1.0 / (longest_step * self.shortest_contact())).max(self.fastest_rate() / 6.0)
+    /// The longest step, s, of a run whose accuracy has this [`longest_step`](crate::Accuracy::longest_step). The
+    /// method is stable for steps of up to some 6 of the shortest time constants.
+    pub(crate) fn longest_step(&self, longest_step: f64) -> f64 {
+        (longest_step * self.shortest_contact()).min(6.0 / self.fastest_rate())
     }
 
     /// How deep the body of greatest energy, which is the striker as a rule, would go into a bead at rest: the

@@ -121,6 +121,16 @@ pub enum SimulateError {
         /// How far it was to go, s.
         end: f64,
     },
+    /// The run takes more steps than a fast computer makes in a day.
+    #[error(
+        "duration: {end:.3e} s in steps of at most {step:.1e} s takes more than a day of computing; simulate less time, or check units"
+    )]
+    TooManySteps {
+        /// How far the run was to go, s.
+        end: f64,
+        /// How long a step is at most, s.
+        step: f64,
+    },
     /// An intruder is so much faster than a strike that its units are probably wrong.
     #[error(
         "intruder in bead {bead}: its time constant of {time:.1e} s takes {steps:.1e} steps, more than {seconds:.0} s of computing; check units: mass in kg, stiffness in N/m, damping in N·s/m"

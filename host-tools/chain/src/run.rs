@@ -41,6 +41,8 @@ pub struct Run {
 
 /// Steps that take seconds at most.
 const FEW_STEPS: f64 = 1e6;
+/// Steps that take more than a day, even if few beads move. A collision takes some ten.
+const MOST_STEPS: f64 = 2e11;
 
 impl Run {
     /// The chain of a scenario at t = 0. Its duration is not looked at.
@@ -57,25 +59,29 @@ impl Run {
     /// Refuses a run to `end`, s, if it would take absurdly long. `longest_step` is that of the accuracy.
     ///
     /// # Errors
-    /// [`SimulateError::TooStiff`].
+    /// [`SimulateError::TooStiff`], [`SimulateError::TooManySteps`].
     pub fn check(&self, end: f64, longest_step: f64) -> Result<(), SimulateError> {
-        let Some((bead, rate)) = self.model.absurd_intruder() else {
-            return Ok(());
-        };
-        let steps = self.model.fewest_steps(end - self.time(), longest_step);
-        // A strike may also be so slow that no resonator is as slow.
+        let step = self.model.longest_step(longest_step);
+        let steps = (end - self.time()) / step;
+        // A strike may be so slow that no resonator is as slow.
         if steps < FEW_STEPS {
             return Ok(());
         }
         // Sixteen evaluations, 20 ns for eight bodies each.
         let seconds = steps * (0.5e-6 + 0.04e-6 * self.model.bodies() as f64);
-        let time = 1.0 / rate;
-        Err(SimulateError::TooStiff {
-            bead,
-            time,
-            steps,
-            seconds,
-        })
+        if let Some((bead, rate)) = self.model.absurd_intruder() {
+            let time = 1.0 / rate;
+            return Err(SimulateError::TooStiff {
+                bead,
+                time,
+                steps,
+                seconds,
+            });
+        }
+        if steps > MOST_STEPS {
+            return Err(SimulateError::TooManySteps { end, step });
+        }
+        Ok(())
     }
 
     pub(crate) fn start(

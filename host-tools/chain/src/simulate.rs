@@ -32,8 +32,8 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
     let mut run = Run::new(scenario, options.accuracy)?;
     run.check(end, options.accuracy.longest_step)?;
     let mut state = run.model().initial();
-    if run.model().fewest_steps(end, options.accuracy.longest_step) * state.len() as f64 > MOST_VALUES as f64
-    {
+    let fewest_steps = end / run.model().longest_step(options.accuracy.longest_step);
+    if fewest_steps * state.len() as f64 > MOST_VALUES as f64 {
         return Err(SimulateError::TooLong { time: 0.0, end });
     }
     let mut times = vec![run.time()];

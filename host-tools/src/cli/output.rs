@@ -1,10 +1,11 @@
 //! How results leave the program: data on standard output, everything else on standard error.
 
+use std::fmt;
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
 use comfy_table::{CellAlignment, Table, presets};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -118,7 +119,7 @@ pub fn progress(steps: u64) -> ProgressBar {
 /// A progress bar of the part done and the time left, on standard error; silent when standard error is not a
 /// terminal. [`set_part`] moves it.
 pub fn part_done(step: impl Into<String>) -> ProgressBar {
-    shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {eta} left")
+    shown(ProgressBar::new(PARTS), "{bar:24} {percent} % {msg}, {left}")
         .with_message(printable(&step.into()).into_owned())
 }
 
@@ -135,7 +136,15 @@ fn shown(bar: ProgressBar, template: &str) -> ProgressBar {
         return bar;
     }
     if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
+        bar.set_style(
+            style.with_key("left", |state: &ProgressState, to: &mut dyn fmt::Write| {
+                // Nothing is known of the rest before some of it is done. What cannot be told is not shown.
+                let _ = match state.pos() {
+                    0 => write!(to, "time left unknown"),
+                    _ => write!(to, "{:#} left", HumanDuration(state.eta())),
+                };
+            }),
+        );
     }
     bar.enable_steady_tick(Duration::from_millis(100));
     bar

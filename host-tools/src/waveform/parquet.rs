@@ -1,5 +1,6 @@
 //! Parquet files, as pandas, polars and `bead export` write them.
 
+use std::fmt::Display;
 use std::fs::File;
 use std::path::Path;
 
@@ -24,11 +25,15 @@ const AT_ONCE: usize = 1 << 14;
 /// Reads a Parquet file, some rows at a time.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
     let unread = |error: ParquetError| {
+        let damaged = |words: &dyn Display| format!("is a damaged Parquet file: {words}");
         let what = match &error {
             ParquetError::General(what) | ParquetError::NYI(what) if what.contains("compil") => {
                 "its columns are compressed in a way that is not read; write it with snappy, or not compressed".to_owned()
             }
-            error => format!("is a damaged Parquet file: {error}"),
+            // The library's word for the kind of an error says nothing to whoever wrote the file.
+            ParquetError::General(words) | ParquetError::EOF(words) => damaged(words),
+            ParquetError::External(cause) => damaged(cause),
+            error => damaged(error),
         };
         WaveformError::unfit(path, what.replace('\n', " "))
     };

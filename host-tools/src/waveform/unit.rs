@@ -35,7 +35,7 @@ const GRAVITY: f64 = 9.806_65;
 const POUND: f64 = 4.448_221_615_260_5;
 
 /// Units in the form that [`unit`] brings them into, each with its size in the SI unit.
-const UNITS: [(&str, Quantity, f64); 27] = [
+const UNITS: [(&str, Quantity, f64); 28] = [
     ("s", Quantity::Time, 1.0),
     ("sec", Quantity::Time, 1.0),
     ("second", Quantity::Time, 1.0),
@@ -54,6 +54,7 @@ const UNITS: [(&str, Quantity, f64); 27] = [
     ("lbf", Quantity::Force, POUND),
     ("m/s2", Quantity::Acceleration, 1.0),
     ("m_s2", Quantity::Acceleration, 1.0),
+    ("m_per_s2", Quantity::Acceleration, 1.0),
     ("mps2", Quantity::Acceleration, 1.0),
     ("ms-2", Quantity::Acceleration, 1.0),
     ("m/s/s", Quantity::Acceleration, 1.0),
@@ -151,6 +152,12 @@ mod tests {
             ("force_n", "force", Quantity::Force, 1.0),
             ("acceleration_mps2", "acceleration", Quantity::Acceleration, 1.0),
             ("acceleration_m_s2", "acceleration", Quantity::Acceleration, 1.0),
+            (
+                "acceleration_m_per_s2",
+                "acceleration",
+                Quantity::Acceleration,
+                1.0,
+            ),
             ("time_from_trigger_s", "time_from_trigger", Quantity::Time, 1.0),
             ("Force (kN)", "Force", Quantity::Force, 1e3),
             ("Kraft [mN]", "Kraft", Quantity::Force, 1e-3),

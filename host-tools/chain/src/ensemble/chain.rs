@@ -1,6 +1,6 @@
 //! What distinguishes the chains of a group: eight chains of one shape, a lane each.
 
-use super::eight::Eight;
+use super::eight::{Eight, LANES};
 use crate::model::Model;
 
 /// What chains must have in common to be computed together.
@@ -53,18 +53,24 @@ pub(super) struct Constants {
     /// The longest step, and the end of the run, s.
     pub(super) longest: Eight,
     pub(super) end: Eight,
+    /// Steps to try at most.
+    pub(super) most_tries: [u64; LANES],
 }
 
 /// Overlap without force, as a part of the striker's depth.
 const THRESHOLD: f64 = 1e-13;
 /// Longest step as a part of the shortest contact. It keeps a step from passing over a collision.
 const LONGEST: f64 = 1.0;
+/// A chain may try this many times the fewest steps, and a few. It tries more where rounding is above the error that
+/// is allowed, as where the striker is 1e30 times lighter than a bead.
+const HARD: f64 = 100.0;
+const A_FEW: u64 = 100_000;
 
 impl Constants {
     /// Lanes beyond the chains stand still.
     pub(super) fn new(shape: &Shape, chains: &[(&Model, f64)], tolerance: f64) -> Self {
         let lanes = |of: &dyn Fn(&Model) -> f64| {
-            let mut lanes = Eight([0.0; 8]);
+            let mut lanes = Eight([0.0; LANES]);
             for (lane, (model, _)) in lanes.0.iter_mut().zip(chains) {
                 *lane = of(model);
             }
@@ -72,12 +78,12 @@ impl Constants {
         };
         let contacts = 1..shape.places();
         let of_contacts = |of: &dyn Fn(&Model, usize) -> f64| -> Vec<Eight> {
-            let zero = std::iter::once(Eight([0.0; 8]));
+            let zero = std::iter::once(Eight([0.0; LANES]));
             zero.chain(contacts.clone().map(|contact| lanes(&|model| of(model, contact))))
                 .collect()
         };
         let of_bodies = |of: &dyn Fn(&Model, usize) -> f64| -> Vec<Eight> {
-            let wall = shape.walled.then_some(Eight([0.0; 8]));
+            let wall = shape.walled.then_some(Eight([0.0; LANES]));
             let bodies = 0..shape.bodies;
             bodies
                 .map(|body| lanes(&|model| of(model, body)))
@@ -89,9 +95,13 @@ impl Constants {
                 .map(|guest| lanes(&|model| of(model.intruders()[guest].oscillator)))
                 .collect()
         };
-        let mut end = Eight([0.0; 8]);
+        let mut end = Eight([0.0; LANES]);
         for (lane, (_, time)) in end.0.iter_mut().zip(chains) {
             *lane = *time;
+        }
+        let mut most_tries = [0; LANES];
+        for (most, (model, time)) in most_tries.iter_mut().zip(chains) {
+            *most = A_FEW + (HARD * fewest_steps(model, *time)) as u64;
         }
         let scale = |model: &Model| tolerance * wave_speed(model);
         Self {
@@ -107,8 +117,15 @@ impl Constants {
             guest_strictness: lanes(&|model| 1.0 / scale(model)),
             longest: lanes(&|model| LONGEST * model.shortest_contact()),
             end,
+            most_tries,
         }
     }
+}
+
+/// The steps that a chain takes at least. The method is stable for steps of up to some 3 of the shortest time
+/// constants.
+pub(super) fn fewest_steps(model: &Model, duration: f64) -> f64 {
+    duration * (1.0 / (LONGEST * model.shortest_contact())).max(model.fastest_rate() / 3.0)
 }
 
 /// About the velocity of a bead in the wave, m/s: that of bead 1 after an elastic collision with the striker

@@ -96,8 +96,8 @@ pub(super) struct Lane {
     peaks: Vec<(f64, f64)>,
 }
 
-/// Why a lane came to no end: the time that it reached.
-pub(super) type Stuck = [Option<f64>; LANES];
+/// The lanes that come to no end.
+pub(super) type Stuck = [bool; LANES];
 
 impl<'a> Group<'a> {
     pub(super) fn new(
@@ -239,17 +239,18 @@ const SHRINKAGE: f64 = 0.2;
 
 impl Group<'_> {
     /// Sets the length of each lane's step; false once all are at their ends. A lane whose steps no longer move
-    /// its clock is taken out.
+    /// its clock, or are far too many, is taken out.
     fn lengths(&mut self, stuck: &mut Stuck) -> bool {
         let mut goes_on = false;
         for (lane, stuck) in stuck.iter_mut().enumerate() {
             let (time, end) = (self.time.0[lane], self.constants.end.0[lane]);
             let (left, step) = (end - time, self.step.0[lane]);
             let length = if step >= left * (1.0 - 1e-9) { left } else { step };
-            let moves = left > 0.0 && stuck.is_none() && self.stopped[lane].is_none();
+            let moves = left > 0.0 && !*stuck && self.stopped[lane].is_none();
             self.length.0[lane] = 0.0;
-            if moves && (time + length <= time || step.is_nan()) {
-                *stuck = Some(time);
+            let many = self.tries[lane] >= self.constants.most_tries[lane];
+            if moves && (time + length <= time || step.is_nan() || many) {
+                *stuck = true;
             } else if moves {
                 self.length.0[lane] = length;
                 self.tries[lane] += 1;

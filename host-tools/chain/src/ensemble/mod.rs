@@ -7,7 +7,7 @@
 //! ([`crossing`]), so a chain has the same bits whatever others there are, in whatever order, on any number of
 //! threads, and on any processor that multiplies and adds in one rounding. What happens before the wave reaches
 //! an intruder is computed once for chains that differ in their intruders alone ([`prefix`]). Chains of other kinds
-//! run one by one.
+//! run one by one, and so does one that comes to no end among others.
 
 mod chain;
 mod crossing;
@@ -131,7 +131,11 @@ pub(crate) fn ensemble_on(
         let members: Vec<&Member<'_>> = group.iter().map(|(_, member)| member).collect();
         let outcomes = together::run(&group[0].0, &members, options.peaks);
         tell(group.len());
-        group.iter().map(|(_, member)| member.index).zip(outcomes)
+        let indices = group.iter().map(|(_, member)| member.index);
+        indices.zip(outcomes).map(|(index, outcome)| {
+            let alone = || single(&scenarios[index], options.peaks);
+            (index, outcome.map_or_else(alone, Ok))
+        })
     });
     let mut found: Vec<(usize, Result<Outcome, SimulateError>)> = of_groups.collect();
     let one_by_one = alone.into_par_iter().map(|index| {

@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use super::chain::{Constants, Shape};
+use super::chain::{Constants, Shape, fewest_steps};
 use super::group::{Group, Lane, Motion};
 use super::outcome::Outcome;
 use crate::model::Model;
 use crate::observe::ContactPeak;
-use crate::options::SimulateError;
 
 /// Steps of one chain, above which it would keep seven others waiting. The single run refuses those that need far
 /// more.
@@ -16,9 +15,7 @@ const MOST_STEPS: f64 = 1e6;
 /// Whether a chain can go with others.
 pub(super) fn suits(model: &Model, duration: f64) -> bool {
     let loaded = (1..=model.contacts()).any(|contact| model.contact(contact).load > 0.0);
-    // The method is stable for steps of up to some 3 of the shortest time constants.
-    let steps = duration * (1.0 / model.shortest_contact()).max(model.fastest_rate() / 3.0);
-    !loaded && !model.clipped && steps < MOST_STEPS
+    !loaded && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
 }
 
 /// The error allowed to each step in a velocity, as a part of that of a bead in the wave. Of 10,000 random chains
@@ -85,17 +82,14 @@ pub(super) fn before(shape: &Shape, members: &[&Member<'_>], peaks: &[usize], la
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
     group.stop_before_pushed(last);
-    // One that is stuck will be so again, and then say so.
+    // One that is stuck will be so again.
     let _ = group.run();
     (0..members.len()).map(|lane| group.lane(lane)).collect()
 }
 
-/// Runs up to eight chains, each to its time. The greatest forces of these contacts are kept.
-pub(super) fn run(
-    shape: &Shape,
-    members: &[&Member<'_>],
-    peaks: &[usize],
-) -> Vec<Result<Outcome, SimulateError>> {
+/// Runs up to eight chains, each to its time. The greatest forces of these contacts are kept. None for a chain that
+/// comes to no end in this way.
+pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Vec<Option<Outcome>> {
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
     for (lane, member) in members.iter().enumerate() {
@@ -104,9 +98,8 @@ pub(super) fn run(
         }
     }
     let stuck = group.run();
-    let outcome = |(lane, member): (usize, &&Member<'_>)| match stuck[lane] {
-        Some(time) => Err(SimulateError::Stuck { time }),
-        None => {
+    let outcome = |(lane, member): (usize, &&Member<'_>)| {
+        (!stuck[lane]).then(|| {
             let outcome = Outcome {
                 model: Arc::new(member.model.clone()),
                 time: member.time,
@@ -114,8 +107,8 @@ pub(super) fn run(
                 peaks: greatest(&group, lane),
                 steps: group.tries[lane],
             };
-            Ok(outcome.balanced())
-        }
+            outcome.balanced()
+        })
     };
     members.iter().enumerate().map(outcome).collect()
 }

@@ -245,6 +245,26 @@ fn a_scenario_that_cannot_run_leaves_the_others_alone() {
 }
 
 #[test]
+fn a_chain_that_comes_to_no_end_among_others_is_run_alone() {
+    let mut scenarios = vec![Scenario::paper(); 4];
+    scenarios[1].chain.radius = 1e10;
+    scenarios[2].chain.radius = 1e20;
+    let outcomes = all(&scenarios);
+    for (scenario, outcome) in scenarios.iter().zip(&outcomes) {
+        let wanted = exactly(scenario);
+        let (found, wanted) = (
+            outcome.end().velocity(0),
+            wanted.at(scenario.duration).velocity(0),
+        );
+        assert!(
+            (found / wanted - 1.0).abs() < 1e-6,
+            "{found} m/s, not {wanted} m/s"
+        );
+    }
+    assert_eq!(bits(&outcomes[0]), bits(&outcomes[3]));
+}
+
+#[test]
 fn progress_goes_up_to_all() {
     let scenarios = vec![Scenario::paper(); 20];
     let seen = Mutex::new(Vec::new());

@@ -579,6 +579,30 @@ fn a_run_that_no_memory_holds_is_refused_before_it_starts() {
 }
 
 #[test]
+fn a_run_of_more_than_a_day_is_refused_before_it_starts() {
+    let sound = Scenario::from_toml(SOUND, "s.toml").expect("sound");
+    let changes: [fn(&mut Scenario); 4] = [
+        |one| one.duration = 1e12,
+        |one| one.duration = 1e30,
+        |one| one.chain.young = 1e30,
+        |one| (one.chain.radius, one.striker.radius) = (1e-20, 1e-20),
+    ];
+    for change in changes {
+        let mut scenario = sound.clone();
+        scenario.intruders.clear();
+        change(&mut scenario);
+        let error = summarise(&scenario, &Options::default()).expect_err("years");
+        assert!(matches!(error, SimulateError::TooManySteps { .. }), "{error}");
+        assert_eq!(simulate(&scenario).expect_err("years"), error);
+        let text = error.to_string();
+        assert!(
+            text.starts_with("duration: ") && text.contains("more than a day"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
 fn an_intruder_of_wrong_units_is_refused_with_the_time_it_would_take() {
     let sound = Scenario::from_toml(SOUND, "s.toml").expect("sound");
     let bead = sound.intruders[0].beads[0];
