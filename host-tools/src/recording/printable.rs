@@ -4,16 +4,26 @@ use std::borrow::Cow;
 
 /// The text with each control character as JSON writes it, such as `\u001b`; line ends and tabs stay. A
 /// device, a file or its name can hold sequences that steer a terminal: clear it, rename its window, write into
-/// the clipboard. All that this library and its programs print goes through here.
+/// the clipboard, or turn letters around. All that this library and its programs print goes through here.
 pub fn printable(text: &str) -> Cow<'_, str> {
     without(text, |character| {
-        character.is_control() && !matches!(character, '\n' | '\t')
+        steers(character) && !matches!(character, '\n' | '\t')
     })
 }
 
 /// The same in one line: line ends and tabs are shown too. Names in a file can hold them.
 pub fn one_line(text: &str) -> Cow<'_, str> {
-    without(text, char::is_control)
+    without(text, steers)
+}
+
+/// Control characters, separators of lines, and those that change the direction of writing (Unicode annex 9, section 2):
+/// with these a name can look like another.
+fn steers(character: char) -> bool {
+    match character {
+        '\u{2028}' | '\u{2029}' => true,
+        '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => true,
+        other => other.is_control(),
+    }
 }
 
 fn without(text: &str, shown: impl Fn(char) -> bool) -> Cow<'_, str> {
@@ -43,6 +53,8 @@ mod tests {
         assert_eq!(printable("\r\u{9b}2J\u{7f}"), "\\u000d\\u009b2J\\u007f");
         assert_eq!(one_line("a\tb\nµ\u{1b}"), "a\\u0009b\\u000aµ\\u001b");
         assert_eq!(one_line("a b"), "a b");
+        assert_eq!(one_line("nep\u{202e}.mcap\u{2028}"), "nep\\u202e.mcap\\u2028");
+        assert_eq!(one_line("חרוז Perlé 珠"), "חרוז Perlé 珠");
     }
 
     #[test]
