@@ -20,6 +20,7 @@ pub mod scenarios;
 pub mod settings;
 pub mod strikes;
 pub mod sweeps;
+pub mod tables;
 mod text;
 pub mod waveforms;
 
@@ -34,6 +35,7 @@ pub const TARGETS: &[Target] = &[
     ("strikes", strikes::check),
     ("recordings", recordings::check),
     ("waveforms", waveforms::check),
+    ("tables", tables::check),
     ("scenarios", scenarios::check),
     ("faults", faults::check),
     ("sweeps", sweeps::check),

@@ -11,6 +11,7 @@ use parquet::data_type::{ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use crate::export::columns::{Cell, Column, Kind};
+use crate::export::table::ROW_GROUP;
 use crate::recording::parquet::{Bounded, guarded, open};
 
 /// A table that is read.
@@ -47,9 +48,19 @@ impl Reading {
             };
             Ok(Column::new(column.name(), kind))
         };
-        let columns = (0..schema.num_columns())
+        let columns: Vec<_> = (0..schema.num_columns())
             .map(column)
             .collect::<anyhow::Result<_>>()?;
+        anyhow::ensure!(!columns.is_empty(), "it has no column");
+        // Some bytes can stand for any number of equal rows.
+        for group in reader.metadata().row_groups() {
+            let rows = group.num_rows();
+            let fits = usize::try_from(rows).is_ok_and(|rows| rows <= ROW_GROUP);
+            anyhow::ensure!(
+                fits,
+                "it has {rows} rows together, which this program does not write"
+            );
+        }
         Ok(Self { reader, columns })
     }
 
@@ -60,7 +71,8 @@ impl Reading {
 
     /// Rows in all.
     pub fn rows(&self) -> u64 {
-        self.reader.metadata().file_metadata().num_rows().unsigned_abs()
+        let groups = self.reader.metadata().row_groups().iter();
+        groups.map(|group| group.num_rows().unsigned_abs()).sum()
     }
 
     /// What the file says of itself under a key.
@@ -71,31 +83,40 @@ impl Reading {
 
     /// The rows, in order.
     pub fn groups(&self) -> impl Iterator<Item = anyhow::Result<Group>> + '_ {
-        (0..self.reader.num_row_groups()).map(|group| self.group(group, |_| true))
+        self.groups_at((0..self.columns.len()).collect())
     }
 
-    /// The cells of one column.
+    /// The rows, in order, of columns that hold numbers.
     ///
     /// # Errors
-    /// The file is damaged, or has no such column.
-    pub fn column(&self, name: &str) -> anyhow::Result<Vec<Cell>> {
-        let place = self.columns.iter().position(|column| column.name == name);
-        let place = place.with_context(|| format!("it has no column {name}"))?;
-        let mut cells = Vec::new();
-        for group in 0..self.reader.num_row_groups() {
-            cells.append(&mut self.group(group, |column| column == place)?.columns[place]);
-        }
-        Ok(cells)
+    /// There is no such column, or it holds text.
+    pub fn groups_of(
+        &self,
+        names: &[&str],
+    ) -> anyhow::Result<impl Iterator<Item = anyhow::Result<Group>> + '_> {
+        let place = |name: &&str| {
+            let place = self.columns.iter().position(|column| column.name == *name);
+            let place = place.with_context(|| format!("it has no column {name}"))?;
+            let is_text = self.columns[place].kind == Kind::Text;
+            anyhow::ensure!(!is_text, "its column {name} has text in place of numbers");
+            Ok(place)
+        };
+        let places = names.iter().map(place).collect::<anyhow::Result<_>>()?;
+        Ok(self.groups_at(places))
     }
 
-    fn group(&self, group: usize, wanted: impl Fn(usize) -> bool) -> anyhow::Result<Group> {
+    fn groups_at(&self, places: Vec<usize>) -> impl Iterator<Item = anyhow::Result<Group>> + '_ {
+        (0..self.reader.num_row_groups()).map(move |group| self.group(group, &places))
+    }
+
+    fn group(&self, group: usize, places: &[usize]) -> anyhow::Result<Group> {
         let group = guarded(|| self.reader.get_row_group(group))?;
         let rows = usize::try_from(group.metadata().num_rows())?;
-        let column = |(place, column): (usize, &Column)| match wanted(place) {
-            true => guarded(|| cells(group.get_column_reader(place)?, column.kind, rows)),
-            false => Ok(Vec::new()),
+        let column = |&place: &usize| {
+            let kind = self.columns[place].kind;
+            guarded(|| cells(group.get_column_reader(place)?, kind, rows))
         };
-        let columns = self.columns.iter().enumerate().map(column);
+        let columns = places.iter().map(column);
         Ok(Group {
             columns: columns.collect::<anyhow::Result<_>>()?,
         })

@@ -23,12 +23,22 @@ const UNITS: [(&str, &str); 11] = [
     ("young", "Pa"),
 ];
 
+/// Parts of a key. Those of a scenario have four at most.
+const MOST_PARTS: usize = 8;
+
 impl Key {
     /// Reads a dotted key.
     ///
     /// # Errors
     /// What is wrong, and what would do.
     pub fn parse(text: &str) -> Result<Self, String> {
+        let count = text.split('.').count();
+        if count > MOST_PARTS {
+            // A scenario with tables so deep in each other cannot even be dropped.
+            return Err(format!(
+                "a key of {count} parts is in no scenario; write it like intruder.0.mass"
+            ));
+        }
         let segments: Vec<String> = text.split('.').map(str::to_owned).collect();
         let word =
             |part: &String| !part.is_empty() && part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
@@ -159,5 +169,11 @@ mod tests {
         for wrong in ["", "a..b", "intruder[0].mass", "a b", "chain."] {
             assert!(Key::parse(wrong).is_err(), "{wrong}");
         }
+        let deep = vec!["a"; 100_000].join(".");
+        assert!(
+            Key::parse(&deep)
+                .unwrap_err()
+                .starts_with("a key of 100000 parts")
+        );
     }
 }

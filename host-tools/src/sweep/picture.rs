@@ -48,6 +48,9 @@ struct Column {
 const MOST_CURVES: u64 = 4 * FAMILY as u64;
 /// Cells of a map.
 const MOST_CELLS: u64 = 250_000;
+/// Points of curves, and places of an axis.
+const MOST_DRAWN: usize = 1_000_000;
+const MOST_PLACES: u64 = 10_000_000;
 
 /// Whether this can be drawn of a sweep.
 ///
@@ -65,20 +68,30 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
     let reading = Reading::open(table)?;
     let sweep = reading.said("sweep").context("it is no table of bead sweep")?;
     let plan = Plan::new(Definition::from_toml(sweep, "its sweep")?)?;
+    let (has, points) = (reading.rows(), plan.points());
+    anyhow::ensure!(has == points, "it has {has} rows, and its sweep {points} points");
     let decided = decide(view, &plan).map_err(anyhow::Error::msg)?;
     let value = match &decided.drawn {
         Drawn::Curves { y, .. } => y,
         Drawn::Map { value, .. } => value,
     };
-    let (points, values) = (reading.column("point")?, reading.column(value)?);
     let mut rows: Vec<(Vec<u64>, f64)> = Vec::new();
-    for (point, value) in points.iter().zip(&values) {
-        let Cell::Whole(point) = point else {
-            anyhow::bail!("a point has no number")
-        };
-        let places = plan.places(point.unsigned_abs());
-        if decided.at.iter().all(|(axis, place)| places[*axis] == *place) {
-            rows.push((places, number(value)));
+    for group in reading.groups_of(&["point", value])? {
+        for row in group?.into_rows() {
+            let number_of_point = match &row[0] {
+                Cell::Whole(point) => u64::try_from(*point).ok(),
+                _ => None,
+            };
+            let point = number_of_point.filter(|point| *point < points);
+            let places = plan.places(point.context("a row is of no point of its sweep")?);
+            if decided.at.iter().all(|(axis, place)| places[*axis] == *place) {
+                let few = rows.len() < MOST_DRAWN;
+                anyhow::ensure!(
+                    few,
+                    "it has more than {MOST_DRAWN} points to draw; choose some with --at"
+                );
+                rows.push((places, number(&row[1])));
+            }
         }
     }
     let quantity = Quantity::new(value, rows.iter().map(|row| row.1));
@@ -89,6 +102,12 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
 }
 
 fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
+    if let Some(long) = plan.axes().iter().find(|axis| axis.count > MOST_PLACES) {
+        let (name, count) = (long.index(), long.count);
+        return Err(format!(
+            "axis {name} has {count} places, and {MOST_PLACES} are the most that a picture is made of"
+        ));
+    }
     let columns = plan.columns();
     let find = |name: &str| find(plan, name);
     let results: Vec<&str> = plan_results(plan, &columns);

@@ -1,0 +1,36 @@
+//! Tables of sweeps, read and drawn.
+
+use bead::export::read::Reading;
+use bead::sweep::picture::{View, chart};
+
+use crate::file;
+
+/// Opens the bytes as a table.
+///
+/// # Panics
+/// A table has more rows than it tells of, or one of another width; or what is drawn of it is no picture.
+pub fn check(bytes: &[u8]) {
+    file::with(bytes, |path| {
+        if let Ok(reading) = Reading::open(path) {
+            let mut rows = 0;
+            for group in reading.groups().map_while(Result::ok) {
+                for row in group.into_rows() {
+                    assert_eq!(row.len(), reading.columns().len());
+                    rows += 1;
+                }
+            }
+            assert!(rows <= reading.rows());
+        }
+        if let Ok(chart) = chart(path, &View::default()) {
+            let picture = chart.standalone_svg().expect("what can be drawn is drawn");
+            for place in [" x=\"", " y=\"", " points=\""] {
+                let values = picture.split(place).skip(1);
+                let odd = |value: &str| value.contains("NaN") || value.contains("inf");
+                assert!(
+                    !values.filter_map(|value| value.split('"').next()).any(odd),
+                    "{picture}"
+                );
+            }
+        }
+    });
+}
