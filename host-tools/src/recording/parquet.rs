@@ -6,10 +6,10 @@
 //! set once, and hands all other panics on to the hook that was there.
 //!
 //! Behind the end of a file the library skips a list of any length, entry by entry, for a minute. So the end of the file is an
-//! error to what reads on. And it reserves the memory that a length asks for before it reads: that of a part of the file, and
-//! that of a page when it is not compressed any more. So the first is held against the file, and the second against what
-//! Snappy can make of so few bytes. What a file and a page tell of themselves is gone through before
-//! ([`crate::recording::thrift`]).
+//! error to what reads on. And it reserves the memory that a length asks for before it reads: that of a part of the file,
+//! that of a page when it is not compressed any more, and that of the values of a dictionary. So the first is held against
+//! the file, the second against what Snappy can make of so few bytes, and the third against the second. What a file and a page
+//! tell of themselves is gone through before ([`crate::recording::thrift`]).
 
 use std::any::Any;
 use std::cell::Cell;
@@ -22,7 +22,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, Length, SerializedFileReader};
 use prost::bytes::Bytes;
 
-use crate::recording::parquet_structs::{COMPRESSED_SIZE, FILE, PAGE, SIZE};
+use crate::recording::parquet_structs::{COMPRESSED_SIZE, COUNT, DICTIONARY, FILE, PAGE, SIZE};
 use crate::recording::thrift::whole_numbers;
 
 /// A file whose end is an error.
@@ -79,13 +79,19 @@ const FOOTER: u64 = 8;
 /// Snappy makes at most 64 bytes of 3: a copy of bytes that were there before. Other compressions are not built in.
 const GROWTH_MOST: i64 = 22;
 
-/// Refuses a page by its header, if it says that it grows more than Snappy can let it.
+/// Refuses a page by its header, if it says that it grows more than Snappy can let it, or that its dictionary has more
+/// values than bytes.
 fn check_page(header: impl Read) -> Result<(), ParquetError> {
     let numbers = whole_numbers(header, PAGE)?;
-    let number = |field| numbers.get(&field).copied().unwrap_or(0);
-    let (size, compressed) = (number(SIZE), number(COMPRESSED_SIZE));
+    let number = |path: &[i64]| numbers.get(path).copied().unwrap_or(0);
+    let (size, compressed) = (number(&[SIZE]), number(&[COMPRESSED_SIZE]));
     if size > compressed.saturating_mul(GROWTH_MOST) {
         let words = format!("a page of {compressed} bytes cannot hold the {size} that it names");
+        return Err(ParquetError::General(words));
+    }
+    let count = number(&[DICTIONARY, COUNT]);
+    if !(0..=size.max(0)).contains(&count) {
+        let words = format!("a dictionary of {size} bytes cannot have the {count} values that it names");
         return Err(ParquetError::General(words));
     }
     Ok(())
@@ -159,6 +165,19 @@ mod tests {
         let why = why.to_string();
         assert!(why.contains("a page of 2 bytes cannot hold the 45"), "{why}");
         assert!(check_page(&[0x15, 0, 0x15, 88, 0x15][..]).is_err());
+        // A dictionary of 44 bytes with 44 values, 45 and 2^33.
+        let dictionary = |count: &[u8]| {
+            let header = [&[0x15, 4, 0x15, 88, 0x15, 4, 0x4C, 0x15], count, &[0, 0]].concat();
+            check_page(&*header).map_err(|error| error.to_string())
+        };
+        assert_eq!(dictionary(&[88]), Ok(()));
+        for (count, said) in [
+            (&[90][..], "45 values"),
+            (&[0x80, 0x80, 0x80, 0x80, 64], "8589934592 values"),
+        ] {
+            let why = dictionary(count).unwrap_err();
+            assert!(why.contains(said), "{why}");
+        }
     }
 
     #[test]

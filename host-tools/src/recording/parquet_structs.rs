@@ -15,7 +15,7 @@ pub(super) const PAGE: Fields = &[
         Struct(&[(1, Whole), (2, Whole), (3, Whole), (4, Whole), (5, STATISTICS)]),
     ),
     (6, EMPTY),
-    (7, Struct(&[(1, Whole), (2, Whole), (3, Boolean)])),
+    (DICTIONARY, Struct(&[(COUNT, Whole), (2, Whole), (3, Boolean)])),
     (
         8,
         Struct(&[
@@ -32,6 +32,9 @@ pub(super) const PAGE: Fields = &[
 ];
 
 const TYPE: i64 = 1;
+/// What a page of a dictionary tells besides, and the field in it of how many values it has.
+pub(super) const DICTIONARY: i64 = 7;
+pub(super) const COUNT: i64 = 1;
 /// Field of a page's size, bytes.
 pub(super) const SIZE: i64 = 2;
 /// Field of its size in the file, bytes.

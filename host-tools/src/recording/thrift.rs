@@ -60,28 +60,35 @@ impl Kind {
     }
 }
 
-/// The whole numbers of a struct by their fields, after all of it was read.
+/// The whole numbers of a struct and of the structs in it, but not of those in lists. Each has the field that it is in,
+/// after the fields around that.
+pub(super) type Numbers = BTreeMap<Vec<i64>, i64>;
+
+/// The whole numbers of a struct, after all of it was read.
 ///
 /// # Errors
 /// It does not end, a field has another type, or it holds what nothing of Parquet's holds.
-pub(super) fn whole_numbers(bytes: impl Read, fields: Fields) -> io::Result<BTreeMap<i64, i64>> {
-    let mut numbers = BTreeMap::new();
-    Walk(bytes).fields(fields, DEPTH, |field, number| {
-        numbers.insert(field, number);
-    })?;
-    Ok(numbers)
+pub(super) fn whole_numbers(bytes: impl Read, fields: Fields) -> io::Result<Numbers> {
+    let (path, numbers) = (Vec::new(), Numbers::new());
+    let mut walk = Walk { bytes, path, numbers };
+    walk.fields(fields, DEPTH, true)?;
+    Ok(walk.numbers)
 }
 
 fn odd<T>(what: &str) -> io::Result<T> {
     Err(io::Error::new(ErrorKind::InvalidData, what))
 }
 
-struct Walk<R>(R);
+struct Walk<R> {
+    bytes: R,
+    path: Vec<i64>,
+    numbers: Numbers,
+}
 
 impl<R: Read> Walk<R> {
     fn byte(&mut self) -> io::Result<u8> {
         let mut byte = [0];
-        self.0.read_exact(&mut byte)?;
+        self.bytes.read_exact(&mut byte)?;
         Ok(byte[0])
     }
 
@@ -105,14 +112,14 @@ impl<R: Read> Walk<R> {
     }
 
     fn pass(&mut self, bytes: u64) -> io::Result<()> {
-        match io::copy(&mut self.0.by_ref().take(bytes), &mut io::sink())? == bytes {
+        match io::copy(&mut self.bytes.by_ref().take(bytes), &mut io::sink())? == bytes {
             true => Ok(()),
             false => Err(ErrorKind::UnexpectedEof.into()),
         }
     }
 
-    /// Goes through a struct to its end, and tells of each whole number and its field.
-    fn fields(&mut self, known: Fields, depth: u8, mut tell: impl FnMut(i64, i64)) -> io::Result<()> {
+    /// Goes through a struct to its end.
+    fn fields(&mut self, known: Fields, depth: u8, told: bool) -> io::Result<()> {
         let mut field = 0_i64;
         loop {
             let head = self.byte()?;
@@ -125,14 +132,14 @@ impl<R: Read> Walk<R> {
                 _ => field.saturating_add(step.into()),
             };
             let kind = known.iter().find(|(known, _)| *known == field);
-            if let Some(number) = self.value(bits, kind.map(|(_, kind)| *kind), depth)? {
-                tell(field, number);
-            }
+            self.path.push(field);
+            self.value(bits, kind.map(|(_, kind)| *kind), depth, told)?;
+            self.path.pop();
         }
     }
 
-    /// Goes through a value, which is given if it is a whole number. Its kind is known or may be any.
-    fn value(&mut self, bits: u8, kind: Option<Kind>, depth: u8) -> io::Result<Option<i64>> {
+    /// Goes through a value, and keeps it if it is a whole number that is to be told. Its kind is known or may be any.
+    fn value(&mut self, bits: u8, kind: Option<Kind>, depth: u8, told: bool) -> io::Result<()> {
         let Some(depth) = depth.checked_sub(1) else {
             return odd("too many structs lie within each other");
         };
@@ -143,7 +150,12 @@ impl<R: Read> Walk<R> {
             // A field that is one has no byte beside its head.
             bits::TRUE | bits::FALSE => {}
             bits::BYTE => drop(self.byte()?),
-            bits::I16..=bits::I64 => return self.zigzag().map(Some),
+            bits::I16..=bits::I64 => {
+                let number = self.zigzag()?;
+                if told {
+                    self.numbers.insert(self.path.clone(), number);
+                }
+            }
             bits::DOUBLE => self.pass(8)?,
             bits::BYTES => {
                 let length = self.varint()?;
@@ -161,7 +173,7 @@ impl<R: Read> Walk<R> {
                     _ => None,
                 };
                 for _ in 0..size {
-                    self.value(bits, of, depth)?;
+                    self.value(bits, of, depth, false)?;
                 }
             }
             bits::STRUCT => {
@@ -169,11 +181,11 @@ impl<R: Read> Walk<R> {
                     Some(Kind::Struct(fields)) => fields,
                     _ => &[],
                 };
-                self.fields(fields, depth, |_, _| {})?;
+                self.fields(fields, depth, told)?;
             }
             _ => return odd("it holds a map, or what has no name"),
         }
-        Ok(None)
+        Ok(())
     }
 }
 
@@ -191,7 +203,8 @@ mod tests {
         ]
         .concat();
         let numbers = whole_numbers(&*bytes, &[]).unwrap();
-        assert_eq!(Vec::from_iter(numbers), [(1, -2), (2, 150), (20, 64)]);
+        let wanted = [(vec![1], -2), (vec![2], 150), (vec![3, 1], -5), (vec![20], 64)];
+        assert_eq!(Vec::from_iter(numbers), wanted);
         for cut in 0..bytes.len() {
             let error = whole_numbers(&bytes[..cut], &[]).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{cut}");
@@ -229,7 +242,7 @@ mod tests {
             (3, Kind::Boolean),
         ];
         let sound = [0x15, 2, 0x19, 0x1C, 0x18, 1, b'a', 0, 0x12, 0];
-        assert_eq!(whole_numbers(&sound[..], FIELDS).unwrap()[&1], 1);
+        assert_eq!(whole_numbers(&sound[..], FIELDS).unwrap()[&vec![1]], 1);
         for (place, other) in [(0, 0x13), (3, 0x18), (4, 0x15), (8, 0x15)] {
             let mut wrong = sound;
             wrong[place] = other;
