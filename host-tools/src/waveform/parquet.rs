@@ -19,6 +19,8 @@ use crate::waveform::rows::{MOST, Rows};
 use crate::waveform::signals::Waveform;
 use crate::waveform::text::{Strikes, finish};
 
+/// Rows for a byte of a file at most. Times in even steps and a force that rests have some 100.
+const ROWS_A_BYTE: u64 = 1000;
 /// Rows that are read at once.
 const AT_ONCE: usize = 1 << 14;
 
@@ -41,7 +43,17 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         path: path.to_owned(),
         source,
     })?;
+    let length = file.metadata().map_or(0, |about| about.len());
     let reader = open(file).map_err(unread)?;
+    let groups = reader.metadata().row_groups().iter();
+    let named: u64 = groups
+        .map(|group| group.num_rows().unsigned_abs())
+        .fold(0, u64::saturating_add);
+    if named > length.saturating_mul(ROWS_A_BYTE) {
+        let what =
+            format!("is a damaged Parquet file: {length} bytes cannot have the {named} rows that it names");
+        return Err(WaveformError::unfit(path, what));
+    }
     let metadata = reader.metadata().file_metadata();
     let schema = metadata.schema_descr();
     let headers: Vec<_> = (0..schema.num_columns())
@@ -244,6 +256,35 @@ mod tests {
         let (time, peak) = force.highest();
         assert_eq!((force.rows(), peak), (40, 250.0));
         assert!((time - 25.0 * 50e-6).abs() < 1e-15);
+    }
+
+    #[test]
+    fn equal_rows_that_take_no_room_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("still.parquet");
+        let schema = Arc::new(parse_message_type("message still { REQUIRED INT64 force_n; }").unwrap());
+        let one_page = WriterProperties::builder().set_data_page_row_count_limit(usize::MAX);
+        let properties = Arc::new(one_page.build());
+        let mut writer = SerializedFileWriter::new(File::create(&path).unwrap(), schema, properties).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        let still = vec![7; 2_000_000];
+        column
+            .typed::<Int64Type>()
+            .write_batch(&still, None, None)
+            .unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+        writer.close().unwrap();
+        let choice = Choice {
+            rate_hz: Some(1e5),
+            ..Choice::default()
+        };
+        let why = Waveform::read(&path, &choice, None).unwrap_err().to_string();
+        assert!(
+            why.contains("bytes cannot have the 2000000 rows that it names"),
+            "{why}"
+        );
     }
 
     #[test]

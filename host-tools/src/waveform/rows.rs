@@ -9,6 +9,8 @@ use crate::waveform::unit::Quantity;
 
 /// Rows of a file at most: three columns of them take 240 MB.
 pub(super) const MOST: usize = 10_000_000;
+/// Greatest value in SI units, so that sums and differences have an end. Scenarios have the same.
+const GREATEST: f64 = 1e30;
 /// Rows of a waveform at least.
 const LEAST: usize = 8;
 /// A step of time that is longer than this many others is a gap.
@@ -68,9 +70,19 @@ impl<'a> Rows<'a> {
             (self.acceleration.is_some(), Quantity::Acceleration),
         ];
         for ((wanted, quantity), value) in wanted.into_iter().zip(values) {
-            if wanted && !value.is_some_and(f64::is_finite) {
+            if !wanted {
+                continue;
+            }
+            let Some(value) = value.filter(|value| value.is_finite()) else {
                 return self.unfit(format!(
                     "{row} {number} has no number for the {}; a waveform has no gaps: fill it in, or cut it out",
+                    quantity.name()
+                ));
+            };
+            if value.abs() > GREATEST {
+                return self.unfit(format!(
+                    "{row} {number} has {value:.3e} {} for the {}, and nothing is above {GREATEST:e}; mend it, or its unit",
+                    quantity.si(),
                     quantity.name()
                 ));
             }

@@ -8,6 +8,7 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use crate::waveform::choice::Choice;
@@ -21,6 +22,8 @@ use crate::waveform::unit;
 const AHEAD: usize = 400;
 /// Bytes of a line at most.
 const LONGEST: u64 = 1 << 16;
+/// Steps of time that a head may tell, s.
+const STEPS: RangeInclusive<f64> = 1e-30..=1e30;
 /// What may separate fields; the first of equals wins.
 const SEPARATORS: [char; 4] = [';', '\t', ',', ' '];
 
@@ -206,8 +209,9 @@ impl Layout {
         let (_, _, separator, at) = best?;
         let places = numbers(&lines[at], separator);
         let is_row = |line: &String| {
+            // Both are in order, and may be long.
             let found = numbers(line, separator);
-            places.iter().all(|place| found.contains(place))
+            places.iter().all(|place| found.binary_search(place).is_ok())
         };
         let begins = lines.iter().position(is_row)?;
         let head: Vec<Vec<&str>> = lines[..begins]
@@ -252,7 +256,7 @@ impl Layout {
             separator,
             headers: places.iter().map(header).collect(),
             begins,
-            rate_hz: step.filter(|step| *step > 0.0).map(|step| 1.0 / step),
+            rate_hz: step.filter(|step| STEPS.contains(step)).map(|step| 1.0 / step),
         })
     }
 }
@@ -441,6 +445,8 @@ mod tests {
                 .starts_with("F: time stands still at line 14, from 0.001 to 0.001 s")
         );
         assert!(says(one(12, "-1,0.2\n")).contains("time goes back at line 14"));
+        assert!(says(one(12, "2e-3,2e30\n")).contains("line 14 has 2.000e30 N for the force"));
+        assert!(says(one(29, "1e31,0.2\n")).contains("line 31 has 1.000e31 s for the time"));
         assert!(
             says(one(12, ""))
                 .contains("has a gap from 0.001 to 0.003 s, where its lines are 1.000e-3 s apart")

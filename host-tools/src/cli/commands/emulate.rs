@@ -485,8 +485,9 @@ impl Played {
         let mut waveform = arguments.waveform.read(path, beads.first().copied())?;
         let seconds = waveform.seconds();
         if seconds > LONGEST {
-            let what =
-                format!("it is {seconds:.0} s long, and a run {LONGEST} s at most; cut the strike out of it");
+            let what = format!(
+                "it is {seconds:.3e} s long, and a run {LONGEST} s at most; cut the strike out of it"
+            );
             return Err(Failure::input(format!("{}: {what}", path.display())));
         }
         let mut remarks = std::mem::take(&mut waveform.remarks);
