@@ -1,4 +1,9 @@
 //! The bytes of a file at any place, without all of them in memory.
+//!
+//! # Design
+//! Who looks for records in a damaged file looks at some bytes several times. A file can be made so that each few bytes seem
+//! to be a record of megabytes: then there is no end to that. So there is a limit to the bytes that are asked for, which
+//! is far above what damage by accident takes.
 
 use std::fs::File;
 use std::io;
@@ -10,6 +15,10 @@ use rustix::fs::SeekFrom;
 /// Bytes that are read at once.
 const BLOCK: usize = 256 * 1024;
 
+/// Bytes that are asked for at most: for each of the file, and besides.
+const ASKED_FOR_EACH: u64 = 128;
+const ASKED_BESIDES: u64 = 256 << 20;
+
 /// A file, and a window of it.
 pub(super) struct Source {
     file: File,
@@ -18,22 +27,39 @@ pub(super) struct Source {
     window: Vec<u8>,
     /// Where the window begins.
     start: u64,
+    /// Bytes that may still be asked for.
+    left: u64,
 }
 
 impl Source {
     pub(super) fn new(file: File) -> io::Result<Self> {
+        let length = file.metadata()?.len();
         Ok(Self {
-            length: file.metadata()?.len(),
+            length,
             file,
             window: Vec::new(),
             start: 0,
+            left: length
+                .saturating_mul(ASKED_FOR_EACH)
+                .saturating_add(ASKED_BESIDES),
         })
+    }
+
+    /// Takes note of work as for so many bytes.
+    ///
+    /// # Errors
+    /// It was too much in all.
+    pub(super) fn ask(&mut self, bytes: u64) -> io::Result<()> {
+        let too_much = || io::Error::other("it seems to hold far more than it has bytes, and is not read on");
+        self.left = self.left.checked_sub(bytes).ok_or_else(too_much)?;
+        Ok(())
     }
 
     /// The bytes from `at` on: at least `wanted`, unless the file ends before.
     pub(super) fn at(&mut self, at: u64, wanted: usize) -> io::Result<&[u8]> {
         let left = usize::try_from(self.length.saturating_sub(at)).unwrap_or(usize::MAX);
         let wanted = wanted.min(left);
+        self.ask(wanted as u64)?;
         let inside = at
             .checked_sub(self.start)
             .and_then(|skip| usize::try_from(skip).ok());
@@ -94,6 +120,7 @@ impl Source {
             }
             hasher.update(&bytes[..length]);
             at += length as u64;
+            self.ask(length as u64)?;
         }
         Ok(hasher.finalize())
     }

@@ -355,6 +355,35 @@ fn a_damaged_recording_says_where_and_how_much_is_missing() {
     );
 }
 
+/// Heads of records and of chunks that go on for megabytes: a chunk in each chunk, and channels in each other.
+#[test]
+fn a_file_that_seems_to_hold_far_more_than_it_has_is_given_up() {
+    let (_folder, path, bytes) = recorded(&stream(20));
+    let sound = &bytes[..bytes.len() / 2];
+    let head = |opcode: u8, length: usize| [&[opcode][..], &(length as u64).to_le_bytes()].concat();
+    let size: usize = 8 << 20;
+    let mut channels = sound.to_vec();
+    while channels.len() < size {
+        channels.extend(head(4, size / 2));
+        channels.push(0);
+    }
+    let mut chunks = sound.to_vec();
+    while chunks.len() + 100 < size {
+        // Two times, the size, a CRC, no name of a compression, the size again.
+        let records = size - chunks.len() - 9 - 40;
+        let length = (records as u64).to_le_bytes();
+        chunks.extend(head(6, records + 40));
+        chunks.extend([&[0; 16][..], &length, &[1; 4], &[0; 4], &length].concat());
+    }
+    chunks.resize(size, 0);
+    for bytes in [channels, chunks] {
+        fs::write(&path, &bytes).unwrap();
+        let recording = Recording::salvage(&path).unwrap();
+        let said = recording.warning().unwrap_or_default();
+        assert!(said.contains("far more than it has bytes"), "{said}");
+    }
+}
+
 #[test]
 fn five_gigabytes_of_nothing_are_passed_over() {
     let stream = stream(30);

@@ -80,6 +80,9 @@ const MAGIC: &[u8] = mcap::MAGIC;
 /// Bytes before the records of a chunk, at least: times and size u64, CRC u32, no name of a compression, size u64.
 const CHUNK_LEAST: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 
+/// Bytes out of a compressed chunk that are as much work as one of the file.
+const UNPACKED: u64 = 8;
+
 /// A way through the records of a file.
 pub(super) struct Walk {
     source: Source,
@@ -161,7 +164,8 @@ impl Walk {
         }
         found.doubtful = self.doubtful && self.chunk.is_some();
         if let Err(error) = self.advance(found) {
-            self.damage.other.get_or_insert(error.to_string());
+            // Why it is not read on is worth more than what was wrong before.
+            self.damage.other = Some(error.to_string());
             self.ended = true;
         }
         if self.ended {
@@ -307,6 +311,7 @@ impl Walk {
         } else {
             self.at = body + head.length;
             self.chunk = None;
+            self.source.ask(chunk.uncompressed.min(RECORD_MOST) / UNPACKED)?;
             let length = usize::try_from(chunk.length).unwrap_or(usize::MAX);
             let data = self.source.at(begin, length)?;
             let data = &data[..data.len().min(length)];
