@@ -47,8 +47,9 @@ impl Consent {
             return Ok(());
         }
         let bytes = plan.points() as f64 * plan.columns().len() as f64 * 8.0;
+        let make = if plan.axes().len() == 1 { "makes" } else { "make" };
         Err(Failure::input(format!(
-            "{} make {} points, about {} on {} threads here, and {} of table; if that is meant, give --yes, or --limit with a \
+            "{} {make} {} points, about {} on {} threads here, and {} of table; if that is meant, give --yes, or --limit with a \
              higher number",
             axes(plan),
             grouped(plan.points()),
