@@ -11,8 +11,10 @@ use parquet::data_type::{ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use crate::export::columns::{Cell, Column, Kind};
-use crate::export::table::ROW_GROUP;
 use crate::recording::parquet::{Bounded, guarded, open};
+
+/// Rows of a group at most, which is in memory as a whole. PyArrow writes as many together, this program fewer.
+const GROUP_MOST: usize = 1 << 20;
 
 /// A table that is read.
 pub struct Reading {
@@ -52,13 +54,12 @@ impl Reading {
             .map(column)
             .collect::<anyhow::Result<_>>()?;
         anyhow::ensure!(!columns.is_empty(), "it has no column");
-        // Some bytes can stand for any number of equal rows.
         for group in reader.metadata().row_groups() {
             let rows = group.num_rows();
-            let fits = usize::try_from(rows).is_ok_and(|rows| rows <= ROW_GROUP);
+            let fits = usize::try_from(rows).is_ok_and(|rows| rows <= GROUP_MOST);
             anyhow::ensure!(
                 fits,
-                "it has {rows} rows together, which this program does not write"
+                "a group of its rows has {rows}, and {GROUP_MOST} are read at once"
             );
         }
         Ok(Self { reader, columns })

@@ -15,7 +15,7 @@ use parquet::schema::parser::parse_message_type;
 use crate::export::columns::{Cell, Column, Kind};
 
 /// Rows held in memory at a time.
-pub(super) const ROW_GROUP: usize = 1 << 16;
+const ROW_GROUP: usize = 1 << 16;
 
 /// A table in a file.
 pub trait Table {

@@ -19,7 +19,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
 use parquet::errors::ParquetError;
-use parquet::file::reader::{ChunkReader, Length, SerializedFileReader};
+use parquet::file::reader::{ChunkReader, FileReader, Length, SerializedFileReader};
 use prost::bytes::Bytes;
 
 use crate::recording::parquet_structs::{COMPRESSED_SIZE, COUNT, DICTIONARY, FILE, PAGE, SIZE};
@@ -97,12 +97,24 @@ fn check_page(header: impl Read) -> Result<(), ParquetError> {
     Ok(())
 }
 
+/// Rows for a byte of a file at most. Times in even steps and a force that rests have some 100.
+const ROWS_A_BYTE: u64 = 1000;
+
 /// Opens a Parquet file.
 ///
 /// # Errors
-/// It is none, or damaged.
+/// It is none, or damaged, or names more rows than its bytes can hold: equal ones take no room.
 pub(crate) fn open(file: File) -> Result<SerializedFileReader<Bounded>, ParquetError> {
-    guarded(|| SerializedFileReader::new(Bounded(file)))
+    let length = file.len();
+    let reader = guarded(|| SerializedFileReader::new(Bounded(file)))?;
+    let groups = reader.metadata().row_groups().iter();
+    let rows = groups.map(|group| group.num_rows().unsigned_abs());
+    let named = rows.fold(0, u64::saturating_add);
+    if named > length.saturating_mul(ROWS_A_BYTE) {
+        let words = format!("{length} bytes cannot have the {named} rows that it names");
+        return Err(ParquetError::General(words));
+    }
+    Ok(reader)
 }
 
 thread_local! {

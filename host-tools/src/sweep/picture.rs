@@ -497,6 +497,7 @@ fn edges(values: &[f64], scale: Scale) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::export::table::{Parquet, Table};
 
     #[test]
     fn edges_lie_half_way_between_values_on_their_scale() {
@@ -508,6 +509,53 @@ mod tests {
                 .zip([0.1, 10.0, 1000.0])
                 .all(|(one, other)| (one / other - 1.0).abs() < 1e-12)
         );
+    }
+
+    /// A table of these points, which tells of a sweep over so many speeds, drawn.
+    fn drawn(points: &[i64], speeds: u64) -> Result<Chart, String> {
+        let paper = hertz_chain::Scenario::paper().to_toml();
+        let mut axis = toml::toml! { key = "striker.velocity" };
+        let mut sweep = toml::Table::new();
+        sweep.insert(
+            "scenario".to_owned(),
+            toml::from_str::<toml::Table>(&paper).unwrap().into(),
+        );
+        let space = [0.2.into(), 1.2.into(), (speeds as f64).into()];
+        axis.insert("linspace".to_owned(), toml::Value::Array(space.into()));
+        sweep.insert("axis".to_owned(), toml::Value::Array(vec![axis.into()]));
+        let plan = Plan::new(Definition::from_toml(&sweep.to_string(), "a.toml").unwrap()).unwrap();
+        let path = tempfile::NamedTempFile::new().unwrap();
+        let mut file = path.reopen().unwrap();
+        let said = [("sweep", sweep.to_string())];
+        let said = said.each_ref().map(|(key, value)| (*key, value.as_str()));
+        let mut table = Parquet::signed(&mut file, "sweep", &plan.columns(), &said).unwrap();
+        for point in points {
+            let mut row = plan.row(0, &Err("it was not run".to_owned()));
+            row[0] = Cell::Whole(*point);
+            table.push(row).unwrap();
+        }
+        Box::new(table).finish().unwrap();
+        chart(path.path(), &View::default()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_table_has_the_points_of_its_sweep() {
+        assert!(drawn(&[0, 1, 2], 3).is_ok());
+        for (points, speeds, why) in [
+            (&[0, 1][..], 3, "it has 2 rows, and its sweep 3 points"),
+            (
+                &[0, 1],
+                1_000_000_000_000,
+                "it has 2 rows, and its sweep 1000000000000 points",
+            ),
+            (&[0, 1, 3], 3, "a row is of no point of its sweep"),
+            (&[0, 1, -1], 3, "a row is of no point of its sweep"),
+        ] {
+            assert_eq!(drawn(points, speeds).err().as_deref(), Some(why));
+        }
+        let all: Vec<i64> = (0..=MOST_DRAWN as i64).collect();
+        let why = drawn(&all, all.len() as u64).err();
+        assert!(why.is_some_and(|why| why.starts_with("it has more than 1000000 points")));
     }
 
     #[test]

@@ -19,8 +19,6 @@ use crate::waveform::rows::{MOST, Rows};
 use crate::waveform::signals::Waveform;
 use crate::waveform::text::{Strikes, finish};
 
-/// Rows for a byte of a file at most. Times in even steps and a force that rests have some 100.
-const ROWS_A_BYTE: u64 = 1000;
 /// Rows that are read at once.
 const AT_ONCE: usize = 1 << 14;
 
@@ -43,17 +41,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
         path: path.to_owned(),
         source,
     })?;
-    let length = file.metadata().map_or(0, |about| about.len());
     let reader = open(file).map_err(unread)?;
-    let groups = reader.metadata().row_groups().iter();
-    let named: u64 = groups
-        .map(|group| group.num_rows().unsigned_abs())
-        .fold(0, u64::saturating_add);
-    if named > length.saturating_mul(ROWS_A_BYTE) {
-        let what =
-            format!("is a damaged Parquet file: {length} bytes cannot have the {named} rows that it names");
-        return Err(WaveformError::unfit(path, what));
-    }
     let metadata = reader.metadata().file_metadata();
     let schema = metadata.schema_descr();
     let headers: Vec<_> = (0..schema.num_columns())

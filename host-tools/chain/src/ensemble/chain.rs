@@ -61,10 +61,10 @@ pub(super) struct Constants {
 const THRESHOLD: f64 = 1e-13;
 /// Longest step as a part of the shortest contact. It keeps a step from passing over a collision.
 const LONGEST: f64 = 1.0;
-/// A chain may try this many times the fewest steps, and a few. It tries more where rounding is above the error that
-/// is allowed, as where the striker is 1e30 times lighter than a bead.
-const HARD: f64 = 100.0;
-const A_FEW: u64 = 100_000;
+/// Steps that a chain may try: for each of the fewest that it takes, and besides. It tries more where rounding is above
+/// the error that is allowed, as where the striker is 1e30 times lighter than a bead.
+const TRIES_FOR_EACH: f64 = 100.0;
+const TRIES_BESIDES: u64 = 100_000;
 
 impl Constants {
     /// Lanes beyond the chains stand still.
@@ -101,7 +101,7 @@ impl Constants {
         }
         let mut most_tries = [0; LANES];
         for (most, (model, time)) in most_tries.iter_mut().zip(chains) {
-            *most = A_FEW + (HARD * fewest_steps(model, *time)) as u64;
+            *most = TRIES_BESIDES + (TRIES_FOR_EACH * fewest_steps(model, *time)) as u64;
         }
         let scale = |model: &Model| tolerance * wave_speed(model);
         Self {
