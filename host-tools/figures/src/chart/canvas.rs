@@ -96,6 +96,9 @@ impl Canvas {
 
     /// A rectangle between two corners, of a colour that is data and the same on every page.
     pub(super) fn cell(&mut self, one: (f64, f64), other: (f64, f64), colour: &str) {
+        // To the digits that are written, so that cells side by side have no gap between them.
+        let [one, other] =
+            [one, other].map(|(x, y)| ((100.0 * x).round() / 100.0, (100.0 * y).round() / 100.0));
         let (x, y) = (one.0.min(other.0), one.1.min(other.1));
         let (width, height) = ((one.0 - other.0).abs(), (one.1 - other.1).abs());
         self.push(format_args!(

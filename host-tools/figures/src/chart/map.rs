@@ -153,4 +153,28 @@ mod tests {
             "{svg}"
         );
     }
+
+    #[test]
+    fn cells_side_by_side_have_no_gap_between_them() {
+        let edges: Vec<f64> = (0..=300).map(f64::from).collect();
+        let map = Map {
+            label: String::new(),
+            x_edges: edges,
+            y_edges: vec![0.0, 1.0],
+            values: (0..300).map(f64::from).collect(),
+        };
+        let mut canvas = Canvas::default();
+        map.draw(&mut canvas, |x| 64.56 + 1.304 * x, |y| 10.0 * y);
+        let svg = canvas.into_svg();
+        let number = |rect: &str, key: &str| -> f64 {
+            let value = rect.split(key).nth(1).unwrap().split('"').next();
+            value.unwrap().parse().unwrap()
+        };
+        let rects: Vec<_> = svg.split("<rect").skip(1).collect();
+        assert!(rects.len() > 100, "{svg}");
+        for pair in rects.windows(2) {
+            let end = number(pair[0], " x=\"") + number(pair[0], " width=\"");
+            assert!((number(pair[1], " x=\"") - end).abs() < 1e-9, "{pair:?}");
+        }
+    }
 }
