@@ -54,7 +54,8 @@ impl Ticks {
         }
     }
 
-    /// Steps of 1, 2 or 5; if whole, of no less than 1, and so are those between them.
+    /// Steps of 1, 2 or 5; if whole, of no less than 1, and so are those between them. A range has none if f64 cannot
+    /// divide it: one of 1e-320, or one that is longer than 1.8e308.
     fn linear((low, high): (f64, f64), most: usize, whole: bool, inside: impl Fn(&f64) -> bool) -> Self {
         let rough = (high - low) / most as f64;
         let rough = if whole { rough.max(1.0) } else { rough };
@@ -66,6 +67,9 @@ impl Ticks {
         let step = digit * decade;
         let parts = if whole && step < 10.0 { step as i64 } else { parts };
         let fine = step / parts as f64;
+        if !fine.is_normal() {
+            return Self::default();
+        }
         let all = ((low / fine).floor() as i64..=(high / fine).ceil() as i64).map(|n| (n, n as f64 * fine));
         let (major, minor): (Vec<_>, Vec<_>) = all
             .filter(|(_, place)| inside(place))
@@ -163,6 +167,20 @@ mod tests {
         assert_eq!(labels(Scale::Linear, -3.0, 8.0, 6), "−2 0 2 4 6 8");
         let ticks = Ticks::new(Scale::Linear, (0.0, 2.0), 2);
         assert_eq!(ticks.minor.len(), 8);
+    }
+
+    #[test]
+    fn a_range_that_cannot_be_divided_has_no_ticks() {
+        for (low, high) in [(0.0, 5e-324), (-1e-310, 2e-310), (-1.7e308, 1.7e308)] {
+            assert_eq!(Ticks::new(Scale::Linear, (low, high), 6), Ticks::default());
+        }
+        // The shortest ranges at a place far away, and near 0.
+        let far = 1e30_f64.next_up();
+        for (low, high) in [(1e30, far), (0.0, 1e-300), (-1e300, 1e300)] {
+            let ticks = Ticks::new(Scale::Linear, (low, high), 6);
+            let count = ticks.major.len() + ticks.minor.len();
+            assert!((1..=60).contains(&count), "{ticks:?}");
+        }
     }
 
     #[test]
