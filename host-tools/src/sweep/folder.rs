@@ -56,11 +56,14 @@ struct Page {
 }
 
 const PAGE: &str = "plan.toml";
+/// Chunks of a plan at most: each is a file, with a number of five digits.
+pub const MOST_CHUNKS: u64 = 99_999;
 /// The program, as it signs a plan.
 const PROGRAM: &str = concat!("bead ", env!("CARGO_PKG_VERSION"));
 
 impl Folder {
-    /// Makes a folder for a plan, or opens the one that is there if it has the same plan; its chunks stay as they are.
+    /// Makes a folder for a plan, or opens the one that is there if it has the same plan; its chunks stay as they are. A
+    /// chunk has more points than asked for where these would be more than [`MOST_CHUNKS`].
     ///
     /// # Errors
     /// [`FolderError`]: it holds another plan or other files, or cannot be made.
@@ -94,7 +97,7 @@ impl Folder {
             plan: plan.hash().to_owned(),
             made_by: PROGRAM.to_owned(),
             points: plan.points(),
-            chunk_points: chunk.clamp(1, plan.points()),
+            chunk_points: chunk.clamp(plan.points().div_ceil(MOST_CHUNKS), plan.points()),
             sweep: plan.definition().to_toml(),
         };
         let chunk = page.chunk_points;
@@ -133,6 +136,14 @@ impl Folder {
         if plan.hash() != page.plan || plan.points() != page.points || page.chunk_points == 0 {
             return Err(FolderError::Other(format!(
                 "{name} was changed after it was made; make the plan anew from the sweep's file"
+            )));
+        }
+        let chunks = plan.points().div_ceil(page.chunk_points);
+        if chunks > MOST_CHUNKS {
+            return Err(FolderError::Other(format!(
+                "{name} has chunks of {} points, so {chunks} of them, and at most {MOST_CHUNKS} have a number; make the \
+                 plan anew",
+                page.chunk_points
             )));
         }
         Ok(Self {

@@ -305,6 +305,22 @@ fn what_is_of_another_plan_is_refused_and_stays() {
 }
 
 #[test]
+fn a_plan_has_no_more_chunks_than_numbers() {
+    let folder =
+        folder("scenario = \"paper.toml\"\n[[axis]]\nkey = \"duration\"\nlinspace = [1e-3, 2e-3, 1e12]");
+    done(folder.path(), "plan sweep.toml --dir d --chunks 99999 --yes");
+    let many = bead(folder.path(), "plan sweep.toml --dir e --chunks 100000 --yes");
+    assert_eq!(many.status.code(), Some(2));
+    let file = folder.path().join("d/plan.toml");
+    let plan = fs::read_to_string(&file).unwrap();
+    let edited = plan.replace("chunk_points = 10000101", "chunk_points = 1");
+    assert_ne!(plan, edited);
+    fs::write(file, edited).unwrap();
+    let said = refused(folder.path(), "status d");
+    assert!(said.contains("so 1000000000000 of them"), "{said}");
+}
+
+#[test]
 fn a_disk_that_is_full_leaves_the_finished_parts() {
     let sweep = "scenario = \"paper.toml\"\n[[axis]]\nkey = \"duration\"\nlinspace = [1e-3, 2e-3, 800]";
     let folder = folder(sweep);

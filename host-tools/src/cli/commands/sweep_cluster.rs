@@ -16,7 +16,7 @@ use crate::cli::failure::{Blame, Failure};
 use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
-use crate::sweep::folder::{Folder, ranges};
+use crate::sweep::folder::{Folder, MOST_CHUNKS, ranges};
 use crate::sweep::plan::Plan;
 use crate::sweep::slurm::Jobs;
 
@@ -29,7 +29,7 @@ pub(crate) struct Planning {
     #[arg(long)]
     dir: PathBuf,
     /// How many chunks [default: chunks of ten minutes of one processor each, 1000 at most].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=99_999))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_CHUNKS))]
     chunks: Option<u64>,
     #[command(flatten)]
     consent: Consent,
