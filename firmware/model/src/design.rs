@@ -196,7 +196,7 @@ pub enum DesignError {
         /// The least.
         least: f64,
     },
-    /// A coefficient that does not fit its format, or loses more than 1e-4 of itself in it.
+    /// An input or a coefficient that does not fit its format, or loses more than 1e-4 of itself in it.
     #[error(
         "{name}: {value:.3e} in the units of the sample rate, and {low:.1e} to {high:.1e} can be computed with",
         low = range.0, high = range.1
@@ -317,8 +317,17 @@ pub fn derive_among(
             coefficient.measured * 0.5_f64.powi(scale.measured.into()),
         )?,
     };
+    let force = sensor(&front_end.force, dt, FORCE_NAMES)?;
+    let acceleration = sensor(&front_end.acceleration, dt, ACCELERATION_NAMES)?;
     let quiet = &front_end.force.sensitive;
-    let force_noise = quiet.noise_rms.hypot(quiet.per_code / 12f64.sqrt());
+    let (noise, most) = (quiet.noise_rms, NOISE_MOST);
+    require(
+        (0.0..=most).contains(&noise),
+        "force noise",
+        noise,
+        "from 0 to 1e4",
+    )?;
+    let force_noise = noise.hypot(quiet.per_code / 12f64.sqrt());
     let chain = ReducedChain {
         contact: fix(
             "stiffness of the contacts",
@@ -342,6 +351,7 @@ pub fn derive_among(
             "mass of the bead over that of the host without intruder, less one,",
             without(coefficient.host, scale.masses),
         )?,
+        // In range, since both parts of the noise are.
         gate: Force::from_num(3.0 * force_noise),
         energy: fix(
             "energy by velocity",
@@ -379,8 +389,8 @@ pub fn derive_among(
             contact_stiffness: bead.contact_stiffness as f32,
             relaxation: bead.relaxation as f32,
         },
-        force: sensor(&front_end.force, dt)?,
-        acceleration: sensor(&front_end.acceleration, dt)?,
+        force,
+        acceleration,
         window: WindowSettings {
             history: samples(capture.history),
             length: samples(capture.length),
@@ -413,30 +423,52 @@ fn shift(value: f64, most: u8) -> u8 {
 /// if it is there.
 fn shift_into(value: f64, range: Range<f64>) -> i8 {
     match value {
-        _ if value >= range.end => (value / range.end).log2().floor() as i8 + 1,
+        _ if value >= range.end => ((value / range.end).log2().floor() as i8).saturating_add(1),
         _ if value < range.start => (value / range.start).log2().floor() as i8,
         _ => 0,
     }
 }
 
-fn sensor<F: LeEqU32>(sensor: &SensorFrontEnd, dt: f64) -> Result<Sensor<F>, DesignError> {
+/// The force's noise at most, N, rms: three times of it is a gate that has a format.
+const NOISE_MOST: f64 = 1e4;
+/// What is wrong with a channel is told by these names: of the quantity per code and of the pole, at the high gain and at
+/// the low one.
+const FORCE_NAMES: [[&str; 2]; 2] = [
+    ["force per code", "force pole"],
+    ["wide force per code", "wide force pole"],
+];
+const ACCELERATION_NAMES: [[&str; 2]; 2] = [
+    ["acceleration per code", "acceleration pole"],
+    ["wide acceleration per code", "wide acceleration pole"],
+];
+
+fn sensor<F: LeEqU32>(
+    sensor: &SensorFrontEnd,
+    dt: f64,
+    [sensitive, wide]: [[&'static str; 2]; 2],
+) -> Result<Sensor<F>, DesignError> {
     Ok(Sensor {
-        sensitive: channel(&sensor.sensitive, 0.0, dt)?,
-        wide: channel(&sensor.wide, sensor.delay, dt)?,
+        sensitive: channel(&sensor.sensitive, 0.0, dt, sensitive)?,
+        wide: channel(&sensor.wide, sensor.delay, dt, wide)?,
     })
 }
 
-fn channel<F: LeEqU32>(channel: &ChannelFrontEnd, delay: f64, dt: f64) -> Result<Channel<F>, DesignError> {
+fn channel<F: LeEqU32>(
+    channel: &ChannelFrontEnd,
+    delay: f64,
+    dt: f64,
+    [per_code, pole]: [&'static str; 2],
+) -> Result<Channel<F>, DesignError> {
     let lag = match channel.pole_hz {
         Some(hz) => {
-            require(hz.is_finite() && hz > 0.0, "anti-alias pole", hz, "positive, Hz")?;
+            require(hz.is_finite() && hz > 0.0, pole, hz, "positive")?;
             1.0 / (TAU * hz)
         }
         None => 0.0,
     };
     Ok(Channel {
-        per_code: fix("per code", channel.per_code)?,
-        slope: fix("anti-alias pole", channel.per_code * (lag - delay) / (2.0 * dt))?,
+        per_code: fix(per_code, channel.per_code)?,
+        slope: fix(pole, channel.per_code * (lag - delay) / (2.0 * dt))?,
     })
 }
 
@@ -579,7 +611,7 @@ mod tests {
             ("trigger threshold", |inputs, value| {
                 inputs.capture.threshold = value
             }),
-            ("anti-alias pole", |inputs, value| {
+            ("wide force pole", |inputs, value| {
                 inputs.front_end.force.wide.pole_hz = Some(value)
             }),
         ];
@@ -751,6 +783,7 @@ mod tests {
             (1.99, 1),
             (2.0, 2),
             (100.0, 7),
+            (1e60, 127),
             (0.99 / 65536.0, -1),
             (0.49 / 65536.0, -2),
         ];
@@ -782,5 +815,19 @@ mod tests {
         let gate = inputs.derive().unwrap().chain.gate.to_num::<f64>();
         // Three times the root of the squares of 3 and 4 mN.
         assert!((gate - 0.015).abs() < 2e-5, "{gate}");
+        for noise in [-1e-3, 1.1e4, f64::INFINITY, f64::NAN] {
+            let why = Inputs::refused(|inputs| inputs.front_end.force.sensitive.noise_rms = noise);
+            assert!(why.starts_with("force noise = "), "{why}");
+        }
+        // As much as a code can be makes a gate that has a format.
+        let why = Inputs::refused(|inputs| {
+            let quiet = &mut inputs.front_end.force.sensitive;
+            (quiet.noise_rms, quiet.per_code) = (1e4, 1.9);
+        });
+        assert!(!why.contains("per code") && !why.contains("noise"), "{why}");
+        for per_code in [2.0, 1.8e19, 1e300] {
+            let why = Inputs::refused(|inputs| inputs.front_end.force.sensitive.per_code = per_code);
+            assert!(why.starts_with("force per code: "), "{why}");
+        }
     }
 }

@@ -248,29 +248,30 @@ fn scale<F: LeEqU32>(sensor: &Sensor<F>, rate: f64) -> SensorScale {
 
 /// Why no settings follow, at the key that is to blame.
 fn refused(error: DesignError) -> InputError {
+    let key = |name: &str| {
+        let key = KEYS.iter().find(|key| key.refused_as == name);
+        key.map_or("", |key| key.path)
+    };
     match error {
         DesignError::Input {
             name,
             value,
             expected,
-        } => {
-            let key = KEYS
-                .iter()
-                .find(|key| key.refused_as == name)
-                .map_or("", |key| key.path);
-            InputError::at(
-                key,
-                format!("{value} is out of range"),
-                format!("give a value that is {expected}"),
-            )
-        }
+        } => InputError::at(
+            key(name),
+            format!("{value} is out of range"),
+            format!("give a value that is {expected}"),
+        ),
         DesignError::TooFast { .. } => {
             InputError::at("bead", error.to_string(), "take a larger or a softer sphere")
         }
-        other => InputError::at(
-            "",
-            other.to_string(),
-            "check the masses, springs and scales, which are in SI units",
-        ),
+        other => {
+            let place = match other {
+                DesignError::Coefficient { name, .. } => key(name),
+                _ => "",
+            };
+            let advice = "check the masses, springs and scales, which are in SI units";
+            InputError::at(place, other.to_string(), advice)
+        }
     }
 }
