@@ -1,6 +1,7 @@
 //! SWEEP.toml: a scenario, axes and outputs.
 
 use std::collections::HashSet;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use hertz_chain::{InputError, Scenario, TomlFile, text_of};
@@ -379,7 +380,7 @@ impl AxisTable {
                     return Err(InputError::at(at, "it must have bounds", advice));
                 }
             };
-            finite(&at, &[from, to])?;
+            in_range(&at, &[from, to])?;
             if from > to || (log && from <= 0.0) {
                 let what = format!("from {from} to {to} there is nothing to draw from");
                 let advice = "give the least first; above 0 for loguniform";
@@ -407,12 +408,16 @@ fn key(at: &str, text: &str) -> Result<Key, InputError> {
     })
 }
 
-fn finite(at: &str, numbers: &[f64]) -> Result<(), InputError> {
-    match numbers.iter().find(|number| !number.is_finite()) {
+/// No scenario takes a value other than 0 whose size is outside of this, and differences and ratios within it are finite.
+const SIZES: RangeInclusive<f64> = 1e-30..=1e30;
+
+fn in_range(at: &str, numbers: &[f64]) -> Result<(), InputError> {
+    let wrong = |number: &&f64| **number != 0.0 && !SIZES.contains(&number.abs());
+    match numbers.iter().find(wrong) {
         Some(number) => Err(InputError::at(
             at,
-            format!("{number} is no bound"),
-            "give a number",
+            format!("{number:e} is out of range"),
+            "give 0, or a size from 1e-30 to 1e30",
         )),
         None => Ok(()),
     }
@@ -458,10 +463,12 @@ fn along(
                 "give a value at least",
             ));
         }
+        let numbers: Vec<f64> = list.iter().filter_map(Value::as_float).collect();
+        in_range(&format!("{at}.values"), &numbers)?;
         (Values::List(list.clone()), list.len() as u64)
     } else if let Some([from, to, step]) = range {
         let at = format!("{at}.range");
-        finite(&at, &[from, to, step])?;
+        in_range(&at, &[from, to, step])?;
         let steps = (to - from) / step;
         if step == 0.0 || steps < 0.0 {
             let what = format!("the range from {from} to {to} in steps of {step} is empty");
@@ -480,7 +487,7 @@ fn along(
             (_, space) => ("logspace", true, space.expect("one of them is given")),
         };
         let at = format!("{at}.{name}");
-        finite(&at, &[from, to])?;
+        in_range(&at, &[from, to])?;
         let count = number_of_values(&at, count)?;
         if log && !(from > 0.0 && to > 0.0) {
             let what = format!("from {from} to {to} has no equal factors");
@@ -608,6 +615,18 @@ mod tests {
             (
                 "[[axis]]\nkey = \"duration\"\nlogspace = [0, 2, 3]",
                 ["no equal factors", "linspace"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nlinspace = [-1e308, 1e308, 3]",
+                ["axis[1].linspace: -1e308 is out of range", "1e30"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nlogspace = [1e-320, 1, 3]",
+                ["axis[1].logspace: 1e-320 is out of range", "1e-30"],
+            ),
+            (
+                "[[axis]]\nkey = \"duration\"\nvalues = [1, inf]",
+                ["axis[1].values: inf is out of range", "1e30"],
             ),
             (
                 "[[axis]]\nkey = \"duration\"\nvalues = [1, 1.0]",

@@ -51,6 +51,8 @@ const MOST_CELLS: u64 = 250_000;
 /// Points of curves, and places of an axis.
 const MOST_DRAWN: usize = 1_000_000;
 const MOST_PLACES: u64 = 10_000_000;
+/// Beyond this a value is none: two may differ by more than an `f64` can be.
+const MOST_VALUE: f64 = 1e300;
 
 /// Whether this can be drawn of a sweep.
 ///
@@ -90,7 +92,8 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
                     few,
                     "it has more than {MOST_DRAWN} points to draw; choose some with --at"
                 );
-                rows.push((places, number(&row[1])));
+                let value = Some(number(&row[1])).filter(|value| value.abs() <= MOST_VALUE);
+                rows.push((places, value.unwrap_or(f64::NAN)));
             }
         }
     }

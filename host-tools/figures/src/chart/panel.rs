@@ -160,7 +160,34 @@ impl Panel {
         if margin > 0.0 {
             (low - margin, high + margin)
         } else {
-            (low - 1.0, high + 1.0)
+            // One value has room around it, also where 1 is less than its last digit.
+            let room = f64::max(1.0, 1e-3 * low.abs());
+            (low - room, high + room)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chart::{Ink, Mark};
+
+    #[test]
+    fn one_value_has_room_around_it() {
+        for (value, range) in [
+            (0.0, (-1.0, 1.0)),
+            (5.0, (4.0, 6.0)),
+            (1e30, (0.999e30, 1.001e30)),
+        ] {
+            let series = Series {
+                name: String::new(),
+                ink: Ink::Guide,
+                mark: Mark::Discs,
+                points: vec![(0.0, value), (1.0, value)],
+            };
+            let (low, high) = Panel::new(String::new(), vec![series]).y_places((0.0, 1.0));
+            let close = |found: f64, expected: f64| (found - expected).abs() <= 1e-12 * value;
+            assert!(close(low, range.0) && close(high, range.1), "{low} {high}");
         }
     }
 }

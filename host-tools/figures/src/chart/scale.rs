@@ -45,6 +45,9 @@ const DECADES: f64 = 7.0;
 impl Ticks {
     /// The ticks of an axis from one place to another, at most about `most` of them with numbers.
     pub(super) fn new(scale: Scale, (low, high): (f64, f64), most: usize) -> Self {
+        if !(low.is_finite() && high.is_finite()) {
+            return Self::default();
+        }
         let slack = 1e-9 * (high - low);
         let inside = |place: &f64| (low - slack..=high + slack).contains(place);
         match scale {
@@ -173,6 +176,11 @@ mod tests {
     fn a_range_that_cannot_be_divided_has_no_ticks() {
         for (low, high) in [(0.0, 5e-324), (-1e-310, 2e-310), (-1.7e308, 1.7e308)] {
             assert_eq!(Ticks::new(Scale::Linear, (low, high), 6), Ticks::default());
+        }
+        for scale in [Scale::Linear, Scale::Count, Scale::Log] {
+            for ends in [(f64::NEG_INFINITY, 0.0), (0.0, f64::NAN)] {
+                assert_eq!(Ticks::new(scale, ends, 6), Ticks::default());
+            }
         }
         // The shortest ranges at a place far away, and near 0.
         let far = 1e30_f64.next_up();
