@@ -1,5 +1,7 @@
 //! Scales of axes, and where their ticks stand.
 
+use std::ops::Range;
+
 /// The scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Scale {
@@ -77,11 +79,9 @@ impl Ticks {
         let (major, minor): (Vec<_>, Vec<_>) = all
             .filter(|(_, place)| inside(place))
             .partition(|(n, _)| n % parts == 0);
+        let places: Vec<f64> = major.into_iter().map(|(_, place)| place).collect();
         Self {
-            major: major
-                .into_iter()
-                .map(|(_, place)| (place, number(place)))
-                .collect(),
+            major: places.iter().copied().zip(labels(&places, step)).collect(),
             minor: minor.into_iter().map(|(_, place)| place).collect(),
         }
     }
@@ -131,6 +131,30 @@ impl Ticks {
     }
 }
 
+/// Ticks whose steps are shorter than this, or that reach this far, have powers of ten.
+const PLAIN: Range<f64> = 0.999e-6..1e7;
+
+/// The labels of equal steps. Where [`number`] has too few decimals or too many digits, all of an axis have the power of
+/// ten of the greatest, and the digits that its steps need.
+fn labels(places: &[f64], step: f64) -> Vec<String> {
+    let greatest = places.iter().fold(0.0, |most: f64, place| most.max(place.abs()));
+    if step >= PLAIN.start && greatest < PLAIN.end {
+        return places.iter().copied().map(number).collect();
+    }
+    let exponent = greatest.max(step).log10().floor();
+    let decimals = (exponent - (step * (1.0 + 1e-9)).log10().floor()).clamp(0.0, 15.0) as usize;
+    let label = |place: &f64| match place / step {
+        steps if steps.abs() < 0.5 => "0".to_owned(),
+        _ => {
+            // In two parts, since a power of ten may be beyond what an f64 holds.
+            let digits = place / 10_f64.powf(0.5 * exponent) / 10_f64.powf(0.5 * exponent);
+            let digits = format!("{digits:.decimals$}").replace('-', "−");
+            format!("{digits}·10^({})", number(exponent))
+        }
+    };
+    places.iter().map(label).collect()
+}
+
 /// A number as a power of ten, with a raised exponent.
 fn power(place: f64) -> String {
     let mut exponent = place.floor();
@@ -170,6 +194,29 @@ mod tests {
         assert_eq!(labels(Scale::Linear, -3.0, 8.0, 6), "−2 0 2 4 6 8");
         let ticks = Ticks::new(Scale::Linear, (0.0, 2.0), 2);
         assert_eq!(ticks.minor.len(), 8);
+    }
+
+    #[test]
+    fn very_small_and_very_large_numbers_have_the_digits_that_their_steps_need() {
+        for (low, high, expected) in [
+            (0.0, 4e-6, "0 0.000001 0.000002 0.000003 0.000004"),
+            (0.0, 8e-7, "0 2·10^(−7) 4·10^(−7) 6·10^(−7) 8·10^(−7)"),
+            (-3e-20, 1e-20, "−3·10^(−20) −2·10^(−20) −1·10^(−20) 0 1·10^(−20)"),
+            (0.0, 2e7, "0 0.5·10^(7) 1.0·10^(7) 1.5·10^(7) 2.0·10^(7)"),
+            (
+                3.681e16,
+                3.684e16,
+                "3.681·10^(16) 3.682·10^(16) 3.683·10^(16) 3.684·10^(16)",
+            ),
+            (
+                -1e300,
+                1e300,
+                "−1.0·10^(300) −0.5·10^(300) 0 0.5·10^(300) 1.0·10^(300)",
+            ),
+            (0.0, 4e-300, "0 1·10^(−300) 2·10^(−300) 3·10^(−300) 4·10^(−300)"),
+        ] {
+            assert_eq!(labels(Scale::Linear, low, high, 5), expected);
+        }
     }
 
     #[test]
