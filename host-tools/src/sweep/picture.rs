@@ -100,7 +100,7 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
     let quantity = Quantity::new(value, rows.iter().map(|row| row.1));
     match &decided.drawn {
         Drawn::Curves { by, .. } => Ok(curves(&plan, &decided.x, by.as_ref(), &quantity, rows)),
-        Drawn::Map { y, .. } => Ok(map(&plan, &decided.x, y, &quantity, &rows)),
+        Drawn::Map { y, .. } => map(&plan, &decided.x, y, &quantity, &rows),
     }
 }
 
@@ -124,7 +124,7 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
     let first = || results[0].to_owned();
     let mut at = Vec::new();
     for text in &view.at {
-        at.push(place(plan, text)?);
+        at.push(chosen(plan, text)?);
     }
     // Axes that no --at has chosen from, and that have anything to choose.
     let mut open: Vec<usize> = (0..plan.axes().len())
@@ -234,7 +234,7 @@ fn find(plan: &Plan, name: &str) -> Option<Column> {
 }
 
 /// The place that `COLUMN=VALUE` names: the nearest.
-fn place(plan: &Plan, text: &str) -> Result<(usize, u64), String> {
+fn chosen(plan: &Plan, text: &str) -> Result<(usize, u64), String> {
     let wrong = || format!("--at {text}: write COLUMN=VALUE with a column of an axis");
     let (name, value) = text.split_once('=').ok_or_else(wrong)?;
     let column = find(plan, name.trim()).ok_or_else(wrong)?;
@@ -368,15 +368,22 @@ impl Column {
 
 fn axis(label: String, (low, high): (f64, f64), scale: Scale) -> ChartAxis {
     // One value has room around it.
-    let room = if low == high {
-        0.5 * low.abs().max(1e-9)
-    } else {
-        0.0
+    let room = match place(low, scale) < place(high, scale) {
+        true => 0.0,
+        false => 0.5 * low.abs().max(1e-9),
     };
     ChartAxis {
         label,
         range: (low - room, high + room),
         scale,
+    }
+}
+
+/// Where a value lies on an axis, in a length of its own.
+fn place(value: f64, scale: Scale) -> f64 {
+    match scale {
+        Scale::Log => value.log10(),
+        _ => value,
     }
 }
 
@@ -440,7 +447,13 @@ fn shortest(value: f64) -> String {
     rounded.to_string()
 }
 
-fn map(plan: &Plan, x: &Column, y: &Column, value: &Quantity, rows: &[(Vec<u64>, f64)]) -> Chart {
+fn map(
+    plan: &Plan,
+    x: &Column,
+    y: &Column,
+    value: &Quantity,
+    rows: &[(Vec<u64>, f64)],
+) -> anyhow::Result<Chart> {
     let [across, up] = [x, y].map(|column| {
         let (quantity, values, scale) = column.quantity(plan);
         // Drawn or listed values need not be in order.
@@ -461,6 +474,12 @@ fn map(plan: &Plan, x: &Column, y: &Column, value: &Quantity, rows: &[(Vec<u64>,
         values[row * columns + column] = found / value.unit;
     }
     let (x_range, y_range) = (ends(&across.1), ends(&up.1));
+    for ((low, high), scale, label) in [(x_range, across.2, &across.0.label), (y_range, up.2, &up.0.label)] {
+        anyhow::ensure!(
+            place(low, scale) < place(high, scale),
+            "a map needs two values of each axis at least, and those of {label} cannot be told apart; draw a curve"
+        );
+    }
     let panel = Panel {
         y_scale: up.2,
         ..Panel::new(up.0.label, Vec::new())
@@ -477,19 +496,20 @@ fn map(plan: &Plan, x: &Column, y: &Column, value: &Quantity, rows: &[(Vec<u64>,
         plan,
         &format!("{} over {} and {}", value.label, axis.label, panel.y_label),
     );
-    Chart {
+    Ok(Chart {
         description,
         width: COLUMN,
         ..Chart::new(axis, vec![panel])
-    }
+    })
 }
 
 /// Edges of cells around values in order: half-way between them.
 fn edges(values: &[f64], scale: Scale) -> Vec<f64> {
-    let log = scale == Scale::Log;
-    let place = |value: f64| if log { value.ln() } else { value };
-    let back = |place: f64| if log { place.exp() } else { place };
-    let places: Vec<f64> = values.iter().map(|value| place(*value)).collect();
+    let back = |place: f64| match scale {
+        Scale::Log => 10_f64.powf(place),
+        _ => place,
+    };
+    let places: Vec<f64> = values.iter().map(|value| place(*value, scale)).collect();
     let last = places.len() - 1;
     let mut edges = vec![places[0] - 0.5 * (places[1] - places[0])];
     edges.extend(places.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])));
@@ -514,18 +534,12 @@ mod tests {
         );
     }
 
-    /// A table of these points, which tells of a sweep over so many speeds, drawn.
-    fn drawn(points: &[i64], speeds: u64) -> Result<Chart, String> {
+    /// A table of these points, which tells of a sweep over these axes, drawn.
+    fn drawn_over(points: &[i64], axes: &str) -> Result<Chart, String> {
+        let mut sweep: toml::Table = toml::from_str(axes).unwrap();
         let paper = hertz_chain::Scenario::paper().to_toml();
-        let mut axis = toml::toml! { key = "striker.velocity" };
-        let mut sweep = toml::Table::new();
-        sweep.insert(
-            "scenario".to_owned(),
-            toml::from_str::<toml::Table>(&paper).unwrap().into(),
-        );
-        let space = [0.2.into(), 1.2.into(), (speeds as f64).into()];
-        axis.insert("linspace".to_owned(), toml::Value::Array(space.into()));
-        sweep.insert("axis".to_owned(), toml::Value::Array(vec![axis.into()]));
+        let scenario: toml::Table = toml::from_str(&paper).unwrap();
+        sweep.insert("scenario".to_owned(), scenario.into());
         let plan = Plan::new(Definition::from_toml(&sweep.to_string(), "a.toml").unwrap()).unwrap();
         let path = tempfile::NamedTempFile::new().unwrap();
         let mut file = path.reopen().unwrap();
@@ -539,6 +553,24 @@ mod tests {
         }
         Box::new(table).finish().unwrap();
         chart(path.path(), &View::default()).map_err(|error| error.to_string())
+    }
+
+    fn drawn(points: &[i64], speeds: u64) -> Result<Chart, String> {
+        let axis = format!("[[axis]]\nkey = \"striker.velocity\"\nlinspace = [0.2, 1.2, {speeds}.0]");
+        drawn_over(points, &axis)
+    }
+
+    #[test]
+    fn values_that_cannot_be_told_apart_have_no_map_and_have_a_curve() {
+        let speeds = "[[axis]]\nkey = \"striker.velocity\"\nlinspace = [0.2, 1.2, 2]\n";
+        // Their logarithms are equal.
+        let near = "[[axis]]\nkey = \"chain.young\"\nlogspace = [5e9, 5000000000.000001, 2]\n";
+        for axes in [[speeds, near], [near, speeds]] {
+            let why = drawn_over(&[0, 1, 2, 3], &axes.concat()).err().unwrap();
+            assert!(why.contains("cannot be told apart; draw a curve"), "{why}");
+        }
+        let chart = drawn_over(&[0, 1], near).unwrap();
+        assert!(chart.standalone_svg().is_ok());
     }
 
     #[test]
