@@ -85,12 +85,16 @@ fn check_page(header: impl Read) -> Result<(), ParquetError> {
     let numbers = whole_numbers(header, PAGE)?;
     let number = |path: &[i64]| numbers.get(path).copied().unwrap_or(0);
     let (size, compressed) = (number(&[SIZE]), number(&[COMPRESSED_SIZE]));
-    if size > compressed.saturating_mul(GROWTH_MOST) {
+    // The library keeps the lowest 32 bits.
+    let short = [size, compressed]
+        .iter()
+        .all(|number| i32::try_from(*number).is_ok());
+    if !short || !(0..=compressed.saturating_mul(GROWTH_MOST)).contains(&size) {
         let words = format!("a page of {compressed} bytes cannot hold the {size} that it names");
         return Err(ParquetError::General(words));
     }
     let count = number(&[DICTIONARY, COUNT]);
-    if !(0..=size.max(0)).contains(&count) {
+    if !(0..=size).contains(&count) {
         let words = format!("a dictionary of {size} bytes cannot have the {count} values that it names");
         return Err(ParquetError::General(words));
     }
@@ -177,6 +181,14 @@ mod tests {
         let why = why.to_string();
         assert!(why.contains("a page of 2 bytes cannot hold the 45"), "{why}");
         assert!(check_page(&[0x15, 0, 0x15, 88, 0x15][..]).is_err());
+        // Sizes of -1 and of -6442450945, whose lowest 32 bits are 2^31 - 1; and one of 2^33 in the file.
+        for header in [
+            &[0x15, 0, 0x15, 1, 0x15, 4, 0][..],
+            &[0x15, 0, 0x15, 0x81, 0x80, 0x80, 0x80, 0x30, 0x15, 4, 0],
+            &[0x15, 0, 0x15, 2, 0x15, 0x80, 0x80, 0x80, 0x80, 64, 0],
+        ] {
+            assert!(check_page(header).is_err(), "{header:?}");
+        }
         // A dictionary of 44 bytes with 44 values, 45 and 2^33.
         let dictionary = |count: &[u8]| {
             let header = [&[0x15, 4, 0x15, 88, 0x15, 4, 0x4C, 0x15], count, &[0, 0]].concat();
