@@ -7,9 +7,10 @@
 //!
 //! Behind the end of a file the library skips a list of any length, entry by entry, for a minute. So the end of the file is an
 //! error to what reads on. And it reserves the memory that a length asks for before it reads: that of a part of the file,
-//! that of a page when it is not compressed any more, and that of the values of a dictionary. So the first is held against
-//! the file, the second against what Snappy can make of so few bytes, and the third against the second. What a file and a page
-//! tell of themselves is gone through before ([`crate::recording::thrift`]).
+//! that of a page when it is not compressed any more, that of the values of a dictionary, that of the columns of a group, and
+//! that of texts which are written as differences. So the first is held against the file, the second against what Snappy can
+//! make of so few bytes, the third against the second, and the fourth against all columns; texts as differences are not read.
+//! What a file and a page tell of themselves is gone through before ([`crate::recording::thrift`]).
 
 use std::any::Any;
 use std::cell::Cell;
@@ -22,8 +23,11 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, FileReader, Length, SerializedFileReader};
 use prost::bytes::Bytes;
 
-use crate::recording::parquet_structs::{COMPRESSED_SIZE, COUNT, DICTIONARY, FILE, PAGE, SIZE};
-use crate::recording::thrift::whole_numbers;
+use crate::recording::parquet_structs::{
+    CHILDREN, COMPRESSED_SIZE, COUNT, DELTA_BYTE_ARRAY, DELTA_LENGTH_BYTE_ARRAY, DICTIONARY, ENCODINGS, FILE,
+    PAGE, SCHEMA, SIZE,
+};
+use crate::recording::thrift::{Numbers, whole_numbers};
 
 /// A file whose end is an error.
 #[derive(Debug)]
@@ -59,7 +63,7 @@ impl ChunkReader for Bounded {
         let bytes = self.0.get_bytes(start, length)?;
         if length as u64 + FOOTER == rest {
             // What the file holds is told before the footer.
-            whole_numbers(&*bytes, FILE)?;
+            check_schema(&whole_numbers(&*bytes, FILE, Some(SCHEMA))?)?;
         }
         Ok(bytes)
     }
@@ -79,10 +83,39 @@ const FOOTER: u64 = 8;
 /// Snappy makes at most 64 bytes of 3: a copy of bytes that were there before. Other compressions are not built in.
 const GROWTH_MOST: i64 = 22;
 
+/// Groups that lie within each other at most.
+const GROUPS: usize = 64;
+
+/// Refuses columns in too many groups: the library goes into each by a call of itself. And it reserves the memory of all
+/// that a group says to have.
+fn check_schema(numbers: &Numbers) -> Result<(), ParquetError> {
+    let last = numbers.keys().filter(|path| path[0] == SCHEMA && path.len() == 3);
+    let all = last.map(|path| path[1] + 1).max().unwrap_or(0);
+    // Of each group that is open, how many are still to come.
+    let mut open: Vec<i64> = Vec::new();
+    for place in 0..all {
+        while open.pop_if(|rest| *rest == 0).is_some() {}
+        if let Some(rest) = open.last_mut() {
+            *rest -= 1;
+        }
+        let children = numbers.get(&[SCHEMA, place, CHILDREN][..]).copied().unwrap_or(0);
+        if !(0..all.min(i32::MAX.into())).contains(&children) {
+            let words = format!("a group of {children} columns is named where {all} are");
+            return Err(ParquetError::General(words));
+        }
+        open.extend((children > 0).then_some(children));
+        if open.len() > GROUPS {
+            let words = format!("its columns lie in more than {GROUPS} groups");
+            return Err(ParquetError::General(words));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses a page by its header, if it says that it grows more than Snappy can let it, or that its dictionary has more
-/// values than bytes.
+/// values than bytes; and texts in pages that say themselves how many, for which the library reserves the memory.
 fn check_page(header: impl Read) -> Result<(), ParquetError> {
-    let numbers = whole_numbers(header, PAGE)?;
+    let numbers = whole_numbers(header, PAGE, None)?;
     let number = |path: &[i64]| numbers.get(path).copied().unwrap_or(0);
     let (size, compressed) = (number(&[SIZE]), number(&[COMPRESSED_SIZE]));
     // The library keeps the lowest 32 bits.
@@ -92,6 +125,15 @@ fn check_page(header: impl Read) -> Result<(), ParquetError> {
     if !short || !(0..=compressed.saturating_mul(GROWTH_MOST)).contains(&size) {
         let words = format!("a page of {compressed} bytes cannot hold the {size} that it names");
         return Err(ParquetError::General(words));
+    }
+    let of_texts = |path: &[i64; 2]| {
+        let encoding = number(path) as i32;
+        [DELTA_LENGTH_BYTE_ARRAY, DELTA_BYTE_ARRAY].contains(&encoding)
+    };
+    if ENCODINGS.iter().any(of_texts) {
+        return Err(ParquetError::NYI(
+            "texts as differences (DELTA_BYTE_ARRAY)".to_owned(),
+        ));
     }
     let count = number(&[DICTIONARY, COUNT]);
     if !(0..=size).contains(&count) {
@@ -202,6 +244,39 @@ mod tests {
             let why = dictionary(count).unwrap_err();
             assert!(why.contains(said), "{why}");
         }
+    }
+
+    #[test]
+    fn texts_as_differences_are_refused() {
+        for (encoding, reads) in [(5, true), (6, false), (7, false), (8, true)] {
+            let first = [0x15, 0, 0x15, 88, 0x15, 4, 0x2C, 0x25, 2 * encoding, 0, 0];
+            let second = [0x15, 0, 0x15, 88, 0x15, 4, 0x5C, 0x45, 2 * encoding, 0, 0];
+            for header in [first, second] {
+                assert_eq!(check_page(&header[..]).is_ok(), reads, "{encoding}");
+            }
+        }
+    }
+
+    #[test]
+    fn columns_lie_in_some_groups_and_a_group_has_no_more_than_there_are() {
+        let check = |children: &[i64]| {
+            let places = children.iter().zip(0..);
+            let numbers = places.map(|(children, place)| (vec![SCHEMA, place, CHILDREN], *children));
+            check_schema(&numbers.collect()).map_err(|error| error.to_string())
+        };
+        assert_eq!(check(&[3, 0, 2, 0, 0, 0]), Ok(()));
+        let says = |children: &[i64], words: &str| {
+            let why = check(children).unwrap_err();
+            assert!(why.contains(words), "{why}");
+        };
+        says(&[2, 0, 3], "a group of 3 columns is named where 3 are");
+        says(&[1 << 32 | 1, 0], "a group of 4294967297 columns");
+        says(&[-1, 0], "a group of -1 columns");
+        let nested = |groups| [vec![1; groups], vec![0]].concat();
+        assert_eq!(check(&nested(GROUPS)), Ok(()));
+        says(&nested(GROUPS + 1), "in more than 64 groups");
+        // Groups beside one another are no deeper.
+        assert_eq!(check(&[vec![200], [1, 0].repeat(200)].concat()), Ok(()));
     }
 
     #[test]

@@ -32,6 +32,11 @@ pub(super) const PAGE: Fields = &[
 ];
 
 const TYPE: i64 = 1;
+/// How the values of a page are written, in its two forms.
+pub(super) const ENCODINGS: [[i64; 2]; 2] = [[5, 2], [8, 4]];
+/// Lengths of texts as differences, and what texts have in common with those before.
+pub(super) const DELTA_LENGTH_BYTE_ARRAY: i32 = 6;
+pub(super) const DELTA_BYTE_ARRAY: i32 = 7;
 /// What a page of a dictionary tells besides, and the field in it of how many values it has.
 pub(super) const DICTIONARY: i64 = 7;
 pub(super) const COUNT: i64 = 1;
@@ -43,7 +48,7 @@ pub(super) const COMPRESSED_SIZE: i64 = 3;
 /// What stands at the end of a file (FileMetaData). Keys of encryption are read by nobody here.
 pub(super) const FILE: Fields = &[
     (1, Whole),
-    (2, List(&SCHEMA_ELEMENT)),
+    (SCHEMA, List(&SCHEMA_ELEMENT)),
     (3, Whole),
     (4, List(&ROW_GROUP)),
     (5, List(&KEY_VALUE)),
@@ -52,6 +57,11 @@ pub(super) const FILE: Fields = &[
     (7, List(&Struct(&[(1, EMPTY), (2, EMPTY)]))),
     (9, Bytes),
 ];
+
+/// Field of the columns and their groups: each group stands before what lies in it.
+pub(super) const SCHEMA: i64 = 2;
+/// Field of how many columns and groups lie in one of them.
+pub(super) const CHILDREN: i64 = 5;
 
 const EMPTY: Kind = Struct(&[]);
 
@@ -74,7 +84,7 @@ const SCHEMA_ELEMENT: Kind = Struct(&[
     (2, Whole),
     (3, Whole),
     (4, Bytes),
-    (5, Whole),
+    (CHILDREN, Whole),
     (6, Whole),
     (7, Whole),
     (8, Whole),

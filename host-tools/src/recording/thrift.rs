@@ -60,17 +60,21 @@ impl Kind {
     }
 }
 
-/// The whole numbers of a struct and of the structs in it, but not of those in lists. Each has the field that it is in,
-/// after the fields around that.
+/// The whole numbers of a struct and of the structs in it. Each has the field that it is in, after the fields and the
+/// places in lists around that.
 pub(super) type Numbers = BTreeMap<Vec<i64>, i64>;
 
-/// The whole numbers of a struct, after all of it was read.
+/// The whole numbers of a struct, after all of it was read; of those in lists, the ones in the list of a field alone.
 ///
 /// # Errors
-/// It does not end, a field has another type, or it holds what nothing of Parquet's holds.
-pub(super) fn whole_numbers(bytes: impl Read, fields: Fields) -> io::Result<Numbers> {
-    let (path, numbers) = (Vec::new(), Numbers::new());
-    let mut walk = Walk { bytes, path, numbers };
+/// It does not end, a field has another type or is there twice, or it holds what nothing of Parquet's holds.
+pub(super) fn whole_numbers(bytes: impl Read, fields: Fields, list: Option<i64>) -> io::Result<Numbers> {
+    let mut walk = Walk {
+        bytes,
+        list,
+        path: Vec::new(),
+        numbers: Numbers::new(),
+    };
     walk.fields(fields, DEPTH, true)?;
     Ok(walk.numbers)
 }
@@ -81,6 +85,7 @@ fn odd<T>(what: &str) -> io::Result<T> {
 
 struct Walk<R> {
     bytes: R,
+    list: Option<i64>,
     path: Vec<i64>,
     numbers: Numbers,
 }
@@ -120,7 +125,7 @@ impl<R: Read> Walk<R> {
 
     /// Goes through a struct to its end.
     fn fields(&mut self, known: Fields, depth: u8, told: bool) -> io::Result<()> {
-        let mut field = 0_i64;
+        let (mut field, mut seen) = (0_i64, Vec::new());
         loop {
             let head = self.byte()?;
             let (step, bits) = (head >> 4, head & 0xF);
@@ -132,6 +137,12 @@ impl<R: Read> Walk<R> {
                 _ => field.saturating_add(step.into()),
             };
             let kind = known.iter().find(|(known, _)| *known == field);
+            if kind.is_some() {
+                if seen.contains(&field) {
+                    return odd("a field is there twice");
+                }
+                seen.push(field);
+            }
             self.path.push(field);
             self.value(bits, kind.map(|(_, kind)| *kind), depth, told)?;
             self.path.pop();
@@ -172,8 +183,11 @@ impl<R: Read> Walk<R> {
                     Some(Kind::List(of)) => Some(*of),
                     _ => None,
                 };
-                for _ in 0..size {
-                    self.value(bits, of, depth, false)?;
+                let told = told && self.list.is_some_and(|list| self.path == [list]);
+                for place in 0..size {
+                    self.path.push(place as i64);
+                    self.value(bits, of, depth, told)?;
+                    self.path.pop();
                 }
             }
             bits::STRUCT => {
@@ -202,24 +216,24 @@ mod tests {
             &[0x05, 40, 0x80, 1, 0x19, 0x25, 1, 2, 0],
         ]
         .concat();
-        let numbers = whole_numbers(&*bytes, &[]).unwrap();
+        let numbers = whole_numbers(&*bytes, &[], None).unwrap();
         let wanted = [(vec![1], -2), (vec![2], 150), (vec![3, 1], -5), (vec![20], 64)];
         assert_eq!(Vec::from_iter(numbers), wanted);
         for cut in 0..bytes.len() {
-            let error = whole_numbers(&bytes[..cut], &[]).unwrap_err();
+            let error = whole_numbers(&bytes[..cut], &[], None).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{cut}");
         }
     }
 
     #[test]
     fn what_costs_without_end_is_refused() {
-        let says = |bytes: &[u8]| whole_numbers(bytes, &[]).unwrap_err().to_string();
+        let says = |bytes: &[u8]| whole_numbers(bytes, &[], None).unwrap_err().to_string();
         for kind in [0xF1, 0xF2] {
             let list = [0x19, kind, 0xFF, 0xFF, 0xFF, 0xFF, 0x07, 0];
             assert_eq!(says(&list), "it holds a list of booleans");
         }
         // An empty one costs nothing.
-        assert!(whole_numbers(&[0x19, 0x01, 0][..], &[]).unwrap().is_empty());
+        assert!(whole_numbers(&[0x19, 0x01, 0][..], &[], None).unwrap().is_empty());
         assert_eq!(says(&[0x1B, 1, 0x11]), "it holds a map, or what has no name");
         assert_eq!(says(&[0x1C; 100]), "too many structs lie within each other");
         assert_eq!(says(&[0x19; 100]), "too many structs lie within each other");
@@ -229,7 +243,7 @@ mod tests {
         );
         let list = [0x19, 0xF5, 0xFF, 0xFF, 0xFF, 0xFF, 0x07, 0];
         assert_eq!(
-            whole_numbers(&list[..], &[]).unwrap_err().kind(),
+            whole_numbers(&list[..], &[], None).unwrap_err().kind(),
             ErrorKind::UnexpectedEof
         );
     }
@@ -242,16 +256,34 @@ mod tests {
             (3, Kind::Boolean),
         ];
         let sound = [0x15, 2, 0x19, 0x1C, 0x18, 1, b'a', 0, 0x12, 0];
-        assert_eq!(whole_numbers(&sound[..], FIELDS).unwrap()[&vec![1]], 1);
+        assert_eq!(whole_numbers(&sound[..], FIELDS, None).unwrap()[&vec![1]], 1);
         for (place, other) in [(0, 0x13), (3, 0x18), (4, 0x15), (8, 0x15)] {
             let mut wrong = sound;
             wrong[place] = other;
-            let error = whole_numbers(&wrong[..], FIELDS).unwrap_err();
+            let error = whole_numbers(&wrong[..], FIELDS, None).unwrap_err();
             assert_eq!(
                 error.to_string(),
                 "a field has another type than it should have",
                 "{place}"
             );
         }
+    }
+
+    #[test]
+    fn numbers_in_one_list_are_told_by_their_places_in_it() {
+        // Field 1 is a list of two structs with a field 5, and field 2 one of two numbers.
+        let bytes = [0x19, 0x2C, 0x55, 6, 0, 0x12, 0x45, 8, 0, 0x19, 0x25, 10, 12, 0];
+        let told = |list| Vec::from_iter(whole_numbers(&bytes[..], &[], list).unwrap());
+        assert_eq!(told(Some(1)), [(vec![1, 0, 5], 3), (vec![1, 1, 5], 4)]);
+        assert_eq!(told(Some(2)), [(vec![2, 0], 5), (vec![2, 1], 6)]);
+        assert_eq!(told(None), []);
+    }
+
+    #[test]
+    fn a_field_that_is_known_is_there_once() {
+        let twice = [0x15, 2, 0x05, 2, 4, 0];
+        assert!(whole_numbers(&twice[..], &[], None).is_ok());
+        let error = whole_numbers(&twice[..], &[(1, Kind::Whole)], None).unwrap_err();
+        assert_eq!(error.to_string(), "a field is there twice");
     }
 }
