@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -13,6 +13,7 @@ use super::{About, Origin, Part, Recording, RecordingError, State, Writer};
 use crate::recording::frames::Item;
 use crate::recording::whole::Target;
 use bead_wire::{Block, Decoder, Header, Identity, Kind, MAX_FRAME, Message, ResetCauses, Settings, encode};
+use lz4_flex::frame::{BlockSize, FrameEncoder, FrameInfo};
 use tempfile::TempDir;
 
 fn sent(boot: u8, sequence: u32, sample_index: u64, message: &Message) -> Vec<u8> {
@@ -376,12 +377,71 @@ fn a_file_that_seems_to_hold_far_more_than_it_has_is_given_up() {
         chunks.extend([&[0; 16][..], &length, &[1; 4], &[0; 4], &length].concat());
     }
     chunks.resize(size, 0);
-    for bytes in [channels, chunks] {
+    // Chunks of a byte each, for which the library clears four megabytes.
+    let mut packed = sound.to_vec();
+    let info = FrameInfo::new().block_size(BlockSize::Max4MB);
+    let mut encoder = FrameEncoder::with_frame_info(info, Vec::new());
+    encoder.write_all(&[0]).unwrap();
+    let chunk = compressed("lz4", 1, &encoder.finish().unwrap());
+    packed.extend(chunk.repeat(400));
+    for bytes in [channels, chunks, packed] {
         fs::write(&path, &bytes).unwrap();
         let recording = Recording::salvage(&path).unwrap();
         let said = recording.warning().unwrap_or_default();
         assert!(said.contains("far more than it has bytes"), "{said}");
     }
+}
+
+/// A chunk whose records, of so many bytes, are compressed.
+fn compressed(by: &str, uncompressed: usize, packed: &[u8]) -> Vec<u8> {
+    let length = |length: usize| (length as u64).to_le_bytes();
+    [
+        &[6][..],
+        &length(40 + by.len() + packed.len()),
+        &[0; 16],
+        &length(uncompressed),
+        // No CRC.
+        &[0; 4],
+        &(by.len() as u32).to_le_bytes(),
+        by.as_bytes(),
+        &length(packed.len()),
+        packed,
+    ]
+    .concat()
+}
+
+/// A hundred of them were kept, of 31 MB each: 3 GB of 106 kB.
+#[test]
+fn attachments_in_compressed_chunks_are_not_kept() {
+    let (_folder, path, mut bytes) = recorded(&stream(20));
+    let attachment = [
+        &[9, 56, 0, 0, 0, 0, 0, 0, 0][..],
+        &[0; 16],
+        &12_u32.to_le_bytes(),
+        b"settings.bin",
+        &1_u32.to_le_bytes(),
+        b"x",
+        &7_u64.to_le_bytes(),
+        b"another",
+        // No CRC.
+        &[0; 4],
+    ]
+    .concat();
+    let kept = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        Recording::open(&path).unwrap().parts.remove(&Part::Settings)
+    };
+    let behind_the_magic = mcap::MAGIC.len();
+    let put = |bytes: &mut Vec<u8>, record: &[u8]| {
+        bytes.splice(behind_the_magic..behind_the_magic, record.to_vec());
+    };
+    let before = kept(&bytes);
+    let packed =
+        ruzstd::encoding::compress_to_vec(&attachment[..], ruzstd::encoding::CompressionLevel::Fastest);
+    put(&mut bytes, &compressed("zstd", attachment.len(), &packed));
+    assert_eq!(kept(&bytes), before);
+    put(&mut bytes, &attachment);
+    assert_eq!(kept(&bytes).as_deref(), Some(&b"another"[..]));
 }
 
 #[test]

@@ -80,9 +80,6 @@ const MAGIC: &[u8] = mcap::MAGIC;
 /// Bytes before the records of a chunk, at least: times and size u64, CRC u32, no name of a compression, size u64.
 const CHUNK_LEAST: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 
-/// Bytes out of a compressed chunk that are as much work as one of the file.
-const UNPACKED: u64 = 8;
-
 /// A way through the records of a file.
 pub(super) struct Walk {
     source: Source,
@@ -311,7 +308,8 @@ impl Walk {
         } else {
             self.at = body + head.length;
             self.chunk = None;
-            self.source.ask(chunk.uncompressed.min(RECORD_MOST) / UNPACKED)?;
+            let work = chunk::work(&chunk, bytes.get(chunk.begin..).unwrap_or_default());
+            self.source.ask(work)?;
             let length = usize::try_from(chunk.length).unwrap_or(usize::MAX);
             let data = self.source.at(begin, length)?;
             let data = &data[..data.len().min(length)];
@@ -319,8 +317,12 @@ impl Walk {
                 Ok(records) => {
                     let is_sound = chunk.crc == 0 || crc32fast::hash(&records) == chunk.crc;
                     found.doubtful = !is_sound;
-                    let odd = records::in_chunk(&records)
-                        .filter(|record| !record.is_some_and(|(opcode, data)| found.record(opcode, data)));
+                    // No chunk has attachments, which are kept: a few bytes could stand for all the memory there is.
+                    let mut take = |(opcode, data)| match opcode {
+                        op::CHANNEL | op::MESSAGE => found.record(opcode, data),
+                        _ => true,
+                    };
+                    let odd = records::in_chunk(&records).filter(|record| !record.is_some_and(&mut take));
                     if odd.count() > 0 || !is_sound {
                         self.wrong("a compressed chunk is damaged");
                     }
