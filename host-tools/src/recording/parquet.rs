@@ -9,11 +9,13 @@
 //! error to what reads on. And it reserves the memory that a length asks for before it reads: that of a part of the file,
 //! that of a page when it is not compressed any more, that of the values of a dictionary, that of the columns of a group, and
 //! that of texts which are written as differences. So the first is held against the file, the second against what Snappy can
-//! make of so few bytes, the third against the second, and the fourth against all columns; texts as differences are not read.
+//! make of so few bytes, the third against the second, and the fourth against the bytes in which all columns are named; texts
+//! as differences are not read.
 //! What a file and a page tell of themselves is gone through before ([`crate::recording::thrift`]).
 
 use std::any::Any;
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read};
 use std::panic::{self, AssertUnwindSafe};
@@ -63,7 +65,7 @@ impl ChunkReader for Bounded {
         let bytes = self.0.get_bytes(start, length)?;
         if length as u64 + FOOTER == rest {
             // What the file holds is told before the footer.
-            check_schema(&whole_numbers(&*bytes, FILE, Some(SCHEMA))?)?;
+            check_schema(&whole_numbers(&*bytes, FILE, Some((SCHEMA, CHILDREN)))?, length)?;
         }
         Ok(bytes)
     }
@@ -87,20 +89,20 @@ const GROWTH_MOST: i64 = 22;
 const GROUPS: usize = 64;
 
 /// Refuses columns in too many groups: the library goes into each by a call of itself. And it reserves the memory of all
-/// that a group says to have.
-fn check_schema(numbers: &Numbers) -> Result<(), ParquetError> {
-    let last = numbers.keys().filter(|path| path[0] == SCHEMA && path.len() == 3);
-    let all = last.map(|path| path[1] + 1).max().unwrap_or(0);
+/// that a group says to have, though each takes a byte at least of the `length` in which they are named.
+fn check_schema(numbers: &Numbers, length: usize) -> Result<(), ParquetError> {
+    let groups = numbers.iter().filter(|(path, _)| path[0] == SCHEMA);
+    let groups: BTreeMap<_, _> = groups.map(|(path, children)| (path[1], *children)).collect();
     // Of each group that is open, how many are still to come.
     let mut open: Vec<i64> = Vec::new();
-    for place in 0..all {
+    for place in 0..=groups.keys().next_back().copied().unwrap_or(0) {
         while open.pop_if(|rest| *rest == 0).is_some() {}
         if let Some(rest) = open.last_mut() {
             *rest -= 1;
         }
-        let children = numbers.get(&[SCHEMA, place, CHILDREN][..]).copied().unwrap_or(0);
-        if !(0..all.min(i32::MAX.into())).contains(&children) {
-            let words = format!("a group of {children} columns is named where {all} are");
+        let children = groups.get(&place).copied().unwrap_or(0);
+        if !usize::try_from(children).is_ok_and(|children| children < length) {
+            let words = format!("a group of {children} columns is named in {length} bytes");
             return Err(ParquetError::General(words));
         }
         open.extend((children > 0).then_some(children));
@@ -262,14 +264,15 @@ mod tests {
         let check = |children: &[i64]| {
             let places = children.iter().zip(0..);
             let numbers = places.map(|(children, place)| (vec![SCHEMA, place, CHILDREN], *children));
-            check_schema(&numbers.collect()).map_err(|error| error.to_string())
+            check_schema(&numbers.collect(), 1000).map_err(|error| error.to_string())
         };
         assert_eq!(check(&[3, 0, 2, 0, 0, 0]), Ok(()));
         let says = |children: &[i64], words: &str| {
             let why = check(children).unwrap_err();
             assert!(why.contains(words), "{why}");
         };
-        says(&[2, 0, 3], "a group of 3 columns is named where 3 are");
+        assert_eq!(check(&[999]), Ok(()));
+        says(&[2, 0, 1000], "a group of 1000 columns is named in 1000 bytes");
         says(&[1 << 32 | 1, 0], "a group of 4294967297 columns");
         says(&[-1, 0], "a group of -1 columns");
         let nested = |groups| [vec![1; groups], vec![0]].concat();

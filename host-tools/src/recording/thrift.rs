@@ -64,11 +64,16 @@ impl Kind {
 /// places in lists around that.
 pub(super) type Numbers = BTreeMap<Vec<i64>, i64>;
 
-/// The whole numbers of a struct, after all of it was read; of those in lists, the ones in the list of a field alone.
+/// The whole numbers in the fields of a struct that are known, after all of it was read. Of lists, it tells one field of the
+/// structs in one list, by the list's field and theirs.
 ///
 /// # Errors
 /// It does not end, a field has another type or is there twice, or it holds what nothing of Parquet's holds.
-pub(super) fn whole_numbers(bytes: impl Read, fields: Fields, list: Option<i64>) -> io::Result<Numbers> {
+pub(super) fn whole_numbers(
+    bytes: impl Read,
+    fields: Fields,
+    list: Option<(i64, i64)>,
+) -> io::Result<Numbers> {
     let mut walk = Walk {
         bytes,
         list,
@@ -85,7 +90,7 @@ fn odd<T>(what: &str) -> io::Result<T> {
 
 struct Walk<R> {
     bytes: R,
-    list: Option<i64>,
+    list: Option<(i64, i64)>,
     path: Vec<i64>,
     numbers: Numbers,
 }
@@ -149,6 +154,14 @@ impl<R: Read> Walk<R> {
         }
     }
 
+    /// Whether this is no field in a list, or the one that is asked for.
+    fn is_told(&self) -> bool {
+        match (self.list, &self.path[..]) {
+            (Some((list, wanted)), [first, _, rest @ ..]) if list == *first => *rest == [wanted],
+            _ => true,
+        }
+    }
+
     /// Goes through a value, and keeps it if it is a whole number that is to be told. Its kind is known or may be any.
     fn value(&mut self, bits: u8, kind: Option<Kind>, depth: u8, told: bool) -> io::Result<()> {
         let Some(depth) = depth.checked_sub(1) else {
@@ -163,7 +176,7 @@ impl<R: Read> Walk<R> {
             bits::BYTE => drop(self.byte()?),
             bits::I16..=bits::I64 => {
                 let number = self.zigzag()?;
-                if told {
+                if told && kind.is_some() && self.is_told() {
                     self.numbers.insert(self.path.clone(), number);
                 }
             }
@@ -183,7 +196,7 @@ impl<R: Read> Walk<R> {
                     Some(Kind::List(of)) => Some(*of),
                     _ => None,
                 };
-                let told = told && self.list.is_some_and(|list| self.path == [list]);
+                let told = told && self.list.is_some_and(|(list, _)| self.path == [list]);
                 for place in 0..size {
                     self.path.push(place as i64);
                     self.value(bits, of, depth, told)?;
@@ -209,6 +222,12 @@ mod tests {
 
     #[test]
     fn whole_numbers_are_told_by_their_fields() {
+        const FIELDS: Fields = &[
+            (1, Kind::Whole),
+            (2, Kind::Whole),
+            (3, Kind::Struct(&[(1, Kind::Whole)])),
+            (20, Kind::Whole),
+        ];
         // Fields 1, 2, 3 (a struct with a field 1), 20 in the long form; a boolean, a double and a text between.
         let bytes = [
             &[0x15, 3, 0x16, 0xAC, 2, 0x1C, 0x15, 9, 0][..],
@@ -216,9 +235,11 @@ mod tests {
             &[0x05, 40, 0x80, 1, 0x19, 0x25, 1, 2, 0],
         ]
         .concat();
-        let numbers = whole_numbers(&*bytes, &[], None).unwrap();
+        let numbers = whole_numbers(&*bytes, FIELDS, None).unwrap();
         let wanted = [(vec![1], -2), (vec![2], 150), (vec![3, 1], -5), (vec![20], 64)];
         assert_eq!(Vec::from_iter(numbers), wanted);
+        // Those that nobody knows would take memory.
+        assert_eq!(whole_numbers(&*bytes, &[], None).unwrap(), Numbers::new());
         for cut in 0..bytes.len() {
             let error = whole_numbers(&bytes[..cut], &[], None).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::UnexpectedEof, "{cut}");
@@ -271,12 +292,23 @@ mod tests {
 
     #[test]
     fn numbers_in_one_list_are_told_by_their_places_in_it() {
-        // Field 1 is a list of two structs with a field 5, and field 2 one of two numbers.
-        let bytes = [0x19, 0x2C, 0x55, 6, 0, 0x12, 0x45, 8, 0, 0x19, 0x25, 10, 12, 0];
-        let told = |list| Vec::from_iter(whole_numbers(&bytes[..], &[], list).unwrap());
-        assert_eq!(told(Some(1)), [(vec![1, 0, 5], 3), (vec![1, 1, 5], 4)]);
-        assert_eq!(told(Some(2)), [(vec![2, 0], 5), (vec![2, 1], 6)]);
-        assert_eq!(told(None), []);
+        // Field 1 is a list of two structs with fields 4 and 5, the second of which has a third one; field 2 one of two numbers.
+        const STRUCT: Kind = Kind::Struct(&[(4, Kind::Whole), (5, Kind::Whole), (6, Kind::Whole)]);
+        const FIELDS: Fields = &[
+            (1, Kind::List(&STRUCT)),
+            (2, Kind::List(&Kind::Whole)),
+            (3, STRUCT),
+        ];
+        let first = [0x19, 0x2C, 0x45, 2, 0x15, 6, 0, 0x45, 0, 0x15, 8, 0x15, 14, 0];
+        let others = [0x19, 0x25, 10, 12, 0x1C, 0x55, 4, 0, 0];
+        let bytes = [&first[..], &others].concat();
+        let told = |list| Vec::from_iter(whole_numbers(&bytes[..], FIELDS, list).unwrap());
+        let outside = [(vec![3, 5], 2)];
+        let of_one = [(vec![1, 0, 5], 3), (vec![1, 1, 5], 4), outside[0].clone()];
+        assert_eq!(told(Some((1, 5))), of_one);
+        assert_eq!(told(Some((1, 6))), [(vec![1, 1, 6], 7), outside[0].clone()]);
+        assert_eq!(told(Some((2, 5))), outside);
+        assert_eq!(told(None), outside);
     }
 
     #[test]
