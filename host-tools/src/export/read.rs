@@ -15,6 +15,10 @@ use crate::recording::parquet::{Bounded, guarded, open};
 
 /// Rows of a group at most, which is in memory as a whole. PyArrow writes as many together, this program fewer.
 const GROUP_MOST: usize = 1 << 20;
+/// Cells of a group at most: they take 800 MB.
+const CELLS_MOST: usize = 1 << 25;
+/// Bytes of text in a column of a group at most. A file has a text that many rows share once.
+const TEXT_MOST: usize = 256 << 20;
 
 /// A table that is read.
 pub struct Reading {
@@ -113,6 +117,11 @@ impl Reading {
     fn group(&self, group: usize, places: &[usize]) -> anyhow::Result<Group> {
         let group = guarded(|| self.reader.get_row_group(group))?;
         let rows = usize::try_from(group.metadata().num_rows())?;
+        let values = rows.saturating_mul(places.len());
+        anyhow::ensure!(
+            values <= CELLS_MOST,
+            "a group of its rows has {values} values, and {CELLS_MOST} are read at once"
+        );
         let column = |&place: &usize| {
             let kind = self.columns[place].kind;
             guarded(|| cells(group.get_column_reader(place)?, kind, rows))
@@ -129,7 +138,7 @@ fn cells(reader: ColumnReader, kind: Kind, rows: usize) -> anyhow::Result<Vec<Ce
     fn read<T: DataType>(
         reader: ColumnReader,
         rows: usize,
-        cell: impl Fn(&T::T) -> anyhow::Result<Cell>,
+        mut cell: impl FnMut(&T::T) -> anyhow::Result<Cell>,
     ) -> anyhow::Result<Vec<Cell>> {
         let (mut values, mut known) = (Vec::new(), Vec::new());
         let mut reader = get_typed_column_reader::<T>(reader);
@@ -145,9 +154,16 @@ fn cells(reader: ColumnReader, kind: Kind, rows: usize) -> anyhow::Result<Vec<Ce
     match kind {
         Kind::Whole => read::<Int64Type>(reader, rows, |value| Ok(Cell::Whole(*value))),
         Kind::Number => read::<DoubleType>(reader, rows, |value| Ok(Cell::Number(*value))),
-        Kind::Text => read::<ByteArrayType>(reader, rows, |value| {
-            Ok(Cell::Text(Arc::from(std::str::from_utf8(value.data())?)))
-        }),
+        Kind::Text => {
+            let mut left = TEXT_MOST;
+            read::<ByteArrayType>(reader, rows, |value| {
+                let text = std::str::from_utf8(value.data())?;
+                let too_long =
+                    || format!("a column has more than {TEXT_MOST} bytes of text in a group of rows");
+                left = left.checked_sub(text.len()).with_context(too_long)?;
+                Ok(Cell::Text(Arc::from(text)))
+            })
+        }
     }
 }
 
@@ -156,5 +172,52 @@ impl Group {
     pub fn into_rows(self) -> impl Iterator<Item = Vec<Cell>> {
         let mut columns: Vec<_> = self.columns.into_iter().map(Vec::into_iter).collect();
         std::iter::from_fn(move || columns.iter_mut().map(Iterator::next).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use parquet::data_type::ByteArray;
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
+
+    use super::*;
+
+    /// Why a file is not read that has some columns of these texts, or of as many rows without one.
+    fn refused(columns: usize, rows: usize, texts: &[ByteArray]) -> String {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let fields: String = (0..columns)
+            .map(|n| format!("OPTIONAL BYTE_ARRAY c{n} (UTF8); "))
+            .collect();
+        let schema = parse_message_type(&format!("message texts {{ {fields} }}")).unwrap();
+        let mut writer = SerializedFileWriter::new(file.as_file(), Arc::new(schema), Arc::default()).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        let known = vec![i16::from(!texts.is_empty()); rows];
+        while let Some(mut column) = group.next_column().unwrap() {
+            let out = column.typed::<ByteArrayType>();
+            assert_eq!(out.write_batch(texts, Some(&known), None).unwrap(), texts.len());
+            column.close().unwrap();
+        }
+        group.close().unwrap();
+        writer.close().unwrap();
+        let table = Reading::open(file.path()).unwrap();
+        let group = table.groups().next().unwrap();
+        group
+            .map(|group| group.into_rows().count())
+            .unwrap_err()
+            .to_string()
+    }
+
+    /// A text of a megabyte that a million rows share took memory without end.
+    #[test]
+    fn more_text_or_more_values_than_fit_are_refused() {
+        let text = ByteArray::from(vec![b'a'; 512 << 10]);
+        let why = refused(1, 520, &vec![text; 520]);
+        assert!(why.contains("more than 268435456 bytes of text"), "{why}");
+        let why = refused(33, GROUP_MOST, &[]);
+        assert!(
+            why.contains("has 34603008 values, and 33554432 are read at once"),
+            "{why}"
+        );
     }
 }

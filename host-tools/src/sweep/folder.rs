@@ -207,6 +207,9 @@ impl Folder {
                 part.said("chunk").unwrap_or("?")
             )));
         }
+        if part.columns() != self.plan.columns() {
+            return Err(strange("it has other columns".to_owned()));
+        }
         Ok(true)
     }
 

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use bead::export::Cell;
 use bead::export::read::Reading;
+use bead::export::table::{Parquet, Table};
 use hertz_chain::{EnsembleOptions, Scenario, ensemble};
 use serde_json::Value;
 
@@ -291,6 +292,19 @@ fn what_is_of_another_plan_is_refused_and_stays() {
     fs::write(at("one/part-00004.parquet"), &whole[..whole.len() / 2]).unwrap();
     fs::remove_file(at("one/part-00003.parquet")).unwrap();
     assert!(refused(path, "status one").contains("is no Parquet file"));
+    // One whose columns stand in another order: their values would be taken for each other's.
+    let (sound, other) = (at("one/part-00002.parquet"), at("other.parquet"));
+    let part = Reading::open(&sound).unwrap();
+    let said = ["plan", "chunk"].map(|key| (key, part.said(key).unwrap()));
+    let turned: Vec<_> = part.columns().iter().rev().cloned().collect();
+    let mut file = fs::File::create(&other).unwrap();
+    let mut table = Parquet::signed(&mut file, "sweep", &turned, &said).unwrap();
+    for row in part.groups().flat_map(|group| group.unwrap().into_rows()) {
+        table.push(row.into_iter().rev().collect()).unwrap();
+    }
+    Box::new(table).finish().unwrap();
+    fs::rename(&other, &sound).unwrap();
+    assert!(refused(path, "status one").contains("is not chunk 2 of this plan: it has other columns"));
     // A plan that was edited.
     let plan = fs::read_to_string(at("two/plan.toml")).unwrap();
     fs::write(
