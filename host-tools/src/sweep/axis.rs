@@ -57,7 +57,12 @@ pub enum Values {
         count: u64,
     },
     /// As they were given.
-    List(Vec<Value>),
+    List {
+        /// The values.
+        values: Vec<Value>,
+        /// Whether all of them are numbers: that is asked for at each place.
+        numeric: bool,
+    },
     /// Between two values, evenly or in the logarithm.
     Drawn {
         /// How.
@@ -78,6 +83,12 @@ pub enum Values {
 }
 
 impl Values {
+    /// Values as they were given.
+    pub fn list(values: Vec<Value>) -> Self {
+        let numeric = values.iter().all(|value| value.is_integer() || value.is_float());
+        Self::List { values, numeric }
+    }
+
     fn number(&self, place: u64) -> Option<f64> {
         let at = |part: f64, from: f64, to: f64, log: bool| match log {
             true => from * (to / from).powf(part),
@@ -92,7 +103,7 @@ impl Values {
             Self::Linear { to, count, .. } | Self::Log { to, count, .. } if place + 1 == count => to,
             Self::Linear { from, to, count } => at(place as f64 / (count - 1) as f64, from, to, false),
             Self::Log { from, to, count } => at(place as f64 / (count - 1) as f64, from, to, true),
-            Self::List(_) => return None,
+            Self::List { .. } => return None,
             Self::Drawn {
                 method,
                 seed,
@@ -115,7 +126,7 @@ impl Along {
     /// The value at a place of the axis.
     pub fn value(&self, place: u64) -> Value {
         let value = match &self.values {
-            Values::List(list) => list[place as usize].clone(),
+            Values::List { values, .. } => values[place as usize].clone(),
             other => Value::Float(other.number(place).expect("only lists hold anything but numbers")),
         };
         match value {
@@ -137,9 +148,8 @@ impl Along {
 
     /// What its column holds.
     pub fn kind(&self) -> Kind {
-        let number = |value: &Value| value.is_integer() || value.is_float();
-        match &self.values {
-            Values::List(list) if !list.iter().all(number) => Kind::Text,
+        match self.values {
+            Values::List { numeric: false, .. } => Kind::Text,
             _ if self.key.of_beads() => Kind::Whole,
             _ => Kind::Number,
         }
@@ -158,11 +168,11 @@ impl Along {
 
     /// A value that the axis has twice, if any: a cube has no place for it.
     pub fn twice(&self) -> Option<String> {
-        let Values::List(list) = &self.values else {
+        let Values::List { values, .. } = &self.values else {
             return None;
         };
         let mut seen = HashSet::new();
-        let shown = (0..list.len()).map(|place| shown(&self.value(place as u64)));
+        let shown = (0..values.len()).map(|place| shown(&self.value(place as u64)));
         shown.into_iter().find(|value| !seen.insert(value.clone()))
     }
 }
@@ -215,7 +225,7 @@ mod tests {
         let beads = along("intruder.0.beads", Values::Range { from: 1.0, step: 1.0 });
         assert_eq!((beads.value(6), beads.kind()), (Value::Integer(7), Kind::Whole));
         let lists = vec![Value::Integer(7), Value::Array(vec![7.into(), 8.into()])];
-        let lists = along("intruder.0.beads", Values::List(lists));
+        let lists = along("intruder.0.beads", Values::list(lists));
         assert_eq!(
             (lists.kind(), lists.cell(1)),
             (Kind::Text, Cell::Text("7 8".into()))
@@ -229,7 +239,7 @@ mod tests {
         let list = |values: &[f64]| {
             along(
                 "duration",
-                Values::List(values.iter().map(|v| (*v).into()).collect()),
+                Values::list(values.iter().map(|v| (*v).into()).collect()),
             )
         };
         assert_eq!(list(&[1.0, 2.0, 1.0]).twice(), Some("1.0".to_owned()));

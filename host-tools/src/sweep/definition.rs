@@ -172,7 +172,6 @@ impl Definition {
             let at = format!("axis[{number}]");
             let axis = table.axis(&at)?;
             for along in &axis.along {
-                self.check_key(&at, along)?;
                 if !columns.insert(along.key.column()) {
                     let what = format!("{} is swept twice", along.key);
                     return Err(InputError::at(at, what, "give each key one axis"));
@@ -186,6 +185,7 @@ impl Definition {
             }
             axes.push(axis);
         }
+        self.check_keys(&axes)?;
         Ok(axes)
     }
 
@@ -238,9 +238,29 @@ impl Definition {
         Ok(())
     }
 
-    /// Whether a scenario has this key, and takes this kind of value.
-    fn check_key(&self, at: &str, along: &Along) -> Result<(), InputError> {
-        let (key, at) = (&along.key, format!("{at}.key"));
+    /// Whether a scenario has these keys, and takes these kinds of values. They are tried together, and the first that is
+    /// wrong is found by halves: a scenario with thousands of keys, all of them swept, is not read for each.
+    fn check_keys(&self, axes: &[Axis]) -> Result<(), InputError> {
+        let axes = axes.iter().zip(1..);
+        let keys: Vec<(i32, &Along)> = axes
+            .flat_map(|(axis, number)| axis.along.iter().map(move |along| (number, along)))
+            .collect();
+        let reads = |count: usize| {
+            let mut table = self.scenario().clone();
+            let mut set = |(_, along): &(i32, &Along)| along.key.set(&mut table, along.value(0)).is_ok();
+            keys[..count].iter().all(&mut set) && table.try_into::<Scenario>().is_ok()
+        };
+        if reads(keys.len()) {
+            return Ok(());
+        }
+        let places: Vec<usize> = (0..keys.len()).collect();
+        let wrong = places.partition_point(|place| reads(place + 1));
+        keys.get(wrong)
+            .map_or(Ok(()), |(number, along)| self.check_key(*number, along))
+    }
+
+    fn check_key(&self, number: i32, along: &Along) -> Result<(), InputError> {
+        let (key, at) = (&along.key, format!("axis[{number}].key"));
         let mut table = self.scenario().clone();
         key.set(&mut table, along.value(0)).map_err(|what| {
             let (what, advice) = what.split_once("; ").expect("it has advice");
@@ -465,7 +485,7 @@ fn along(
         }
         let numbers: Vec<f64> = list.iter().filter_map(Value::as_float).collect();
         in_range(&format!("{at}.values"), &numbers)?;
-        (Values::List(list.clone()), list.len() as u64)
+        (Values::list(list.clone()), list.len() as u64)
     } else if let Some([from, to, step]) = range {
         let at = format!("{at}.range");
         in_range(&at, &[from, to, step])?;
@@ -569,6 +589,44 @@ mod tests {
         assert_eq!(index, names);
         let again = Definition::from_toml(&definition.to_toml(), "again").unwrap();
         assert_eq!((&again, again.to_toml()), (&definition, definition.to_toml()));
+    }
+
+    #[test]
+    fn of_many_keys_the_first_that_is_wrong_is_told() {
+        let keys = [
+            "duration",
+            "chain.young",
+            "chain.density",
+            "striker.velocity",
+            "striker.radius",
+        ];
+        for wrong in 0..keys.len() {
+            let axis = |(place, key): (usize, &&str)| {
+                let end = if place == wrong || place == wrong + 2 {
+                    "_"
+                } else {
+                    ""
+                };
+                format!("[[axis]]\nkey = \"{key}{end}\"\nvalues = [1.0]\n")
+            };
+            let axes: String = keys.iter().enumerate().map(axis).collect();
+            let said = read(&axes).unwrap_err().to_string();
+            let first = format!("axis[{}].key: {}_: unknown key", wrong + 1, keys[wrong]);
+            assert!(said.contains(&first), "{said}");
+        }
+    }
+
+    /// A table that the scenario may have and does not: each of its keys alone would not do.
+    #[test]
+    fn keys_may_make_a_table_together() {
+        let young = "[[axis]]\nkey = \"wall.young\"\nvalues = [1e9, 2e9]\n";
+        let poisson = "[[axis]]\nkey = \"wall.poisson\"\nvalues = [0.3]";
+        assert!(read(&format!("{young}{poisson}")).is_ok());
+        let said = read(young).unwrap_err().to_string();
+        assert!(
+            said.contains("axis[1].key: wall.young: missing field `poisson`"),
+            "{said}"
+        );
     }
 
     #[test]
