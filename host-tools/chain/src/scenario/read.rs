@@ -98,23 +98,86 @@ pub fn text_of(path: &Path, wanted: &str) -> Result<String, InputError> {
     String::from_utf8(bytes).map_err(|_| wrong("is no text in UTF-8".to_owned()))
 }
 
-/// A TOML file that knows where each of its keys stands.
-#[derive(Debug)]
+/// A TOML file that tells where each of its keys stands.
+#[derive(Debug, Clone, Copy)]
 pub struct TomlFile<'a> {
     text: &'a str,
     name: &'a str,
-    keys: Vec<Key>,
 }
 
-/// A key of the file, or an entry of an array of tables.
-#[derive(Debug)]
-struct Key {
-    /// From the root, such as `chain.radius`, `intruder[1]` or `intruder[1].mass`.
-    path: String,
-    /// Bytes of the text that hold the key.
+/// A part of a key.
+#[derive(Clone, Copy)]
+enum Part<'a> {
+    Name(&'a str),
+    /// Which table of an array, from 1.
+    Entry(usize),
+}
+
+/// Where a key stands: bytes of the text that hold it, and its value; of a table, its head.
+struct Place {
     name: Range<usize>,
-    /// Bytes of the text that hold its value; of a table, its head.
     value: Range<usize>,
+}
+
+/// Shows each key of a table and of the tables in it. No more than one is in memory: a file can have millions, each as long
+/// as all names around it together.
+fn each_key<'a>(table: &'a DeTable<'_>, parts: &mut Vec<Part<'a>>, see: &mut dyn FnMut(&[Part<'_>], Place)) {
+    for (name, value) in table {
+        parts.push(Part::Name(name.get_ref()));
+        let place = Place {
+            name: name.span(),
+            value: value.span(),
+        };
+        see(parts, place);
+        match value.get_ref() {
+            DeValue::Table(inner) => each_key(inner, parts, see),
+            DeValue::Array(entries) => {
+                for (number, entry) in (1..).zip(entries.iter()) {
+                    if let DeValue::Table(inner) = entry.get_ref() {
+                        parts.push(Part::Entry(number));
+                        let place = Place {
+                            name: entry.span(),
+                            value: entry.span(),
+                        };
+                        see(parts, place);
+                        each_key(inner, parts, see);
+                        parts.pop();
+                    }
+                }
+            }
+            _ => {}
+        }
+        parts.pop();
+    }
+}
+
+/// A key for people, such as `chain.radius`, `intruder[1]` or `intruder[1].mass`.
+fn path(parts: &[Part<'_>]) -> String {
+    let mut path = String::new();
+    for part in parts {
+        match part {
+            Part::Name(name) => {
+                let dot = if path.is_empty() { "" } else { "." };
+                path = format!("{path}{dot}{}", shortened(name, NAME_MOST));
+            }
+            Part::Entry(number) => path = format!("{path}[{number}]"),
+        }
+    }
+    path
+}
+
+/// How many bytes of a key's text these parts are; none if the text does not begin with them.
+fn begins(key: &str, parts: &[Part<'_>]) -> Option<usize> {
+    let mut rest = key;
+    for part in parts {
+        rest = match part {
+            Part::Name(name) if rest.len() == key.len() => rest.strip_prefix(name)?,
+            Part::Name(name) => rest.strip_prefix('.')?.strip_prefix(name)?,
+            Part::Entry(number) => rest.strip_prefix(&*format!("[{number}]"))?,
+        };
+    }
+    let ends = rest.is_empty() || rest.starts_with(['.', '[']);
+    ends.then_some(key.len() - rest.len())
 }
 
 impl<'a> TomlFile<'a> {
@@ -123,48 +186,21 @@ impl<'a> TomlFile<'a> {
     /// # Errors
     /// [`InputError`] if the text is not TOML.
     pub fn parse(text: &'a str, name: &'a str) -> Result<Self, InputError> {
-        let mut file = Self {
-            text,
-            name,
-            keys: Vec::new(),
-        };
+        let file = Self { text, name };
         match DeTable::parse(text) {
-            Ok(table) => file.collect_keys(table.get_ref(), ""),
+            Ok(_) => Ok(file),
             Err(error) => {
-                let what = format!("not TOML ({})", one_line(error.message()));
+                let what = format!("not TOML ({})", told(error.message()));
                 let start = error.span().map_or(0, |span| span.start);
-                return Err(file.place_at(start, InputError::at("", what, "mend the line")));
+                Err(file.place_at(start, InputError::at("", what, "mend the line")))
             }
         }
-        Ok(file)
     }
 
-    fn collect_keys(&mut self, table: &DeTable<'_>, parent: &str) {
-        for (name, value) in table {
-            let dot = if parent.is_empty() { "" } else { "." };
-            let path = format!("{parent}{dot}{}", name.get_ref());
-            self.keys.push(Key {
-                path: path.clone(),
-                name: name.span(),
-                value: value.span(),
-            });
-            match value.get_ref() {
-                DeValue::Table(inner) => self.collect_keys(inner, &path),
-                DeValue::Array(entries) => {
-                    for (number, entry) in (1..).zip(entries.iter()) {
-                        if let DeValue::Table(inner) = entry.get_ref() {
-                            let path = format!("{path}[{number}]");
-                            self.keys.push(Key {
-                                path: path.clone(),
-                                name: entry.span(),
-                                value: entry.span(),
-                            });
-                            self.collect_keys(inner, &path);
-                        }
-                    }
-                }
-                _ => {}
-            }
+    fn each_key(&self, mut see: impl FnMut(&[Part<'_>], Place)) {
+        // What is not TOML was refused before, and has no keys.
+        if let Ok(table) = DeTable::parse(self.text) {
+            each_key(table.get_ref(), &mut Vec::new(), &mut see);
         }
     }
 
@@ -177,34 +213,38 @@ impl<'a> TomlFile<'a> {
         toml::from_str(self.text).map_err(|error| {
             let span = error.span().unwrap_or_default();
             let message = one_line(error.message());
-            let (place, what, advice): (fn(&Key) -> &Range<usize>, _, _) = match unknown_field(&message) {
-                Some((name, known)) => (|key| &key.name, "unknown key".to_owned(), nearest(name, &known)),
+            let (of, what, advice): (fn(Place) -> Range<usize>, _, _) = match unknown_field(&message) {
+                Some((name, known)) => (|key| key.name, "unknown key".to_owned(), nearest(name, &known)),
                 None if message.starts_with("missing field") => {
-                    (|key| &key.value, message, "add it, in SI units".to_owned())
+                    (|key| key.value, told(&message), "add it, in SI units".to_owned())
                 }
-                None => (|key| &key.value, message, "give a value of that kind".to_owned()),
+                None => (
+                    |key| key.value,
+                    told(&message),
+                    "give a value of that kind".to_owned(),
+                ),
             };
             // The innermost key there; of an array and its only entry, which have the same place, the entry.
-            let holds = |key: &&Key| place(key).start <= span.start && span.end <= place(key).end;
-            let holding = self.keys.iter().rev().filter(holds);
-            let innermost = holding.min_by_key(|key| place(key).len());
-            let path = innermost.map_or("", |key| &key.path);
-            self.place_at(span.start, InputError::at(path, what, advice))
+            let mut innermost = (usize::MAX, String::new());
+            self.each_key(|parts, place| {
+                let place = of(place);
+                let holds = place.start <= span.start && span.end <= place.end;
+                if holds && place.len() <= innermost.0 {
+                    innermost = (place.len(), path(parts));
+                }
+            });
+            self.place_at(span.start, InputError::at(innermost.1, what, advice))
         })
     }
 
     /// Adds the file, and the line of the key or, where the file does not have it, of the table that should.
     pub fn place(&self, error: InputError) -> InputError {
-        let mut path = error.key.as_str();
-        let start = loop {
-            if let Some(key) = self.keys.iter().find(|key| key.path == path) {
-                break key.name.start;
+        let (mut most, mut start) = (0, 0);
+        self.each_key(|parts, place| {
+            if let Some(length) = begins(&error.key, parts).filter(|length| *length > most) {
+                (most, start) = (length, place.name.start);
             }
-            match path.rfind(['.', '[']) {
-                Some(end) => path = &path[..end],
-                None => break 0,
-            }
-        };
+        });
         self.place_at(start, error)
     }
 
@@ -217,15 +257,30 @@ impl<'a> TomlFile<'a> {
     }
 }
 
+/// Characters of a name, and of what serde says, that are told at most.
+const NAME_MOST: usize = 60;
+const TOLD_MOST: usize = 400;
+
 fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
+/// The same for people: it can have a value of the file in it.
+fn told(message: &str) -> String {
+    shortened(&one_line(message), TOLD_MOST)
+}
+
+fn shortened(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// The field and the known ones, from what serde says of an unknown field: it has no other way to tell them.
 fn unknown_field(message: &str) -> Option<(&str, Vec<&str>)> {
-    let quoted = message.strip_prefix("unknown field ")?;
-    let mut names = quoted.split('`').skip(1).step_by(2);
-    Some((names.next()?, names.collect()))
+    let (name, known) = message.strip_prefix("unknown field `")?.split_once("`, ")?;
+    Some((name, known.split('`').skip(1).step_by(2).collect()))
 }
 
 /// Advice for an unknown key.

@@ -49,6 +49,45 @@ fn a_sound_scenario_is_read_and_written_back_the_same() {
 }
 
 #[test]
+fn long_names_and_values_are_told_by_their_beginning() {
+    let (name, long) = ("n".repeat(60), "n".repeat(100_000));
+    let line = complaint("title", &long);
+    assert_eq!(
+        line,
+        format!(
+            "s.toml:1: {name}…: unknown key; known here are title, duration, chain, \
+        striker, wall, intruder, section, start"
+        )
+    );
+    let line = complaint("\"printed\"", &format!("{long:?}"));
+    assert!(
+        line.starts_with("s.toml:10: chain.contact_force: unknown variant `nnnn"),
+        "{line}"
+    );
+    assert!(
+        line.ends_with("nnn…; give a value of that kind") && line.len() < 500,
+        "{line}"
+    );
+    let line = complaint("title", "\"ti`tle\"");
+    assert_eq!(line, "s.toml:1: ti`tle: unknown key; did you mean `title`?");
+}
+
+/// Each key was kept with the names of all tables around it: 279 kB took 2 GB.
+#[test]
+fn a_key_is_placed_among_many_in_a_table_of_a_long_name() {
+    let long = "n".repeat(1000);
+    let many: String = (0..1000).map(|n| format!("k{n} = 1\n")).collect();
+    let line = complaint_about(&format!("{SOUND}[{long}]\n{many}"));
+    assert!(
+        line.starts_with("s.toml:22: nnn") && line.contains("…: unknown key"),
+        "{line}"
+    );
+    let behind = format!("{SOUND}[[intruder]]\nbeads = [9]\nmass = 1e-3\nstiffness = 1e5\ndamping = -1.0\n");
+    let line = complaint_about(&behind);
+    assert!(line.starts_with("s.toml:26: intruder[2].damping: "), "{line}");
+}
+
+#[test]
 fn the_papers_strike_is_that_of_the_scenario_file() {
     let text = include_str!("../../../../docs/scenarios/paper-strike.toml");
     let scenario = Scenario::from_toml(text, "paper-strike.toml").expect("sound");
