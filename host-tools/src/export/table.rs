@@ -14,8 +14,11 @@ use parquet::schema::parser::parse_message_type;
 
 use crate::export::columns::{Cell, Column, Kind};
 
-/// Rows held in memory at a time.
+/// Rows held in memory at a time: a group. Cells, and bytes of text, after which a group of fewer rows ends; a reader takes
+/// more of them ([`crate::export::read`]).
 const ROW_GROUP: usize = 1 << 16;
+const CELLS: usize = 1 << 24;
+const TEXT: usize = 64 << 20;
 
 /// A table in a file.
 pub trait Table {
@@ -45,6 +48,8 @@ pub struct Parquet<'a> {
     /// 1 for a value, 0 for null, of each column.
     known: Vec<Vec<i16>>,
     rows: usize,
+    /// Bytes of text that wait.
+    text: usize,
 }
 
 impl<'a> Parquet<'a> {
@@ -102,6 +107,7 @@ impl<'a> Parquet<'a> {
             waiting: waiting.collect(),
             known: vec![Vec::new(); columns.len()],
             rows: 0,
+            text: 0,
         })
     }
 
@@ -131,7 +137,7 @@ impl<'a> Parquet<'a> {
             out.close()?;
         }
         group.close()?;
-        self.rows = 0;
+        (self.rows, self.text) = (0, 0);
         Ok(())
     }
 }
@@ -144,12 +150,16 @@ impl Table for Parquet<'_> {
                 (_, Cell::Null) => {}
                 (Waiting::Whole(values), Cell::Whole(value)) => values.push(value),
                 (Waiting::Number(values), Cell::Number(value)) => values.push(value),
-                (Waiting::Text(values), Cell::Text(value)) => values.push(value.as_bytes().to_vec().into()),
+                (Waiting::Text(values), Cell::Text(value)) => {
+                    self.text += value.len();
+                    values.push(value.as_bytes().to_vec().into());
+                }
                 (_, cell) => anyhow::bail!("{cell:?} is not of its column's kind"),
             }
         }
         self.rows += 1;
-        if self.rows == ROW_GROUP {
+        let cells = self.rows * self.waiting.len();
+        if self.rows == ROW_GROUP || cells >= CELLS || self.text >= TEXT {
             self.flush()
         } else {
             Ok(())

@@ -42,12 +42,22 @@ pub fn compute(
     Ok(failed)
 }
 
-/// Scenarios of the first points of a range, as many as should be in memory together.
+/// Scenarios of the first points of a range, as many as should be in memory together. Some are made at a time, and twice as
+/// many the next time, so that few are made in vain.
 fn batch(plan: &Plan, points: Range<u64>) -> Vec<Result<Scenario, String>> {
-    let points: Vec<u64> = points.collect();
-    let mut scenarios: Vec<_> = points.into_par_iter().map(|point| plan.scenario(point)).collect();
-    let mut bodies = 0;
     let beads = |scenario: &Result<Scenario, String>| scenario.as_ref().map_or(1, |one| one.chain.beads);
+    let threads = rayon::current_num_threads();
+    let (mut scenarios, mut bodies) = (Vec::new(), 0);
+    let (mut from, mut some) = (points.start, threads as u64);
+    while from < points.end && bodies <= BODIES {
+        let next: Vec<u64> = (from..points.end.min(from + some)).collect();
+        from += next.len() as u64;
+        some *= 2;
+        let next: Vec<_> = next.into_par_iter().map(|point| plan.scenario(point)).collect();
+        bodies += next.iter().map(beads).sum::<usize>();
+        scenarios.extend(next);
+    }
+    bodies = 0;
     let fits = scenarios
         .iter()
         .take_while(|scenario| {
@@ -55,7 +65,7 @@ fn batch(plan: &Plan, points: Range<u64>) -> Vec<Result<Scenario, String>> {
             bodies <= BODIES
         })
         .count();
-    scenarios.truncate(fits.max(rayon::current_num_threads()));
+    scenarios.truncate(fits.max(threads));
     scenarios
 }
 

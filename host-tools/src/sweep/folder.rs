@@ -10,6 +10,7 @@ use std::fs::{self, File};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use hertz_chain::{InputError, TomlFile, text_of};
 use serde::{Deserialize, Serialize};
 
@@ -268,9 +269,11 @@ impl Folder {
         target.write(|file| {
             let mut table = Parquet::signed(file, "sweep", &self.plan.columns(), &said)?;
             for chunk in 1..=self.chunks() {
-                let part = Reading::open(&self.part(chunk))?;
+                let path = self.part(chunk);
+                let named = || path.display().to_string();
+                let part = Reading::open(&path).with_context(named)?;
                 for group in part.groups() {
-                    for row in group?.into_rows() {
+                    for row in group.with_context(named)?.into_rows() {
                         if let Some(crate::export::Cell::Text(why)) = row.last() {
                             merged.failed += 1;
                             merged.first.get_or_insert_with(|| why.to_string());

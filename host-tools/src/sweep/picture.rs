@@ -1,5 +1,6 @@
 //! Curves and maps of a sweep's table.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use anyhow::Context;
@@ -77,7 +78,7 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
         Drawn::Curves { y, .. } => y,
         Drawn::Map { value, .. } => value,
     };
-    let mut rows: Vec<(Vec<u64>, f64)> = Vec::new();
+    let mut rows: Vec<(u64, f64)> = Vec::new();
     for group in reading.groups_of(&["point", value])? {
         for row in group?.into_rows() {
             let number_of_point = match &row[0] {
@@ -85,17 +86,22 @@ pub fn chart(table: &Path, view: &View) -> anyhow::Result<Chart> {
                 _ => None,
             };
             let point = number_of_point.filter(|point| *point < points);
-            let places = plan.places(point.context("a row is of no point of its sweep")?);
-            if decided.at.iter().all(|(axis, place)| places[*axis] == *place) {
+            let point = point.context("a row is of no point of its sweep")?;
+            let mut chosen = decided.at.iter();
+            if chosen.all(|(axis, place)| plan.place(point, *axis) == *place) {
                 let few = rows.len() < MOST_DRAWN;
                 anyhow::ensure!(
                     few,
                     "it has more than {MOST_DRAWN} points to draw; choose some with --at"
                 );
                 let value = Some(number(&row[1])).filter(|value| value.abs() <= MOST_VALUE);
-                rows.push((places, value.unwrap_or(f64::NAN)));
+                rows.push((point, value.unwrap_or(f64::NAN)));
             }
         }
+    }
+    rows.sort_by_key(|row| row.0);
+    if let Some(twice) = rows.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        anyhow::bail!("it has point {} twice, and so others are missing", twice[0].0);
     }
     let quantity = Quantity::new(value, rows.iter().map(|row| row.1));
     match &decided.drawn {
@@ -111,17 +117,22 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
             "axis {name} has {count} places, and {MOST_PLACES} are the most that a picture is made of"
         ));
     }
-    let columns = plan.columns();
     let find = |name: &str| find(plan, name);
-    let results: Vec<&str> = plan_results(plan, &columns);
-    let result = |name: &str| match results.contains(&name) {
+    let results: Vec<String> = plan
+        .definition()
+        .outputs
+        .columns()
+        .into_iter()
+        .map(|column| column.name)
+        .collect();
+    let result = |name: &str| match results.iter().any(|result| result == name) {
         true => Ok(name.to_owned()),
         false => Err(format!(
             "{name} is no result of this sweep; there are {}",
-            results.join(", ")
+            some(&results)
         )),
     };
-    let first = || results[0].to_owned();
+    let first = || results[0].clone();
     let mut at = Vec::new();
     for text in &view.at {
         at.push(chosen(plan, text)?);
@@ -146,7 +157,7 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
                 let known: Vec<String> = plan.axes().iter().map(super::axis::Axis::index).collect();
                 format!(
                     "{name} is no column of an axis of this sweep; there are {}",
-                    known.join(", ")
+                    some(&known)
                 )
             })?,
             None => {
@@ -192,7 +203,7 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
         let first = plan.axes()[*first].index();
         return Err(format!(
             "the sweep has more axes: {}; choose a place of each with --at {first}=VALUE, or a curve for each with --by {first}",
-            left.join(", ")
+            some(&left)
         ));
     }
     let count = |column: &Column| plan.axes()[column.axis].count;
@@ -213,10 +224,14 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
     }
 }
 
-fn plan_results<'a>(plan: &Plan, columns: &'a [crate::export::Column]) -> Vec<&'a str> {
-    let results = plan.definition().outputs.columns();
-    let of = columns.iter().filter(|column| results.contains(column));
-    of.map(|column| column.name.as_str()).collect()
+/// Some of many names.
+fn some(names: &[String]) -> String {
+    const SHOWN: usize = 20;
+    let shown = names[..names.len().min(SHOWN)].join(", ");
+    match names.len() {
+        ..=SHOWN => shown,
+        all => format!("{shown} and {} more", all - SHOWN),
+    }
 }
 
 /// The axis that a column belongs to.
@@ -249,9 +264,9 @@ fn chosen(plan: &Plan, text: &str) -> Result<(usize, u64), String> {
         ));
     }
     let value: f64 = value.parse().map_err(|_| wrong())?;
-    let distance = |place: &u64| (coordinate(along, *place) - value).abs();
-    let nearest = (0..axis.count).min_by(|one, other| distance(one).total_cmp(&distance(other)));
-    Ok((column.axis, nearest.ok_or_else(wrong)?))
+    let distances = (0..axis.count).map(|place| (place, (coordinate(along, place) - value).abs()));
+    let nearest = distances.min_by(|one, other| one.1.total_cmp(&other.1));
+    Ok((column.axis, nearest.ok_or_else(wrong)?.0))
 }
 
 /// The number at a place of an axis; a text is told by its place.
@@ -399,24 +414,25 @@ fn described(plan: &Plan, what: &str) -> String {
     }
 }
 
-fn curves(plan: &Plan, x: &Column, by: Option<&Column>, y: &Quantity, rows: Vec<(Vec<u64>, f64)>) -> Chart {
+fn curves(plan: &Plan, x: &Column, by: Option<&Column>, y: &Quantity, rows: Vec<(u64, f64)>) -> Chart {
     let (across, values, scale) = x.quantity(plan);
     let families = by.map_or(1, |by| plan.axes()[by.axis].count);
     let named = by.map(|by| by.quantity(plan));
     let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); families as usize];
-    for (places, value) in rows {
-        let family = by.map_or(0, |by| places[by.axis] as usize);
-        points[family].push((values[places[x.axis] as usize], value / y.unit));
+    for (point, value) in rows {
+        let family = by.map_or(0, |by| plan.place(point, by.axis) as usize);
+        points[family].push((values[plan.place(point, x.axis) as usize], value / y.unit));
     }
+    let names = named
+        .as_ref()
+        .map_or_else(Vec::new, |(_, values, _)| short(values));
     let series = points.into_iter().enumerate().map(|(family, mut points)| {
         points.sort_by(|one, other| one.0.total_cmp(&other.0));
-        let name = match (by, &named) {
-            (Some(by), Some((_, values, _))) => match by.along(plan).map(|along| along.cell(family as u64)) {
-                Some(Cell::Text(text)) => text.to_string(),
-                _ => shortest(values[family]),
-            },
-            _ => String::new(),
-        };
+        let text = by.and_then(|by| match by.along(plan)?.cell(family as u64) {
+            Cell::Text(text) => Some(text.to_string()),
+            _ => None,
+        });
+        let name = text.or_else(|| names.get(family).cloned()).unwrap_or_default();
         Series {
             name,
             ink: Ink::Curve(family),
@@ -441,19 +457,18 @@ fn curves(plan: &Plan, x: &Column, by: Option<&Column>, y: &Quantity, rows: Vec<
     }
 }
 
-/// A number with four digits, and no more of them than it needs.
-fn shortest(value: f64) -> String {
-    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
-    rounded.to_string()
+/// Numbers with four digits, and with more where four are not enough to tell them apart.
+fn short(values: &[f64]) -> Vec<String> {
+    let with = |decimals: usize| -> Vec<String> {
+        let rounded = |value: &f64| format!("{value:.decimals$e}").parse().unwrap_or(*value);
+        values.iter().map(|value| rounded(value).to_string()).collect()
+    };
+    let told = |names: &Vec<String>| names.iter().collect::<HashSet<_>>().len() == names.len();
+    let found = [3, 6, 9].into_iter().map(with).find(told);
+    found.unwrap_or_else(|| with(16))
 }
 
-fn map(
-    plan: &Plan,
-    x: &Column,
-    y: &Column,
-    value: &Quantity,
-    rows: &[(Vec<u64>, f64)],
-) -> anyhow::Result<Chart> {
+fn map(plan: &Plan, x: &Column, y: &Column, value: &Quantity, rows: &[(u64, f64)]) -> anyhow::Result<Chart> {
     let [across, up] = [x, y].map(|column| {
         let (quantity, values, scale) = column.quantity(plan);
         // Drawn or listed values need not be in order.
@@ -469,8 +484,9 @@ fn map(
     });
     let columns = across.3.len();
     let mut values = vec![f64::NAN; columns * up.3.len()];
-    for (places, found) in rows {
-        let (column, row) = (across.3[places[x.axis] as usize], up.3[places[y.axis] as usize]);
+    for (point, found) in rows {
+        let place = |of: &Column| plan.place(*point, of.axis) as usize;
+        let (column, row) = (across.3[place(x)], up.3[place(y)]);
         values[row * columns + column] = found / value.unit;
     }
     let (x_range, y_range) = (ends(&across.1), ends(&up.1));
@@ -585,12 +601,28 @@ mod tests {
             ),
             (&[0, 1, 3], 3, "a row is of no point of its sweep"),
             (&[0, 1, -1], 3, "a row is of no point of its sweep"),
+            (&[1, 0, 1], 3, "it has point 1 twice, and so others are missing"),
         ] {
             assert_eq!(drawn(points, speeds).err().as_deref(), Some(why));
         }
         let all: Vec<i64> = (0..=MOST_DRAWN as i64).collect();
         let why = drawn(&all, all.len() as u64).err();
         assert!(why.is_some_and(|why| why.starts_with("it has more than 1000000 points")));
+    }
+
+    #[test]
+    fn names_of_curves_have_as_many_digits_as_tell_them_apart() {
+        assert_eq!(short(&[0.1, 0.25, 1.0 / 3.0]), ["0.1", "0.25", "0.3333"]);
+        assert_eq!(short(&[100.01, 100.02]), ["100.01", "100.02"]);
+        assert_eq!(short(&[1.0, 1.0 + 1e-12]), ["1", "1.000000000001"]);
+    }
+
+    #[test]
+    fn of_many_names_some_are_told() {
+        let names: Vec<String> = (1..=22).map(|n| n.to_string()).collect();
+        assert_eq!(some(&names[..2]), "1, 2");
+        assert!(some(&names[..20]).ends_with("19, 20"));
+        assert!(some(&names).ends_with("19, 20 and 2 more"));
     }
 
     #[test]

@@ -15,6 +15,10 @@ use crate::sweep::definition::Definition;
 pub struct Plan {
     definition: Definition,
     axes: Vec<Axis>,
+    /// How far apart in number two places of each axis are.
+    strides: Vec<u64>,
+    /// How many results a row has.
+    results: usize,
     points: u64,
     hash: String,
 }
@@ -48,14 +52,20 @@ impl Plan {
                 advice,
             ));
         };
+        let mut strides = vec![1; axes.len()];
+        for axis in (1..axes.len()).rev() {
+            strides[axis - 1] = strides[axis] * axes[axis].count;
+        }
         let mut hasher = SipHasher24::new();
         // Another version of the program may find other last digits.
         hasher.write(concat!("bead ", env!("CARGO_PKG_VERSION"), "\n").as_bytes());
         hasher.write(definition.to_toml().as_bytes());
         let hash = format!("{:032x}", hasher.finish128().as_u128());
         Ok(Self {
+            results: definition.outputs.columns().len(),
             definition,
             axes,
+            strides,
             points,
             hash,
         })
@@ -81,21 +91,14 @@ impl Plan {
         &self.axes
     }
 
+    /// The place of a point on an axis.
+    pub fn place(&self, point: u64, axis: usize) -> u64 {
+        point / self.strides[axis] % self.axes[axis].count
+    }
+
     /// The place of a point on each axis.
     pub fn places(&self, point: u64) -> Vec<u64> {
-        let mut rest = point;
-        let mut places: Vec<u64> = self
-            .axes
-            .iter()
-            .rev()
-            .map(|axis| {
-                let place = rest % axis.count;
-                rest /= axis.count;
-                place
-            })
-            .collect();
-        places.reverse();
-        places
+        (0..self.axes.len()).map(|axis| self.place(point, axis)).collect()
     }
 
     /// The scenario of a point.
@@ -138,7 +141,7 @@ impl Plan {
         match result {
             Ok(outcome) => row.extend(outputs.cells(outcome).into_iter().chain([Cell::Null])),
             Err(why) => {
-                row.extend(outputs.columns().iter().map(|_| Cell::Null));
+                row.extend(std::iter::repeat_n(Cell::Null, self.results));
                 row.push(Cell::Text(why.as_str().into()));
             }
         }

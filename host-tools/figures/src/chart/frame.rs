@@ -6,7 +6,7 @@ use super::legend::{Legend, draw_at_end, room_at_end};
 use super::map::Map;
 use super::panel::{Axis, Panel};
 use super::scale::Ticks;
-use super::series::{Series, Stroke};
+use super::series::{Glyph, Series, Stroke};
 
 /// Between the drawing and the edge of the picture, pixels.
 pub(super) const MARGIN: f64 = 8.0;
@@ -198,6 +198,7 @@ impl<'a> Frame<'a> {
         y: impl Fn(f64) -> f64,
     ) -> Vec<(&'a Series, f64)> {
         let mut ends = Vec::new();
+        let inside = |value: f64, (low, high): (f64, f64)| value >= low && value <= high;
         for series in &self.panel.series {
             let place = |&(at, value): &(f64, f64)| (self.x.scale.place(at), self.panel.y_scale.place(value));
             let points: Vec<(f64, f64)> = series.points.iter().map(place).collect();
@@ -210,11 +211,16 @@ impl<'a> Frame<'a> {
                         let piece: Vec<(f64, f64)> = piece.iter().map(pixels).collect();
                         canvas.line(&piece, series.ink, width, dashes);
                     }
+                    for point in lone(&points) {
+                        if inside(point.0, self.x_places) && inside(point.1, self.y_places) {
+                            let (glyph, radius) = (Glyph::Disc, width);
+                            canvas.mark(pixels(point), series.ink, Stroke::Filled { glyph, radius });
+                        }
+                    }
                     let last = pieces.last().and_then(|piece| piece.last());
                     ends.extend(last.map(|point| (series, pixels(point).1)));
                 }
                 _ => {
-                    let inside = |value: f64, (low, high): (f64, f64)| value >= low && value <= high;
                     for point in &points {
                         if inside(point.0, self.x_places) && inside(point.1, self.y_places) {
                             canvas.mark(pixels(point), series.ink, stroke);
@@ -269,6 +275,16 @@ fn inside(from: (f64, f64), to: (f64, f64), x: (f64, f64), y: (f64, f64)) -> Opt
     (enter < leave).then_some((enter, leave))
 }
 
+/// The points of a line that have none beside them: no line shows them.
+fn lone(points: &[(f64, f64)]) -> impl Iterator<Item = &(f64, f64)> {
+    let known = |point: &&(f64, f64)| point.0.is_finite() && point.1.is_finite();
+    let beside =
+        move |place: Option<usize>| place.and_then(|place| points.get(place)).filter(known).is_some();
+    let alone = move |place: usize| !beside(place.checked_sub(1)) && !beside(Some(place + 1));
+    let places = points.iter().enumerate().filter(move |(place, _)| alone(*place));
+    places.map(|(_, point)| point).filter(known)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -285,6 +301,19 @@ mod tests {
         let points = [(0.0, 0.0), (1.0, 0.5), (2.0, f64::NAN), (3.0, 0.5), (4.0, 0.5)];
         let pieces = visible(&points, (0.0, 4.0), (0.0, 1.0));
         assert_eq!(pieces, [[(0.0, 0.0), (1.0, 0.5)], [(3.0, 0.5), (4.0, 0.5)]]);
+    }
+
+    #[test]
+    fn a_point_between_two_that_are_missing_is_alone() {
+        let (none, points) = (f64::NAN, [0.1, f64::NAN, 0.3, f64::NAN, 0.5, 0.6]);
+        let of = |values: &[f64]| -> Vec<f64> {
+            let points: Vec<_> = values.iter().map(|value| (0.0, *value)).collect();
+            lone(&points).map(|point| point.1).collect()
+        };
+        assert_eq!(of(&points), [0.1, 0.3]);
+        assert_eq!(of(&[0.7]), [0.7]);
+        assert_eq!(of(&[none, 0.2]), [0.2]);
+        assert!(of(&[none, 0.2, 0.3]).is_empty() && of(&[none]).is_empty());
     }
 
     #[test]

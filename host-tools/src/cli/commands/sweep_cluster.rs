@@ -1,7 +1,7 @@
 //! `bead sweep plan`, `run`, `submit`, `status`, `merge`: a sweep in chunks, on one machine or many.
 
-use std::fs::{self, OpenOptions};
-use std::io::Write;
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::str::FromStr;
@@ -202,6 +202,9 @@ pub(crate) fn run(running: &Running) -> Result<(), Failure> {
 
 /// Where the numbers of submitted jobs are written.
 const JOBS: &str = "jobs.txt";
+/// Bytes of it that are read at most, and how many of the last jobs the cluster is asked for: each is a call of `squeue`.
+const JOBS_MOST: u64 = 1 << 20;
+const JOBS_ASKED: usize = 64;
 
 pub(crate) fn submit(submitting: &Submitting) -> Result<(), Failure> {
     let Engine::Slurm = submitting.engine;
@@ -298,15 +301,22 @@ fn sbatch(script: &str) -> Result<String, Failure> {
 
 /// The submitted jobs that have not ended.
 fn queued(folder: &Folder) -> Vec<String> {
-    let jobs = fs::read_to_string(folder.beside(JOBS)).unwrap_or_default();
+    let path = folder.beside(JOBS);
+    let mut jobs = String::new();
+    if path.is_file() {
+        // Where nothing can be read, nothing was submitted.
+        let _ = File::open(path).and_then(|file| file.take(JOBS_MOST).read_to_string(&mut jobs));
+    }
+    let is_number = |job: &&str| !job.is_empty() && job.chars().all(|c| c.is_ascii_digit());
+    let jobs: Vec<&str> = jobs.lines().filter(is_number).collect();
     let mut waiting: Vec<String> = Vec::new();
-    for job in jobs.lines().filter(|job| job.chars().all(|c| c.is_ascii_digit())) {
+    for job in &jobs[jobs.len().saturating_sub(JOBS_ASKED)..] {
         let queue = Command::new("squeue")
             .args(["--noheader", "--format=%T", "--jobs", job])
             .output();
         // Of a job that has long ended, it says an error.
         if queue.is_ok_and(|queue| queue.status.success() && !queue.stdout.trim_ascii().is_empty()) {
-            waiting.push(job.to_owned());
+            waiting.push((*job).to_owned());
         }
     }
     waiting
