@@ -1,6 +1,8 @@
 //! What a sweep keeps of each run.
 
-use hertz_chain::Outcome;
+use std::collections::HashMap;
+
+use hertz_chain::{ContactPeak, Outcome};
 use serde::{Deserialize, Serialize};
 
 use crate::export::{Cell, Column, Kind};
@@ -120,7 +122,9 @@ impl Outputs {
                 .iter()
                 .map(|bead| Cell::number(end.intruder_dissipated(*bead))),
         );
-        let peak = |contact: &usize| outcome.peaks().iter().find(|peak| peak.contact == *contact);
+        let peaks: HashMap<usize, &ContactPeak> =
+            outcome.peaks().iter().map(|peak| (peak.contact, peak)).collect();
+        let peak = |contact: &usize| peaks.get(contact);
         cells.extend(
             self.peaks
                 .iter()

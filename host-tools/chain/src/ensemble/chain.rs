@@ -103,7 +103,18 @@ impl Constants {
         for (most, (model, time)) in most_tries.iter_mut().zip(chains) {
             *most = TRIES_BESIDES + (TRIES_FOR_EACH * fewest_steps(model, *time)) as u64;
         }
-        let scale = |model: &Model| tolerance * wave_speed(model);
+        let scale = lanes(&|model| tolerance * wave_speed(model));
+        // Errors of the same energy weigh the same.
+        let mut strictness = of_bodies(&|model, body| (model.mass(body) / model.mass(1)).sqrt());
+        for of_body in &mut strictness {
+            for (value, scale) in of_body.0.iter_mut().zip(scale.0).take(chains.len()) {
+                *value /= scale;
+            }
+        }
+        let mut guest_strictness = Eight([0.0; LANES]);
+        for (value, scale) in guest_strictness.0.iter_mut().zip(scale.0).take(chains.len()) {
+            *value = 1.0 / scale;
+        }
         Self {
             stiffness: of_contacts(&|model, contact| model.contact(contact).stiffness),
             viscosity: of_contacts(&|model, contact| 1.5 * model.contact(contact).relaxation),
@@ -112,9 +123,8 @@ impl Constants {
             guest_damping: of_guests(&|oscillator| oscillator.damping),
             guest_inverse: of_guests(&|oscillator| 1.0 / oscillator.mass),
             threshold: lanes(&|model| THRESHOLD * model.displacement_scale()),
-            // Errors of the same energy weigh the same.
-            strictness: of_bodies(&|model, body| (model.mass(body) / model.mass(1)).sqrt() / scale(model)),
-            guest_strictness: lanes(&|model| 1.0 / scale(model)),
+            strictness,
+            guest_strictness,
             longest: lanes(&|model| LONGEST * model.shortest_contact()),
             end,
             most_tries,

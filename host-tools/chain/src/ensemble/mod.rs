@@ -19,6 +19,7 @@ mod peak;
 mod prefix;
 mod together;
 
+use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
@@ -171,7 +172,8 @@ fn single(scenario: &Scenario, peaks: &[usize]) -> Result<Outcome, SimulateError
         let mut summary = Summariser::new(&mut run);
         run.watch(scenario.duration, |step| summary.look(step))?;
         found = summary.summary(&mut run).peak_force;
-        found.retain(|peak| peaks.contains(&peak.contact));
+        let wanted: HashSet<usize> = peaks.iter().copied().collect();
+        found.retain(|peak| wanted.contains(&peak.contact));
         found.iter_mut().for_each(|peak| peak.fwhm = None);
     }
     let model = run.shared_model();
