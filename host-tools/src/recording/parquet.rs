@@ -15,7 +15,6 @@
 
 use std::any::Any;
 use std::cell::Cell;
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read};
 use std::panic::{self, AssertUnwindSafe};
@@ -28,7 +27,7 @@ use prost::bytes::Bytes;
 
 use crate::recording::parquet_structs::{
     CHILDREN, COMPRESSED_SIZE, COUNT, DELTA_BYTE_ARRAY, DELTA_LENGTH_BYTE_ARRAY, DICTIONARY, ENCODINGS, FILE,
-    PAGE, SCHEMA, SIZE,
+    NAME, PAGE, SCHEMA, SIZE,
 };
 use crate::recording::thrift::{Numbers, whole_numbers};
 
@@ -66,7 +65,8 @@ impl ChunkReader for Bounded {
         let bytes = self.0.get_bytes(start, length)?;
         if length as u64 + FOOTER == rest {
             // What the file holds is told before the footer.
-            check_schema(&whole_numbers(&*bytes, FILE, Some((SCHEMA, CHILDREN)))?, length)?;
+            let schema = Some((SCHEMA, &[NAME, CHILDREN][..]));
+            check_schema(&whole_numbers(&*bytes, FILE, schema)?, length)?;
         }
         Ok(bytes)
     }
@@ -88,27 +88,50 @@ const GROWTH_MOST: i64 = 22;
 
 /// Groups that lie within each other at most.
 const GROUPS: usize = 64;
+/// What the library needs for a name beside its bytes.
+const NAME_AT_LEAST: u64 = 48;
+/// Bytes for names of columns at most, and more for each byte in which they are named.
+const NAMES: u64 = 64 << 20;
+const NAMES_A_BYTE: u64 = 16;
 
 /// Refuses columns in too many groups: the library goes into each by a call of itself. And it reserves the memory of all
-/// that a group says to have, though each takes a byte at least of the `length` in which they are named.
+/// that a group says to have, though each takes a byte at least of the `length` in which they are named. With each column it
+/// keeps the names of all groups that the column lies in, so one long name becomes many.
 fn check_schema(numbers: &Numbers, length: usize) -> Result<(), ParquetError> {
-    let groups = numbers.iter().filter(|(path, _)| path[0] == SCHEMA);
-    let groups: BTreeMap<_, _> = groups.map(|(path, children)| (path[1], *children)).collect();
-    // Of each group that is open, how many are still to come.
-    let mut open: Vec<i64> = Vec::new();
-    for place in 0..=groups.keys().next_back().copied().unwrap_or(0) {
-        while open.pop_if(|rest| *rest == 0).is_some() {}
-        if let Some(rest) = open.last_mut() {
+    let number = |place, field| numbers.get(&[SCHEMA, place, field][..]).copied().unwrap_or(0);
+    let last = numbers
+        .keys()
+        .rfind(|path| path[0] == SCHEMA)
+        .map_or(0, |path| path[1]);
+    // Of each group that is open, how many are still to come, and the bytes of its name and those around it.
+    let mut open: Vec<(i64, u64)> = Vec::new();
+    let mut names = 0_u64;
+    for place in 0..=last {
+        while open.pop_if(|(rest, _)| *rest == 0).is_some() {}
+        let mut name = number(place, NAME).unsigned_abs().saturating_add(NAME_AT_LEAST);
+        if let Some((rest, around)) = open.last_mut() {
             *rest -= 1;
+            name = name.saturating_add(*around);
         }
-        let children = groups.get(&place).copied().unwrap_or(0);
+        let children = number(place, CHILDREN);
         if !usize::try_from(children).is_ok_and(|children| children < length) {
             let words = format!("a group of {children} columns is named in {length} bytes");
             return Err(ParquetError::General(words));
         }
-        open.extend((children > 0).then_some(children));
+        match children {
+            0 => names = names.saturating_add(name),
+            _ => open.push((children, name)),
+        }
         if open.len() > GROUPS {
             let words = format!("its columns lie in more than {GROUPS} groups");
+            return Err(ParquetError::General(words));
+        }
+        let most = NAMES + NAMES_A_BYTE * length as u64;
+        if names > most {
+            let words = format!(
+                "the names of its columns, each with its groups', take more than {} MB",
+                most >> 20
+            );
             return Err(ParquetError::General(words));
         }
     }
@@ -295,6 +318,34 @@ mod tests {
         says(&nested(GROUPS + 1), "in more than 64 groups");
         // Groups beside one another are no deeper.
         assert_eq!(check(&[vec![200], [1, 0].repeat(200)].concat()), Ok(()));
+    }
+
+    #[test]
+    fn a_long_name_of_a_group_is_not_kept_with_each_of_many_columns() {
+        let check = |elements: &[(i64, i64)], length| {
+            let places = elements.iter().zip(0..);
+            let numbers = places.flat_map(|((name, children), place)| {
+                [(NAME, name), (CHILDREN, children)].map(|(field, is)| (vec![SCHEMA, place, field], *is))
+            });
+            check_schema(&numbers.collect(), length).map_err(|error| error.to_string())
+        };
+        // A group in the root, and its columns.
+        let wide =
+            |name, columns: usize| [vec![(1, 1), (name, columns as i64)], vec![(1, 0); columns]].concat();
+        assert_eq!(check(&wide(1 << 18, 200), 1 << 18), Ok(()));
+        let why = check(&wide(1 << 18, 300), 1 << 18).unwrap_err();
+        assert!(
+            why.ends_with("the names of its columns, each with its groups', take more than 68 MB"),
+            "{why}"
+        );
+        // Columns that are many, or lie deep, have room in a file that is as long as they need.
+        assert_eq!(check(&wide(10, 1_000_000), 10_000_000), Ok(()));
+        // A group that is closed is not around the next.
+        let beside = [vec![(1, 301), (1 << 18, 1), (1, 0)], vec![(1, 0); 300]].concat();
+        assert_eq!(check(&beside, 1 << 18), Ok(()));
+        // Many short names around each of many columns take memory too.
+        let deep = [vec![(1, 1); 60], vec![(1, 100_000)], vec![(1, 0); 100_000]].concat();
+        assert!(check(&deep, 500_000).is_err());
     }
 
     /// A megabyte of zeros, which each of 10,000 groups read anew, kept a core busy for minutes.

@@ -60,6 +60,8 @@ pub(super) const FILE: Fields = &[
 
 /// Field of the columns and their groups: each group stands before what lies in it.
 pub(super) const SCHEMA: i64 = 2;
+/// Field of the name of one of them.
+pub(super) const NAME: i64 = 4;
 /// Field of how many columns and groups lie in one of them.
 pub(super) const CHILDREN: i64 = 5;
 
@@ -83,7 +85,7 @@ const SCHEMA_ELEMENT: Kind = Struct(&[
     (1, Whole),
     (2, Whole),
     (3, Whole),
-    (4, Bytes),
+    (NAME, Bytes),
     (CHILDREN, Whole),
     (6, Whole),
     (7, Whole),

@@ -60,19 +60,22 @@ impl Kind {
     }
 }
 
-/// The whole numbers of a struct and of the structs in it. Each has the field that it is in, after the fields and the
-/// places in lists around that.
+/// The whole numbers of a struct and of the structs in it, and the lengths of its texts. Each has the field that it is in,
+/// after the fields and the places in lists around that.
 pub(super) type Numbers = BTreeMap<Vec<i64>, i64>;
 
-/// The whole numbers in the fields of a struct that are known, after all of it was read. Of lists, it tells one field of the
-/// structs in one list, by the list's field and theirs.
+/// The field of a list of structs, and fields of the structs.
+pub(super) type ListFields = (i64, &'static [i64]);
+
+/// The numbers in the fields of a struct that are known, after all of it was read. Of lists, it tells some fields of the
+/// structs in one list, by the list's field and theirs: as few as are needed, since a file may have millions of structs.
 ///
 /// # Errors
 /// It does not end, a field has another type or is there twice, or it holds what nothing of Parquet's holds.
 pub(super) fn whole_numbers(
     bytes: impl Read,
     fields: Fields,
-    list: Option<(i64, i64)>,
+    list: Option<ListFields>,
 ) -> io::Result<Numbers> {
     let mut walk = Walk {
         bytes,
@@ -90,7 +93,7 @@ fn odd<T>(what: &str) -> io::Result<T> {
 
 struct Walk<R> {
     bytes: R,
-    list: Option<(i64, i64)>,
+    list: Option<ListFields>,
     path: Vec<i64>,
     numbers: Numbers,
 }
@@ -154,15 +157,18 @@ impl<R: Read> Walk<R> {
         }
     }
 
-    /// Whether this is no field in a list, or the one that is asked for.
+    /// Whether this is no field in a list, or one that is asked for.
     fn is_told(&self) -> bool {
         match (self.list, &self.path[..]) {
-            (Some((list, wanted)), [first, _, rest @ ..]) if list == *first => *rest == [wanted],
+            (Some((list, wanted)), [first, _, rest @ ..]) if list == *first => {
+                matches!(rest, [field] if wanted.contains(field))
+            }
             _ => true,
         }
     }
 
-    /// Goes through a value, and keeps it if it is a whole number that is to be told. Its kind is known or may be any.
+    /// Goes through a value, and keeps it if it is a whole number that is to be told, or a text's length. Its kind is known
+    /// or may be any.
     fn value(&mut self, bits: u8, kind: Option<Kind>, depth: u8, told: bool) -> io::Result<()> {
         let Some(depth) = depth.checked_sub(1) else {
             return odd("too many structs lie within each other");
@@ -170,13 +176,14 @@ impl<R: Read> Walk<R> {
         if kind.is_some_and(|kind| !kind.is_written_as(bits)) {
             return odd("a field has another type than it should have");
         }
+        let keeps = told && kind.is_some() && self.is_told();
         match bits {
             // A field that is one has no byte beside its head.
             bits::TRUE | bits::FALSE => {}
             bits::BYTE => drop(self.byte()?),
             bits::I16..=bits::I64 => {
                 let number = self.zigzag()?;
-                if told && kind.is_some() && self.is_told() {
+                if keeps {
                     self.numbers.insert(self.path.clone(), number);
                 }
             }
@@ -184,6 +191,10 @@ impl<R: Read> Walk<R> {
             bits::BYTES => {
                 let length = self.varint()?;
                 self.pass(length)?;
+                if keeps {
+                    let length = i64::try_from(length).unwrap_or(i64::MAX);
+                    self.numbers.insert(self.path.clone(), length);
+                }
             }
             bits::LIST | bits::SET => {
                 let head = self.byte()?;
@@ -292,22 +303,31 @@ mod tests {
 
     #[test]
     fn numbers_in_one_list_are_told_by_their_places_in_it() {
-        // Field 1 is a list of two structs with fields 4 and 5, the second of which has a third one; field 2 one of two numbers.
-        const STRUCT: Kind = Kind::Struct(&[(4, Kind::Whole), (5, Kind::Whole), (6, Kind::Whole)]);
+        // Field 1 is a list of two structs with fields 4 and 5, the second of which has a third one and a text of three bytes;
+        // field 2 one of two numbers.
+        const STRUCT: Kind = Kind::Struct(&[
+            (4, Kind::Whole),
+            (5, Kind::Whole),
+            (6, Kind::Whole),
+            (7, Kind::Bytes),
+        ]);
         const FIELDS: Fields = &[
             (1, Kind::List(&STRUCT)),
             (2, Kind::List(&Kind::Whole)),
             (3, STRUCT),
         ];
-        let first = [0x19, 0x2C, 0x45, 2, 0x15, 6, 0, 0x45, 0, 0x15, 8, 0x15, 14, 0];
+        let first = [
+            0x19, 0x2C, 0x45, 2, 0x15, 6, 0, 0x45, 0, 0x15, 8, 0x15, 14, 0x18, 3, b'a', b'b', b'c', 0,
+        ];
         let others = [0x19, 0x25, 10, 12, 0x1C, 0x55, 4, 0, 0];
         let bytes = [&first[..], &others].concat();
         let told = |list| Vec::from_iter(whole_numbers(&bytes[..], FIELDS, list).unwrap());
         let outside = [(vec![3, 5], 2)];
         let of_one = [(vec![1, 0, 5], 3), (vec![1, 1, 5], 4), outside[0].clone()];
-        assert_eq!(told(Some((1, 5))), of_one);
-        assert_eq!(told(Some((1, 6))), [(vec![1, 1, 6], 7), outside[0].clone()]);
-        assert_eq!(told(Some((2, 5))), outside);
+        assert_eq!(told(Some((1, &[5]))), of_one);
+        let of_two = [(vec![1, 1, 6], 7), (vec![1, 1, 7], 3), outside[0].clone()];
+        assert_eq!(told(Some((1, &[6, 7]))), of_two);
+        assert_eq!(told(Some((2, &[5]))), outside);
         assert_eq!(told(None), outside);
     }
 

@@ -1,5 +1,6 @@
 //! Which column of a table has which quantity.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use crate::waveform::choice::{Choice, Wanted, option};
@@ -23,9 +24,11 @@ impl Header {
         self.unit.as_deref().or_else(|| unit::split(&self.name).1)
     }
 
-    /// The quantity that its unit tells, and the size of the unit.
+    /// The quantity that its unit tells, and the size of the unit. Of a mass, `g` is a gram.
     fn size(&self) -> Option<(Quantity, f64)> {
-        self.unit().and_then(unit::unit)
+        let unit = self.unit().and_then(unit::unit)?;
+        let is_mass = self.stem().to_lowercase().starts_with("mass");
+        (!is_mass).then_some(unit)
     }
 
     /// The quantity that its name tells.
@@ -45,11 +48,42 @@ impl Header {
 
     /// As messages name it.
     fn shown(&self) -> String {
+        let name = cut(self.name.trim(), LETTERS);
         match &self.unit {
-            Some(unit) => format!("{} ({unit})", self.name.trim()),
-            None => self.name.trim().to_owned(),
+            Some(unit) => format!("{name} ({})", cut(unit, LETTERS)),
+            None => name.into_owned(),
         }
     }
+
+    /// As a user can type it: a long name by its number.
+    fn typed(&self) -> Cow<'_, str> {
+        match cut(self.name.trim(), LETTERS) {
+            Cow::Owned(_) => (self.place + 1).to_string().into(),
+            whole => whole,
+        }
+    }
+}
+
+/// Names in a message at most, and characters of each: in a file they may be millions.
+const NAMES: usize = 20;
+const LETTERS: usize = 40;
+
+/// The beginning of a text, which may be as long as a file.
+pub(super) fn cut(text: &str, characters: usize) -> Cow<'_, str> {
+    match text.char_indices().nth(characters) {
+        Some((at, _)) => format!("{}…", &text[..at]).into(),
+        None => text.into(),
+    }
+}
+
+/// The first of some columns, as messages name them.
+pub(super) fn few<'a>(mut headers: impl Iterator<Item = &'a Header>) -> String {
+    let mut shown: Vec<_> = headers.by_ref().take(NAMES).map(Header::shown).collect();
+    match headers.count() {
+        0 => {}
+        more => shown.push(format!("and {more} more")),
+    }
+    shown.join(", ")
 }
 
 /// A column that is read, and what 1 of it is in the SI unit.
@@ -111,8 +145,7 @@ impl Table<'_> {
     }
 
     fn shown(&self) -> String {
-        let shown: Vec<_> = self.headers.iter().map(Header::shown).collect();
-        shown.join(", ")
+        few(self.headers.iter())
     }
 
     /// The column that the caller names.
@@ -144,7 +177,7 @@ impl Table<'_> {
         quantity: Quantity,
     ) -> Result<f64, WaveformError> {
         let said = wanted.and_then(|wanted| wanted.size).or_else(|| header.size());
-        let column = header.name.trim();
+        let column = header.typed();
         match said {
             Some((of, size)) if of == quantity => Ok(size),
             Some((of, _)) => self.unfit(format!(
@@ -162,7 +195,8 @@ impl Table<'_> {
                 let why = match header.unit() {
                     Some(unit) if unit::is_volts(unit) => format!("is in {unit}"),
                     Some(unit) => format!(
-                        "is in `{unit}`, which is no unit of {} that is known",
+                        "is in `{}`, which is no unit of {} that is known",
+                        cut(unit, LETTERS),
                         quantity.name()
                     ),
                     None => "has no unit".to_owned(),
@@ -198,12 +232,11 @@ impl Table<'_> {
                 }
             }
             (None, several) => {
-                let names: Vec<_> = several.iter().map(|header| header.shown()).collect();
                 return self.unfit(format!(
                     "has {} columns of {}: {}; say which with {}",
                     several.len(),
                     quantity.name(),
-                    names.join(", "),
+                    few(several.iter().copied()),
                     option(quantity)
                 ));
             }
@@ -235,12 +268,7 @@ impl Table<'_> {
             ));
         };
         let place = header.place;
-        let granted = || {
-            format!(
-                "column {} has no unit and is taken for seconds",
-                header.name.trim()
-            )
-        };
+        let granted = || format!("column {} has no unit and is taken for seconds", header.shown());
         Ok(match header.size() {
             Some((_, size)) => (Picked { place, size }, None),
             None => (Picked { place, size: 1.0 }, Some(granted())),
@@ -314,6 +342,49 @@ mod tests {
             assert_eq!(found.force, Some(Picked { place: 1, size: 8.9 }), "{wanted}");
             assert!(found.remarks[0].contains("taken for seconds"));
         }
+    }
+
+    #[test]
+    fn refusals_tell_some_names_and_the_beginning_of_each() {
+        let long = "n".repeat(1 << 20);
+        let mut names = vec!["CH1"; 300_000];
+        names[0] = long.as_str();
+        let why = picked(&names, &Choice::default()).unwrap_err();
+        assert!(
+            why.contains(&format!("among {}…, CH1, ", "n".repeat(40))),
+            "{why:.400}"
+        );
+        assert!(why.contains(", CH1, and 299980 more; say which"), "{why:.400}");
+        assert!(why.len() < 500, "{}", why.len());
+        // What has a long name is typed by its number.
+        let force_of = format!("force {long}");
+        let why = picked(&["t (s)", &force_of], &Choice::default()).unwrap_err();
+        assert!(
+            why.contains("column 2 has no unit; say what 1 of it is: --force-column 2:8.9N"),
+            "{why:.400}"
+        );
+        let of_unit = format!("force ({long})");
+        let why = picked(&["t (s)", &of_unit], &Choice::default()).unwrap_err();
+        assert!(why.contains("is in `nnn") && why.len() < 300, "{why:.400}");
+        let time = format!("time {long}");
+        let found = picked(&[&time, "F (N)"], &Choice::default()).unwrap();
+        assert!(found.remarks[0].len() < 100, "{:.200}", found.remarks[0]);
+        let several = vec!["F (N)"; 1000];
+        assert!(
+            picked(&several, &Choice::default())
+                .unwrap_err()
+                .contains("and 980 more; say")
+        );
+    }
+
+    #[test]
+    fn a_gram_is_no_gravity() {
+        let why = picked(&["t (s)", "mass_g"], &Choice::default()).unwrap_err();
+        assert!(why.contains("no column of force or acceleration"), "{why}");
+        let why = picked(&["t (s)", "Channel G"], &Choice::default()).unwrap_err();
+        assert!(why.contains("no column of force or acceleration"), "{why}");
+        let found = picked(&["t (s)", "mass_g", "a (G)"], &Choice::default()).unwrap();
+        assert_eq!(found.acceleration.map(|picked| picked.place), Some(2));
     }
 
     #[test]

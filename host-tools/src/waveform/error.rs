@@ -36,4 +36,13 @@ impl WaveformError {
             what: what.into(),
         }
     }
+
+    /// With what else may be the reason.
+    pub(super) fn also(mut self, reason: Option<&str>) -> Self {
+        if let (Self::Unfit { what, .. }, Some(reason)) = (&mut self, reason) {
+            what.push_str("; ");
+            what.push_str(reason);
+        }
+        self
+    }
 }

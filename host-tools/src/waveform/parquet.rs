@@ -1,26 +1,33 @@
 //! Parquet files, as pandas, polars and `bead export` write them.
 
+use std::cell::OnceCell;
 use std::fmt::Display;
 use std::fs::File;
 use std::path::Path;
+use std::rc::Rc;
 
-use parquet::basic::{LogicalType, TimeUnit, Type};
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
+use parquet::file::metadata::RowGroupMetaData;
 use parquet::file::reader::{FileReader, RowGroupReader};
-use parquet::schema::types::ColumnDescriptor;
+use parquet::schema::types::{ColumnDescPtr, ColumnDescriptor};
 
 use crate::recording::parquet::{guarded, open};
 use crate::waveform::choice::Choice;
-use crate::waveform::columns::{Header, pick};
+use crate::waveform::columns::{Header, Picked, cut, few, pick};
 use crate::waveform::error::WaveformError;
-use crate::waveform::rows::{MOST, Rows};
+use crate::waveform::rows::Rows;
 use crate::waveform::signals::Waveform;
 use crate::waveform::text::{Strikes, finish};
 
 /// Rows that are read at once.
 const AT_ONCE: usize = 1 << 14;
+/// Rows of a file at most, with those of strikes that are passed over.
+const MOST: i64 = 100_000_000;
+/// Characters at most of what the library says, which may hold a name of any length.
+const WORDS: usize = 300;
 
 /// Reads a Parquet file, some rows at a time.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
@@ -35,7 +42,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             ParquetError::External(cause) => damaged(cause),
             error => damaged(error),
         };
-        WaveformError::unfit(path, what.replace('\n', " "))
+        WaveformError::unfit(path, cut(&what.replace('\n', " "), WORDS))
     };
     let file = File::open(path).map_err(|source| WaveformError::File {
         path: path.to_owned(),
@@ -44,29 +51,42 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let reader = open(file).map_err(unread)?;
     let metadata = reader.metadata().file_metadata();
     let schema = metadata.schema_descr();
-    let headers: Vec<_> = (0..schema.num_columns())
-        .map(|place| (place, schema.column(place)))
-        .filter(|(_, column)| {
-            let is_number = matches!(
-                column.physical_type(),
-                Type::INT32 | Type::INT64 | Type::FLOAT | Type::DOUBLE
-            );
-            is_number && column.max_rep_level() == 0
-        })
-        .map(|(place, column)| Header {
-            place,
-            // A message that names it is one line.
-            name: column.name().replace('\n', " "),
-            unit: of_a_clock(&column).map(str::to_owned),
-        })
-        .collect();
+    let groups = reader.metadata().row_groups();
+    let rows = groups.iter().map(RowGroupMetaData::num_rows);
+    if rows.fold(0, i64::saturating_add) > MOST {
+        let what = format!(
+            "has more than {} million rows; cut the strike out of it",
+            MOST / 1_000_000
+        );
+        return Err(WaveformError::unfit(path, what));
+    }
+    let header = |(place, column): (usize, ColumnDescPtr)| Header {
+        place,
+        // A message that names it is one line.
+        name: column.name().replace('\n', " "),
+        unit: of_a_clock(&column).map(str::to_owned),
+    };
+    let of_kind = |is_of: fn(&ColumnDescriptor) -> bool| {
+        let columns = (0..schema.num_columns()).map(|place| (place, schema.column(place)));
+        let flat = columns.filter(move |(_, column)| column.max_rep_level() == 0 && is_of(column));
+        flat.map(header).collect::<Vec<_>>()
+    };
+    let headers = of_kind(is_number);
+    let others = of_kind(is_other_number);
+    let others = (!others.is_empty()).then(|| {
+        format!(
+            "decimals in bytes, floats of 16 bits and times of 96 bits are not read, as in {}; write them as doubles",
+            few(others.iter())
+        )
+    });
     if headers.is_empty() {
-        return Err(WaveformError::unfit(
+        let none = WaveformError::unfit(
             path,
             "has no columns of numbers; give a table with force over time",
-        ));
+        );
+        return Err(none.also(others.as_deref()));
     }
-    let picks = pick(path, &headers, choice)?;
+    let picks = pick(path, &headers, choice).map_err(|error| error.also(others.as_deref()))?;
     let mut rows = Rows::new(
         path,
         "row",
@@ -77,19 +97,25 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let wanted = choice.strike.unwrap_or(0) as f64;
     let mut strikes = Strikes::default();
     let mut number = 0;
+    // Time counts from its first row, everything else from 0.
+    let (first, zero) = (Origin::default(), Origin::from(OnceCell::from(0)));
     for group in 0..reader.num_row_groups() {
         let group = guarded(|| reader.get_row_group(group)).map_err(unread)?;
-        let column = |place: usize| guarded(|| Column::of(group.as_ref(), place)).map_err(unread);
-        let picked = [picks.time, picks.force, picks.acceleration].map(|picked| {
-            let picked = picked.filter(|picked| choice.rate_hz.is_none() || Some(*picked) != picks.time);
-            picked.map(|picked| column(picked.place).map(|column| (column, picked.size)))
-        });
-        let [time, force, acceleration] = picked;
-        let mut columns = [time.transpose()?, force.transpose()?, acceleration.transpose()?];
-        let mut strike = picks.strike.map(column).transpose()?;
-        let mut left = usize::try_from(group.metadata().num_rows())
-            .unwrap_or(0)
-            .min(MOST + 1);
+        let column = |place: usize, from: &Origin| {
+            guarded(|| Column::of(group.as_ref(), place, from.clone())).map_err(unread)
+        };
+        let picked = |picked: Option<Picked>, from: &Origin| {
+            let column =
+                picked.map(|picked| Ok::<_, WaveformError>((column(picked.place, from)?, picked.size)));
+            column.transpose()
+        };
+        let mut columns = [
+            picked(picks.time, &first)?,
+            picked(picks.force, &zero)?,
+            picked(picks.acceleration, &zero)?,
+        ];
+        let mut strike = picks.strike.map(|place| column(place, &zero)).transpose()?;
+        let mut left = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
         while left > 0 {
             let count = left.min(AT_ONCE);
             left -= count;
@@ -98,6 +124,9 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             }
             if let Some(column) = &mut strike {
                 guarded(|| column.read(count)).map_err(unread)?;
+            }
+            if let Some((time, size)) = &columns[0] {
+                rows.since = time.begins() * size;
             }
             for row in 0..count {
                 number += 1;
@@ -116,17 +145,41 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     finish(rows, picks.strike.is_some(), &strikes, choice)
 }
 
-/// The unit of a column of times of day.
+fn is_number(column: &ColumnDescriptor) -> bool {
+    matches!(
+        column.physical_type(),
+        Type::INT32 | Type::INT64 | Type::FLOAT | Type::DOUBLE
+    )
+}
+
+/// Whether it has numbers in a form that is not read.
+fn is_other_number(column: &ColumnDescriptor) -> bool {
+    let is_decimal = column.converted_type() == ConvertedType::DECIMAL;
+    let is_half = column.logical_type_ref() == Some(&LogicalType::Float16);
+    match column.physical_type() {
+        Type::INT96 => true,
+        Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY => is_decimal || is_half,
+        _ => false,
+    }
+}
+
+/// The unit of a column of times of day. The library knows the older of the two ways to say it from the newer one, where
+/// that says the same.
 fn of_a_clock(column: &ColumnDescriptor) -> Option<&'static str> {
-    match column.logical_type_ref()? {
-        LogicalType::Timestamp(time) | LogicalType::Time(time) => Some(match time.unit {
-            TimeUnit::MILLIS => "ms",
-            TimeUnit::MICROS => "us",
-            TimeUnit::NANOS => "ns",
-        }),
+    use ConvertedType::{TIME_MICROS, TIME_MILLIS, TIMESTAMP_MICROS, TIMESTAMP_MILLIS};
+    match (column.logical_type_ref(), column.converted_type()) {
+        (Some(LogicalType::Timestamp(time) | LogicalType::Time(time)), _) if time.unit == TimeUnit::NANOS => {
+            Some("ns")
+        }
+        (_, TIME_MICROS | TIMESTAMP_MICROS) => Some("us"),
+        (_, TIME_MILLIS | TIMESTAMP_MILLIS) => Some("ms"),
         _ => None,
     }
 }
+
+/// The whole number from which those of a column count; the first of them, where it is not given. Times since 1970 leave
+/// an f64 no room for steps below 1 µs.
+type Origin = Rc<OnceCell<i128>>;
 
 /// Gives the next rows of a column; fewer at its end.
 type Reader = Box<dyn FnMut(usize) -> Result<Vec<Option<f64>>, ParquetError>>;
@@ -135,21 +188,52 @@ type Reader = Box<dyn FnMut(usize) -> Result<Vec<Option<f64>>, ParquetError>>;
 struct Column {
     reader: Reader,
     rows: Vec<Option<f64>>,
+    from: Origin,
+    /// The whole number that stands for 1: a power of ten, of decimals.
+    one: f64,
 }
 
 impl Column {
     /// The column at a place.
-    fn of(group: &(dyn RowGroupReader + '_), place: usize) -> Result<Self, ParquetError> {
-        let known_at = group.metadata().column(place).column_descr().max_def_level();
+    fn of(group: &(dyn RowGroupReader + '_), place: usize, from: Origin) -> Result<Self, ParquetError> {
+        use ConvertedType::{DECIMAL, UINT_8, UINT_16, UINT_32, UINT_64};
+        let metadata = group.metadata().column(place);
+        let known_at = metadata.column_descr().max_def_level();
+        let (one, is_unsigned) = match metadata.column_descr().converted_type() {
+            DECIMAL => (10_f64.powi(metadata.column_descr().type_scale()), false),
+            UINT_8 | UINT_16 | UINT_32 | UINT_64 => (1.0, true),
+            _ => (1.0, false),
+        };
+        let origin = from.clone();
+        let number = move |whole: i128| (whole - origin.get_or_init(|| whole)) as f64 / one;
         let reader = match group.get_column_reader(place)? {
-            ColumnReader::Int32ColumnReader(reader) => numbers(reader, known_at, |value| f64::from(*value)),
-            ColumnReader::Int64ColumnReader(reader) => numbers(reader, known_at, |value| *value as f64),
+            ColumnReader::Int32ColumnReader(reader) => {
+                numbers(reader, known_at, move |value| match is_unsigned {
+                    true => number(value.cast_unsigned().into()),
+                    false => number((*value).into()),
+                })
+            }
+            ColumnReader::Int64ColumnReader(reader) => {
+                numbers(reader, known_at, move |value| match is_unsigned {
+                    true => number(value.cast_unsigned().into()),
+                    false => number((*value).into()),
+                })
+            }
             ColumnReader::FloatColumnReader(reader) => numbers(reader, known_at, |value| f64::from(*value)),
             ColumnReader::DoubleColumnReader(reader) => numbers(reader, known_at, |value| *value),
             _ => return Err(ParquetError::General("a column has changed its type".to_owned())),
         };
-        let rows = Vec::new();
-        Ok(Self { reader, rows })
+        Ok(Self {
+            reader,
+            rows: Vec::new(),
+            from,
+            one,
+        })
+    }
+
+    /// What its numbers count from.
+    fn begins(&self) -> f64 {
+        self.from.get().map_or(0.0, |from| *from as f64 / self.one)
     }
 
     /// Takes the next rows; fewer at the column's end.
@@ -189,7 +273,8 @@ fn numbers<T: DataType>(
 mod tests {
     use std::sync::Arc;
 
-    use parquet::data_type::{FloatType, Int64Type};
+    use parquet::data_type::{DoubleType, FloatType, Int32Type, Int64Type};
+    use parquet::file::metadata::ParquetMetaDataWriter;
     use parquet::file::properties::WriterProperties;
     use parquet::file::writer::SerializedFileWriter;
     use parquet::schema::parser::parse_message_type;
@@ -244,6 +329,186 @@ mod tests {
         let (time, peak) = force.highest();
         assert_eq!((force.rows(), peak), (40, 250.0));
         assert!((time - 25.0 * 50e-6).abs() < 1e-15);
+    }
+
+    /// Columns of forty whole numbers, by the schema's types, and then the force: half a newton in row 25.
+    fn table<T: DataType>(path: &Path, columns: &str, value: impl Fn(usize) -> T::T) {
+        let schema = format!("message table {{ {columns} REQUIRED DOUBLE force_n; }}");
+        let schema = Arc::new(parse_message_type(&schema).unwrap());
+        let mut writer =
+            SerializedFileWriter::new(File::create(path).unwrap(), schema, Arc::default()).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        let values: Vec<T::T> = (0..40).map(value).collect();
+        column.typed::<T>().write_batch(&values, None, None).unwrap();
+        column.close().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        let force: Vec<f64> = (0..40).map(|row| if row == 25 { 0.5 } else { 0.0 }).collect();
+        column
+            .typed::<DoubleType>()
+            .write_batch(&force, None, None)
+            .unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+        writer.close().unwrap();
+    }
+
+    /// When the force has its top after the first row, and when the first row is, s.
+    fn times(path: &Path) -> (f64, f64) {
+        let waveform = Waveform::read(path, &Choice::default(), None).unwrap();
+        (waveform.force.unwrap().highest().0, waveform.start)
+    }
+
+    #[test]
+    fn decimals_and_numbers_without_a_sign_are_what_their_types_say() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let at = |place: usize| 50.0 * place as f64;
+        // 0.50 ms from row to row, from 1.25 ms on.
+        table::<Int32Type>(&path, "REQUIRED INT32 time_ms (DECIMAL(9,2));", |row| {
+            125 + 50 * row as i32
+        });
+        let (top, start) = times(&path);
+        assert!((top - at(25) * 1e-5).abs() < 1e-12, "{top}");
+        assert!((start - 1.25e-3).abs() < 1e-12, "{start}");
+        table::<Int64Type>(&path, "REQUIRED INT64 time_ms (DECIMAL(18,5));", |row| {
+            50 * row as i64
+        });
+        assert!((times(&path).0 - at(25) * 1e-8).abs() < 1e-15);
+        // Counters that pass 2^31 and 2^63.
+        let before = i32::MAX - 500;
+        table::<Int32Type>(&path, "REQUIRED INT32 time_us (INTEGER(32,false));", |row| {
+            before.wrapping_add(50 * row as i32)
+        });
+        let (top, start) = times(&path);
+        assert!((top - at(25) * 1e-6).abs() < 1e-12, "{top}");
+        assert!((start - f64::from(before) * 1e-6).abs() < 1e-6, "{start}");
+        table::<Int64Type>(&path, "REQUIRED INT64 time_us (INTEGER(64,false));", |row| {
+            (i64::MAX - 500).wrapping_add(50 * row as i64)
+        });
+        assert!((times(&path).0 - at(25) * 1e-6).abs() < 1e-12);
+        // Of a force, nothing is taken off.
+        table::<Int32Type>(&path, "REQUIRED INT32 kraft (DECIMAL(9,2));", |row| {
+            7 + i32::from(row == 25) * 150
+        });
+        let choice = Choice {
+            rate_hz: Some(1e3),
+            force: "kraft:N".parse().ok(),
+            ..Choice::default()
+        };
+        let waveform = Waveform::read(&path, &choice, None).unwrap();
+        let (_, peak) = waveform.force.unwrap().highest();
+        assert!((peak - 1.5).abs() < 1e-12, "{peak}");
+        assert!(
+            waveform.remarks[0].contains("begins at 0.0700 N"),
+            "{:?}",
+            waveform.remarks
+        );
+    }
+
+    #[test]
+    fn times_of_day_have_their_unit_from_older_types_too_and_keep_their_steps() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        for (kind, one) in [
+            ("TIMESTAMP_MILLIS", 1e-3),
+            ("TIMESTAMP_MICROS", 1e-6),
+            ("TIME_MICROS", 1e-6),
+            ("TIME(NANOS,true)", 1e-9),
+        ] {
+            table::<Int64Type>(&path, &format!("REQUIRED INT64 when ({kind});"), |row| {
+                50 * row as i64
+            });
+            let (top, _) = times(&path);
+            assert!((top - 1250.0 * one).abs() < 1e-9 * one, "{kind}: {top}");
+        }
+        table::<Int32Type>(&path, "REQUIRED INT32 when (TIME_MILLIS);", |row| 50 * row as i32);
+        assert!((times(&path).0 - 1.25).abs() < 1e-12);
+        // 300 ns from row to row, in the year 2026: an f64 has steps of 238 ns there.
+        let epoch = 1_772_000_000_000_123_457;
+        let schema = "REQUIRED INT64 when (TIMESTAMP(NANOS,true));";
+        table::<Int64Type>(&path, schema, |row| epoch + 300 * row as i64);
+        let (top, start) = times(&path);
+        assert!((top - 25.0 * 300e-9).abs() < 1e-15, "{top}");
+        assert!((start - 1_772_000_000.000_123).abs() < 1e-6, "{start}");
+        // What is refused is told in the file's own time.
+        let schema = "REQUIRED INT64 when (TIMESTAMP_MILLIS);";
+        table::<Int64Type>(&path, schema, |row| 1000 * if row > 30 { 4 } else { row as i64 });
+        let says = || {
+            Waveform::read(&path, &Choice::default(), None)
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(
+            says().contains("goes back at row 32, from 30 to 4 s"),
+            "{}",
+            says()
+        );
+        table::<Int64Type>(&path, schema, |row| {
+            1000 * (7 + row as i64 + 9 * i64::from(row > 30))
+        });
+        assert!(says().contains("gap from 37 to 47 s"), "{}", says());
+    }
+
+    #[test]
+    fn numbers_in_forms_that_are_not_read_are_named() {
+        use parquet::data_type::{FixedLenByteArrayType, Int96Type};
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        let says = || {
+            Waveform::read(&path, &Choice::default(), None)
+                .unwrap_err()
+                .to_string()
+        };
+        for (kind, length) in [("DECIMAL(30,2)", 16), ("FLOAT16", 2)] {
+            let column = format!("REQUIRED FIXED_LEN_BYTE_ARRAY({length}) time_s ({kind});");
+            table::<FixedLenByteArrayType>(&path, &column, |_| vec![0; length].into());
+            assert!(
+                says().contains("no column of time among force_n; say which"),
+                "{}",
+                says()
+            );
+            assert!(
+                says().ends_with("are not read, as in time_s; write them as doubles"),
+                "{}",
+                says()
+            );
+        }
+        table::<Int96Type>(&path, "REQUIRED INT96 when;", |_| vec![0, 0, 0].into());
+        assert!(
+            says().ends_with("are not read, as in when; write them as doubles"),
+            "{}",
+            says()
+        );
+    }
+
+    #[test]
+    fn a_file_of_more_rows_than_can_be_passed_over_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.parquet");
+        table::<Int32Type>(&path, "REQUIRED INT32 time_us;", |row| row as i32);
+        let metadata = open(File::open(&path).unwrap()).unwrap().metadata().clone();
+        let sound = std::fs::read(&path).unwrap();
+        let says = |rows: i64| {
+            let group = metadata
+                .row_group(0)
+                .clone()
+                .into_builder()
+                .set_num_rows(rows / 2);
+            let groups = vec![group.build().unwrap(); 2];
+            // So long that its rows may have room in it.
+            let mut bytes = sound.clone();
+            bytes.resize(110_000, 0);
+            let metadata = metadata.clone().into_builder().set_row_groups(groups).build();
+            let footer = ParquetMetaDataWriter::new(&mut bytes, &metadata);
+            footer.finish().unwrap();
+            std::fs::write(&path, bytes).unwrap();
+            Waveform::read(&path, &Choice::default(), None)
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(says(MOST).contains("row 41 has no number"), "{}", says(MOST));
+        assert!(says(MOST + 2).contains("has more than 100 million rows; cut the strike out of it"),);
     }
 
     #[test]

@@ -29,6 +29,8 @@ pub(super) struct Rows<'a> {
     time: Vec<f64>,
     force: Option<Vec<f64>>,
     acceleration: Option<Vec<f64>>,
+    /// The time from which its rows count, s.
+    pub(super) since: f64,
     /// How much later the acceleration was taken than the force of the same row, s.
     pub(super) acceleration_later: f64,
     pub(super) remarks: Vec<String>,
@@ -46,6 +48,7 @@ impl<'a> Rows<'a> {
             time: Vec::new(),
             force,
             acceleration,
+            since: 0.0,
             acceleration_later: 0.0,
             remarks: Vec::new(),
         }
@@ -97,6 +100,7 @@ impl<'a> Rows<'a> {
                 } else {
                     "goes back"
                 };
+                let (before, time) = (before + self.since, time + self.since);
                 return self.unfit(format!(
                     "time {what} at {row} {number}, from {before} to {time} s; sort the rows, or give their true rate with \
                      --sample-rate"
@@ -144,7 +148,7 @@ impl<'a> Rows<'a> {
             );
             return self.unfit(what);
         }
-        let start = self.time.first().copied().unwrap_or(0.0);
+        let start = self.since + self.time.first().copied().unwrap_or(0.0);
         let times = self.times()?;
         let later = self.acceleration_later;
         let mut remarks = std::mem::take(&mut self.remarks);
@@ -183,7 +187,7 @@ impl<'a> Rows<'a> {
         let usual = *usual;
         drop(steps);
         if let Some(pair) = time.windows(2).find(|pair| pair[1] - pair[0] > GAP * usual) {
-            let (from, to) = (pair[0], pair[1]);
+            let (from, to) = (pair[0] + self.since, pair[1] + self.since);
             return self.unfit(format!(
                 "has a gap from {from} to {to} s, where its {}s are {usual:.3e} s apart; fill it in, cut it out, or bring \
                  the values to even steps",

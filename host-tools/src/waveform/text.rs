@@ -4,7 +4,8 @@
 //! No two instruments write the same head, so the end of the first lines tells what a row is: the line with the most
 //! numbers. The table begins where all of its columns have numbers, and the lines above are its head: names, perhaps
 //! with a line of units below, or settings of the instrument, which are passed over. Fields are separated by
-//! semicolons, tabs, commas or blanks; where it is no comma, a comma may be the decimal sign.
+//! semicolons, tabs, commas or blanks; where it is no comma, a comma may be the decimal sign. Names that are more or fewer
+//! than the columns would stand above others than they are of: such columns have numbers only.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -12,7 +13,7 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use crate::waveform::choice::Choice;
-use crate::waveform::columns::{Header, pick};
+use crate::waveform::columns::{Header, cut, pick};
 use crate::waveform::error::WaveformError;
 use crate::waveform::rows::Rows;
 use crate::waveform::signals::Waveform;
@@ -50,18 +51,38 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             "has no rows of numbers in its first lines; give a text table (CSV), WAV, Parquet, or a recording",
         ));
     };
-    let named;
+    let at_rate;
     let (rate_hz, choice) = match (choice.rate_hz, layout.rate_hz) {
         (None, Some(rate)) if choice.time.is_none() => {
-            named = Choice {
+            at_rate = Choice {
                 rate_hz: Some(rate),
                 ..choice.clone()
             };
-            (Some(rate), &named)
+            (Some(rate), &at_rate)
         }
         (given, _) => (given, choice),
     };
-    let picks = pick(path, &layout.headers, choice)?;
+    let named = [&choice.time, &choice.force, &choice.acceleration];
+    let has_second = named.into_iter().flatten().any(|wanted| wanted.column == "2");
+    if layout.is_perhaps_one && !has_second {
+        let row = ahead.get(layout.begins).map_or("", |row| row.trim());
+        return Err(WaveformError::unfit(
+            path,
+            format!(
+                "rows such as `{}` are one number with a decimal comma, or two; write decimal points, or a name above each \
+                 column",
+                cut(row, 40)
+            ),
+        ));
+    }
+    let picks = pick(path, &layout.headers, choice).map_err(|error| {
+        let why = layout.misnamed.map(|(head, rows)| {
+            format!(
+                "its head has {head} and its rows {rows} columns, so give them by number, as in --force-column 2:N"
+            )
+        });
+        error.also(why.as_deref())
+    })?;
     let mut rows = Rows::new(
         path,
         "line",
@@ -73,7 +94,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     let wanted = choice.strike.unwrap_or(0) as f64;
     let mut strikes = Strikes::default();
     let mut take = |number: u64, line: &str| -> Result<(), WaveformError> {
-        if line.trim().is_empty() || line.starts_with('#') {
+        if is_passed(line) {
             return Ok(());
         }
         let mut values = [None; 3];
@@ -184,6 +205,10 @@ struct Layout {
     begins: usize,
     /// Rows a second, where its head says it and no column has the time.
     rate_hz: Option<f64>,
+    /// How many names its head has and how many columns its rows, if names are left out for that.
+    misnamed: Option<(usize, usize)>,
+    /// Whether its two columns may be one whose decimal sign is the comma.
+    is_perhaps_one: bool,
 }
 
 impl Layout {
@@ -227,13 +252,25 @@ impl Layout {
             let mut own = places.iter().filter_map(|place| row.get(*place));
             own.clone().count() > 0 && own.all(is_unit)
         };
-        let (names, units) = match &head[..] {
-            [.., names, units] if of_places(units) && names.len() >= places.len() => {
-                (Some(names), Some(units))
-            }
-            [.., names] => (Some(names), None),
-            [] => (None, None),
+        let row: Vec<_> = fields(&lines[begins], separator).collect();
+        let of_step = |names: &Vec<&str>| {
+            let mut names = names.iter();
+            names.position(|name| name.eq_ignore_ascii_case("increment"))
         };
+        // Empty fields at the end may be there or not. Above the step of time, a head has names of settings too.
+        let fits = |names: &Vec<&str>| {
+            let alike = filled(names) <= row.len() && filled(&row) <= names.len();
+            alike || of_step(names).is_some()
+        };
+        let (names, units) = match &head[..] {
+            [.., names, units] if of_places(units) && fits(names) => (Some(names), Some(units)),
+            [.., names] if fits(names) => (Some(names), None),
+            _ => (None, None),
+        };
+        let misnamed = head.last().filter(|_| names.is_none());
+        let misnamed = misnamed.map(|head| (filled(head), row.len()));
+        let mut rows = lines[begins..].iter().filter(|line| !is_passed(line));
+        let is_perhaps_one = separator == ',' && names.is_none() && rows.all(|line| may_be_one(line));
         let at = |row: Option<&Vec<&str>>, place: usize| {
             let field = row.and_then(|row| row.get(place));
             field
@@ -246,19 +283,36 @@ impl Layout {
             unit: at(units, *place).map(|unit| unit.trim_matches(['(', ')', '[', ']', ' ']).to_owned()),
         };
         // Some instruments number their rows and write the step of time into the head.
-        let of_step = names.and_then(|names| {
-            names
-                .iter()
-                .position(|name| name.eq_ignore_ascii_case("increment"))
-        });
-        let step = of_step.and_then(|place| value_of(units?.get(place)?, separator));
+        let place = names.and_then(of_step);
+        let step = place.and_then(|place| value_of(units?.get(place)?, separator));
         Some(Self {
             separator,
             headers: places.iter().map(header).collect(),
             begins,
             rate_hz: step.filter(|step| STEPS.contains(step)).map(|step| 1.0 / step),
+            misnamed,
+            is_perhaps_one,
         })
     }
+}
+
+/// How many fields there are without the empty ones at the end.
+fn filled(fields: &[&str]) -> usize {
+    let last = fields.iter().rposition(|field| !field.is_empty());
+    last.map_or(0, |last| last + 1)
+}
+
+/// Whether a line among the rows is none.
+fn is_passed(line: &str) -> bool {
+    line.trim().is_empty() || line.starts_with('#')
+}
+
+/// Whether a line may be one number whose decimal sign is the comma.
+fn may_be_one(line: &str) -> bool {
+    let (whole, decimals) = line.trim().split_once(',').unwrap_or((line.trim(), "0"));
+    let whole = whole.trim_start_matches(['+', '-']);
+    let is_whole = !whole.is_empty() && whole.bytes().all(|digit| digit.is_ascii_digit());
+    is_whole && decimals.starts_with(|first: char| first.is_ascii_digit()) && !decimals.contains(['.', ','])
 }
 
 /// The fields of a line. A separator within double quotes is none.
@@ -414,6 +468,113 @@ mod tests {
             ..Choice::default()
         };
         is_the_ramp(waveform(rows(|_, v| format!("{v}\n")), &alone));
+    }
+
+    #[test]
+    fn names_that_are_not_as_many_as_the_columns_are_no_names() {
+        let says = |text: &str, force: &str| {
+            let choice = Choice {
+                force: wanted(force),
+                ..Choice::default()
+            };
+            waveform(text, &choice).unwrap_err()
+        };
+        // R writes the numbers of rows without a name, numpy the units behind blanks, and an inch begins a quoted text.
+        let r = format!(
+            "\"time_s\" \"force_n\" \"acceleration_mps2\"\n{}",
+            rows(|t, v| format!("\"7\" {t:.6} {:.4} 0.1\n", 2.0 * v))
+        );
+        let numpy = format!(
+            "# t(s) F [N] a [g]\n{}",
+            rows(|t, v| format!("{t:.6} {:.4} 0.1\n", 2.0 * v))
+        );
+        let inch = format!(
+            "t (s),5\" force (N),acceleration (m/s2)\n{}",
+            rows(|t, v| format!("{t:.6},{:.4},0.1\n", 2.0 * v))
+        );
+        for (text, counts) in [
+            (&r, "has 3 and its rows 4"),
+            (&numpy, "has 5 and its rows 3"),
+            (&inch, "has 2 and its rows 3"),
+        ] {
+            for force in ["", "force_n"] {
+                let why = says(text, force);
+                let wanted =
+                    format!("its head {counts} columns, so give them by number, as in --force-column 2:N");
+                assert!(why.ends_with(&wanted), "{why}");
+            }
+        }
+        let by_number = Choice {
+            time: wanted("2:s"),
+            force: wanted("3:N"),
+            ..Choice::default()
+        };
+        is_the_ramp(waveform(&r, &by_number));
+        // An empty field at the end may be missing above or below.
+        is_the_ramp(waveform(
+            format!(
+                "t (s),F (N),\n{}",
+                rows(|t, v| format!("{t:.6},{:.4}\n", 2.0 * v))
+            ),
+            &Choice::default(),
+        ));
+        is_the_ramp(waveform(
+            format!(
+                "t (s),F (N)\n{}",
+                rows(|t, v| format!("{t:.6},{:.4},,\n", 2.0 * v))
+            ),
+            &Choice::default(),
+        ));
+        // A title above a line of units, which are names as well.
+        is_the_ramp(waveform(
+            format!(
+                "Of today, or not, or so\ns,N\n{}",
+                rows(|t, v| format!("{t:.6},{:.4}\n", 2.0 * v))
+            ),
+            &Choice::default(),
+        ));
+    }
+
+    #[test]
+    fn one_column_with_decimal_commas_is_not_taken_for_two() {
+        let comma = |number: f64| format!("{number:.1}\n").replace('.', ",");
+        let alone = Choice {
+            rate_hz: Some(1000.0),
+            force: wanted("1:2N"),
+            ..Choice::default()
+        };
+        for head in ["", "force_n\n"] {
+            let text = format!("{head}{}", rows(|_, v| comma(v)));
+            let why = waveform(&text, &alone).unwrap_err();
+            assert!(
+                why.contains(
+                    "rows such as `0,0` are one number with a decimal comma, or two; write decimal points"
+                ),
+                "{why}"
+            );
+            // Whole numbers have no comma there.
+            let short = text.replace("1,0\n", "1\n");
+            assert_eq!(waveform(&short, &alone).unwrap_err(), why);
+        }
+        // Two columns: by their names, by the choice of the second, or since there is a point or a sign in it.
+        let whole = |v: f64| format!("{:.0}", 10.0 * v);
+        let of_two = Choice {
+            force: wanted("2:0.2N"),
+            time: wanted("1:ms"),
+            ..Choice::default()
+        };
+        let two = |row: &dyn Fn(f64, f64) -> String| rows(|t, v| row(1e3 * t + 10.0, v));
+        is_the_ramp(waveform(two(&|t, v| format!("{t:.0},{}\n", whole(v))), &of_two));
+        is_the_ramp(waveform(
+            format!("t (ms),v\n{}", two(&|t, v| format!("{t:.0},{}\n", whole(v)))),
+            &of_two,
+        ));
+        let first = Choice {
+            force: wanted("1:0.2N"),
+            ..alone
+        };
+        is_the_ramp(waveform(two(&|_, v| format!("{},{:.1}\n", whole(v), v)), &first));
+        is_the_ramp(waveform(two(&|_, v| format!("{},-1\n", whole(v))), &first));
     }
 
     #[test]

@@ -66,11 +66,17 @@ const UNITS: [(&str, Quantity, f64); 28] = [
     ("g0", Quantity::Acceleration, GRAVITY),
 ];
 
+/// A text that is longer is no unit, bytes. Names of columns can be as long as a file, and are looked through for one.
+const LONGEST: usize = 64;
+
 /// The quantity of a unit, and its size in the SI unit. None if the unit is not known, or is of something else.
 pub fn unit(text: &str) -> Option<(Quantity, f64)> {
+    if text.len() > LONGEST {
+        return None;
+    }
     let text = bare(text);
-    // A meganewton is no millinewton.
-    if text == "MN" {
+    // A meganewton is no millinewton, and a giganewton no standard gravity.
+    if ["MN", "GN"].contains(&text) {
         return None;
     }
     let plain: String = text
@@ -89,6 +95,9 @@ pub fn unit(text: &str) -> Option<(Quantity, f64)> {
 
 /// Whether it is a unit of a voltage, which says nothing of a force.
 pub fn is_volts(text: &str) -> bool {
+    if text.len() > LONGEST {
+        return false;
+    }
     let plain = bare(text).to_ascii_lowercase();
     ["v", "mv", "volt", "volts", "uv", "kv"].contains(&plain.as_str())
 }
@@ -136,7 +145,8 @@ pub fn split(name: &str) -> (&str, Option<&str>) {
     }
     let breaks = name.char_indices().filter(|(_, c)| matches!(c, '_' | ' ' | '/'));
     let mut splits = breaks.map(|(at, _)| (&name[..at], &name[at + 1..]));
-    match splits.find(|(stem, end)| !stem.is_empty() && is_unit(end)) {
+    // `Channel G` is the seventh of them. In brackets, G is gravity to many.
+    match splits.find(|(stem, end)| !stem.is_empty() && *end != "G" && is_unit(end)) {
         Some((stem, end)) => (stem.trim(), Some(end)),
         None => (name, None),
     }
@@ -173,9 +183,26 @@ mod tests {
             let found = (found.trim_end_matches([' ', '/']), name_of_unit.and_then(unit));
             assert_eq!(found, (stem, Some((of, size))), "{name}");
         }
-        for name in ["CH1", "force", "TIME", "force_code", "MN", "time", "t", "a", "n"] {
+        for name in [
+            "CH1",
+            "force",
+            "TIME",
+            "force_code",
+            "MN",
+            "GN",
+            "Channel G",
+            "time",
+            "t",
+            "a",
+            "n",
+        ] {
             assert_eq!(split(name), (name, None), "{name}");
         }
+        assert_eq!(unit("GN"), None);
+        // Blanks are no part of a unit, but nobody writes so many.
+        let blanks = " ".repeat(LONGEST);
+        assert_eq!(unit(&format!("{blanks}N")), None);
+        assert!(!is_volts(&format!("{blanks}V")));
         assert_eq!(split("CH1 (V)"), ("CH1", Some("V")));
     }
 

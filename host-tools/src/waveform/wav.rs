@@ -1,8 +1,10 @@
 //! WAV files: a channel for each sensor, at an even rate. They have no units.
 
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
 
-use hound::{SampleFormat, WavReader};
+use hound::{Error, SampleFormat, WavReader};
 
 use crate::waveform::choice::{Choice, option};
 use crate::waveform::columns::{Header, pick};
@@ -13,18 +15,22 @@ use crate::waveform::unit::Quantity;
 
 /// Reads a WAV file. Its full scale is 1 of a channel, of floating-point samples as of whole ones.
 pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformError> {
-    let unread = |error: hound::Error| match error {
-        hound::Error::IoError(source) if source.raw_os_error().is_some() => WaveformError::File {
+    let unread = |error: Error| match error {
+        Error::IoError(source) if source.raw_os_error().is_some() => WaveformError::File {
             path: path.to_owned(),
             source,
         },
-        hound::Error::Unsupported => WaveformError::unfit(
+        Error::IoError(source) if source.kind() == ErrorKind::UnexpectedEof => WaveformError::unfit(
+            path,
+            "is a damaged WAV file: it ends before its samples; save it again",
+        ),
+        Error::Unsupported => WaveformError::unfit(
             path,
             "is a WAV file of a kind that is not read; save it as PCM of 8 to 32 bits, or as float of 32",
         ),
         error => WaveformError::unfit(path, format!("is a damaged WAV file: {error}")),
     };
-    let mut reader = WavReader::open(path).map_err(unread)?;
+    let mut reader = plain(path).and_then(WavReader::new).map_err(unread)?;
     let spec = reader.spec();
     let channels = usize::from(spec.channels);
     if spec.sample_rate == 0 || channels == 0 {
@@ -99,6 +105,100 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
     rows.end()
 }
 
+/// Forms of samples, as the format numbers them.
+const PCM: u16 = 1;
+const FLOAT: u16 = 3;
+/// The form stands further behind.
+const EXTENSIBLE: u16 = 0xFFFE;
+/// Lengths of samples that are no lengths, from here on: of streams, whose end was not known when they began. (`sox` writes
+/// a little less than 2^31, `ffmpeg` 2^32 - 1.)
+const STREAM: u32 = 0x7FFF_0000;
+
+/// The samples of a file behind a header of the plainest form, for the library. Of others, it takes chunks of an odd length
+/// to have no padding, the length of a stream for true, and the valid bits of a sample for the lowest ones of its bytes.
+/// They are the highest, so full scale is that of all bytes.
+fn plain(path: &Path) -> hound::Result<impl Read> {
+    let file = File::open(path)?;
+    let size = file.metadata()?.len();
+    let mut file = BufReader::new(file);
+    file.seek_relative(12)?;
+    let mut form = None;
+    loop {
+        let mut head = [0; 8];
+        file.read_exact(&mut head)?;
+        let [_, _, _, _, length @ ..] = head;
+        let length = u32::from_le_bytes(length);
+        match (&head[..4], form) {
+            (b"fmt ", _) => form = Some(Form::read(&mut file, length)?),
+            (b"data", Some(form)) => {
+                let rest = size.saturating_sub(file.stream_position()?);
+                let length = match u32::try_from(rest) {
+                    Ok(rest) if length >= STREAM && length > rest => rest - rest % u32::from(form.frame),
+                    _ => length,
+                };
+                return Ok(Cursor::new(form.header(length)).chain(file));
+            }
+            (b"data", None) => return Err(Error::FormatError("its samples come before their form")),
+            _ => file.seek_relative(length.into())?,
+        }
+        // Some programs leave the padding out. No name of a chunk begins with it.
+        if length % 2 == 1 && file.fill_buf()?.first() == Some(&0) {
+            file.consume(1);
+        }
+    }
+}
+
+/// The form of samples, as the file tells it.
+#[derive(Clone, Copy)]
+struct Form {
+    tag: u16,
+    channels: u16,
+    rate: u32,
+    /// Bytes of the samples of all channels.
+    frame: u16,
+}
+
+impl Form {
+    /// Goes through the chunk that tells it, and refuses what the library would read wrongly.
+    fn read(file: &mut BufReader<File>, length: u32) -> hound::Result<Self> {
+        let mut fields = [0; 40];
+        let known = fields.len().min(length as usize);
+        file.read_exact(&mut fields[..known])?;
+        file.seek_relative(i64::from(length) - known as i64)?;
+        let field = |at: usize| u16::from_le_bytes([fields[at], fields[at + 1]]);
+        let tag = match field(0) {
+            EXTENSIBLE => field(24),
+            tag => tag,
+        };
+        let (channels, frame, bits) = (field(2), field(12), field(14));
+        let bytes = frame.checked_div(channels).unwrap_or(0);
+        // A sample has as few bytes as its bits need; in more, nothing says where they are.
+        let is_read = matches!((tag, bytes), (PCM, 1..=4) | (FLOAT, 4)) && bits.div_ceil(8) == bytes;
+        if !is_read || bytes * channels != frame {
+            return Err(Error::Unsupported);
+        }
+        Ok(Self {
+            tag,
+            channels,
+            rate: u32::from_le_bytes([fields[4], fields[5], fields[6], fields[7]]),
+            frame,
+        })
+    }
+
+    /// The plainest header of so many bytes of samples.
+    fn header(self, length: u32) -> Vec<u8> {
+        let (rate, bits) = (self.rate, self.frame / self.channels * 8);
+        let mut header = b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0".to_vec();
+        header.extend([self.tag, self.channels].map(u16::to_le_bytes).as_flattened());
+        let bytes_a_second = rate.wrapping_mul(self.frame.into());
+        header.extend([rate, bytes_a_second].map(u32::to_le_bytes).as_flattened());
+        header.extend([self.frame, bits].map(u16::to_le_bytes).as_flattened());
+        header.extend(b"data");
+        header.extend(length.to_le_bytes());
+        header
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use hound::{WavSpec, WavWriter};
@@ -158,6 +258,139 @@ mod tests {
             // Eight bits have a flat top.
             let flat = if bits == 8 { 3.1 } else { 1e-6 };
             assert!((time * 48_000.0 - 240.0).abs() < flat, "{bits}: {time}");
+        }
+    }
+
+    /// A file of 200 samples of one channel, from chunks: a pulse of half of full scale at sample 100.
+    fn of_chunks(path: &Path, chunks: &[(&[u8; 4], u32, &[u8])]) {
+        let mut bytes = b"RIFF\0\0\0\0WAVE".to_vec();
+        for (name, length, body) in chunks {
+            bytes.extend(*name);
+            bytes.extend(length.to_le_bytes());
+            bytes.extend(*body);
+        }
+        std::fs::write(path, bytes).unwrap();
+    }
+
+    /// The chunk that tells the form: of so many bytes a sample, with what follows its first 16 bytes.
+    fn told(tag: u16, bytes: u16, bits: u16, more: &[u8]) -> Vec<u8> {
+        let rate = 48_000_u32;
+        let mut told = [tag, 1].map(u16::to_le_bytes).as_flattened().to_vec();
+        told.extend(
+            [rate, rate * u32::from(bytes)]
+                .map(u32::to_le_bytes)
+                .as_flattened(),
+        );
+        told.extend([bytes, bits].map(u16::to_le_bytes).as_flattened());
+        told.extend(more);
+        told
+    }
+
+    /// What makes a form extensible: valid bits, channels, and that it is PCM.
+    fn valid(bits: u8) -> Vec<u8> {
+        let pcm = b"\x01\0\0\0\0\0\x10\0\x80\0\0\xaa\0\x38\x9b\x71";
+        [&[22, 0, bits, 0, 4, 0, 0, 0], &pcm[..]].concat()
+    }
+
+    /// The pulse as whole numbers of so many bytes, whose highest bits are valid.
+    fn samples(bytes: usize) -> Vec<u8> {
+        let sample = |n: i32| {
+            let value = 0.5 * (-(f64::from(n - 100) / 20.0).powi(2)).exp();
+            (value * 2_f64.powi(31)) as i32
+        };
+        let samples = (0..200).flat_map(|n| sample(n).to_le_bytes()[4 - bytes..].to_vec());
+        samples.collect()
+    }
+
+    fn chunk<'a>(name: &'a [u8; 4], body: &'a [u8]) -> (&'a [u8; 4], u32, &'a [u8]) {
+        (name, body.len() as u32, body)
+    }
+
+    fn is_the_pulse(path: &Path) {
+        let force = Waveform::read(path, &of("1:500N"), None).unwrap().force.unwrap();
+        let (time, peak) = force.highest();
+        assert!((peak - 250.0).abs() < 0.02, "{peak}");
+        assert_eq!((force.rows(), (time * 48_000.0).round()), (200, 100.0));
+    }
+
+    #[test]
+    fn valid_bits_are_the_highest_of_their_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drop.wav");
+        for (bytes, bits) in [(4, 24), (4, 32), (3, 20), (2, 16)] {
+            let form = told(EXTENSIBLE, bytes, 8 * bytes, &valid(bits));
+            let samples = samples(bytes.into());
+            of_chunks(&path, &[chunk(b"fmt ", &form), chunk(b"data", &samples)]);
+            is_the_pulse(&path);
+        }
+        // Without that, a form of 18 bytes.
+        let form = told(PCM, 4, 32, &[0, 0]);
+        of_chunks(&path, &[chunk(b"fmt ", &form), chunk(b"data", &samples(4))]);
+        is_the_pulse(&path);
+    }
+
+    #[test]
+    fn other_chunks_and_streams_of_unknown_length_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drop.wav");
+        let (form, samples) = (told(PCM, 2, 16, &[]), samples(2));
+        for note in [
+            (b"note", 3, &b"abc\0"[..]),
+            (b"note", 3, &b"abc"[..]),
+            (b"note", 4, &b"abcd"[..]),
+        ] {
+            of_chunks(
+                &path,
+                &[note, chunk(b"fmt ", &form), note, chunk(b"data", &samples), note],
+            );
+            is_the_pulse(&path);
+        }
+        // With the first byte of a sample that was cut.
+        let cut = [&samples[..], &[0]].concat();
+        for length in [u32::MAX, 0x7FFF_EFDC] {
+            of_chunks(&path, &[chunk(b"fmt ", &form), (b"data", length, &cut)]);
+            is_the_pulse(&path);
+        }
+        let says = || {
+            Waveform::read(&path, &of("1:500N"), None)
+                .unwrap_err()
+                .to_string()
+        };
+        of_chunks(&path, &[chunk(b"fmt ", &form), (b"data", 402, &samples)]);
+        assert!(says().contains("is a damaged WAV file"), "{}", says());
+        of_chunks(&path, &[chunk(b"fmt ", &form)]);
+        assert!(
+            says().contains("ends before its samples; save it again"),
+            "{}",
+            says()
+        );
+        of_chunks(&path, &[chunk(b"data", &samples), chunk(b"fmt ", &form)]);
+        assert!(says().contains("is a damaged WAV file"), "{}", says());
+    }
+
+    #[test]
+    fn samples_that_are_not_read_are_told_as_such() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drop.wav");
+        for form in [
+            told(FLOAT, 8, 64, &[0, 0]),
+            told(EXTENSIBLE, 8, 64, &valid(64)),
+            // Where in the four bytes?
+            told(PCM, 4, 24, &[]),
+            told(EXTENSIBLE, 4, 24, &valid(24)),
+            told(6, 1, 8, &[0, 0]),
+            told(PCM, 0, 16, &[]),
+            told(PCM, 2, 0, &[]),
+            told(EXTENSIBLE, 4, 32, &[]),
+        ] {
+            of_chunks(&path, &[chunk(b"fmt ", &form), chunk(b"data", &[0; 1600])]);
+            let why = Waveform::read(&path, &of("1:500N"), None)
+                .unwrap_err()
+                .to_string();
+            assert!(
+                why.contains("is a WAV file of a kind that is not read; save it as PCM"),
+                "{why}"
+            );
         }
     }
 
