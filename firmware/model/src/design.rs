@@ -19,6 +19,7 @@ use crate::sensor::Sensor;
 use crate::settings::{Name, Settings, SettingsError};
 use crate::shape::Ringing;
 use fixed::traits::Fixed;
+use fixed::types::I16F16;
 use fixed::types::extra::LeEqU32;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -196,7 +197,20 @@ pub enum DesignError {
         /// The least.
         least: f64,
     },
-    /// An input or a coefficient that does not fit its format, or loses more than 1e-4 of itself in it.
+    /// An input that does not fit its format, or loses more than 1e-4 of itself in it.
+    #[error(
+        "{name}: {value:.3e}, and {low:.1e} to {high:.1e} can be computed with",
+        low = range.0, high = range.1
+    )]
+    Scale {
+        /// Which one.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range of the format.
+        range: (f64, f64),
+    },
+    /// The same of a coefficient, which follows from several inputs.
     #[error(
         "{name}: {value:.3e} in the units of the sample rate, and {low:.1e} to {high:.1e} can be computed with",
         low = range.0, high = range.1
@@ -400,12 +414,12 @@ pub fn derive_among(
         observer,
         chain,
         incident: fix("incident", coefficient.incident)?,
-        disagreement: fix("disagreement", capture.disagreement)?,
+        disagreement: part("disagreement", capture.disagreement)?,
         ringing: Ringing {
             frequency: fix("frequency of the ringing", coefficient.ring_frequency)?,
-            frequency_tolerance: fix("tolerance of the frequency", capture.ring_frequency_tolerance)?,
+            frequency_tolerance: part("tolerance of the frequency", capture.ring_frequency_tolerance)?,
             decay: fix("decay of the ringing", coefficient.ring_decay)?,
-            decay_tolerance: fix("tolerance of the decay", capture.ring_decay_tolerance)?,
+            decay_tolerance: part("tolerance of the decay", capture.ring_decay_tolerance)?,
         },
     };
     settings.validate()?;
@@ -467,7 +481,7 @@ fn channel<F: LeEqU32>(
         None => 0.0,
     };
     Ok(Channel {
-        per_code: fix(per_code, channel.per_code)?,
+        per_code: scale(per_code, channel.per_code)?,
         slope: fix(pole, channel.per_code * (lag - delay) / (2.0 * dt))?,
     })
 }
@@ -481,15 +495,38 @@ fn require(holds: bool, name: &'static str, value: f64, expected: &'static str) 
     })
 }
 
-/// `value` in the format `F`.
+/// A coefficient in the format `F`.
 fn fix<F: Fixed>(name: &'static str, value: f64) -> Result<F, DesignError> {
-    F::checked_from_num(value)
-        .filter(|fixed| (fixed.to_num::<f64>() - value).abs() <= 1e-4 * value.abs())
-        .ok_or_else(|| DesignError::Coefficient {
-            name,
-            value,
-            range: (F::DELTA.to_num::<f64>() * 5e3, F::MAX.to_num::<f64>()),
-        })
+    exact(value).ok_or_else(|| DesignError::Coefficient {
+        name,
+        value,
+        range: range_of::<F>(),
+    })
+}
+
+/// An input in the format `F`.
+fn scale<F: Fixed>(name: &'static str, value: f64) -> Result<F, DesignError> {
+    exact(value).ok_or_else(|| DesignError::Scale {
+        name,
+        value,
+        range: range_of::<F>(),
+    })
+}
+
+/// A part beyond which a strike is flagged. A limit need not be exact: the nearest of the format will do.
+fn part(name: &'static str, value: f64) -> Result<I16F16, DesignError> {
+    require((1e-3..=1e4).contains(&value), name, value, "from 0.001 to 10000")?;
+    Ok(I16F16::from_num(value))
+}
+
+/// `value` in the format `F`; none if that does not hold it, or only to less than 1e-4 of it.
+fn exact<F: Fixed>(value: f64) -> Option<F> {
+    F::checked_from_num(value).filter(|fixed| (fixed.to_num::<f64>() - value).abs() <= 1e-4 * value.abs())
+}
+
+/// The numbers that a format holds to 1e-4 of themselves.
+fn range_of<F: Fixed>() -> (f64, f64) {
+    (F::DELTA.to_num::<f64>() * 5e3, F::MAX.to_num::<f64>())
 }
 
 #[cfg(test)]
@@ -794,7 +831,6 @@ mod tests {
 
     #[test]
     fn a_number_that_loses_more_than_a_ten_thousandth_in_its_format_is_refused() {
-        use fixed::types::I16F16;
         assert_eq!(fix("", 0.25), Ok(I16F16::from_num(0.25)));
         assert_eq!(fix("", 0.0), Ok(I16F16::ZERO));
         assert!(fix::<I16F16>("", 5000.4 / 65536.0).is_ok());
@@ -805,6 +841,51 @@ mod tests {
             "what: 4.000e4 in the units of the sample rate, and 7.6e-2 to 3.3e4 can be computed with"
         );
         assert!(fix::<I16F16>("", -32_768.0).is_ok());
+        // Of a number that was given, it is not said that it is in other units.
+        let refused = scale::<I16F16>("what", 40_000.0).unwrap_err().to_string();
+        assert_eq!(refused, "what: 4.000e4, and 7.6e-2 to 3.3e4 can be computed with");
+    }
+
+    #[test]
+    fn a_limit_is_the_nearest_number_of_its_format_and_none_that_means_nothing() {
+        type Limit = fn(&mut Capture) -> &mut f64;
+        let limits: [(&str, Limit); 3] = [
+            ("disagreement", |capture| &mut capture.disagreement),
+            ("tolerance of the frequency", |capture| {
+                &mut capture.ring_frequency_tolerance
+            }),
+            ("tolerance of the decay", |capture| {
+                &mut capture.ring_decay_tolerance
+            }),
+        ];
+        for (name, limit) in limits {
+            for (value, bits) in [
+                (0.001, 66),
+                (0.01, 655),
+                (0.015, 983),
+                (0.02, 1311),
+                (0.03, 1966),
+                (0.031, 2032),
+                (0.04, 2621),
+                (0.3, 19_661),
+                (1e4, 655_360_000),
+            ] {
+                let mut inputs = Inputs::default();
+                *limit(&mut inputs.capture) = value;
+                let settings = inputs.derive().unwrap();
+                let found = match name {
+                    "disagreement" => settings.disagreement,
+                    "tolerance of the decay" => settings.ringing.decay_tolerance,
+                    _ => settings.ringing.frequency_tolerance,
+                };
+                assert_eq!(found.to_bits(), bits, "{name} {value}");
+            }
+            for value in [0.0, -0.25, 9e-4, 2e4, f64::INFINITY, f64::NAN] {
+                let why = Inputs::refused(|inputs| *limit(&mut inputs.capture) = value);
+                let expected = format!("{name} = {value}: must be from 0.001 to 10000");
+                assert_eq!(why, expected);
+            }
+        }
     }
 
     #[test]

@@ -104,6 +104,15 @@ impl std::fmt::Debug for Options<'_> {
     }
 }
 
+/// A time with its unit, s, and with all its digits only where they say something.
+fn shown(seconds: f64) -> String {
+    if seconds > 1e6 {
+        format!("{seconds:.1e} s")
+    } else {
+        format!("{seconds:.0} s")
+    }
+}
+
 /// Why a scenario could not be run.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -133,7 +142,8 @@ pub enum SimulateError {
     },
     /// An intruder is so much faster than a strike that its units are probably wrong.
     #[error(
-        "intruder in bead {bead}: its time constant of {time:.1e} s takes {steps:.1e} steps, more than {seconds:.0} s of computing; check units: mass in kg, stiffness in N/m, damping in N·s/m"
+        "intruder in bead {bead}: its time constant of {time:.1e} s takes {steps:.1e} steps, more than {} of computing; check units: mass in kg, stiffness in N/m, damping in N·s/m",
+        shown(*seconds)
     )]
     TooStiff {
         /// The host bead.
@@ -153,4 +163,25 @@ pub enum SimulateError {
         /// When, s.
         time: f64,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_of_computing_has_no_digits_that_say_nothing() {
+        let told = |seconds: f64| {
+            let (bead, time, steps) = (8, 1e-12, 1e9);
+            let error = SimulateError::TooStiff {
+                bead,
+                time,
+                steps,
+                seconds,
+            };
+            error.to_string()
+        };
+        assert!(told(943.7).contains(" 1.0e9 steps, more than 944 s of computing; "));
+        assert!(told(2.561_235e20).contains(" 1.0e9 steps, more than 2.6e20 s of computing; "));
+    }
 }

@@ -62,7 +62,7 @@ impl Run {
     /// [`SimulateError::TooStiff`], [`SimulateError::TooManySteps`].
     pub fn check(&self, end: f64, longest_step: f64) -> Result<(), SimulateError> {
         let step = self.model.longest_step(longest_step);
-        let steps = (end - self.time()) / step;
+        let steps = self.fewest_steps(end, longest_step);
         // A strike may be so slow that no resonator is as slow.
         if steps < FEW_STEPS {
             return Ok(());
@@ -82,6 +82,11 @@ impl Run {
             return Err(SimulateError::TooManySteps { end, step });
         }
         Ok(())
+    }
+
+    /// How many steps a run to `end`, s, takes at the least. `longest_step` is that of the accuracy.
+    pub fn fewest_steps(&self, end: f64, longest_step: f64) -> f64 {
+        (end - self.time()) / self.model.longest_step(longest_step)
     }
 
     pub(crate) fn start(

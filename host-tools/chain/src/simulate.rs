@@ -22,20 +22,8 @@ pub fn simulate(scenario: &Scenario) -> Result<Solution, SimulateError> {
 /// [`SimulateError`]: the scenario or an option is out of range, or the integration cannot go on.
 pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solution, SimulateError> {
     let clock = Instant::now();
-    scenario.check()?;
-    let end = options.duration.unwrap_or(scenario.duration);
-    if !(end.is_finite() && end > 0.0) {
-        let what = format!("{end} s cannot be simulated");
-        return Err(InputError::at("duration", what, "give a number above zero").into());
-    }
-    options.accuracy.check()?;
-    let mut run = Run::new(scenario, options.accuracy)?;
-    run.check(end, options.accuracy.longest_step)?;
+    let (end, mut run) = ready(scenario, options)?;
     let mut state = run.model().initial();
-    let fewest_steps = end / run.model().longest_step(options.accuracy.longest_step);
-    if fewest_steps * state.len() as f64 > MOST_VALUES as f64 {
-        return Err(SimulateError::TooLong { time: 0.0, end });
-    }
     let mut times = vec![run.time()];
     let mut states = state.clone();
     let progress = |part| options.progress.iter().for_each(|told| told(part));
@@ -71,4 +59,33 @@ pub fn simulate_with(scenario: &Scenario, options: &Options<'_>) -> Result<Solut
         evaluations: run.evaluations(),
         seconds: clock.elapsed().as_secs_f64(),
     })
+}
+
+/// When a run that keeps everything ends, and the run before its first step.
+fn ready(scenario: &Scenario, options: &Options<'_>) -> Result<(f64, Run), SimulateError> {
+    scenario.check()?;
+    let end = options.duration.unwrap_or(scenario.duration);
+    if !(end.is_finite() && end > 0.0) {
+        let what = format!("{end} s cannot be simulated");
+        return Err(InputError::at("duration", what, "give a number above zero").into());
+    }
+    let Accuracy { longest_step, .. } = options.accuracy;
+    options.accuracy.check()?;
+    let run = Run::new(scenario, options.accuracy)?;
+    run.check(end, longest_step)?;
+    let values = run.fewest_steps(end, longest_step) * run.model().layout().dimension() as f64;
+    if values > MOST_VALUES as f64 {
+        return Err(SimulateError::TooLong { time: 0.0, end });
+    }
+    Ok((end, run))
+}
+
+impl Options<'_> {
+    /// Refuses what [`simulate_with`] would refuse before its first step, for one who has many runs to make.
+    ///
+    /// # Errors
+    /// [`SimulateError`]: the scenario or an option is out of range, or it is clear that the run takes too long.
+    pub fn check(&self, scenario: &Scenario) -> Result<(), SimulateError> {
+        ready(scenario, self).map(|_| ())
+    }
 }

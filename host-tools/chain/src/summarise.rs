@@ -5,6 +5,8 @@
 //! It follows the definitions of [`Solution::summary`](crate::Solution::summary). A peak inside a step is the
 //! root of the quantity's rate in the step's dense output. A width needs to know when a force rose through half
 //! of a peak that came later, so while a force rises, its steps are kept as [`Glimpse`]s of that contact alone.
+//! There is room for so many of them. A contact that finds none forgets how its force rose, and has no width unless
+//! the force doubles after that.
 //! Quantities of beads that do not move do not change, so a step costs by what moves in it.
 
 use std::collections::VecDeque;
@@ -86,6 +88,12 @@ struct ForceWatch {
     rising: VecDeque<(Glimpse, f64)>,
 }
 
+/// Steps of rising forces that are kept in all, beside [`KEPT_EACH`] of each contact: 60 MB. Only a chain of which
+/// one part is very much faster than another comes near it.
+const KEPT: usize = 1 << 17;
+/// Steps of a rising force that a contact always keeps. A rise takes some ten, in a chain of which all is equally fast.
+const KEPT_EACH: usize = 64;
+
 /// Greatest and least values of an intruder's motion.
 #[derive(Debug, Clone, Copy)]
 struct IntruderWatch {
@@ -114,6 +122,9 @@ pub struct Summariser {
     forces: Vec<ForceWatch>,
     intruders: Vec<IntruderWatch>,
     books: Books,
+    /// Steps of rising forces that are kept, of all contacts, and how many may be.
+    kept: usize,
+    room: usize,
 }
 
 /// The energies of the beads and intruders of each eight bodies when they moved last, J.
@@ -281,6 +292,8 @@ impl Summariser {
             forces,
             intruders,
             books,
+            kept: 0,
+            room: KEPT + KEPT_EACH * model.contacts(),
         }
     }
 
@@ -293,7 +306,13 @@ impl Summariser {
         self.balance(model, stepper, &moving, (from, to));
         for bodies in &moving {
             for contact in bodies.start.max(1)..=bodies.end.min(model.contacts()) {
-                self.forces[contact - 1].look(model, stepper, contact, (from, to));
+                let watch = &mut self.forces[contact - 1];
+                self.kept -= watch.rising.len();
+                watch.look(model, stepper, contact, (from, to));
+                if watch.rising.len() > KEPT_EACH && self.kept + watch.rising.len() > self.room {
+                    watch.forget();
+                }
+                self.kept += watch.rising.len();
             }
             for guest in guests(model, bodies) {
                 self.intruders[guest].look(model, stepper, guest, (from, to));
@@ -459,7 +478,7 @@ impl ForceWatch {
         let [start, end] = [0, 1].map(|at| force(near[at].0 - far[at].0, near[at].1 - far[at].1));
         let half = 0.5 * self.best.value;
         if start.max(end) <= half.max(0.0) {
-            self.rising.clear();
+            self.forget();
             return;
         }
         let Some(glimpse) = stepper.glimpse_contact(contact, from) else {
@@ -490,8 +509,13 @@ impl ForceWatch {
             self.width = rise.map(|rise| fall - rise);
         }
         if end < half {
-            self.rising.clear();
+            self.forget();
         }
+    }
+
+    /// Forgets how the force rose, and gives the memory back.
+    fn forget(&mut self) {
+        self.rising = VecDeque::new();
     }
 }
 
@@ -521,5 +545,53 @@ impl IntruderWatch {
         };
         look(&mut self.displacement, places, false);
         look(&mut self.acceleration, accelerations, true);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Section;
+
+    /// Runs six soft beads, of which the last two touch each other in a contact that is very much faster. Gives the
+    /// widths, and how many steps were kept at most.
+    fn widths(room: Option<usize>) -> (Vec<Option<f64>>, usize) {
+        let mut scenario = Scenario::paper();
+        scenario.intruders.clear();
+        scenario.chain.beads = 6;
+        scenario.chain.young = 1e6;
+        scenario.chain.relaxation = 0.0;
+        scenario.sections = vec![Section {
+            young: Some(1e14),
+            ..Section::of([5, 6])
+        }];
+        let mut run = Run::new(&scenario, crate::options::Accuracy::DRAFT).unwrap();
+        let mut found = Summariser::new(&mut run);
+        found.room = room.unwrap_or(found.room);
+        let mut most = 0;
+        run.watch(0.03, |step| {
+            found.look(step);
+            let kept = found.forces.iter().map(|watch| watch.rising.len()).sum();
+            most = usize::max(most, kept);
+            assert_eq!(found.kept, kept);
+        })
+        .unwrap();
+        let peaks = found.summary(&mut run).peak_force;
+        (peaks.iter().map(|peak| peak.fwhm).collect(), most)
+    }
+
+    #[test]
+    fn a_rise_of_more_steps_than_there_is_room_for_has_no_width_and_no_wrong_one() {
+        let (all, most) = widths(None);
+        let room = 1000;
+        assert!(most > 4 * room, "{most} steps");
+        let (found, kept) = widths(Some(room));
+        assert!(kept <= room + KEPT_EACH * 6, "{kept} steps");
+        assert_eq!(found.len(), all.len());
+        for (one, other) in found.iter().zip(&all) {
+            assert!(one.is_none() || one == other, "{one:?} {other:?}");
+        }
+        let count = |widths: &[Option<f64>]| widths.iter().flatten().count();
+        assert!(count(&found) < count(&all), "{found:?} {all:?}");
     }
 }

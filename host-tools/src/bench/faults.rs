@@ -86,6 +86,10 @@ const GIVEN_UP: f64 = 1.5;
 /// The watchdog resets a bead that hangs for this long, s.
 const WATCHDOG: f64 = 2.0;
 
+/// Faults that a run has at most. That of a sensor changes the stimulus to its end, so many make a run wait long before it
+/// begins; and no more than some tens can be told apart in a run.
+const MOST: usize = 1000;
+
 impl Kind {
     /// Its name in the file.
     pub fn name(self) -> &'static str {
@@ -290,6 +294,11 @@ fn entries(file: &TomlFile<'_>) -> Result<Vec<Entry>, InputError> {
         let advice = "add a table [[fault]] with at and kind";
         return Err(file.place(InputError::at("", "no fault", advice)));
     }
+    let many = faults.fault.len();
+    if many > MOST {
+        let what = format!("{many} faults are more than {MOST}");
+        return Err(file.place(InputError::at("fault", what, "provoke fewer in one run")));
+    }
     Ok(faults.fault)
 }
 
@@ -431,6 +440,18 @@ mod tests {
             let said = refused(text);
             assert!(said.starts_with(expected), "{text:?}: {said}");
         }
+    }
+
+    #[test]
+    fn a_file_has_a_thousand_faults_at_most() {
+        let many = |count: usize| "[[fault]]\nat = 1.0\nkind = \"panic\"\n".repeat(count);
+        assert_eq!(parse(&many(MOST), "f.toml").unwrap().len(), 1000);
+        assert_eq!(
+            refused(&many(MOST + 1)),
+            "f.toml:1: fault: 1001 faults are more than 1000; provoke fewer in one run"
+        );
+        let page = include_str!("../../../docs/how-to.md");
+        assert!(page.contains("A file has up to 1000 faults."));
     }
 
     #[test]

@@ -23,10 +23,10 @@ pub const RING_DOWN: f64 = 6e-3;
 pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     let model = solution.model();
     let Some(intruder) = model.intruders().iter().find(|intruder| intruder.bead == bead) else {
-        let with: Vec<String> = model.intruders().iter().map(|one| one.bead.to_string()).collect();
+        let with: Vec<usize> = model.intruders().iter().map(|one| one.bead).collect();
         let what = match with.is_empty() {
             true => "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
-            false => format!("this bead has no intruder; give one of: {}", with.join(", ")),
+            false => format!("this bead has no intruder; give one of: {}", first_of(&with)),
         };
         return Err(BenchError::Unfit(format!("--bead {bead}: {what}")));
     };
@@ -141,8 +141,19 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
             "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
         )),
         _ => Err(BenchError::Unfit(format!(
-            "several beads have intruders ({hosts:?}); say which with --bead"
+            "several beads have intruders ({}); say which with --bead",
+            first_of(&hosts)
         ))),
+    }
+}
+
+/// The first of some beads, as a list for people, and how many more there are.
+pub(crate) fn first_of(beads: &[usize]) -> String {
+    const TOLD: usize = 10;
+    let first: Vec<String> = beads.iter().take(TOLD).map(usize::to_string).collect();
+    match beads.len().saturating_sub(TOLD) {
+        0 => first.join(", "),
+        more => format!("{} and {more} more", first.join(", ")),
     }
 }
 

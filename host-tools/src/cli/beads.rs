@@ -5,6 +5,7 @@ use std::str::FromStr;
 use hertz_chain::Scenario;
 
 use crate::bench::error::BenchError;
+use crate::bench::sensed::first_of;
 
 /// Beads as given on a command line.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -39,6 +40,10 @@ impl FromStr for Beads {
             if last < first || last > MOST {
                 return Err(odd());
             }
+            // Of so many, one is named twice.
+            if beads.len() > MOST + 1 {
+                break;
+            }
             beads.extend(first..=last);
         }
         beads.sort_unstable();
@@ -68,23 +73,22 @@ impl Beads {
                 "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
             ));
         }
-        let without: Vec<_> = named
+        let without: Vec<usize> = named
             .iter()
-            .filter(|bead| !with.contains(bead))
-            .map(usize::to_string)
+            .copied()
+            .filter(|bead| with.binary_search(bead).is_err())
             .collect();
         if without.is_empty() {
             return Ok(named);
         }
-        let with: Vec<_> = with.iter().map(usize::to_string).collect();
         let (has, these) = match without.len() {
             1 => ("has", "bead"),
             _ => ("have", "beads"),
         };
         Err(BenchError::Unfit(format!(
             "--bead: {these} {} {has} no intruder; those with one are {}",
-            without.join(", "),
-            with.join(", ")
+            first_of(&without),
+            first_of(&with)
         )))
     }
 }
@@ -123,6 +127,14 @@ mod tests {
         assert_eq!(
             refused,
             "--bead: beads 8, 10 have no intruder; those with one are 7, 9"
+        );
+        scenario.chain.beads = 20_000;
+        scenario.intruders[0].beads = (1..=10_000).collect();
+        let refused = "10001-20000".parse::<Beads>().unwrap().of(&scenario).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "--bead: beads 10001, 10002, 10003, 10004, 10005, 10006, 10007, 10008, 10009, 10010 and 9990 more have no \
+             intruder; those with one are 1, 2, 3, 4, 5, 6, 7, 8, 9, 10 and 9990 more"
         );
         scenario.intruders.clear();
         assert!(Beads::All.of(&scenario).is_err());

@@ -2,9 +2,11 @@
 
 use serde::Serialize;
 
+use super::remaining::struck_at;
 use crate::model::Model;
-use crate::scenario::{InputError, Scenario, Table};
-use crate::simulate::SimulateError;
+use crate::run::Run;
+use crate::scenario::{InputError, Intruder, Scenario, Table};
+use crate::simulate::{Accuracy, SimulateError};
 
 /// The input of a search. [`Search::new`] sets bounds that suit the chain.
 #[derive(Debug, Clone, PartialEq)]
@@ -144,21 +146,67 @@ fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), I
 impl Search {
     pub(super) fn check(&self, scenario: &Scenario) -> Result<(), OptimiseError> {
         scenario.check()?;
-        self.check_values(scenario).map_err(OptimiseError::Search)
+        self.check_values(scenario)
+            .and_then(|()| self.check_rates(scenario))
+            .map_err(OptimiseError::Search)
+    }
+
+    /// Refuses bounds that have intruders in them of which no run would end. The run could only blame an intruder that
+    /// nobody has written.
+    fn check_rates(&self, scenario: &Scenario) -> Result<(), InputError> {
+        let (mass, stiffness, damping) = (self.mass, self.stiffness, self.damping);
+        let own = [scenario.striker.velocity];
+        let speeds = if self.speeds.is_empty() {
+            &own[..]
+        } else {
+            &self.speeds
+        };
+        for (key, bound, [mass, stiffness, damping]) in [
+            ("stiffness", stiffness[1], [mass[1], stiffness[1], damping[0]]),
+            ("damping", damping[1], [mass[1], stiffness[0], damping[1]]),
+            ("mass", mass[0], [mass[0], stiffness[1], damping[1]]),
+        ] {
+            for &speed in speeds {
+                let mut struck = struck_at(scenario, speed);
+                struck.intruders = vec![Intruder {
+                    beads: self.hosts.clone(),
+                    mass,
+                    stiffness,
+                    damping,
+                }];
+                let accuracy = Accuracy::DRAFT;
+                let run = Run::new(&struck, accuracy);
+                let checked = run.and_then(|run| run.check(struck.duration, accuracy.longest_step));
+                if let Err(SimulateError::TooStiff { time, steps, .. }) = checked {
+                    let what = format!(
+                        "{bound:e} makes an intruder with a time constant of {time:.1e} s, and a run of {steps:.1e} steps"
+                    );
+                    let advice = match key {
+                        "mass" => "let the least mass be greater",
+                        _ => "let the greatest be less; mass is in kg, stiffness in N/m, damping in N·s/m",
+                    };
+                    return Err(InputError::at(key, what, advice));
+                }
+            }
+        }
+        Ok(())
     }
 
     fn check_values(&self, scenario: &Scenario) -> Result<(), InputError> {
         check_hosts(scenario, &self.hosts)?;
         check_total(scenario, &self.hosts, self.total_mass)?;
-        for (key, [low, high]) in [
-            ("mass", self.mass),
-            ("stiffness", self.stiffness),
-            ("damping", self.damping),
+        for (key, [low, high], unit, example) in [
+            ("mass", self.mass, "kg", "0.0037"),
+            ("stiffness", self.stiffness, "N/m", "3.95e5"),
+            ("damping", self.damping, "N·s/m", "12"),
         ] {
             if !(low.is_finite() && high.is_finite() && low > 0.0 && low < high) {
                 let what = format!("{low} to {high} is no range to search");
                 let advice = "give two positive numbers, the lesser first";
                 return Err(InputError::at(key, what, advice));
+            }
+            for bound in [low, high] {
+                Table::root().positive(key, bound, unit, example)?;
             }
         }
         let (bead, host) = lightest(scenario, &self.hosts);
@@ -178,6 +226,9 @@ impl Search {
             let what = format!("{speed} is not a positive number");
             let advice = "give numbers above zero in m/s, such as 0.45";
             return Err(InputError::at("speeds", what, advice));
+        }
+        for &speed in &self.speeds {
+            Table::root().positive("speeds", speed, "m/s", "0.45")?;
         }
         let fewest = COARSE.iter().product::<usize>();
         if self.evaluations < fewest {

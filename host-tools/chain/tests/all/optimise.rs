@@ -252,7 +252,7 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
         change(&mut search);
         optimise(&strike(), &search, None).expect_err("it cannot be searched")
     };
-    let cases: [(OptimiseError, &str, &str); 16] = [
+    let cases: [(OptimiseError, &str, &str); 22] = [
         (new(&[], 0.01), "hosts", "at least one bead from 1 to 20"),
         (new(&[7, 21], 0.01), "hosts", "bead 21"),
         (new(&[0], 0.01), "hosts", "bead 0"),
@@ -284,6 +284,36 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
             "more than the total",
         ),
         (with(|search| search.speeds = vec![0.45, 0.0]), "speeds", "m/s"),
+        (
+            with(|search| search.stiffness = [1e-300, 1e300]),
+            "stiffness",
+            "1e-300 is out of the range",
+        ),
+        (
+            with(|search| search.speeds = vec![0.45, 1e-300]),
+            "speeds",
+            "1e-300 is out of the range",
+        ),
+        (
+            with(|search| search.speeds = vec![1e31]),
+            "speeds",
+            "1e31 is out of the range",
+        ),
+        (
+            with(|search| search.stiffness = [1e-30, 1e30]),
+            "stiffness",
+            "1e30 makes an intruder with a time constant of ",
+        ),
+        (
+            with(|search| search.damping = [1e-30, 1e30]),
+            "damping",
+            "1e30 makes an intruder with a time constant of ",
+        ),
+        (
+            with(|search| search.mass[0] = 1e-29),
+            "mass",
+            "1e-29 makes an intruder with a time constant of ",
+        ),
         (with(|search| search.evaluations = 0), "evaluations", "126"),
     ];
     for (error, key, part) in cases {

@@ -1,9 +1,12 @@
 //! `bead simulate`: the full f64 chain.
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use clap::Args;
-use hertz_chain::{Options, Scenario, Summary, Validity, summarise};
+use hertz_chain::{Options, Run, Scenario, Summary, Validity, summarise};
+use indicatif::HumanDuration;
 use serde::Serialize;
 
 use crate::cli::failure::Failure;
@@ -49,7 +52,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.force,
     )?;
     let progress = output::part_done(format!("of {} beads simulated", scenario.chain.beads));
-    let told = |part| output::set_part(&progress, part);
+    let accuracy = Options::default().accuracy;
+    let fewest = Run::new(&scenario, accuracy)?.fewest_steps(scenario.duration, accuracy.longest_step);
+    let (begun, said) = (Instant::now(), AtomicBool::new(false));
+    let told = |part| {
+        output::set_part(&progress, part);
+        let long = long(begun.elapsed(), part, fewest, scenario.duration);
+        if let Some(long) = long.filter(|_| !said.swap(true, Ordering::Relaxed)) {
+            progress.suspend(|| output::note(format_args!("{long}")));
+        }
+    };
     let options = Options::default().telling(&told);
     let summary = match &out {
         // Nothing is kept in memory: a chain may have any length.
@@ -65,6 +77,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     output::print(arguments.format, &report, || {
         table(&scenario, &summary, &validity)
     })
+}
+
+/// Told of a run that goes on for long, so that a slip of units is seen: how long, and by how many steps. `part` of it was
+/// done in the time `elapsed`. It takes `fewest` steps at the least, and simulates `duration` seconds.
+fn long(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<String> {
+    /// Long enough to know the pace.
+    const KNOWN: Duration = Duration::from_secs(5);
+    const LONG: f64 = 60.0;
+    let whole = elapsed.as_secs_f64() / part;
+    if elapsed < KNOWN || whole < LONG {
+        return None;
+    }
+    let time = match Duration::try_from_secs_f64(whole) {
+        Ok(time) if whole < 3e9 => HumanDuration(time).to_string(),
+        _ => "more than a century".to_owned(),
+    };
+    let step = duration / fewest;
+    Some(format!(
+        "at this pace the run takes {time}: steps are {step:.1e} s at most, {fewest:.1e} of them; if it should be quick, \
+         check units, or what is very small, stiff or light beside the rest"
+    ))
 }
 
 /// The summary, and how far each contact was what the model takes it for.
@@ -151,4 +184,32 @@ fn table(scenario: &Scenario, summary: &Summary, validity: &[Validity]) -> Strin
         energy.balance_error,
     ));
     parts.join("\n\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_is_told_to_be_long_once_its_pace_is_known() {
+        let seconds = Duration::from_secs;
+        let told = |elapsed, part| long(seconds(elapsed), part, 2e9, 4e-3);
+        // Too early, and quick enough.
+        assert_eq!(told(4, 1e-6), None);
+        assert_eq!(told(6, 0.2), None);
+        let text = told(6, 1e-4).unwrap();
+        assert!(
+            text.starts_with(
+                "at this pace the run takes 17 hours: steps are 2.0e-12 s at most, 2.0e9 of them; "
+            ),
+            "{text}"
+        );
+        for part in [1e-12, 1e-30, 0.0] {
+            let text = told(6, part).unwrap();
+            assert!(
+                text.starts_with("at this pace the run takes more than a century: "),
+                "{text}"
+            );
+        }
+    }
 }

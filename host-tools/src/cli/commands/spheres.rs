@@ -10,7 +10,7 @@ use std::path::Path;
 
 use bead_model::design::Bead;
 use clap::{Args, ValueEnum};
-use hertz_chain::{Material, Scenario};
+use hertz_chain::{Material, Options, Scenario};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -18,7 +18,7 @@ use super::measured::{Errors, TableOptions, timing};
 use crate::bench::emulation::Emulation;
 use crate::bench::error::BenchError;
 use crate::bench::front_end::FrontEnd;
-use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
+use crate::bench::sensed::{RING_DOWN, bead_of, load_scenario, simulate_with_ring_down};
 use crate::cli::bench_options::BenchOptions;
 use crate::cli::failure::Failure;
 use crate::cli::output;
@@ -86,7 +86,7 @@ pub(crate) struct Arguments {
     /// Diameters, m.
     #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = [0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04])]
     diameters: Vec<f64>,
-    /// Mass of the intruder as a part of the bead's [default: as in the scenario].
+    /// Mass of the intruder as a part of the bead's, 0.001 to 0.9 [default: as in the scenario].
     #[arg(long, value_name = "PART")]
     part: Option<f64>,
     /// Speed of the striker, m/s.
@@ -131,6 +131,17 @@ struct Measured {
     errors: Errors,
 }
 
+/// Parts of a bead's mass that an intruder may have. One without a host around it, or without mass, is too fast for any
+/// run.
+fn check_part(part: Option<f64>) -> Result<(), Failure> {
+    match part.filter(|part| !(0.001..=0.9).contains(part)) {
+        Some(value) => Err(Failure::input(format!(
+            "--part {value}: give a part between 0 and 1, from 0.001 to 0.9"
+        ))),
+        None => Ok(()),
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let positive = |value: f64| value.is_finite() && value > 0.0;
     if let Some(value) = arguments.diameters.iter().find(|value| !positive(**value)) {
@@ -150,21 +161,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "--relaxation {value}: give 0 or more, in s"
         )));
     }
-    if let Some(value) = arguments.part.filter(|part| !(*part > 0.0 && *part < 1.0)) {
-        return Err(Failure::input(format!(
-            "--part {value}: give a part between 0 and 1"
-        )));
-    }
+    check_part(arguments.part)?;
     let image = arguments.bench.image()?;
     let target = arguments.table.target(&[&arguments.bench.scenario, &image])?;
     let (scenario, _) = load_scenario(&arguments.bench.scenario)?;
     let own = bead_of(&simulate_with_ring_down(&scenario)?, arguments.bench.bead)?;
-    let materials = match &arguments.materials[..] {
-        [] => Kind::value_variants(),
-        some => some,
-    };
-    let row = |&kind: &Kind| arguments.diameters.iter().map(move |&diameter| (kind, diameter));
-    let grid: Vec<(Kind, f64)> = materials.iter().flat_map(row).collect();
+    let grid = grid(arguments, &scenario, &own)?;
     let progress = output::progress(grid.len() as u64);
     let cells: Vec<Cell> = grid
         .par_iter()
@@ -179,6 +181,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments
         .table
         .tell(target.as_ref(), &cells, || markdown(arguments, &cells), table)
+}
+
+/// The cells, each of which can be run: one that cannot would lose what all others have found.
+fn grid(arguments: &Arguments, scenario: &Scenario, own: &Bead) -> Result<Vec<(Kind, f64)>, Failure> {
+    let materials = match &arguments.materials[..] {
+        [] => Kind::value_variants(),
+        some => some,
+    };
+    let row = |&kind: &Kind| arguments.diameters.iter().map(move |&diameter| (kind, diameter));
+    let grid: Vec<(Kind, f64)> = materials.iter().flat_map(row).collect();
+    for &(kind, diameter) in &grid {
+        let (scenario, _) = chain(arguments, scenario, own, kind, diameter);
+        let options = Options::default().lasting(scenario.duration + RING_DOWN);
+        let checked = options.check(&scenario);
+        checked.map_err(|why| Failure::input(format!("--diameters {diameter}: {why}")))?;
+    }
+    Ok(grid)
 }
 
 /// The scenario with equal spheres of a material, and its bead. `own` is the bead of the scenario as it is.
@@ -375,4 +394,55 @@ refused, and the table says which diameter is the least.
         line(&row_of(cell));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    fn read(options: &[&str]) -> Arguments {
+        let line = ["spheres", "strike.toml", "--bead", "8"].iter().chain(options);
+        Line::try_parse_from(line).unwrap().arguments
+    }
+
+    #[test]
+    fn an_intruder_is_a_thousandth_to_nine_tenths_of_its_bead() {
+        for part in [None, Some(0.001), Some(0.3), Some(0.9)] {
+            assert!(check_part(part).is_ok(), "{part:?}");
+        }
+        for part in [0.0, 0.0009, 0.999_999_999_999_999_9, 1.0, -0.1, f64::NAN] {
+            let refused = check_part(Some(part)).unwrap_err().to_string();
+            let expected = format!("--part {part}: give a part between 0 and 1, from 0.001 to 0.9");
+            assert_eq!(refused, expected);
+        }
+    }
+
+    #[test]
+    fn a_sphere_that_cannot_be_run_is_refused_before_the_first_run() {
+        let scenario = Scenario::paper();
+        let own = Bead::paper();
+        let cells = |diameters: &str| {
+            let arguments = read(&["--materials", "steel,ptfe", "--diameters", diameters]);
+            grid(&arguments, &scenario, &own).map_err(|why| why.to_string())
+        };
+        assert_eq!(cells("0.02,0.001").unwrap().len(), 4);
+        for (diameter, why) in [
+            (
+                "1e-31",
+                "--diameters 0.0000000000000000000000000000001: chain.radius: 5e-32 is out of the range",
+            ),
+            ("1e-8", "--diameters 0.00000001: "),
+        ] {
+            let refused = cells(&format!("0.02,{diameter}")).unwrap_err();
+            assert!(refused.starts_with(why), "{refused}");
+        }
+    }
 }

@@ -5,7 +5,7 @@ use bead_model::design::{
     self, Bead, Capture, ChannelFrontEnd, DesignError, FrontEnd, Neighbours, SensorFrontEnd, derive_among,
 };
 use bead_model::sensor::Sensor;
-use bead_model::settings::{Name, Settings};
+use bead_model::settings::{Name, Settings, SettingsError};
 use fixed::types::extra::LeEqU32;
 use hertz_chain::InputError;
 use serde_json::Value;
@@ -14,6 +14,10 @@ use crate::recording::physical::keys::KEYS;
 use crate::recording::physical::quantities::{
     Company, Contact, Host, Intruder, Physical, SensorScale, Taking,
 };
+use crate::recording::printable::beginning;
+
+/// Letters of a name that are told.
+const NAME_TOLD: usize = 32;
 
 impl Physical {
     /// The settings that a bead measures with.
@@ -22,7 +26,7 @@ impl Physical {
     /// The key that no bead has, what is wrong, and what would do.
     pub fn settings(&self) -> Result<Settings, InputError> {
         let name = Name::new(&self.name).ok_or_else(|| {
-            let what = format!("`{}` is no name", self.name.escape_debug());
+            let what = format!("`{}` is no name", beginning(&self.name, NAME_TOLD).escape_debug());
             InputError::at(
                 "name",
                 what,
@@ -32,6 +36,12 @@ impl Physical {
         if self.address == 0xFF {
             let what = "255 is the address of every bead";
             return Err(InputError::at("address", what, "give 0 to 254"));
+        }
+        let (rate, of_image) = (self.capture.sample_rate, Capture::default().sample_rate_hz);
+        if rate != of_image {
+            let what = format!("{rate} Hz, and the image samples at {of_image} Hz alone");
+            let would_do = format!("give {of_image}, or leave it out");
+            return Err(InputError::at("capture.sample_rate", what, would_do));
         }
         let neighbours = self.neighbours()?;
         let derived = derive_among(&self.physics(), &neighbours, &self.front_end(), &self.capture());
@@ -246,32 +256,105 @@ fn scale<F: LeEqU32>(sensor: &Sensor<F>, rate: f64) -> SensorScale {
     }
 }
 
-/// Why no settings follow, at the key that is to blame.
+/// Why no settings follow, at the key that is to blame, or else at its table.
 fn refused(error: DesignError) -> InputError {
     let key = |name: &str| {
         let key = KEYS.iter().find(|key| key.refused_as == name);
         key.map_or("", |key| key.path)
     };
-    match error {
+    let told = error.to_string();
+    let (place, what, advice) = match error {
         DesignError::Input {
             name,
             value,
             expected,
-        } => InputError::at(
-            key(name),
-            format!("{value} is out of range"),
-            format!("give a value that is {expected}"),
-        ),
-        DesignError::TooFast { .. } => {
-            InputError::at("bead", error.to_string(), "take a larger or a softer sphere")
-        }
-        other => {
-            let place = match other {
-                DesignError::Coefficient { name, .. } => key(name),
-                _ => "",
+        } => {
+            let advice = match key(name) {
+                pole if pole.ends_with("pole") => {
+                    format!("give 0 for no filter, or a value that is {expected}")
+                }
+                _ => format!("give a value that is {expected}"),
             };
-            let advice = "check the masses, springs and scales, which are in SI units";
-            InputError::at(place, other.to_string(), advice)
+            return InputError::at(key(name), format!("{value} is out of range"), advice);
         }
-    }
+        DesignError::TooFast { .. } => ("bead", told, "take a larger or a softer sphere"),
+        DesignError::Scale { name, .. } => (key(name), told, "give what a code is worth, in the SI unit"),
+        DesignError::Coefficient { name, .. } => {
+            let known = COEFFICIENTS.iter().find(|(coefficient, ..)| *coefficient == name);
+            let (_, place, advice) = known.copied().unwrap_or((name, key(name), CHECK));
+            (place, told, advice)
+        }
+        DesignError::Window(SettingsError::Invalid(rule)) => {
+            let known = RULES.iter().find(|(begins, ..)| rule.starts_with(begins));
+            let (_, place, advice) = known.copied().unwrap_or(("", "", CHECK));
+            (place, rule.to_owned(), advice)
+        }
+        DesignError::Window(_) => ("", told, CHECK),
+    };
+    InputError::at(place, what, advice)
 }
+
+const CHECK: &str = "check the masses, springs and scales, which are in SI units";
+
+/// Coefficients of `bead_model::design` by their names there: which key or which table they come from, and what would do.
+const COEFFICIENTS: &[(&str, &str, &str)] = &[
+    (
+        "relaxation time of the contacts over 2/3 of a sample",
+        "contact.relaxation",
+        "give 0 for an elastic contact, or more, in s",
+    ),
+    ("stiffness of the contacts", "contact.stiffness", CHECK),
+    ("incident", "contact", CHECK),
+    ("stiffness of the intruder's springs", "intruder.stiffness", CHECK),
+    ("frequency of the ringing", "intruder.stiffness", CHECK),
+    ("damping of the intruder", "intruder.damping", CHECK),
+    ("decay of the ringing", "intruder.damping", CHECK),
+    (
+        "mass of the intruder over that of the host without it",
+        "intruder.mass",
+        CHECK,
+    ),
+    ("weight of the old acceleration", "intruder", CHECK),
+    ("weight of the new acceleration", "intruder", CHECK),
+    ("energy by acceleration", "intruder", CHECK),
+    ("energy by velocity", "bead", CHECK),
+    ("acceleration of the host by a newton", "bead.mass", CHECK),
+    (
+        "mass of the bead over that of the host without intruder, less one,",
+        "bead.mass",
+        CHECK,
+    ),
+    ("stiffness of the intruders behind", "company.stiffness", CHECK),
+    ("damping of the intruders behind", "company.damping", CHECK),
+    (
+        "mass of the intruders behind over that of their beads",
+        "company.mass",
+        CHECK,
+    ),
+];
+
+/// Rules of `bead_model::settings` by how they begin: the key that they are about, and what would do.
+const RULES: &[(&str, &str, &str)] = &[
+    ("history is", "capture.history", "give 1.28e-3 to 2.56e-3 s"),
+    (
+        "window is",
+        "capture.length",
+        "give more than capture.history, and up to 10.24e-3 s",
+    ),
+    (
+        "lookback is",
+        "capture.lookback",
+        "give more than 0, and less than capture.history, in s",
+    ),
+    (
+        "threshold is",
+        "capture.threshold",
+        "give N, and check force.per_code and force.noise",
+    ),
+    (
+        "a pole is",
+        "",
+        "give poles of 8000 Hz and more, or 0 for no filter",
+    ),
+    ("the intruders behind", "company", CHECK),
+];

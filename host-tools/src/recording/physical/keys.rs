@@ -58,9 +58,9 @@ keys! {
     "capture.lookback" "" "s" "the time in which it must rise so far" ""
     "capture.history" "" "s" "kept of the time before; 1.28e-3 to 2.56e-3" ""
     "capture.length" "" "s" "of the whole window, up to 10.24e-3: the ring-down of the intruder is in it" ""
-    "capture.disagreement" "" "" "a strike is flagged if A and B differ by more than this part" ""
-    "capture.ring_frequency_tolerance" "" "" "flagged if the ringing is off by more than this part" ""
-    "capture.ring_decay_tolerance" "" "" "the same of its decay" ""
+    "capture.disagreement" "" "" "a strike is flagged if A and B differ by more than this part" "disagreement"
+    "capture.ring_frequency_tolerance" "" "" "flagged if the ringing is off by more than this part" "tolerance of the frequency"
+    "capture.ring_decay_tolerance" "" "" "the same of its decay" "tolerance of the decay"
 }
 
 /// What stands above each table of a file.

@@ -294,6 +294,96 @@ mod tests {
             "[intruder]",
             "intruder: missing field `damping`",
         );
+        for (from, to, of, rest) in [
+            (
+                "pole = 40000.0",
+                "pole = -1.0",
+                "pole =",
+                "force.pole: -1 is out of range; give 0 for no filter, or a value that is positive",
+            ),
+            (
+                "history = 0.0016",
+                "history = 0.01",
+                "history =",
+                "capture.history: history is longer than 256 samples; give 1.28e-3 to 2.56e-3 s",
+            ),
+            (
+                "length = 0.00672",
+                "length = 1e-3",
+                "length =",
+                "capture.length: window is not longer than its history; give more than capture.history",
+            ),
+            (
+                "lookback = 5e-4",
+                "lookback = 0.5",
+                "lookback =",
+                "capture.lookback: lookback is 0 or not shorter than the history; give more than 0, and less",
+            ),
+            (
+                "threshold = 0.1",
+                "threshold = 1e-3",
+                "threshold =",
+                "capture.threshold: threshold is ",
+            ),
+            (
+                "sample_rate = 100000",
+                "sample_rate = 1",
+                "sample_rate =",
+                "capture.sample_rate: 1 Hz, and the image samples at 100000 Hz alone; give 100000, or leave it out",
+            ),
+            (
+                "sample_rate = 100000",
+                "sample_rate = 99999",
+                "sample_rate =",
+                "capture.sample_rate: 99999 Hz, and",
+            ),
+            (
+                "relaxation = 4.2e-6",
+                "relaxation = 1e-12",
+                "relaxation =",
+                "contact.relaxation: relaxation time of the contacts over 2/3 of a sample: 1.500e-7 in the units of the sample \
+                 rate, and ",
+            ),
+            (
+                "ring_frequency_tolerance = 0.03",
+                "ring_frequency_tolerance = 0",
+                "ring_frequency_tolerance =",
+                "capture.ring_frequency_tolerance: 0 is out of range; give a value that is from 0.001 to 10000",
+            ),
+            (
+                "ring_decay_tolerance = 0.3",
+                "ring_decay_tolerance = -0.25",
+                "ring_decay_tolerance =",
+                "capture.ring_decay_tolerance: -0.25 is out of range; give a value that is from",
+            ),
+            (
+                "disagreement = 0.03",
+                "disagreement = 0",
+                "disagreement =",
+                "capture.disagreement: 0 is out of range; give a value that is from 0.001 to 10000",
+            ),
+            (
+                "stiffness = 395000.0",
+                "stiffness = 1e12",
+                "stiffness =",
+                "intruder.stiffness: stiffness of the intruder's springs: ",
+            ),
+            (
+                "per_code = 0.00390625",
+                "per_code = 1e3",
+                "per_code =",
+                "force.per_code: force per code: 1.000e3, and 4.7e-6 to 2.0e0 can be computed with; give what a code",
+            ),
+        ] {
+            begins(refused(from, to), of, rest);
+        }
+        let long = refused("\"left\"", &format!("\"{}\"", "µ".repeat(100_000)));
+        begins(
+            long.clone(),
+            "name =",
+            &format!("name: `{}…` is no name", "µ".repeat(32)),
+        );
+        assert!(long.len() < 200, "{long}");
         for wrong in [
             "k",
             "k=much",
