@@ -48,7 +48,7 @@ pub struct RunTruth {
     pub bead: usize,
     /// What it should say of each strike.
     pub truth: Truth,
-    /// When each strike began, as a sample index, with a fraction.
+    /// When each strike began, as a sample index, with a fraction; in order.
     pub starts: Vec<f64>,
     /// The front end of the sensors.
     pub front_end: FrontEnd,
@@ -94,9 +94,8 @@ impl RunTruth {
 
     /// The last strike, counted from 0, that began by a sample index.
     pub fn begun(&self, sample_index: u64) -> Option<usize> {
-        self.starts
-            .iter()
-            .rposition(|&start| start <= sample_index as f64)
+        let begun = self.starts.partition_point(|&start| start <= sample_index as f64);
+        begun.checked_sub(1)
     }
 }
 
@@ -613,4 +612,45 @@ fn qemu_version() -> Option<String> {
     let said = Command::new(program).arg("--version").output().ok()?;
     let first = String::from_utf8_lossy(&said.stdout).lines().next()?.to_owned();
     Some(first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_strike_that_began_last_is_found_by_a_sample_index() {
+        let truth = |starts: Vec<f64>| RunTruth {
+            bead: 8,
+            truth: Truth {
+                peak_force: 6.0,
+                absorbed: 1e-6,
+            },
+            starts,
+            front_end: FrontEnd::default(),
+            seed: None,
+            clock_ppm: 0.0,
+            sync_edges: Vec::new(),
+            began: 0.0,
+            line_low: Vec::new(),
+            stimulus: None,
+        };
+        assert_eq!(truth(Vec::new()).begun(u64::MAX), None);
+        let three = truth(vec![100.25, 300.0, 500.75]);
+        for (index, begun) in [
+            (0, None),
+            (100, None),
+            (101, Some(0)),
+            (299, Some(0)),
+            (300, Some(1)),
+            (500, Some(1)),
+            (501, Some(2)),
+            (u64::MAX, Some(2)),
+        ] {
+            assert_eq!(three.begun(index), begun, "{index}");
+        }
+        // A file may have them in any order; the answer is one of them.
+        let turned = truth(vec![500.0, f64::INFINITY, 100.0, -1.0]);
+        assert!(turned.begun(200).is_none_or(|begun| begun < 4));
+    }
 }

@@ -32,6 +32,9 @@ impl Replay {
     }
 }
 
+/// At 100 kHz a bead gets there in three million years.
+const INDEX_MOST: u64 = i64::MAX as u64;
+
 /// Replays one strike twice: its window alone, and as a stream through the strike detector, which must fire
 /// at the same sample.
 pub fn replay(strike: &RecordedStrike) -> Replay {
@@ -41,6 +44,14 @@ pub fn replay(strike: &RecordedStrike) -> Replay {
             "strike {number}: no settings were received, so there is nothing to replay it with"
         ));
     };
+    // The bead's code counts on from these.
+    let indices = [strike.said.first_index, strike.said.trigger_index];
+    if let Some(index) = indices.into_iter().find(|index| *index > INDEX_MOST) {
+        return Replay::impossible(format!(
+            "strike {number}: its sample index {index} is none that a bead reaches, so its frames are not what a \
+             bead sent; record it again"
+        ));
+    }
     if strike.missing() > 0 {
         return Replay::impossible(format!(
             "strike {number}: {} of its {} samples were not received, from sample index {} on",
@@ -271,7 +282,7 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
 mod tests {
     use super::*;
     use crate::comparison::testing::{recorded_after, recorded_strike};
-    use bead_wire::{Acceleration, Decay, Force, Frequency, Impulse, Samples};
+    use bead_wire::{Acceleration, Codes, Decay, Force, Frequency, Impulse, Samples, Waveform};
 
     #[test]
     fn a_strike_that_this_code_made_replays_to_the_same_bits() {
@@ -414,6 +425,61 @@ mod tests {
             shape.width = Samples::from_bits(shape.width.bits() + 1);
         });
         assert!(what.contains("width of the shape frame: device"), "{what}");
+    }
+
+    #[test]
+    fn an_index_that_no_bead_reaches_is_refused() {
+        let changes: [fn(&mut Strike, u64); 3] = [
+            |said, index| said.first_index = index,
+            |said, index| said.trigger_index = index,
+            |said, index| {
+                said.trigger_index = index;
+                said.flags = said.flags.with(StrikeFlags::FROM_OUTSIDE);
+            },
+        ];
+        for change in changes {
+            // At the end of the numbers a window, its history or its last sample lies behind them.
+            for before_end in [0, 1, 31, 160, 671, 672, 1000, i64::MAX as u64] {
+                let index = u64::MAX - before_end;
+                let mut strike = recorded_strike();
+                change(&mut strike.said, index);
+                let what = replay(&strike).first_difference.unwrap();
+                assert!(
+                    what.contains(&format!("its sample index {index} is none that a bead reaches")),
+                    "{what}"
+                );
+                // Nor is the place of what is missing told.
+                strike.scans.truncate(632);
+                assert!(!replay(&strike).identical());
+            }
+            let mut strike = recorded_strike();
+            change(&mut strike.said, INDEX_MOST);
+            let what = replay(&strike).first_difference.unwrap();
+            assert!(!what.contains("none that a bead reaches"), "{what}");
+        }
+    }
+
+    #[test]
+    fn a_waveform_frame_without_samples_changes_nothing() {
+        let good = recorded_strike();
+        let mut strike = RecordedStrike {
+            scans: Vec::new(),
+            chunks: Vec::new(),
+            ..good.clone()
+        };
+        let empty = Waveform {
+            strike: 0,
+            first_index: good.said.first_index,
+            codes: Codes::default(),
+            wide: Codes::default(),
+            absorbed_measured: Energy::from_bits(0),
+            absorbed_predicted: Energy::from_bits(0),
+        };
+        strike.push(&empty);
+        assert_eq!((strike.scans.len(), strike.chunks.len()), (0, 0));
+        // Also one of no samples at all is replayed.
+        strike.said.samples = 0;
+        assert!(!replay(&strike).identical());
     }
 
     #[test]

@@ -10,10 +10,30 @@ use crate::recording::json::hex;
 use crate::recording::physical::{KEYS, Key, Physical};
 use crate::recording::strikes::RecordedStrike;
 
-/// The table's columns, and the quantities of the settings that were seen last: they rarely change.
+/// The table's columns, and what the settings that were seen last give: they rarely change.
 pub struct Strikes {
     columns: Vec<Column>,
-    last: Option<(Settings, Physical)>,
+    last: Option<(Settings, Told)>,
+}
+
+/// The cells of settings.
+struct Told {
+    name: Cell,
+    /// A cell for each of the [`settings`].
+    quantities: Vec<Cell>,
+}
+
+impl Told {
+    fn of(settings: &Settings) -> Self {
+        let physical = Physical::of(settings);
+        let name = Some(physical.name.as_str()).filter(|name| !name.is_empty());
+        Self {
+            name: Cell::text(name),
+            quantities: self::settings()
+                .map(|key| Cell::number(physical.get(key).as_f64()))
+                .collect(),
+        }
+    }
 }
 
 impl Default for Strikes {
@@ -36,16 +56,10 @@ impl Strikes {
         if let Some(settings) = strike.settings
             && self.last.as_ref().is_none_or(|(last, _)| *last != settings)
         {
-            self.last = Some((settings, Physical::of(&settings)));
+            self.last = Some((settings, Told::of(&settings)));
         }
         let last = self.last.as_ref().filter(|_| strike.settings.is_some());
-        row(
-            &self.columns,
-            id,
-            recording,
-            strike,
-            last.map(|(_, physical)| physical),
-        )
+        row(&self.columns, id, recording, strike, last.map(|(_, told)| told))
     }
 }
 
@@ -83,7 +97,7 @@ fn row(
     id: u64,
     recording: &str,
     strike: &RecordedStrike,
-    physical: Option<&Physical>,
+    told: Option<&Told>,
 ) -> Vec<Cell> {
     let rate = strike.rate();
     let mut cells = HashMap::<String, Cell>::new();
@@ -95,14 +109,11 @@ fn row(
         let time = rate.map(|rate| arrival / f64::from(rate));
         put("arrival_time_s".to_owned(), Cell::number(time));
     }
-    let name = physical
-        .map(|physical| physical.name.as_str())
-        .filter(|name| !name.is_empty());
     let uid = strike.uid.map(|uid| hex(&uid));
     for (name, cell) in [
         ("id", Cell::whole(id)),
         ("recording", Cell::text(Some(recording))),
-        ("bead_name", Cell::text(name)),
+        ("bead_name", told.map_or(Cell::Null, |told| told.name.clone())),
         ("uid", Cell::text(uid.as_deref())),
         ("address", Cell::whole(strike.address)),
         ("boot_low_byte", Cell::whole(strike.boot)),
@@ -115,13 +126,16 @@ fn row(
     ] {
         put(name.to_owned(), cell);
     }
-    if let Some(physical) = physical {
-        for key in settings() {
-            put(settings_column(key), Cell::number(physical.get(key).as_f64()));
-        }
-    }
-    let mut taken = |column: &Column| cells.remove(&column.name).unwrap_or(Cell::Null);
-    columns.iter().map(&mut taken).collect()
+    // The columns of the settings are the last.
+    let nothing = || settings().map(|_| Cell::Null).collect();
+    let quantities = told.map_or_else(nothing, |told| told.quantities.clone());
+    let (own, _) = columns.split_at(columns.len() - quantities.len());
+    let mut row: Vec<Cell> = own
+        .iter()
+        .map(|column| cells.remove(&column.name).unwrap_or(Cell::Null))
+        .collect();
+    row.extend(quantities);
+    row
 }
 
 /// The keys of settings that are numbers and describe a bead and its front end.

@@ -2,7 +2,7 @@
 //!
 //! # Design
 //! [`Frames`] turns bytes into frames, from every source: a recording, a pipe, a line, an emulated run. It
-//! keeps only the frames of one piece. Frames stay as they came: fixed-point bits and ADC codes.
+//! keeps one piece of bytes, and the frames of one block of it. Frames stay as they came: fixed-point bits and ADC codes.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -127,8 +127,15 @@ impl Reader {
 pub struct Frames<I> {
     pieces: I,
     reader: Reader,
+    piece: Piece,
+    /// How much of it was read.
+    read: usize,
     ready: VecDeque<Item>,
 }
+
+/// Bytes that are read at once. What two bytes give, such as a reject, takes hundreds in memory, and a piece may have
+/// megabytes.
+const BLOCK: usize = 4096;
 
 impl<I: Iterator<Item = Piece>> Frames<I> {
     /// The frames in `pieces`.
@@ -136,6 +143,8 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
         Self {
             pieces: pieces.into_iter(),
             reader: Reader::default(),
+            piece: Piece::default(),
+            read: 0,
             ready: VecDeque::new(),
         }
     }
@@ -150,9 +159,23 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
         self.reader.pending()
     }
 
-    /// Whether the next frame must still be read. On a line it may take long to come.
+    /// Whether the next frame must still be read from a piece that is still to come. On a line it may take long.
     pub fn is_empty(&self) -> bool {
         self.ready.is_empty()
+    }
+
+    /// Reads on in the piece up to what comes next in it, if anything does.
+    fn read_on(&mut self) {
+        let Self {
+            reader, piece, ready, ..
+        } = self;
+        while ready.is_empty() && self.read < piece.bytes.len() {
+            let end = piece.bytes.len().min(self.read + BLOCK);
+            reader.feed(&piece.bytes[self.read..end], piece.received_ns, |item| {
+                ready.push_back(item);
+            });
+            self.read = end;
+        }
     }
 }
 
@@ -160,15 +183,14 @@ impl<I: Iterator<Item = Piece>> Iterator for Frames<I> {
     type Item = Item;
 
     fn next(&mut self) -> Option<Item> {
-        loop {
-            if let Some(item) = self.ready.pop_front() {
-                return Some(item);
-            }
-            let piece = self.pieces.next()?;
-            let ready = &mut self.ready;
-            self.reader
-                .feed(&piece.bytes, piece.received_ns, |item| ready.push_back(item));
+        while self.ready.is_empty() {
+            (self.piece, self.read) = (self.pieces.next()?, 0);
+            self.read_on();
         }
+        let item = self.ready.pop_front();
+        // Whether more comes without another piece is known before this one is handed on.
+        self.read_on();
+        item
     }
 }
 
@@ -177,4 +199,43 @@ pub fn decode(bytes: &[u8]) -> (Vec<Frame>, Counters) {
     let (mut reader, mut frames) = (Reader::default(), Vec::new());
     reader.feed(bytes, None, |item| frames.extend(item.frame()));
     (frames, *reader.counters())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_long_run_only_a_block_is_kept_as_items_and_all_are_handed_on() {
+        // A code of COBS that promises nothing: each two bytes are a reject.
+        let bytes = [1, 0].repeat(1 << 16);
+        let piece = |bytes: &[u8]| Piece {
+            bytes: bytes.to_vec(),
+            ..Piece::default()
+        };
+        let mut frames = Frames::new([piece(&bytes), piece(&[1]), piece(&[0])]);
+        let mut count = 0;
+        while let Some(item) = frames.next() {
+            assert!(matches!(item, Item::Rejected(_)));
+            count += 1;
+            assert!(frames.ready.len() <= BLOCK / 2, "{}", frames.ready.len());
+            // The line may be silent now, and the one who reads must not wait for more.
+            assert_eq!(frames.is_empty(), count >= 1 << 16, "item {count}");
+        }
+        assert_eq!(count, (1 << 16) + 1);
+        assert_eq!(frames.counters().bytes, bytes.len() as u64 + 2);
+    }
+
+    #[test]
+    fn a_piece_whose_last_block_ends_nothing_is_read_to_its_end_before_its_last_item_is_handed_on() {
+        let bytes = [&[1, 0][..], &[1; 2 * BLOCK]].concat();
+        let mut frames = Frames::new([Piece {
+            bytes,
+            ..Piece::default()
+        }]);
+        assert!(frames.next().is_some());
+        assert!(frames.is_empty());
+        assert_eq!(frames.pending(), 2 * BLOCK as u64);
+        assert_eq!(frames.next(), None);
+    }
 }

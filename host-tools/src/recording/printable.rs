@@ -16,6 +16,14 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     without(text, steers)
 }
 
+/// The first `most` characters of a text, with a mark where it goes on: a name in a file may have megabytes.
+pub fn beginning(text: &str, most: usize) -> Cow<'_, str> {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => Cow::Owned(format!("{}…", &text[..end])),
+        None => Cow::Borrowed(text),
+    }
+}
+
 /// Control characters, separators of lines, and those that change the direction of writing (Unicode annex 9, section 2):
 /// with these a name can look like another.
 fn steers(character: char) -> bool {
@@ -55,6 +63,13 @@ mod tests {
         assert_eq!(one_line("a b"), "a b");
         assert_eq!(one_line("nep\u{202e}.mcap\u{2028}"), "nep\\u202e.mcap\\u2028");
         assert_eq!(one_line("חרוז Perlé 珠"), "חרוז Perlé 珠");
+    }
+
+    #[test]
+    fn of_a_long_text_the_beginning_is_told() {
+        assert_eq!(beginning("µm", 2), "µm");
+        assert_eq!(beginning("µmµ", 2), "µm…");
+        assert_eq!(beginning("", 0), "");
     }
 
     #[test]

@@ -2,15 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bead_model::settings::Settings;
 use bead_wire::{Counters, Identity, Message, Status};
 
-use crate::recording::file::{Part, Pieces, Recording, RecordingError};
+use crate::recording::file::{Bead, Part, Pieces, Recording, RecordingError};
 use crate::recording::frames::{Frame, Frames, Item, Piece};
-use crate::recording::printable::note;
+use crate::recording::printable::{beginning, note};
 use crate::recording::raw;
 use crate::recording::strikes::{Known, Strikes, sent_again};
+
+/// Characters of what is wrong with a part of a recording.
+const WHY_MOST: usize = 200;
 
 /// A recording and where it is.
 #[derive(Debug, Clone)]
@@ -43,6 +47,14 @@ impl Received {
         })
     }
 
+    /// What came from one of its beads.
+    pub fn of(&self, bead: &Bead) -> Self {
+        Self {
+            path: self.path.clone(),
+            recording: self.recording.of(bead),
+        }
+    }
+
     /// What came from each of its beads; from all of them, if it is a recording of one line.
     pub fn each(&self) -> Vec<Self> {
         let of = |recording| Self {
@@ -57,7 +69,7 @@ impl Received {
     /// # Errors
     /// The file cannot be read.
     pub fn strikes(&self) -> Result<Strikes<LastSaid<Pieces>>, RecordingError> {
-        let given = |parts: &BTreeMap<Part, Vec<u8>>| Settings::decode(parts.get(&Part::Settings)?).ok();
+        let given = |parts: &BTreeMap<Part, Arc<[u8]>>| Settings::decode(parts.get(&Part::Settings)?).ok();
         let beads = self.recording.beads.iter();
         let known = Known {
             of: beads
@@ -90,10 +102,11 @@ impl Received {
         let Some(bytes) = self.recording.parts.get(&part) else {
             return Ok(None);
         };
-        let value = serde_json::from_slice(bytes).map_err(|source| RecordingError::Part {
+        let value = serde_json::from_slice(bytes).map_err(|why| RecordingError::Part {
             path: self.path.clone(),
             part: part.name(),
-            source,
+            // It repeats the text that is wrong, which may have megabytes.
+            why: beginning(&why.to_string(), WHY_MOST).into_owned(),
         })?;
         Ok(Some(value))
     }
@@ -139,5 +152,35 @@ impl<I: Iterator<Item = Piece>> Iterator for LastSaid<I> {
             _ => {}
         }
         Some(frame)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::emulation::RunTruth;
+    use crate::recording::file::{About, Writer};
+    use crate::recording::whole::Target;
+
+    #[test]
+    fn of_a_part_that_is_wrong_the_beginning_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut writer = Writer::create(&Target::new(&path), &About::default()).unwrap();
+        let truth = format!("{{\"bead\": \"{}\"}}", "x".repeat(100_000));
+        writer.attach(Part::Truth, truth.as_bytes()).unwrap();
+        writer.finish().unwrap();
+        let received = Received::open(&path).unwrap();
+        let why = received.json::<RunTruth>(Part::Truth).unwrap_err().to_string();
+        assert!(
+            why.contains("cannot read its truth.json; record it again: invalid type: string \"xxx"),
+            "{why}"
+        );
+        assert!(why.ends_with("xxx…"), "{why}");
+        assert!(
+            why.len() < path.display().to_string().len() + 300,
+            "{}",
+            why.len()
+        );
     }
 }

@@ -46,6 +46,9 @@ pub struct RecordedStrike {
     pub address: u8,
     /// The low byte of its boot number.
     pub boot: u8,
+    /// Which of the bead's boots that were received it is of, from 0: after a power cycle the low byte is the same
+    /// again. None of a strike that was fetched later, which only tells the byte.
+    pub nth_boot: Option<usize>,
     /// Its unique device id; none before its identity came.
     pub uid: Option<[u8; 12]>,
     /// Scans a second, in hertz, by its last identity before the strike.
@@ -71,6 +74,7 @@ impl RecordedStrike {
         Self {
             address,
             boot: 0,
+            nth_boot: None,
             uid: None,
             sample_rate_hz: None,
             received_ns: None,
@@ -107,8 +111,11 @@ impl RecordedStrike {
         usize::from(self.said.samples).saturating_sub(self.scans.len())
     }
 
-    /// Appends the samples of a waveform frame.
+    /// Appends the samples of a waveform frame. One without samples is not taken: no bead sends it.
     pub fn push(&mut self, waveform: &Waveform) {
+        if waveform.codes.is_empty() {
+            return;
+        }
         push_scans(&mut self.scans, waveform);
         self.chunks.push(Chunk {
             end: self.scans.len(),
@@ -198,7 +205,7 @@ impl From<Option<Settings>> for Known {
 /// A strike among all: address of the bead, low byte of its boot, number in that boot, first sample index.
 pub type Name = (u8, u8, u32, u64);
 
-/// Most strikes of which it is remembered that they were handed on whole.
+/// Most strikes of a bead of which it is remembered that they were handed on whole.
 const REMEMBERED: usize = 1 << 16;
 
 fn name(address: u8, boot: u8, strike: &Strike) -> Name {
@@ -231,8 +238,10 @@ pub struct Strikes<I> {
     again: Again,
     /// Strikes that come once more, further on.
     to_come: BTreeSet<Name>,
-    /// Strikes that were handed on whole.
-    whole: BTreeSet<Name>,
+    /// By address: strikes that were handed on whole.
+    whole: HashMap<u8, BTreeSet<Name>>,
+    /// By address: restarts so far.
+    restarts: HashMap<u8, usize>,
 }
 
 impl<I: Iterator<Item = Frame>> Strikes<I> {
@@ -246,7 +255,8 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             ready: VecDeque::new(),
             again: Again::default(),
             to_come: BTreeSet::new(),
-            whole: BTreeSet::new(),
+            whole: HashMap::new(),
+            restarts: HashMap::new(),
         }
     }
 
@@ -264,13 +274,14 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         for strike in strikes {
             let name = name(strike.address, strike.boot, &strike.said);
             let is_whole = strike.missing() == 0 && strike.shape.is_some();
-            if self.whole.contains(&name) || !is_whole && self.to_come.contains(&name) {
+            let whole = self.whole.entry(strike.address).or_default();
+            if whole.contains(&name) || !is_whole && self.to_come.contains(&name) {
                 continue;
             }
             if is_whole {
-                self.whole.insert(name);
-                while self.whole.len() > REMEMBERED {
-                    self.whole.pop_first();
+                whole.insert(name);
+                while whole.len() > REMEMBERED {
+                    whole.pop_first();
                 }
             }
             self.ready.push_back(strike);
@@ -288,9 +299,10 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             Arrival::Restart { .. } => {
                 let boot = self.boots.remove(&address).unwrap_or_default();
                 self.hand_on(boot.end(self.known.at(address)));
+                *self.restarts.entry(address).or_default() += 1;
                 if frame.header.boot == 0 {
                     // After a power cycle strikes have the same names again.
-                    self.whole.retain(|(of, ..)| *of != address);
+                    self.whole.remove(&address);
                 }
             }
             Arrival::Duplicate => return,
@@ -332,6 +344,7 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
             Message::Strike(strike) => {
                 let recorded = RecordedStrike {
                     boot: frame.header.boot,
+                    nth_boot: Some(self.restarts.get(&address).copied().unwrap_or_default()),
                     uid: boot.uid,
                     sample_rate_hz: frame.sample_rate_hz,
                     received_ns: frame.received_ns,
@@ -445,7 +458,7 @@ mod tests {
     use crate::recording::frames::decode;
     use bead_model::design::{Bead, Capture, FrontEnd, derive};
     use bead_model::settings::BLOCK_MAX;
-    use bead_wire::{Block, Header, MAX_FRAME, encode};
+    use bead_wire::{Block, Header, Kind, MAX_FRAME, encode};
 
     #[test]
     fn a_strike_has_the_settings_told_last_before_it_also_where_numbers_begin_anew() {
@@ -453,6 +466,83 @@ mod tests {
         for first in [0, u32::MAX - 2] {
             assert_eq!(thresholds(first), [50, 50, 60], "from frame {first}");
         }
+    }
+
+    /// A frame of the bead with this address.
+    fn frame(address: u8, boot: u8, arrival: Arrival, message: Message) -> Frame {
+        Frame {
+            version: bead_wire::VERSION,
+            header: Header {
+                address,
+                boot,
+                sequence: 0,
+                sample_index: 0,
+            },
+            arrival,
+            sample_rate_hz: None,
+            received_ns: None,
+            message,
+        }
+    }
+
+    fn drawn(kind: Kind) -> Message {
+        Message::draw(kind, &mut || 0)
+    }
+
+    #[test]
+    fn a_strike_tells_which_boot_of_its_bead_it_is_of_also_after_a_power_cycle() {
+        let restart = Arrival::Restart { lost: 0 };
+        let frames = [
+            (7, 0, Arrival::First),
+            (8, 0, Arrival::First),
+            // A power cycle, and a reset.
+            (7, 0, restart),
+            (7, 1, restart),
+        ];
+        let frames =
+            frames.map(|(address, boot, arrival)| frame(address, boot, arrival, drawn(Kind::Strike)));
+        let mut told: Vec<_> = Strikes::new(frames, None)
+            .map(|strike| (strike.address, strike.boot, strike.nth_boot))
+            .collect();
+        told.sort_unstable();
+        assert_eq!(
+            told,
+            [(7, 0, Some(0)), (7, 0, Some(1)), (7, 1, Some(2)), (8, 0, Some(0))]
+        );
+    }
+
+    #[test]
+    fn strikes_of_one_bead_make_those_of_no_other_forgotten_and_a_power_cycle_only_its_own() {
+        let Message::Strike(strike) = drawn(Kind::Strike) else {
+            panic!("a strike");
+        };
+        let Message::Shape(shape) = drawn(Kind::Shape) else {
+            panic!("a shape");
+        };
+        let whole = |address: u8, number: u32| RecordedStrike {
+            shape: Some(shape),
+            ..RecordedStrike::new(
+                address,
+                Strike {
+                    strike: number,
+                    ..strike
+                },
+            )
+        };
+        let mut strikes = Strikes::new([], None);
+        let is_new = |strikes: &mut Strikes<_>, strike: RecordedStrike| {
+            strikes.hand_on(vec![strike]);
+            strikes.ready.drain(..).count() == 1
+        };
+        assert!(is_new(&mut strikes, whole(0, 5)));
+        let mut numbers = 0..=REMEMBERED as u32;
+        assert!(numbers.all(|number| is_new(&mut strikes, whole(9, number))));
+        assert_eq!(strikes.whole[&9].len(), REMEMBERED);
+        assert!(!is_new(&mut strikes, whole(0, 5)));
+        let restart = frame(9, 0, Arrival::Restart { lost: 0 }, drawn(Kind::Health));
+        Strikes::take(&mut strikes, restart);
+        assert!(is_new(&mut strikes, whole(9, 7)));
+        assert!(!is_new(&mut strikes, whole(0, 5)));
     }
 
     /// The threshold of the settings that each of three strikes gets; their frames are numbered from `first` on.

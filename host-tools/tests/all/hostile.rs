@@ -5,7 +5,11 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use bead_wire::{Header, Kind, MAX_FRAME, Message, Strike, Waveform, encode};
+use bead_model::design::{Bead, Capture, FrontEnd, derive};
+use bead_model::settings::BLOCK_MAX;
+use bead_wire::{
+    Block, Codes, Header, Kind, MAX_FRAME, Message, Shape, Strike, StrikeFlags, Waveform, encode,
+};
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
 /// Addresses that a command may use, kB. Threads and libraries take some 300 MB of them, and hardly any memory.
@@ -136,6 +140,95 @@ fn strikes_and_waveforms_that_all_have_one_number_cost_no_memory() {
         );
     }
     read_by_all(&stream.bytes);
+}
+
+#[test]
+fn windows_at_the_ends_of_the_indices_and_frames_without_samples_are_read_by_every_command() {
+    let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+    let mut block = [0; BLOCK_MAX];
+    let length = settings.encode(&mut block).unwrap();
+    let block = Block::try_from(&block[..length]).unwrap();
+    let [identity, waveform, strike, shape] = [Kind::Identity, Kind::Waveform, Kind::Strike, Kind::Shape]
+        .map(|kind| Message::draw(kind, &mut || 100_000));
+    let (Message::Waveform(waveform), Message::Strike(strike), Message::Shape(shape)) =
+        (waveform, strike, shape)
+    else {
+        panic!("not what was asked for");
+    };
+    let mut stream = Stream::default();
+    stream.say(0, 0, &identity);
+    stream.say(0, 0, &bead_wire::Settings { block }.into());
+    let mut number = 0;
+    // The window alone, with a frame that has no samples, and without its end.
+    for (first_index, samples) in [0, 1, 3, 31, 95, 361, 671, 672, 800]
+        .map(|before_end| u64::MAX - before_end)
+        .into_iter()
+        .chain([0, 1000])
+        .flat_map(|first| [0, 4, 32, 96, 672].map(|samples| (first, samples)))
+    {
+        for (empty, cut, flags) in [(false, 0, 0), (true, 0, 0), (false, 32, 0), (false, 0, 1 << 10)] {
+            number += 1;
+            let piece = |first_index: u64, scans: u16| {
+                let codes = Codes::pack((0..scans).map(|_| [100, 2048])).unwrap();
+                Message::from(Waveform {
+                    strike: number,
+                    first_index,
+                    codes,
+                    wide: Codes::default(),
+                    ..waveform.clone()
+                })
+            };
+            if empty {
+                stream.say(0, 0, &piece(first_index, 0));
+            }
+            for at in (0..u16::saturating_sub(samples, cut)).step_by(32) {
+                stream.say(
+                    0,
+                    0,
+                    &piece(first_index.wrapping_add(at.into()), (samples - at).min(32)),
+                );
+            }
+            let strike = Strike {
+                strike: number,
+                first_index,
+                trigger_index: first_index,
+                samples,
+                flags: StrikeFlags::from_bits(flags),
+                ..strike
+            };
+            stream.say(0, 0, &strike.into());
+            let shape = Shape {
+                strike: number,
+                first_index,
+                ..shape
+            };
+            stream.say(0, 0, &shape.into());
+        }
+    }
+    read_by_all(&stream.bytes);
+}
+
+#[test]
+fn of_very_many_runs_that_are_no_frames_the_first_are_printed_and_all_are_counted() {
+    let mut stream = Stream::default();
+    stream.say(0, 0, &Message::draw(Kind::Health, &mut || 0));
+    stream.bytes.extend([1, 0].repeat(5000));
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("raw.bin"), &stream.bytes).unwrap();
+    let decoded = bead(folder, "decode raw.bin");
+    assert!(decoded.status.success());
+    let said = String::from_utf8_lossy(&decoded.stderr);
+    let lines: Vec<_> = said.lines().collect();
+    let [told @ .., more, last] = &lines[..] else {
+        panic!("{said}");
+    };
+    assert_eq!(told.len(), 1000);
+    assert!(
+        more.contains("more than 1000 runs of bytes are refused"),
+        "{more}"
+    );
+    assert!(last.contains(" 5000 refused"), "{last}");
 }
 
 #[test]

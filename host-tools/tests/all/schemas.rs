@@ -139,7 +139,10 @@ fn compare_rows() {
     let mut lines = Vec::new();
     let mut whole = [7, 8, 9, 10].map(Who::at);
     let emulated = Recording::open(Path::new(&format!("{ROOT}/{RECORDING}"))).unwrap();
-    whole[0].emulator = emulated.parts.get(&Part::EmulatorReport).cloned();
+    whole[0].emulator = emulated
+        .parts
+        .get(&Part::EmulatorReport)
+        .map(|part| part.to_vec());
     assert!(whole[0].emulator.is_some());
     for (name, beads, strikes) in [
         ("whole", &whole[..], 1),

@@ -271,7 +271,7 @@ fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Op
     }
     let asked_for = |place: &usize| asked.is_none_or(|asked| asked == *place);
     match places.iter().position(asked_for) {
-        Some(at) => Ok((received.each().swap_remove(at), Some(places[at]))),
+        Some(at) => Ok((received.of(&beads[at]), Some(places[at]))),
         None => Err(Failure::input(format!(
             "{} has the beads {places:?}; give --bead one of them, or leave it out to compare them all",
             received.path.display(),

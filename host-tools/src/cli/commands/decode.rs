@@ -97,6 +97,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Rejects that are told one by one. Noise can give one for every two bytes.
+const REJECTS_MOST: u64 = 1000;
+
 /// Prints frames to standard output, one in each line. `fits` turn bead time into host time, one for each
 /// segment.
 fn print(
@@ -107,6 +110,7 @@ fn print(
     let mut out = BufWriter::new(io::stdout().lock());
     let mut segments = Segments::default();
     let mut from_the_future = None;
+    let mut rejects = 0;
     while let Some(item) = frames.next() {
         let written = match item {
             Item::Frame(frame) => {
@@ -115,7 +119,15 @@ fn print(
                 writeln!(out, "{}", printable(&timed(&frame, fit).to_string()))
             }
             Item::Rejected(reject) => {
-                output::note(format_args!("{reject}"));
+                rejects += 1;
+                if rejects <= REJECTS_MOST {
+                    output::note(format_args!("{reject}"));
+                }
+                if rejects == REJECTS_MOST + 1 {
+                    output::note(format_args!(
+                        "more than {REJECTS_MOST} runs of bytes are refused; the others are only counted"
+                    ));
+                }
                 Ok(())
             }
         };

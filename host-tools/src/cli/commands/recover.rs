@@ -178,7 +178,7 @@ fn begins_as_mcap(file: &Path) -> bool {
 }
 
 fn recover(recording: &Recording, target: &Target) -> Result<Recovered, Failure> {
-    let mut about = recording.about.clone();
+    let mut about = About::clone(&recording.about);
     let how = match &recording.state {
         State::Whole => "whole".to_owned(),
         State::CutShort { .. } => "cut short".to_owned(),

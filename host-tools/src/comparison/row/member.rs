@@ -247,8 +247,8 @@ impl Felt {
         let whole = strike.settings.filter(|_| strike.missing() == 0);
         let signal = whole.and_then(|settings| Signal::of(&strike.scans, &settings));
         let rise = signal.as_ref().and_then(rise);
-        let on = |sample: f64| time.common(strike.address, strike.boot, said.first_index as f64 + sample);
-        let host = time.host(strike.address, strike.boot, said.trigger_index as f64);
+        let on = |sample: f64| time.common(strike, said.first_index as f64 + sample);
+        let host = time.host(strike, said.trigger_index as f64);
         let per_sample = strike.rate().map(|rate| 1.0 / f64::from(rate));
         let railed = said.flags.names().any(|flag| flag == "force_railed");
         let start = traces

@@ -59,5 +59,5 @@ pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec
 /// Why a bead is of another chain, if it carries a scenario of its own.
 fn of_another(bead: &Bead, text: &str) -> Option<String> {
     let own = bead.parts.get(&Part::Scenario)?;
-    (own != text.as_bytes()).then(|| "carries another scenario".to_owned())
+    (**own != *text.as_bytes()).then(|| "carries another scenario".to_owned())
 }

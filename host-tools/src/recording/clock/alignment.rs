@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::recording::clock::fit::Fit;
 use crate::recording::clock::segments::{Edge, Segment};
 
 /// Two edges that are farther apart in host time are not the same, s.
@@ -81,34 +82,47 @@ impl Alignment {
     }
 }
 
-/// Edges that both segments saw, as times of each in s. Two edges are the same if their host times are.
-pub(super) fn common_edges(own: &Segment, reference: &Segment) -> Option<Vec<(f64, f64)>> {
-    let placed = |segment: &Segment| -> Option<Vec<(f64, i64)>> {
-        let fit = segment.fit()?;
+/// The edges of a segment, each at its own time, in s, and at the host's, in ns; in the order of the latter.
+pub(super) struct PlacedEdges {
+    edges: Vec<(f64, i64)>,
+    /// Time of the host between the two that are closest, s.
+    closest: f64,
+}
+
+impl PlacedEdges {
+    /// `fit` is the segment's. None without a sample rate.
+    pub(super) fn of(segment: &Segment, fit: &Fit) -> Option<Self> {
         let time = |edge: &Edge| segment.seconds(edge.position).map(|at| (at, fit.host_ns(at)));
-        segment.edges.iter().map(time).collect()
-    };
-    let (own, reference) = (placed(own)?, placed(reference)?);
-    let closest = |edges: &[(f64, i64)]| {
+        let mut edges: Vec<(f64, i64)> = segment.edges.iter().map(time).collect::<Option<_>>()?;
+        edges.sort_by_key(|(_, host)| *host);
         let gaps = edges
             .windows(2)
             .map(|pair| pair[1].1.saturating_sub(pair[0].1) as f64 * 1e-9);
-        gaps.fold(4.0 * SAME_EDGE, f64::min)
-    };
-    let within = (closest(&own).min(closest(&reference)) / 4.0).min(SAME_EDGE);
-    let mut pairs = Vec::new();
-    let mut rest = &reference[..];
-    for (time, host) in own {
-        // Those before are before all that follow, too.
-        let after = |edge: &(f64, i64)| edge.1.saturating_sub(host) as f64 * 1e-9;
-        rest = &rest[rest
-            .iter()
-            .position(|edge| after(edge) >= -within)
-            .unwrap_or(rest.len())..];
-        if let Some(edge) = rest.first().filter(|edge| after(edge) <= within) {
-            pairs.push((time, edge.0));
-            rest = &rest[1..];
-        }
+        Some(Self {
+            closest: gaps.fold(4.0 * SAME_EDGE, f64::min),
+            edges,
+        })
     }
-    Some(pairs)
+
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        self.edges.len()
+    }
+
+    /// Those that both segments saw, as times of each in s. Two edges are the same if their host times are.
+    pub(super) fn in_common(&self, reference: &Self) -> Vec<(f64, f64)> {
+        let within = (self.closest.min(reference.closest) / 4.0).min(SAME_EDGE);
+        let mut pairs = Vec::new();
+        let mut rest = &reference.edges[..];
+        for &(time, host) in &self.edges {
+            // Those before are before all that follow, too.
+            let after = |edge: &(f64, i64)| edge.1.saturating_sub(host) as f64 * 1e-9;
+            rest = &rest[rest.partition_point(|edge| after(edge) < -within)..];
+            if let Some(edge) = rest.first().filter(|edge| after(edge) <= within) {
+                pairs.push((time, edge.0));
+                rest = &rest[1..];
+            }
+        }
+        pairs
+    }
 }

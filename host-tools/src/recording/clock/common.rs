@@ -1,14 +1,21 @@
 //! The time that the beads of one recording have in common.
 
-use crate::recording::clock::alignment::{Alignment, common_edges};
+use std::collections::HashMap;
+
+use crate::recording::clock::alignment::{Alignment, PlacedEdges};
 use crate::recording::clock::fit::Fit;
-use crate::recording::clock::segments::{Segment, Tracker};
+use crate::recording::clock::segments::{Boots, Segment, Tracker};
 use crate::recording::file::{Recording, RecordingError};
+use crate::recording::strikes::RecordedStrike;
 
 /// A time for all beads of a recording, as far as they saw the same sync edges; and the host's for each.
 #[derive(Debug, Clone)]
 pub struct CommonTime {
-    boots: Vec<Boot>,
+    places: Boots,
+    /// By the place of their segment, those whose clock was fitted.
+    boots: HashMap<usize, Boot>,
+    /// Whether two of them have edges in common.
+    is_shared: bool,
     /// True seconds in one of the boot whose time it is, as far as known.
     pace: f64,
 }
@@ -17,11 +24,15 @@ pub struct CommonTime {
 /// nearer the truth than one of them. The wave takes 2 ms along a row, of which 100 ppm are 0.2 µs.
 const SURE: f64 = 10.0;
 
+/// Edges that two clocks must have in common.
+const EDGES_LEAST: usize = 2;
+/// Boots that are tried as the one whose time it is. A bead that is in order has one, and each that is tried is held
+/// against all others.
+const BASES_MOST: usize = 64;
+
 /// What a bead sent between two resets, on other clocks than its own.
 #[derive(Debug, Clone)]
 struct Boot {
-    address: u8,
-    boot: u8,
     rate: f64,
     fit: Fit,
     on: On,
@@ -38,6 +49,29 @@ enum On {
     Nothing,
 }
 
+/// A boot whose clock could be held against the host's.
+struct Fitted {
+    /// The place of its segment.
+    place: usize,
+    rate: f64,
+    fit: Fit,
+    edges: PlacedEdges,
+}
+
+impl Fitted {
+    fn of(place: usize, segment: &Segment) -> Option<Self> {
+        let rate = f64::from(segment.sample_rate_hz.filter(|rate| *rate > 0)?);
+        let fit = segment.fit()?;
+        let edges = PlacedEdges::of(segment, &fit)?;
+        Some(Self {
+            place,
+            rate,
+            fit,
+            edges,
+        })
+    }
+}
+
 impl CommonTime {
     /// From the edges in a recording. The time is that of the boot that has edges in common with most others; of several,
     /// the first.
@@ -45,63 +79,66 @@ impl CommonTime {
     /// # Errors
     /// The file cannot be read.
     pub fn of(recording: &Recording) -> Result<Self, RecordingError> {
-        let segments = Tracker::of(recording)?.segments;
-        let fitted = |segment: Segment| {
-            let rate = f64::from(segment.sample_rate_hz.filter(|rate| *rate > 0)?);
-            Some((segment.fit()?, rate, segment))
-        };
-        let fitted: Vec<(Fit, f64, Segment)> = segments.into_iter().filter_map(fitted).collect();
-        let mut best: Option<(usize, Vec<Option<Alignment>>)> = None;
-        for (at, (_, _, base)) in fitted.iter().enumerate() {
-            let onto = |(other, (_, _, segment)): (usize, &(Fit, f64, Segment))| match other == at {
-                true => None,
-                false => common_edges(segment, base).and_then(Alignment::through),
-            };
-            let onto: Vec<_> = fitted.iter().enumerate().map(onto).collect();
-            let count = |onto: &[Option<Alignment>]| onto.iter().flatten().count();
-            let reached = count(&onto);
-            if best.as_ref().is_none_or(|(_, before)| reached > count(before)) {
-                best = Some((at, onto));
+        Ok(Self::among(&Tracker::of(recording)?.segments))
+    }
+
+    /// The same from its segments.
+    pub(super) fn among(segments: &[Segment]) -> Self {
+        let places = Boots::of(segments);
+        let fitted: Vec<Fitted> = (0..)
+            .zip(segments)
+            .filter_map(|(place, segment)| Fitted::of(place, segment))
+            .collect();
+        let (mut reference, mut most) = (0, 0);
+        for at in bases(&fitted) {
+            let base = &fitted[at].edges;
+            let others = fitted.iter().enumerate().filter(|(other, _)| *other != at);
+            let reached = others
+                .filter(|(_, other)| other.edges.in_common(base).len() >= EDGES_LEAST)
+                .count();
+            if reached > most {
+                (reference, most) = (at, reached);
             }
             if reached + 1 == fitted.len() {
                 break;
             }
         }
-        let (reference, onto) = best.unwrap_or_default();
-        let pace = fitted.get(reference).map_or(1.0, |(fit, ..)| pace(fit, &onto));
-        let boots = fitted.into_iter().zip(onto).enumerate();
-        let boot = |(at, ((fit, rate, segment), alignment)): (usize, (_, Option<Alignment>))| {
-            let (fit, rate, segment): (Fit, f64, Segment) = (fit, rate, segment);
-            Boot {
-                address: segment.address,
-                boot: segment.boot,
-                rate,
-                fit,
-                on: match alignment {
-                    Some(alignment) => On::Edges(alignment),
-                    None if at == reference => On::Own,
-                    None => On::Nothing,
-                },
-            }
+        let onto = |(at, own): (usize, &Fitted)| match most > 0 && at != reference {
+            true => Alignment::through(own.edges.in_common(&fitted[reference].edges)),
+            false => None,
         };
-        Ok(Self {
+        let onto: Vec<Option<Alignment>> = fitted.iter().enumerate().map(onto).collect();
+        let pace = fitted.get(reference).map_or(1.0, |own| pace(&own.fit, &onto));
+        let is_shared = most > 0;
+        let boots = fitted.into_iter().zip(onto).enumerate();
+        let boot = |(at, (own, alignment)): (usize, (Fitted, _))| {
+            let Fitted { place, rate, fit, .. } = own;
+            let on = match alignment {
+                Some(alignment) => On::Edges(alignment),
+                None if at == reference => On::Own,
+                None => On::Nothing,
+            };
+            (place, Boot { rate, fit, on })
+        };
+        Self {
+            places,
             boots: boots.map(boot).collect(),
+            is_shared,
             pace,
-        })
+        }
     }
 
-    fn boot(&self, address: u8, boot: u8) -> Option<&Boot> {
-        let is_it = |one: &&Boot| (one.address, one.boot) == (address, boot);
-        self.boots.iter().find(is_it)
+    fn boot(&self, strike: &RecordedStrike) -> Option<&Boot> {
+        self.boots.get(&self.places.find(strike)?)
     }
 
-    /// When a bead's sample was taken, on the time in common, s. `None` for a boot of a bead that saw fewer than two edges
-    /// of it, or if no two did.
-    pub fn common(&self, address: u8, boot: u8, sample: f64) -> Option<f64> {
-        let own = self.boot(address, boot)?;
+    /// When a sample of the bead was taken in the boot of this strike, on the time in common, s. `None` for a boot of a
+    /// bead that saw fewer than two edges of it, or if no two did.
+    pub fn common(&self, strike: &RecordedStrike, sample: f64) -> Option<f64> {
+        let own = self.boot(strike)?;
         let time = sample / own.rate;
         match &own.on {
-            On::Own => self.is_shared().then_some(time * self.pace),
+            On::Own => self.is_shared.then_some(time * self.pace),
             On::Edges(alignment) => Some(alignment.reference(time) * self.pace),
             On::Nothing => None,
         }
@@ -109,15 +146,25 @@ impl CommonTime {
 
     /// Whether there is a time that two beads have in common.
     pub fn is_shared(&self) -> bool {
-        self.boots.iter().any(|boot| matches!(boot.on, On::Edges(_)))
+        self.is_shared
     }
 
-    /// When a bead's sample was taken, on the host's time, s since 1970, give or take the delay of the line. `None` if the
-    /// times of receipt are not known.
-    pub fn host(&self, address: u8, boot: u8, sample: f64) -> Option<f64> {
-        let own = self.boot(address, boot)?;
+    /// When a sample of the bead was taken in the boot of this strike, on the host's time, s since 1970, give or take the
+    /// delay of the line. `None` if the times of receipt are not known.
+    pub fn host(&self, strike: &RecordedStrike, sample: f64) -> Option<f64> {
+        let own = self.boot(strike)?;
         Some(own.fit.host_ns(sample / own.rate) as f64 * 1e-9)
     }
+}
+
+/// The boots that may give the time: of those with enough edges the ones with most, in their order.
+fn bases(fitted: &[Fitted]) -> Vec<usize> {
+    let edges = |at: usize| fitted[at].edges.count();
+    let mut bases: Vec<usize> = (0..fitted.len()).filter(|at| edges(*at) >= EDGES_LEAST).collect();
+    bases.sort_by_key(|at| std::cmp::Reverse(edges(*at)));
+    bases.truncate(BASES_MOST);
+    bases.sort_unstable();
+    bases
 }
 
 /// True seconds in a second of the bead with this fit, by the host's clock, or by those that are aligned with it.
@@ -135,6 +182,7 @@ fn pace(fit: &Fit, onto: &[Option<Alignment>]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::clock::segments::Edge;
 
     /// A bead whose clock is fast by this much, ppm, over so many seconds of frames.
     fn fit(fast: f64, seconds: u32) -> Fit {
@@ -149,6 +197,38 @@ mod tests {
     fn faster(ppm: f64) -> Option<Alignment> {
         let pairs = (0..20).map(f64::from).map(|at| (at * (1.0 + ppm * 1e-6), at));
         Alignment::through(pairs.collect())
+    }
+
+    #[test]
+    fn of_many_boots_those_with_most_edges_are_tried_and_none_without_two() {
+        let boot = |edges: u32| {
+            let edge = |number: u32| Edge {
+                number,
+                position: f64::from(number) * 1e5,
+            };
+            let segment = Segment {
+                sample_rate_hz: Some(100_000),
+                edges: (0..edges).map(edge).collect(),
+                ..Segment::default()
+            };
+            let fit = fit(0.0, 2);
+            Fitted {
+                place: 0,
+                rate: 1e5,
+                fit,
+                edges: PlacedEdges::of(&segment, &fit).unwrap(),
+            }
+        };
+        let few: Vec<_> = [1, 2, 0, 5, 3].map(boot).into();
+        assert_eq!(bases(&few), [1, 3, 4]);
+        let many: Vec<_> = (0..300).map(|at| boot(at % 3 + 1)).collect();
+        let tried = bases(&many);
+        assert_eq!(tried.len(), BASES_MOST);
+        // Of those with three edges the first, in their order.
+        assert!(
+            tried.iter().zip(0..).all(|(base, n)| *base == 3 * n + 2),
+            "{tried:?}"
+        );
     }
 
     #[test]

@@ -1,14 +1,14 @@
 //! Recordings, and how their clocks run: against the host, and against the first.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use crate::recording::arrival::rise;
-use crate::recording::clock::alignment::{Alignment, common_edges};
+use crate::recording::clock::alignment::{Alignment, PlacedEdges};
 use crate::recording::clock::fit::Fit;
-use crate::recording::clock::segments::{Segment, Struck, Tracker};
+use crate::recording::clock::segments::{Boots, Segment, Struck, Tracker};
 use crate::recording::file::RecordingError;
 use crate::recording::json::hex;
 use crate::recording::received::Received;
@@ -132,15 +132,16 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
     };
     let most_edges = first.iter().max_by_key(|(_, _, segment)| segment.edges.len());
     let alone = neighbours.is_empty() && others.is_empty();
-    let Some((reference, _, base)) = most_edges.filter(|_| !alone) else {
+    let Some((reference, fit, base)) = most_edges.filter(|_| !alone) else {
         return Ok(report);
     };
     report.reference = Some(reference.clone());
     report.strikes = arrivals(base, reference, |own| own);
+    let edges = PlacedEdges::of(base, fit);
     // Beads that share a line may well have no sync input.
-    report.align(neighbours, base);
+    report.align(neighbours, edges.as_ref());
     for recording in others {
-        if report.align(recording, base) == 0 {
+        if report.align(recording, edges.as_ref()) == 0 {
             return Err(RecordingError::Clock(nothing_in_common(
                 base, reference, recording,
             )));
@@ -162,11 +163,13 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
 }
 
 impl ClockComparison {
-    /// Puts beads on the time of `base`; gives the number of boots for which that was possible.
-    fn align(&mut self, beads: &[Vec<Fitted>], base: &Segment) -> usize {
+    /// Puts beads on the time of the boot with the edges `base`; gives the number of boots for which that was possible.
+    fn align(&mut self, beads: &[Vec<Fitted>], base: Option<&PlacedEdges>) -> usize {
         let before = self.alignments.len();
-        for (place, _, segment) in beads.iter().flatten() {
-            let Some(alignment) = common_edges(segment, base).and_then(Alignment::through) else {
+        for (place, fit, segment) in beads.iter().flatten() {
+            let edges = PlacedEdges::of(segment, fit).zip(base);
+            let pairs = edges.map(|(own, base)| own.in_common(base));
+            let Some(alignment) = pairs.and_then(Alignment::through) else {
                 continue;
             };
             let arrivals = arrivals(segment, place, |own| alignment.reference(own));
@@ -245,12 +248,20 @@ fn fitted(path: &Path, left_out: &mut Vec<String>) -> Result<Vec<Vec<Fitted>>, R
 
 /// Finds the front of each strike whose samples were received.
 fn find_fronts(segments: &mut [Segment], strikes: impl Iterator<Item = RecordedStrike>) {
+    let boots = Boots::of(segments);
+    // The first of a number counts.
+    let mut numbers = HashMap::<(usize, u32), usize>::new();
+    for (boot, segment) in segments.iter().enumerate() {
+        for (at, struck) in segment.struck.iter().enumerate() {
+            numbers.entry((boot, struck.strike)).or_insert(at);
+        }
+    }
     for strike in strikes {
-        let found = segments
-            .iter_mut()
-            .filter(|segment| (segment.address, segment.boot) == (strike.address, strike.boot))
-            .flat_map(|segment| &mut segment.struck)
-            .find(|struck| struck.strike == strike.said.strike);
+        let Some(boot) = boots.find(&strike) else {
+            continue;
+        };
+        let found = numbers.get(&(boot, strike.said.strike));
+        let found = found.and_then(|at| segments[boot].struck.get_mut(*at));
         let whole = strike.settings.filter(|_| strike.missing() == 0);
         let signal = whole.and_then(|settings| Signal::of(&strike.scans, &settings));
         if let Some(struck) = found {
@@ -293,6 +304,49 @@ fn arrivals(segment: &Segment, place: &Place, reference: impl Fn(f64) -> f64) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::strikes::ScanCodes;
+    use bead_model::design::{Bead, Capture, FrontEnd, derive};
+    use bead_wire::{Kind, Message};
+
+    #[test]
+    fn the_front_of_a_strike_is_of_its_own_boot_also_after_a_power_cycle() {
+        let Message::Strike(said) = Message::draw(Kind::Strike, &mut || 0) else {
+            panic!("a strike");
+        };
+        let scan = |sample: u16| {
+            let force = 6.0 * (-((f64::from(sample) - 300.0) / 20.0).powi(2)).exp();
+            ScanCodes {
+                sensitive: [(128.0 + force * 4096.0 / 16.0) as u16, 2048],
+                wide: None,
+            }
+        };
+        let settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let strike = RecordedStrike {
+            scans: (0..672).map(scan).collect(),
+            settings: Some(settings),
+            ..RecordedStrike::new(0, said)
+        };
+        let boot = || Segment {
+            struck: vec![Struck {
+                strike: strike.said.strike,
+                position: 0.0,
+                rise: None,
+            }],
+            ..Segment::default()
+        };
+        // The low bytes are all 0. A strike that was fetched later tells no more than that: it is of the last.
+        for (nth_boot, place) in [(Some(0), 0), (Some(1), 1), (Some(2), 2), (None, 2)] {
+            let mut boots = [boot(), boot(), boot()];
+            let strike = RecordedStrike {
+                nth_boot,
+                ..strike.clone()
+            };
+            find_fronts(&mut boots, [strike].into_iter());
+            let found: Vec<_> = boots.iter().map(|boot| boot.struck[0].rise.is_some()).collect();
+            let expected: Vec<_> = (0..3).map(|at| at == place).collect();
+            assert_eq!(found, expected, "{nth_boot:?}");
+        }
+    }
 
     #[test]
     fn beads_without_edges_in_common_are_told_from_one_bead_that_was_recorded_twice() {

@@ -1,12 +1,13 @@
 //! What each bead sent between two resets, as far as clocks are concerned.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use bead_wire::{Arrival, Message};
 
 use crate::recording::clock::fit::Fit;
 use crate::recording::file::{Recording, RecordingError};
 use crate::recording::frames::{Frame, Item};
+use crate::recording::strikes::RecordedStrike;
 
 /// Samples in a bucket at first: a quarter of a second. Of the frames in a bucket only the one with the least
 /// delay is kept.
@@ -138,6 +139,39 @@ impl Tracker {
             tracker.push(&frame);
         }
         Ok(tracker)
+    }
+}
+
+/// The segment that a strike is of.
+#[derive(Debug, Clone, Default)]
+pub struct Boots {
+    /// By address and number among its boots.
+    nth: HashMap<(u8, usize), usize>,
+    /// By address and low byte of the boot number: the last.
+    last: HashMap<(u8, u8), usize>,
+}
+
+impl Boots {
+    /// Of all segments of a recording, as [`Tracker`] has them.
+    pub fn of(segments: &[Segment]) -> Self {
+        let mut boots = Self::default();
+        let mut counts = HashMap::<u8, usize>::new();
+        for (place, segment) in segments.iter().enumerate() {
+            let count = counts.entry(segment.address).or_default();
+            boots.nth.insert((segment.address, *count), place);
+            boots.last.insert((segment.address, segment.boot), place);
+            *count += 1;
+        }
+        boots
+    }
+
+    /// The place of a strike's segment among them. Of a strike that was fetched later it is the last boot with its byte.
+    pub fn find(&self, strike: &RecordedStrike) -> Option<usize> {
+        let found = match strike.nth_boot {
+            Some(nth) => self.nth.get(&(strike.address, nth)),
+            None => self.last.get(&(strike.address, strike.boot)),
+        };
+        found.copied()
     }
 }
 

@@ -1,9 +1,11 @@
 //! Lines through simulated delays, and segments of beads that share a line.
 
 use super::alignment::*;
+use super::common::CommonTime;
 use super::fit::median;
 use super::segments::*;
 use crate::recording::frames::Frame;
+use crate::recording::strikes::RecordedStrike;
 use bead_wire::Arrival;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -269,11 +271,52 @@ fn an_edge_that_one_bead_missed_shifts_no_other() {
         segment.edges.remove(skip);
         segment
     };
-    let pairs = common_edges(&segment(10, 25.0), &segment(40, -25.0)).unwrap();
+    let placed = |segment: Segment| PlacedEdges::of(&segment, &segment.fit().unwrap()).unwrap();
+    let pairs = placed(segment(10, 25.0)).in_common(&placed(segment(40, -25.0)));
     assert_eq!(pairs.len(), 56);
     for (own, reference) in pairs {
         assert!((own / (1.0 + 25e-6) - reference / (1.0 - 25e-6)).abs() < 1e-9);
     }
+}
+
+#[test]
+fn after_a_power_cycle_a_strike_is_on_the_time_of_its_own_boot() {
+    // Bead 7 was switched off and on, and saw edges only then; bead 8 saw them as well.
+    let boot = |address: u8, edges: u32| {
+        let mut segment = heard(0.0, 60.0, 50.0, Delays::Queue, 5);
+        segment.address = address;
+        let edge = |number: u32| Edge {
+            number,
+            position: f64::from(number) * 1e5,
+        };
+        segment.edges = (1..=edges).map(edge).collect();
+        segment
+    };
+    let time = CommonTime::among(&[boot(7, 1), boot(8, 50), boot(7, 50)]);
+    assert!(time.is_shared());
+    let said = bead_wire::Message::draw(bead_wire::Kind::Strike, &mut || 0);
+    let bead_wire::Message::Strike(said) = said else {
+        panic!("a strike");
+    };
+    let at = |address: u8, nth_boot: Option<usize>| {
+        let strike = RecordedStrike {
+            nth_boot,
+            ..RecordedStrike::new(address, said)
+        };
+        assert_eq!(
+            time.host(&strike, 1e5).is_some(),
+            nth_boot != Some(2),
+            "{nth_boot:?}"
+        );
+        time.common(&strike, 1e5)
+    };
+    assert_eq!(at(7, Some(0)), None);
+    assert_eq!(at(7, Some(1)), at(8, Some(0)));
+    assert!(at(7, Some(1)).is_some());
+    // That is all that is known of one that was fetched later.
+    assert_eq!(at(7, None), at(7, Some(1)));
+    // A boot beyond those that are kept.
+    assert_eq!(at(7, Some(2)), None);
 }
 
 #[test]

@@ -75,14 +75,14 @@ pub enum RecordingError {
     #[error("{0}")]
     Clock(String),
     /// An attachment that this version did not write.
-    #[error("{path}: cannot read its {part}; record it again: {source}")]
+    #[error("{path}: cannot read its {part}; record it again: {why}")]
     Part {
         /// The file.
         path: PathBuf,
         /// Name of the attachment.
         part: &'static str,
         /// What is wrong with it.
-        source: serde_json::Error,
+        why: String,
     },
 }
 

@@ -1,6 +1,7 @@
 //! What is found on the way through a recording.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
 
 use crate::recording::file::about::{About, Origin, Part};
 use crate::recording::file::layout::{
@@ -8,14 +9,15 @@ use crate::recording::file::layout::{
 };
 use crate::recording::file::records::{self, ChannelHead, op};
 use crate::recording::frames::Piece;
-use crate::recording::printable::one_line;
+use crate::recording::printable::{beginning, one_line};
 
 /// Greatest number of bytes in runs that wait for the time of their piece. A piece has up to 64 KiB and may
 /// end a run that began before it.
 const HELD_MOST: usize = 4 * LONGEST_RUN;
 
-/// Channels that are named of a file that is not a bead's.
+/// Channels that are named of a file that is not a bead's, and the characters of a name.
 const TOPICS_MOST: usize = 12;
+const NAME_MOST: usize = 64;
 
 /// The channels with bytes and with times of receipt, each with the address of its bead if it is one of several.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -42,7 +44,7 @@ struct Runs {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct OfBead {
     pub(super) origin: Option<Origin>,
-    pub(super) parts: BTreeMap<Part, Vec<u8>>,
+    pub(super) parts: BTreeMap<Part, Arc<[u8]>>,
 }
 
 /// What is found on the way through a file.
@@ -50,7 +52,7 @@ pub(super) struct OfBead {
 pub(super) struct Found {
     pub(super) about: About,
     /// Attached for all.
-    pub(super) parts: BTreeMap<Part, Vec<u8>>,
+    pub(super) parts: BTreeMap<Part, Arc<[u8]>>,
     /// By address.
     pub(super) beads: BTreeMap<u8, OfBead>,
     pub(super) lanes: Lanes,
@@ -94,7 +96,7 @@ impl Found {
 
     fn read(&mut self, opcode: u8, data: &[u8]) -> Option<()> {
         match opcode {
-            op::HEADER => self.made_by = records::library(data)?.to_owned(),
+            op::HEADER => self.made_by = beginning(records::library(data)?, NAME_MOST).into_owned(),
             op::CHANNEL => self.channel(records::channel(data)?),
             op::MESSAGE => {
                 let (channel, number, data) = records::message(data)?;
@@ -121,7 +123,7 @@ impl Found {
                         Some(address) => &mut self.beads.entry(address).or_default().parts,
                         None => &mut self.parts,
                     };
-                    parts.insert(part, data.to_owned());
+                    parts.insert(part, data.into());
                 }
             }
             _ => {}
@@ -131,7 +133,8 @@ impl Found {
 
     fn channel(&mut self, channel: ChannelHead<'_>) {
         if self.topics.len() < TOPICS_MOST {
-            self.topics.insert(channel.topic.to_owned());
+            let topic = beginning(channel.topic, NAME_MOST);
+            self.topics.insert(topic.into_owned());
         }
         let id = channel.id;
         match (bead_of(channel.topic), channel.encoding) {

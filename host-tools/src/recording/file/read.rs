@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::recording::file::about::{About, Origin, Part};
 use crate::recording::file::error::RecordingError;
@@ -14,9 +15,9 @@ use crate::recording::frames::{Frames, Piece};
 pub struct Recording {
     path: PathBuf,
     /// What it is of.
-    pub about: About,
+    pub about: Arc<About>,
     /// Its attachments: those of all beads.
-    pub parts: BTreeMap<Part, Vec<u8>>,
+    pub parts: BTreeMap<Part, Arc<[u8]>>,
     /// The beads, by their addresses, if it is a recording of several.
     pub beads: Vec<Bead>,
     /// Runs of bytes between two delimiters; what is no frame may stand together in one.
@@ -27,7 +28,7 @@ pub struct Recording {
     pub state: State,
     /// Whether there are strikes in it that were fetched.
     pub(in crate::recording) has_fetched: bool,
-    lanes: Lanes,
+    lanes: Arc<Lanes>,
     /// The bead that is looked at, if it is one of several.
     only: Option<u8>,
 }
@@ -38,7 +39,7 @@ pub struct Bead {
     /// Which one, and where its bytes came from.
     pub origin: Origin,
     /// Its own attachments.
-    pub parts: BTreeMap<Part, Vec<u8>>,
+    pub parts: BTreeMap<Part, Arc<[u8]>>,
     /// Its runs of bytes.
     pub runs: u64,
     /// Those of them that are missing.
@@ -102,28 +103,32 @@ impl Recording {
         Ok(Self {
             path: path.to_owned(),
             beads: found.beads.iter().map(bead).collect(),
-            about: found.about,
+            about: Arc::new(found.about),
             parts: found.parts,
             runs,
             runs_missing,
             state: walk.state,
             has_fetched,
-            lanes: found.lanes,
+            lanes: Arc::new(found.lanes),
             only: None,
         })
     }
 
-    /// The recording as it would be of one of its beads alone.
+    /// The recording as it would be of one of its beads alone. What may be long is shared: there can be 254 of these.
     pub fn of(&self, bead: &Bead) -> Self {
         let mut parts = self.parts.clone();
         parts.extend(bead.parts.clone());
         Self {
+            path: self.path.clone(),
+            about: Arc::clone(&self.about),
             parts,
             beads: Vec::new(),
             runs: bead.runs,
             runs_missing: bead.runs_missing,
+            state: self.state.clone(),
+            has_fetched: self.has_fetched,
+            lanes: Arc::clone(&self.lanes),
             only: Some(bead.origin.address),
-            ..self.clone()
         }
     }
 
@@ -140,7 +145,7 @@ impl Recording {
     /// # Errors
     /// The file cannot be read.
     pub fn pieces(&self) -> Result<Pieces, RecordingError> {
-        let pieces = Pieces::open(&self.path, true, self.lanes.clone())?;
+        let pieces = Pieces::open(&self.path, true, Lanes::clone(&self.lanes))?;
         Ok(Pieces {
             only: self.only,
             ..pieces

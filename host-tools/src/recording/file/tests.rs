@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::found::Lanes;
@@ -156,11 +157,11 @@ fn a_recording_gives_back_every_byte_between_delimiters() {
     let recording = Recording::open(&path).unwrap();
     assert_eq!(recording.state, State::Whole);
     assert_eq!(recording.warning(), None);
-    assert_eq!(recording.about, about());
+    assert_eq!(*recording.about, about());
     assert_eq!(kept(&path), runs(&stream));
     assert_eq!(recording.runs, runs(&stream).len() as u64);
-    assert_eq!(recording.parts[&Part::Scenario], b"title = \"x\"");
-    assert_eq!(recording.parts[&Part::EmulatorReport], b"{}");
+    assert_eq!(*recording.parts[&Part::Scenario], *b"title = \"x\"");
+    assert_eq!(*recording.parts[&Part::EmulatorReport], *b"{}");
     assert!(!recording.parts.contains_key(&Part::Truth));
     let left: Vec<_> = fs::read_dir(folder.path()).unwrap().collect();
     assert_eq!(left.len(), 1, "only the finished file is left: {left:?}");
@@ -571,7 +572,7 @@ fn a_recording_that_goes_on_in_other_files_has_each_run_once_and_never_cuts_a_st
         for file in &files {
             let recording = Recording::open(file).unwrap();
             assert_eq!(recording.state, State::Whole);
-            assert_eq!(recording.about, about());
+            assert_eq!(*recording.about, about());
             let (mut begun, mut ended) = (0, 0);
             for item in recording.frames().unwrap() {
                 match item.frame().map(|frame| frame.message) {
@@ -618,11 +619,55 @@ fn other_files_are_refused_by_what_they_are() {
         refused(&foreign.into_inner().into_inner()),
         RecordingError::NotOurs(..)
     ));
+    let mut foreign = mcap::WriteOptions::new()
+        .compression(None)
+        .library("y".repeat(100_000))
+        .create(io::Cursor::new(Vec::new()))
+        .unwrap();
+    for end in ["1", "2"] {
+        let name = "\u{1b}".to_owned() + &"x".repeat(100_000) + end;
+        foreign.add_channel(0, &name, "x", &BTreeMap::new()).unwrap();
+    }
+    foreign.finish().unwrap();
+    let told = refused(&foreign.into_inner().into_inner()).to_string();
+    assert!(
+        told.contains("the channels `\\u001bxxx") && told.contains("written by `yyy"),
+        "{told}"
+    );
+    assert!(told.len() < 600, "{} bytes", told.len());
     fs::remove_file(&path).unwrap();
     assert!(matches!(
         Recording::open(&path),
         Err(RecordingError::File { action: "read", .. })
     ));
+}
+
+#[test]
+fn messages_within_messages_are_not_handed_on_again_and_again() {
+    let record = |opcode: u8, length: usize, data: &[u8]| {
+        [&[opcode][..], &(length as u64).to_le_bytes(), data].concat()
+    };
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
+    let channel = [&[1, 0, 0, 0][..], &text(TOPIC), &text("bead-wire"), &text("")].concat();
+    let head = [mcap::MAGIC, &record(4, channel.len(), &channel)].concat();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("nested.mcap");
+    // Longer than any message of the writer, and not.
+    for length in [400_000, 100_000] {
+        let mut inside = Vec::new();
+        for number in 0..1000_u32 {
+            let left = length - inside.len() - 9;
+            let message = [&[1, 0][..], &number.to_le_bytes(), &[0; 16]].concat();
+            inside.extend(record(5, left, &message));
+        }
+        inside.resize(length, 0x91);
+        // All of them end where a record begins that is cut.
+        let cut = record(5, 1 << 24, &[1, 0]);
+        fs::write(&path, [&head[..], &inside, &cut, &[0; 20]].concat()).unwrap();
+        let handed: usize = pieces(&path).map(|piece| piece.bytes.len()).sum();
+        assert!(handed > length / 2, "{handed} of {length} bytes");
+        assert!(handed < 5 * length / 2, "{handed} of {length} bytes");
+    }
 }
 
 /// Three beads with addresses 7, 8 and 200, whose pieces come in turn.
@@ -689,7 +734,10 @@ fn each_bead_of_several_gives_back_its_own_bytes_times_and_attachments() {
             Some(format!("/dev/ttyACM{address}").as_str())
         );
         let alone = recording.of(bead);
-        assert_eq!(alone.parts[&Part::Settings], [*address]);
+        // There can be 254 of these, and an attachment may have megabytes.
+        let [own, shared] = [&alone, &recording].map(|recording| &recording.parts[&Part::Scenario]);
+        assert!(Arc::ptr_eq(own, shared));
+        assert_eq!(*alone.parts[&Part::Settings], [*address]);
         let pieces: Vec<_> = alone.pieces().unwrap().collect();
         let kept: Vec<u8> = pieces.iter().flat_map(|piece| &piece.bytes).copied().collect();
         assert_eq!(runs(&kept), runs(stream));

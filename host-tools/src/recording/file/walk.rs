@@ -6,7 +6,8 @@
 //! the file is searched for the next one, from just behind the head of the last, whose length may be what is
 //! wrong. A place counts as a record if its head and its data could have been written, and if a record, or the
 //! end of the file, follows it. Frames have a CRC of their own, so that a wrong guess cannot become a wrong
-//! result.
+//! result. Bytes of a message whose length is wrong are read again from the next record on; a file can be made in which
+//! each few bytes begin a message that goes on to the end, and so this has a limit.
 //!
 //! A whole file must also have the CRC that is written at its end. Memory: a record, and a window of the file.
 
@@ -19,6 +20,7 @@ use crc32fast::Hasher;
 use crate::recording::file::chunk;
 use crate::recording::file::error::RecordingError;
 use crate::recording::file::found::Found;
+use crate::recording::file::layout::LONGEST_RUN;
 use crate::recording::file::records::{self, Head, MESSAGE_HEAD, RECORD_HEAD, RECORD_MOST, op};
 use crate::recording::file::source::Source;
 
@@ -80,6 +82,9 @@ const MAGIC: &[u8] = mcap::MAGIC;
 /// Bytes before the records of a chunk, at least: times and size u64, CRC u32, no name of a compression, size u64.
 const CHUNK_LEAST: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 
+/// No message of the writer is longer: it has a run, or runs that are no frames.
+const LONGEST_MESSAGE: u64 = (2 * LONGEST_RUN + MESSAGE_HEAD) as u64;
+
 /// A way through the records of a file.
 pub(super) struct Walk {
     source: Source,
@@ -87,6 +92,10 @@ pub(super) struct Walk {
     at: u64,
     /// Where the record before it began.
     last: u64,
+    /// Where the furthest message ends that was taken: its bytes were handed on.
+    handed: u64,
+    /// Bytes that may still be handed on once more.
+    once_more: u64,
     /// Where the records of the chunk end in which this is.
     chunk: Option<u64>,
     /// Whether its CRC is wrong.
@@ -134,9 +143,11 @@ impl Walk {
             return Err(RecordingError::NotMcap(path.to_owned()));
         }
         let mut walk = Self {
+            once_more: source.length,
             source,
             at: MAGIC.len() as u64,
             last: 0,
+            handed: 0,
             chunk: None,
             doubtful: false,
             hashed: (Hasher::new(), 0),
@@ -246,6 +257,9 @@ impl Walk {
 
     /// Takes a record that is no chunk. False if its data is not sound.
     fn take(&mut self, at: u64, head: Head, found: &mut Found) -> io::Result<bool> {
+        if head.opcode == op::MESSAGE && !self.may_hand(at, head) {
+            return Ok(false);
+        }
         let length = usize::try_from(head.length).unwrap_or(usize::MAX);
         let body = at + RECORD_HEAD as u64;
         let bytes = self.source.at(body, length)?;
@@ -278,8 +292,23 @@ impl Walk {
                 }
                 Ok(true)
             }
-            opcode => Ok(found.record(opcode, data)),
+            opcode => {
+                let taken = found.record(opcode, data);
+                if taken && opcode == op::MESSAGE {
+                    if at < self.handed {
+                        self.once_more -= head.length;
+                    }
+                    self.handed = self.handed.max(body + head.length);
+                }
+                Ok(taken)
+            }
         }
+    }
+
+    /// Whether the bytes of a message may be handed on. Those within a message that was taken are handed on once more
+    /// if they could be what was written.
+    fn may_hand(&self, at: u64, head: Head) -> bool {
+        at >= self.handed || head.length <= LONGEST_MESSAGE.min(self.once_more)
     }
 
     fn wrong(&mut self, what: &str) {
@@ -396,14 +425,14 @@ impl Walk {
         let body = at + RECORD_HEAD as u64;
         let end = body + head.length;
         let length = self.source.length;
+        let may_hand = self.may_hand(at, head);
         let bytes = self.source.at(body, 64)?;
         let sound = match head.opcode {
             op::CHUNK => records::chunk(&bytes[..bytes.len().min(64)], head.length).is_some(),
-            op::MESSAGE if head.length >= MESSAGE_HEAD as u64 => {
-                records::message(bytes).is_some_and(|(channel, ..)| {
+            op::MESSAGE if head.length >= MESSAGE_HEAD as u64 && may_hand => records::message(bytes)
+                .is_some_and(|(channel, ..)| {
                     found.frames_of(channel).is_some() || found.times_of(channel).is_some()
-                })
-            }
+                }),
             op::CHANNEL
             | op::METADATA
             | op::ATTACHMENT
