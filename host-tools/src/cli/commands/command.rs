@@ -225,7 +225,9 @@ fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), F
         let mut to = BufWriter::new(to);
         writeln!(to, "sample_index,force_code,acceleration_code")?;
         for piece in &pieces {
-            for (index, codes) in (piece.first_index..).zip(piece.codes.iter()) {
+            for (place, codes) in (0..).zip(piece.codes.iter()) {
+                // What is on the line may be near the end of the range.
+                let index = piece.first_index.wrapping_add(place);
                 let codes = codes.map(|code| code.to_string());
                 writeln!(to, "{index},{}", codes.join(","))?;
             }
