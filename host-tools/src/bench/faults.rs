@@ -88,7 +88,7 @@ const WATCHDOG: f64 = 2.0;
 
 /// Faults that a run has at most. That of a sensor changes the stimulus to its end, so many make a run wait long before it
 /// begins; and no more than some tens can be told apart in a run.
-const MOST: usize = 1000;
+const MOST: usize = 10_000;
 
 impl Kind {
     /// Its name in the file.
@@ -443,15 +443,15 @@ mod tests {
     }
 
     #[test]
-    fn a_file_has_a_thousand_faults_at_most() {
+    fn a_file_has_ten_thousand_faults_at_most() {
         let many = |count: usize| "[[fault]]\nat = 1.0\nkind = \"panic\"\n".repeat(count);
-        assert_eq!(parse(&many(MOST), "f.toml").unwrap().len(), 1000);
+        assert_eq!(parse(&many(MOST), "f.toml").unwrap().len(), 10_000);
         assert_eq!(
             refused(&many(MOST + 1)),
-            "f.toml:1: fault: 1001 faults are more than 1000; provoke fewer in one run"
+            "f.toml:1: fault: 10001 faults are more than 10000; provoke fewer in one run"
         );
         let page = include_str!("../../../docs/how-to.md");
-        assert!(page.contains("A file has up to 1000 faults."));
+        assert!(page.contains("A file has up to 10,000 faults."));
     }
 
     #[test]
