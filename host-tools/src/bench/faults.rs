@@ -87,7 +87,7 @@ const GIVEN_UP: f64 = 1.5;
 const WATCHDOG: f64 = 2.0;
 
 /// Faults that a run has at most. That of a sensor changes the stimulus to its end, so many make a run wait long before it
-/// begins; and no more than some tens can be told apart in a run.
+/// begins.
 const MOST: usize = 10_000;
 
 impl Kind {
