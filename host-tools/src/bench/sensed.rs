@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bench::error::BenchError;
 use crate::bench::front_end::{SAMPLE_RATE_HZ, Stimulus};
+use crate::recording::printable::first_of;
 use crate::waveform::Waveform;
 use crate::waveform::trace::{FADE, Trace};
 
@@ -26,7 +27,10 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
         let with: Vec<usize> = model.intruders().iter().map(|one| one.bead).collect();
         let what = match with.is_empty() {
             true => "no bead of this scenario has an intruder; add an [[intruder]] to it".to_owned(),
-            false => format!("this bead has no intruder; give one of: {}", first_of(&with)),
+            false => format!(
+                "this bead has no intruder; give one of: {}",
+                first_of(&with, BEADS_TOLD)
+            ),
         };
         return Err(BenchError::Unfit(format!("--bead {bead}: {what}")));
     };
@@ -142,20 +146,13 @@ pub fn only_host(scenario: &Scenario) -> Result<usize, BenchError> {
         )),
         _ => Err(BenchError::Unfit(format!(
             "several beads have intruders ({}); say which with --bead",
-            first_of(&hosts)
+            first_of(&hosts, BEADS_TOLD)
         ))),
     }
 }
 
-/// The first of some beads, as a list for people, and how many more there are.
-pub(crate) fn first_of(beads: &[usize]) -> String {
-    const TOLD: usize = 10;
-    let first: Vec<String> = beads.iter().take(TOLD).map(usize::to_string).collect();
-    match beads.len().saturating_sub(TOLD) {
-        0 => first.join(", "),
-        more => format!("{} and {more} more", first.join(", ")),
-    }
-}
+/// Beads of a list that are told.
+pub(crate) const BEADS_TOLD: usize = 10;
 
 /// Reads a scenario together with its text.
 ///

@@ -5,7 +5,8 @@ use std::str::FromStr;
 use hertz_chain::Scenario;
 
 use crate::bench::error::BenchError;
-use crate::bench::sensed::first_of;
+use crate::bench::sensed::BEADS_TOLD;
+use crate::recording::printable::first_of;
 
 /// Beads as given on a command line.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -87,8 +88,8 @@ impl Beads {
         };
         Err(BenchError::Unfit(format!(
             "--bead: {these} {} {has} no intruder; those with one are {}",
-            first_of(&without),
-            first_of(&with)
+            first_of(&without, BEADS_TOLD),
+            first_of(with, BEADS_TOLD)
         )))
     }
 }

@@ -24,6 +24,16 @@ pub fn beginning(text: &str, most: usize) -> Cow<'_, str> {
     }
 }
 
+/// The first `most` of some names, as a list for people, and how many more there are.
+pub fn first_of<T: ToString>(names: impl IntoIterator<Item = T>, most: usize) -> String {
+    let mut names = names.into_iter();
+    let first: Vec<String> = names.by_ref().take(most).map(|name| name.to_string()).collect();
+    match names.count() {
+        0 => first.join(", "),
+        more => format!("{} and {more} more", first.join(", ")),
+    }
+}
+
 /// Control characters, separators of lines, and those that change the direction of writing (Unicode annex 9, section 2):
 /// with these a name can look like another.
 fn steers(character: char) -> bool {
@@ -53,6 +63,13 @@ pub fn note(what: std::fmt::Arguments<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_many_names_the_first_are_told() {
+        assert_eq!(first_of([1, 2], 2), "1, 2");
+        assert_eq!(first_of(1..=22, 3), "1, 2, 3 and 19 more");
+        assert_eq!(first_of([""; 0], 3), "");
+    }
 
     #[test]
     fn what_would_steer_a_terminal_is_shown() {

@@ -8,6 +8,7 @@ use hertz_figures::chart::{Axis as ChartAxis, COLUMN, Chart, FAMILY, Ink, Map, M
 
 use crate::export::read::Reading;
 use crate::export::{Cell, Kind};
+use crate::recording::printable::first_of;
 use crate::sweep::axis::{Along, Values};
 use crate::sweep::definition::Definition;
 use crate::sweep::plan::Plan;
@@ -47,6 +48,8 @@ struct Column {
 
 /// More curves than this cannot be told apart.
 const MOST_CURVES: u64 = 4 * FAMILY as u64;
+/// Names of a list that are told.
+const NAMES_TOLD: usize = 20;
 /// Cells of a map.
 const MOST_CELLS: u64 = 250_000;
 /// Points of curves, and places of an axis.
@@ -129,7 +132,7 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
         true => Ok(name.to_owned()),
         false => Err(format!(
             "{name} is no result of this sweep; there are {}",
-            some(&results)
+            first_of(&results, NAMES_TOLD)
         )),
     };
     let first = || results[0].clone();
@@ -157,7 +160,7 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
                 let known: Vec<String> = plan.axes().iter().map(super::axis::Axis::index).collect();
                 format!(
                     "{name} is no column of an axis of this sweep; there are {}",
-                    some(&known)
+                    first_of(&known, NAMES_TOLD)
                 )
             })?,
             None => {
@@ -203,7 +206,7 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
         let first = plan.axes()[*first].index();
         return Err(format!(
             "the sweep has more axes: {}; choose a place of each with --at {first}=VALUE, or a curve for each with --by {first}",
-            some(&left)
+            first_of(&left, NAMES_TOLD)
         ));
     }
     let count = |column: &Column| plan.axes()[column.axis].count;
@@ -221,16 +224,6 @@ fn decide(view: &View, plan: &Plan) -> Result<Decided, String> {
             count(y)
         )),
         _ => Ok(Decided { x, drawn, at }),
-    }
-}
-
-/// Some of many names.
-fn some(names: &[String]) -> String {
-    const SHOWN: usize = 20;
-    let shown = names[..names.len().min(SHOWN)].join(", ");
-    match names.len() {
-        ..=SHOWN => shown,
-        all => format!("{shown} and {} more", all - SHOWN),
     }
 }
 
@@ -615,14 +608,6 @@ mod tests {
         assert_eq!(short(&[0.1, 0.25, 1.0 / 3.0]), ["0.1", "0.25", "0.3333"]);
         assert_eq!(short(&[100.01, 100.02]), ["100.01", "100.02"]);
         assert_eq!(short(&[1.0, 1.0 + 1e-12]), ["1", "1.000000000001"]);
-    }
-
-    #[test]
-    fn of_many_names_some_are_told() {
-        let names: Vec<String> = (1..=22).map(|n| n.to_string()).collect();
-        assert_eq!(some(&names[..2]), "1, 2");
-        assert!(some(&names[..20]).ends_with("19, 20"));
-        assert!(some(&names).ends_with("19, 20 and 2 more"));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use crate::recording::printable::{beginning, first_of};
 use crate::waveform::choice::{Choice, Wanted, option};
 use crate::waveform::error::WaveformError;
 use crate::waveform::unit::{self, Quantity};
@@ -48,16 +49,16 @@ impl Header {
 
     /// As messages name it.
     fn shown(&self) -> String {
-        let name = cut(self.name.trim(), LETTERS);
+        let name = beginning(self.name.trim(), LETTERS);
         match &self.unit {
-            Some(unit) => format!("{name} ({})", cut(unit, LETTERS)),
+            Some(unit) => format!("{name} ({})", beginning(unit, LETTERS)),
             None => name.into_owned(),
         }
     }
 
     /// As a user can type it: a long name by its number.
     fn typed(&self) -> Cow<'_, str> {
-        match cut(self.name.trim(), LETTERS) {
+        match beginning(self.name.trim(), LETTERS) {
             Cow::Owned(_) => (self.place + 1).to_string().into(),
             whole => whole,
         }
@@ -68,22 +69,9 @@ impl Header {
 const NAMES: usize = 20;
 const LETTERS: usize = 40;
 
-/// The beginning of a text, which may be as long as a file.
-pub(super) fn cut(text: &str, characters: usize) -> Cow<'_, str> {
-    match text.char_indices().nth(characters) {
-        Some((at, _)) => format!("{}…", &text[..at]).into(),
-        None => text.into(),
-    }
-}
-
 /// The first of some columns, as messages name them.
-pub(super) fn few<'a>(mut headers: impl Iterator<Item = &'a Header>) -> String {
-    let mut shown: Vec<_> = headers.by_ref().take(NAMES).map(Header::shown).collect();
-    match headers.count() {
-        0 => {}
-        more => shown.push(format!("and {more} more")),
-    }
-    shown.join(", ")
+pub(super) fn few<'a>(headers: impl Iterator<Item = &'a Header>) -> String {
+    first_of(headers.map(Header::shown), NAMES)
 }
 
 /// A column that is read, and what 1 of it is in the SI unit.
@@ -196,7 +184,7 @@ impl Table<'_> {
                     Some(unit) if unit::is_volts(unit) => format!("is in {unit}"),
                     Some(unit) => format!(
                         "is in `{}`, which is no unit of {} that is known",
-                        cut(unit, LETTERS),
+                        beginning(unit, LETTERS),
                         quantity.name()
                     ),
                     None => "has no unit".to_owned(),
@@ -354,7 +342,7 @@ mod tests {
             why.contains(&format!("among {}…, CH1, ", "n".repeat(40))),
             "{why:.400}"
         );
-        assert!(why.contains(", CH1, and 299980 more; say which"), "{why:.400}");
+        assert!(why.contains(", CH1 and 299980 more; say which"), "{why:.400}");
         assert!(why.len() < 500, "{}", why.len());
         // What has a long name is typed by its number.
         let force_of = format!("force {long}");

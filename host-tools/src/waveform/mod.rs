@@ -12,6 +12,7 @@ mod columns;
 mod error;
 mod parquet;
 mod recorded;
+mod riff;
 mod rows;
 mod signals;
 mod text;

@@ -15,8 +15,9 @@ use parquet::file::reader::{FileReader, RowGroupReader};
 use parquet::schema::types::{ColumnDescPtr, ColumnDescriptor};
 
 use crate::recording::parquet::{guarded, open};
+use crate::recording::printable::beginning;
 use crate::waveform::choice::Choice;
-use crate::waveform::columns::{Header, Picked, cut, few, pick};
+use crate::waveform::columns::{Header, Picked, few, pick};
 use crate::waveform::error::WaveformError;
 use crate::waveform::rows::Rows;
 use crate::waveform::signals::Waveform;
@@ -42,7 +43,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             ParquetError::External(cause) => damaged(cause),
             error => damaged(error),
         };
-        WaveformError::unfit(path, cut(&what.replace('\n', " "), WORDS))
+        WaveformError::unfit(path, beginning(&what.replace('\n', " "), WORDS))
     };
     let file = File::open(path).map_err(|source| WaveformError::File {
         path: path.to_owned(),

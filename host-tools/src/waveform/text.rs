@@ -12,8 +12,9 @@ use std::io::{BufRead, BufReader, Read};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use crate::recording::printable::beginning;
 use crate::waveform::choice::Choice;
-use crate::waveform::columns::{Header, cut, pick};
+use crate::waveform::columns::{Header, pick};
 use crate::waveform::error::WaveformError;
 use crate::waveform::rows::Rows;
 use crate::waveform::signals::Waveform;
@@ -71,7 +72,7 @@ pub(super) fn read(path: &Path, choice: &Choice) -> Result<Waveform, WaveformErr
             format!(
                 "rows such as `{}` are one number with a decimal comma, or two; write decimal points, or a name above each \
                  column",
-                cut(row, 40)
+                beginning(row, 40)
             ),
         ));
     }
