@@ -78,7 +78,17 @@ impl<'a> Frame<'a> {
         let numbers = self.y_ticks.major.iter().map(|(_, label)| width(label, NUMBERS));
         let left = MARGIN + TITLES + 2.0 * GAP + numbers.fold(0.0, f64::max) + GAP + TICK;
         let right = picture - MARGIN - RIGHT.max(room_at_end(self.panel));
+        let right = right.min(picture - 0.5 * MARGIN - self.overhang(right - left));
         Columns { left, right }
+    }
+
+    /// How far the numbers below reach beyond the end of a horizontal axis of this length, pixels.
+    fn overhang(&self, length: f64) -> f64 {
+        let (low, high) = self.x_places;
+        let ticks = self.x_ticks.major.iter().filter(|_| self.labelled);
+        ticks
+            .map(|(place, label)| 0.5 * width(label, NUMBERS) - (high - place) / (high - low) * length)
+            .fold(0.0, f64::max)
     }
 
     /// Its height with all around it, pixels.

@@ -244,6 +244,29 @@ mod tests {
     }
 
     #[test]
+    fn the_last_number_of_a_horizontal_axis_is_whole() {
+        for range in [0.0..10.0, 100.0..100.025, 1e6..1e6 + 0.02, -0.000_025..0.0] {
+            let mut chart = chart();
+            chart.x = Axis::new("time (ms)", range.clone());
+            let svg = chart.inline_svg().unwrap();
+            let ends = svg.split("<text").skip(1).filter_map(|text| {
+                let (attributes, text) = text.split_once('>')?;
+                let x = attributes.split("x=\"").nth(1)?.split('"').next()?;
+                let half = 0.5 * canvas::width(text.split('<').next()?, 14.0);
+                attributes
+                    .contains("\"middle\"")
+                    .then(|| x.parse::<f64>().unwrap() + half)
+            });
+            let ends: Vec<f64> = ends.collect();
+            assert!(ends.len() > 4);
+            assert!(
+                ends.iter().all(|end| *end <= f64::from(WIDTH)),
+                "{range:?}: {ends:?}"
+            );
+        }
+    }
+
+    #[test]
     fn all_axes_of_a_chart_stand_in_line() {
         let mut chart = chart();
         let mut wide = chart.panels[0].clone().range(0.0, 1e-5);
