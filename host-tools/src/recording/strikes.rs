@@ -142,8 +142,8 @@ pub(crate) fn push_scans(scans: &mut Vec<ScanCodes>, waveform: &Waveform) {
 
 /// A frame that comes this many frames too late counts as lost.
 const SETTLED: i64 = REORDER as i64;
-/// Greatest number of strikes that wait, for the first settings of their boot or for their strike frame. A
-/// bead that never sends either must not fill the memory.
+/// Greatest number of strikes that wait: for frames that are late, for the first settings of their boot, or for their
+/// strike frame. A bead that never sends either, or whose strikes count down, must not fill the memory.
 const WAITING: usize = 64;
 
 /// What a bead sent since its last reset and is not yet part of a strike that was handed on.
@@ -329,6 +329,9 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
                 let is_new = settings.as_ref() != boot.settings.last_entry().as_ref().map(|last| last.get());
                 let settings = settings.filter(|_| is_new);
                 boot.settings.extend(settings.map(|settings| (newest, settings)));
+                while boot.settings.len() > WAITING {
+                    boot.settings.pop_first();
+                }
             }
             Message::Identity(identity) => boot.uid = Some(identity.uid),
             Message::Waveform(waveform) => {
@@ -396,9 +399,8 @@ impl Boot {
     fn settled(&mut self, newest: i64, known: Option<Settings>) -> Vec<RecordedStrike> {
         let mut settled = Vec::new();
         while let Some((&strike, &(told, _))) = self.strikes.first_key_value() {
-            let is_old = newest - told > SETTLED;
-            let can_be_replayed = !self.settings.is_empty() || self.strikes.len() > WAITING;
-            if !(is_old && can_be_replayed) {
+            let is_settled = newest - told > SETTLED && !self.settings.is_empty();
+            if !is_settled && self.strikes.len() <= WAITING {
                 break;
             }
             settled.extend(self.assemble(strike, known));
@@ -509,6 +511,42 @@ mod tests {
             told,
             [(7, 0, Some(0)), (7, 0, Some(1)), (7, 1, Some(2)), (8, 0, Some(0))]
         );
+    }
+
+    #[test]
+    fn strikes_that_count_down_and_settings_that_change_wait_in_bounded_room() {
+        let count = 1000_u32;
+        let Message::Strike(said) = drawn(Kind::Strike) else {
+            panic!("a strike");
+        };
+        let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
+        let mut strikes = Strikes::new([], None);
+        for number in 0..count {
+            settings.window.threshold = 50 + number as u16 % 2;
+            let mut block = [0; BLOCK_MAX];
+            let length = settings.encode(&mut block).unwrap();
+            let block = Block::try_from(&block[..length]).unwrap();
+            let mut told = frame(
+                0,
+                0,
+                Arrival::Next { lost: 0 },
+                bead_wire::Settings { block }.into(),
+            );
+            told.header.sequence = number;
+            Strikes::take(&mut strikes, told);
+            assert!(strikes.boots[&0].settings.len() <= WAITING);
+        }
+        for number in (0..count).rev() {
+            let strike = Strike {
+                strike: number,
+                ..said
+            };
+            let mut told = frame(0, 0, Arrival::Next { lost: 0 }, strike.into());
+            told.header.sequence = 2 * count - number;
+            Strikes::take(&mut strikes, told);
+            assert!(strikes.boots[&0].strikes.len() <= WAITING);
+        }
+        assert_eq!(strikes.count(), count as usize);
     }
 
     #[test]
