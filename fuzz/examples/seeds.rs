@@ -1,5 +1,6 @@
 //! Writes the seeds that are made: frames, requests, settings with codes, recordings. The others are texts that were written
-//! by hand, files in which a target found a fault, and the recording `two` as MCAP's Python library compresses it.
+//! by hand, files in which a target found a fault, columns of kinds that pyarrow writes, and the recording `two` as MCAP's
+//! Python library compresses it.
 //!
 //! `cargo run --release -p bead-fuzz --example seeds`
 
@@ -12,6 +13,7 @@ use bead::recording::file::{About, Origin, Part, Writer};
 use bead::recording::physical::Physical;
 use bead::recording::whole::Target;
 use bead_fuzz::line::{crc, mended, to_cobs};
+use bead_fuzz::strikes::short_window;
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
 use bead_model::settings::BLOCK_MAX;
 use bead_model::{Chunk, Meter, Scan, Sink, StrikeReport};
@@ -83,13 +85,7 @@ fn drawn(kind: Kind) -> Message {
 
 /// A short strike of the paper's bead, as it is sent.
 fn strike(address: u8) -> Vec<u8> {
-    let capture = Capture {
-        history: 1.28e-3,
-        length: 1.6e-3,
-        lookback: 0.3e-3,
-        ..Capture::default()
-    };
-    let settings = derive(&Bead::paper(), &FrontEnd::reference(), &capture).unwrap();
+    let settings = short_window();
     let mut block = [0; BLOCK_MAX];
     let length = settings.encode(&mut block).unwrap();
     let mut line = Line {
