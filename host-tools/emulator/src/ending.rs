@@ -26,6 +26,8 @@ pub enum End {
     Stuck(String),
     /// The host stopped it: its time was over.
     Stopped,
+    /// QEMU ended by itself, by a signal or by the debugger: its exit status, and what it said.
+    QemuEnded(String),
 }
 
 /// An address in the image's code.

@@ -19,4 +19,4 @@ pub use outcome::{
 };
 #[doc(hidden)]
 pub use run::carry;
-pub use run::{Function, Live, Passed, RunError, functions, remove_temporary_files};
+pub use run::{Function, Live, Passed, RunError, functions, qemu_version, remove_temporary_files};

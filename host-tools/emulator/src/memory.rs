@@ -13,6 +13,8 @@ pub(crate) const CCM: Range<u32> = 0x1000_0000..0x1001_0000;
 
 /// What QEMU 7.2 gives this machine as RAM, and the part has not: it raises a bus fault there.
 pub(crate) const NO_RAM: Range<u32> = 0x2002_0000..0x2003_0000;
+/// APB1 and APB2.
+pub(crate) const APB: Range<u32> = 0x4000_0000..0x4002_0000;
 /// The peripherals' part of the address space.
 pub(crate) const PERIPHERALS: Range<u32> = 0x4000_0000..0x6000_0000;
 

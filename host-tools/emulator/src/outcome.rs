@@ -114,6 +114,7 @@ impl Outcome {
                 self.whereabouts()
             ),
             End::Stopped => format!("the run was stopped{}", self.whereabouts()),
+            End::QemuEnded(how) => format!("QEMU ended{} ({how})", self.whereabouts()),
         })
     }
 

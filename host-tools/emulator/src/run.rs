@@ -18,6 +18,7 @@ mod sent;
 
 use std::borrow::Cow;
 use std::ffi::OsString;
+use std::net::{Ipv4Addr, TcpListener};
 use std::time::Duration;
 
 pub use error::RunError;
@@ -25,6 +26,7 @@ pub use folder::remove_temporary_files;
 pub use image::{Function, functions};
 pub use live::{Live, Passed};
 pub use overlay::carry;
+pub use qemu::qemu_version;
 
 use crate::ending::End;
 use crate::exchange::{self, Description, FORMAT};
@@ -67,6 +69,9 @@ impl Run {
     fn prepare(&self, live: bool) -> Result<(Image, Job), RunError> {
         self.check()?;
         let shift = self.shift()?;
+        if let Some(port) = self.gdb {
+            check_port(port)?;
+        }
         let image = Image::read(&self.elf)?;
         let description = self.describe(&image, live)?;
         let qemu = FoundQemu::find(self.qemu.as_deref())?;
@@ -110,6 +115,7 @@ impl Run {
         match outcome.end {
             End::Stuck(_) => Err(RunError::Stuck(outcome.into())),
             End::Stopped => Err(RunError::Timeout(self.timeout, outcome.into())),
+            End::QemuEnded(ref how) => Err(RunError::QemuEnded(how.clone(), outcome.into())),
             _ => Ok(outcome),
         }
     }
@@ -261,5 +267,28 @@ impl Run {
             }
         }
         Ok(())
+    }
+}
+
+/// Refuses a port at which QEMU's stub cannot listen. QEMU's own line on that comes when it has started.
+fn check_port(port: u16) -> Result<(), RunError> {
+    match TcpListener::bind((Ipv4Addr::LOCALHOST, port)) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(RunError::Input(format!(
+            "a debugger cannot come to port {port} of this computer ({error}); give another port for gdb"
+        ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_at_which_another_program_listens_is_refused() {
+        let other = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let port = other.local_addr().unwrap().port();
+        let refused = check_port(port).unwrap_err().to_string();
+        assert!(refused.contains(&format!("port {port} ")), "{refused}");
     }
 }

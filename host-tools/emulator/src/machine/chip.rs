@@ -7,6 +7,7 @@ use super::stimulus::Stimulus;
 use super::table::{Row, TABLE, Units, locate};
 use super::wires::Wires;
 use super::wiring::{self, ADCS};
+use crate::memory::APB;
 use crate::outcome::ResetCause;
 use crate::peripherals::NoRegister;
 use crate::peripherals::clock::Clocks;
@@ -104,17 +105,16 @@ impl Chip {
         Ok(())
     }
 
-    /// The word that a narrow write stands for. A data register takes the part as it is. Elsewhere the rest
-    /// of the word stays.
+    /// The word that a narrow write stands for. The bridges to APB1 and APB2 repeat its bytes over the whole word
+    /// (section 2.1). Elsewhere the rest of the word stays.
     pub(super) fn widen(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> u32 {
-        if bytes == 4 {
-            return value;
+        match bytes {
+            4 => return value,
+            2 if APB.contains(&address) => return (value & 0xffff) * 0x0001_0001,
+            1 if APB.contains(&address) => return (value & 0xff) * 0x0101_0101,
+            _ => {}
         }
-        let is_data = locate(address).is_some_and(|(row, offset)| (row.model)(&self.units).is_data(offset));
-        let rest = match is_data {
-            true => 0,
-            false => self.read(address & !3, now).unwrap_or(0),
-        };
+        let rest = self.read(address & !3, now).unwrap_or(0);
         let shift = 8 * (address & 3);
         let mask = (u32::MAX >> (32 - 8 * bytes)) << shift;
         (rest & !mask) | ((value << shift) & mask)
@@ -146,7 +146,9 @@ impl Chip {
         self.hold_in_reset(now);
         let clocks = self.units.rcc.clocks();
         if clocks != self.clocks {
-            *self.hclk_ns.entry(self.clocks.hclk).or_default() += now - self.hclk_since_ns;
+            // A change of the clock may have moved what the DMA serves now into the past.
+            let passed = now.saturating_sub(self.hclk_since_ns);
+            *self.hclk_ns.entry(self.clocks.hclk).or_default() += passed;
             self.hclk_since_ns = now;
             self.clocks = clocks;
             for row in TABLE {

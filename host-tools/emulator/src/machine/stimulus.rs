@@ -89,8 +89,10 @@ impl Stimulus {
 
     /// The number of the row that stands `now`, counted over all that there ever were.
     fn row_at(&self, began: u64, now: u64) -> usize {
-        // Times are whole ns, so a scan may seem to come up to 1 ns before its row.
-        let own_ns = u128::from(now - began + 1) * u128::from(self.hz) / u128::from(self.nominal_hz);
+        // Times are whole ns, so a scan may seem to come up to 1 ns before its row. A change of the clock may move
+        // the end of a conversion under way into the past.
+        let passed = u128::from(now.saturating_sub(began)) + 1;
+        let own_ns = passed * u128::from(self.hz) / u128::from(self.nominal_hz);
         usize::try_from(own_ns / u128::from(self.period_ns)).unwrap_or(usize::MAX)
     }
 
@@ -238,6 +240,14 @@ mod tests {
             [0, 1, 2, 3].map(|channel| stimulus.code(0, channel, 0)),
             [30, 31, 32, 33]
         );
+    }
+
+    #[test]
+    fn a_scan_from_before_the_first_triggered_one_reads_row_0() {
+        let mut stimulus = three_rows();
+        stimulus.begin_scan(0, 50_000, true);
+        stimulus.begin_scan(1, 20_000, false);
+        assert_eq!(stimulus.code(1, 0, 0), 10);
     }
 
     #[test]

@@ -258,9 +258,11 @@ impl Adc {
             }
         } else {
             let code = u32::from(code) >> (12 - self.bits());
+            // Section 13.4: to the left is in a halfword, but for 6 bits in a byte.
+            let width = if self.bits() == 6 { 8 } else { 16 };
             self.dr = match self.cr2 & ALIGN {
                 0 => code,
-                _ => code << (16 - self.bits()) & 0xffff,
+                _ => code << (width - self.bits()),
             };
             self.unread = true;
             self.request = self.requests_dma();
@@ -393,10 +395,6 @@ impl Peripheral for Adc {
 
     fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
         self.pclk2 = clocks.pclk2;
-    }
-
-    fn is_data(&self, offset: u32) -> bool {
-        offset == 0x4c
     }
 
     fn notes(&self) -> &Notes {
@@ -564,6 +562,15 @@ mod tests {
         adc.write(CR2, ADON | ALIGN, 0).unwrap();
         adc.finish(0xabc, 2);
         assert_eq!(adc.read(DR, 0), Ok(0xab00));
+    }
+
+    #[test]
+    fn six_bits_are_aligned_to_the_left_of_a_byte() {
+        let mut adc = scanning(0);
+        adc.write(CR1, SCAN | 0b11 << 24, 0).unwrap();
+        adc.write(CR2, ADON | ALIGN | SWSTART, 0).unwrap();
+        adc.finish(0xabc, 1);
+        assert_eq!(adc.read(DR, 0), Ok(0b10_1010 << 2));
     }
 
     #[test]

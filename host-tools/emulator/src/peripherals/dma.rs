@@ -145,8 +145,15 @@ impl Dma {
     /// The beat was moved.
     pub fn moved(&mut self, stream: usize) -> Progress {
         let s = &mut self.streams[stream];
+        let Some(left) = s.ndtr.checked_sub(1) else {
+            // The beat itself has reset this controller, by a write to RCC.
+            return Progress {
+                block: false,
+                ended: true,
+            };
+        };
         let half_before = 2 * (s.total - s.ndtr) >= s.total;
-        s.ndtr -= 1;
+        s.ndtr = left;
         let half = !half_before && 2 * (s.total - s.ndtr) >= s.total;
         let full = s.ndtr == 0;
         if half {
@@ -403,6 +410,18 @@ mod tests {
             })
         );
         assert_eq!(dma.read(stream(0, 0x04), 0), Ok(2));
+    }
+
+    #[test]
+    fn a_beat_that_resets_its_own_controller_ends_the_stream() {
+        let mut dma = started(0, 4, TCIE);
+        dma.reset(0);
+        let ended = Progress {
+            block: false,
+            ended: true,
+        };
+        assert_eq!(dma.moved(0), ended);
+        assert_eq!(dma.read(stream(0, 0x04), 0), Ok(0));
     }
 
     #[test]

@@ -51,7 +51,7 @@ impl Dwt {
         match bit(self.ctrl, 0) && self.traces {
             true => self
                 .count
-                .wrapping_add(clock::ticks(now - self.since_ns, self.hclk) as u32),
+                .wrapping_add(clock::ticks(now.saturating_sub(self.since_ns), self.hclk) as u32),
             false => self.count,
         }
     }

@@ -397,7 +397,7 @@ impl Peripheral for Flash {
     fn reset(&mut self, now: u64) {
         if let Some(running) = self.running.take() {
             let began_ns = running.operation.at_ns;
-            let (passed, whole) = (now - began_ns, running.ends_ns - began_ns);
+            let (passed, whole) = (now.saturating_sub(began_ns), running.ends_ns - began_ns);
             let share = (256 * passed.min(whole) / whole) as u32;
             self.change(running, |bit| hash(bit) & 0xff < share);
         }

@@ -2,11 +2,15 @@
 //! that is put on it from outside. Where nothing is wired to it, it reads high if its pull-up is on, else
 //! low. Analog values are not seen here: they are the converter's stimulus.
 
-use super::peripheral::{NoRegister, Peripheral};
+use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
 
 /// LCKR.LCKK.
 const LCKK: u32 = 1 << 16;
+
+/// Most changes of a port that are recorded, 16 bytes each. An image that only moves its pins makes tens of
+/// millions a second.
+const MOST_CHANGES: usize = 1 << 21;
 
 /// The lock key (section 8.4.8): LCKK is written as 1, 0, 1 with the same pins, and then read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -43,6 +47,9 @@ pub struct Gpio {
     pub records: bool,
     /// When each pin changed its level as an output, in ns, and the level from then on.
     pub changes: [Vec<(u64, bool)>; 16],
+    /// How many there are of the whole port.
+    recorded: usize,
+    notes: Notes,
 }
 
 impl Gpio {
@@ -153,10 +160,22 @@ impl Gpio {
         let levels = self.outputs();
         for pin in (0..16).filter(|pin| bit(changed, *pin)) {
             self.edges[pin as usize] += 1;
-            if self.records {
-                self.changes[pin as usize].push((now, bit(levels, pin)));
-            }
+            self.record(pin as usize, now, bit(levels, pin));
         }
+    }
+
+    fn record(&mut self, pin: usize, now: u64, level: bool) {
+        if !self.records {
+            return;
+        }
+        if self.recorded == MOST_CHANGES {
+            self.notes.note(format!(
+                "its pins changed more than {MOST_CHANGES} times: later changes are counted and not recorded"
+            ));
+            return;
+        }
+        self.recorded += 1;
+        self.changes[pin].push((now, level));
     }
 
     fn write_lock(&mut self, value: u32) {
@@ -217,17 +236,23 @@ impl Peripheral for Gpio {
     /// The count of edges goes on, and so do the levels from outside.
     fn reset(&mut self, now: u64) {
         let high = self.outputs();
-        for pin in (0..16).filter(|pin| self.records && bit(high, *pin)) {
-            self.changes[pin as usize].push((now, false));
+        for pin in (0..16).filter(|pin| bit(high, *pin)) {
+            self.record(pin as usize, now, false);
         }
         *self = Self {
             edges: self.edges,
             records: self.records,
             changes: std::mem::take(&mut self.changes),
+            recorded: self.recorded,
+            notes: std::mem::take(&mut self.notes),
             wired: self.wired,
             by_wire: self.by_wire,
             ..Self::new(self.port)
         };
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
     }
 }
 
@@ -293,6 +318,25 @@ mod tests {
             port.write(0x14, value, 0).unwrap();
         }
         assert_eq!(port.edges[..2], [3, 0]);
+    }
+
+    #[test]
+    fn changes_beyond_what_is_kept_are_only_counted_and_noted() {
+        let mut port = Gpio {
+            records: true,
+            recorded: MOST_CHANGES - 2,
+            ..Gpio::new(2)
+        };
+        port.write(0x00, 0b01, 0).unwrap();
+        for now in 0..4 {
+            port.write(0x14, now & 1 ^ 1, u64::from(now)).unwrap();
+        }
+        assert_eq!(
+            (port.edges[0], &port.changes[0][..]),
+            (4, &[(0, true), (1, false)][..])
+        );
+        port.reset(4);
+        assert_eq!(port.notes().iter().count(), 1);
     }
 
     #[test]

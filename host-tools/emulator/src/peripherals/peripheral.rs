@@ -40,12 +40,6 @@ pub trait Peripheral {
         None
     }
 
-    /// Whether a register takes data. A narrow write to it stands for itself; elsewhere it keeps the rest of
-    /// the word, which has to be read for that.
-    fn is_data(&self, _offset: u32) -> bool {
-        false
-    }
-
     /// What the firmware asked for that the model does not do.
     fn notes(&self) -> &Notes {
         static NONE: Notes = Notes(BTreeSet::new());

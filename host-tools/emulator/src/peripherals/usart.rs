@@ -198,6 +198,11 @@ impl Usart {
         }
     }
 
+    /// BRR is below what it can be (section 30.3.4): USARTDIV is 1 at least.
+    fn has_no_rate(&self) -> bool {
+        self.brr >> 4 == 0
+    }
+
     /// Time of a frame: start, 8 or 9 bits with the parity, stop bits (section 30.3.2).
     fn frame_ns(&self) -> u64 {
         let data = if self.cr[0] & M == 0 { 8 } else { 9 };
@@ -209,7 +214,8 @@ impl Usart {
     // The transmitter.
 
     fn load_shift_register(&mut self, now: u64) {
-        if self.shifting.is_some() || !self.on(TE) {
+        // Without a baud rate a frame would take no time, and the DMA could send without end at one moment.
+        if self.shifting.is_some() || !self.on(TE) || self.has_no_rate() {
             return;
         }
         if let Some(data) = self.waiting.take() {
@@ -376,7 +382,8 @@ impl Peripheral for Usart {
             0x04 => self.put_data(value, now),
             0x08 => {
                 self.brr = value & 0xffff;
-                self.notes.note_if(self.brr >> 4 == 0, "BRR: USARTDIV is below 1");
+                self.notes.note_if(self.has_no_rate(), "BRR: USARTDIV is below 1");
+                self.load_shift_register(now);
             }
             0x0c => {
                 self.cr[0] = value & 0xbfff;
@@ -430,10 +437,6 @@ impl Peripheral for Usart {
 
     fn set_clocks(&mut self, clocks: &Clocks, _now: u64) {
         self.pclk = clocks.of_bus(self.kind.apb);
-    }
-
-    fn is_data(&self, offset: u32) -> bool {
-        offset == 0x04
     }
 
     fn notes(&self) -> &Notes {
@@ -583,6 +586,18 @@ mod tests {
         assert_eq!(usart.next_interrupt(), Some(FRAME_NS));
         usart.sent();
         assert!(usart.interrupt(0));
+    }
+
+    #[test]
+    fn without_a_baud_rate_nothing_is_sent_and_the_dma_waits() {
+        let mut usart = running(TE);
+        usart.write(BRR, 0, 0).unwrap();
+        usart.write(CR3, DMAT, 0).unwrap();
+        usart.put_data(0x55, 0);
+        assert_eq!((usart.next_sent(), usart.dma_transmit_request()), (None, false));
+        usart.write(BRR, 84, 5_000).unwrap();
+        assert_eq!(usart.next_sent(), Some(5_000 + FRAME_NS));
+        assert_eq!(usart.sent().map(|sent| sent.data), Some(0x55));
     }
 
     #[test]

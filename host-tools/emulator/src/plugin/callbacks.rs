@@ -12,7 +12,7 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::Sender;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
@@ -24,7 +24,8 @@ use super::overlay::{Entries, Overlay};
 use super::qemu::{
     AccessSizes, DEVICE_LITTLE_ENDIAN, Functions, NO_REGISTERS, Notifier, Ops, PRIORITY, Pointer,
     QEMU_CLOCK_REALTIME, QEMU_CLOCK_VIRTUAL, Qemu, READS_REGISTERS, SCALE_NS, SPARE_LINE, ValidAccess, Waits,
-    exit, leave, log_moved, log_seen, on_signal_of_abort, room, say, symbol, take_no_signals, wait_for_event,
+    exit, leave, log_moved, log_seen, on_signal_of_abort, repeats, room, say, symbol, take_no_signals,
+    wait_for_event,
 };
 use super::rest::Rest;
 use super::self_test::self_test;
@@ -41,6 +42,10 @@ const WFI: u32 = 0xbf30;
 const WFE: u32 = 0xbf20;
 const WFI_WIDE: u32 = 0x8003_f3af;
 const WFE_WIDE: u32 = 0x8002_f3af;
+
+/// `b .`, narrow and wide.
+const BRANCH_TO_SELF: u32 = 0xe7fe;
+const BRANCH_TO_SELF_WIDE: u32 = 0xbffe_f7ff;
 
 /// CPSID i, CPSIE i, and MSR PRIMASK from R0 to R15.
 const CPSID_I: u32 = 0xb672;
@@ -193,7 +198,8 @@ extern "C" fn on_exit(_: Pointer, _: Pointer) {
         let end = if overlay.semihosting() {
             End::Exited(0)
         } else {
-            End::Stopped
+            // The host knows how.
+            End::QemuEnded(String::new())
         };
         overlay.stop(end, qemu);
     }
@@ -402,17 +408,20 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
         for i in 0..(f.qemu_plugin_tb_n_insns)(block) {
             let instruction = (f.qemu_plugin_tb_get_insn)(block, i);
             let address = (f.qemu_plugin_insn_vaddr)(instruction) as u32;
+            let at = address as usize as Pointer;
             let watch = f.qemu_plugin_register_vcpu_insn_exec_cb;
+            let word = QEMU.get().map(|qemu| qemu.instruction(address));
             if entries.faults.contains(&address) {
-                watch(instruction, on_fault, READS_REGISTERS, null_mut());
+                let entered = match word {
+                    Some(BRANCH_TO_SELF | BRANCH_TO_SELF_WIDE) => on_fault_in_loop,
+                    _ => on_fault,
+                };
+                watch(instruction, entered, READS_REGISTERS, at);
             }
-            match QEMU.get().map(|qemu| qemu.instruction(address)) {
+            match word {
                 Some(WFI | WFI_WIDE) => watch(instruction, on_wait_for_interrupt, NO_REGISTERS, null_mut()),
                 Some(WFE | WFE_WIDE) => watch(instruction, on_wait_for_event, NO_REGISTERS, null_mut()),
-                Some(CPSID_I) => {
-                    let at = address as usize as Pointer;
-                    watch(instruction, on_mask, NO_REGISTERS, at);
-                }
+                Some(CPSID_I) => watch(instruction, on_mask, NO_REGISTERS, at),
                 Some(CPSIE_I) => watch(instruction, on_unmask, NO_REGISTERS, null_mut()),
                 Some(word) if MSR_PRIMASK.contains(&word) => {
                     watch(instruction, on_restore_mask, NO_REGISTERS, null_mut());
@@ -420,7 +429,7 @@ extern "C" fn on_translate(first: Pointer, second: Pointer) {
                 _ => {}
             }
             if entries.panics.contains(&address) {
-                watch(instruction, on_panic, NO_REGISTERS, null_mut());
+                watch(instruction, on_panic, NO_REGISTERS, at);
             }
             if let Some(count) = handlers::count_at(address) {
                 let count = (&raw const *count).cast_mut().cast();
@@ -456,11 +465,25 @@ extern "C" fn on_handler(_processor: u32, count: Pointer) {
     }
 }
 
-extern "C" fn on_fault(_processor: u32, _: Pointer) {
-    if let Some(qemu) = QEMU.get()
-        && let Some(exception) = fate::exception(&qemu.registers(), qemu)
-    {
+extern "C" fn on_fault(_processor: u32, at: Pointer) {
+    /// The exception that was active here before.
+    static SEEN: AtomicU32 = AtomicU32::new(0);
+    let Some(qemu) = QEMU.get() else { return };
+    // A handler that is a loop begins at every turn. To ask QEMU for the registers takes hundreds of times as long
+    // as a turn. A fault in the handler that leads to itself is another exception.
+    let active = fate::active_exception(qemu);
+    if SEEN.swap(active, Relaxed) == active && repeats(at as usize as u32) {
+        return;
+    }
+    if let Some(exception) = fate::exception(&qemu.registers(), qemu) {
         saw(Sight::Exception(exception));
+    }
+}
+
+/// The same for a handler that is `b .`, which cannot fault: only its first turn counts.
+extern "C" fn on_fault_in_loop(processor: u32, at: Pointer) {
+    if !repeats(at as usize as u32) {
+        on_fault(processor, at);
     }
 }
 
@@ -496,8 +519,11 @@ extern "C" fn on_unmask(_processor: u32, _: Pointer) {
     }
 }
 
-extern "C" fn on_panic(_processor: u32, _: Pointer) {
-    saw(Sight::Panic);
+extern "C" fn on_panic(_processor: u32, at: Pointer) {
+    // The panic's function may be `b .` too.
+    if !repeats(at as usize as u32) {
+        saw(Sight::Panic);
+    }
 }
 
 fn saw(sight: Sight) {

@@ -93,7 +93,7 @@ impl Fate {
 }
 
 /// ICSR.VECTACTIVE.
-fn active_exception(qemu: &Qemu) -> u32 {
+pub(super) fn active_exception(qemu: &Qemu) -> u32 {
     const ICSR: u32 = 0xe000_ed04;
     qemu.read_nvic(ICSR, 4) as u32 & 0x1ff
 }

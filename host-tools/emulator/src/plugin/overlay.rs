@@ -208,7 +208,7 @@ impl Overlay {
             },
             ..Reached::default()
         };
-        stops.tell(reached);
+        self.recorder.tell(reached);
     }
 
     /// Whether WFI is STOP or STANDBY now.
@@ -419,6 +419,7 @@ impl Overlay {
         outcome
             .unmodelled
             .extend(qemu::waited_for_event().then(|| waits.into()));
+        outcome.unmodelled.extend(self.recorder.lost_log());
         let json = serde_json::to_vec(&outcome).expect("a plain struct has a JSON form");
         let file = |name: &str| self.folder.join(name);
         written(std::fs::write(file(exchange::FLASH), self.machine.flash()));

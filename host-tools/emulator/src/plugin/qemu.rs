@@ -405,9 +405,13 @@ static LOG_OFFSET: AtomicPtr<AtomicU32> = AtomicPtr::new(std::ptr::null_mut());
 static LOG_SEEN: AtomicU32 = AtomicU32::new(0);
 /// The block of instructions that was begun last.
 static LAST_BLOCK: AtomicU32 = AtomicU32::new(0);
+/// The one before it.
+static BLOCK_BEFORE: AtomicU32 = AtomicU32::new(0);
 
 /// A block of instructions begins. Gives the write offset of the log if the image has moved it.
 pub(super) fn log_moved(block: u32) -> Option<u32> {
+    // Only the processor's thread writes here.
+    BLOCK_BEFORE.store(LAST_BLOCK.load(Relaxed), Relaxed);
     LAST_BLOCK.store(block, Relaxed);
     let word = LOG_OFFSET.load(Relaxed);
     // SAFETY: null, or a word of guest RAM, which lives as long as QEMU.
@@ -436,6 +440,11 @@ pub(super) fn waited_for_event() -> bool {
 /// The address of the block that was begun last.
 pub(super) fn last_block() -> Option<u32> {
     Some(LAST_BLOCK.load(Relaxed)).filter(|address| *address != 0)
+}
+
+/// Whether the block at this address was begun twice, one time right after the other.
+pub(super) fn repeats(block: u32) -> bool {
+    [&LAST_BLOCK, &BLOCK_BEFORE].map(|of| of.load(Relaxed)) == [block; 2]
 }
 
 /// Has the function called when QEMU aborts itself.
@@ -490,3 +499,20 @@ pub(super) fn say(line: &str) {
 /// An interrupt line for the self-test. QEMU's controller has 96 lines and the device 82: firmware cannot
 /// enable this one.
 pub(super) const SPARE_LINE: usize = 95;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_that_branches_to_itself_is_seen_to_repeat() {
+        let begin = |block| {
+            log_moved(block);
+            repeats(0x0800_0100)
+        };
+        assert_eq!(
+            [0x0800_0200, 0x0800_0100, 0x0800_0100, 0x0800_0200, 0x0800_0100].map(begin),
+            [false, false, true, false, false]
+        );
+    }
+}

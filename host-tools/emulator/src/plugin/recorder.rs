@@ -7,15 +7,37 @@ use std::path::Path;
 use super::blocks::Blocks;
 use super::qemu::{self, Qemu};
 use super::stops::Stops;
-use crate::exchange;
+use crate::exchange::{self, Reached};
 use crate::machine::{Board, USARTS};
 use crate::memory::{CCM, SRAM};
+
+/// Most bytes of the log that are kept: of a run, or of a live run from stop to stop. An image that only moves
+/// the offsets of its log about gives gigabytes a second.
+const MOST_LOG: usize = 64 << 20;
+
+/// The room that is left for the log.
+struct LogRoom {
+    left: usize,
+    /// Bytes for which there was none.
+    lost: u64,
+}
+
+impl LogRoom {
+    /// The bytes for which there is room.
+    fn take<'a>(&mut self, log: &'a [u8]) -> &'a [u8] {
+        let (kept, lost) = log.split_at(log.len().min(self.left));
+        self.left -= kept.len();
+        self.lost += lost.len() as u64;
+        kept
+    }
+}
 
 /// What comes out of the machine while it runs.
 pub(super) struct Recorder {
     /// What left each USART.
     sent: [BufWriter<File>; USARTS.len()],
     rtt: File,
+    log_room: LogRoom,
     /// Of a live run: what comes out is kept there until the next stop, and not in files.
     pub(super) stops: Option<Stops>,
     /// Only where instructions are counted.
@@ -41,6 +63,10 @@ impl Recorder {
         Ok(Self {
             sent,
             rtt: create(exchange::RTT)?,
+            log_room: LogRoom {
+                left: MOST_LOG,
+                lost: 0,
+            },
             stops,
             blocks,
             flash_before: Vec::new(),
@@ -56,6 +82,7 @@ impl Recorder {
 
     /// Puts what was said so far into the files.
     pub(super) fn flush(&mut self, log: &[u8]) {
+        let log = self.log_room.take(log);
         if let Some(stops) = &mut self.stops {
             stops.log.extend(log);
             return;
@@ -64,6 +91,20 @@ impl Recorder {
         for sent in &mut self.sent {
             written(sent.flush());
         }
+    }
+
+    /// Tells the host of a live run what came out since the last stop.
+    pub(super) fn tell(&mut self, reached: Reached) {
+        if let Some(stops) = &mut self.stops {
+            stops.tell(reached);
+            self.log_room.left = MOST_LOG;
+        }
+    }
+
+    /// Says how much of the log was not kept, if any.
+    pub(super) fn lost_log(&self) -> Option<String> {
+        let LogRoom { lost, .. } = self.log_room;
+        (lost > 0).then(|| format!("RTT the log is longer than {MOST_LOG} bytes: {lost} more are not kept"))
     }
 
     /// Brings back what was overwritten in flash.
@@ -152,5 +193,18 @@ fn noise(bytes: usize) -> Vec<u8> {
 pub(super) fn written(result: std::io::Result<()>) {
     if let Err(e) = result {
         qemu::exit(1, &format!("cannot write the run's files: {e}"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_beyond_its_room_is_only_counted() {
+        let mut room = LogRoom { left: 5, lost: 0 };
+        let kept = [&b"abc"[..], b"def", b"ghi"].map(|log| room.take(log));
+        assert_eq!(kept, [&b"abc"[..], b"de", b""]);
+        assert_eq!((room.left, room.lost), (0, 4));
     }
 }

@@ -19,7 +19,8 @@ pub(super) trait Memory {
 
 /// Where the image says how far it has written.
 pub(super) fn write_offset(block: u32) -> u32 {
-    block + 36
+    // The block of a foreign image may lie anywhere.
+    block.wrapping_add(36)
 }
 
 /// Takes what is in the buffer, and tells the image so. `None` before the image has set up the block.
@@ -36,7 +37,8 @@ pub(super) fn drain(block: u32, memory: &mut impl Memory) -> Option<Vec<u8>> {
     let mut take = |from: u32, to: u32| {
         let start = taken.len();
         taken.resize(start + (to - from) as usize, 0);
-        memory.read(buffer + from, &mut taken[start..]);
+        // The image may say any address.
+        memory.read(buffer.wrapping_add(from), &mut taken[start..]);
     };
     if read < write {
         take(read, write);
@@ -87,6 +89,26 @@ mod tests {
     #[test]
     fn a_wrapped_buffer_is_taken_in_order() {
         assert_eq!(drain(0, &mut image(2, 6)).as_deref(), Some(&b"6701"[..]));
+    }
+
+    #[test]
+    fn a_buffer_at_the_end_of_the_address_space_wraps() {
+        struct Recorded(Ram, Vec<u32>);
+        impl Memory for Recorded {
+            fn read(&mut self, address: u32, bytes: &mut [u8]) {
+                self.1.push(address);
+                if address == 0 {
+                    self.0.read(address, bytes);
+                }
+            }
+
+            fn write(&mut self, _address: u32, _bytes: &[u8]) {}
+        }
+        let mut ram = image(6, 5);
+        ram.write(28, &u32::MAX.to_le_bytes());
+        let mut memory = Recorded(ram, Vec::new());
+        assert_eq!(drain(0, &mut memory).as_deref(), Some(&[0][..]));
+        assert_eq!(memory.1, [0, 4]);
     }
 
     #[test]

@@ -25,6 +25,9 @@ pub enum RunError {
     /// The run asks for something impossible.
     #[error("{0}")]
     Input(String),
+    /// The QEMU of this name cannot be used, for this reason.
+    #[error("{0} cannot be used: {1}; set STM32F405_QEMU to a qemu-system-arm of 7.2 or newer")]
+    QemuUnusable(String, String),
     /// There is no QEMU of this name.
     #[error(
         "{0} was not found; install it with `apt-get install qemu-system-arm` (Debian or Ubuntu), or set STM32F405_QEMU to its path"
@@ -47,6 +50,9 @@ pub enum RunError {
     /// QEMU refused the overlay, or the overlay refused QEMU: the first line that says why.
     #[error("QEMU cannot load the overlay: {0}")]
     OverlayRefused(String),
+    /// The overlay panicked: where, and why.
+    #[error("the overlay failed ({0}): this is a fault of the emulator; please report it with the image")]
+    OverlayFailed(String),
     /// The overlay does not fit the inside of this QEMU: the check that failed.
     #[error(
         "the overlay does not fit this QEMU: {0}; Debian's and Ubuntu's qemu-system-arm 7.2, 10.0 and 11.1 are known to work"
@@ -55,6 +61,10 @@ pub enum RunError {
     /// QEMU ended without a report: its exit status, and the first line on its standard error.
     #[error("QEMU ended with {0}: {1}")]
     Qemu(ExitStatus, String),
+    /// QEMU ended in the middle of the run, by a signal for example: its exit status, and the first line on its
+    /// standard error. With what the run had given by then.
+    #[error("QEMU ended{at}, before the run was over: {0}", at = .1.whereabouts())]
+    QemuEnded(String, Box<Outcome>),
     /// The run took longer than this in real time. With what it had given by then.
     #[error(
         "the run was stopped after {limit} s of real time{at}, {sent}{unknown}; give it a longer timeout, or look for a loop without WFI",
@@ -79,7 +89,7 @@ impl RunError {
     /// What the run had given until it was stopped.
     pub fn outcome(&self) -> Option<&Outcome> {
         match self {
-            Self::Timeout(_, outcome) | Self::Stuck(outcome) => Some(outcome),
+            Self::Timeout(_, outcome) | Self::Stuck(outcome) | Self::QemuEnded(_, outcome) => Some(outcome),
             _ => None,
         }
     }

@@ -1,7 +1,7 @@
 //! The directory of a run.
 
 use std::mem::ManuallyDrop;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use super::error::{RunError, io};
@@ -19,6 +19,15 @@ pub fn remove_temporary_files() {
     // It stays locked.
     for folder in ManuallyDrop::new(folders).drain(..) {
         exchange::remove(&folder);
+    }
+}
+
+/// Why QEMU cannot be told of a directory, if so.
+fn misread(folder: &Path) -> Option<&'static str> {
+    match folder.to_str() {
+        None => Some("has a name that is not UTF-8"),
+        Some(name) if name.contains(',') => Some("has a comma in its name, which QEMU takes for a separator"),
+        Some(_) => None,
     }
 }
 
@@ -44,9 +53,9 @@ impl Folder {
             .prefix("stm32f405-qemu-")
             .tempdir()
             .map_err(io("cannot make a temporary directory"))?;
-        if folder.path().to_string_lossy().contains(',') {
+        if let Some(why) = misread(folder.path()) {
             return Err(RunError::Input(format!(
-                "the temporary directory {} has a comma in its name, which QEMU takes for a separator; set TMPDIR to another",
+                "the temporary directory {} {why}; set TMPDIR to another",
                 folder.path().display()
             )));
         }
@@ -79,10 +88,21 @@ impl Folder {
 
 #[cfg(test)]
 mod tests {
+    use std::ffi::OsStr;
     use std::fs::File;
+    use std::os::unix::ffi::OsStrExt;
     use std::time::Duration;
 
     use super::*;
+
+    #[test]
+    fn directories_whose_names_qemu_would_misread_are_refused() {
+        let refused = |name: &[u8]| misread(Path::new(OsStr::from_bytes(name))).is_some();
+        assert_eq!(
+            [&b"/tmp/a=b c"[..], b"/tmp/a,b", b"/tmp/\xff"].map(refused),
+            [false, true, true]
+        );
+    }
 
     #[test]
     fn a_directory_is_removed_although_files_still_come() {

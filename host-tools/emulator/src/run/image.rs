@@ -108,7 +108,7 @@ impl Image {
     /// Fills in the function around an address.
     pub(super) fn name(&self, place: &mut Place) {
         let within = |function: &&Function| {
-            (function.address..function.address + function.bytes).contains(&place.address)
+            (function.address..function.address.saturating_add(function.bytes)).contains(&place.address)
         };
         let found = self.functions.iter().find(within);
         place.function = found.map(|function| function.name.clone());
@@ -137,7 +137,8 @@ impl Image {
             });
             for function in &self.functions {
                 if function.name.contains(pattern) {
-                    ranges.insert((index, function.address, function.address + function.bytes));
+                    let end = function.address.saturating_add(function.bytes);
+                    ranges.insert((index, function.address, end));
                 }
             }
         }

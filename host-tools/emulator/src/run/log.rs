@@ -23,6 +23,9 @@ pub(super) fn decode(path: &Path, elf: &[u8], bytes: &[u8]) -> Result<Vec<LogLin
     })
 }
 
+/// A record without an end is taken as a line when it has this many bytes.
+const LONGEST_RECORD: usize = 1 << 20;
+
 /// A log that comes in pieces.
 pub(super) struct Log {
     table: Option<Table>,
@@ -43,7 +46,12 @@ impl Log {
     pub(super) fn take(&mut self, bytes: &[u8]) -> Vec<LogLine> {
         self.rest.extend(bytes);
         let end = self.rest.iter().rposition(|byte| matches!(byte, 0 | b'\n'));
-        let whole: Vec<u8> = self.rest.drain(..end.map_or(0, |end| end + 1)).collect();
+        let end = match end {
+            Some(end) => end + 1,
+            None if self.rest.len() > LONGEST_RECORD => self.rest.len(),
+            None => 0,
+        };
+        let whole: Vec<u8> = self.rest.drain(..end).collect();
         match &self.table {
             Some(table) if !is_text(&whole) => frames(table, &whole),
             _ => String::from_utf8_lossy(&whole).lines().map(plain).collect(),
@@ -80,5 +88,22 @@ fn frames(table: &Table, bytes: &[u8]) -> Vec<LogLine> {
             Err(DecodeError::Malformed) if table.encoding().can_recover() => {}
             Err(DecodeError::Malformed) => return lines,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_without_an_end_of_a_record_is_not_kept_for_ever() {
+        let mut log = Log {
+            table: None,
+            rest: Vec::new(),
+        };
+        assert_eq!(log.take(b"ab"), []);
+        assert_eq!(log.take(b"c\nd"), [plain("abc")]);
+        let lines: Vec<_> = (0..3).map(|_| log.take(&[b'x'; LONGEST_RECORD]).len()).collect();
+        assert_eq!((lines, log.rest.len()), (vec![1, 0, 1], 0));
     }
 }

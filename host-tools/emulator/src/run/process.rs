@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use super::error::{RunError, io};
 use super::folder::Folder;
 use super::overlay::{self, Overlay};
-use super::qemu::{FoundQemu, wanted_version};
+use super::qemu::{FoundQemu, cannot_run, wanted_version};
 use crate::ending::{End, Place};
 use crate::exchange::{self, LINE_PREFIX, Reached, SELF_TEST_STATUS, Step};
 use crate::outcome::Outcome;
@@ -77,7 +77,12 @@ impl Job {
             .args(["-M", "netduinoplus2", "-icount"])
             .arg(format!("shift={},sleep=off", self.shift))
             .args(["-nographic", "-monitor", "none", "-serial", "none", "-plugin"])
-            .arg(format!("{},run={}", plugin.display(), folder.path("").display()))
+            // Without `file=` QEMU takes a path with an equals sign for another option.
+            .arg(format!(
+                "file={},run={}",
+                plugin.display(),
+                folder.path("").display()
+            ))
             .args(&self.arguments)
             // Ctrl-C at a terminal goes to the whole group of the program in front. It is for the host to say
             // what becomes of the run.
@@ -87,7 +92,7 @@ impl Job {
             .stdout(stdout)
             .stderr(stderr)
             .spawn()
-            .map_err(|_| RunError::QemuMissing(program.to_string_lossy().into_owned()))?;
+            .map_err(|error| cannot_run(program, &error))?;
         Ok(child)
     }
 
@@ -198,11 +203,18 @@ impl Ended {
     pub(super) fn outcome(&self, folder: &Folder) -> Result<Outcome, RunError> {
         let first = |part: &str| self.stderr.lines().find(|l| l.contains(part)).map(str::to_string);
         let any = || first("").unwrap_or_else(|| "it said nothing".into());
+        if let Some(panic) = panic(&self.stderr) {
+            return Err(RunError::OverlayFailed(panic));
+        }
         if let Ok(json) = std::fs::read(folder.path(exchange::OUTCOME)) {
             let outcome: Outcome = serde_json::from_slice(&json)
                 .map_err(|e| RunError::Qemu(self.status, format!("its report cannot be read ({e})")))?;
             let end = match outcome.end {
-                End::Exited(_) => End::Exited(self.status.code().unwrap_or(-1)),
+                // An image that ends itself does so without a word.
+                End::Exited(_) if first("terminating on signal").is_none() => {
+                    End::Exited(self.status.code().unwrap_or(-1))
+                }
+                End::Exited(_) | End::QemuEnded(_) => End::QemuEnded(format!("{}: {}", self.status, any())),
                 End::LockedUp(_) if first("Lockup").is_some() => End::LockedUp(self.program_counter()),
                 // QEMU gave up for a reason of its own.
                 End::LockedUp(_) => return Err(RunError::Qemu(self.status, any())),
@@ -214,11 +226,22 @@ impl Ended {
         Err(if self.status.code() == Some(SELF_TEST_STATUS) {
             RunError::SelfTest(ours.unwrap_or_else(any))
         } else if let Some(line) = ours.or_else(|| first("plugin")) {
-            RunError::OverlayRefused(line)
+            let no_exec = line.contains("failed to map segment");
+            let hint = "; the temporary folder may be mounted noexec, set TMPDIR to another";
+            RunError::OverlayRefused(line + if no_exec { hint } else { "" })
         } else {
             RunError::Qemu(self.status, any())
         })
     }
+}
+
+/// Where the overlay panicked, without its folder, and why.
+fn panic(stderr: &str) -> Option<String> {
+    let (_, told) = stderr.split_once("panicked at ")?;
+    let mut lines = told.lines();
+    let place = lines.next()?.trim_end_matches(':');
+    let place = place.rsplit('/').next().unwrap_or(place);
+    Some(format!("{place}: {}", lines.next().unwrap_or("no reason given")))
 }
 
 /// How long QEMU may take to report once it is asked to.
@@ -248,5 +271,61 @@ fn wait(mut child: Child, limit: Option<Duration>) -> Result<ExitStatus, RunErro
             deadline = Some(Instant::now() + TO_REPORT);
         }
         std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::process::ExitStatusExt;
+
+    use super::*;
+
+    fn ended(status: i32, stderr: &str) -> Ended {
+        Ended {
+            status: ExitStatus::from_raw(status),
+            stderr: stderr.into(),
+        }
+    }
+
+    #[test]
+    fn an_overlay_that_panics_is_told_apart_from_one_that_was_not_loaded() {
+        let folder = Folder::new().unwrap();
+        let said = "thread '<unnamed>' (22) panicked at host-tools/src/plugin/rtt.rs:39:21:\n\
+             attempt to add with overflow\n   4: stm32f405_qemu::plugin::callbacks::on_write\n";
+        let failed = ended(134, said).outcome(&folder).unwrap_err().to_string();
+        assert_eq!(
+            failed,
+            "the overlay failed (rtt.rs:39:21: attempt to add with overflow): this is a fault of the emulator; \
+             please report it with the image"
+        );
+        let noexec =
+            "qemu-system-arm: -plugin file=/x.so: Could not load plugin /x.so: failed to map segment";
+        let refused = ended(256, noexec).outcome(&folder).unwrap_err();
+        assert!(
+            matches!(&refused, RunError::OverlayRefused(line) if line.contains("TMPDIR")),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn a_qemu_that_ends_by_itself_keeps_what_it_said_and_what_the_run_had_given() {
+        let folder = Folder::new().unwrap();
+        for end in [End::QemuEnded(String::new()), End::Exited(0)] {
+            let outcome = Outcome {
+                end,
+                virtual_ns: 5,
+                ..Outcome::default()
+            };
+            folder
+                .write(exchange::OUTCOME, &serde_json::to_vec(&outcome).unwrap())
+                .unwrap();
+            let outcome = ended(0, "qemu: terminating on signal 15")
+                .outcome(&folder)
+                .unwrap();
+            let how = "exit status: 0: qemu: terminating on signal 15";
+            assert_eq!((outcome.end, outcome.virtual_ns), (End::QemuEnded(how.into()), 5));
+        }
+        let by_itself = ended(7 << 8, "").outcome(&folder).unwrap();
+        assert_eq!(by_itself.end, End::Exited(7));
     }
 }

@@ -1,25 +1,42 @@
 //! Finds QEMU, and the plugin interface version that it asks for.
 
 use std::collections::HashMap;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::mpsc::channel;
 use std::sync::{LazyLock, Mutex, PoisonError};
+use std::time::Duration;
 
 use super::error::RunError;
+
+/// How long QEMU may take to say its version: much longer than it does on a busy computer.
+const TO_ANSWER: Duration = Duration::from_secs(10);
 
 /// A QEMU that answered.
 #[derive(Debug, Clone)]
 pub(super) struct FoundQemu {
     pub(super) program: OsString,
     version: (u32, u32),
+    /// The line that says it.
+    said: String,
+}
+
+/// What the QEMU that runs would use says of its version: its first line. The QEMU named, or the one that
+/// [`Run::qemu`](crate::Run::qemu) has for `None`.
+///
+/// # Errors
+/// There is no such QEMU, or it is too old.
+pub fn qemu_version(named: Option<&Path>) -> Result<String, RunError> {
+    Ok(FoundQemu::find(named)?.said)
 }
 
 impl FoundQemu {
     /// The program named; else what `STM32F405_QEMU` names; else `qemu-system-arm` from `PATH`.
     ///
     /// # Errors
-    /// [`RunError::QemuMissing`] and [`RunError::QemuVersion`].
+    /// [`RunError::QemuMissing`], [`RunError::QemuUnusable`] and [`RunError::QemuVersion`].
     pub(super) fn find(named: Option<&Path>) -> Result<Self, RunError> {
         /// Those that have answered this process: to ask takes a sixth of the time of a short run.
         static ANSWERED: LazyLock<Mutex<HashMap<OsString, FoundQemu>>> = LazyLock::new(Mutex::default);
@@ -31,21 +48,28 @@ impl FoundQemu {
         if let Some(found) = answered.get(&program) {
             return Ok(found.clone());
         }
-        let found = Self::ask(program.clone())?;
+        let found = Self::ask(program.clone(), TO_ANSWER)?;
         Ok(answered.entry(program).or_insert(found).clone())
     }
 
-    fn ask(program: OsString) -> Result<Self, RunError> {
+    fn ask(program: OsString, limit: Duration) -> Result<Self, RunError> {
         let shown = program.to_string_lossy().into_owned();
-        let output = Command::new(&program)
-            .arg("--version")
-            .stdin(Stdio::null())
-            .output()
-            .map_err(|_| RunError::QemuMissing(shown.clone()))?;
-        let text = String::from_utf8_lossy(&output.stdout);
-        let first = text.lines().next().unwrap_or_default();
-        let version = version(first).ok_or_else(|| RunError::QemuVersion(shown, first.into()))?;
-        Ok(Self { program, version })
+        let unusable = |why: String| RunError::QemuUnusable(shown.clone(), why);
+        let said = first_line(&program, limit)?.ok_or_else(|| {
+            unusable(format!(
+                "it does not answer `--version` within {} s",
+                limit.as_secs_f64()
+            ))
+        })?;
+        match version(&said) {
+            None => Err(RunError::QemuVersion(shown, said)),
+            Some(version) if version < OLDEST => Err(unusable(format!("it is too old ({said:?})"))),
+            Some(version) => Ok(Self {
+                program,
+                version,
+                said,
+            }),
+        }
     }
 
     /// The plugin interface version of this QEMU, as far as it is known.
@@ -62,6 +86,44 @@ impl FoundQemu {
             (11, 0) => 6,
             _ => 7,
         }
+    }
+}
+
+/// The oldest that the overlay fits.
+const OLDEST: (u32, u32) = (7, 2);
+
+/// The first line that a program says when it is asked for its version. `None` if it takes longer than the limit.
+fn first_line(program: &OsStr, limit: Duration) -> Result<Option<String>, RunError> {
+    let mut child = Command::new(program)
+        .arg("--version")
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .map_err(|error| cannot_run(program, &error))?;
+    let stdout = child.stdout.take();
+    let (sender, heard) = channel();
+    // A child of the program may keep its output open for ever. Then this thread stays, too.
+    std::thread::spawn(move || {
+        let mut said = Vec::new();
+        let stdout = stdout.expect("its output was piped");
+        // Much longer than a version. What cannot be read is no version.
+        let _ = BufReader::new(stdout.take(4096)).read_until(b'\n', &mut said);
+        sender.send(said)
+    });
+    let said = heard.recv_timeout(limit).ok();
+    // One that has ended cannot be killed.
+    let _ = child.kill();
+    let _ = child.wait();
+    Ok(said.map(|said| String::from_utf8_lossy(&said).trim_end().to_owned()))
+}
+
+/// A program in QEMU's place does not start.
+pub(super) fn cannot_run(program: &OsStr, error: &io::Error) -> RunError {
+    let shown = program.to_string_lossy().into_owned();
+    match error.kind() {
+        io::ErrorKind::NotFound => RunError::QemuMissing(shown),
+        _ => RunError::QemuUnusable(shown, error.to_string()),
     }
 }
 
@@ -103,8 +165,13 @@ mod tests {
     #[test]
     fn the_plugin_version_follows_the_qemu_found() {
         let of = |version| {
-            let program = OsString::new();
-            FoundQemu { program, version }.plugin_version()
+            let (program, said) = (OsString::new(), String::new());
+            let found = FoundQemu {
+                program,
+                version,
+                said,
+            };
+            found.plugin_version()
         };
         assert_eq!((of((7, 2)), of((10, 0)), of((11, 1))), (1, 4, 7));
     }
@@ -118,6 +185,23 @@ mod tests {
         assert_eq!(
             wanted_version("Could not load plugin /tmp/x.so: no such file"),
             None
+        );
+    }
+
+    #[test]
+    fn a_program_that_says_nothing_is_given_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hangs.sh");
+        // Another process writes it: what this one has open for writing cannot be executed.
+        let write = r#"printf '#!/bin/sh\nexec sleep 60\n' > "$0" && chmod +x "$0""#;
+        let written = Command::new("sh").args(["-c", write]).arg(&path).status();
+        assert!(written.unwrap().success());
+        let silent = FoundQemu::ask(path.into(), Duration::from_millis(100)).unwrap_err();
+        assert!(
+            silent
+                .to_string()
+                .contains("does not answer `--version` within 0.1 s"),
+            "{silent}"
         );
     }
 }

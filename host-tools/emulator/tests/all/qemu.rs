@@ -5,9 +5,11 @@
 
 #![expect(clippy::unwrap_used, reason = "in helpers of tests")]
 
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use stm32f405_qemu::{
     End, Fault, FaultKind, FlashOperation, Inputs, Level, Outcome, PinInput, Poke, ResetCause, Run, RunError,
@@ -23,6 +25,7 @@ const TABLES_AT: u32 = HANDLER_AT + 20;
 
 const RCC: u32 = 0x4002_3800;
 const TIM3: u32 = 0x4000_0400;
+const IWDG: u32 = 0x4000_3000;
 const USART1: u32 = 0x4001_1000;
 const ADC1: u32 = 0x4001_2000;
 const DMA2: u32 = 0x4002_6400;
@@ -362,7 +365,6 @@ fn an_overrun_on_demand_ends_the_samples_of_an_image_that_does_not_clear_it() {
 
 #[test]
 fn a_watchdog_that_nobody_feeds_resets_a_sleeping_image_every_time_it_runs_out() {
-    const IWDG: u32 = 0x4000_3000;
     // Prescaler 4 and reload 7: 1 ms of the 32 kHz clock.
     let main = [(IWDG, 0x5555), (IWDG + 0x08, 7), (IWDG, 0xcccc)];
     let mut bench = bench(&image(&main, SLEEP, &[]));
@@ -403,6 +405,60 @@ fn an_image_that_hangs_is_stopped_by_the_timeout() {
 }
 
 #[test]
+fn a_fault_handler_that_is_a_loop_takes_no_longer_than_other_code_and_the_watchdog_ends_it() {
+    // 800 periods of 125 us, and then a store where there is no memory.
+    let main = [
+        (IWDG, 0x5555),
+        (IWDG + 0x08, 799),
+        (IWDG, 0xcccc),
+        (0xa000_0000, 0),
+    ];
+    let mut image = image(&main, BRANCH_TO_SELF, &[]);
+    // The vector of HardFault, in the segment: the instruction after the loop over the table.
+    let hard_fault = 52 + 32 + 4 * 3;
+    image[hard_fault..hard_fault + 4].copy_from_slice(&((RESET_AT + 12) | 1).to_le_bytes());
+    let mut bench = bench(&image);
+    bench.run.sampling_deadline_ns = 150_000_000;
+    // It takes a tenth of a second. With a look at the registers at each of 19 million turns, it would be a minute.
+    bench.run.timeout = Duration::from_secs(20);
+    let outcome = bench.run.execute().unwrap();
+    let resets: Vec<_> = outcome.resets.iter().map(|reset| reset.cause).collect();
+    assert_eq!(
+        (resets, outcome.exceptions.len()),
+        (vec![ResetCause::Watchdog], 2)
+    );
+}
+
+#[test]
+fn a_qemu_that_its_debugger_ends_is_no_timeout_and_what_it_said_is_passed_on() {
+    let mut bench = bench(&image(&[], SLEEP, &[]));
+    let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let port = free.local_addr().unwrap().port();
+    bench.run.gdb = Some(port);
+    let taken = bench.run.execute().unwrap_err();
+    assert!(matches!(taken, RunError::Input(_)), "{taken}");
+    drop(free);
+    let debugger = std::thread::spawn(move || {
+        let started = Instant::now();
+        while started.elapsed() < Duration::from_secs(60) {
+            if let Ok(mut stub) = TcpStream::connect((Ipv4Addr::LOCALHOST, port)) {
+                // `kill`; QEMU closes its end.
+                stub.write_all(b"$k#6b").unwrap();
+                let _ = stub.read_to_end(&mut Vec::new());
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    });
+    let ended = bench.run.execute().unwrap_err();
+    debugger.join().unwrap();
+    assert!(
+        matches!(&ended, RunError::QemuEnded(how, _) if how.contains("GDBstub")),
+        "{ended}"
+    );
+}
+
+#[test]
 fn a_missing_image_a_foreign_one_and_one_without_symbols_are_told_apart() {
     let missing = Run::new("/no/such/image").execute().unwrap_err();
     assert!(matches!(missing, RunError::ImageMissing { .. }), "{missing}");
@@ -423,6 +479,18 @@ fn a_missing_qemu_and_a_program_that_is_none_are_told_apart() {
     bench.run.qemu = Some("true".into());
     let other = bench.run.execute().unwrap_err();
     assert!(matches!(other, RunError::QemuVersion { .. }), "{other}");
+    bench.run.qemu = Some(std::env::temp_dir());
+    let folder = bench.run.execute().unwrap_err();
+    assert!(
+        matches!(&folder, RunError::QemuUnusable(_, why) if why.contains("denied")),
+        "{folder}"
+    );
+    bench.run.qemu = Some(script(&bench, "echo QEMU emulator version 6.2.0"));
+    let old = bench.run.execute().unwrap_err();
+    assert!(
+        matches!(&old, RunError::QemuUnusable(_, why) if why.contains("6.2.0")),
+        "{old}"
+    );
 }
 
 #[test]
@@ -802,7 +870,6 @@ fn on_crystal(css: u32) -> [(u32, u32); 2] {
 
 #[test]
 fn a_crystal_that_stops_is_an_nmi_with_css_and_without_it_only_the_watchdog_goes_on() {
-    const IWDG: u32 = 0x4000_3000;
     const NMI_VECTOR: u32 = 2;
     let outcome = |css: u32| {
         // The watchdog runs out after 1 ms. The NMI moves PC0 and clears CSSF.

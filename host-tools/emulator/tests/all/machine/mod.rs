@@ -8,6 +8,8 @@ use stm32f405_qemu::{Fault, FaultKind, PinInput, ResetCause, Run, Since, UartInp
 
 use self::bench::*;
 
+const EXTI: u32 = 0x4001_3c00;
+
 #[test]
 fn two_milliseconds_of_triggered_scans_lie_in_memory_in_order_with_an_interrupt_a_half() {
     let mut bench = Bench::new(ramp(400));
@@ -289,6 +291,23 @@ fn a_byte_write_to_the_data_register_sends_that_byte_and_one_to_a_port_keeps_the
         .machine
         .write(0x4002_0015, 1, 0xab, 10_000, &mut bench.board);
     assert_eq!(bench.read(0x4002_0014), 0xab34);
+}
+
+#[test]
+fn a_narrow_write_to_an_apb_register_is_repeated_over_the_word_without_a_read() {
+    let mut bench = Bench::new(Vec::new());
+    let narrow = |bench: &mut Bench, address: u32, bytes: u32, value: u32| {
+        bench.machine.write(address, bytes, value, 0, &mut bench.board);
+    };
+    narrow(&mut bench, TIM3 + 0x2c, 1, 0x12);
+    assert_eq!(bench.read(TIM3 + 0x2c), 0x1212);
+    narrow(&mut bench, TIM2 + 0x2c, 2, 0x3456);
+    assert_eq!(bench.read(TIM2 + 0x2c), 0x3456_3456);
+    // EXTI, whose pending bits are cleared by ones: lines 0 and 1 are pending, and line 0 is cleared.
+    bench.write(EXTI, 0b11);
+    bench.write(EXTI + 0x10, 0b11);
+    narrow(&mut bench, EXTI + 0x14, 1, 0b01);
+    assert_eq!(bench.read(EXTI + 0x14), 0b10);
 }
 
 #[test]
