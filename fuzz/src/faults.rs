@@ -1,6 +1,6 @@
 //! Scripts of faults in TOML, provoked in a run that is not begun.
 
-use bead::bench::faults::parse;
+use bead::bench::faults::{parse, provoke};
 use stm32f405_qemu::Run;
 
 use crate::text;
@@ -20,7 +20,7 @@ pub fn check(bytes: &[u8]) {
     for fault in &faults {
         assert!(fault.told_after() >= 0.0 && fault.told_after().is_finite());
         assert!(fault.cause().is_some() || !fault.resets() || fault.kind.name() == "power_cut");
-        fault.provoke(&mut run);
     }
+    provoke(&faults, &mut run);
     assert_eq!(run.stimulus.len(), 1000);
 }

@@ -28,7 +28,7 @@ use crate::line::port::Address;
 const START: Duration = Duration::from_millis(50);
 /// Time that passes after bytes came in. Most requests are answered within it.
 const ANSWER: Duration = Duration::from_millis(80);
-/// Time that passes at once while a program only listens.
+/// Time that passes at once while a program only listens, and with a pace at most: meanwhile nobody is served.
 const STEP: Duration = Duration::from_millis(250);
 /// From a stop to the first byte that comes in after it.
 const GAP_NS: u64 = 1_000_000;
@@ -36,6 +36,9 @@ const GAP_NS: u64 = 1_000_000;
 const PAUSE: Duration = Duration::from_millis(100);
 /// With a pace: how often time passes.
 const BEAT: Duration = Duration::from_millis(10);
+/// With a pace: the image may be behind by this much of its time. More is forgotten: a computer that is too
+/// slow, or that stood still, never makes it good.
+const BEHIND: Duration = Duration::from_secs(1);
 /// Between two looks for a new connection, or for a request to stop.
 const LOOK: Duration = Duration::from_millis(50);
 /// Between two looks for bytes from programs, or for room to send them some.
@@ -68,6 +71,29 @@ struct Pace {
     factor: f64,
 }
 
+impl Pace {
+    /// How far an image that is at `now` is behind at an instant.
+    fn behind(&self, now: Duration, instant: Instant) -> Duration {
+        let passed = instant.saturating_duration_since(self.started);
+        passed.mul_f64(self.factor).saturating_sub(now)
+    }
+
+    /// How much time should pass at once.
+    fn due(&mut self, now: Duration, instant: Instant) -> Duration {
+        let behind = self.behind(now, instant);
+        self.started += behind.saturating_sub(BEHIND).div_f64(self.factor);
+        behind.min(STEP)
+    }
+
+    /// How long to wait for bytes before time passes.
+    fn pause(&self, now: Duration, instant: Instant) -> Duration {
+        match self.behind(now, instant) < STEP {
+            true => BEAT,
+            false => Duration::ZERO,
+        }
+    }
+}
+
 impl Bridge {
     /// The image at power-up. With a pace, it has so many seconds in one of this computer, from now on.
     ///
@@ -76,6 +102,8 @@ impl Bridge {
     pub fn new(emulation: &Emulation, pace: Option<f64>) -> Result<Self, BenchError> {
         let mut machine = emulation.machine();
         machine.count_instructions = false;
+        // Every edge would be kept for as long as it runs.
+        machine.record_pins = false;
         // From stop to stop.
         machine.timeout = Duration::from_secs(120);
         let rows = std::mem::take(&mut machine.stimulus);
@@ -146,20 +174,17 @@ impl Bridge {
 
     /// How long to wait for bytes from a program before time passes.
     fn pause(&self) -> Duration {
-        match self.pace {
-            Some(_) => BEAT,
+        match &self.pace {
+            Some(pace) => pace.pause(self.now(), Instant::now()),
             None => PAUSE,
         }
     }
 
     /// How much time should pass now, after bytes came in or none did.
-    fn due(&self, heard: bool) -> Duration {
-        match &self.pace {
-            Some(pace) => pace
-                .started
-                .elapsed()
-                .mul_f64(pace.factor)
-                .saturating_sub(self.now()),
+    fn due(&mut self, heard: bool) -> Duration {
+        let now = self.now();
+        match &mut self.pace {
+            Some(pace) => pace.due(now, Instant::now()),
             None if heard => ANSWER,
             None => STEP,
         }
@@ -247,13 +272,17 @@ pub fn serve(bridge: &mut Bridge, door: &Door, stop: &AtomicBool) -> Result<(), 
     while !stop.load(Ordering::Relaxed) {
         door.let_in(&mut programs);
         let heard = hear(&mut programs, bridge.pause());
-        if programs.is_empty() && bridge.pace.is_none() {
-            // Nobody connects, or the last one hung up: time stands still.
-            thread::sleep(LOOK);
-            continue;
+        if programs.is_empty() {
+            // Nobody connects, or the last one hung up: without a pace time stands still.
+            if bridge.pace.is_none() {
+                thread::sleep(LOOK);
+                continue;
+            }
+            thread::sleep(bridge.pause());
         }
         // Without a program what a bead says is lost, as on any line.
-        let said = bridge.pass(&heard, bridge.due(!heard.is_empty()))?;
+        let time = bridge.due(!heard.is_empty());
+        let said = bridge.pass(&heard, time)?;
         for program in &mut programs {
             program.unread.extend(&said);
         }
@@ -394,6 +423,35 @@ mod tests {
             unread: vec![7; unread].into(),
             read: Instant::now(),
         }
+    }
+
+    #[test]
+    fn a_pace_that_this_computer_cannot_keep_up_with_loses_time_and_not_patience() {
+        let began = Instant::now();
+        let at = |ms: u64| began + Duration::from_millis(ms);
+        let seconds = Duration::from_secs;
+        let mut pace = Pace {
+            started: began,
+            factor: 100.0,
+        };
+        // One that it keeps up with loses nothing, not by a hiccup either.
+        assert_eq!(pace.due(seconds(0), at(1)), Duration::from_millis(100));
+        assert_eq!(pace.due(Duration::from_millis(100), at(10)), STEP);
+        assert_eq!(pace.pause(Duration::from_millis(350), at(10)), Duration::ZERO);
+        assert_eq!(
+            pace.due(Duration::from_millis(850), at(10)),
+            Duration::from_millis(150)
+        );
+        assert_eq!(pace.pause(Duration::from_millis(1000), at(10)), BEAT);
+        assert_eq!(pace.started, began);
+        // A minute in which the image came no further.
+        assert_eq!(pace.due(seconds(1), at(60_000)), STEP);
+        assert_eq!(pace.behind(seconds(1), at(60_000)), BEHIND);
+        assert_eq!(pace.due(seconds(1) + BEHIND, at(60_000)), Duration::ZERO);
+        assert_eq!(
+            pace.due(seconds(1) + BEHIND, at(60_002)),
+            Duration::from_millis(200)
+        );
     }
 
     #[test]

@@ -1,8 +1,6 @@
 //! The flash image in QEMU, on what a bead of a simulated chain would sense.
 
-use std::env;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 use bead_model::design::{Capture, DesignError, derive_among};
@@ -11,10 +9,10 @@ use bead_model::settings::{BLOCK_MAX, Settings};
 use bead_wire::{Counters, Message};
 use hertz_chain::{Scenario, Solution};
 use serde::{Deserialize, Serialize};
-use stm32f405_qemu::{Outcome, PinInput, Reset, Run, Since};
+use stm32f405_qemu::{End, Outcome, PinInput, Reset, Run, Since};
 
 use crate::bench::error::BenchError;
-use crate::bench::faults::Planned;
+use crate::bench::faults::{self, Planned};
 use crate::bench::front_end::{Digitised, FrontEnd, SAMPLE_RATE_HZ, Stimulus};
 use crate::bench::image;
 use crate::bench::sensed::{Felt, Sensed, Timing, Truth, bead_of, neighbours_of};
@@ -111,10 +109,13 @@ pub struct Ran {
     pub sent_ns: Vec<u64>,
     /// True time of the first triggered scan, in ns since power-up.
     pub first_scan_ns: u64,
-    /// From when to when the bead held the trigger line low, in ns of true time since power-up.
+    /// From when to when the bead held the trigger line low, in ns of true time since power-up, if
+    /// [`Emulation::pulls`] asks for it.
     pub pulls_ns: Vec<[u64; 2]>,
     /// The resets after power-up.
     pub resets: Vec<Reset>,
+    /// How the image failed, if it ended before its time was over. What it did before that is here.
+    pub failure: Option<String>,
     /// What was measured.
     pub report: EmulatorReport,
 }
@@ -279,6 +280,8 @@ pub struct Emulation {
     pub gdb: Option<u16>,
     /// What the sensors feel, if it is no strike of the chain.
     pub waveform: Option<Waveform>,
+    /// Whether [`Ran::pulls_ns`] is asked for. Each edge of any pin takes memory then.
+    pub pulls: bool,
     codes: Digitised,
     image: PathBuf,
 }
@@ -406,6 +409,7 @@ impl Emulation {
             shift: None,
             gdb: None,
             waveform: None,
+            pulls: false,
             codes,
             image: image.to_owned(),
         })
@@ -471,10 +475,8 @@ impl Emulation {
                 changes_ns: std::iter::once(0).chain(low).collect(),
             });
         }
-        run.record_pins = true;
-        for fault in &self.faults {
-            fault.provoke(&mut run);
-        }
+        run.record_pins = self.pulls;
+        faults::provoke(&self.faults, &mut run);
         // An image that keeps the core busy runs some thirty times slower here than on silicon.
         run.timeout = Duration::from_secs(60) + Duration::from_secs_f64(60.0 * self.seconds());
         run
@@ -483,12 +485,14 @@ impl Emulation {
     /// Runs the image.
     ///
     /// # Errors
-    /// The file is no image, QEMU fails, or the image never samples.
+    /// The file is no image, QEMU fails, or the image never samples. One that fails after its first sample is no
+    /// error: [`Ran::failure`] says how.
     pub fn run(&self) -> Result<Ran, BenchError> {
         let clock = Instant::now();
         let outcome = self.machine().execute()?;
         let (frames, counters) = frames::decode(&outcome.uart);
         let report = self.report(&outcome, &frames, clock.elapsed().as_secs_f64())?;
+        let failure = failure(&outcome);
         let changes = outcome.pins.iter().find(|pin| pin.name == PULL_PIN);
         Ok(Ran {
             pulls_ns: changes.map_or_else(Vec::new, |pin| pulls(&pin.changes)),
@@ -497,6 +501,7 @@ impl Emulation {
             frames,
             counters,
             sent_ns: outcome.uart_ns,
+            failure,
             resets: outcome.resets,
             report,
         })
@@ -509,13 +514,13 @@ impl Emulation {
         real_seconds: f64,
     ) -> Result<EmulatorReport, BenchError> {
         let Some(sampling) = &outcome.sampling else {
-            let last = outcome.log.last().map(ToString::to_string);
-            let last = last.as_deref().unwrap_or("nothing");
-            return Err(BenchError::Mute(format!(
-                "{} never started to sample in {:.1} s; the last that it logged: {last}",
-                self.image.display(),
-                outcome.virtual_ns as f64 * 1e-9
-            )));
+            let why = failure(outcome).unwrap_or_else(|| {
+                let last = outcome.log.last().map(ToString::to_string);
+                let last = last.as_deref().unwrap_or("nothing");
+                let seconds = outcome.virtual_ns as f64 * 1e-9;
+                format!("it never started to sample in {seconds:.1} s; the last that it logged: {last}")
+            });
+            return Err(BenchError::Mute(format!("{}: {why}", image::shown(&self.image))));
         };
         let counted = outcome.instructions.as_ref().ok_or_else(|| {
             BenchError::Mute("the emulator counted no instructions although it was asked to".to_owned())
@@ -526,18 +531,14 @@ impl Emulation {
             let function = function(label).filter(|function| samples > 0 && function.symbols > 0)?;
             Some(function.instructions as f64 / samples as f64)
         };
-        let windows: Vec<u64> = frames
-            .iter()
-            .filter_map(|frame| match &frame.message {
-                Message::Strike(strike) => Some(strike.samples.into()),
-                _ => None,
-            })
-            .collect();
-        let in_windows = windows.iter().sum();
-        let estimated = windows.iter().map(|samples| samples - u64::from(BASELINE)).sum();
+        let windows = frames.iter().filter_map(|frame| match &frame.message {
+            Message::Strike(strike) => Some(strike.samples),
+            _ => None,
+        });
+        let (in_windows, estimated) = samples_in(windows);
         Ok(EmulatorReport {
             image: image::shown(&self.image),
-            qemu: qemu_version(),
+            qemu: stm32f405_qemu::qemu_version(None).ok(),
             instructions_per_sample: InstructionsPerSample {
                 observer: per_sample("observer", estimated),
                 reduced_chain: per_sample("reduced_chain", estimated),
@@ -564,6 +565,27 @@ impl Emulation {
             real_seconds,
             log: outcome.log.iter().map(ToString::to_string).collect(),
         })
+    }
+}
+
+/// Samples in windows of these lengths, and those of them that the estimates took.
+fn samples_in(windows: impl Iterator<Item = u16>) -> (u64, u64) {
+    windows.fold((0, 0), |(all, estimated), samples| {
+        // An image that is no bead's may say any length.
+        let after_baseline = u64::from(samples).saturating_sub(BASELINE.into());
+        (all + u64::from(samples), estimated + after_baseline)
+    })
+}
+
+/// How the image failed, if it did: how it ended before its time was over. A fault that a reset follows is no failure.
+fn failure(outcome: &Outcome) -> Option<String> {
+    match &outcome.end {
+        // That is how test firmware ends. A bead's never does.
+        End::Breakpoint(place) => Some(format!(
+            "the image stopped at a breakpoint of its own, at {place}, at {:.6} s",
+            outcome.virtual_ns as f64 * 1e-9
+        )),
+        _ => outcome.verdict().err(),
     }
 }
 
@@ -606,17 +628,46 @@ pub fn settings_of(
     })
 }
 
-/// The version of the QEMU that the emulator runs.
-fn qemu_version() -> Option<String> {
-    let program = env::var_os("STM32F405_QEMU").unwrap_or_else(|| "qemu-system-arm".into());
-    let said = Command::new(program).arg("--version").output().ok()?;
-    let first = String::from_utf8_lossy(&said.stdout).lines().next()?.to_owned();
-    Some(first)
-}
-
 #[cfg(test)]
 mod tests {
+    use stm32f405_qemu::Place;
+
     use super::*;
+
+    #[test]
+    fn windows_shorter_than_their_baseline_are_counted() {
+        assert_eq!(
+            samples_in([672, 9, 0].into_iter()),
+            (681, 672 - u64::from(BASELINE))
+        );
+    }
+
+    #[test]
+    fn an_image_that_ends_before_its_time_has_failed() {
+        let place = Place {
+            address: 0x0800_018a,
+            function: Some("dead".to_owned()),
+        };
+        let mut outcome = Outcome::default();
+        assert_eq!(failure(&outcome), None);
+        outcome.virtual_ns = 1_000_000;
+        for (end, says) in [
+            (
+                End::LockedUp(Some(place.clone())),
+                "locked up at 0x0800018a (dead)",
+            ),
+            (End::Faulted, "stands in the handler of a fault"),
+            (End::Panicked, "the image panicked"),
+            (
+                End::Breakpoint(place),
+                "a breakpoint of its own, at 0x0800018a (dead), at 0.001000 s",
+            ),
+        ] {
+            outcome.end = end;
+            let said = failure(&outcome).unwrap();
+            assert!(said.contains(says), "{said}");
+        }
+    }
 
     #[test]
     fn the_strike_that_began_last_is_found_by_a_sample_index() {

@@ -72,8 +72,8 @@ const KINDS: [(&str, Kind); 13] = [
 /// Voltages between which a supply may be put: those between which the part works (DocID022152, general
 /// operating conditions).
 const VOLTS: std::ops::RangeInclusive<f64> = 1.8..=3.6;
-/// A good supply, mV.
-const GOOD_MV: u32 = 3300;
+/// A good supply, V.
+const GOOD_VOLTS: f64 = 3.3;
 /// Below this the bead's detector finds the supply low, V (`firmware/src/health.rs`).
 const LOW_VOLTS: f64 = 2.93;
 /// The bead always finds a sensor that is stuck or railed for this long, s (`firmware/src/health.rs`).
@@ -195,9 +195,8 @@ impl Planned {
         self.duration.is_none_or(|duration| duration >= FOUND)
     }
 
-    /// Makes the fault happen in a run.
-    pub fn provoke(&self, run: &mut Run) {
-        let ns = |seconds: f64| (seconds * 1e9) as u64;
+    /// Makes a fault happen that is not the supply's.
+    fn provoke_by_itself(&self, run: &mut Run) {
         let mut fail = |at: f64, kind: FaultKind| run.faults.push(Fault::after_first_scan(ns(at), kind));
         match self.kind {
             Kind::AdcOverrun => fail(self.at, FaultKind::AdcOverrun),
@@ -211,13 +210,8 @@ impl Planned {
                 let for_ns = self.duration.map_or(u64::MAX, ns);
                 fail(self.at, FaultKind::TransmitterStalled { for_ns });
             }
-            Kind::Supply => {
-                let millivolts = self.volts.map_or(GOOD_MV, |volts| (volts * 1e3).round() as u32);
-                fail(self.at, FaultKind::Supply { millivolts });
-                if let Some(duration) = self.duration {
-                    fail(self.at + duration, FaultKind::Supply { millivolts: GOOD_MV });
-                }
-            }
+            // All of them together say what it is.
+            Kind::Supply => {}
             Kind::ForceStuck | Kind::AccelerationStuck | Kind::ForceRailed | Kind::AccelerationRailed => {
                 let rows = |seconds: f64| (seconds * f64::from(SAMPLE_RATE_HZ)).round() as usize;
                 let from = rows(self.at);
@@ -236,6 +230,42 @@ impl Planned {
             }
         }
     }
+}
+
+/// Makes faults happen in a run. Of faults of one sensor that overlap, the last one counts.
+pub fn provoke(faults: &[Planned], run: &mut Run) {
+    for fault in faults {
+        fault.provoke_by_itself(run);
+    }
+    run.faults.extend(supply(faults).into_iter().map(|(at, volts)| {
+        let millivolts = (volts * 1e3).round() as u32;
+        Fault::after_first_scan(ns(at), FaultKind::Supply { millivolts })
+    }));
+}
+
+/// The supply under these faults: from when on, in s after the first scan, it has which voltage, in V. Of faults
+/// that overlap, the one that began last counts as long as it lasts; then one that still lasts, and a good supply
+/// if none does.
+pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
+    let ends = |fault: &Planned| fault.at + fault.duration.unwrap_or(f64::INFINITY);
+    let mut faults: Vec<_> = faults.iter().filter(|fault| fault.kind == Kind::Supply).collect();
+    faults.sort_by(|a, b| a.at.total_cmp(&b.at));
+    let mut times: Vec<_> = faults.iter().flat_map(|fault| [fault.at, ends(fault)]).collect();
+    times.retain(|time| time.is_finite());
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let at = |time: f64| {
+        let lasts = faults
+            .iter()
+            .rfind(|fault| (fault.at..ends(fault)).contains(&time));
+        (time, lasts.and_then(|fault| fault.volts).unwrap_or(GOOD_VOLTS))
+    };
+    times.into_iter().map(at).collect()
+}
+
+/// A time in ns.
+fn ns(seconds: f64) -> u64 {
+    (seconds * 1e9) as u64
 }
 
 /// Reads a file of faults.
@@ -463,9 +493,7 @@ mod tests {
         let before = run.stimulus.clone();
         let text = "[[fault]]\nat = 0.0001\nkind = \"force_stuck\"\nduration = 0.0002\n\
                     [[fault]]\nat = 0.0005\nkind = \"acceleration_railed\"\n";
-        for fault in parse(text, "f.toml").unwrap() {
-            fault.provoke(&mut run);
-        }
+        provoke(&parse(text, "f.toml").unwrap(), &mut run);
         for (row, (before, after)) in before.iter().zip(&run.stimulus).enumerate() {
             let mut expected = *before;
             if (10..30).contains(&row) {
@@ -482,10 +510,41 @@ mod tests {
     fn a_supply_that_dips_comes_back() {
         let mut run = Run::new("none");
         let text = "[[fault]]\nat = 0.1\nkind = \"supply\"\nvolts = 2.7\nduration = 0.05\n";
-        parse(text, "f.toml").unwrap()[0].provoke(&mut run);
+        provoke(&parse(text, "f.toml").unwrap(), &mut run);
         let expected = [(100_000_000, 2700), (150_000_000, 3300)];
         let expected = expected
             .map(|(at_ns, millivolts)| Fault::after_first_scan(at_ns, FaultKind::Supply { millivolts }));
         assert_eq!(run.faults, expected);
+    }
+
+    #[test]
+    fn a_short_dip_of_the_supply_does_not_end_a_longer_one() {
+        let supply = |text: &str| {
+            let faults = text
+                .split(';')
+                .map(|fault| format!("[[fault]]\nkind = \"supply\"\n{fault}\n"));
+            let faults = parse(&faults.collect::<String>().replace(',', "\n"), "f.toml").unwrap();
+            let mut run = Run::new("none");
+            provoke(&faults, &mut run);
+            let levels = run.faults.iter().map(|fault| match fault.kind {
+                FaultKind::Supply { millivolts } => (fault.at_ns / 1_000_000, millivolts),
+                kind => panic!("{kind:?}"),
+            });
+            levels.collect::<Vec<_>>()
+        };
+        let long = "at = 0.05, volts = 2.5, duration = 0.3";
+        let short = "at = 0.1, volts = 2.6, duration = 0.125";
+        let expected = [(50, 2500), (100, 2600), (225, 2500), (350, 3300)];
+        assert_eq!(supply(&format!("{long};{short}")), expected);
+        assert_eq!(supply(&format!("{short};{long}")), expected);
+        // One that lasts to the end of the run is there again after another one.
+        let expected = [(50, 2800), (100, 2600), (225, 2800)];
+        assert_eq!(supply(&format!("at = 0.05, volts = 2.8;{short}")), expected);
+        // One that is over before the other.
+        let expected = [(50, 2500), (100, 2600), (150, 2600), (225, 3300)];
+        assert_eq!(
+            supply(&format!("at = 0.05, volts = 2.5, duration = 0.1;{short}")),
+            expected
+        );
     }
 }

@@ -10,9 +10,10 @@
 //! it pull, so each round is right for that much longer, and the last one to the nanosecond. Where all beads feel the
 //! strike, none runs twice.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use bead_wire::{Message, StrikeFlags};
+use bead_wire::{Message, Strike, StrikeFlags};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -91,9 +92,12 @@ pub fn run(
     prepare: impl Fn(Placed) -> Result<Emulation, BenchError> + Sync,
     done: impl Fn(usize) + Sync,
 ) -> Result<Vec<(Emulation, Ran)>, BenchError> {
+    let beads = placed.len();
     let count = AtomicUsize::new(0);
     let one = |placed: &Placed| -> Result<(Emulation, Ran), BenchError> {
-        let emulation = prepare(*placed)?;
+        let mut emulation = prepare(*placed)?;
+        // Alone, nobody hears it on the trigger line.
+        emulation.pulls = beads > 1;
         let ran = emulation.run()?;
         done(count.fetch_add(1, Ordering::Relaxed) + 1);
         Ok((emulation, ran))
@@ -150,16 +154,13 @@ const LINE_DELAY: u64 = 600;
 /// The falls of the line that a bead may heed, in s since its first scan: not those that come while it measures a strike
 /// that it had found by itself, and not those that tell of an instant whose history reaches back into that.
 fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
-    /// Scans by which the index of a fall may be off.
-    const UNSURE: f64 = 3.0;
+    let history = emulation.settings.window.history;
     let own: Vec<_> = ran
         .frames
         .iter()
         .filter_map(|frame| match &frame.message {
             Message::Strike(strike) if !strike.flags.has(StrikeFlags::TRIGGERED_BY_LINE) => {
-                let quiet = u64::from(emulation.settings.window.history);
-                let end = strike.first_index + u64::from(strike.samples) + quiet + LINE_DELAY;
-                Some(strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE)
+                Some(unheeding(strike, history))
             }
             _ => None,
         })
@@ -171,6 +172,17 @@ fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
             !own.iter().any(|window| window.contains(&index))
         })
         .collect()
+}
+
+/// The indices at which a bead surely heeds no fall of the line, for a strike that it found by itself. Windows
+/// begin `history` scans before their trigger.
+fn unheeding(strike: &Strike, history: u16) -> Range<f64> {
+    /// Scans by which the index of a fall may be off.
+    const UNSURE: f64 = 3.0;
+    // An image that is no bead's may say any index.
+    let last = strike.first_index.saturating_add(strike.samples.into());
+    let end = last.saturating_add(u64::from(history) + LINE_DELAY);
+    strike.trigger_index as f64 + UNSURE..end as f64 - UNSURE
 }
 
 /// Records what all beads sent, each in its lane, in the order of time.
@@ -195,7 +207,28 @@ pub fn write(ran: &[(Lane, &Ran, f64)], writer: &mut Writer) -> Result<(), Recor
 
 #[cfg(test)]
 mod tests {
+    use bead_wire::Kind;
+
     use super::*;
+
+    #[test]
+    fn an_image_may_say_any_index_of_a_window() {
+        let Message::Strike(drawn) = Message::draw(Kind::Strike, &mut || 0) else {
+            panic!("a strike");
+        };
+        let strike = Strike {
+            first_index: 1000,
+            trigger_index: 1159,
+            samples: 672,
+            ..drawn
+        };
+        assert_eq!(unheeding(&strike, 160), 1162.0..2429.0);
+        let strike = Strike {
+            first_index: u64::MAX,
+            ..strike
+        };
+        assert_eq!(unheeding(&strike, 160).end, u64::MAX as f64);
+    }
 
     #[test]
     fn chance_follows_from_the_seed_and_stays_within_its_bounds() {

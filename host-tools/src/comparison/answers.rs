@@ -10,7 +10,7 @@
 use bead_wire::{FaultCause, Message};
 use stm32f405_qemu::{Reset, ResetCause};
 
-use crate::bench::faults::{Kind, Planned};
+use crate::bench::faults::{Kind, Planned, supply};
 use crate::bench::front_end::{CODES, SAMPLE_RATE_HZ};
 use crate::recording::frames::Frame;
 
@@ -613,20 +613,10 @@ fn merged(times: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     all
 }
 
-/// From when to when the supply is low, as the emulator puts it: the end of each fault makes it good.
+/// From when to when the supply is low, as the emulator puts it.
 fn low(faults: &[Planned]) -> Vec<[f64; 2]> {
-    let mut levels = Vec::new();
-    for fault in faults.iter().filter(|fault| fault.kind == Kind::Supply) {
-        levels.push((fault.at, fault.volts.unwrap_or(f64::INFINITY)));
-        levels.extend(
-            fault
-                .duration
-                .map(|duration| (fault.at + duration, f64::INFINITY)),
-        );
-    }
-    levels.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut low, mut since) = (Vec::new(), None);
-    for (at, volts) in levels {
+    for (at, volts) in supply(faults) {
         match since {
             None if volts < LOW[0] => since = Some(at),
             Some(from) if volts > LOW[1] => {
@@ -676,7 +666,7 @@ fn standing(rows: &[[u16; 4]], sensor: usize) -> Vec<(bool, [f64; 2])> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::faults::parse;
+    use crate::bench::faults::{parse, provoke};
 
     /// What is wrong with a run of 2 s with these faults, resets and reports, and 19 strikes that were all measured.
     fn wrong(faults: &str, resets: &[(f64, ResetCause)], told: &[(f64, FaultCause, &str)]) -> Vec<String> {
@@ -702,7 +692,7 @@ mod tests {
         let faults = parse(&text, "f.toml").unwrap();
         let mut stimulus = stm32f405_qemu::Run::new("none");
         stimulus.stimulus = (0..200_000u32).map(|row| [1000 + (row % 7) as u16; 4]).collect();
-        faults.iter().for_each(|fault| fault.provoke(&mut stimulus));
+        provoke(&faults, &mut stimulus);
         let life = Life {
             resets: resets.to_vec(),
             end: 2.0,

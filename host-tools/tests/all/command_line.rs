@@ -511,6 +511,13 @@ fn a_front_end_that_cannot_be_is_refused_by_option() {
         "1e15",
     ];
     refused(&far, 2, &["--interval", "a run 1200 s at most"]);
+    let ten = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../docs/scenarios/ten-intruders.toml"
+    );
+    let many = [&["emulate", ten, "--bead", "all"], &far[4..6]].concat();
+    let many = [&many[..], &["--strikes", "1301", "--interval", "0.1"]].concat();
+    refused(&many, 2, &["--bead", "10 beads for 130.0 s each are 1300 s"]);
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod beads;
 mod channels;
 mod command_line;
 mod export;
+mod failing_image;
 mod first_strike;
 mod full_disk;
 mod hostile;

@@ -19,7 +19,7 @@ use crate::bench::faults::{self, Planned};
 use crate::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
 use crate::bench::image::find_image;
 use crate::bench::sensed::{
-    Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
+    Timing, bead_of, ends_early, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
 };
 use crate::bench::several::{self, Clocks};
 use crate::cli::beads::Beads;
@@ -154,7 +154,8 @@ pub(crate) struct Arguments {
 /// The bead reports edges that are more than 10 ms apart (`firmware/src/sync.rs`); the rest is for its own
 /// delay.
 const SYNC_LEAST: f64 = 0.02;
-/// A run's last strike comes this long after its first at the latest, s: its codes are in memory, 0.8 MB a second.
+/// A run's last strike comes this long after its first at the latest, s: its codes are in memory, 0.8 MB a
+/// second. Several beads share it.
 const LONGEST: f64 = 1200.0;
 /// The time between edges with several beads, s, if nobody gives another.
 const SYNC_OF_SEVERAL: f64 = 0.1;
@@ -235,6 +236,18 @@ impl Arguments {
         Ok(())
     }
 
+    /// Refuses more time of all beads together than fits in memory.
+    fn check_memory(&self, beads: usize) -> anyhow::Result<()> {
+        let seconds = self.start_spread + self.interval * f64::from(self.strikes - 1);
+        let all = seconds * beads as f64;
+        ensure!(
+            all <= LONGEST || beads == 1,
+            "--bead: {beads} beads for {seconds:.1} s each are {all:.0} s, and the codes of {LONGEST} s fit in memory; give \
+             fewer beads or --strikes, or a shorter --interval"
+        );
+        Ok(())
+    }
+
     fn clocks(&self) -> Clocks {
         self.clock_spread
             .map_or_else(|| Clocks::Each(self.clock_ppm.clone()), Clocks::Spread)
@@ -251,6 +264,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.stimulus.is_none() {
         arguments.waveform.without("--stimulus")?;
     }
+    arguments.check_memory(beads.len()).map_err(Failure::Input)?;
     let outputs = arguments.outputs(&beads)?;
     // Before the work, which an address that does not do would waste.
     let door = arguments.listen.as_ref().map(Door::open).transpose()?;
@@ -283,9 +297,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     // A disk that is full must not cost the result as well: it is printed all the same.
     let recorded = outputs.map(|outputs| record(arguments, &outputs, &text, &ran));
     let recording = recorded.as_ref().and_then(|recorded| recorded.as_ref().ok());
+    let mut failures = Vec::new();
     let reports: Vec<_> = ran
         .into_iter()
-        .map(|(emulation, ran)| {
+        .map(|(emulation, mut ran)| {
+            failures.push(ran.failure.take());
             let report = RunReport::of(&emulation, ran, recording.cloned());
             (emulation.truth, report)
         })
@@ -304,13 +320,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     recorded.transpose()?;
-    for (truth, report) in &reports {
-        report
-            .verdict(arguments.strikes)
-            .map_err(|why| match arguments.bead {
-                Beads::One(_) => Failure::Verdict(why.to_string()),
-                _ => Failure::Verdict(format!("bead {}: {why}", truth.bead)),
-            })?;
+    for ((truth, report), failure) in reports.iter().zip(failures) {
+        // An image that failed explains whatever else is missing.
+        let verdict = match failure {
+            Some(why) => Err(why),
+            None => report.verdict(arguments.strikes).map_err(|why| why.to_string()),
+        };
+        verdict.map_err(|why| match arguments.bead {
+            Beads::One(_) => Failure::Verdict(why),
+            _ => Failure::Verdict(format!("bead {}: {why}", truth.bead)),
+        })?;
     }
     Ok(())
 }
@@ -386,9 +405,18 @@ impl<'a> Bench<'a> {
         let played = Played::of(arguments, &front_end, beads)?;
         let image = find_image(arguments.firmware.as_deref())?;
         let solution = simulate_with_ring_down(scenario)?;
-        for bead in beads {
-            bead_of(&solution, *bead)?;
-            if let Some(note) = unlike_the_reduced_chain(&solution, *bead) {
+        for one in &placed {
+            let bead = one.bead;
+            bead_of(&solution, bead)?;
+            let early = match played.is_some() || arguments.listen.is_some() {
+                // Nothing is held against the scenario.
+                true => None,
+                false => {
+                    let window = settings_of(&solution, *one, &front_end)?.window;
+                    ends_early(scenario, &solution, bead, window)
+                }
+            };
+            for note in unlike_the_reduced_chain(&solution, bead).into_iter().chain(early) {
                 progress.suspend(|| output::note(format_args!("{note}")));
             }
         }
