@@ -89,6 +89,8 @@ async fn epoch(converter: &mut Converter, clock: &mut SampleClock, outlet: &mut 
         first = false;
         let next = handover::free();
         if scanning.take(next).is_err() {
+            // The stream did not get it.
+            next.into_iter().for_each(handover::give_back);
             return LATE;
         }
         outlet.pass_on(index, next);

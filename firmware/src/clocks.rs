@@ -31,7 +31,9 @@ pub(crate) const INTERNAL_HZ: u32 = 16_000_000;
 const PLL_INPUT_HZ: u32 = 2_000_000;
 /// Longest start of a crystal: 50 times the typical 2 ms (DocID022152, HSE oscillator characteristics).
 const CRYSTAL_STARTS: u32 = INTERNAL_HZ / 10;
-/// Revision A of the part, whose prefetch does not work (ES0182, ART accelerator prefetch queue).
+/// DEV_ID of the part, and the revision whose prefetch does not work: A (RM0090 section 38.6.1, ES0182 on the
+/// ART accelerator).
+const PART: u16 = 0x413;
 const REVISION_A: u16 = 0x1000;
 
 const _: () = assert!(CRYSTAL_HZ.is_multiple_of(PLL_INPUT_HZ));
@@ -96,9 +98,22 @@ pub(crate) fn guard_crystal() {
 /// core waits 5 clocks at every branch (RM0090 section 3.5.2).
 ///
 /// Called after flash was erased for the last time, as a cache keeps what was there before (section 3.5.2). A
-/// word that is programmed is changed in the cache as well.
+/// word that is programmed is changed in the cache as well. The caches are emptied first, which works only
+/// while they are off (section 3.9.1): flash may have changed since they were on, before the reset.
+///
+/// Silicon of revision A says that it is an STM32F2, whose revisions have other numbers (ES0182, MCU device
+/// ID). So any other part than the expected one goes without the prefetch.
 pub(crate) fn accelerate() {
-    let prefetch = DBGMCU.idcode().read().rev_id() != REVISION_A;
+    let id = DBGMCU.idcode().read();
+    let prefetch = id.dev_id() == PART && id.rev_id() != REVISION_A;
+    let empty = |now| {
+        FLASH.acr().modify(|w| {
+            w.set_icrst(now);
+            w.set_dcrst(now);
+        });
+    };
+    empty(true);
+    empty(false);
     FLASH.acr().modify(|w| {
         w.set_icen(true);
         w.set_dcen(true);

@@ -7,7 +7,9 @@
 //! may be repeated.
 
 use bead_store::{Pace, Secret, StoreError};
-use bead_wire::{AHEAD, ANY, Cause, Detail, Heard, KEY, Key, Lock, Moment, Outcome, Reply, Request};
+use bead_wire::{
+    AHEAD, ANY, Cause, Detail, Heard, KEY, Key, Lock, Moment, Outcome, Reply, Request, Standing,
+};
 use cortex_m::peripheral::SCB;
 use embassy_time::{Duration, Instant, Timer};
 
@@ -119,10 +121,13 @@ impl Commands {
     /// Lets a request through that changes nothing, or that is signed if the bead has a key.
     ///
     /// A counter must not be used again after a power cut, so flash keeps one that is not below it:
-    /// [`COUNTERS`] ahead, which saves writes. If flash cannot keep it, because it is full or the supply low,
-    /// what does not write flash itself is done all the same: a bead can always be disarmed and reset by its
-    /// owner.
+    /// [`COUNTERS`] ahead, which saves writes. If flash cannot keep it, because it is full, the supply low or
+    /// too much was written lately, what does not write flash itself is done all the same: a bead can always
+    /// be disarmed and reset by its owner.
     fn admit(&mut self, address: u8, number: u16, request: Request) -> Result<Request, Answer> {
+        if self.store.is_unreadable() && request.changes_state() {
+            return without_owner(request);
+        }
         let signed = matches!(request, Request::Signed { .. });
         let now = Moment {
             boot: self.boot.number,
@@ -141,19 +146,17 @@ impl Commands {
             guard.counter = counter;
         });
         if let Some(secret) = self.store.secret().filter(|secret| counter > secret.counter) {
-            let kept = match supply::is_low() {
-                true => Err(StoreError::Flash),
-                false => self.store.keep(Some(Secret {
-                    counter: counter.saturating_add(COUNTERS),
-                    ..secret
-                })),
+            let ahead = Secret {
+                counter: counter.saturating_add(COUNTERS),
+                ..secret
             };
+            let kept = self.write(|store| store.keep(Some(ahead)));
             let writes = matches!(
                 request,
                 Request::WriteSettings { .. } | Request::EraseSettings | Request::SetKey { .. }
             );
-            if let (Err(error), true) = (kept, writes) {
-                return Err(not_stored(error));
+            if writes {
+                kept?;
             }
         }
         Ok(request)
@@ -183,17 +186,13 @@ impl Commands {
 
     /// Keeps another key, or none.
     fn set_key(&mut self, bytes: [u8; KEY]) -> Result<(), Answer> {
-        if supply::is_low() {
-            return Err(supply_low());
-        }
-        self.pace()?;
         let key = Key::new(bytes);
         let counter = self.store.secret().map_or(0, |secret| secret.counter);
         let secret = key.as_ref().map(|key| Secret {
             key: *key.bytes(),
             counter: counter.max(self.lock.counter()),
         });
-        self.store.keep(secret).map_err(not_stored)?;
+        self.write(|store| store.keep(secret))?;
         counters::update_guard(|guard| guard.keyed = key.is_some());
         self.lock.set(key);
         Ok(())
@@ -207,8 +206,8 @@ impl Commands {
                 load::tell();
             }
             Request::ReadSettings => settings::tell(),
-            Request::WriteSettings { block } => return self.write(block.bytes()),
-            Request::EraseSettings => return self.erase(),
+            Request::WriteSettings { block } => return self.write_settings(block.bytes()),
+            Request::EraseSettings => return self.erase_settings(),
             Request::Arm => estimate::arm(true),
             Request::Disarm => estimate::arm(false),
             Request::SelfTest => return Ok(Step::SelfTest),
@@ -235,7 +234,14 @@ impl Commands {
                 return keep::find(boot, strike).map(Step::Fetch).ok_or_else(not_kept);
             }
             Request::Keep { index } => {
-                let ahead = index.saturating_sub(counters::snapshot().newest_index);
+                let now = counters::snapshot();
+                if now.health.standing.has(Standing::CRYSTAL_FAILED) {
+                    return Err(Answer(
+                        Outcome::OutOfRange,
+                        "no scan comes: the crystal does not run".into(),
+                    ));
+                }
+                let ahead = index.saturating_sub(now.newest_index);
                 if !(1..=MINUTE).contains(&ahead) {
                     return Err(Answer(
                         Outcome::OutOfRange,
@@ -252,47 +258,75 @@ impl Commands {
     }
 
     /// Checks new settings, stores them, reads them back and offers them.
-    fn write(&mut self, block: &[u8]) -> Result<Step, Answer> {
-        if supply::is_low() {
-            return Err(supply_low());
-        }
+    fn write_settings(&mut self, block: &[u8]) -> Result<Step, Answer> {
         let loaded = settings::judge(block).map_err(|refusal| match refusal {
             Refusal::Invalid(why) => Answer(Outcome::SettingsInvalid, why),
             Refusal::SampleRate(why) => Answer(Outcome::SampleRate, why),
         })?;
-        self.pace()?;
-        self.store.write(block).map_err(not_stored)?;
+        self.write(|store| store.write(block))?;
         offer(loaded);
         Ok(Step::InForce(""))
     }
 
-    /// Counts a write to the store, or refuses it.
-    fn pace(&mut self) -> Result<(), Answer> {
-        match self.pace.write(Instant::now().as_millis()) {
-            Ok(written) => {
-                trace::keep_written(written);
-                Ok(())
-            }
-            Err(wait_ms) => {
-                counters::update_guard(|guard| guard.refused_too_soon += 1);
-                let wait_s = wait_ms.div_ceil(1000);
-                let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
-                Err(Answer(Outcome::TooSoon, Detail::new(why)))
-            }
-        }
-    }
-
     /// Erases the stored settings and offers the next ones. The reply says where those come from.
-    fn erase(&mut self) -> Result<Step, Answer> {
-        if supply::is_low() {
-            return Err(supply_low());
-        }
-        self.pace()?;
-        self.store.clear().map_err(not_stored)?;
+    fn erase_settings(&mut self) -> Result<Step, Answer> {
+        self.write(storage::SettingsStore::clear)?;
         let loaded = settings::beneath(None);
         let origin = loaded.origin();
         offer(loaded);
         Ok(Step::InForce(origin))
+    }
+
+    /// Writes to the store, if it may be written now. Flash that is written while the supply is low may keep
+    /// something else.
+    fn write(
+        &mut self,
+        change: impl FnOnce(&mut storage::SettingsStore) -> Result<(), StoreError>,
+    ) -> Result<(), NotWritten> {
+        if supply::is_low() {
+            return Err(NotWritten::SupplyLow);
+        }
+        let written = self
+            .pace
+            .write(Instant::now().as_millis())
+            .map_err(NotWritten::TooSoon)?;
+        trace::keep_written(written);
+        change(&mut self.store).map_err(NotWritten::Store)
+    }
+}
+
+/// Why flash was not written.
+enum NotWritten {
+    SupplyLow,
+    /// It may be after so many ms.
+    TooSoon(u64),
+    Store(StoreError),
+}
+
+/// The answer to a request that is refused for it.
+impl From<NotWritten> for Answer {
+    // Once in the image: an answer is long to build.
+    #[inline(never)]
+    fn from(why: NotWritten) -> Self {
+        let line = match why {
+            NotWritten::SupplyLow => {
+                "the supply is below 2.93 V: nothing was written; try again when it is good"
+            }
+            NotWritten::TooSoon(wait_ms) => {
+                counters::update_guard(|guard| guard.refused_too_soon += 1);
+                let wait_s = wait_ms.div_ceil(1000);
+                let why = format_args!("flash is written every 10 s in the long run; again in {wait_s} s");
+                return Self(Outcome::TooSoon, Detail::new(why));
+            }
+            NotWritten::Store(StoreError::Full) => {
+                let why = "no room in flash for another block; the next boot makes some";
+                return Self(Outcome::StoreFull, why.into());
+            }
+            NotWritten::Store(StoreError::TooLong | StoreError::Flash) => {
+                "what was written cannot be read back; the settings are what they were"
+            }
+        };
+        Self(Outcome::FlashFailed, line.into())
     }
 }
 
@@ -346,24 +380,18 @@ fn not_kept() -> Answer {
     )
 }
 
-/// Flash that is written while the supply is low may keep something else.
-fn supply_low() -> Answer {
-    Answer(
-        Outcome::FlashFailed,
-        "the supply is below 2.93 V: nothing was written; try again when it is good".into(),
-    )
-}
-
-fn not_stored(error: StoreError) -> Answer {
-    match error {
-        StoreError::Full => Answer(
-            Outcome::StoreFull,
-            "no room in flash for another block; the next boot makes some".into(),
-        ),
-        StoreError::TooLong | StoreError::Flash => Answer(
+/// While the store cannot be read, nobody knows whether there is a key. So a bead does what changes nothing,
+/// and a reboot, which may bring the store back: signed or not, as there is nothing to check a signature
+/// with.
+fn without_owner(request: Request) -> Result<Request, Answer> {
+    match request {
+        Request::Reboot => Ok(request),
+        Request::Signed { kind, .. } if kind == Request::Reboot.number() => Ok(Request::Reboot),
+        _ if supply::is_low() => Err(NotWritten::SupplyLow.into()),
+        _ => Err(Answer(
             Outcome::FlashFailed,
-            "what was written cannot be read back; the settings are what they were".into(),
-        ),
+            "the store cannot be read, nor whether there is a key: reboot the bead".into(),
+        )),
     }
 }
 

@@ -173,11 +173,16 @@ impl<'a> Scanning<'a> {
         fence(Ordering::SeqCst);
         let stream = DMA2.st(STREAM);
         critical_section::with(|_| {
-            // An address may change only while the stream uses the other (RM0090 section 10.3.9).
-            if stream.ndtr().read().ndt() < MARGIN || FILLED.load(Ordering::Relaxed) != self.taken + 1 {
+            // An address may change only while the stream uses the other (RM0090 section 10.3.9). A block
+            // that ended just now is not counted: its interrupt waits, and the stream has gone on to the other
+            // address. Its flag tells, and is read last. If none has ended by then, there is MARGIN left.
+            let left = stream.ndtr().read().ndt();
+            let used = stream.cr().read().ct();
+            let ended = DMA2.isr(STREAM / 4).read().tcif(STREAM % 4);
+            if left < MARGIN || ended || FILLED.load(Ordering::Relaxed) != self.taken + 1 {
                 return Err(Lost);
             }
-            match stream.cr().read().ct() {
+            match used {
                 Ct::MEMORY0 => stream.m1ar().write_value(next.address()),
                 Ct::MEMORY1 => stream.m0ar().write_value(next.address()),
             }

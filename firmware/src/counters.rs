@@ -10,7 +10,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 /// the same name in [`bead_wire::Status`].
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Counters {
-    /// Index of the newest scan.
+    /// Index of the newest scan; while none are made, the sample periods since the start.
     pub(crate) newest_index: u64,
     /// Number of the run of samples without a gap. No window spans two of them.
     pub(crate) epoch: u32,

@@ -11,7 +11,7 @@ use bead_model::{Chunk, Meter, Origin, Settings, Sink, StrikeReport};
 use bead_wire::{FaultCause, Gap, Packed, Standing, StrikeFlags};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Timer};
+use embassy_time::{Duration, Instant, Timer};
 
 use crate::block::{BLOCK_US, Block, SCANS_PER_BLOCK};
 use crate::counters;
@@ -113,7 +113,8 @@ pub(crate) async fn estimate(mut settings: Settings, meter: &'static mut Meter, 
     }
 }
 
-/// In place of [`estimate`] while there are no samples: takes settings, and watches the supply.
+/// In place of [`estimate`] while there are no samples: takes settings, and watches the supply. The index
+/// goes on with the time, which is what a signed request holds until.
 #[embassy_executor::task]
 pub(crate) async fn idle() -> ! {
     let mut watch = Watch::new();
@@ -121,6 +122,8 @@ pub(crate) async fn idle() -> ! {
         Timer::after(Duration::from_micros(BLOCK_US.into())).await;
         let _ = settings::take();
         watch.look_at_supply();
+        // A tick is a sample period.
+        counters::update(|c| c.newest_index = Instant::now().as_ticks());
     }
 }
 

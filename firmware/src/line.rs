@@ -11,6 +11,11 @@
 //! holds an intruder of 12 g. A bead that feels the wave has found it by itself when the line falls, and measures it as
 //! if there were no line. The others look back by the delay.
 //!
+//! # Strikes close together
+//! A line that is low falls no more. So a strike whose line would have to fall while this bead still pulls
+//! for the one before is not told. One whose line has to fall later waits until the bead has let go. No
+//! counter of the protocol has these strikes: each bead finds what it feels by itself.
+//!
 //! # A wire that is not as it should be
 //! A pull lasts until two blocks later at least. An edge counts only if the line is still low when the core looks at
 //! it, [`TOUCH`] later at least, so touch and cross-talk open no window. An open line is high by the pull-up. A line that stays low is reported
@@ -38,6 +43,8 @@ const AHEAD: i32 = 1000;
 const TOUCH: u32 = 8400;
 /// Scans for which a bead pulls at least.
 const HOLD: u64 = 2 * SCANS_PER_BLOCK as u64;
+/// Scans after which a bead that pulled has let go.
+const APART: u64 = HOLD + SCANS_PER_BLOCK as u64;
 /// Blocks after which a line that is low is held low: 50 ms. Sixteen beads, one after another, pull for 7 ms.
 const HELD: u32 = 25;
 
@@ -59,8 +66,10 @@ pub(crate) struct Told {
 pub(crate) struct TriggerLine {
     _output: PwmPin<'static, peripherals::TIM2, Ch3>,
     _input: CapturePin<'static, peripherals::TIM2, Ch4>,
-    /// The scan at which this bead pulled last, until it lets go.
+    /// The scan at which this bead pulls, until it lets go.
     pulled: Option<u64>,
+    /// The scan at which it has to pull after that.
+    next: Option<u64>,
     /// The count at the last edge.
     latched: u32,
     /// Blocks for which the line has been low.
@@ -86,15 +95,27 @@ impl TriggerLine {
             _output: PwmPin::new(output, OutputType::OpenDrain),
             _input: CapturePin::new(input, Pull::Up),
             pulled: None,
+            next: None,
             latched: 0,
             low: 0,
         }
     }
 
     /// Tells the others of the strike that this scan triggered. One that is found later than the line has to fall, as
-    /// in the milliseconds after a window, is not told.
+    /// in the milliseconds after a window, is not told, nor is one whose line has to fall while it is low.
     pub(crate) fn pull(&mut self, trigger_index: u64) {
         let index = trigger_index + DELAY;
+        match self.pulled {
+            None => self.fall_at(index),
+            Some(before) if index >= before + APART => {
+                self.next.get_or_insert(index);
+            }
+            Some(_) => {}
+        }
+    }
+
+    /// Lets the line fall at a scan, if there is still time to tell the timer.
+    fn fall_at(&mut self, index: u64) {
         let count = count_at(index);
         if (count.wrapping_sub(pac::TIM2.cnt().read()) as i32) < AHEAD {
             return;
@@ -130,6 +151,9 @@ impl TriggerLine {
         if self.pulled.is_some_and(|pulled| next_index >= pulled + HOLD) {
             let_go();
             self.pulled = None;
+            if let Some(next) = self.next.take() {
+                self.fall_at(next);
+            }
         }
         (fell && is_low && !own).then(|| Told {
             trigger: at.saturating_sub(DELAY),

@@ -4,22 +4,70 @@
 //! The driver waits until a word is programmed. In these 16 µs the core cannot fetch from flash and stands
 //! still, which is much less than acquisition can bear. Only [`open`] erases, before anything else runs
 //! ([`bead_store`] says why). The driver erases by bytes: 2 s a sector, at most 4 s (DocID022152, flash
-//! memory programming).
+//! memory programming). A start may erase five or six of them, after power cuts and on flash that wears out.
+//!
+//! # An erase and the time
+//! No interrupt runs while a sector is erased, as the handlers lie in flash. The time driver counts turns of
+//! 0.33 s by interrupts, and two flags are all that tells it of those that it misses. It takes the time right
+//! only if it has missed an even number; after an odd one, each reading between a turn and its interrupt is
+//! 0.66 s too low. So its timer, TIM5, stands still meanwhile.
 
+use bead_store::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use bead_store::{Opened, Store, Vault};
-use embassy_stm32::flash::{Blocking, Flash};
+use embassy_stm32::flash::{self, Blocking};
+use embassy_stm32::pac::TIM5;
 use embassy_stm32::{Peri, peripherals};
+
+use crate::watchdog;
 
 /// Region STORE of `memory.x`, as offsets from the start of flash.
 const RANGE: core::ops::Range<u32> = 0xC_0000..0x10_0000;
 
 /// The store of this bead.
-pub(crate) type SettingsStore = Vault<Flash<'static, Blocking>>;
+pub(crate) type SettingsStore = Vault<Flash>;
 
 const _: () = assert!(
     bead_store::MAX_SETTINGS == bead_wire::MAX_BLOCK,
     "a block that a request carries fits the store"
 );
+
+/// The driver of the flash. What an erase does to the watchdog and to the time is seen to.
+pub(crate) struct Flash(Driver);
+
+type Driver = flash::Flash<'static, Blocking>;
+
+impl ErrorType for Flash {
+    type Error = flash::Error;
+}
+
+impl ReadNorFlash for Flash {
+    const READ_SIZE: usize = Driver::READ_SIZE;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), flash::Error> {
+        self.0.blocking_read(offset, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.capacity()
+    }
+}
+
+impl NorFlash for Flash {
+    const WRITE_SIZE: usize = Driver::WRITE_SIZE;
+    const ERASE_SIZE: usize = Driver::ERASE_SIZE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), flash::Error> {
+        watchdog::feed();
+        TIM5.cr1().modify(|w| w.set_cen(false));
+        let erased = self.0.blocking_erase(from, to);
+        TIM5.cr1().modify(|w| w.set_cen(true));
+        erased
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), flash::Error> {
+        self.0.blocking_write(offset, bytes)
+    }
+}
 
 /// Opens the store. It may take seconds, so it is called before acquisition begins. With a supply that is not
 /// good it erases nothing: what reads wrongly now may be whole.
@@ -27,7 +75,7 @@ pub(crate) fn open(
     flash: Peri<'static, peripherals::FLASH>,
     supply_is_good: bool,
 ) -> (SettingsStore, Opened) {
-    let flash = Flash::new_blocking(flash);
+    let flash = Flash(flash::Flash::new_blocking(flash));
     let (store, opened) = match supply_is_good {
         true => Store::open(flash, RANGE),
         false => (Store::open_as_it_is(flash, RANGE), Opened::default()),

@@ -17,6 +17,7 @@
 use bead_wire::{Sync, unwrapped};
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::pac;
+use embassy_stm32::pac::timer::regs::SrGp16;
 use embassy_stm32::pac::timer::vals::{Sms, Ts};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::input_capture::{CapturePin, InputCapture};
@@ -85,11 +86,11 @@ pub(crate) async fn sync(input: SyncInput) -> ! {
     let started = clocks_now() - u64::from(pac::TIM2.cnt().read());
     let (mut edge, mut missed) = (0, 0);
     loop {
-        missed += u32::from(pac::TIM2.sr().read().ccif(0));
-        pac::TIM2.sr().modify(|w| {
-            w.set_ccif(0, false);
-            w.set_ccof(0, false);
-        });
+        let flags = pac::TIM2.sr().read();
+        missed += u32::from(flags.ccif(0));
+        // What was seen is cleared, and nothing else: ones change nothing (RM0090 section 18.4.5), so an edge
+        // that comes in between is still told.
+        pac::TIM2.sr().write_value(SrGp16(!flags.0));
         capture.wait_for_rising_edge(Channel::Ch1).await;
         // The driver gives only its low 16 bits.
         let count = pac::TIM2.ccr(0).read();

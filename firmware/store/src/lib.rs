@@ -25,6 +25,9 @@ mod store;
 mod vault;
 mod windows;
 
+/// What the flash of a [`Store`] has to do.
+pub use embedded_storage::nor_flash;
+
 pub use pace::{BURST, EVERY_MS, Pace};
 pub use store::{MAX_BLOCK, Opened, Store, StoreError};
 pub use vault::{MAX_SETTINGS, Secret, Vault};

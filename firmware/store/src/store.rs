@@ -27,6 +27,7 @@ const WRITES_TO_MOVE: u32 = needed(MAX_BLOCK) / needed(0) + 1;
 pub struct Store<F: NorFlash> {
     sectors: Sectors<F>,
     buffer: [u8; BUFFER],
+    unreadable: bool,
 }
 
 /// What [`Store::open`] found and did.
@@ -61,7 +62,7 @@ impl<F: NorFlash> Store<F> {
     /// # Panics
     /// The range is not two sectors.
     pub fn open(flash: F, range: Range<u32>) -> (Self, Opened) {
-        let mut store = Self::open_as_it_is(flash, range);
+        let mut store = Self::new(flash, range);
         store.sectors.may_erase = true;
         let lost = match store.tidy() {
             Ok(worth) => !worth,
@@ -72,13 +73,14 @@ impl<F: NorFlash> Store<F> {
                 let held = store.reads_block() || store.reads_block();
                 store.sectors.may_erase = true;
                 if !held {
-                    // If this fails too, the first write finds it.
+                    // If this fails too, the store is unreadable.
                     let _ = store.sectors.erase_all();
                 }
                 !held
             }
         };
         store.sectors.may_erase = false;
+        store.unreadable = lost && !store.makes_sense();
         let erased = store.sectors.erased;
         (store, Opened { erased, lost })
     }
@@ -89,9 +91,28 @@ impl<F: NorFlash> Store<F> {
     /// # Panics
     /// The range is not two sectors.
     pub fn open_as_it_is(flash: F, range: Range<u32>) -> Self {
+        let mut store = Self::new(flash, range);
+        store.unreadable = !store.makes_sense();
+        store
+    }
+
+    fn new(flash: F, range: Range<u32>) -> Self {
         Self {
             sectors: Sectors::new(flash, range),
             buffer: [0; BUFFER],
+            unreadable: false,
+        }
+    }
+
+    /// Whether a block is found, or the sectors are blank.
+    fn makes_sense(&mut self) -> bool {
+        match self.fetch() {
+            Ok(Some(_)) => true,
+            Ok(None) => {
+                let mut sectors = self.sectors.each().into_iter();
+                sectors.all(|sector| matches!(self.sectors.is_blank(&sector), Ok(true)))
+            }
+            Err(_) => false,
         }
     }
 
@@ -142,6 +163,13 @@ impl<F: NorFlash> Store<F> {
         Ok(self.fetch()?.filter(|block| !block.is_empty()))
     }
 
+    /// Whether the sectors held something when they were opened, and no block was found there. A store that
+    /// was [opened as it is](Self::open_as_it_is) may be so after a power cut in an erase, and any store on
+    /// flash that fails.
+    pub const fn is_unreadable(&self) -> bool {
+        self.unreadable
+    }
+
     /// Writes a block, and reads it back. After an error the block before it holds; on flash that has worn out it may be
     /// this one, if only what is beside it was not kept.
     ///
@@ -187,12 +215,12 @@ impl<F: NorFlash> Store<F> {
     }
 
     fn fetch(&mut self) -> Result<Option<&[u8]>, StoreError> {
-        let Self { sectors, buffer } = self;
+        let Self { sectors, buffer, .. } = self;
         block_on(map(sectors).fetch_item(buffer, &KEY)).map_err(|error| blame(&error))
     }
 
     fn put(&mut self, block: &[u8]) -> Result<(), StoreError> {
-        let Self { sectors, buffer } = self;
+        let Self { sectors, buffer, .. } = self;
         block_on(map(sectors).store_item(buffer, &KEY, &block)).map_err(|error| blame(&error))
     }
 }

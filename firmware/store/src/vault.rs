@@ -5,6 +5,9 @@
 //! without a secret has its block alone in the record, as beads had before there were secrets. The block
 //! begins with "BEAD", so the two forms cannot be taken for each other.
 //!
+//! A store that cannot be read may hold a secret: it is not taken for one without. It stays so until the next
+//! start, which may erase what is in its way.
+//!
 //! ```text
 //! block
 //! "KEY" 1  key (16 bytes)  counter u64 LE  block
@@ -72,7 +75,13 @@ impl<F: NorFlash> Vault<F> {
         Self { store, secret }
     }
 
-    /// The secret, if there is one.
+    /// Whether the store could not be read when it was opened. Then nobody knows whether there is a secret,
+    /// and nothing is written.
+    pub const fn is_unreadable(&self) -> bool {
+        self.store.is_unreadable()
+    }
+
+    /// The secret, if one was found.
     pub const fn secret(&self) -> Option<Secret> {
         self.secret
     }
@@ -80,8 +89,11 @@ impl<F: NorFlash> Vault<F> {
     /// The settings block, if there is one.
     ///
     /// # Errors
-    /// [`StoreError::Flash`].
+    /// [`StoreError::Flash`], also if the store [was unreadable](Self::is_unreadable).
     pub fn read(&mut self) -> Result<Option<&[u8]>, StoreError> {
+        if self.is_unreadable() {
+            return Err(StoreError::Flash);
+        }
         let record = self.store.read()?;
         Ok(record
             .map(|record| Secret::split(record).1)
@@ -91,7 +103,7 @@ impl<F: NorFlash> Vault<F> {
     /// Writes a settings block beside the secret. After an error both are what they were.
     ///
     /// # Errors
-    /// As [`Store::write`].
+    /// As [`Store::write`], and [`StoreError::Flash`] if the store [was unreadable](Self::is_unreadable).
     pub fn write(&mut self, block: &[u8]) -> Result<(), StoreError> {
         if block.len() > MAX_SETTINGS {
             return Err(StoreError::TooLong);
@@ -128,6 +140,9 @@ impl<F: NorFlash> Vault<F> {
     }
 
     fn put(&mut self, secret: Option<Secret>, block: &[u8]) -> Result<(), StoreError> {
+        if self.is_unreadable() {
+            return Err(StoreError::Flash);
+        }
         match secret {
             Some(whole) => {
                 let mut record = [0; MAX_BLOCK];

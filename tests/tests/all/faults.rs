@@ -488,6 +488,32 @@ fn a_converter_that_never_recovers_is_given_up_by_the_bead_itself_which_says_so(
 }
 
 #[test]
+fn a_bead_whose_blocks_are_all_lost_gives_itself_up_though_samples_arrive() {
+    // From 50 ms on no block is given back: the function for it becomes `bx lr`.
+    let elf = fs::read(bead_tests::image()).unwrap();
+    let elf = object::File::parse(&*elf).unwrap();
+    let mut symbols = elf.symbols();
+    let give_back = symbols.find(|symbol| {
+        symbol
+            .name()
+            .is_ok_and(|name| name.contains("8handover9give_back"))
+    });
+    let poke = Poke {
+        at_ns: 100_000_000,
+        address: give_back.expect("the image has it").address() as u32 & !1,
+        bytes: vec![0x70, 0x47],
+    };
+    let none = "[[fault]]\nat = 0.5\nkind = \"supply\"\nvolts = 3.3\n";
+    let survived = Survived::poked(strike_at(1.8), none, vec![poke]);
+    survived.assert_last_strike_is_measured();
+    let resets: Vec<_> = survived.outcome.resets.iter().map(|reset| reset.cause).collect();
+    assert_eq!(resets, [ResetCause::Software]);
+    assert_eq!(survived.causes(), [FaultCause::BlockLost, FaultCause::Panic]);
+    let detail = survived.details()[1];
+    assert!(detail.starts_with("no samples arrive (watchdog.rs:"), "{detail}");
+}
+
+#[test]
 fn settings_that_are_damaged_are_refused_and_said_to_be_and_the_built_in_ones_measure() {
     let run = paper_at(strike_at(0.02), Some(1));
     let mut machine = run.machine();

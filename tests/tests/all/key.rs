@@ -303,6 +303,99 @@ fn settings_are_written_sixteen_at_once_and_then_only_so_often_whoever_asks_and_
 }
 
 #[test]
+fn counters_that_leap_are_kept_only_so_often_and_their_requests_are_done() {
+    const ASKED: u64 = BURST as u64 + 4;
+    let mut requests = keyed(0.8, 0);
+    // Each is above what flash holds.
+    let leaps: Vec<_> = (0..ASKED)
+        .map(|n| {
+            let at = 0.1 + 0.02 * n as f64;
+            requests.signed(at, &Request::Arm, &key(7), &UID, ticket(65 * (n + 1)))
+        })
+        .collect();
+    let stored = requests.signed(0.6, &write(300), &key(7), &UID, ticket(65 * ASKED + 1));
+    requests.request(0.65, &Request::Status);
+    let answered = requests.run();
+    assert!(
+        leaps
+            .iter()
+            .all(|&leap| outcome(&answered, leap) == Outcome::Done)
+    );
+    assert_eq!(outcome(&answered, stored), Outcome::TooSoon);
+    assert_eq!(answered.heard.guard().refused_too_soon, 1);
+    // Words of a record: its header, and key, secret and padding.
+    let words = (8 + (1 + 28_u32).next_multiple_of(4)) / 4;
+    let written = answered.outcome.flash_operations.len() as u32;
+    assert_eq!(written, BURST * words);
+    assert_eq!(secret(&answered), Some(([7; 16], 65 * u64::from(BURST) + 64)));
+}
+
+#[test]
+fn a_store_that_cannot_be_read_makes_no_keyed_bead_an_open_one_and_a_reboot_brings_it_back() {
+    let mut requests = run_for(4.0);
+    // Power went while the other sector was erased: not all bits have risen yet. The supply stays low at the
+    // start.
+    let mut bytes = store_with(0).into_flash().bytes;
+    bytes.rotate_left(RANGE.end as usize / 2);
+    bytes[..4].fill(0);
+    assert!(Vault::new(Store::open_as_it_is(Ram::of(&bytes), RANGE)).is_unreadable());
+    requests.machine.flash.push((STORE_ADDRESS, bytes));
+    requests.machine.sampling_deadline_ns = 10_000_000_000;
+    requests.machine.timeout = std::time::Duration::from_secs(300);
+    requests.machine.faults.extend(
+        [(0, 2800), (5_500_000_000, 3300)]
+            .map(|(at, millivolts)| Fault::after_power_up(at, FaultKind::Supply { millivolts })),
+    );
+    let low = requests.request(5.2, &Request::Disarm);
+    let given = requests.request(5.25, &Request::SetKey { key: [9; 16] });
+    let reading = requests.request(5.3, &Request::ReadSettings);
+    let unread = requests.request(5.6, &Request::Disarm);
+    let signed = requests.signed(5.65, &Request::Disarm, &key(7), &UID, ticket(1));
+    let reboot = requests.request(5.7, &Request::Reboot);
+    // An erase takes 2 s.
+    let unsigned = requests.request(8.2, &Request::Disarm);
+    let boot = Ticket { boot: 1, ..ticket(1) };
+    let owners = requests.signed(8.3, &Request::Disarm, &key(7), &UID, boot);
+    let answered = requests.run();
+    let said = |number| outcome(&answered, number);
+    assert_eq!([low, given, unread, signed].map(said), [Outcome::FlashFailed; 4]);
+    let (_, why) = answered.heard.answer(unread);
+    assert!(why.starts_with("the store cannot be read"), "{why}");
+    assert_eq!([reading, reboot].map(said), [Outcome::Done; 2]);
+    assert_eq!([unsigned, owners].map(said), [Outcome::Unsigned, Outcome::Done]);
+    let causes: Vec<_> = answered.heard.faults().map(|fault| fault.cause).collect();
+    assert!(causes.contains(&FaultCause::SettingsRefused), "{causes:?}");
+}
+
+#[test]
+fn a_signed_request_is_late_without_a_crystal_too() {
+    let mut requests = keyed(0.1, 0);
+    let stops = Fault::after_power_up(0, FaultKind::CrystalStops);
+    requests.machine.faults.push(stops);
+    requests.machine.sampling_deadline_ns = 3_000_000_000;
+    let until = |counter, until| Ticket {
+        until,
+        ..ticket(counter)
+    };
+    // The index is the time in sample periods: within 1 %, and less the start of 0.1 s.
+    let late = requests.signed(1.5, &Request::Disarm, &key(7), &UID, until(1, 100_000));
+    let early = requests.signed(1.6, &Request::Disarm, &key(7), &UID, until(2, 200_000));
+    let keep = requests.signed(
+        1.7,
+        &Request::Keep { index: 1_000_000 },
+        &key(7),
+        &UID,
+        until(3, 200_000),
+    );
+    let answered = requests.run();
+    let said = |number| outcome(&answered, number);
+    assert_eq!(
+        [late, early, keep].map(said),
+        [Outcome::Late, Outcome::Done, Outcome::OutOfRange]
+    );
+}
+
+#[test]
 fn a_bead_that_cannot_write_flash_is_disarmed_and_reset_by_its_owner() {
     let mut requests = keyed(0.6, 0);
     let kind = FaultKind::Supply { millivolts: 2700 };

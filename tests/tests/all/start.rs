@@ -154,6 +154,29 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
 }
 
 #[test]
+fn the_clock_stands_still_while_a_sector_is_erased() {
+    let mut requests = quiet();
+    // What is no block, in one sector.
+    requests.machine.flash.push((STORE, vec![0x5A; 128 * 1024]));
+    requests.machine.sampling_deadline_ns = 10_000 * MS;
+    let answered = requests.run();
+    let erased: Vec<u64> = answered
+        .outcome
+        .flash_operations
+        .iter()
+        .map(|o| o.at_ns)
+        .collect();
+    assert_eq!(erased.len(), 1);
+    // Two of the turns of the time driver's timer would be counted at most. The clock begins after the supply
+    // has been good, and what sends the first status lags by a block.
+    let first = answered.outcome.sampling.expect("it samples").first_ns;
+    let status = answered.heard.status();
+    let missed = first / MS + status.samples / 100 - status.uptime_ms;
+    println!("the clock has missed {missed} ms");
+    assert!((2015..2025).contains(&missed), "{missed} ms");
+}
+
+#[test]
 fn a_supply_that_stays_low_is_told_and_flash_stays_as_it_is() {
     let mut requests = quiet();
     let content = vec![0x5A; 256 * 1024];

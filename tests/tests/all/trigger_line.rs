@@ -108,6 +108,56 @@ fn a_bead_below_its_threshold_keeps_the_window_around_the_strike_of_another() {
     assert_eq!(again.stream, ran[1].1.stream);
 }
 
+/// When the bead let the line fall, in scans after the one that triggers a strike: of that strike and of the
+/// same one
+/// `apart` scans later. `quiet` scans more come before them.
+fn falls(run: &Emulation, quiet: usize, apart: usize) -> Vec<u64> {
+    let mut machine = run.machine();
+    let (rows, start) = (machine.stimulus.clone(), run.truth.starts[0] as usize);
+    machine.stimulus = [&rows[..quiet], &rows[..start + apart], &rows[start..]].concat();
+    machine.record_pins = true;
+    machine.count_instructions = false;
+    let outcome = machine.execute().unwrap_or_else(|error| panic!("{error}"));
+    let strikes = assemble(Heard::new(outcome.uart).frames, None);
+    let triggers: Vec<_> = strikes.iter().map(|strike| strike.said.trigger_index).collect();
+    assert!(matches!(triggers[..], [first, second] if second == first + apart as u64));
+    // The first scan has the index 1.
+    let first_ns = outcome.sampling.expect("it samples").first_ns;
+    let scan = |ns: u64| (ns - first_ns + 5_000) / 10_000 + 1;
+    let line = outcome.pins.iter().find(|pin| pin.name == "PB10");
+    let changes = line.map_or(&[][..], |pin| &pin.changes);
+    let falls = changes.iter().filter(|(_, high)| !high);
+    falls.map(|&(ns, _)| scan(ns) - triggers[0]).collect()
+}
+
+#[test]
+fn a_strike_that_follows_soon_takes_no_others_place_on_the_line_and_is_told_as_soon_as_that_is_free() {
+    let mut run = paper(1, 0.1, Some(1));
+    // Windows that end before the line falls.
+    run.settings.window.length = run.settings.window.history + 40;
+    let mut block = [0; BLOCK_MAX];
+    let length = run
+        .settings
+        .encode(&mut block)
+        .unwrap_or_else(|error| panic!("{error}"));
+    run.block = block[..length].to_vec();
+    // Half a block later, the bead looks at other times.
+    for quiet in [0, 100] {
+        // The line is still high when the other strike is found, or low, or it is low when it would have to
+        // fall again.
+        for apart in [300, 500] {
+            assert_eq!(falls(&run, quiet, apart), [600], "{quiet} {apart}");
+        }
+        for apart in [650, 800] {
+            assert_eq!(
+                falls(&run, quiet, apart),
+                [600, apart as u64 + 600],
+                "{quiet} {apart}"
+            );
+        }
+    }
+}
+
 #[test]
 fn touch_on_the_line_opens_no_window_and_one_that_is_held_low_is_told_once_and_costs_nothing() {
     let mut run = paper(2, 0.3, Some(1));
