@@ -81,6 +81,17 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "give seconds, more than 0".to_owned())
 }
 
+/// A duration on the command line, of a day at most: something waits for its end.
+///
+/// # Errors
+/// As [`seconds`], or the time is longer.
+pub fn seconds_of_a_day(text: &str) -> Result<Duration, String> {
+    seconds(text)
+        .ok()
+        .filter(|duration| *duration <= Duration::from_secs(86_400))
+        .ok_or_else(|| "give seconds, more than 0 and at most 86400, a day".to_owned())
+}
+
 /// The text of a table without rules: names on the left, numbers on the right. `|` separates the header's
 /// cells.
 pub fn table<R: Into<comfy_table::Row>>(header: &str, rows: impl IntoIterator<Item = R>) -> String {
@@ -159,6 +170,14 @@ mod tests {
         assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
         for text in ["", "0", "-1", "nan", "inf", "1e300", "5s"] {
             assert!(seconds(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_duration_that_is_waited_for_is_a_day_at_most() {
+        assert_eq!(seconds_of_a_day("86400"), Ok(Duration::from_secs(86_400)));
+        for text in ["0", "86400.1", "1e19", "inf"] {
+            assert!(seconds_of_a_day(text).is_err(), "{text}");
         }
     }
 }

@@ -8,6 +8,9 @@
 //! Without an address, every bead on the line is asked. Then one bead must be alone there: the replies of several
 //! would collide. With an address, only that bead is asked, and what the others send meanwhile is passed over.
 //!
+//! Behind a hub the replies of several beads do not collide. So before a bead's state is changed without an address,
+//! all that was heard must come from one bead: what one of them told is not for the others.
+//!
 //! With a key, what changes the bead's state is signed. The bead is asked first for what a signature needs: its
 //! device id, boot, sample index and counter. Each copy of a signed request has a counter of its own, since the
 //! bead takes each only once.
@@ -16,7 +19,9 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use std::{io, process};
 
-use bead_wire::{ANY, Identity, Key, MAX_REQUEST, Message, Outcome, Reply, Request, Ticket, encode_request};
+use bead_wire::{
+    ANY, Arrival, Identity, Key, MAX_REQUEST, Message, Outcome, Reply, Request, Ticket, encode_request,
+};
 
 use crate::line::port::{Address, Port, PortError};
 use crate::line::seen::Seen;
@@ -24,6 +29,12 @@ use crate::recording::frames::{Frame, Reader};
 
 /// How often a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
+/// When one bead has replied, another one's reply to the same request may come so much later: a bead whose line is
+/// busy holds a reply back for 20 ms, and a network may do so too.
+const OTHERS: Duration = Duration::from_millis(200);
+/// Most frames that are kept while a reply is waited for, the newest: whoever sends more must not fill the memory.
+/// The frames of an answer are the last ones before its reply, and far fewer.
+const FRAMES: usize = 4096;
 
 /// Why a conversation fails. The message is one line: what, why, what next.
 #[derive(Debug, thiserror::Error)]
@@ -45,6 +56,9 @@ pub enum LineError {
     /// The bead refused.
     #[error("{0}")]
     Refused(String),
+    /// Several beads are there, and none of them was named.
+    #[error("{0}")]
+    Several(String),
 }
 
 /// A line on which a bead gets requests.
@@ -68,12 +82,15 @@ pub struct Conversation {
 /// What a bead answered.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// Everything that the bead sent after the first copy of the request, without the reply.
+    /// What the bead sent after the first copy of the request, without the reply. Of thousands, the newest.
     pub frames: Vec<Frame>,
     /// The reply.
     pub reply: Reply,
     /// The address of the bead that replied.
     pub address: u8,
+    /// Whether a frame of the bead was lost before one of these or before the reply. What was lost before the first
+    /// frame of a conversation is unknown.
+    pub lost: bool,
     /// Whether every bead on the line was asked, and something came damaged: replies of several collide.
     collided: bool,
 }
@@ -144,20 +161,29 @@ impl Conversation {
     /// Whether this key is the bead's: asks it to do something that changes nothing, signed.
     ///
     /// # Errors
-    /// The port goes away, or no reply comes.
+    /// The port goes away, no reply comes, or the reply leaves it open. So it does if the bead does not have the key,
+    /// and there are others that were not told apart by an address.
     pub fn has_key(&mut self, key: &Key) -> Result<bool, LineError> {
         let answer = self.signed(&Request::Identity, key)?;
-        Ok(answer.reply.outcome == Outcome::Done)
+        match answer.reply.outcome {
+            Outcome::Done => Ok(true),
+            // It has another key, or none, or knows of no keys.
+            Outcome::Forged | Outcome::NoKey | Outcome::Kind | Outcome::Version => {
+                self.is_alone().map(|()| false)
+            }
+            _ => Err(answer.refusal()),
+        }
     }
 
     /// Sends a request and returns the bead's answer, done or refused.
     ///
     /// # Errors
-    /// The port goes away, or no reply comes.
+    /// The port goes away, no reply comes, or the request would change the state of one of several beads that were
+    /// heard, and none was named.
     pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
         match self.key.clone().filter(|_| request.changes_state()) {
             Some(key) => self.signed(request, &key),
-            None => self.ask(|_, _| request.clone()),
+            None => self.ask(request, |_, _| request.clone()),
         }
     }
 
@@ -178,7 +204,7 @@ impl Conversation {
         let identity = match &self.identity {
             Some(identity) => identity.clone(),
             None => {
-                let answer = self.ask(|_, _| Request::Identity)?;
+                let answer = self.ask(&Request::Identity, |_, _| Request::Identity)?;
                 let identity = answer.last("identity frame", |frame| match &frame.message {
                     Message::Identity(identity) => Some(identity.clone()),
                     _ => None,
@@ -186,7 +212,7 @@ impl Conversation {
                 self.identity.insert(identity).clone()
             }
         };
-        let status = self.ask(|_, _| Request::Status)?;
+        let status = self.ask(&Request::Status, |_, _| Request::Status)?;
         let (index, guard) = status.last("guard frame", |frame| match &frame.message {
             Message::Guard(guard) => Some((frame.header.sample_index, *guard)),
             _ => None,
@@ -194,7 +220,7 @@ impl Conversation {
         let holds = self.patience * ATTEMPTS + margin;
         let scans = (holds.as_secs_f64() * f64::from(identity.sample_rate_hz)) as u64;
         let asked = self.asked;
-        self.ask(|number, attempt| {
+        self.ask(request, |number, attempt| {
             let ticket = Ticket {
                 counter: guard.counter.saturating_add(1 + u64::from(attempt)),
                 boot: identity.boot,
@@ -204,46 +230,79 @@ impl Conversation {
         })
     }
 
-    /// Sends what `request` gives for its number and each attempt.
-    fn ask(&mut self, request: impl Fn(u16, u32) -> Request) -> Result<Answer, LineError> {
+    /// Asks for `request`: sends what `sealed` makes of it for its number and each attempt.
+    fn ask(&mut self, request: &Request, sealed: impl Fn(u16, u32) -> Request) -> Result<Answer, LineError> {
+        let asked = self.asked;
+        // By these a bead may get another address, under which it replies. The number of the request is its own all
+        // the same.
+        let moves = matches!(request, Request::WriteSettings { .. } | Request::EraseSettings);
+        if request.changes_state() && asked == ANY && self.replied.is_some() {
+            self.hear(OTHERS, |_| None::<()>)?;
+            self.is_alone()?;
+        }
         let number = self.next;
         self.next = self.next.wrapping_add(1);
-        self.seen = Seen::default();
+        self.seen.begin();
         let rejected = self.reader.counters().rejected.total();
-        let mut frames = Vec::new();
+        let mut frames = VecDeque::new();
         for attempt in 0..ATTEMPTS {
             let mut buffer = [0; MAX_REQUEST];
-            let request = request(number, attempt);
-            let bytes = encode_request(self.asked, number, &request, &mut buffer)
+            let sealed = sealed(number, attempt);
+            let bytes = encode_request(asked, number, &sealed, &mut buffer)
                 .expect("MAX_REQUEST bytes always suffice");
             self.port
                 .write(bytes)
                 .map_err(|source| gone(format!("cannot send to {}", self.line), source))?;
-            // A bead may get another address by what it is asked; the number of the request is its own all the same.
-            let found = self.hear(self.patience, |frame| match &frame.message {
-                Message::Reply(reply) if reply.request == number => {
-                    Some((frame.header.address, reply.clone()))
-                }
-                _ => {
-                    frames.push(frame);
-                    None
+            let found = self.hear(self.patience, |frame| {
+                let is_asked = asked == ANY || moves || frame.header.address == asked;
+                match &frame.message {
+                    _ if !is_asked => None,
+                    Message::Reply(reply) if reply.request == number => {
+                        Some((frame.header.address, frame.arrival, reply.clone()))
+                    }
+                    _ => {
+                        if frames.len() == FRAMES {
+                            frames.pop_front();
+                        }
+                        frames.push_back(frame);
+                        None
+                    }
                 }
             })?;
-            if let Some((address, reply)) = found {
-                let asked = self.replied.replace(address).unwrap_or(self.asked);
-                if self.asked != ANY {
+            if let Some((address, arrival, reply)) = found {
+                self.replied = Some(address);
+                if asked != ANY {
                     self.asked = address;
                 }
-                frames.retain(|frame| [asked, address].contains(&frame.header.address));
+                if moves {
+                    // Its frames under the address before are no other bead's.
+                    self.seen.only(address);
+                }
+                frames.retain(|frame| frame.header.address == address);
+                let mut arrivals = frames.iter().map(|frame| frame.arrival).chain([arrival]);
                 return Ok(Answer {
-                    frames,
+                    lost: arrivals.any(|arrival| {
+                        matches!(arrival, Arrival::Next { lost: 1.. } | Arrival::Restart { .. })
+                    }),
+                    frames: frames.into(),
                     reply,
                     address,
-                    collided: self.asked == ANY && self.reader.counters().rejected.total() > rejected,
+                    collided: asked == ANY && self.reader.counters().rejected.total() > rejected,
                 });
             }
         }
         Err(self.silence())
+    }
+
+    /// Refuses where a bead was to be alone, and frames of several came.
+    fn is_alone(&self) -> Result<(), LineError> {
+        match self.seen.several().filter(|_| self.asked == ANY) {
+            Some(beads) => Err(LineError::Several(format!(
+                "beads at the addresses {beads} are at {}, and this is for one of them: name it, by --address N",
+                self.line
+            ))),
+            None => Ok(()),
+        }
     }
 
     /// Sends a request and returns the bead's answer if the request was done.
@@ -350,4 +409,155 @@ impl Conversation {
 
 fn gone(what: String, source: io::Error) -> LineError {
     LineError::Gone { what, source }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::os::unix::net::UnixListener;
+    use std::sync::Mutex;
+    use std::thread;
+
+    use super::*;
+    use bead_wire::{Header, Heard, Link, MAX_FRAME, RequestDecoder, ResetCauses, encode};
+
+    /// Longer than a busy computer takes.
+    const LONG: Duration = Duration::from_secs(20);
+
+    /// Talks with beads on a line. Each request gets what `answer` makes of it.
+    fn talk<T>(
+        asked: u8,
+        patience: Duration,
+        mut answer: impl FnMut(&Heard) -> Vec<u8> + Send,
+        talk: impl FnOnce(&mut Conversation) -> T,
+    ) -> T {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("line.sock");
+        let listener = UnixListener::bind(&path).unwrap();
+        thread::scope(|scope| {
+            scope.spawn(move || {
+                let (mut stream, _) = listener.accept().unwrap();
+                let (mut decoder, mut buffer) = (RequestDecoder::new(), [0; 4096]);
+                while let Ok(length @ 1..) = stream.read(&mut buffer) {
+                    for &byte in &buffer[..length] {
+                        if let Some(Ok(heard)) = decoder.push(byte) {
+                            // A program that hung up meanwhile reads no more.
+                            let _ = stream.write_all(&answer(&heard));
+                        }
+                    }
+                }
+            });
+            talk(&mut Conversation::open(&Address::Unix(path), 0, asked, patience).unwrap())
+        })
+    }
+
+    fn frame(address: u8, sequence: u32, message: &Message) -> Vec<u8> {
+        let header = Header {
+            address,
+            boot: 0,
+            sequence,
+            sample_index: 0,
+        };
+        encode(&header, message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+    }
+
+    fn done(heard: &Heard) -> Message {
+        let reply = Reply {
+            request: heard.number,
+            outcome: Outcome::Done,
+            detail: "".into(),
+        };
+        reply.into()
+    }
+
+    fn identity() -> Message {
+        let identity = Identity {
+            firmware: "0.1.0".into(),
+            git: "abc".into(),
+            uid: [1; 12],
+            boot: 0,
+            reset_cause: ResetCauses::NONE,
+            sample_rate_hz: 100_000,
+            channels: 4,
+        };
+        identity.into()
+    }
+
+    #[test]
+    fn a_reply_of_another_bead_is_not_the_one_that_was_asked_for() {
+        let error = talk(
+            3,
+            Duration::from_millis(50),
+            |heard| frame(5, 0, &done(heard)),
+            |bead| bead.request(&Request::Arm).unwrap_err(),
+        );
+        assert!(matches!(error, LineError::Silent(_)), "{error}");
+    }
+
+    #[test]
+    fn the_state_of_several_beads_is_not_changed_by_what_one_of_them_told() {
+        let asked = Mutex::new(Vec::new());
+        let error = talk(
+            ANY,
+            LONG,
+            |heard| {
+                asked.lock().unwrap().push(heard.request.clone().unwrap());
+                [3, 5].map(|address| frame(address, 0, &done(heard))).concat()
+            },
+            |bead| {
+                assert_eq!(bead.request(&Request::ReadSettings).unwrap().address, 3);
+                bead.request(&Request::EraseSettings).unwrap_err()
+            },
+        );
+        assert!(error.to_string().contains("at the addresses 3, 5 are"), "{error}");
+        assert_eq!(*asked.lock().unwrap(), [Request::ReadSettings]);
+    }
+
+    #[test]
+    fn of_what_comes_before_a_reply_the_newest_frames_are_kept() {
+        let answer = talk(
+            ANY,
+            LONG,
+            |heard| {
+                let link = Link::default().into();
+                let mut bytes: Vec<u8> = (0..5000).flat_map(|number| frame(3, number, &link)).collect();
+                bytes.extend(frame(3, 5000, &identity()));
+                bytes.extend(frame(3, 5001, &done(heard)));
+                bytes
+            },
+            |bead| bead.request(&Request::Identity).unwrap(),
+        );
+        assert_eq!((answer.frames.len(), answer.lost), (FRAMES, false));
+        assert!(matches!(
+            answer.frames.last().unwrap().message,
+            Message::Identity(_)
+        ));
+    }
+
+    #[test]
+    fn a_bead_without_the_key_among_others_does_not_say_that_none_has_it() {
+        let mut sequence = 0;
+        let error = talk(
+            ANY,
+            LONG,
+            |heard| {
+                sequence += 10;
+                let forged = matches!(heard.request, Ok(Request::Signed { .. }));
+                let outcome = if forged { Outcome::Forged } else { Outcome::Done };
+                let reply = Reply {
+                    request: heard.number,
+                    outcome,
+                    detail: "".into(),
+                };
+                let messages = [identity(), bead_wire::Guard::default().into(), reply.into()];
+                let said = |address| {
+                    let messages = (sequence..).zip(&messages);
+                    messages.flat_map(move |(number, message)| frame(address, number, message))
+                };
+                said(5).chain(said(3)).collect()
+            },
+            |bead| bead.has_key(&Key::new([7; 16]).unwrap()).unwrap_err(),
+        );
+        assert!(error.to_string().contains("at the addresses 3, 5 are"), "{error}");
+    }
 }

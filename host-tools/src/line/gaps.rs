@@ -9,6 +9,9 @@
 //! were measured before anybody listened. What is missing
 //! of this boot is known from the numbers: of strikes that came, and of the status. Of boots before, only the bead knows:
 //! after a reset, or after the line was gone, it is asked for the list of what it keeps.
+//!
+//! After a power cycle a bead keeps nothing and counts its boots anew, so strikes have the same names again.
+//! What is known of a name is therefore forgotten when a boot of that number begins.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::{Duration, Instant};
@@ -33,6 +36,51 @@ const REMEMBERED: usize = 4096;
 
 /// A strike: low byte of the boot, and number in it.
 type Name = (u8, u32);
+
+/// The newest 4096 of the names that it was given. The oldest give way and not the least: after a power cycle
+/// new names are less than those before.
+#[derive(Debug)]
+pub struct Newest<T> {
+    names: BTreeSet<T>,
+    /// From the oldest to the newest.
+    order: VecDeque<T>,
+}
+
+impl<T> Default for Newest<T> {
+    fn default() -> Self {
+        Self {
+            names: BTreeSet::new(),
+            order: VecDeque::new(),
+        }
+    }
+}
+
+impl<T: Copy + Ord> Newest<T> {
+    /// Takes a name. Whether it was not there.
+    pub fn insert(&mut self, name: T) -> bool {
+        let is_new = self.names.insert(name);
+        if is_new {
+            self.order.push_back(name);
+        }
+        if self.order.len() > REMEMBERED
+            && let Some(oldest) = self.order.pop_front()
+        {
+            self.names.remove(&oldest);
+        }
+        is_new
+    }
+
+    /// Whether it is there.
+    pub fn contains(&self, name: T) -> bool {
+        self.names.contains(&name)
+    }
+
+    /// Leaves out some of them.
+    pub fn forget(&mut self, which: impl Fn(T) -> bool) {
+        self.names.retain(|name| !which(*name));
+        self.order.retain(|name| !which(*name));
+    }
+}
 
 /// What is known of a strike whose frames come.
 #[derive(Clone, Debug, Default)]
@@ -73,9 +121,10 @@ pub struct Gaps {
     /// How many strikes were known to be, and since when, until they are due.
     pending: VecDeque<(u32, Instant)>,
     coming: BTreeMap<u32, Coming>,
-    whole: BTreeSet<Name>,
-    /// Strikes that the bead does not keep.
-    gone: BTreeSet<Name>,
+    whole: Newest<Name>,
+    /// Strikes that the bead does not keep, and how many there were in all.
+    gone: Newest<Name>,
+    gone_count: u64,
     /// Strikes that are to be fetched, by their whole boot numbers; how often each was sent.
     wanted: BTreeMap<(u32, u32), u32>,
     list: bool,
@@ -102,8 +151,9 @@ impl Gaps {
             settled: 0,
             pending: VecDeque::new(),
             coming: BTreeMap::new(),
-            whole: BTreeSet::new(),
-            gone: BTreeSet::new(),
+            whole: Newest::default(),
+            gone: Newest::default(),
+            gone_count: 0,
             wanted: BTreeMap::new(),
             list: false,
             lists: 0,
@@ -130,18 +180,15 @@ impl Gaps {
 
     /// Strikes that are known to be missing: the bead no longer keeps them, or never measured them.
     pub fn gone(&self) -> u64 {
-        self.gone.len() as u64
+        self.gone_count
     }
 
     /// Takes a frame of the bead. Gives a strike that was missing and is whole with it.
     pub fn note(&mut self, frame: &Frame, now: Instant) -> Option<Whole> {
         let boot = frame.header.boot;
-        if self.boot.replace(boot).is_some_and(|before| before != boot) {
-            self.coming.clear();
-            (self.found, self.due, self.settled) = (0, 0, 0);
-            self.pending.clear();
-            self.boot_number = None;
-            self.came_back();
+        let is_other = self.boot.replace(boot).is_some_and(|before| before != boot);
+        if is_other || matches!(frame.arrival, Arrival::Restart { .. }) {
+            self.restart(boot);
         }
         if let (Some(asked), Arrival::Next { lost: 1.. }) = (&mut self.asked, frame.arrival) {
             asked.lost = true;
@@ -155,9 +202,7 @@ impl Gaps {
             Message::Waveform(waveform) => {
                 self.from.get_or_insert((boot, waveform.strike));
                 self.find(waveform.strike.saturating_add(1), now);
-                while self.coming.len() > COMING {
-                    self.coming.pop_first();
-                }
+                self.make_room();
                 let coming = self.coming.entry(waveform.strike).or_insert_with(|| Coming {
                     scans: Some(0),
                     next_index: waveform.first_index,
@@ -173,12 +218,14 @@ impl Gaps {
             Message::Strike(strike) => {
                 self.from.get_or_insert((boot, strike.strike));
                 self.find(strike.strike.saturating_add(1), now);
+                self.make_room();
                 let coming = self.coming.entry(strike.strike).or_default();
                 coming.samples = Some(strike.samples.into());
             }
             Message::Shape(shape) => {
                 self.from.get_or_insert((boot, shape.strike));
                 self.find(shape.strike.saturating_add(1), now);
+                self.make_room();
                 self.coming.entry(shape.strike).or_default().shape = true;
                 self.settle(boot, shape.strike);
             }
@@ -190,11 +237,54 @@ impl Gaps {
         None
     }
 
+    /// The bead was reset, and a boot with this low byte begins.
+    fn restart(&mut self, boot: u8) {
+        self.coming.clear();
+        (self.found, self.due, self.settled) = (0, 0, 0);
+        self.pending.clear();
+        self.boot_number = None;
+        if let Some((first, from)) = &mut self.from
+            && *first == boot
+        {
+            *from = 0;
+        }
+        self.whole.forget(|(of, _)| of == boot);
+        self.gone.forget(|(of, _)| of == boot);
+        let before = self.wanted.len();
+        self.wanted.retain(|&(of, _), _| of as u8 != boot);
+        self.gone_count += (before - self.wanted.len()) as u64;
+        self.again = Again::default();
+        self.came_back();
+    }
+
     /// There are so many strikes in this boot.
     fn find(&mut self, strikes: u32, now: Instant) {
-        if strikes > self.found {
-            self.found = strikes;
-            self.pending.push_back((strikes, now));
+        if strikes <= self.found {
+            return;
+        }
+        self.found = strikes;
+        self.fall_due(now);
+        match self.pending.len() {
+            ..COMING => self.pending.push_back((strikes, now)),
+            // So many come at once that some are due a little early.
+            _ => self.pending[COMING - 1].0 = strikes,
+        }
+    }
+
+    /// Notes whose frames should have come.
+    fn fall_due(&mut self, now: Instant) {
+        while let Some((found, _)) = self
+            .pending
+            .pop_front_if(|(_, since)| now.duration_since(*since) >= OVERDUE)
+        {
+            self.due = found;
+        }
+    }
+
+    /// Makes room for one more strike whose frames come. One that gives way is fetched later.
+    fn make_room(&mut self) {
+        while self.coming.len() >= COMING {
+            self.coming.pop_first();
         }
     }
 
@@ -211,10 +301,16 @@ impl Gaps {
 
     fn remember(&mut self, name: Name) {
         self.whole.insert(name);
-        self.gone.remove(&name);
-        while self.whole.len() > REMEMBERED {
-            self.whole.pop_first();
+        if self.gone.contains(name) {
+            self.gone.forget(|other| other == name);
+            self.gone_count -= 1;
         }
+    }
+
+    /// It is not to be had.
+    fn give_up(&mut self, (boot, strike): (u32, u32)) {
+        self.wanted.remove(&(boot, strike));
+        self.gone_count += u64::from(self.gone.insert((boot as u8, strike)));
     }
 
     /// Whether a strike is one that this recording is to have.
@@ -223,12 +319,21 @@ impl Gaps {
         let since = self
             .from
             .is_some_and(|(first, from)| boot != first || strike >= from);
-        since && !self.whole.contains(&name)
+        since && !self.whole.contains(name)
     }
 
     fn want(&mut self, boot: u32, strike: u32) {
-        if self.is_of_interest((boot as u8, strike)) {
-            self.wanted.entry((boot, strike)).or_default();
+        if !self.is_of_interest((boot as u8, strike)) || self.wanted.contains_key(&(boot, strike)) {
+            return;
+        }
+        if self.wanted.len() < WANTED {
+            self.wanted.insert((boot, strike), 0);
+            return;
+        }
+        // It is asked for the list once more when there is room.
+        self.list |= self.lists < ATTEMPTS;
+        if let Some(asked) = &mut self.asked {
+            asked.lost = true;
         }
     }
 
@@ -236,7 +341,7 @@ impl Gaps {
         let whole = self.again.take(self.address, frame)?;
         let name = (whole.boot as u8, whole.strike.strike);
         self.wanted.remove(&(whole.boot, whole.strike.strike));
-        if self.whole.contains(&name) {
+        if self.whole.contains(name) {
             return None;
         }
         self.remember(name);
@@ -255,16 +360,15 @@ impl Gaps {
                 self.list = asked.lost && self.lists < ATTEMPTS;
             }
             (Request::Fetch { boot, strike }, Outcome::NotKept) => {
-                self.wanted.remove(&(boot, strike));
-                self.gone.insert((boot as u8, strike));
+                self.give_up((boot, strike));
             }
             // A bead of an earlier version keeps nothing.
             (_, Outcome::Kind) => {
                 self.list = false;
                 self.wanted.clear();
-                let missing = self.missing();
-                self.gone
-                    .extend(missing.into_iter().map(|(boot, strike)| (boot as u8, strike)));
+                for name in self.missing() {
+                    self.give_up(name);
+                }
             }
             (Request::Fetch { boot, strike }, outcome) => {
                 // Its frames were lost on the way, unless it is wanted no more.
@@ -273,8 +377,7 @@ impl Gaps {
                 };
                 *sent += u32::from(outcome == Outcome::Done);
                 if *sent == ATTEMPTS {
-                    self.wanted.remove(&(boot, strike));
-                    self.gone.insert((boot as u8, strike));
+                    self.give_up((boot, strike));
                 }
                 self.rest_until = Some(now + OVERDUE);
             }
@@ -291,7 +394,7 @@ impl Gaps {
         let from = if boot == first { from } else { 0 };
         let is_missing = |strike: u32| {
             let name = (boot, strike);
-            !self.whole.contains(&name) && !self.gone.contains(&name)
+            !self.whole.contains(name) && !self.gone.contains(name)
         };
         let from = from.max(self.settled);
         let missing = (from..self.due).filter(|&strike| is_missing(strike));
@@ -319,13 +422,9 @@ impl Gaps {
             self.rest_until = Some(now + 10 * PATIENCE);
             return None;
         }
-        while let Some((found, _)) = self
-            .pending
-            .pop_front_if(|(_, since)| now.duration_since(*since) >= OVERDUE)
-        {
-            self.due = found;
-        }
-        for name in self.missing() {
+        self.fall_due(now);
+        let room = WANTED.saturating_sub(self.wanted.len());
+        for name in self.missing().into_iter().take(room) {
             self.wanted.entry(name).or_default();
         }
         let request = match self.wanted.first_key_value() {
@@ -351,4 +450,216 @@ fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
     let mut buffer = [0; MAX_REQUEST];
     let bytes = encode_request(address, number, request, &mut buffer);
     bytes.expect("MAX_REQUEST bytes always suffice").to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bead_wire::{
+        Codes, Energy, Header, Identity, Kept, Kind, Reply, RequestDecoder, ResetCauses, Shape, Status,
+        Strike, VERSION, Waveform,
+    };
+
+    const NEXT: Arrival = Arrival::Next { lost: 0 };
+    const RESTART: Arrival = Arrival::Restart { lost: 0 };
+
+    /// A bead at its gaps.
+    struct Bead {
+        gaps: Gaps,
+        now: Instant,
+    }
+
+    impl Bead {
+        /// It begins with this boot, and with no strike.
+        fn new(boot: u8) -> Self {
+            let mut bead = Self {
+                gaps: Gaps::new(0),
+                now: Instant::now(),
+            };
+            bead.begins(boot, Arrival::First);
+            bead
+        }
+
+        fn says(&mut self, boot: u8, arrival: Arrival, message: impl Into<Message>) {
+            let frame = Frame {
+                version: VERSION,
+                header: Header {
+                    address: 0,
+                    boot,
+                    sequence: 0,
+                    sample_index: 0,
+                },
+                arrival,
+                sample_rate_hz: None,
+                received_ns: None,
+                message: message.into(),
+            };
+            self.gaps.note(&frame, self.now);
+        }
+
+        fn begins(&mut self, boot: u8, arrival: Arrival) {
+            let identity = Identity {
+                firmware: "".into(),
+                git: "".into(),
+                uid: [0; 12],
+                boot: boot.into(),
+                reset_cause: ResetCauses::NONE,
+                sample_rate_hz: 100_000,
+                channels: 4,
+            };
+            self.says(boot, arrival, identity);
+            self.counts(boot, 0);
+        }
+
+        /// It says how many strikes it found.
+        fn counts(&mut self, boot: u8, strikes: u32) {
+            let Message::Status(status) = Message::draw(Kind::Status, &mut || 0) else {
+                panic!("a status");
+            };
+            self.says(boot, NEXT, Message::Status(Status { strikes, ..status }));
+        }
+
+        /// The result of a strike, and nothing else of it.
+        fn result(&mut self, boot: u8, number: u32) {
+            let Message::Strike(strike) = Message::draw(Kind::Strike, &mut || 0) else {
+                panic!("a strike");
+            };
+            let strike = Strike {
+                strike: number,
+                samples: 1,
+                ..strike
+            };
+            self.says(boot, NEXT, strike);
+        }
+
+        /// All frames of a strike.
+        fn strike(&mut self, boot: u8, number: u32) {
+            let waveform = Waveform {
+                strike: number,
+                first_index: 0,
+                codes: Codes::pack([[1, 2]]).unwrap(),
+                wide: Codes::default(),
+                absorbed_measured: Energy::from_bits(0),
+                absorbed_predicted: Energy::from_bits(0),
+            };
+            self.says(boot, NEXT, waveform);
+            self.result(boot, number);
+            let Message::Shape(shape) = Message::draw(Kind::Shape, &mut || 0) else {
+                panic!("a shape");
+            };
+            let shape = Shape {
+                strike: number,
+                ..shape
+            };
+            self.says(boot, NEXT, shape);
+        }
+
+        /// It lists these strikes of an earlier boot.
+        fn keeps(&mut self, boot: u8, strikes: std::ops::Range<u32>) {
+            for strike in strikes {
+                let kept = Kept {
+                    boot: 4,
+                    strike,
+                    parts: 4,
+                    bytes: 300,
+                };
+                self.says(boot, NEXT, kept);
+            }
+        }
+
+        fn replies(&mut self, boot: u8, request: u16, outcome: Outcome) {
+            let reply = Reply {
+                request,
+                outcome,
+                detail: "".into(),
+            };
+            self.says(boot, NEXT, reply);
+        }
+
+        /// What it is asked a second later.
+        fn asked(&mut self) -> Option<(u16, Request)> {
+            self.now += PATIENCE;
+            let bytes = self.gaps.next(self.now)?;
+            let mut decoder = RequestDecoder::new();
+            let asked = bytes.iter().find_map(|byte| decoder.push(*byte));
+            let asked = asked.expect("a request").expect("a sound one");
+            Some((asked.number, asked.request.expect("a known one")))
+        }
+
+        /// The requests of a bead that says what it keeps and has nothing of it, until there is none.
+        fn refuses(&mut self, boot: u8) -> Vec<Request> {
+            let mut asked = Vec::new();
+            while let Some((request, what)) = self.asked() {
+                let outcome = match what {
+                    Request::ListKept => Outcome::Done,
+                    _ => Outcome::NotKept,
+                };
+                self.replies(boot, request, outcome);
+                asked.push(what);
+            }
+            asked
+        }
+    }
+
+    #[test]
+    fn a_strike_that_came_whole_after_a_power_cycle_is_not_asked_for() {
+        let mut bead = Bead::new(1);
+        for number in 0..REMEMBERED as u32 + 10 {
+            bead.strike(1, number);
+        }
+        bead.begins(0, RESTART);
+        for number in 0..3 {
+            bead.strike(0, number);
+        }
+        assert_eq!(bead.refuses(0), [Request::ListKept]);
+    }
+
+    #[test]
+    fn strikes_that_are_lost_after_a_power_cycle_are_asked_for_although_their_names_were_there_before() {
+        let mut bead = Bead::new(0);
+        for number in 0..10 {
+            bead.strike(0, number);
+        }
+        bead.begins(0, RESTART);
+        for number in 0..5 {
+            bead.strike(0, number);
+        }
+        bead.counts(0, 7);
+        let fetch = |strike| Request::Fetch { boot: 0, strike };
+        assert_eq!(bead.refuses(0), [fetch(5), fetch(6), Request::ListKept]);
+        assert_eq!(bead.gaps.gone(), 2);
+        // These are not to be had a second time.
+        bead.begins(0, RESTART);
+        bead.counts(0, 6);
+        assert_eq!(bead.refuses(0).len(), 7);
+        assert_eq!(bead.gaps.gone(), 8);
+    }
+
+    #[test]
+    fn what_is_known_of_strikes_that_nobody_asks_for_stays_small() {
+        let mut bead = Bead::new(0);
+        for number in 0..1000 {
+            bead.now += Duration::from_millis(1);
+            bead.result(0, number);
+        }
+        assert!(bead.gaps.pending.len() <= COMING, "{}", bead.gaps.pending.len());
+        assert!(bead.gaps.coming.len() <= COMING, "{}", bead.gaps.coming.len());
+        // None of them is forgotten.
+        assert_eq!(bead.refuses(0).len(), 1000);
+        assert_eq!(bead.gaps.gone(), 1000);
+    }
+
+    #[test]
+    fn a_list_that_is_too_long_is_asked_for_again_when_there_is_room() {
+        let mut bead = Bead::new(5);
+        bead.gaps.came_back();
+        let (request, what) = bead.asked().unwrap();
+        assert_eq!(what, Request::ListKept);
+        bead.keeps(5, 0..100);
+        assert_eq!(bead.gaps.wanted.len(), WANTED);
+        bead.replies(5, request, Outcome::Done);
+        let asked = bead.refuses(5);
+        assert_eq!(asked.len(), WANTED + 1);
+        assert_eq!(asked.last(), Some(&Request::ListKept));
+    }
 }

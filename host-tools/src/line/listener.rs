@@ -2,7 +2,7 @@
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -19,7 +19,7 @@ pub struct Shared<'a> {
     pub stop: &'a AtomicBool,
     /// They end then.
     pub deadline: Option<Instant>,
-    /// They give up when every port has been gone for so long.
+    /// They give up when every port has been gone for so long. If it is 0, all end when one goes away.
     pub wait: Duration,
     /// When a port was last seen to be there.
     pub alive: Mutex<Instant>,
@@ -32,13 +32,26 @@ impl Shared<'_> {
         self.stop.load(Ordering::Relaxed) || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
 
-    fn alive(&self) -> Instant {
-        *self.alive.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Whether every port has been gone for too long.
+    fn is_given_up(&self) -> bool {
+        let alive = *self.alive.lock().unwrap_or_else(PoisonError::into_inner);
+        alive.elapsed() >= self.wait
     }
 
     fn is_alive(&self) {
         *self.alive.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
     }
+}
+
+/// How listening to a port ended.
+#[derive(Debug)]
+pub enum End {
+    /// It was told to stop. All that came was read.
+    Stopped,
+    /// It was told to stop. The port had gone away for this reason, and nothing had come since.
+    Away(io::Error),
+    /// The port went away for this reason, and did not come back.
+    Gone(io::Error),
 }
 
 /// One port.
@@ -56,52 +69,99 @@ pub struct Listener<'a> {
 }
 
 impl Listener<'_> {
-    /// Reads the port until it is told to stop, at least once. When the port goes away it is opened again; `tell`
-    /// gets a line about each. An empty piece in the queue says that it came back.
-    ///
-    /// # Errors
-    /// The port went away and did not come back.
-    pub fn listen(&self, mut port: Port, tell: impl Fn(String)) -> io::Result<()> {
+    /// Reads the port until it is told to stop, at least once. When the port goes away it is opened again;
+    /// `tell` gets a line when it goes, and one when bytes come again. An empty piece in the queue stands
+    /// before those.
+    pub fn listen(&self, mut port: Port, tell: impl Fn(String)) -> End {
         let Self { address, shared, .. } = self;
+        // Why the port went away, until bytes come again.
+        let mut away = None;
         loop {
-            let Err(reason) = self.read(&mut port) else {
-                return Ok(());
+            let Err(reason) = self.read(&mut port, &mut away, &tell) else {
+                return away.map_or(End::Stopped, End::Away);
             };
             // Another program could not open it either.
             drop(port);
             if shared.wait.is_zero() {
-                return Err(reason);
+                shared.stop.store(true, Ordering::Relaxed);
+                return End::Gone(reason);
             }
-            tell(format!(
-                "{address} went away ({reason}): the recording goes on when it is back"
-            ));
-            port = loop {
-                thread::sleep(RETRY);
-                if shared.is_over() {
-                    return Ok(());
-                }
-                if let Ok(port) = address.open(self.baud) {
-                    break port;
-                }
-                if shared.alive().elapsed() >= shared.wait {
-                    return Err(reason);
-                }
+            if away.is_none() {
+                tell(format!(
+                    "{address} went away ({reason}): the recording goes on when it is back"
+                ));
+            } else if shared.is_given_up() {
+                return End::Gone(reason);
+            }
+            let Some(reopened) = self.reopen() else {
+                return match shared.is_over() {
+                    true => End::Away(reason),
+                    false => End::Gone(reason),
+                };
             };
-            tell(format!("{address} is back"));
-            if !shared.queue.push((self.source, Instant::now(), Vec::new())) {
-                return Ok(());
+            (port, away) = (reopened, Some(reason));
+        }
+    }
+
+    /// Opens the port as soon as that works. `None` when the recording is over, or every port was gone for too
+    /// long.
+    fn reopen(&self) -> Option<Port> {
+        loop {
+            thread::sleep(RETRY);
+            // The bead does not hear what it is asked meanwhile.
+            self.asks.try_iter().for_each(drop);
+            let opened = self.open();
+            if self.shared.is_over() {
+                return None;
+            }
+            if opened.is_some() {
+                return opened;
+            }
+            if self.shared.is_given_up() {
+                return None;
             }
         }
     }
 
-    fn read(&self, port: &mut Port) -> io::Result<()> {
-        let Shared { queue, .. } = self.shared;
+    /// Opens the port. That is done on a thread of its own: a name or a server may keep it waiting for much
+    /// longer than a recording that is to end has.
+    fn open(&self) -> Option<Port> {
+        let (done, opened) = mpsc::channel();
+        let (address, baud) = (self.address.clone(), self.baud);
+        // Where nobody waits for it any more, it is closed.
+        let open = move || drop(done.send(address.open(baud)));
+        thread::Builder::new().spawn(open).ok()?;
+        loop {
+            match opened.recv_timeout(RETRY) {
+                Ok(opened) => return opened.ok(),
+                Err(RecvTimeoutError::Disconnected) => return None,
+                Err(RecvTimeoutError::Timeout) if self.shared.is_over() || self.shared.is_given_up() => {
+                    return None;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
+    }
+
+    /// Reads until it is told to stop. With the first bytes the port is `away` no more.
+    fn read(&self, port: &mut Port, away: &mut Option<io::Error>, tell: &impl Fn(String)) -> io::Result<()> {
+        let Shared { queue, wait, .. } = self.shared;
+        let opened = Instant::now();
         let mut buffer = vec![0; 64 * 1024];
         loop {
             let length = port.read(&mut buffer)?;
             // The time is taken here and not at the writer, where the disk would delay it.
             let now = Instant::now();
-            self.shared.is_alive();
+            if length > 0 && away.take().is_some() {
+                tell(format!("{} is back", self.address));
+                if !queue.push((self.source, now, Vec::new())) {
+                    return Ok(());
+                }
+            }
+            // A server may take every connection and soon close it without a byte: that is not to count.
+            if away.is_none() || opened.elapsed() >= *wait {
+                self.shared.is_alive();
+            }
             let wanted = length == 0 || queue.push((self.source, now, buffer[..length].to_vec()));
             if !wanted || self.shared.is_over() {
                 return Ok(());

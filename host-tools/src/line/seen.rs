@@ -10,7 +10,7 @@ use crate::recording::frames::Frame;
 /// What came in while a reply was waited for.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seen {
-    /// Addresses of the beads that sent anything.
+    /// Addresses of the beads that sent anything since the first request.
     beads: BTreeSet<u8>,
     /// The first and the last count of what the bead received.
     links: Option<[Link; 2]>,
@@ -22,6 +22,29 @@ pub(super) struct Seen {
 }
 
 impl Seen {
+    /// Another request is sent.
+    pub(super) fn begin(&mut self) {
+        *self = Self {
+            beads: std::mem::take(&mut self.beads),
+            ..Self::default()
+        };
+    }
+
+    /// All that was heard came from one bead. It has this address now.
+    pub(super) fn only(&mut self, address: u8) {
+        self.beads = BTreeSet::from([address]);
+    }
+
+    /// The addresses of the beads that were heard, if there are several.
+    pub(super) fn several(&self) -> Option<String> {
+        (self.beads.len() > 1).then(|| self.addresses())
+    }
+
+    fn addresses(&self) -> String {
+        let beads: Vec<_> = self.beads.iter().map(u8::to_string).collect();
+        beads.join(", ")
+    }
+
     /// Takes a frame. `asked` is the address of the bead that is asked, or [`ANY`].
     pub(super) fn note(&mut self, frame: &Frame, asked: u8) {
         self.beads.insert(frame.header.address);
@@ -64,8 +87,7 @@ impl Seen {
             }
             _ => format!("{} frames came", counters.frames),
         };
-        let beads: Vec<_> = self.beads.iter().map(u8::to_string).collect();
-        let beads = beads.join(", ");
+        let beads = self.addresses();
         match asked {
             ANY if self.beads.len() > 1 => {
                 return format!(

@@ -1,6 +1,8 @@
 //! Text from outside, made safe to print.
 
 use std::borrow::Cow;
+use std::fmt;
+use std::io::{self, Write};
 
 /// The text with each control character as JSON writes it, such as `\u001b`; line ends and tabs stay. A
 /// device, a file or its name can hold sequences that steer a terminal: clear it, rename its window, write into
@@ -56,8 +58,9 @@ fn without(text: &str, shown: impl Fn(char) -> bool) -> Cow<'_, str> {
 }
 
 /// Says something beside the result in one line, on standard error. What could steer a terminal is shown, not sent.
-pub fn note(what: std::fmt::Arguments<'_>) {
-    eprintln!("bead: {}", one_line(&what.to_string()));
+/// Where standard error is closed, nobody can be told, and the work goes on.
+pub fn note(what: fmt::Arguments<'_>) {
+    let _ = writeln!(io::stderr(), "bead: {}", one_line(&what.to_string()));
 }
 
 #[cfg(test)]

@@ -117,6 +117,19 @@ fn a_result_that_is_interrupted_leaves_no_part_of_it() {
     }
 }
 
+#[test]
+fn a_signal_ends_a_command_whose_standard_error_is_closed() {
+    let directory = tempfile::tempdir().unwrap();
+    let long = ["simulate", SCENARIO, "--out", "a.parquet", "--rate", "1e8"];
+    let mut running = Running::start(directory.path(), directory.path(), &long);
+    until("it runs", || !names(directory.path()).is_empty());
+    drop(running.0.stderr.take());
+    running.signal("TERM");
+    until("it has ended", || running.ended());
+    assert_eq!(running.0.wait().unwrap().code(), Some(143));
+    assert_eq!(names(directory.path()), [""; 0]);
+}
+
 /// Processes that `parent` started.
 fn children(parent: u32) -> Vec<u32> {
     let below = |pid: &u32| {

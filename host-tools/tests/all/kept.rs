@@ -27,7 +27,7 @@ const EVERY: Duration = Duration::from_millis(40);
 const KEPT: usize = 40;
 
 /// A frame as it would be sent again.
-fn content(message: &Message) -> (u8, Inner) {
+pub(crate) fn content(message: &Message) -> (u8, Inner) {
     let header = Header {
         address: 0,
         boot: 0,
@@ -53,6 +53,8 @@ struct Fate {
     reset: AtomicBool,
     /// It strikes no more.
     calm: AtomicBool,
+    /// With each strike that is fetched, the one before it comes once more: the answer to a copy of its request.
+    late: AtomicBool,
     over: AtomicBool,
     /// When it was last asked for something.
     asked: Mutex<Option<Instant>>,
@@ -193,7 +195,7 @@ impl Simulated {
                 continue;
             };
             *fate.asked.lock().unwrap() = Some(Instant::now());
-            let outcome = self.answer(heard.request.unwrap());
+            let outcome = self.answer(heard.request.unwrap(), fate);
             self.send(&Message::Reply(Reply {
                 request: heard.number,
                 outcome,
@@ -202,7 +204,7 @@ impl Simulated {
         }
     }
 
-    fn answer(&mut self, request: Request) -> Outcome {
+    fn answer(&mut self, request: Request, fate: &Fate) -> Outcome {
         match request {
             Request::Identity => self.tell(),
             Request::ListKept => {
@@ -216,20 +218,27 @@ impl Simulated {
                 }
             }
             Request::Fetch { boot, strike } => {
-                let found = self.kept.iter().find(|kept| (kept.0, kept.1) == (boot, strike));
-                let Some((.., frames)) = found.cloned() else {
+                let found = self
+                    .kept
+                    .iter()
+                    .position(|kept| (kept.0, kept.1) == (boot, strike));
+                let Some(found) = found else {
                     return Outcome::NotKept;
                 };
-                for (part, frame) in (0..).zip(&frames) {
-                    let (kind, body) = content(frame);
-                    self.send(&Message::Fetched(Fetched {
-                        boot,
-                        strike,
-                        part,
-                        parts: frames.len() as u8,
-                        frame_kind: kind,
-                        body,
-                    }));
+                let late = fate.late.load(Ordering::Relaxed);
+                for at in found - usize::from(late)..=found {
+                    let (boot, strike, frames) = self.kept[at].clone();
+                    for (part, frame) in (0..).zip(&frames) {
+                        let (kind, body) = content(frame);
+                        self.send(&Message::Fetched(Fetched {
+                            boot,
+                            strike,
+                            part,
+                            parts: frames.len() as u8,
+                            frame_kind: kind,
+                            body,
+                        }));
+                    }
                 }
             }
             _ => return Outcome::Kind,
@@ -554,6 +563,11 @@ fn what_a_bead_keeps_is_listed_and_fetched_to_a_recording() {
     assert_eq!(status, 0);
     let two = Received::open(&directory.path().join("two.mcap")).unwrap();
     assert_eq!(whole(&two), [(0, 1), (0, 2)]);
+    bead.set(|fate| &fate.late, true);
+    let (status, _, stderr) = fetch(&["1", "2", "--out", "late.mcap"]);
+    assert_eq!(status, 0, "{stderr}");
+    let late = Received::open(&directory.path().join("late.mcap")).unwrap();
+    assert_eq!(whole(&late), [(0, 1), (0, 2)]);
     let (status, _, stderr) = fetch(&["999"]);
     assert_eq!((status, stderr.lines().count()), (1, 1), "{stderr}");
     assert!(stderr.contains("the bead does not keep strike 999"), "{stderr}");

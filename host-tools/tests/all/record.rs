@@ -1,20 +1,21 @@
 //! `bead record` as its users run it: over pseudo-terminals and sockets, interrupted, unplugged, refused.
 
 use std::fs::{self, File};
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpListener;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::iter;
+use std::net::{TcpListener, TcpStream};
 use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use crate::kept::content;
 use crate::program;
 use bead::recording::file::{Recording, State};
 use bead::recording::frames;
-use bead_wire::Message;
 use bead_wire::{
-    Acceleration, Codes, Energy, Force, Fraction, Header, Identity, MAX_FRAME, ResetCauses, Strike,
-    StrikeFlags, Waveform, encode,
+    Acceleration, Block, Codes, Energy, Fetched, Force, Fraction, Header, Identity, Kind, MAX_FRAME, Message,
+    ResetCauses, Settings, Shape, Strike, StrikeFlags, Waveform, encode,
 };
 use rustix::{pty, termios};
 use tempfile::TempDir;
@@ -144,6 +145,13 @@ impl Running {
     fn line(&mut self) -> String {
         let mut line = String::new();
         self.stdout.read_line(&mut line).unwrap();
+        line
+    }
+
+    /// Waits for a line on standard error.
+    fn told(&mut self) -> String {
+        let mut line = String::new();
+        BufReader::new(&mut self.stderr).read_line(&mut line).unwrap();
         line
     }
 
@@ -614,4 +622,167 @@ fn a_reader_of_standard_output_that_pauses_holds_nothing_up() {
     assert_eq!(status, 0, "{stderr}");
     assert!(stderr.contains("lines are missing there"), "{stderr}");
     assert_holds(&recorded(&directory.path().join("a.mcap")), &sent);
+}
+
+#[test]
+fn standard_error_that_is_closed_costs_no_recording() {
+    let (mut bead_end, port) = line();
+    let directory = tempfile::tempdir().unwrap();
+    bead_end.write_all(&identity(0)).unwrap();
+    let (reader, closed) = io::pipe().unwrap();
+    drop(reader);
+    let arguments = [
+        "--port",
+        &port,
+        "--out",
+        "a.mcap",
+        "--split",
+        "1",
+        "--duration",
+        "2",
+    ];
+    let mut child = bead(&directory, &arguments)
+        .stdout(Stdio::null())
+        .stderr(closed)
+        .spawn()
+        .unwrap();
+    let started = Instant::now();
+    let status = iter::repeat_with(|| {
+        std::thread::sleep(Duration::from_millis(20));
+        child.try_wait().unwrap()
+    })
+    .find(|status| status.is_some() || started.elapsed() > Duration::from_secs(30))
+    .flatten();
+    // If it is still there, the test has failed, and it is to end.
+    let _ = child.kill();
+    assert_eq!(status.and_then(|status| status.code()), Some(0));
+    let mut names = files(&directory);
+    names.sort_unstable();
+    assert_eq!(names, ["a-2.mcap", "a.mcap"]);
+}
+
+#[test]
+fn a_strike_that_is_fetched_after_a_power_cycle_is_printed_although_its_name_was_there_before() {
+    let directory = tempfile::tempdir().unwrap();
+    let listener = UnixListener::bind(directory.path().join("bead.sock")).unwrap();
+    let mut running = Running::start(&directory, &["--port", "unix:bead.sock", "--out", "a.mcap"]);
+    let (mut bead, _) = listener.accept().unwrap();
+    bead.write_all(&stream()).unwrap();
+    assert!(running.line().starts_with("strike 1 "));
+    // The sequence begins anew.
+    bead.write_all(&identity(0)).unwrap();
+    let block = Block::try_from(&b"any"[..]).unwrap();
+    let Message::Shape(shape) = Message::draw(Kind::Shape, &mut || 0) else {
+        panic!("a shape");
+    };
+    let (said, _) = frames::decode(&[waveform(0), strike(1)].concat());
+    let parts = [
+        Settings { block }.into(),
+        said[0].message.clone(),
+        said[1].message.clone(),
+        Shape { strike: 1, ..shape }.into(),
+    ];
+    for (part, message) in (0..).zip(&parts) {
+        let (frame_kind, body) = content(message);
+        let fetched = Fetched {
+            boot: 1,
+            strike: 1,
+            part,
+            parts: 4,
+            frame_kind,
+            body,
+        };
+        let sequence = 1 + u32::from(part);
+        bead.write_all(&frame(sequence, &fetched.into())).unwrap();
+    }
+    let line = running.line();
+    assert!(
+        line.starts_with("strike 1 ") && line.ends_with(", fetched\n"),
+        "{line}"
+    );
+    running.signal("INT");
+    let (status, stderr) = running.end();
+    assert_eq!(status, 0, "{stderr}");
+    assert!(stderr.contains("a.mcap: 2 strikes"), "{stderr}");
+}
+
+#[test]
+fn a_server_that_takes_each_connection_and_closes_it_is_given_up_after_wait() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || {
+        let (mut first, _) = listener.accept().unwrap();
+        first.write_all(&identity(0)).unwrap();
+        drop(first);
+        // The others hear nothing. It ends with the test.
+        listener.incoming().for_each(drop);
+    });
+    let directory = tempfile::tempdir().unwrap();
+    let running = Running::start(&directory, &["--port", &port, "--out", "a.mcap", "--wait", "0.7"]);
+    let (status, stderr) = running.end();
+    assert_eq!(status, 3, "{stderr}");
+    let lines: Vec<_> = stderr.lines().collect();
+    let [first, last] = lines[..] else {
+        panic!("that it went away, and the end: {stderr}")
+    };
+    assert!(
+        first.contains("the recording goes on when it is back"),
+        "{stderr}"
+    );
+    assert!(last.contains("all that came before is in a.mcap"), "{stderr}");
+    assert_holds(&recorded(&directory.path().join("a.mcap")), &identity(0));
+}
+
+#[test]
+fn a_recording_that_is_interrupted_while_a_server_does_not_answer_ends_at_once() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let port = format!("tcp:{address}");
+    let mut running = Running::start(&directory, &["--port", &port, "--out", "a.mcap"]);
+    let (mut bead, _) = listener.accept().unwrap();
+    bead.write_all(&identity(0)).unwrap();
+    // As many as wait to be accepted: after that the system leaves who connects without an answer.
+    let connect = || TcpStream::connect_timeout(&address, Duration::from_millis(300));
+    let _waiting: Vec<TcpStream> = iter::from_fn(|| connect().ok()).collect();
+    drop(bead);
+    let told = running.told();
+    // By then it has asked the server.
+    std::thread::sleep(Duration::from_millis(400));
+    let asked = Instant::now();
+    running.signal("INT");
+    let (status, stderr) = running.end();
+    assert!(asked.elapsed() < Duration::from_secs(3), "{:?}", asked.elapsed());
+    assert_eq!(status, 0, "{stderr}");
+    assert!(told.contains(&format!("{port} went away")), "{told}");
+    assert!(stderr.contains("was not back at the end"), "{stderr}");
+    assert_holds(&recorded(&directory.path().join("a.mcap")), &identity(0));
+}
+
+#[test]
+fn one_of_two_ports_that_goes_away_is_told_and_without_wait_it_ends_the_recording() {
+    for (wait, ended, end) in [
+        ("0", 3, "all that came before is in"),
+        ("60", 0, "was not back at the end"),
+    ] {
+        let directory = tempfile::tempdir().unwrap();
+        let [one, other] =
+            ["one", "other"].map(|name| UnixListener::bind(directory.path().join(name)).unwrap());
+        let ports = ["--port", "unix:one", "--port", "unix:other"];
+        let arguments = [&ports[..], &["--out", "a.mcap", "--wait", wait]].concat();
+        let mut running = Running::start(&directory, &arguments);
+        let (mut bead, _) = one.accept().unwrap();
+        let _silent = other.accept().unwrap();
+        bead.write_all(&stream()).unwrap();
+        assert!(running.line().starts_with("bead 0: strike 1 "));
+        drop((bead, one));
+        if ended == 0 {
+            running.told();
+            running.signal("INT");
+        }
+        let (status, stderr) = running.end();
+        assert_eq!(status, ended, "{stderr}");
+        let told = |line: &str| line.starts_with("bead: unix:one went away (") && line.contains(end);
+        assert!(stderr.lines().any(told), "{stderr}");
+    }
 }

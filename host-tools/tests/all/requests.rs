@@ -1,13 +1,19 @@
-//! `bead command` and `bead settings` at a line where something is wrong.
+//! `bead command`, `bead settings` and `bead fetch` at a line where something is wrong.
 
+use std::fs;
 use std::io::{Read, Write};
 use std::os::unix::net::UnixListener;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::thread;
+use std::time::Duration;
 
-use crate::program::said;
-use bead_wire::{Block, Header, MAX_FRAME, Message, Outcome, Reply, RequestDecoder, Settings, encode};
+use crate::program::{self, said};
+use bead_wire::{
+    Block, Check, Codes, Header, Heard, Identity, Kept, Link, MAX_FRAME, Message, Outcome, Raw, Reply,
+    Request, RequestDecoder, ResetCauses, SelfTest, Settings, encode,
+};
+use serde_json::{Value, json};
 
 /// Runs `bead` with `--port` at a socket. The other end answers what it reads with `peer`, until `bead` hangs
 /// up.
@@ -205,4 +211,249 @@ fn a_file_that_is_no_settings_is_refused_before_any_bead_is_asked() {
         assert_eq!(said.lines().count(), 1, "{said}");
         assert!(said.contains("some.settings"), "{said}");
     }
+}
+
+/// A bead that answers each request with the messages that `answer` gives. Where it gives none, a frame is lost on the
+/// way.
+fn answering(mut answer: impl FnMut(&Heard) -> Vec<Option<Message>>) -> impl FnMut(&[u8]) -> Vec<u8> {
+    let mut decoder = RequestDecoder::new();
+    let mut sequence = 0;
+    move |bytes| {
+        let mut said = Vec::new();
+        for &byte in bytes {
+            if let Some(Ok(heard)) = decoder.push(byte) {
+                for message in answer(&heard) {
+                    said.extend(message.iter().flat_map(|message| frame(sequence, message)));
+                    sequence += 1;
+                }
+            }
+        }
+        said
+    }
+}
+
+fn reply(heard: &Heard, outcome: Outcome) -> Option<Message> {
+    let reply = Reply {
+        request: heard.number,
+        outcome,
+        detail: "".into(),
+    };
+    Some(reply.into())
+}
+
+fn identity(firmware: &str) -> Option<Message> {
+    let identity = Identity {
+        firmware: firmware.into(),
+        git: "abc".into(),
+        uid: [1; 12],
+        boot: 0,
+        reset_cause: ResetCauses::NONE,
+        sample_rate_hz: 100_000,
+        channels: 4,
+    };
+    Some(identity.into())
+}
+
+#[test]
+fn a_key_that_the_bead_may_have_taken_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let key = folder.path().join("new.key");
+    let mut given = 0;
+    let output = at(
+        answering(|heard| match heard.request {
+            // The bead takes the key, and its reply is lost. Then it refuses what is not signed.
+            Ok(Request::SetKey { .. }) => {
+                given += 1;
+                let unsigned = reply(heard, Outcome::Unsigned);
+                vec![unsigned.filter(|_| given > 1)]
+            }
+            // Its identity is lost too: whether it has the key cannot be found out.
+            _ => vec![None, reply(heard, Outcome::Done)],
+        }),
+        |_| {
+            ["settings", "key", "--new", &key.display().to_string()]
+                .map(str::to_owned)
+                .to_vec()
+        },
+    );
+    assert_eq!(output.status.code(), Some(3));
+    let said = said(&output);
+    assert!(said.contains("may have taken the key in"), "{said}");
+    assert!(key.exists(), "{said}");
+}
+
+#[test]
+fn a_key_that_is_being_given_when_the_command_is_interrupted_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let _silent = UnixListener::bind(folder.path().join("bead.sock")).unwrap();
+    let giving = program::interruptible(folder.path())
+        .args(["settings", "key", "--new", "new.key", "--port", "unix:bead.sock"])
+        .args(["--timeout", "60"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    while !folder.path().join("new.key").exists() {
+        thread::sleep(Duration::from_millis(1));
+    }
+    let kill = format!("kill -INT {}", giving.id());
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    let output = giving.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    let said = said(&output);
+    assert!(
+        said.contains("interrupted; the bead may have taken the key in new.key: keep it"),
+        "{said}"
+    );
+}
+
+/// A bead whose acceleration fails; of the first `lossy` answers that result is lost.
+fn tested(lossy: u32) -> Output {
+    let mut asked = 0;
+    at(
+        answering(|heard| {
+            asked += 1;
+            let check = |number| {
+                let check = Check::from_number(number);
+                let passed = check != Check::Acceleration;
+                let test = SelfTest {
+                    check,
+                    passed,
+                    value: 1,
+                };
+                Some(test.into()).filter(|_| passed || asked > lossy)
+            };
+            (0..8).map(check).chain([reply(heard, Outcome::Done)]).collect()
+        }),
+        command("self-test"),
+    )
+}
+
+#[test]
+fn a_self_test_of_which_a_part_is_lost_is_asked_for_again() {
+    let output = tested(1);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        said(&output).contains("failed: acceleration;"),
+        "{}",
+        said(&output)
+    );
+    let output = tested(u32::MAX);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(said(&output).contains("was lost on the way"), "{}", said(&output));
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
+fn a_list_of_which_a_part_is_lost_is_asked_for_again_and_names_each_strike_once() {
+    let mut lists = 0;
+    let output = at(
+        answering(|heard| {
+            let kept = |strike| {
+                let kept = Kept {
+                    boot: 0,
+                    strike,
+                    parts: 4,
+                    bytes: 100,
+                };
+                Some(kept.into())
+            };
+            let done = reply(heard, Outcome::Done);
+            if heard.request != Ok(Request::ListKept) {
+                return vec![identity("0.1.0"), done];
+            }
+            lists += 1;
+            match lists {
+                1 => vec![None, kept(1), kept(2), done],
+                // The reply is lost: the next copy has the same number.
+                2 => vec![kept(0), kept(1), kept(2), None],
+                3 => vec![kept(0), kept(1), kept(2), done],
+                // An answer to a copy came late.
+                _ => vec![kept(0), kept(1), kept(2), kept(0), kept(1), kept(2), done],
+            }
+        }),
+        |_| ["fetch", "--format", "json"].map(str::to_owned).to_vec(),
+    );
+    let listed: Value = program::json(&output);
+    let strikes = listed["strikes"].as_array().unwrap();
+    let strikes: Vec<_> = strikes.iter().map(|kept| &kept["strike"]).collect();
+    assert_eq!(strikes, [&json!(0), &json!(1), &json!(2)]);
+    assert_eq!(lists, 4);
+}
+
+#[test]
+fn a_line_end_in_the_text_of_a_bead_begins_no_row() {
+    let output = at(
+        answering(|heard| vec![identity("1\nboot  7"), reply(heard, Outcome::Done)]),
+        command("identity"),
+    );
+    let shown = String::from_utf8(output.stdout).unwrap();
+    assert!(shown.contains("1\\u000aboot  7\n"), "{shown}");
+}
+
+#[test]
+fn more_than_a_day_is_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let wait = [
+        "command",
+        "identity",
+        "--port",
+        "unix:none.sock",
+        "--timeout",
+        "1e19",
+    ];
+    let output = program::bead(folder.path(), wait);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        said(&output).contains("at most 86400, a day"),
+        "{}",
+        said(&output)
+    );
+}
+
+#[test]
+fn of_a_raw_stream_without_end_so_much_is_kept_as_a_bead_may_send() {
+    const SENT: u32 = (1 << 17) + 10;
+    let folder = tempfile::tempdir().unwrap();
+    let scans = folder.path().join("scans.csv");
+    let output = at(
+        answering(|heard| {
+            let link = |raw_sent| {
+                let link = Link {
+                    raw_sent,
+                    ..Link::default()
+                };
+                Some(link.into())
+            };
+            let done = reply(heard, Outcome::Done);
+            match heard.request {
+                Ok(Request::Identity) => vec![identity("0.1.0"), done],
+                Ok(Request::Raw { .. }) => {
+                    let codes = Codes::pack([[1, 2]]).unwrap();
+                    let raw = Raw {
+                        first_index: 0,
+                        codes,
+                    };
+                    let pieces = (0..SENT).map(|_| Some(raw.clone().into()));
+                    [done]
+                        .into_iter()
+                        .chain(pieces)
+                        .chain([link(SENT.into())])
+                        .collect()
+                }
+                _ => vec![link(0), done],
+            }
+        }),
+        |_| {
+            let out = scans.display().to_string();
+            ["command", "raw", "--duration", "0.001", "--out", &out]
+                .map(str::to_owned)
+                .to_vec()
+        },
+    );
+    assert!(output.status.success(), "{}", said(&output));
+    let rows = fs::read_to_string(&scans).unwrap().lines().count();
+    assert_eq!(rows, 1 + (1 << 17));
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(told.contains("131072 of 131082 scans received"), "{told}");
+    assert!(told.contains("10 were lost on it"), "{told}");
 }

@@ -1,5 +1,6 @@
 //! `bead command`: requests to a bead, except those for its settings.
 
+use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -14,6 +15,7 @@ use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
 use crate::line::conversation::{Answer, Conversation};
 use crate::recording::frames::Frame;
+use crate::recording::printable::one_line;
 use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
@@ -28,6 +30,12 @@ Examples:
   bead command status --port /dev/ttyUSB0 \\
       --address 3 (one of several on a line)
   bead command reboot --port tcp:192.168.1.7:4000";
+
+/// How often a self-test is asked for of which a part is lost on the way.
+const TESTS: u32 = 5;
+
+/// Most raw frames that are kept: those of 10 s at four times the sample rate, and less than 20 MB.
+const PIECES: usize = 1 << 17;
 
 /// Arguments of `bead command`.
 #[derive(Debug, Args)]
@@ -56,7 +64,7 @@ enum Action {
         #[command(flatten)]
         common: Common,
         /// How long, s; at most 10.
-        #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
+        #[arg(long, value_name = "SECONDS", value_parser = output::seconds_of_a_day)]
         duration: Duration,
         /// The codes as CSV, one scan a row; - for standard output, with the summary on standard error.
         #[arg(long, value_name = "F.csv")]
@@ -149,24 +157,15 @@ fn rows<const N: usize>(objects: [&Value; N]) -> String {
             }
             other => other.to_string(),
         };
-        [key.replace('_', " "), value]
+        // A line end in the bead's text would begin another row.
+        [key.replace('_', " "), one_line(&value).into_owned()]
     });
     // Without its empty header.
     output::table("|", rows).trim_start().to_owned()
 }
 
 fn self_test(common: &Common) -> Result<(), Failure> {
-    let answer = common.line.open()?.request_done(&Request::SelfTest)?;
-    let check = |frame: &Frame| match frame.message {
-        Message::SelfTest(test) => Some(test),
-        _ => None,
-    };
-    let checks: Vec<_> = answer.frames.iter().filter_map(check).collect();
-    if checks.is_empty() {
-        return Err(Failure::device(
-            "the bead tested itself, but what it found was lost on the way; ask again",
-        ));
-    }
+    let checks = checks(&mut common.line.open()?)?;
     output::print(common.format, &checks, || {
         let row = |test: &SelfTest| {
             let passed = output::either(test.passed, "passed", "FAILED");
@@ -182,6 +181,28 @@ fn self_test(common: &Common) -> Result<(), Failure> {
     Err(Failure::Verdict(format!(
         "the self-test failed: {}; docs/protocol.md says what each check looks at",
         failed.join(", ")
+    )))
+}
+
+/// The results of all checks. One that was lost on the way may be the one that failed, so all are asked for again.
+fn checks(bead: &mut Conversation) -> Result<Vec<SelfTest>, Failure> {
+    for _ in 0..TESTS {
+        let answer = bead.request_done(&Request::SelfTest)?;
+        // A copy of the request that was answered late gives each check twice: the last one counts.
+        let checks: BTreeMap<u8, SelfTest> = answer
+            .frames
+            .iter()
+            .filter_map(|frame| match frame.message {
+                Message::SelfTest(test) => Some((test.check.number(), test)),
+                _ => None,
+            })
+            .collect();
+        if !answer.lost && Check::LIST.iter().all(|(number, ..)| checks.contains_key(number)) {
+            return Ok(checks.into_values().collect());
+        }
+    }
+    Err(Failure::device(format!(
+        "the bead tested itself {TESTS} times, and each time a part of what it found was lost on the way; ask again"
     )))
 }
 
@@ -271,7 +292,10 @@ fn stream(
     let mut pieces = Vec::new();
     let mut take = |frame: Frame| match frame.message {
         Message::Raw(raw) => {
-            pieces.push(raw);
+            // What is more than that counts as lost.
+            if pieces.len() < PIECES {
+                pieces.push(raw);
+            }
             None
         }
         // A link frame comes every second, and one at the end of the stream, when all its scans are counted.

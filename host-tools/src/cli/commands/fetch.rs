@@ -1,5 +1,6 @@
 //! `bead fetch`: the strikes that a bead keeps, listed, or to a recording.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use bead_wire::{Kept, MAX_FRAME, Message, Outcome, Request, encode};
@@ -32,6 +33,8 @@ Examples:
 
 /// How often a strike is asked for whose frames are lost on the way, or while strikes take the line.
 const ATTEMPTS: u32 = 5;
+/// How often the list is asked for while frames are lost: it is short.
+const LISTS: u32 = 20;
 
 /// Arguments of `bead fetch`.
 #[derive(Debug, Args)]
@@ -57,6 +60,8 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let target = place::optional(arguments.out.as_deref(), Kind::Recording, &[], arguments.force)?;
     let mut bead = arguments.line.open()?;
+    // Who the bead is gives the sample rate. It comes first, so that frames of the list that are lost are missed.
+    let identity = bead.request_done(&Request::Identity)?;
     let kept = list(&mut bead)?;
     let chosen: Vec<Kept> = kept.into_iter().filter(|kept| arguments.wants(kept)).collect();
     let missing = |number: &&u32| !chosen.iter().any(|kept| kept.strike == **number);
@@ -78,8 +83,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "the bead keeps no strike: nothing is written".to_owned(),
         ));
     }
-    // Who the bead is gives the sample rate.
-    let identity = bead.request_done(&Request::Identity)?;
     let mut frames: Vec<Frame> = identity.frames;
     for kept in &chosen {
         frames.extend(fetch(&mut bead, kept)?);
@@ -114,21 +117,33 @@ impl Arguments {
 
 /// What the bead keeps, the oldest first.
 fn list(bead: &mut Conversation) -> Result<Vec<Kept>, Failure> {
-    let answer = bead.request(&Request::ListKept)?;
-    match answer.reply.outcome {
-        Outcome::Done => {}
-        Outcome::Kind => {
-            return Err(Failure::Verdict(
-                "the firmware of this bead keeps no strikes: flash a newer one".to_owned(),
-            ));
+    for _ in 0..LISTS {
+        let answer = bead.request(&Request::ListKept)?;
+        match answer.reply.outcome {
+            Outcome::Done => {}
+            Outcome::Kind => {
+                return Err(Failure::Verdict(
+                    "the firmware of this bead keeps no strikes: flash a newer one".to_owned(),
+                ));
+            }
+            _ => return Err(answer.refusal().into()),
         }
-        _ => return Err(answer.refusal().into()),
+        if answer.lost {
+            continue;
+        }
+        let kept = answer.frames.iter().filter_map(|frame| match frame.message {
+            Message::Kept(kept) => Some(kept),
+            _ => None,
+        });
+        // A copy of the request that was answered late gives the list twice.
+        let mut named = BTreeSet::new();
+        return Ok(kept
+            .filter(|kept| named.insert((kept.boot, kept.strike)))
+            .collect());
     }
-    let kept = |frame: &Frame| match frame.message {
-        Message::Kept(kept) => Some(kept),
-        _ => None,
-    };
-    Ok(answer.frames.iter().filter_map(kept).collect())
+    Err(Failure::device(format!(
+        "the list of what the bead keeps did not come whole in {LISTS} attempts: is the line noisy?"
+    )))
 }
 
 /// The frames of a strike, each of which came once at least.
@@ -149,7 +164,10 @@ fn fetch(bead: &mut Conversation, kept: &Kept) -> Result<Vec<Frame>, Failure> {
         }
         for frame in answer.frames {
             let whole = match &frame.message {
-                Message::Fetched(fetched) => again.take(frame.header.address, fetched).is_some(),
+                // What was asked for before may still come.
+                Message::Fetched(fetched) if (fetched.boot, fetched.strike) == (boot, strike) => {
+                    again.take(frame.header.address, fetched).is_some()
+                }
                 _ => continue,
             };
             frames.push(frame);

@@ -7,8 +7,7 @@
 //!
 //! A bead is asked for strikes that did not come whole ([`Gaps`]), through the thread of its port.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::io;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Mutex;
@@ -28,14 +27,15 @@ use crate::cli::interrupt;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
 use crate::cli::printer::Printer;
-use crate::line::gaps::Gaps;
-use crate::line::listener::{Listener, Shared};
+use crate::line::gaps::{Gaps, Newest};
+use crate::line::listener::{End, Listener, Shared};
 use crate::line::port::{Address, Port, all_serial};
 use crate::line::queue::{Closed, Queue};
 use crate::recording::again::Whole;
 use crate::recording::clock::{Live, Segment};
 use crate::recording::file::{About, Lane, Origin, RecordingError, Writer};
 use crate::recording::frames::{Frame, Item, Reader};
+use crate::recording::printable::one_line;
 use crate::recording::whole::Target;
 
 const AFTER_HELP: &str = "\
@@ -183,18 +183,23 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             .zip(ports)
             .map(|(listener, port)| {
                 scope.spawn(move || {
-                    let heard = listener.listen(port, |line| output::note(format_args!("{line}")));
-                    if left.fetch_sub(1, Ordering::Relaxed) == 1 {
-                        queue.close();
-                    }
-                    heard
+                    let _end = AtEnd(|| {
+                        if left.fetch_sub(1, Ordering::Relaxed) == 1 {
+                            queue.close();
+                        }
+                    });
+                    listener.listen(port, |line| output::note(format_args!("{line}")))
                 })
             })
             .collect();
-        let kept = recorder.keep(queue, &asks);
-        queue.close();
-        stop.store(true, Ordering::Relaxed);
-        let join = |thread: ScopedJoinHandle<'_, io::Result<()>>| {
+        let kept = {
+            let _end = AtEnd(|| {
+                queue.close();
+                stop.store(true, Ordering::Relaxed);
+            });
+            recorder.keep(queue, &asks)
+        };
+        let join = |thread: ScopedJoinHandle<'_, End>| {
             thread.join().unwrap_or_else(|cause| panic::resume_unwind(cause))
         };
         (threads.into_iter().map(join).collect::<Vec<_>>(), kept)
@@ -224,21 +229,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         files.join(", "),
         summary(&counters, recorder.strikes, seconds)
     );
-    let gone = |(address, heard): (&Address, &io::Result<()>)| {
-        let reason = heard.as_ref().err()?;
-        Some(format!("{address} went away ({reason})"))
-    };
-    let gone: Vec<_> = addresses.iter().zip(&heard).filter_map(gone).collect();
     if several {
         for line in beads {
             output::note(format_args!("{line}"));
         }
     }
-    if !gone.is_empty() && gone.len() == addresses.len() {
+    let (mut gone, mut away) = (Vec::new(), Vec::new());
+    for (address, end) in addresses.iter().zip(heard) {
+        match end {
+            End::Stopped => {}
+            End::Away(reason) => away.push(format!("{address} went away ({reason})")),
+            End::Gone(reason) => gone.push(format!("{address} went away ({reason})")),
+        }
+    }
+    if gone.len() == addresses.len() || arguments.wait.is_zero() && !gone.is_empty() {
         return Err(Failure::device(format!(
             "{}: all that came before is in {result}; plug it in or start it again, and record to another file",
             gone.join(", ")
         )));
+    }
+    for line in gone.iter().chain(&away) {
+        output::note(format_args!("{line} and was not back at the end"));
     }
     let lines = [
         Some(result),
@@ -304,6 +315,15 @@ impl Arguments {
     }
 }
 
+/// Does something at the end of a block, also of one that panics: who waits for it would wait for ever.
+struct AtEnd<F: Fn()>(F);
+
+impl<F: Fn()> Drop for AtEnd<F> {
+    fn drop(&mut self) {
+        self.0();
+    }
+}
+
 /// What became of strikes that did not come whole, if there were any.
 fn asked_again(gaps: &BTreeMap<(usize, u8), Gaps>) -> String {
     let fetched: u64 = gaps.values().map(Gaps::fetched).sum();
@@ -342,8 +362,8 @@ struct Recorder {
     /// By port and address.
     gaps: BTreeMap<(usize, u8), Gaps>,
     fetch: bool,
-    /// Strikes that were printed, by port, boot and number.
-    printed: BTreeSet<(usize, u8, u32)>,
+    /// Strikes that were printed, by port, address, boot and number.
+    printed: Newest<(usize, u8, u8, u32)>,
     /// See [`Frame::from_the_future`].
     from_the_future: Option<String>,
     format: Format,
@@ -402,7 +422,7 @@ impl Recorder {
             strikes: 0,
             gaps: BTreeMap::new(),
             fetch: !arguments.no_fetch,
-            printed: BTreeSet::new(),
+            printed: Newest::default(),
             from_the_future: None,
             format: arguments.format,
             printer: Printer::new(format!("listening to {names}")),
@@ -548,15 +568,17 @@ impl Recorder {
             let gaps = gaps
                 .entry((source, address))
                 .or_insert_with(|| Gaps::new(address));
+            if let Arrival::Restart { .. } = frame.arrival {
+                // After a power cycle strikes have the same names again.
+                let begun = (source, address, frame.header.boot);
+                printed.forget(|(source, address, boot, _)| (source, address, boot) == begun);
+            }
             let fetched = gaps.note(&frame, now);
             let is_fetched = fetched.is_some();
             let frame = fetched.map_or(frame.clone(), |whole| said_again(&frame, whole));
             let line = match &frame.message {
                 Message::Strike(strike) => {
-                    let is_new = printed.insert((source, frame.header.boot, strike.strike));
-                    while printed.len() > PRINTED {
-                        printed.pop_first();
-                    }
+                    let is_new = printed.insert((source, address, frame.header.boot, strike.strike));
                     if is_fetched && !is_new {
                         return;
                     }
@@ -595,9 +617,6 @@ impl Recorder {
     }
 }
 
-/// Strikes of which it is remembered that they were printed.
-const PRINTED: usize = 4096;
-
 /// The strike frame of a strike that was fetched, as if it had come when it was measured.
 fn said_again(frame: &Frame, whole: Whole) -> Frame {
     Frame {
@@ -629,7 +648,8 @@ fn strike_line(frame: &Frame, strike: &Strike) -> String {
 }
 
 fn fault_line(fault: &Fault) -> String {
-    let detail = fault.detail.as_str();
+    // With a line end in it, a bead could print what looks like a strike.
+    let detail = one_line(fault.detail.as_str());
     let separator = if detail.is_empty() { "" } else { ", " };
     format!("fault in boot {}: {}{separator}{detail}", fault.boot, fault.cause)
 }
@@ -695,6 +715,10 @@ mod tests {
         assert_eq!(
             fault_line(&fault(bead_wire::FaultCause::Watchdog, "")),
             "fault in boot 3: watchdog"
+        );
+        assert_eq!(
+            fault_line(&fault(bead_wire::FaultCause::Panic, "x\nstrike 7 at 1.0 s")),
+            "fault in boot 3: panic, x\\u000astrike 7 at 1.0 s"
         );
     }
 

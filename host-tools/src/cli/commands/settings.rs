@@ -13,10 +13,11 @@ use serde_json::json;
 
 use crate::cli::commands::settings_file;
 use crate::cli::failure::{Blame, Failure};
+use crate::cli::interrupt;
 use crate::cli::line_options::LineOptions;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
-use crate::line::conversation::{Answer, Conversation};
+use crate::line::conversation::{Answer, Conversation, LineError};
 use crate::line::key;
 use crate::recording::physical::Physical;
 use crate::recording::whole::Target;
@@ -191,38 +192,46 @@ fn key_and_value(text: &str) -> Result<String, String> {
 fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Result<(), Failure> {
     let given = give.map(key::read).transpose()?;
     let mut bead = line.open()?;
+    let shown = new.or(give).map(|path| path.display().to_string());
+    let may_have = |path: &str| {
+        format!(
+            "the bead may have taken the key in {path}: keep it, and try `bead command reset-counters --key {path}`"
+        )
+    };
+    if let Some(path) = &shown {
+        interrupt::resumable(may_have(path));
+    }
     // Kept before the bead is asked: a key that the bead took must not be lost.
     let key = match new {
         Some(path) => Some(key::create(path)?),
         None => given,
     };
     let bytes = key.as_ref().map_or([0; KEY], |key| *key.bytes());
-    let asked = bead.request(&Request::SetKey { key: bytes });
-    let took = match (&asked, &key) {
-        (Ok(answer), _) if answer.reply.outcome == Outcome::Done => true,
-        // A reply may have been lost, and the request that was sent again refused: the bead has the key then.
-        (_, Some(key)) => bead.has_key(key).unwrap_or(false),
-        _ => false,
-    };
-    let shown = new.or(give).map(|path| path.display().to_string());
-    match (took, asked, shown) {
-        (true, _, Some(path)) => output::note(format_args!(
+    if let Err(error) = bead.request_done(&Request::SetKey { key: bytes }) {
+        let has_it = match (&error, &key) {
+            // Nothing was sent.
+            (LineError::Several(_), _) | (_, None) => Ok(false),
+            // A reply may have been lost, and the request that was sent again refused: the bead has the key then.
+            (_, Some(key)) => bead.has_key(key),
+        };
+        let refused = matches!(error, LineError::Several(_) | LineError::Refused(_));
+        match (has_it, &shown) {
+            (Ok(true), _) => {}
+            (Ok(false), _) if refused => {
+                if let Some(path) = new {
+                    let _ = fs::remove_file(path);
+                }
+                return Err(error.into());
+            }
+            (_, Some(path)) => return Err(Failure::device(format!("{error}; {}", may_have(path)))),
+            (_, None) => return Err(error.into()),
+        }
+    }
+    match shown {
+        Some(path) => output::note(format_args!(
             "the bead has the key in {path}; keep it safe, and give --key {path} to what changes the bead's state"
         )),
-        (true, _, None) => output::note(format_args!("the bead has no key any more")),
-        (false, Ok(answer), _) => {
-            if let Some(path) = new {
-                let _ = fs::remove_file(path);
-            }
-            return Err(answer.refusal().into());
-        }
-        (false, Err(error), Some(path)) => {
-            return Err(Failure::device(format!(
-                "{error}; the bead may have taken the key in {path}: keep it, and try `bead command reset-counters \
-                 --key {path}`"
-            )));
-        }
-        (false, Err(error), None) => return Err(error.into()),
+        None => output::note(format_args!("the bead has no key any more")),
     }
     Ok(())
 }

@@ -175,7 +175,7 @@ impl Boots {
     }
 }
 
-/// The current segment of each bead, by address.
+/// The current segment of each bead, by address, without edges and strikes: a recorder may run for months.
 #[derive(Debug, Clone, Default)]
 pub struct Live(BTreeMap<u8, Segment>);
 
@@ -191,6 +191,8 @@ impl Live {
             *segment = begun();
         }
         segment.push(frame);
+        segment.edges.clear();
+        segment.struck.clear();
     }
 
     /// The segments.

@@ -373,3 +373,28 @@ fn two_beads_on_one_line_have_segments_of_their_own() {
         .collect();
     assert_eq!(current, [(3, 0), (9, 1)]);
 }
+
+#[test]
+fn what_is_live_keeps_no_edge_and_no_strike() {
+    let (mut tracker, mut live) = (Tracker::default(), Live::default());
+    for kind in [bead_wire::Kind::Sync, bead_wire::Kind::Shape] {
+        let frame = Frame {
+            version: bead_wire::VERSION,
+            header: bead_wire::Header {
+                address: 0,
+                boot: 0,
+                sequence: 0,
+                sample_index: 0,
+            },
+            arrival: Arrival::Next { lost: 0 },
+            sample_rate_hz: None,
+            received_ns: None,
+            message: bead_wire::Message::draw(kind, &mut || 0),
+        };
+        tracker.push(&frame);
+        live.push(&frame);
+    }
+    let counts = |segment: &Segment| (segment.edges.len(), segment.struck.len());
+    assert_eq!(tracker.segments.iter().map(counts).collect::<Vec<_>>(), [(1, 1)]);
+    assert_eq!(live.segments().map(counts).collect::<Vec<_>>(), [(0, 0)]);
+}
