@@ -96,7 +96,7 @@ requests! {
     },
     /// Measure the window in which the scan with this index counts as the one that triggers, whatever the force does.
     /// It needs an armed bead at that scan, and becomes a strike with the flag `triggered_on_request`. The scan has to
-    /// be one that comes within a minute. A new request takes the place of one whose scan has not come.
+    /// be one that comes within a minute; while the crystal does not run, none comes. A new request takes the place of one whose scan has not come.
     79 "keep" Keep {
         /// The sample index of the scan.
         index: u64,

@@ -22,7 +22,8 @@ names! {
         6 "sample_rate" SampleRate,
         /// The settings store in flash is full. The next boot makes room.
         7 "store_full" StoreFull,
-        /// The settings could not be read back from flash.
+        /// The settings could not be read back from flash, the supply is low, or the store could not be read at the
+        /// start.
         8 "flash_failed" FlashFailed,
         /// Settings are written to flash only so often, so that nobody wears it out. The detail says when to
         /// ask again.

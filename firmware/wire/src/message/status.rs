@@ -21,7 +21,7 @@ names! {
 body! {
     /// Counters since the last reset, and the state of the bead. It comes every second.
     pub struct Status: Copy {
-        /// Time since the last reset, in ms.
+        /// Time since the last reset, in ms, without the time in which flash was erased.
         pub uptime_ms: u64,
         /// How often acquisition was started. A step means that samples are missing.
         pub epoch: u32,

@@ -17,9 +17,9 @@ body! {
         pub peak_force: Force,
         /// Sample index of the highest force.
         pub peak_index: u64,
-        /// Highest acceleration.
+        /// Highest acceleration; 32 768 m/s² stands for all above.
         pub acceleration_max: Acceleration,
-        /// Lowest acceleration.
+        /// Lowest acceleration; -32 768 m/s² stands for all below.
         pub acceleration_min: Acceleration,
         /// Absorbed energy, estimated from the acceleration alone. `noise_energy` is already subtracted.
         pub absorbed_measured: Energy,
