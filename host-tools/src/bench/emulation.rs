@@ -121,6 +121,19 @@ pub struct Ran {
 }
 
 impl Ran {
+    /// The same, for those who need the whole run.
+    ///
+    /// # Errors
+    /// The image failed before its time was over.
+    pub fn whole(self) -> Result<Self, BenchError> {
+        match &self.failure {
+            Some(why) => Err(BenchError::Mute(why.clone())),
+            None => Ok(self),
+        }
+    }
+}
+
+impl Ran {
     /// Records the bytes that were sent. The time of a run of bytes is when its last byte was sent: true time
     /// since the first triggered scan, plus `zero_ns`. Bytes sent before that scan get the scan's time.
     ///

@@ -149,8 +149,8 @@ pub fn ends_early(
     let missing = 1.0 - absorbed(scenario.duration)? / absorbed(end)?;
     (missing > LITTLE).then(|| {
         format!(
-            "the scenario ends at {} s, and {:.1} % of the energy that bead {bead} measures come after that, so its truth lacks \
-             them; make the scenario's duration longer",
+            "the scenario ends at {} s, and {:.1} % of the energy that bead {bead} measures comes after that, so its truth lacks \
+             it; make the scenario's duration longer",
             scenario.duration,
             100.0 * missing
         )

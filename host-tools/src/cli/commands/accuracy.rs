@@ -124,7 +124,7 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
             timing,
             image,
         )?;
-        let ran = run.run()?;
+        let ran = run.run()?.whole()?;
         Ok::<_, Failure>((Errors::of(&run, ran.frames), run.truth.truth.peak_force))
     };
     let ((weak, peak_force), (strong, _)) = (errors(Sensors::Weak)?, errors(Sensors::Strong)?);

@@ -274,7 +274,7 @@ fn cell(
     );
     let outcome = match prepared {
         Ok(run) => {
-            let frames = run.run()?.frames;
+            let frames = run.run()?.whole()?.frames;
             Outcome::Measured(Measured {
                 peak_force,
                 peak_acceleration,
