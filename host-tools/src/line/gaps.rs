@@ -456,8 +456,8 @@ fn encoded(address: u8, number: u16, request: &Request) -> Vec<u8> {
 mod tests {
     use super::*;
     use bead_wire::{
-        Codes, Energy, Header, Identity, Kept, Kind, Reply, RequestDecoder, ResetCauses, Shape, Status,
-        Strike, VERSION, Waveform,
+        Codes, Energy, Identity, Kept, Kind, Reply, RequestDecoder, ResetCauses, Shape, Status, Strike,
+        Waveform,
     };
 
     const NEXT: Arrival = Arrival::Next { lost: 0 };
@@ -481,20 +481,7 @@ mod tests {
         }
 
         fn says(&mut self, boot: u8, arrival: Arrival, message: impl Into<Message>) {
-            let frame = Frame {
-                version: VERSION,
-                header: Header {
-                    address: 0,
-                    boot,
-                    sequence: 0,
-                    sample_index: 0,
-                },
-                arrival,
-                sample_rate_hz: None,
-                received_ns: None,
-                message: message.into(),
-            };
-            self.gaps.note(&frame, self.now);
+            self.gaps.note(&Frame::of(0, boot, arrival, message), self.now);
         }
 
         fn begins(&mut self, boot: u8, arrival: Arrival) {

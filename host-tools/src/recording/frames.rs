@@ -202,6 +202,26 @@ pub fn decode(bytes: &[u8]) -> (Vec<Frame>, Counters) {
 }
 
 #[cfg(test)]
+impl Frame {
+    /// A frame of the bead with this address, with number 0 and at no known time.
+    pub(crate) fn of(address: u8, boot: u8, arrival: Arrival, message: impl Into<Message>) -> Self {
+        Self {
+            version: bead_wire::VERSION,
+            header: Header {
+                address,
+                boot,
+                sequence: 0,
+                sample_index: 0,
+            },
+            arrival,
+            sample_rate_hz: None,
+            received_ns: None,
+            message: message.into(),
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -470,23 +470,6 @@ mod tests {
         }
     }
 
-    /// A frame of the bead with this address.
-    fn frame(address: u8, boot: u8, arrival: Arrival, message: Message) -> Frame {
-        Frame {
-            version: bead_wire::VERSION,
-            header: Header {
-                address,
-                boot,
-                sequence: 0,
-                sample_index: 0,
-            },
-            arrival,
-            sample_rate_hz: None,
-            received_ns: None,
-            message,
-        }
-    }
-
     fn drawn(kind: Kind) -> Message {
         Message::draw(kind, &mut || 0)
     }
@@ -502,7 +485,7 @@ mod tests {
             (7, 1, restart),
         ];
         let frames =
-            frames.map(|(address, boot, arrival)| frame(address, boot, arrival, drawn(Kind::Strike)));
+            frames.map(|(address, boot, arrival)| Frame::of(address, boot, arrival, drawn(Kind::Strike)));
         let mut told: Vec<_> = Strikes::new(frames, None)
             .map(|strike| (strike.address, strike.boot, strike.nth_boot))
             .collect();
@@ -526,12 +509,7 @@ mod tests {
             let mut block = [0; BLOCK_MAX];
             let length = settings.encode(&mut block).unwrap();
             let block = Block::try_from(&block[..length]).unwrap();
-            let mut told = frame(
-                0,
-                0,
-                Arrival::Next { lost: 0 },
-                bead_wire::Settings { block }.into(),
-            );
+            let mut told = Frame::of(0, 0, Arrival::Next { lost: 0 }, bead_wire::Settings { block });
             told.header.sequence = number;
             Strikes::take(&mut strikes, told);
             assert!(strikes.boots[&0].settings.len() <= WAITING);
@@ -541,7 +519,7 @@ mod tests {
                 strike: number,
                 ..said
             };
-            let mut told = frame(0, 0, Arrival::Next { lost: 0 }, strike.into());
+            let mut told = Frame::of(0, 0, Arrival::Next { lost: 0 }, strike);
             told.header.sequence = 2 * count - number;
             Strikes::take(&mut strikes, told);
             assert!(strikes.boots[&0].strikes.len() <= WAITING);
@@ -577,7 +555,7 @@ mod tests {
         assert!(numbers.all(|number| is_new(&mut strikes, whole(9, number))));
         assert_eq!(strikes.whole[&9].len(), REMEMBERED);
         assert!(!is_new(&mut strikes, whole(0, 5)));
-        let restart = frame(9, 0, Arrival::Restart { lost: 0 }, drawn(Kind::Health));
+        let restart = Frame::of(9, 0, Arrival::Restart { lost: 0 }, drawn(Kind::Health));
         Strikes::take(&mut strikes, restart);
         assert!(is_new(&mut strikes, whole(9, 7)));
         assert!(!is_new(&mut strikes, whole(0, 5)));

@@ -22,6 +22,12 @@ fn quiet() -> Requests {
     requests
 }
 
+/// When flash was changed, in ns since power-up.
+fn changes_of_flash(answered: &Answered) -> Vec<u64> {
+    let operations = answered.outcome.flash_operations.iter();
+    operations.map(|operation| operation.at_ns).collect()
+}
+
 fn causes(answered: &Answered) -> Vec<FaultCause> {
     answered.heard.faults().map(|fault| fault.cause).collect()
 }
@@ -141,12 +147,7 @@ fn nothing_is_erased_before_a_slow_supply_has_been_good_for_a_while() {
     requests.machine.faults.extend(Fault::supply_ramp(0, 3300, RISE));
     requests.machine.sampling_deadline_ns = 10_000 * MS;
     let answered = requests.run();
-    let erased: Vec<u64> = answered
-        .outcome
-        .flash_operations
-        .iter()
-        .map(|o| o.at_ns)
-        .collect();
+    let erased = changes_of_flash(&answered);
     assert!(!erased.is_empty(), "the start erases");
     assert!(erased[0] > RISEN + GOOD, "after {} ms", erased[0] / MS);
     assert_eq!(causes(&answered), [FaultCause::SettingsRefused]);
@@ -160,12 +161,7 @@ fn the_clock_stands_still_while_a_sector_is_erased() {
     requests.machine.flash.push((STORE, vec![0x5A; 128 * 1024]));
     requests.machine.sampling_deadline_ns = 10_000 * MS;
     let answered = requests.run();
-    let erased: Vec<u64> = answered
-        .outcome
-        .flash_operations
-        .iter()
-        .map(|o| o.at_ns)
-        .collect();
+    let erased = changes_of_flash(&answered);
     assert_eq!(erased.len(), 1);
     // Two of the turns of the time driver's timer would be counted at most. The clock begins after the supply
     // has been good, and what sends the first status lags by a block.

@@ -125,17 +125,8 @@ fn edges_and_strikes_beyond_a_million_are_counted() {
         panic!("a shape");
     };
     let mut frame = Frame {
-        version: bead_wire::VERSION,
-        header: bead_wire::Header {
-            address: 0,
-            boot: 0,
-            sequence: 0,
-            sample_index: 0,
-        },
-        arrival: Arrival::Next { lost: 0 },
         sample_rate_hz: Some(100_000),
-        received_ns: None,
-        message: shape.into(),
+        ..Frame::of(0, 0, Arrival::Next { lost: 0 }, shape)
     };
     for strike in 0..1_000_007 {
         frame.message = bead_wire::Shape { strike, ..shape }.into();
@@ -378,19 +369,12 @@ fn two_beads_on_one_line_have_segments_of_their_own() {
 fn what_is_live_keeps_no_edge_and_no_strike() {
     let (mut tracker, mut live) = (Tracker::default(), Live::default());
     for kind in [bead_wire::Kind::Sync, bead_wire::Kind::Shape] {
-        let frame = Frame {
-            version: bead_wire::VERSION,
-            header: bead_wire::Header {
-                address: 0,
-                boot: 0,
-                sequence: 0,
-                sample_index: 0,
-            },
-            arrival: Arrival::Next { lost: 0 },
-            sample_rate_hz: None,
-            received_ns: None,
-            message: bead_wire::Message::draw(kind, &mut || 0),
-        };
+        let frame = Frame::of(
+            0,
+            0,
+            Arrival::Next { lost: 0 },
+            bead_wire::Message::draw(kind, &mut || 0),
+        );
         tracker.push(&frame);
         live.push(&frame);
     }
