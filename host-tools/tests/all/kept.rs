@@ -55,6 +55,8 @@ struct Fate {
     calm: AtomicBool,
     /// With each strike that is fetched, the one before it comes once more: the answer to a copy of its request.
     late: AtomicBool,
+    /// Strike 1 gives way to newer ones after it was listed.
+    gives_way: AtomicBool,
     over: AtomicBool,
     /// When it was last asked for something.
     asked: Mutex<Option<Instant>>,
@@ -222,7 +224,8 @@ impl Simulated {
                     .kept
                     .iter()
                     .position(|kept| (kept.0, kept.1) == (boot, strike));
-                let Some(found) = found else {
+                let gave_way = strike == 1 && fate.gives_way.load(Ordering::Relaxed);
+                let Some(found) = found.filter(|_| !gave_way) else {
                     return Outcome::NotKept;
                 };
                 let late = fate.late.load(Ordering::Relaxed);
@@ -568,6 +571,13 @@ fn what_a_bead_keeps_is_listed_and_fetched_to_a_recording() {
     assert_eq!(status, 0, "{stderr}");
     let late = Received::open(&directory.path().join("late.mcap")).unwrap();
     assert_eq!(whole(&late), [(0, 1), (0, 2)]);
+    bead.set(|fate| &fate.gives_way, true);
+    let (status, stdout, stderr) = fetch(&["1", "2", "--out", "left.mcap"]);
+    assert_eq!((status, stderr.lines().count()), (1, 1), "{stderr}");
+    assert!(stdout.contains("left.mcap: 1 strikes fetched"), "{stdout}");
+    assert!(stderr.contains("strike 1 of boot 0 gave way"), "{stderr}");
+    let left = Received::open(&directory.path().join("left.mcap")).unwrap();
+    assert_eq!(whole(&left), [(0, 2)]);
     let (status, _, stderr) = fetch(&["999"]);
     assert_eq!((status, stderr.lines().count()), (1, 1), "{stderr}");
     assert!(stderr.contains("the bead does not keep strike 999"), "{stderr}");

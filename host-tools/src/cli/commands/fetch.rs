@@ -84,8 +84,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ));
     }
     let mut frames: Vec<Frame> = identity.frames;
+    let (mut strikes, mut failed) = (0, None);
     for kept in &chosen {
-        frames.extend(fetch(&mut bead, kept)?);
+        match fetch(&mut bead, kept) {
+            Ok(strike) => {
+                frames.extend(strike);
+                strikes += 1;
+            }
+            // It alone gave way: the others may be there.
+            Err(why @ Failure::Verdict(_)) => failed = failed.or(Some(why)),
+            Err(why) => {
+                failed = Some(why);
+                break;
+            }
+        }
+    }
+    // Those that came are written, whatever became of the others.
+    if let Some(why) = failed.take_if(|_| strikes == 0) {
+        return Err(why);
     }
     let about = About {
         source: arguments.line.port().to_string(),
@@ -99,13 +115,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         writer.write(bytes, frame.received_ns, |_| {})?;
     }
     let finished = writer.finish()?;
-    let strikes = chosen.len();
     let path = finished.path.display().to_string();
     output::print(
         arguments.format,
         &json!({ "fetched": strikes, "out": path }),
         || format!("{path}: {strikes} strikes fetched"),
-    )
+    )?;
+    failed.map_or(Ok(()), Err)
 }
 
 impl Arguments {
