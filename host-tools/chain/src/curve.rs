@@ -36,6 +36,8 @@ pub struct Curve {
 enum Of {
     /// The total force of a contact.
     Force(usize),
+    /// The same beyond its static load.
+    ForceBeyond(usize),
     /// The absolute acceleration of an intruder, by its number.
     Acceleration(usize),
 }
@@ -51,6 +53,18 @@ impl Solution {
         self.curve(Of::Force(contact))
     }
 
+    /// Force of `contact` beyond its static load in N, negative where the contact carries less: what a sensor shows that
+    /// passes no constant force.
+    ///
+    /// # Panics
+    /// If there is no such contact.
+    pub fn force_beyond_curve(&self, contact: usize) -> Curve {
+        match self.model.contact(contact).load == 0.0 {
+            true => self.force_curve(contact),
+            false => self.curve(Of::ForceBeyond(contact)),
+        }
+    }
+
     /// Absolute acceleration of the intruder in `bead` in m/s²; none without an intruder.
     pub fn acceleration_curve(&self, bead: usize) -> Option<Curve> {
         let intruder = self.model.intruder_of(bead)?;
@@ -62,7 +76,9 @@ impl Solution {
         let glimpse = |step: usize| {
             let times = (self.times[step], self.times[step + 1]);
             match of {
-                Of::Force(contact) => self.dense(step).glimpse_contact(contact, times),
+                Of::Force(contact) | Of::ForceBeyond(contact) => {
+                    self.dense(step).glimpse_contact(contact, times)
+                }
                 Of::Acceleration(intruder) => self.dense(step).glimpse_guest(intruder, times),
             }
         };
@@ -103,6 +119,7 @@ impl Curve {
         let [place, rate, _] = self.steps[self.last].at(t);
         match self.of {
             Of::Force(contact) => self.model.force_at(contact, place, rate),
+            Of::ForceBeyond(contact) => self.model.force_beyond_at(contact, place, rate),
             Of::Acceleration(intruder) => self.model.acceleration_at(intruder, place, rate),
         }
     }
@@ -140,5 +157,21 @@ mod tests {
                 assert!(acceleration.abs() < 1e-11 * fastest, "{acceleration:e} m/s²");
             }
         }
+    }
+
+    #[test]
+    fn the_force_beyond_a_load_is_zero_at_rest_and_the_total_less_the_load_in_the_wave() {
+        let mut scenario = Scenario::paper();
+        scenario.chain.precompression = 2.0;
+        let solution = simulate(&scenario).unwrap();
+        let (mut total, mut beyond) = (solution.force_curve(8), solution.force_beyond_curve(8));
+        assert!((total.at(0.0) - 2.0).abs() < 1e-12 && beyond.at(0.0) == 0.0);
+        let mut highest = 0.0_f64;
+        for n in 0..=400 {
+            let t = f64::from(n) * 1e-5;
+            highest = highest.max(beyond.at(t));
+            assert!((total.at(t) - 2.0 - beyond.at(t)).abs() < 1e-9, "{t} s");
+        }
+        assert!(highest > 1.0, "{highest} N");
     }
 }

@@ -84,7 +84,8 @@ struct ForceWatch {
     width: Option<f64>,
     /// The pulse of the greatest force has not fallen to half yet.
     falls: bool,
-    /// Steps in which the force may have risen through half of it, each with the force at its end.
+    /// Steps in which the force may have risen through half of a peak for the last time, each with the force at
+    /// its start. These rise: a step that starts from less takes the place of those before it that start from more.
     rising: VecDeque<(Glimpse, f64)>,
 }
 
@@ -495,8 +496,11 @@ impl ForceWatch {
         let half = 0.5 * self.best.value;
         let through =
             |glimpse: &Glimpse, from: f64, to: f64| crossing(from, to, |t| of(glimpse, t)[0] > half);
-        self.rising.push_back((glimpse, end));
-        while self.rising.len() > 1 && self.rising.front().is_some_and(|(_, end)| *end < half) {
+        while self.rising.back().is_some_and(|(_, before)| *before >= start) {
+            self.rising.pop_back();
+        }
+        self.rising.push_back((glimpse, start));
+        while self.rising.get(1).is_some_and(|(_, start)| *start < half) {
             self.rising.pop_front();
         }
         if self.falls && end < half {

@@ -182,8 +182,8 @@ impl Descent<'_> {
             .map(|x| self.variables.design(x))
             .collect();
         match self.problem.shares(&designs) {
-            Ok(Some(shares)) => Some(shares),
-            Ok(None) => {
+            Ok(shares) if shares.len() == designs.len() => Some(shares),
+            Ok(_) => {
                 self.full = true;
                 None
             }

@@ -74,11 +74,7 @@ pub fn optimise(
     hosts.sort_unstable();
     let mut bare = scenario.clone();
     bare.intruders.clear();
-    let speeds = if search.speeds.is_empty() {
-        vec![scenario.striker.velocity]
-    } else {
-        search.speeds.clone()
-    };
+    let speeds = search.strikes(scenario);
     let problem = Problem {
         bare,
         hosts,
@@ -89,9 +85,7 @@ pub fn optimise(
         sofar: Cell::default(),
         stopped: Cell::new(false),
     };
-    let Some(coarse) = problem.coarse()? else {
-        return Err(OptimiseError::Stopped);
-    };
+    let coarse = problem.coarse()?;
     let alone = search.alike || problem.hosts.len() == 1;
     let most = if search.alike {
         problem.left()

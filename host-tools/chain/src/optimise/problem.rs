@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::remaining::{Remaining, remaining, struck_at};
+use super::remaining::{Remaining, given, remaining, struck_at};
 use super::search::{Aim, COARSE, Search};
 use crate::ensemble::{EnsembleOptions, Prefixes, ensemble_on};
 use crate::scenario::{Intruder, Scenario};
@@ -46,6 +46,11 @@ const APART: [f64; 3] = [1.3, 2.0, 4.0];
 /// Exponent of the power mean that stands for the greatest share. Of three speeds it is at most 1.7 % below
 /// it.
 const POWER: f64 = 64.0;
+/// Bodies of the chains that are computed at once, and hear of a stop only then: 80 MB.
+const TOGETHER: usize = 1 << 19;
+/// Designs that are computed at once, however long their chain is: enough for the wave's way to the first host to be
+/// shared.
+const LEAST_TOGETHER: usize = 16;
 
 pub(super) struct Problem<'a> {
     pub(super) bare: Scenario,
@@ -90,30 +95,36 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// The shares that remain at each speed, for each design; none once the search was asked to stop.
-    pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Option<Vec<Vec<f64>>>, SimulateError> {
-        if self.stopped.get() {
-            return Ok(None);
+    /// The shares that remain at each speed, for each design. Once the search was asked to stop, those of the designs
+    /// that were tried before.
+    pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Vec<Vec<f64>>, SimulateError> {
+        let bodies = self.speeds.len() * (self.bare.chain.beads + 1);
+        let mut found = Vec::with_capacity(designs.len());
+        for designs in designs.chunks((TOGETHER / bodies).max(LEAST_TOGETHER)) {
+            if self.stopped.get() {
+                break;
+            }
+            let scenarios: Vec<Scenario> = designs
+                .iter()
+                .flat_map(|design| self.speeds.iter().map(move |&speed| (design, speed)))
+                .map(|(design, speed)| {
+                    let mut scenario = struck_at(&self.bare, speed);
+                    scenario.intruders = self.intruders(design);
+                    scenario
+                })
+                .collect();
+            let outcomes = ensemble_on(&scenarios, &EnsembleOptions::default(), &self.prefixes);
+            let shares = outcomes.into_iter().zip(&scenarios).map(|(outcome, struck)| {
+                let outcome = outcome?;
+                Ok(1.0 - outcome.absorbed() / given(struck, outcome.injected())?)
+            });
+            let shares = shares.collect::<Result<Vec<f64>, SimulateError>>()?;
+            found.extend(shares.chunks(self.speeds.len()).map(<[f64]>::to_vec));
+            let mut sofar = self.sofar.get();
+            sofar.evaluations += designs.len();
+            self.tell(sofar);
         }
-        let scenarios: Vec<Scenario> = designs
-            .iter()
-            .flat_map(|design| self.speeds.iter().map(move |&speed| (design, speed)))
-            .map(|(design, speed)| {
-                let mut scenario = struck_at(&self.bare, speed);
-                scenario.intruders = self.intruders(design);
-                scenario
-            })
-            .collect();
-        let shares = ensemble_on(&scenarios, &EnsembleOptions::default(), &self.prefixes).into_iter();
-        let shares: Vec<f64> = shares
-            .map(|outcome| outcome.map(|outcome| 1.0 - outcome.absorbed() / outcome.injected()))
-            .collect::<Result<_, _>>()?;
-        let mut sofar = self.sofar.get();
-        sofar.evaluations += designs.len();
-        self.tell(sofar);
-        Ok(Some(
-            shares.chunks(self.speeds.len()).map(<[f64]>::to_vec).collect(),
-        ))
+        Ok(found)
     }
 
     /// Evaluations that are left.
@@ -153,8 +164,9 @@ impl Problem<'_> {
         }
     }
 
-    /// The best of intruders all alike, on a grid; none if the search was asked to stop.
-    pub(super) fn coarse(&self) -> Result<Option<Tried>, SimulateError> {
+    /// The best of intruders all alike, on a grid, or on the part of it that was tried before the search was asked to
+    /// stop.
+    pub(super) fn coarse(&self) -> Result<Tried, SimulateError> {
         let [masses, stiffnesses, dampings] = COARSE;
         let search = self.search;
         let heaviest = search.mass[1].min(search.total_mass / self.hosts.len() as f64);
@@ -174,19 +186,17 @@ impl Problem<'_> {
                 }
             }
         }
-        let Some(shares) = self.shares(&designs)? else {
-            return Ok(None);
-        };
+        let shares = self.shares(&designs)?;
         let values: Vec<f64> = shares.iter().map(|shares| self.search.aim.of(shares)).collect();
         let best = (0..values.len())
             .min_by(|&a, &b| values[a].total_cmp(&values[b]))
-            .expect("the grid has points");
+            .expect("the first designs are tried before anybody can stop the search");
         self.note(values[best]);
-        Ok(Some(Tried {
+        Ok(Tried {
             design: designs[best].clone(),
             value: values[best],
             settled: false,
-        }))
+        })
     }
 
     /// The designs from which each bead goes its own way.

@@ -3,8 +3,9 @@
 use serde::Serialize;
 
 use crate::absorption::Absorption;
-use crate::scenario::Scenario;
-use crate::simulate::{Accuracy, Options, SimulateError, simulate_with};
+use crate::options::{Accuracy, SimulateError};
+use crate::run::Run;
+use crate::scenario::{InputError, Scenario};
 
 /// What a strike leaves at the end of the run. The parts are energies over [`Remaining::injected`]; `before`,
 /// `within`, `after` and `contacts` add up to `share`.
@@ -34,22 +35,22 @@ pub struct Remaining {
 /// Runs a scenario with its striker at `speed`, m/s, and says what remains.
 ///
 /// The run lasts the scenario's duration times (V/`speed`)^(1/5), V being the scenario's speed. In that time
-/// the wave comes equally far at any speed (exactly so on an elastic chain without intruders).
+/// the wave comes equally far at any speed: exactly so on an elastic chain without intruders, gaps and load. Under
+/// a load it does not, since the wave is then as fast at any speed. The motion is not kept, so the chain may have
+/// any length.
 ///
 /// # Errors
-/// As [`simulate_with`].
+/// As [`summarise`](crate::summarise()), and [`SimulateError::Scenario`] if the striker has given no energy by the end.
 pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<Remaining, SimulateError> {
     let struck = struck_at(scenario, speed);
-    let options = Options {
-        accuracy,
-        ..Options::default()
-    };
-    let solution = simulate_with(&struck, &options)?;
-    let end = solution.at(solution.end());
-    let energies = end.energies();
-    let injected = solution.model().initial_energy() - energies.striker;
+    let mut run = Run::new(&struck, accuracy)?;
+    run.check(struck.duration, accuracy.longest_step)?;
+    run.to(struck.duration)?;
+    let end = run.snapshot();
+    let (model, energies) = (end.model(), end.energies());
+    let injected = given(&struck, model.initial_energy() - energies.striker)?;
     let beads = scenario.chain.beads;
-    let intruders = solution.model().intruders();
+    let intruders = model.intruders();
     let first = intruders.first().map_or(1, |intruder| intruder.bead);
     let last = intruders.last().map_or(0, |intruder| intruder.bead);
     // An empty range of beads has no energy.
@@ -62,15 +63,25 @@ pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<
     };
     Ok(Remaining {
         speed,
-        time: solution.end(),
+        time: end.time(),
         injected,
         share: 1.0 - energies.dissipated_intruders / injected,
         before: part(1, first - 1),
         within: part(first, last),
         after: part(last + 1, beads),
         contacts: energies.dissipated_contacts / injected,
-        intruders: solution.absorption(solution.end()),
+        intruders: Absorption::all(&end),
     })
+}
+
+/// The energy that a strike has injected by its end, J, if there is any: shares are parts of it.
+pub(super) fn given(struck: &Scenario, injected: f64) -> Result<f64, InputError> {
+    if injected > 0.0 {
+        return Ok(injected);
+    }
+    let (duration, speed) = (struck.duration, struck.striker.velocity);
+    let what = format!("after {duration:.3e} s at {speed} m/s the striker has given no energy");
+    Err(InputError::at("duration", what, "let the run be longer"))
 }
 
 /// The scenario with its striker at `speed`, for the time in which the wave comes equally far.

@@ -54,6 +54,9 @@ impl Aim {
 }
 
 impl Search {
+    /// Most hosts: a derivative takes six designs a host, each of which names all of them.
+    pub const HOSTS_MOST: usize = 1000;
+
     /// A search with bounds taken from the chain. Masses go up to half the lightest host. Stiffness and
     /// damping go from far below to far above M ω² and M ω, the values that answer to a strike: M is the
     /// lightest host's mass and π/ω the time of a contact.
@@ -89,9 +92,6 @@ pub enum OptimiseError {
     /// A scenario could not be run.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
-    /// It was stopped before it had tried any design.
-    #[error("the search was stopped before it had tried any design")]
-    Stopped,
     /// A value of the [`Search`] cannot be used; the key is its field.
     #[error(transparent)]
     Search(InputError),
@@ -122,6 +122,11 @@ fn check_hosts(scenario: &Scenario, hosts: &[usize]) -> Result<(), InputError> {
         let advice = format!("name at least one bead from 1 to {beads}, such as 7-16");
         return Err(InputError::at("hosts", "names no bead", advice));
     }
+    let (count, most) = (hosts.len(), Search::HOSTS_MOST);
+    if count > most {
+        let what = format!("{count} beads are more than a search can vary");
+        return Err(InputError::at("hosts", what, format!("name at most {most}")));
+    }
     let mut taken = vec![None; beads];
     for &host in hosts {
         Table::root().claim("hosts", host, 0, &mut taken)?;
@@ -144,7 +149,20 @@ fn check_total(scenario: &Scenario, hosts: &[usize], total: f64) -> Result<(), I
 }
 
 impl Search {
-    pub(super) fn check(&self, scenario: &Scenario) -> Result<(), OptimiseError> {
+    /// Speeds of the strikes, m/s.
+    pub fn strikes(&self, scenario: &Scenario) -> Vec<f64> {
+        if self.speeds.is_empty() {
+            vec![scenario.striker.velocity]
+        } else {
+            self.speeds.clone()
+        }
+    }
+
+    /// Whether a search can use all this, as [`optimise`](crate::optimise()) asks first.
+    ///
+    /// # Errors
+    /// [`OptimiseError`]: what it cannot use.
+    pub fn check(&self, scenario: &Scenario) -> Result<(), OptimiseError> {
         scenario.check()?;
         self.check_values(scenario)
             .and_then(|()| self.check_rates(scenario))
@@ -155,18 +173,12 @@ impl Search {
     /// nobody has written.
     fn check_rates(&self, scenario: &Scenario) -> Result<(), InputError> {
         let (mass, stiffness, damping) = (self.mass, self.stiffness, self.damping);
-        let own = [scenario.striker.velocity];
-        let speeds = if self.speeds.is_empty() {
-            &own[..]
-        } else {
-            &self.speeds
-        };
         for (key, bound, [mass, stiffness, damping]) in [
             ("stiffness", stiffness[1], [mass[1], stiffness[1], damping[0]]),
             ("damping", damping[1], [mass[1], stiffness[0], damping[1]]),
             ("mass", mass[0], [mass[0], stiffness[1], damping[1]]),
         ] {
-            for &speed in speeds {
+            for speed in self.strikes(scenario) {
                 let mut struck = struck_at(scenario, speed);
                 struck.intruders = vec![Intruder {
                     beads: self.hosts.clone(),

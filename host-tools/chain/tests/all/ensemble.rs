@@ -77,6 +77,28 @@ fn what_is_absorbed_has_an_error_of_a_millionth_at_most() {
 }
 
 #[test]
+fn what_a_stiff_intruder_absorbs_has_an_error_of_a_billionth_of_the_striker_s_energy() {
+    let mut scenarios = Vec::new();
+    for damping in [1.0, 12.0] {
+        for stiffness in [1e6, 1e7, 1e8, 1e9, 1e10] {
+            let mut scenario = Scenario::paper();
+            (scenario.intruders[0].stiffness, scenario.intruders[0].damping) = (stiffness, damping);
+            scenarios.push(scenario);
+        }
+    }
+    let (mut worst, mut of_absorbed) = (0.0_f64, 0.0_f64);
+    for (scenario, outcome) in scenarios.iter().zip(all(&scenarios)) {
+        let solution = exactly(scenario);
+        let exact = solution.at(solution.end()).energies().dissipated_intruders;
+        let error = (outcome.absorbed() - exact).abs();
+        worst = worst.max(error / solution.model().striker_energy());
+        of_absorbed = of_absorbed.max(error / exact);
+    }
+    println!("worst: {worst:.1e} of the striker's energy, {of_absorbed:.1e} of what is absorbed");
+    assert!(worst < 1e-9, "{worst:e}");
+}
+
+#[test]
 fn a_chain_has_the_same_bits_in_any_company_and_on_any_number_of_threads() {
     let mut draw = Draw(0x2545_f491_4f6c_dd1d);
     let scenarios: Vec<_> = (0..43).map(|_| draw.like_the_paper()).collect();

@@ -5,7 +5,8 @@ use std::sync::Mutex;
 
 use crate::common::{elastic, run, softer};
 use hertz_chain::{
-    Accuracy, Aim, Intruder, OptimiseError, Optimum, Oscillator, Scenario, Search, SoFar, optimise, remaining,
+    Accuracy, Aim, Intruder, OptimiseError, Optimum, Oscillator, Scenario, Search, SoFar, Start, optimise,
+    remaining,
 };
 
 /// A strike on twenty elastic beads, over before the wave has reached the last.
@@ -224,6 +225,32 @@ fn a_search_that_is_stopped_gives_the_best_so_far() {
     assert!(stopped_after(0).is_ok());
 }
 
+#[test]
+fn a_search_on_a_long_chain_hears_of_a_stop_within_its_first_designs() {
+    let mut long = strike();
+    long.chain.beads = 40_000;
+    let search = Search::new(&long, vec![8], 0.006).expect("it can be searched");
+    let found = optimise(&long, &search, Some(&|_| ControlFlow::Break(()))).expect("there is a best");
+    assert!(found.stopped && found.evaluations == 16, "{}", found.evaluations);
+    // What a bead farther away does changes nothing.
+    let near = remaining(&found.scenario(&strike()), 0.45, Accuracy::REFERENCE).expect("it can be run");
+    assert!((found.share - near.share).abs() < 1e-9);
+}
+
+#[test]
+fn a_strike_that_gives_no_energy_is_refused_and_says_why() {
+    let mut scenario = strike();
+    scenario.starts = vec![Start::apart([1], 1e-3)];
+    scenario.duration = 1e-3;
+    let expected =
+        "duration: after 1.000e-3 s at 0.45 m/s the striker has given no energy; let the run be longer";
+    let search = Search::new(&scenario, vec![8], 0.006).expect("it can be searched");
+    let error = optimise(&scenario, &search, None).expect_err("it has no energy");
+    assert_eq!(error.to_string(), expected);
+    let error = remaining(&scenario, 0.45, Accuracy::DRAFT).expect_err("it has no energy");
+    assert_eq!(error.to_string(), expected);
+}
+
 /// An independent CMA-ES, with another integration, found these shares.
 #[test]
 fn a_search_ends_where_another_method_finds_no_better() {
@@ -252,7 +279,9 @@ fn a_search_that_cannot_be_meant_is_refused_in_one_line() {
         change(&mut search);
         optimise(&strike(), &search, None).expect_err("it cannot be searched")
     };
-    let cases: [(OptimiseError, &str, &str); 22] = [
+    let many: Vec<usize> = (1..=1001).collect();
+    let cases: [(OptimiseError, &str, &str); 23] = [
+        (new(&many, 0.01), "hosts", "name at most 1000"),
         (new(&[], 0.01), "hosts", "at least one bead from 1 to 20"),
         (new(&[7, 21], 0.01), "hosts", "bead 21"),
         (new(&[0], 0.01), "hosts", "bead 0"),

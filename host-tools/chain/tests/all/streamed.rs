@@ -31,6 +31,12 @@ fn scenarios() -> Vec<Scenario> {
     apart.starts[0].velocity = 0.1;
     let mut short = Scenario::paper();
     short.duration = 6e-5;
+    // The force of the second contact has humps: it dips between half of one and half of the next.
+    let mut humps = elastic(2);
+    humps.intruders.clear();
+    humps.duration = 0.004;
+    humps.striker.radius = humps.chain.radius;
+    humps.wall = Some(Wall::flat(Material::STEEL));
     vec![
         paper,
         clipped,
@@ -40,6 +46,7 @@ fn scenarios() -> Vec<Scenario> {
         hosts,
         apart,
         short,
+        humps,
         elastic(120),
     ]
 }

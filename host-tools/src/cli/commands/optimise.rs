@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 use hertz_chain::{
     Accuracy, Aim, InputError, Intruder, OptimiseError, Optimum, Oscillator, Remaining, Scenario, Search,
-    SoFar, optimise, remaining,
+    SimulateError, SoFar, optimise, remaining,
 };
 use serde::Serialize;
 use serde_json::json;
@@ -22,7 +22,7 @@ const AFTER_HELP: &str = "\
 What remains is the share of the injected energy that the intruders have not dissipated by the end of the \
 run: what they still hold, what was reflected and transmitted, and what the contacts lost. The scenario's \
 duration is that of a strike at the scenario's speed V. A strike at speed v runs (V/v)^(1/5) times as long, \
-in which its wave comes as far. The duration must let the whole wave pass the hosts, and the chain must be \
+in which its wave comes as far if the chain is not under a load. The duration must let the whole wave pass the hosts, and the chain must be \
 so long that nothing comes back: the result tells both.
 
 Examples:
@@ -85,7 +85,7 @@ impl FromStr for Beads {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        const MOST: usize = 10_000;
+        const MOST: usize = Search::HOSTS_MOST;
         let number = |part: &str| {
             let number = part.trim().parse::<usize>();
             number.map_err(|_| format!("`{part}` is no bead; write beads as 7-16 or 7,9,12-14"))
@@ -97,8 +97,8 @@ impl FromStr for Beads {
             if from > to {
                 return Err(format!("{part} counts down; write {to}-{from}"));
             }
-            if to - from >= MOST {
-                return Err(format!("{part} is more than {MOST} beads; name fewer"));
+            if to - from >= MOST - beads.len() {
+                return Err(format!("these are more than {MOST} beads; name fewer, each once"));
             }
             beads.extend(from..=to);
         }
@@ -147,6 +147,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.force,
     )?;
     let search = search(arguments, &scenario)?;
+    search.check(&scenario).map_err(refusal)?;
+    // What cannot be run is told before the search.
+    let compared = compare(&scenario, &search)?;
     let bar = output::progress(search.evaluations as u64);
     let stop = interrupt::orderly("the search did not end in time and nothing was written".to_owned());
     let watch = |sofar: SoFar| {
@@ -164,13 +167,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ControlFlow::Continue(())
     };
     let optimum = optimise(&scenario, &search, Some(&watch)).map_err(refusal)?;
-    bar.set_message("comparing");
-    let compared = compare(&scenario, &search, &optimum)?;
     bar.finish_and_clear();
     if let Some(out) = &out {
         let text = format!(
-            "# Found by bead optimise: {:.2} % of the injected energy remains.\n{}",
-            100.0 * optimum.share,
+            "# Found by bead optimise: {}.\n{}",
+            found(&search, &optimum),
             optimum.scenario(&scenario).to_toml()
         );
         out.write_bytes(text)?;
@@ -210,6 +211,25 @@ fn search(arguments: &Arguments, scenario: &Scenario) -> Result<Search, Failure>
     Ok(search)
 }
 
+/// What the result was found for, as a comment in its file.
+fn found(search: &Search, optimum: &Optimum) -> String {
+    let share = percent(optimum.share);
+    match (&optimum.strikes[..], search.aim) {
+        ([strike], _) => format!("{share} % of the injected energy remains at {} m/s", strike.speed),
+        (strikes, aim) => {
+            let speeds: Vec<_> = strikes.iter().map(|strike| strike.speed.to_string()).collect();
+            let of = match aim {
+                Aim::Worst => "at most",
+                Aim::Mean => "on the average",
+            };
+            format!(
+                "{of} {share} % of the injected energy remains at {} m/s",
+                speeds.join(", ")
+            )
+        }
+    }
+}
+
 /// Names the option in place of the search's field.
 fn refusal(error: OptimiseError) -> Failure {
     match error {
@@ -220,38 +240,36 @@ fn refusal(error: OptimiseError) -> Failure {
     }
 }
 
-fn compare(scenario: &Scenario, search: &Search, optimum: &Optimum) -> Result<Vec<Compared>, Failure> {
+fn compare(scenario: &Scenario, search: &Search) -> Result<Vec<Compared>, Failure> {
+    let speeds = search.strikes(scenario);
+    let compared = |name, other: &Scenario| -> Result<Compared, SimulateError> {
+        let strikes = speeds
+            .iter()
+            .map(|&speed| remaining(other, speed, Accuracy::REFERENCE));
+        let strikes = strikes.collect::<Result<Vec<_>, _>>()?;
+        let shares: Vec<_> = strikes.iter().map(|strike| strike.share).collect();
+        Ok(Compared {
+            name,
+            mass: total_mass(&other.intruders),
+            share: search.aim.of(&shares),
+            strikes,
+        })
+    };
     let mut others = Vec::new();
     if !scenario.intruders.is_empty() {
-        others.push(("the scenario's own", scenario.intruders.clone()));
+        others.push(compared("the scenario's own", scenario)?);
     }
+    let mut other = scenario.clone();
     for (name, stiffness) in PAPER {
         let paper = Oscillator {
             stiffness,
             ..Oscillator::PAPER
         };
-        let paper = Intruder::new(search.hosts.iter().copied(), paper);
-        others.push((name, vec![paper]));
+        other.intruders = vec![Intruder::new(search.hosts.iter().copied(), paper)];
+        // The paper's intruder may be too heavy for these beads, or too fast.
+        others.extend(compared(name, &other).ok());
     }
-    let mut compared = Vec::new();
-    for (name, intruders) in others {
-        let mut other = scenario.clone();
-        other.intruders = intruders;
-        // The paper's intruder may be too heavy for these beads.
-        if other.check().is_err() {
-            continue;
-        }
-        let again = |strike: &Remaining| remaining(&other, strike.speed, Accuracy::REFERENCE);
-        let strikes = optimum.strikes.iter().map(again).collect::<Result<Vec<_>, _>>()?;
-        let shares: Vec<_> = strikes.iter().map(|strike| strike.share).collect();
-        compared.push(Compared {
-            name,
-            mass: total_mass(&other.intruders),
-            share: search.aim.of(&shares),
-            strikes,
-        });
-    }
-    Ok(compared)
+    Ok(others)
 }
 
 fn total_mass(intruders: &[Intruder]) -> f64 {
@@ -360,7 +378,7 @@ fn remarks(optimum: &Optimum) -> Vec<String> {
     });
     if optimum.far_end > 1e-3 {
         remarks.push(
-            "The far end has a part in this: give the chain more beads, or the run less time.".to_owned(),
+            "The far end has a part in this. If that is not meant, give the chain more beads, or the run less time.".to_owned(),
         );
     }
     if optimum.strikes.iter().any(|strike| strike.within > 0.01) {
