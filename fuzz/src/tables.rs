@@ -23,6 +23,7 @@ pub fn check(bytes: &[u8]) {
         }
         if let Ok(chart) = chart(path, &View::default()) {
             let picture = chart.standalone_svg().expect("what can be drawn is drawn");
+            assert!(picture.chars().all(is_xml), "{picture:?}");
             for place in [" x=\"", " y=\"", " points=\""] {
                 let values = picture.split(place).skip(1);
                 let odd = |value: &str| value.contains("NaN") || value.contains("inf");
@@ -33,4 +34,9 @@ pub fn check(bytes: &[u8]) {
             }
         }
     });
+}
+
+/// Whether XML 1.0 has this character.
+fn is_xml(c: char) -> bool {
+    matches!(c, '\t' | '\n' | '\r' | ' '..='\u{fffd}' | '\u{10000}'..)
 }

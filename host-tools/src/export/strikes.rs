@@ -71,6 +71,7 @@ fn columns() -> Vec<Column> {
         ("uid", Kind::Text),
         ("address", Kind::Whole),
         ("boot_low_byte", Kind::Whole),
+        ("nth_boot", Kind::Whole),
         ("received_unix_ns", Kind::Whole),
         ("sample_rate_hz", Kind::Whole),
         ("samples_received", Kind::Whole),
@@ -117,6 +118,7 @@ fn row(
         ("uid", Cell::text(uid.as_deref())),
         ("address", Cell::whole(strike.address)),
         ("boot_low_byte", Cell::whole(strike.boot)),
+        ("nth_boot", strike.nth_boot.map_or(Cell::Null, Cell::whole)),
         (
             "received_unix_ns",
             strike.received_ns.map_or(Cell::Null, Cell::whole),

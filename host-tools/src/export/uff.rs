@@ -28,7 +28,8 @@ pub fn begin(out: &mut impl Write) -> io::Result<()> {
     })
 }
 
-/// Writes the two functions of a strike; false if its settings are not known, so that nothing is in SI units.
+/// Writes the two functions of a strike; false, and nothing is written, if its settings or its quiet start are not
+/// known, so that nothing of it is in SI units.
 ///
 /// # Errors
 /// It cannot be written.
@@ -77,10 +78,11 @@ pub fn strike(out: &mut impl Write, recording: &str, strike: &RecordedStrike) ->
             let named = strike
                 .settings
                 .map_or_else(String::new, |settings| settings.name.as_str().to_owned());
-            line(
-                out,
-                &format!("bead {} {named}, boot {}", strike.address, strike.boot),
-            )?;
+            let boot = match strike.nth_boot {
+                Some(nth) => format!("boot {nth} of the recording"),
+                None => format!("boot with low byte {}", strike.boot),
+            };
+            line(out, &format!("bead {} {named}, {boot}", strike.address))?;
             line(out, &format!("trigger at sample index {}", said.trigger_index))?;
             // A function of time (1), its number; the bead is the node, in direction +X (1).
             writeln!(

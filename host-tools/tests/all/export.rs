@@ -11,6 +11,7 @@ use bead::recording::frames::Item;
 use bead::recording::signal::Signal;
 use bead::recording::strikes::{RecordedStrike, assemble};
 use bead::recording::whole::Target;
+use bead_wire::{MAX_FRAME, Message, encode};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::{Value, json};
@@ -83,6 +84,7 @@ fn expected(strikes: &[RecordedStrike]) -> Value {
     json!({
         "strikes": {
             "strike": of_strikes(|strike| strike.said.strike.into()),
+            "nth_boot": of_strikes(|strike| strike.nth_boot.into()),
             "trigger_index": of_strikes(|strike| strike.said.trigger_index.into()),
             "peak_force_n": of_strikes(|strike| strike.said.peak_force.newtons().into()),
             "peak_force_raw": of_strikes(|strike| strike.said.peak_force.bits().into()),
@@ -173,6 +175,11 @@ fn tables_hold_the_recording_bit_for_bit() {
     for (n, id) in samples["id"].iter().enumerate() {
         assert_eq!(*id, json!(n / 672));
     }
+    // The three strikes have one number: the bead began anew before each.
+    assert_eq!(rows["nth_boot"], [0, 0, 1, 2].map(Value::from));
+    for (id, nth) in samples["id"].iter().zip(&samples["nth_boot"]) {
+        assert_eq!(rows["nth_boot"][id.as_u64().unwrap() as usize], *nth);
+    }
     // Where the low gain had no part, its code is null.
     assert!(samples["force_wide_code"].contains(&Value::Null));
 
@@ -189,10 +196,44 @@ fn tables_hold_the_recording_bit_for_bit() {
         })
         .collect();
     assert_eq!(data.len(), 8);
+    assert!(uff.contains("boot 2 of the recording"), "{uff}");
     for (sensor, column, scale) in [(0, "force_n", 65536.0), (1, "acceleration_mps2", 4096.0)] {
         let told = data.iter().skip(sensor).step_by(2).flatten();
         let told: Vec<f64> = told.map(|value| (value * scale).round() / scale).collect();
         assert_eq!(json!(told), wanted["samples"][column], "{column}");
+    }
+}
+
+#[test]
+fn strikes_without_settings_are_codes_in_tables_and_left_out_of_universal_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let old = Recording::open(Path::new(&format!("{DATA}/recording-v2.mcap"))).unwrap();
+    let mut writer = Writer::create(&Target::new(folder.join("bare.mcap")), &About::default()).unwrap();
+    for frame in old.frames().unwrap().filter_map(Item::frame) {
+        if !matches!(frame.message, Message::Settings(_)) {
+            let bytes = encode(&frame.header, &frame.message, &mut [0; MAX_FRAME])
+                .unwrap()
+                .to_vec();
+            writer.write(&bytes, None, |_| {}).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    for (form, wanted) in [
+        (
+            "csv",
+            ["1 strike with 672 samples", "1 of them came without settings"],
+        ),
+        (
+            "uff",
+            ["0 strikes with 0 samples", "1 more strike is not written"],
+        ),
+    ] {
+        let output = export(folder, &["bare.mcap", "--out", "tables", "--format", form]);
+        assert!(output.status.success(), "{}", said(&output));
+        let said = said(&output);
+        assert!(wanted.iter().all(|wanted| said.contains(wanted)), "{said}");
+        assert!(!said.contains("no strike in it"), "{said}");
     }
 }
 

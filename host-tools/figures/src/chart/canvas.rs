@@ -5,9 +5,14 @@ use std::fmt::Write;
 use super::ink::Ink;
 use super::series::{Glyph, Stroke};
 
-/// Text escaped for HTML and SVG, for content and for attributes.
+/// Text escaped for HTML and SVG, for content and for attributes. XML 1.0 has no way to write some characters: in
+/// their place stands U+FFFD.
 pub fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
+    // Without surrogates, which no text holds.
+    let is_none =
+        |c: char| matches!(c, '\0'..'\t' | '\u{b}' | '\u{c}' | '\u{e}'..' ' | '\u{fffe}' | '\u{ffff}');
+    text.replace(is_none, "\u{fffd}")
+        .replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
         .replace('"', "&quot;")
@@ -210,6 +215,17 @@ mod tests {
         );
         assert_eq!(pieces("10^(−3)"), [("10", false), ("−3", true)]);
         assert_eq!(pieces("a^(b"), [("a^(b", false)]);
+    }
+
+    #[test]
+    fn what_xml_cannot_write_is_replaced() {
+        let kept = "\t\n\r ~\u{7f}\u{d7ff}\u{e000}\u{fffd}\u{10000}\u{10ffff}";
+        assert_eq!(escape(kept), kept);
+        let all = "\0\u{8}a\u{b}\u{c}\u{e}\u{1f}<\u{fffe}\u{ffff}";
+        assert_eq!(
+            escape(all),
+            "\u{fffd}\u{fffd}a\u{fffd}\u{fffd}\u{fffd}\u{fffd}&lt;\u{fffd}\u{fffd}"
+        );
     }
 
     #[test]

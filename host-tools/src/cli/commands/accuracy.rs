@@ -7,11 +7,11 @@
 use std::fmt::Write as _;
 
 use clap::Args;
-use hertz_chain::Scenario;
+use hertz_chain::{Scenario, Striker};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, TableOptions, timing};
+use super::measured::{Errors, TableOptions, list, timing, typed};
 use crate::bench::emulation::Emulation;
 use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::cli::bench_options::BenchOptions;
@@ -20,10 +20,11 @@ use crate::cli::front_end_options::Sensors;
 use crate::cli::output;
 
 const AFTER_HELP: &str = "\
-The scenario is struck by spheres of the given radii at the given speeds; all else in it stays. For each \
-cell the flash image runs in QEMU on --strikes strikes, with the noise of the front end: once behind the \
-sensors for weak strikes, and once behind those for strong ones. The error of an estimate is the root mean \
-square over the strikes, relative to the full f64 chain; the worst error stands beside it.
+The scenario is struck by full spheres of the given radii at the given speeds; all else in it stays. For \
+each cell the flash image runs in QEMU on --strikes strikes, with the noise of the front end: once behind \
+the sensors for weak strikes, and once behind those for strong ones. The error of an estimate is the root \
+mean square over the strikes, relative to the full f64 chain; the worst error stands beside it. Where the \
+bead sees no strike, there is none.
 
 Exit status 1 if in any cell neither pair of sensors keeps A within 0.5 % and B within 1 % without meeting a \
 rail.
@@ -35,6 +36,9 @@ Examples:
   bead accuracy docs/scenarios/paper-strike.toml --bead 8 --radii 0.0045 \\
       --speeds 0.3,0.6 --strikes 20 --format json";
 
+const RADII: [f64; 4] = [0.0045, 0.007, 0.009, 0.0115];
+const SPEEDS: [f64; 6] = [0.1, 0.2, 0.45, 1.0, 2.0, 5.0];
+
 /// Arguments of `bead accuracy`.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
@@ -42,10 +46,10 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     bench: BenchOptions,
     /// Radii of the striker, m.
-    #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = [0.0045, 0.007, 0.009, 0.0115])]
+    #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = RADII)]
     radii: Vec<f64>,
     /// Its speeds, m/s.
-    #[arg(long, value_name = "M/S", value_delimiter = ',', default_values_t = [0.1, 0.2, 0.45, 1.0, 2.0, 5.0])]
+    #[arg(long, value_name = "M/S", value_delimiter = ',', default_values_t = SPEEDS)]
     speeds: Vec<f64>,
     /// Strikes in each cell, each at another phase of the sample clock.
     #[arg(long, value_name = "K", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
@@ -89,16 +93,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let cells: Vec<Cell> = grid
         .par_iter()
         .map(|&(radius, speed)| {
-            let mut scenario = scenario.clone();
-            (scenario.striker.radius, scenario.striker.velocity) = (radius, speed);
-            let cell = cell(arguments, &scenario, &image);
+            let cell = cell(arguments, &struck(&scenario, radius, speed), &image);
             progress.inc(1);
             cell
         })
         .collect::<Result<_, _>>()?;
     progress.finish_and_clear();
 
-    let (page, table) = (|| markdown(arguments, &cells), || table(&cells));
+    let (page, table) = (|| markdown(arguments, &scenario, &cells), || table(&cells));
     arguments.table.tell(target.as_ref(), &cells, page, table)?;
     let outside = cells.iter().filter(|cell| !cell.pass).count();
     match outside {
@@ -108,6 +110,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             cells.len()
         ))),
     }
+}
+
+/// The scenario, struck by a full sphere of this radius, m, at this speed, m/s.
+fn struck(scenario: &Scenario, radius: f64, speed: f64) -> Scenario {
+    let mut scenario = scenario.clone();
+    let striker = &mut scenario.striker;
+    (striker.radius, striker.mass, striker.velocity) = (radius, None, speed);
+    scenario
 }
 
 fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> Result<Cell, Failure> {
@@ -145,13 +155,12 @@ fn cell(arguments: &Arguments, scenario: &Scenario, image: &std::path::Path) -> 
 }
 
 fn row(cell: &Cell) -> [String; 8] {
-    let others = |errors: &Errors| {
-        let flags = errors.flags.iter().filter(|flag| !flag.ends_with("railed"));
-        flags.copied().collect::<Vec<_>>()
-    };
-    let mut flags = others(&cell.weak);
-    flags.extend(others(&cell.strong));
-    flags.dedup();
+    let mut flags = Vec::new();
+    for &flag in cell.weak.flags.iter().chain(&cell.strong.flags) {
+        if !flag.ends_with("railed") && !flags.contains(&flag) {
+            flags.push(flag);
+        }
+    }
     [
         format!("{:.1} mm, {} m/s", cell.radius * 1e3, cell.speed),
         format!("{:.1} N, {:.0} m/s²", cell.peak_force, cell.peak_acceleration),
@@ -179,7 +188,12 @@ fn table(cells: &[Cell]) -> String {
     output::table(&HEADINGS.join(" | "), cells.iter().map(row))
 }
 
-fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {
+fn markdown(arguments: &Arguments, scenario: &Scenario, cells: &[Cell]) -> String {
+    let material = |striker: &Striker| (striker.density, striker.young, striker.poisson);
+    let kind = match material(&scenario.striker) == material(&Striker::PAPER) {
+        true => "steel",
+        false => "spherical",
+    };
     let mut text = String::new();
     // Writing to a string does not fail.
     let _ = write!(
@@ -188,9 +202,9 @@ fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {
 
 Written by
 
-    bead accuracy {} --bead {} --strikes {} --force --table docs/ranges.md
+    bead accuracy {} --bead {}{}{} --strikes {}{}
 
-from runs of the flash image in QEMU: {} strikes a cell, each at another phase of the sample clock, with noise, by steel
+from runs of the flash image in QEMU: {} strikes a cell, each at another phase of the sample clock, with noise, by {kind}
 strikers on the chain of the scenario. An error is that of the absorbed energy against the full f64 chain, its root mean
 square over the strikes, in brackets the worst. A is measured by the acceleration, B predicted from the force.
 
@@ -202,7 +216,10 @@ pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [e
 ",
         arguments.bench.scenario.display(),
         arguments.bench.bead,
+        typed("--radii", list(&arguments.radii), list(RADII)),
+        typed("--speeds", list(&arguments.speeds), list(SPEEDS)),
         arguments.strikes,
+        arguments.table.typed(),
         arguments.strikes
     );
     let mut line = |cells: &[String]| {
@@ -214,4 +231,68 @@ pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [e
         line(&row(cell));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    const SCENARIO: &str = "docs/scenarios/paper-strike.toml";
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    fn read(options: &[&str]) -> Arguments {
+        let line = ["accuracy", SCENARIO, "--bead", "8"].iter().chain(options);
+        Line::try_parse_from(line).unwrap().arguments
+    }
+
+    #[test]
+    fn a_page_tells_the_command_that_wrote_it_and_whose_strikers() {
+        let mut scenario = Scenario::paper();
+        let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/ranges.md");
+        let kept = std::fs::read_to_string(kept).unwrap();
+        let own = markdown(&read(&["--table", "docs/ranges.md"]), &scenario, &[]);
+        assert!(kept.starts_with(&own), "{own}");
+
+        let options = "--radii 0.0045,0.02 --speeds 3 --strikes 2 --seed 7 --force --table a.md";
+        let options: Vec<&str> = options.split(' ').collect();
+        scenario.striker.density = 2500.0;
+        let other = markdown(&read(&options), &scenario, &[]);
+        let line = format!("    bead accuracy {SCENARIO} --bead 8 {}\n", options.join(" "));
+        assert!(other.contains(&line) && !other.contains("steel"), "{other}");
+    }
+
+    #[test]
+    fn a_sphere_has_the_mass_of_its_radius_whatever_the_striker_of_the_scenario_weighs() {
+        let mut scenario = Scenario::paper();
+        let expected = struck(&scenario, 0.009, 1.0);
+        scenario.striker.mass = Some(0.003);
+        assert_eq!(struck(&scenario, 0.009, 1.0), expected);
+    }
+
+    #[test]
+    fn a_flag_of_both_pairs_of_sensors_is_told_once() {
+        let errors = |flags: &[&'static str]| Errors {
+            strikes: 2,
+            rms: [0.0; 2],
+            worst: [0.0; 2],
+            flags: flags.to_vec(),
+        };
+        let cell = Cell {
+            radius: 0.0045,
+            speed: 1.0,
+            peak_force: 1.0,
+            peak_acceleration: 1.0,
+            weak: errors(&["truncated", "force_railed", "estimates_differ"]),
+            strong: errors(&["truncated", "overrun"]),
+            pass: true,
+        };
+        assert_eq!(row(&cell)[7], "truncated, estimates_differ, overrun");
+    }
 }

@@ -113,8 +113,10 @@ struct Told {
     recordings: usize,
     strikes: u64,
     samples: u64,
-    /// Strikes whose settings did not come: their samples have codes alone.
+    /// Of them, strikes whose settings did not come: their samples have codes alone.
     without_settings: u64,
+    /// Strikes that were not written.
+    left_out: u64,
     progress: ProgressBar,
 }
 
@@ -125,30 +127,35 @@ impl Told {
             strikes: 0,
             samples: 0,
             without_settings: 0,
+            left_out: 0,
             progress: output::spinner("reading"),
         }
     }
 
-    /// Hands on every strike of every recording, with its number and the name of its recording.
+    /// Hands on every strike of every recording, with its number and the name of its recording. `write` says whether
+    /// it wrote the strike; the numbers are those of the strikes that are written.
     fn each(
         &mut self,
         recordings: &[Received],
-        mut see: impl FnMut(u64, &Arc<str>, &RecordedStrike) -> anyhow::Result<()>,
+        mut write: impl FnMut(u64, &Arc<str>, &RecordedStrike) -> anyhow::Result<bool>,
     ) -> anyhow::Result<()> {
         for (number, received) in (1..).zip(recordings) {
             let name: Arc<str> = received.path.display().to_string().into();
-            let (mut strikes, before) = (received.strikes()?, self.strikes);
+            let (mut strikes, before) = (received.strikes()?, self.strikes + self.left_out);
             for strike in strikes.by_ref() {
-                see(self.strikes, &name, &strike)?;
-                self.strikes += 1;
-                self.samples += strike.scans.len() as u64;
-                self.without_settings += u64::from(strike.settings.is_none());
+                if write(self.strikes, &name, &strike)? {
+                    self.strikes += 1;
+                    self.samples += strike.scans.len() as u64;
+                    self.without_settings += u64::from(strike.settings.is_none());
+                } else {
+                    self.left_out += 1;
+                }
                 self.progress.set_message(format!(
                     "recording {number} of {}: {} strikes",
                     self.recordings, self.strikes
                 ));
             }
-            if self.strikes == before {
+            if self.strikes + self.left_out == before {
                 match received.no_strike(strikes.frames()) {
                     future @ RecordingError::FromTheFuture { .. } => return Err(future.into()),
                     _ => self
@@ -167,6 +174,7 @@ impl Told {
             strikes,
             samples,
             without_settings,
+            left_out,
             ..
         } = self;
         output::note(format_args!(
@@ -178,6 +186,13 @@ impl Told {
         if *without_settings > 0 {
             output::note(format_args!(
                 "{without_settings} of them came without settings, so their samples are codes and not in SI units"
+            ));
+        }
+        if *left_out > 0 {
+            output::note(format_args!(
+                "{left_out} more {} not written: without settings and a quiet start nothing is in SI units; \
+                 --format parquet and csv have the codes",
+                output::either(*left_out == 1, "strike is", "strikes are"),
             ));
         }
     }
@@ -207,7 +222,8 @@ fn tables(
     let mut sample_table = table(form, samples, "samples", &samples::columns())?;
     told.each(recordings, |id, recording, strike| {
         strike_table.push(rows.row(id, recording, strike))?;
-        samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))
+        samples::rows(id, recording, strike).try_for_each(|row| sample_table.push(row))?;
+        Ok(true)
     })?;
     strike_table.finish()?;
     sample_table.finish()
@@ -218,7 +234,7 @@ fn universal(recordings: &[Received], file: &mut File, told: &mut Told) -> anyho
     let mut out = BufWriter::new(file);
     uff::begin(&mut out)?;
     told.each(recordings, |_, recording, strike| {
-        Ok(uff::strike(&mut out, recording, strike).map(drop)?)
+        Ok(uff::strike(&mut out, recording, strike)?)
     })?;
     Ok(out.flush()?)
 }

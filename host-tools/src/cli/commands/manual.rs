@@ -49,10 +49,8 @@ pub(crate) struct Manual {
 }
 
 /// Writes a manual page for `command` and for each of its commands.
-pub(crate) fn manual(arguments: &Manual, mut command: Command) -> Result<(), Failure> {
-    command.build();
-    let mut pages = Vec::new();
-    collect(&command, "", &mut pages);
+pub(crate) fn manual(arguments: &Manual, command: Command) -> Result<(), Failure> {
+    let pages = pages(command);
     let out = arguments.out.as_path();
     let mut targets = Vec::new();
     for (name, page) in pages {
@@ -71,18 +69,45 @@ pub(crate) fn manual(arguments: &Manual, mut command: Command) -> Result<(), Fai
     Ok(())
 }
 
+/// The pages of a command and of those below it, each with its name. `help` has none, and no page refers to it.
+fn pages(command: Command) -> Vec<(String, clap_mangen::Man)> {
+    // Building adds the help commands.
+    let mut command = command.disable_help_subcommand(true);
+    command.build();
+    let mut pages = Vec::new();
+    collect(&command, "", &mut pages);
+    pages
+}
+
 /// The pages of a command and of those below it: `bead`, `bead-settings`, `bead-settings-make`.
 fn collect(command: &Command, above: &str, pages: &mut Vec<(String, clap_mangen::Man)>) {
     let name = format!("{above}{}", command.get_name());
     let below = format!("{name}-");
-    for inner in command
-        .get_subcommands()
-        .filter(|inner| inner.get_name() != "help")
-    {
+    for inner in command.get_subcommands() {
         collect(inner, &below, pages);
     }
-    pages.push((
-        name,
-        clap_mangen::Man::new(command.clone().disable_help_subcommand(true)),
-    ));
+    pages.push((name, clap_mangen::Man::new(command.clone())));
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+    use crate::cli::Cli;
+
+    #[test]
+    fn pages_refer_to_pages_that_are_there() {
+        let pages = pages(Cli::command());
+        for (name, page) in &pages {
+            let mut text = Vec::new();
+            page.render(&mut text).unwrap();
+            let text = String::from_utf8(text).unwrap().replace("\\-", "-");
+            let referred = text.lines().filter_map(|line| line.strip_suffix("(1)"));
+            for other in referred {
+                assert!(pages.iter().any(|(name, _)| name == other), "{name}: {other}");
+            }
+        }
+        assert!(pages.iter().any(|(name, _)| name == "bead-settings-make"));
+    }
 }

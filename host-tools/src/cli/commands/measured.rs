@@ -1,5 +1,6 @@
 //! How far the estimates of a run are from the truth: shared by `bead accuracy` and `bead spheres`.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use bead_wire::{Energy, StrikeFlags};
@@ -22,12 +23,14 @@ const GOALS: [f64; 2] = [5e-3, 1e-2];
 const INTERVAL: f64 = 0.05;
 /// Quiet before the first strike, s.
 const LEAD_IN: f64 = 0.02;
+/// Seed of the noise, unless another is given.
+const SEED: u64 = 1;
 
 /// How a table of errors is made and where it goes.
 #[derive(Debug, Args)]
 pub(super) struct TableOptions {
     /// Seed of the noise: the same seed gives the same table.
-    #[arg(long, value_name = "S", default_value_t = 1)]
+    #[arg(long, value_name = "S", default_value_t = SEED)]
     pub(super) seed: u64,
     /// Write the table to this file too, as Markdown.
     #[arg(long, value_name = "F.md")]
@@ -45,6 +48,16 @@ impl TableOptions {
         place::optional(self.table.as_deref(), Kind::Text, inputs, self.force)
     }
 
+    /// These options as they are typed; `--force`, since who types them again replaces the table.
+    pub(super) fn typed(&self) -> String {
+        let seed = typed("--seed", self.seed, SEED);
+        let table = self
+            .table
+            .iter()
+            .map(|table| format!(" --force --table {}", table.display()));
+        seed + &table.collect::<String>()
+    }
+
     /// Writes and prints the cells.
     pub(super) fn tell(
         &self,
@@ -58,6 +71,21 @@ impl TableOptions {
         }
         output::print(self.format, cells, table)
     }
+}
+
+/// An option as it is typed, behind a blank; nothing if it has its default.
+pub(super) fn typed(name: &str, value: impl Display, default: impl Display) -> String {
+    let [value, default] = [value.to_string(), default.to_string()];
+    match value == default {
+        true => String::new(),
+        false => format!(" {name} {value}"),
+    }
+}
+
+/// Values of an option as they are typed.
+pub(super) fn list(values: impl IntoIterator<Item = impl Display>) -> String {
+    let values: Vec<String> = values.into_iter().map(|value| value.to_string()).collect();
+    values.join(",")
 }
 
 /// A row of `strikes` strikes of a simulation.
@@ -74,7 +102,8 @@ pub(super) fn timing(strikes: u32, solution: &Solution) -> Timing {
 pub(super) struct Errors {
     /// Strikes that were measured.
     pub(super) strikes: usize,
-    /// Root mean square over the strikes, A and B, as a part of the truth.
+    /// Root mean square over the strikes, A and B, as a part of the truth. NaN without a strike, as is the worst: null
+    /// in JSON.
     pub(super) rms: [f64; 2],
     /// The greatest error, with its sign.
     pub(super) worst: [f64; 2],
@@ -121,13 +150,33 @@ impl Errors {
         }
     }
 
-    /// An error with its worst value, or the flag that makes it meaningless.
+    /// An error with its worst value, or the flag that makes it meaningless; `-` if the bead saw no strike.
     pub(super) fn shown(&self, estimate: usize) -> String {
+        if self.strikes == 0 {
+            return "-".to_owned();
+        }
         let railed = ["acceleration_railed", "force_railed"][estimate];
         if self.flags.contains(&railed) {
             return "railed".to_owned();
         }
         let [rms, worst] = [self.rms, self.worst].map(|parts| 100.0 * parts[estimate]);
         format!("{rms:.2} ({worst:+.2})")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_no_strike_are_no_numbers_and_no_pass() {
+        let errors = Errors {
+            strikes: 0,
+            rms: [f64::NAN; 2],
+            worst: [f64::NAN; 2],
+            flags: Vec::new(),
+        };
+        assert_eq!([0, 1].map(|estimate| errors.shown(estimate)), ["-", "-"]);
+        assert!(!errors.pass(2));
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! # Design
 //! As `bead accuracy`, with a chain of other spheres in each cell. The intruder is the scenario's own in units of the
-//! sphere: the same part of its mass, and the same frequency and damping in units of the time of its wave.
+//! sphere: the same part of its mass, if no other is asked for, and the same frequency and damping in units of the time
+//! of its wave.
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;
@@ -14,7 +15,7 @@ use hertz_chain::{Material, Options, Scenario};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, TableOptions, timing};
+use super::measured::{Errors, TableOptions, list, timing, typed};
 use crate::bench::emulation::Emulation;
 use crate::bench::error::BenchError;
 use crate::bench::front_end::FrontEnd;
@@ -25,11 +26,11 @@ use crate::cli::output;
 
 const AFTER_HELP: &str = "\
 Each cell is a chain of equal spheres, as many as the scenario has, struck by one of them at --speed. Its \
-intruder is the scenario's in units of the sphere: the same part of the mass, and the same frequency and \
-damping in units of the time that a wave takes. The flash image runs in QEMU on --strikes strikes, behind \
-sensors whose ranges at the high gain the strike fills to two thirds, with the noise of the reference in \
-codes. Spheres whose waves are too short are refused, and the table says from which diameter on they are \
-not.
+intruder is the scenario's in units of the sphere: the same part of the mass, or --part of it, and the same \
+frequency and damping in units of the time that a wave takes. The scenario's wall, sections and starts are \
+left out. The flash image runs in QEMU on --strikes strikes, behind sensors whose ranges at the high gain \
+the strike fills to two thirds, with the noise of the reference in codes. Spheres whose waves are too short \
+are refused, and the table says from which diameter on they are not.
 
 Examples:
   bead spheres docs/scenarios/paper-strike.toml --bead 8
@@ -40,6 +41,11 @@ Examples:
 
 /// How much wider the range at the low gain is.
 const WIDER: f64 = 1.25;
+
+const DIAMETERS: [f64; 7] = [0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04];
+const SPEED: f64 = 0.3;
+const RELAXATION: f64 = 0.0;
+const STRIKES: u32 = 4;
 
 /// Materials of spheres, by handbook values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
@@ -55,6 +61,11 @@ enum Kind {
 }
 
 impl Kind {
+    /// As it is typed.
+    fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+
     /// Density, kg/m³, Young's modulus, Pa, and Poisson's ratio; Bakelite as in the paper.
     fn material(self) -> Material {
         let (density, young, poisson) = match self {
@@ -84,19 +95,19 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, value_delimiter = ',')]
     materials: Vec<Kind>,
     /// Diameters, m.
-    #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = [0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04])]
+    #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = DIAMETERS)]
     diameters: Vec<f64>,
     /// Mass of the intruder as a part of the bead's, 0.001 to 0.9 [default: as in the scenario].
     #[arg(long, value_name = "PART")]
     part: Option<f64>,
     /// Speed of the striker, m/s.
-    #[arg(long, value_name = "M/S", default_value_t = 0.3)]
+    #[arg(long, value_name = "M/S", default_value_t = SPEED)]
     speed: f64,
     /// Relaxation time of the contacts, s.
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", default_value_t = RELAXATION)]
     relaxation: f64,
     /// Strikes in each cell, each at another phase of the sample clock.
-    #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "K", default_value_t = STRIKES, value_parser = clap::value_parser!(u32).range(1..=1000))]
     strikes: u32,
     #[command(flatten)]
     table: TableOptions,
@@ -229,7 +240,9 @@ fn chain(
 
     let mut scenario = scenario.clone();
     scenario.duration *= time.max(1.0);
+    scenario.wall = None;
     scenario.sections.clear();
+    scenario.starts.clear();
     let chain = &mut scenario.chain;
     (chain.radius, chain.density, chain.young, chain.poisson) = (radius, density, young, poisson);
     (chain.relaxation, chain.precompression) = (arguments.relaxation, 0.0);
@@ -325,7 +338,6 @@ const HEADINGS: [&str; 7] = [
 ];
 
 fn row_of(cell: &Cell) -> [String; 7] {
-    let name = format!("{:?}", cell.material).to_lowercase();
     let [peaks, a, b, flags] = match &cell.outcome {
         Outcome::Measured(measured) => [
             format!(
@@ -342,7 +354,7 @@ fn row_of(cell: &Cell) -> [String; 7] {
         format!("{:.1}", cell.diameter * 1e3),
         format!("{:.1}", cell.width_samples),
     );
-    [name, diameter, width, peaks, a, b, flags]
+    [cell.material.name(), diameter, width, peaks, a, b, flags]
 }
 
 /// What a table has room for: the least diameter, or else the message without its beginning.
@@ -359,6 +371,12 @@ fn short(why: &str) -> &str {
 }
 
 fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {
+    let materials = list(arguments.materials.iter().map(|kind| kind.name()));
+    let part = arguments.part.map(|part| part.to_string()).unwrap_or_default();
+    let intruder = match arguments.part {
+        None => "is the scenario's in units of the sphere: the same part\nof its mass, and the same".into(),
+        Some(part) => format!("has {part} of the sphere's mass,\nand the scenario's"),
+    };
     let mut text = String::new();
     // Writing to a string does not fail.
     let _ = write!(
@@ -367,11 +385,11 @@ fn markdown(arguments: &Arguments, cells: &[Cell]) -> String {
 
 Written by
 
-    bead spheres {} --bead {} --force --table docs/spheres.md
+    bead spheres {} --bead {}{}{}{}{}{}{}{}
 
 from runs of the flash image in QEMU: {} strikes a cell, each at another phase of the sample clock, with noise. Every chain is
-of equal spheres and is struck by one of them at {} m/s. The intruder is the scenario's in units of the sphere: the same part
-of its mass, and the same frequency and damping in units of the time of the wave. The strike fills two thirds of the sensors'
+of equal spheres and is struck by one of them at {} m/s. The intruder {intruder} \
+frequency and damping in units of the time of the wave. The strike fills two thirds of the sensors'
 ranges at the high gain. An error is that of the absorbed energy against the full f64 chain, its root mean square over the
 strikes, in brackets the worst. A is measured by the acceleration, B predicted from the force.
 
@@ -382,6 +400,13 @@ refused, and the table says which diameter is the least.
 ",
         arguments.bench.scenario.display(),
         arguments.bench.bead,
+        typed("--materials", materials, ""),
+        typed("--diameters", list(&arguments.diameters), list(DIAMETERS)),
+        typed("--part", part, ""),
+        typed("--speed", arguments.speed, SPEED),
+        typed("--relaxation", arguments.relaxation, RELAXATION),
+        typed("--strikes", arguments.strikes, STRIKES),
+        arguments.table.typed(),
         arguments.strikes,
         arguments.speed
     );
@@ -399,8 +424,11 @@ refused, and the table says which diameter is the least.
 #[cfg(test)]
 mod tests {
     use clap::Parser;
+    use hertz_chain::{Section, Start, Wall};
 
     use super::*;
+
+    const SCENARIO: &str = "docs/scenarios/paper-strike.toml";
 
     #[derive(Parser)]
     struct Line {
@@ -409,7 +437,7 @@ mod tests {
     }
 
     fn read(options: &[&str]) -> Arguments {
-        let line = ["spheres", "strike.toml", "--bead", "8"].iter().chain(options);
+        let line = ["spheres", SCENARIO, "--bead", "8"].iter().chain(options);
         Line::try_parse_from(line).unwrap().arguments
     }
 
@@ -423,6 +451,36 @@ mod tests {
             let expected = format!("--part {part}: give a part between 0 and 1, from 0.001 to 0.9");
             assert_eq!(refused, expected);
         }
+    }
+
+    #[test]
+    fn a_page_tells_the_command_that_wrote_it_and_whose_intruder() {
+        let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/spheres.md");
+        let kept = std::fs::read_to_string(kept).unwrap();
+        let own = markdown(&read(&["--table", "docs/spheres.md"]), &[]);
+        assert!(kept.starts_with(&own), "{own}");
+
+        let options = "--materials steel,ptfe --diameters 0.015,0.025 --part 0.3 --speed 1 --relaxation 0.000001 \
+                       --strikes 2 --seed 7 --force --table a.md";
+        let options: Vec<&str> = options.split_whitespace().collect();
+        let other = markdown(&read(&options), &[]);
+        let line = format!("    bead spheres {SCENARIO} --bead 8 {}\n", options.join(" "));
+        assert!(
+            other.contains(&line) && other.contains("has 0.3 of the sphere's mass"),
+            "{other}"
+        );
+    }
+
+    #[test]
+    fn a_chain_is_of_equal_spheres_alone() {
+        let (arguments, own) = (read(&[]), Bead::paper());
+        let equal = |scenario: &Scenario| chain(&arguments, scenario, &own, Kind::Glass, 0.02).0;
+        let mut scenario = Scenario::paper();
+        let expected = equal(&scenario);
+        scenario.wall = Some(Wall::flat(Kind::Steel.material()));
+        scenario.sections = vec![Section::of([3])];
+        scenario.starts = vec![Start::moving([16], -0.2)];
+        assert_eq!(equal(&scenario), expected);
     }
 
     #[test]
