@@ -4,7 +4,7 @@ use bead_model::layout::BASELINE;
 use bead_model::{Meter, Origin, Settings, Sink, StrikeReport, Window, WindowRecord};
 use bead_wire::{Energy, Fields, Shape, Strike, StrikeFlags, Value};
 
-use crate::recording::strikes::{Chunk, RecordedStrike};
+use crate::recording::strikes::{Chunk, RecordedStrike, ScanCodes};
 
 /// The replay of one strike.
 #[derive(Debug, Clone, PartialEq)]
@@ -230,24 +230,43 @@ impl Sink for Heard {
     }
 }
 
-/// The window begins where the detector's history began, and a detector is armed only by quiet before that.
-/// The recording does not hold it, so the quiet start of the window stands in for it.
+/// Scans that stand in for those before the window. It begins where the detector's history began, and the recording
+/// does not hold the quiet before that, which armed the detector.
+///
+/// The quiet start of the window stands in for it, again and again. After an earlier strike the window may start on a
+/// slope: repeated, that would jump, and no jump arms a detector. There the scan with the highest force is held, from
+/// which nothing rises.
+fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&'a [ScanCodes]> {
+    let quiet = strike.scans.get(..usize::from(BASELINE))?;
+    // These are compared with scans before the window.
+    let length = usize::from(settings.window.lookback).max(quiet.len());
+    let start = &strike.scans[..length.min(strike.scans.len())];
+    let force = |codes: &&ScanCodes| codes.sensitive[0];
+    let [lowest, highest] = [start.iter().min_by_key(force)?, start.iter().max_by_key(force)?];
+    match force(&highest) - force(&lowest) < settings.window.threshold {
+        true => Some(quiet),
+        false => Some(std::slice::from_ref(highest)),
+    }
+}
+
 fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<String> {
     let number = strike.said.strike;
-    let quiet = strike.scans.get(..usize::from(BASELINE))?;
+    let quiet = quiet_before(strike, settings)?;
     // Of a strike right after the start the bead had less before the window, too.
     let before = (u64::from(settings.window.history) + 1).min(strike.said.first_index);
-    let mut meter = Meter::new();
-    // The force has not opened this window, and must not do so here.
+    let (mut meter, mut settings) = (Meter::new(), *settings);
     if strike.said.flags.has(StrikeFlags::FROM_OUTSIDE) {
         meter.keep_around(strike.said.trigger_index, strike.said.trigger_index, Origin::Line);
+        // The force has not opened this window, and must not do so here. Where it rises before, the detector was not
+        // armed yet: it was when the window was asked for, which may be later than its trigger.
+        settings.window.threshold = u16::MAX;
     }
     let mut heard = Heard::default();
     let first = strike.said.first_index - before;
     let stream = quiet.iter().cycle().take(before as usize).chain(&strike.scans);
     for (offset, codes) in (0..).zip(stream) {
         let fired = meter.strikes();
-        meter.process(settings, first.wrapping_add(offset), [codes.scan()], &mut heard);
+        meter.process(&settings, first.wrapping_add(offset), [codes.scan()], &mut heard);
         let index = first.wrapping_add(offset);
         if meter.strikes() > fired && index != strike.said.trigger_index {
             return Some(format!(
@@ -302,6 +321,81 @@ mod tests {
         for more in 1..10 {
             let later = recorded_after(3e-3 + f64::from(more) * 2e-4).unwrap();
             assert_eq!(replay(&later).first_difference, None);
+        }
+    }
+
+    /// What a bead reports of these scans, if it saw `past` before them and was asked for them at this sample index.
+    fn reported(strike: RecordedStrike, past: &[ScanCodes], asked: Option<u64>) -> RecordedStrike {
+        let settings = strike.settings.unwrap();
+        let (mut meter, mut heard) = (Meter::new(), Heard::default());
+        if let Some(at) = asked {
+            meter.keep_around(strike.said.trigger_index, at, Origin::Line);
+        }
+        let first = strike.said.first_index - past.len() as u64;
+        for (index, codes) in (first..).zip(past.iter().chain(&strike.scans)) {
+            meter.process(&settings, index, [codes.scan()], &mut heard);
+        }
+        let report = heard.report.unwrap();
+        assert_eq!(report.trigger_index, strike.said.trigger_index);
+        let flags = match asked {
+            Some(_) => StrikeFlags::TRIGGERED_BY_LINE,
+            None => StrikeFlags::NONE,
+        };
+        RecordedStrike {
+            said: bead_telemetry::strike(&report, flags),
+            shape: Some(bead_telemetry::shape(&report)),
+            chunks: heard.chunks,
+            ..strike
+        }
+    }
+
+    /// The paper's strike while the force still falls from an earlier one, by a code at each scan until scan `end` of the
+    /// window, as a bead reports it.
+    fn recorded_on_a_slope(end: u16) -> RecordedStrike {
+        let mut strike = recorded_strike();
+        let mut past = vec![strike.scans[0]; 320];
+        let falls = (0..320 + end).rev();
+        for (left, codes) in falls.zip(past.iter_mut().chain(&mut strike.scans)) {
+            codes.sensitive[0] += left;
+        }
+        reported(strike, &past, None)
+    }
+
+    #[test]
+    fn a_window_that_was_asked_for_may_have_a_rise_before_the_detector_was_armed() {
+        let mut strike = recorded_strike();
+        let rest = strike.scans[0];
+        strike.scans.fill(rest);
+        // The meter saw little before, and is armed a history after the rise.
+        for codes in &mut strike.scans[55..] {
+            codes.sensitive[0] += 100;
+        }
+        let asked = strike.said.first_index + 400;
+        let good = reported(strike, &[rest; 10], Some(asked));
+        assert_eq!(replay(&good).first_difference, None);
+        // The force alone would not have opened it there.
+        let mut strike = good.clone();
+        strike.said.flags = StrikeFlags::NONE;
+        assert!(!replay(&strike).identical());
+    }
+
+    #[test]
+    fn a_strike_on_the_slope_of_an_earlier_one_replays_to_the_same_bits_and_its_trigger_is_held() {
+        // Also one whose slope is longer than the baseline.
+        for end in [20, 64, 100] {
+            let good = recorded_on_a_slope(end);
+            assert_eq!(replay(&good).first_difference, None, "{end}");
+            let settings = good.settings.unwrap();
+            let mut strike = good.clone();
+            strike.said.trigger_index += 1;
+            assert!(!replay(&strike).identical(), "{end}");
+            // A detector that fires elsewhere, or never, shows also where all else agrees.
+            for threshold in [settings.window.threshold / 2, 2000] {
+                let mut settings = settings;
+                settings.window.threshold = threshold;
+                let what = differs_as_stream(&good, &settings).unwrap();
+                assert!(what.contains("the device's"), "{end}, {threshold}: {what}");
+            }
         }
     }
 
