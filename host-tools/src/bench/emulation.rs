@@ -385,8 +385,10 @@ impl Emulation {
         let sensed = feel(timing);
         let lasts = sensed.long();
         if timing.strikes > 1 && timing.interval < lasts {
+            // Rounded up, so that what is told would do.
+            let least = (lasts * 1e4).ceil() / 1e4;
             return Err(BenchError::Unfit(format!(
-                "--interval {} s: a strike and its ring-down take {lasts} s; give at least that",
+                "--interval {} s: a strike and its ring-down take {least} s; give at least that",
                 timing.interval,
             )));
         }

@@ -205,7 +205,7 @@ pub fn simulate_with_ring_down(scenario: &Scenario) -> Result<Solution, BenchErr
 /// What the full chain says of one strike at one bead.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
-    /// Highest force at the bead's incoming contact over the scenario's duration, N.
+    /// Highest force at the bead's incoming contact over the scenario's duration, beyond a static load, N.
     pub peak_force: f64,
     /// ∫ c ẋ² dt of its intruder over the scenario's duration, J.
     pub absorbed: f64,
@@ -223,7 +223,7 @@ impl Truth {
         let absorbed = solution.at(scenario.duration).intruder_dissipated(bead);
         match (peak, absorbed) {
             (Some(peak), Some(absorbed)) => Ok(Self {
-                peak_force: peak.force,
+                peak_force: peak.force - solution.model().contact(bead).load,
                 absorbed,
             }),
             _ => Err(BenchError::Unfit(format!(
@@ -313,13 +313,14 @@ impl Sensed<Trace> {
 }
 
 impl Sensed {
-    /// The sensors of bead `bead`, which has an intruder, in `solution`.
+    /// The sensors of bead `bead`, which has an intruder, in `solution`. They pass no constant force, so they feel what
+    /// comes on top of a static load.
     pub fn new(solution: &Solution, bead: usize, timing: Timing) -> Self {
         Self {
             timing,
             long: solution.end(),
             last: 0.0..0.0,
-            force: Some(solution.force_curve(bead)),
+            force: Some(solution.force_beyond_curve(bead)),
             acceleration: solution.acceleration_curve(bead),
         }
     }
@@ -468,6 +469,23 @@ mod tests {
         ] {
             assert!((found / stated - 1.0).abs() < 1e-12, "{found} {stated}");
         }
+    }
+
+    #[test]
+    fn a_sensor_feels_no_static_load() {
+        let mut scenario = short_scenario();
+        scenario.chain.precompression = 2.0;
+        let solution = simulate(&scenario).unwrap();
+        let timing = Timing {
+            lead_in: 0.02,
+            strikes: 1,
+            interval: 0.05,
+        };
+        let mut sensed = Sensed::new(&solution, 2, timing);
+        assert_eq!(sensed.force(timing.start(0)), 0.0);
+        let there = solution.at(0.3e-3).force(2) - 2.0;
+        let felt = sensed.force(timing.start(0) + 0.3e-3);
+        assert!(there > 1.0 && (felt - there).abs() < 1e-6, "{felt} {there}");
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! The result of a run of the image: its frames, strikes and faults, and whether they are as they must be.
 
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::{bail, ensure};
-use bead_wire::{FaultCause, Message, Status};
+use bead_wire::{FaultCause, Header, Message, Status};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -316,19 +317,21 @@ fn hidden(faults: &[Planned], starts: &[f64]) -> usize {
 }
 
 /// The last status of every boot, as counts begin at the reset. After power-up the number of the boot begins
-/// again, and so does the time.
-fn last_statuses(frames: &[Frame]) -> Vec<Status> {
-    let mut last: Vec<(u8, Status)> = Vec::new();
+/// again, and so does the time. Several beads may share a line.
+pub(super) fn last_statuses<F: Borrow<Frame>>(frames: impl IntoIterator<Item = F>) -> Vec<Status> {
+    let mut last: Vec<(Header, Status)> = Vec::new();
     for frame in frames {
-        let Message::Status(status) = &frame.message else {
+        let Frame { header, message, .. } = frame.borrow();
+        let Message::Status(status) = message else {
             continue;
         };
-        let same_boot = |(boot, before): &&mut (u8, Status)| {
-            *boot == frame.header.boot && before.uptime_ms <= status.uptime_ms
+        let of_bead = |(other, _): &&mut (Header, Status)| other.address == header.address;
+        let same_boot = |(other, before): &&mut (Header, Status)| {
+            other.boot == header.boot && before.uptime_ms <= status.uptime_ms
         };
-        match last.last_mut().filter(same_boot) {
+        match last.iter_mut().rev().find(of_bead).filter(same_boot) {
             Some((_, before)) => *before = *status,
-            None => last.push((frame.header.boot, *status)),
+            None => last.push((*header, *status)),
         }
     }
     last.into_iter().map(|(_, status)| status).collect()
@@ -410,6 +413,7 @@ fn provoked(planned: &[Planned], fates: &[Fate]) -> Vec<ProvokedFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bead_wire::Arrival;
     use serde_json::json;
 
     #[test]
@@ -421,6 +425,33 @@ mod tests {
         let starts: Vec<f64> = (0..20).map(|strike| 1e4 * f64::from(strike)).collect();
         assert_eq!(hidden(&faults, &starts), 3);
         assert_eq!(hidden(&[], &starts), 0);
+    }
+
+    #[test]
+    fn of_each_boot_of_each_bead_the_last_status_counts() {
+        let told = |address: u8, boot: u8, uptime_ms: u64, overruns: u32| {
+            let mut status = Message::draw(bead_wire::Kind::Status, &mut || 0);
+            let Message::Status(body) = &mut status else {
+                panic!("a status")
+            };
+            (body.uptime_ms, body.overruns) = (uptime_ms, overruns);
+            Frame::of(address, boot, Arrival::Next { lost: 0 }, status)
+        };
+        let frames = [
+            told(7, 0, 1000, 0),
+            told(8, 0, 500, 4),
+            told(7, 0, 2000, 1),
+            told(8, 0, 1500, 5),
+            // A power cycle, and a reset.
+            told(7, 0, 700, 0),
+            told(7, 0, 1700, 2),
+            told(7, 1, 2700, 0),
+        ];
+        let overruns: Vec<u32> = last_statuses(&frames)
+            .iter()
+            .map(|status| status.overruns)
+            .collect();
+        assert_eq!(overruns, [1, 5, 2, 0]);
     }
 
     #[test]

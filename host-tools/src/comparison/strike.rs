@@ -10,8 +10,10 @@
 
 use std::sync::Arc;
 
-use bead_model::design::{Bead, Neighbours};
+use bead_model::design::{Bead, Capture, FrontEnd, Neighbours};
 use bead_model::layout::BASELINE;
+use bead_model::settings::Settings;
+use bead_wire::StrikeFlags;
 use hertz_chain::{Curve, Pulse, PulseSearch, Scenario, Solution};
 use serde::Serialize;
 
@@ -109,8 +111,8 @@ pub struct Row {
     /// The value by the device, by replay, in f64 from the same samples, and by the full chain. None where it
     /// is not known, empty where no source computes it.
     pub cells: [Option<String>; 4],
-    /// The device's deviation, as a part of the full chain's value.
-    pub off: f64,
+    /// The device's deviation, as a part of the full chain's value; none where one of them has no value.
+    pub off: Option<f64>,
     /// How great the deviation may be, if there is a goal.
     pub goal: Option<f64>,
 }
@@ -118,7 +120,8 @@ pub struct Row {
 impl Row {
     /// Whether the deviation is within its goal, if there is a goal.
     pub fn met(&self) -> Option<bool> {
-        self.goal.map(|goal| self.off.abs() <= goal)
+        self.goal
+            .map(|goal| self.off.is_some_and(|off| off.abs() <= goal))
     }
 }
 
@@ -146,7 +149,7 @@ impl StrikeComparison {
             Row {
                 name,
                 cells: sides.map(|values| values.map(cell)),
-                off: of(&self.deviation),
+                off: Some(of(&self.deviation)),
                 goal,
             }
         };
@@ -166,11 +169,16 @@ impl StrikeComparison {
             return Vec::new();
         };
         let row = |name, of: fn(&ShapeValues) -> f64, scale: f64, digits: usize| {
-            let cell = |shape: &ShapeValues| format!("{:.digits$}", of(shape) * scale);
+            // A bead that found no ringing, or none there is, says 0.
+            let value = |shape: &ShapeValues| Some(of(shape)).filter(|value| *value != 0.0);
+            let cell = |shape: &ShapeValues| Some(format!("{:.digits$}", value(shape)? * scale));
+            let none = Some(String::new());
             Row {
                 name,
-                cells: [cell(&device), String::new(), String::new(), cell(&f64_chain)].map(Some),
-                off: of(&device) / of(&f64_chain) - 1.0,
+                cells: [cell(&device), none.clone(), none, cell(&f64_chain)],
+                off: value(&device)
+                    .zip(value(&f64_chain))
+                    .map(|(device, f64_chain)| device / f64_chain - 1.0),
                 goal: None,
             }
         };
@@ -278,6 +286,8 @@ pub struct Traces {
     pub device: [Vec<AbsorbedPoint>; 2],
 }
 
+/// The first wave of at least this part of the highest one's height opens the window of the main wave.
+const HIGH: f64 = 0.5;
 /// Samples on either side of its peak in which a pulse is looked for.
 const PULSE: f64 = 60.0;
 
@@ -288,10 +298,11 @@ pub struct FullChain {
     neighbours: Neighbours,
     solution: Arc<Solution>,
     truth: Truth,
-    /// The strongest pulse at its incoming contact.
+    /// The main wave at its incoming contact.
     pulse: Option<Pulse>,
-    peak_time: f64,
-    /// Force at the bead's incoming contact, and acceleration of its intruder.
+    /// The greatest force of the main wave beyond the load, N, and when it comes, s.
+    peak: (f64, f64),
+    /// Force at the bead's incoming contact beyond the load, and acceleration of its intruder.
     force: Curve,
     acceleration: Curve,
 }
@@ -314,24 +325,30 @@ impl FullChain {
         let physics = bead_of(&solution, bead)?;
         let neighbours = neighbours_of(&solution, bead);
         let truth = Truth::of(scenario, &solution, bead)?;
-        let peaks = solution.summary().peak_force;
-        let peak = peaks.iter().find(|peak| peak.contact == bead);
-        let peak_time = peak.map_or(0.0, |peak| peak.time);
-        let force = solution.force_curve(bead);
+        let force = solution.force_beyond_curve(bead);
         let acceleration = solution.acceleration_curve(bead);
         let acceleration = acceleration.expect("a bead without an intruder was refused");
-        let pulses = solution.pulses(bead, &PulseSearch::default());
-        let strongest = pulses.into_iter().max_by(|a, b| a.force.total_cmp(&b.force));
+        let load = solution.model().contact(bead).load;
+        let mut pulses = solution.pulses(bead, &PulseSearch::default());
+        pulses.retain(|pulse| pulse.time <= scenario.duration);
+        let capture = Capture::of(&physics, &FrontEnd::reference());
+        let pulse = main_wave(&pulses, load, capture.length - capture.history);
+        let summary = || {
+            let peaks = solution.summary().peak_force;
+            let peak = peaks.iter().find(|peak| peak.contact == bead);
+            peak.map_or((0.0, 0.0), |peak| (peak.force - load, peak.time))
+        };
+        let peak = pulse.map_or_else(summary, |pulse| (pulse.force - load, pulse.time));
         Ok(Self {
             bead,
             physics,
             neighbours,
             solution,
             truth,
-            peak_time,
+            peak,
             force,
             acceleration,
-            pulse: strongest,
+            pulse,
         })
     }
 
@@ -340,27 +357,33 @@ impl FullChain {
         self.truth
     }
 
-    /// The strongest pulse at the bead's incoming contact.
+    /// The main wave at the bead's incoming contact.
     pub(crate) fn pulse(&self) -> Option<Pulse> {
         self.pulse
     }
 
-    /// The energy that the strongest pulse brings to the bead, J: the work that it does on it.
-    pub(crate) fn incident(&self) -> f64 {
-        let Some(pulse) = self.pulse else { return 0.0 };
+    /// Whether the chain is under a static load.
+    pub(crate) fn is_loaded(&self) -> bool {
+        self.solution.model().contact(self.bead).load > 0.0
+    }
+
+    /// The energy that the main wave brings to the bead, J: the work that it does on it. None if it comes from the far
+    /// end.
+    pub(crate) fn incident(&self) -> Option<f64> {
+        let pulse = self.pulse?;
         let passed = self.solution.flow(self.bead).between(pulse.from, pulse.to);
         let contact = self.solution.model().contact(self.bead);
         let held = |time: f64| contact.energy(self.solution.at(time).overlap(self.bead));
-        passed.energy - passed.lost - (held(pulse.to) - held(pulse.from))
+        let brought = passed.energy - passed.lost - (held(pulse.to) - held(pulse.from));
+        Some(brought).filter(|brought| *brought > 0.0)
     }
 
     /// The same by a bead's force and the reduced chain behind it, as estimate B has it, in f64. None where samples or
-    /// settings are missing.
+    /// settings are missing, the force left the range of the sensor, or the chain is under a load, which the reduced
+    /// one is not.
     pub(crate) fn incident_by(&self, strike: &RecordedStrike) -> Option<f64> {
-        let (settings, pulse) = (strike.settings.as_ref()?, self.pulse?);
-        if strike.missing() > 0 || strike.scans.len() <= usize::from(BASELINE) {
-            return None;
-        }
+        let pulse = self.pulse?;
+        let settings = whole(strike).filter(|_| !self.is_loaded() && !force_railed(strike))?;
         let rate = f64::from(settings.sample_rate_hz);
         let force = sensed(&strike.scans, 0, &settings.force);
         let start = self.place(&force, rate);
@@ -370,14 +393,16 @@ impl FullChain {
             let sample = ((time - start) * rate).round().max(0.0) as usize;
             work.get(sample.min(work.len() - 1)).copied()
         };
-        Some(at(pulse.to)? - at(pulse.from)?)
+        Some(at(pulse.to)? - at(pulse.from)?).filter(|brought| *brought > 0.0)
     }
 
-    /// When the force at the bead's incoming contact rises through half of its greatest value, s since the striker hit.
+    /// When the force at the bead's incoming contact rises through half of the main wave's height, s since the striker
+    /// hit.
     pub(crate) fn front(&self) -> f64 {
         let mut force = during(&self.force);
-        let half = 0.5 * self.truth.peak_force;
-        let (mut below, mut above) = (self.pulse.map_or(0.0, |pulse| pulse.from), self.peak_time);
+        let (highest, time) = self.peak;
+        let half = 0.5 * highest;
+        let (mut below, mut above) = (self.pulse.map_or(0.0, |pulse| pulse.from), time);
         // By halves, to the last bit or so: the force only rises there.
         for _ in 0..50 {
             let middle = 0.5 * (below + above);
@@ -395,19 +420,17 @@ impl FullChain {
     }
 
     /// The recorded force as a multiple of the simulated one, over the pulse, by least squares; and its standard
-    /// error. None where samples or settings are missing.
+    /// error. None where samples or settings are missing, or the force left the range of the sensor.
     pub(crate) fn force_ratio(&self, strike: &RecordedStrike) -> Option<(f64, f64)> {
-        let settings = strike.settings.as_ref()?;
-        if strike.missing() > 0 || strike.scans.len() <= usize::from(BASELINE) {
-            return None;
-        }
+        let settings = whole(strike).filter(|_| !force_railed(strike))?;
         let rate = f64::from(settings.sample_rate_hz);
         let force = sensed(&strike.scans, 0, &settings.force);
         let start = self.place(&force, rate);
         let points = beside(&force, start, rate, &self.force);
+        let (highest, time) = self.peak;
         let is_pulse = |point: &&SensedPoint| {
-            (point.time - self.peak_time).abs() * rate < PULSE
-                && point.simulated > 0.1 * self.truth.peak_force
+            (point.time - time).abs() * rate < PULSE
+                && point.simulated > 0.1 * highest
                 && point.sensed.is_finite()
         };
         let pulse: Vec<_> = points.iter().filter(is_pulse).collect();
@@ -478,12 +501,14 @@ impl FullChain {
         let inside = |time: f64| time.clamp(0.0, self.solution.end());
         let window = [force.first()?, force.last()?].map(|point| inside(point.time));
         let decay = 0.5 * damping / reduced;
-        let flow = self.solution.flow(self.bead);
+        // The bead's sensor passes no constant force.
+        let load = self.solution.model().contact(self.bead).load;
+        let flow = self.solution.flow(self.bead).between(window[0], window[1]);
         Some(ShapeComparison {
             device,
             f64_chain: ShapeValues {
                 width: self.pulse?.fwhm?,
-                impulse: flow.between(window[0], window[1]).impulse,
+                impulse: flow.impulse - load * (window[1] - window[0]),
                 ring_frequency: (stiffness / reduced - decay * decay).max(0.0).sqrt() / std::f64::consts::TAU,
                 ring_decay: decay,
                 stiffness,
@@ -493,10 +518,7 @@ impl FullChain {
     }
 
     fn traces(&self, strike: &RecordedStrike, replay: &Replay) -> Option<Traces> {
-        let settings = strike.settings.as_ref()?;
-        if strike.missing() > 0 || strike.scans.len() <= usize::from(BASELINE) {
-            return None;
-        }
+        let settings = whole(strike)?;
         let rate = f64::from(settings.sample_rate_hz);
         let force = sensed(&strike.scans, 0, &settings.force);
         let acceleration = sensed(&strike.scans, 1, &settings.acceleration);
@@ -559,9 +581,31 @@ impl FullChain {
                 .map(|i| (force[i] - simulated(start + i as f64 / rate)).powi(2));
             squares.sum()
         };
-        let guess = self.peak_time - peak as f64 / rate;
+        let guess = self.peak.1 - peak as f64 / rate;
         least(guess - 2.0 / rate, guess + 2.0 / rate, distance)
     }
+}
+
+/// The settings of a strike of which all samples are there, enough for a baseline.
+fn whole(strike: &RecordedStrike) -> Option<&Settings> {
+    let enough = strike.missing() == 0 && strike.scans.len() > usize::from(BASELINE);
+    strike.settings.as_ref().filter(|_| enough)
+}
+
+/// Whether the force left the range of its sensor.
+pub(crate) fn force_railed(strike: &RecordedStrike) -> bool {
+    strike.said.flags.has(StrikeFlags::FORCE_RAILED)
+}
+
+/// The main wave of a chain's pulses at a bead: the highest within the window, `after` seconds from the first that is high.
+/// A wave that comes again later, from a wall or from the far end, may be higher, but it has a window of its own.
+fn main_wave(pulses: &[Pulse], load: f64, after: f64) -> Option<Pulse> {
+    let height = |pulse: &Pulse| pulse.force - load;
+    let highest = pulses.iter().map(height).fold(0.0, f64::max);
+    let first = pulses.iter().find(|pulse| height(pulse) >= HIGH * highest)?;
+    let window = first.from..=first.from + after;
+    let within = pulses.iter().filter(|pulse| window.contains(&pulse.time));
+    within.max_by(|a, b| a.force.total_cmp(&b.force)).copied()
 }
 
 /// Samples, each with what the chain did at that time; 0 outside the chain's run.
@@ -590,6 +634,8 @@ fn during(quantity: &Curve) -> impl FnMut(f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use hertz_chain::{Material, Start, Wall};
+
     use super::*;
     use crate::comparison::testing::recorded_strike;
 
@@ -640,6 +686,73 @@ mod tests {
                 assert!(off < 3e-3 * 8.297e-7, "{off:e} J");
             }
         }
+    }
+
+    #[test]
+    fn the_main_wave_is_the_first_though_a_wall_sends_back_a_higher_one() {
+        let mut scenario = Scenario::paper();
+        scenario.chain.relaxation = 0.0;
+        scenario.chain.beads = 60;
+        scenario.wall = Some(Wall::flat(Material::STEEL));
+        scenario.duration = 0.034;
+        let solution = Arc::new(simulate_with_ring_down(&scenario).unwrap());
+        let highest = solution.summary().peak_force[7];
+        assert!(highest.contact == 8 && highest.time > 0.01, "{highest:?}");
+        let chain = FullChain::of(&scenario, &solution, 8).unwrap();
+        assert!(chain.pulse().unwrap().time < 2e-3 && chain.front() < 2e-3);
+        // The elastic wave brings nearly all that the striker gave.
+        let brought = chain.incident().unwrap();
+        assert!((6e-5..7e-5).contains(&brought), "{brought} J");
+    }
+
+    #[test]
+    fn a_wave_from_the_far_end_brings_no_energy_from_the_striker() {
+        let mut scenario = Scenario::paper();
+        scenario.striker.velocity = 1e-3;
+        scenario.starts = vec![Start::apart([16], 1e-6)];
+        scenario.starts[0].velocity = -0.1;
+        let chain = FullChain::run(&scenario, 8).unwrap();
+        assert!(chain.pulse().is_some_and(|pulse| pulse.energy < 0.0));
+        assert_eq!(chain.incident(), None);
+    }
+
+    #[test]
+    fn a_clipped_force_says_nothing_of_the_speed_and_of_the_energy_that_came() {
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
+        let mut strike = recorded_strike();
+        assert!(chain.force_ratio(&strike).is_some() && chain.incident_by(&strike).is_some());
+        strike.said.flags = StrikeFlags::FORCE_RAILED;
+        assert_eq!(chain.force_ratio(&strike), None);
+        assert_eq!(chain.incident_by(&strike), None);
+    }
+
+    #[test]
+    fn a_bead_under_a_load_feels_what_comes_on_top_of_it() {
+        let mut scenario = Scenario::paper();
+        scenario.chain.precompression = 2.0;
+        let chain = FullChain::run(&scenario, 8).unwrap();
+        let total = chain.solution.summary().peak_force[7].force;
+        assert!((chain.truth().peak_force - (total - 2.0)).abs() < 1e-12);
+        let mut force = chain.force.clone();
+        assert_eq!(force.at(0.0), 0.0);
+        // It rises through half of its height, not through half of the total.
+        assert!((force.at(chain.front()) / (0.5 * (total - 2.0)) - 1.0).abs() < 1e-9);
+        // The wave brings energy, but the bead reckons with a chain without a load.
+        assert!(chain.incident().is_some_and(|brought| brought > 0.0));
+        assert_eq!(chain.incident_by(&recorded_strike()), None);
+    }
+
+    #[test]
+    fn what_was_not_found_is_a_dash() {
+        let chain = FullChain::run(&Scenario::paper(), 8).unwrap();
+        let mut comparison = chain.compare(&recorded_strike());
+        let shape = comparison.shape.as_mut().unwrap();
+        (shape.device.ring_frequency, shape.f64_chain.ring_frequency) = (0.0, 0.0);
+        let rows = comparison.shape_rows();
+        assert_eq!(rows[2].name, "ringing (Hz)");
+        assert_eq!((&rows[2].cells[0], &rows[2].cells[3]), (&None, &None));
+        assert_eq!(rows[2].off, None);
+        assert!(rows[0].off.unwrap().abs() < 0.01 && rows[0].cells[0].is_some());
     }
 
     #[test]

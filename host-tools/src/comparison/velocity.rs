@@ -16,6 +16,7 @@ use serde::Serialize;
 use crate::bench::error::BenchError;
 use crate::comparison::spread::student;
 use crate::comparison::strike::FullChain;
+use crate::comparison::verdict::Echoes;
 use crate::recording::strikes::RecordedStrike;
 
 /// Strikes that are used at most. More would cost time and memory, and tell little more.
@@ -45,10 +46,21 @@ pub struct FittedVelocity {
     pub scenario: f64,
 }
 
+/// The strikes that a velocity is found from: the first that are no echoes.
+pub fn first_strikes(
+    strikes: impl Iterator<Item = RecordedStrike>,
+    mut echoes: Echoes,
+) -> Vec<RecordedStrike> {
+    strikes
+        .filter(|strike| !echoes.has(strike))
+        .take(STRIKES_MOST)
+        .collect()
+}
+
 /// Finds the velocity of the scenario's striker, from strikes at bead `bead`.
 ///
 /// # Errors
-/// No strike was received whole, no velocity gives these forces, or the scenario cannot be run.
+/// No strike came whole, with its settings and a force within the sensor's range, no velocity gives these forces, or the scenario cannot be run.
 pub fn fit(
     scenario: &Scenario,
     bead: usize,
@@ -67,8 +79,8 @@ pub fn fit(
         );
         if ratios.is_empty() {
             return Err(BenchError::Unfit(
-                "no strike was received whole, so that there is no force to find the striker's velocity from; give it \
-                 with --velocity"
+                "no strike came with its settings, all of its samples and a force within the sensor's range, so that there \
+                 is no force to find the striker's velocity from; give it with --velocity"
                     .to_owned(),
             ));
         }

@@ -1,9 +1,126 @@
-//! Whether a recording agrees with the simulation: what must hold of its strikes, and of the run as a whole.
+//! Whether a recording agrees with the simulation: which of its strikes are judged, what must hold of them, and of the
+//! run as a whole.
 
-use bead_wire::{Counters, Status};
+use std::collections::BTreeMap;
 
-use crate::bench::emulation::EmulatorReport;
+use bead_model::layout::WindowSettings;
+use bead_wire::Counters;
+use hertz_chain::{Scenario, Solution};
+
+use crate::bench::emulation::{EmulatorReport, RunTruth};
+use crate::bench::front_end::SAMPLE_RATE_HZ;
+use crate::bench::sensed::{RING_DOWN, ends_early};
+use crate::comparison::run::last_statuses;
 use crate::comparison::spread::Spread;
+use crate::comparison::strike::FullChain;
+use crate::recording::file::RecordingError;
+use crate::recording::frames::Item;
+use crate::recording::received::Received;
+use crate::recording::strikes::RecordedStrike;
+
+/// Tells strikes from their echoes: waves that come again after a strike's window, as beads that parted meet again. What
+/// the simulation says of a strike does not hold for an echo.
+#[derive(Debug, Clone)]
+pub struct Echoes {
+    /// When the strikers of an emulated run hit.
+    truth: Option<RunTruth>,
+    /// How long a strike is simulated, s.
+    lasts: f64,
+    /// By address: the last strike that was none.
+    last: BTreeMap<u8, Struck>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Struck {
+    boot: (u8, Option<usize>),
+    trigger_index: u64,
+    /// Which strike of the emulated run it was, from 0, if that is known.
+    begun: Option<usize>,
+}
+
+impl Echoes {
+    /// Of strikes of this scenario. In an emulated run an echo is what comes before the striker hits again; in another, what
+    /// comes within the time for which a strike is simulated.
+    pub fn of(scenario: &Scenario, truth: Option<RunTruth>) -> Self {
+        Self {
+            truth,
+            lasts: scenario.duration + RING_DOWN,
+            last: BTreeMap::new(),
+        }
+    }
+
+    /// Whether the next strike of the recording is an echo.
+    pub fn has(&mut self, strike: &RecordedStrike) -> bool {
+        // After a reset the indices begin anew and do not tell which strike it was.
+        let truth = self.truth.as_ref().filter(|_| strike.nth_boot.unwrap_or(0) == 0);
+        let trigger_index = strike.said.trigger_index;
+        let now = Struck {
+            boot: (strike.boot, strike.nth_boot),
+            trigger_index,
+            begun: truth.and_then(|truth| truth.begun(trigger_index)),
+        };
+        let is_soon = |last: &Struck| {
+            let samples = trigger_index.checked_sub(last.trigger_index);
+            let samples = samples.zip(strike.rate());
+            samples.is_some_and(|(samples, rate)| (samples as f64) < self.lasts * f64::from(rate))
+        };
+        let is_again = |last: &&Struck| match truth {
+            _ if last.boot != now.boot => false,
+            None => is_soon(last),
+            Some(_) if now.begun.is_none() || now.begun != last.begun => false,
+            // A waveform that was played may hold several strikes.
+            Some(truth) => truth.stimulus.is_none() || is_soon(last),
+        };
+        let is_echo = self.last.get(&strike.address).filter(is_again).is_some();
+        if !is_echo {
+            self.last.insert(strike.address, now);
+        }
+        is_echo
+    }
+}
+
+/// A warning where the scenario ends within the bead's window ([`ends_early`]), or lasts so much longer that the truth
+/// holds energy of waves that come after the window.
+pub fn other_length(
+    scenario: &Scenario,
+    solution: &Solution,
+    chain: &FullChain,
+    bead: usize,
+    window: WindowSettings,
+) -> Option<String> {
+    /// A part of the energy that no error of a bead depends on.
+    const LITTLE: f64 = 0.005;
+    let early = ends_early(scenario, solution, bead, window);
+    if early.is_some() {
+        return early;
+    }
+    // The force triggers before it is half as high as it gets, so the window ends a little sooner.
+    let after = f64::from(window.length - window.history) / f64::from(SAMPLE_RATE_HZ);
+    let end = chain.front() + after;
+    let absorbed = |time: f64| solution.at(time).intruder_dissipated(bead);
+    let late = match end < scenario.duration {
+        true => 1.0 - absorbed(end)? / absorbed(scenario.duration)?,
+        false => 0.0,
+    };
+    (late > LITTLE).then(|| {
+        format!(
+            "the scenario lasts {} s, and {:.1} % of the energy that bead {bead} takes in it comes after its window, which ends \
+             at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter",
+            scenario.duration,
+            100.0 * late
+        )
+    })
+}
+
+/// ADC overruns that one bead told of, in all its boots.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn overruns(received: &Received) -> Result<u64, RecordingError> {
+    let frames = received.recording.frames()?.filter_map(Item::frame);
+    let statuses = last_statuses(frames);
+    Ok(statuses.iter().map(|status| u64::from(status.overruns)).sum())
+}
 
 /// Part of the core that work on a strike may take.
 const BUSY_MOST: f64 = 0.75;
@@ -22,9 +139,8 @@ pub struct Soundness {
 }
 
 impl Soundness {
-    /// From the counts of a recording, the last status in it, and the emulator's report if it has one.
-    pub fn of(counters: &Counters, status: Option<&Status>, emulator: Option<&EmulatorReport>) -> Self {
-        let told = status.map_or(0, |status| status.overruns.into());
+    /// From the counts of a recording, the overruns that the bead told of, and the emulator's report if it has one.
+    pub fn of(counters: &Counters, told: u64, emulator: Option<&EmulatorReport>) -> Self {
         Self {
             lost: counters.lost,
             corrupt: counters.rejected.total(),
@@ -73,4 +189,79 @@ pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) 
         ));
     }
     spread.iter().find_map(Spread::failure)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::bench::front_end::FrontEnd;
+    use crate::bench::sensed::{Truth, simulate_with_ring_down};
+    use crate::comparison::testing::recorded_strike;
+
+    /// Which of strikes with these boots and trigger indices are echoes. A strike is simulated for 12 ms.
+    fn echoes(truth: Option<RunTruth>, strikes: &[(usize, u64)]) -> Vec<bool> {
+        let mut echoes = Echoes::of(&Scenario::paper(), truth);
+        let mut strike = recorded_strike();
+        let has = |(boot, index): &(usize, u64)| {
+            (strike.nth_boot, strike.said.trigger_index) = (Some(*boot), *index);
+            echoes.has(&strike)
+        };
+        strikes.iter().map(has).collect()
+    }
+
+    #[test]
+    fn what_comes_before_the_striker_hits_again_is_an_echo_and_a_reset_begins_anew() {
+        let truth = RunTruth {
+            bead: 8,
+            truth: Truth {
+                peak_force: 1.0,
+                absorbed: 1.0,
+            },
+            starts: vec![2000.3, 3000.8, 12_000.0],
+            front_end: FrontEnd::default(),
+            seed: None,
+            clock_ppm: 0.0,
+            sync_edges: Vec::new(),
+            began: 0.0,
+            line_low: Vec::new(),
+            stimulus: None,
+        };
+        let strikes = [(0, 2144), (0, 2900), (0, 3144), (0, 11_000), (0, 12_144)];
+        let expected = [false, true, false, true, false];
+        assert_eq!(echoes(Some(truth.clone()), &strikes), expected);
+        // The first strike after a reset, at an index that was before; and what comes 10 ms after it.
+        let strikes = [(0, 2144), (1, 2500), (1, 3500), (1, 5000)];
+        assert_eq!(echoes(Some(truth), &strikes), [false, false, true, false]);
+    }
+
+    #[test]
+    fn a_scenario_that_is_shorter_or_longer_than_the_window_is_told() {
+        let window = recorded_strike().settings.unwrap().window;
+        let note = |scenario: &Scenario| {
+            let solution = Arc::new(simulate_with_ring_down(scenario).unwrap());
+            let chain = FullChain::of(scenario, &solution, 8).unwrap();
+            other_length(scenario, &solution, &chain, 8, window)
+        };
+        let mut scenario = Scenario::paper();
+        assert_eq!(note(&scenario), None);
+        scenario.duration = 0.0025;
+        let early = note(&scenario).unwrap();
+        assert!(early.contains("make the scenario's duration longer"), "{early}");
+        // The window has all of the intruder's ringing, but not what comes back from a wall.
+        (scenario.chain.beads, scenario.duration) = (32, 0.02);
+        assert_eq!(note(&scenario), None);
+        let walled = format!("{}\n[wall]\nyoung = 203e9\npoisson = 0.27\n", scenario.to_toml());
+        let late = note(&Scenario::from_toml(&walled, "walled.toml").unwrap()).unwrap();
+        assert!(late.contains("make the scenario's duration shorter"), "{late}");
+    }
+
+    #[test]
+    fn without_a_truth_an_echo_comes_within_the_time_that_is_simulated() {
+        // The echo of an echo is one of its strike, too.
+        let strikes = [(0, 2144), (0, 2900), (0, 3343), (0, 3344), (0, 4600)];
+        assert_eq!(echoes(None, &strikes), [false, true, true, false, false]);
+        assert_eq!(echoes(None, &[(0, 2144), (1, 2200), (1, 1000)]), [false; 3]);
+    }
 }

@@ -10,6 +10,8 @@ use hertz_chain::Scenario;
 use serde_json::Value;
 use tempfile::TempDir;
 
+const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
+
 /// Elastic beads with light intruders in these hosts, of which the wave has passed all at the end.
 fn scenario(hosts: &[usize]) -> Scenario {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/row-of-ten.toml");
@@ -300,4 +302,40 @@ fn one_bead_of_a_row_is_compared_as_a_bead_alone_and_beads_without_strikes_canno
         &["--scenario", "other.toml"],
         "none of its beads is of this scenario",
     );
+}
+
+#[test]
+fn the_velocity_is_that_of_the_first_bead_whose_strikes_tell_it_and_one_alone_says_why_not() {
+    let hosts = [7, 8];
+    let mut beads = hosts.map(Who::at);
+    // Its first samples.
+    (beads[0].synced, beads[0].frames_lost) = (false, 1);
+    let row = Recorded::of(&hosts, &beads, 1);
+    let (told, notes) = row.told(&["--velocity", "fit"], 1);
+    assert!(notes.contains("bead 7: replay differs"), "{notes}");
+    let velocity = number(&told["striker_velocity"]["velocity"]);
+    assert!((velocity / 0.45 - 1.0).abs() < 1e-3, "{velocity}");
+
+    // The comparison is told also where there is nothing to draw.
+    let (told, notes) = row.told(&["--bead", "7", "--figures", "figures"], 1);
+    assert_eq!(told["strikes"].as_array().unwrap().len(), 1);
+    assert!(notes.contains("--figures has nothing to draw"), "{notes}");
+    let output = row.compare(&["--bead", "7", "--velocity", "fit"]);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(error.contains("no strike came with its settings"), "{error}");
+}
+
+#[test]
+fn echoes_are_not_held_against_the_chain_and_tell_no_velocity() {
+    // A striker so heavy that the beads part, and meet again after the window.
+    let mut scenario = Scenario::load(SCENARIO).unwrap();
+    (scenario.striker.radius, scenario.striker.velocity) = (0.009, 1.0);
+    let folder = tempfile::tempdir().unwrap();
+    record(&folder.path().join("row.mcap"), &scenario, &[Who::at(8)], 2);
+    let struck = Recorded { folder };
+    let (told, notes) = struck.told(&["--velocity", "fit"], 0);
+    assert_eq!(told["strikes"].as_array().unwrap().len(), 2);
+    assert_eq!(told["striker_velocity"]["strikes"], 2);
+    // That of the last strike comes too late for the recording.
+    assert!(notes.contains("as a wave came again: 1"), "{notes}");
 }

@@ -1,15 +1,16 @@
 //! `bead compare`: device, replay, f64 from the same samples and the full chain, side by side.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
 use serde_json::json;
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
-use crate::bench::sensed::only_host;
+use crate::bench::sensed::{only_host, simulate_with_ring_down};
 use crate::cli::commands::compare_reference;
 use crate::cli::commands::compare_row::{self, Wanted};
-use crate::cli::commands::compared::{Velocity, scenario, shown};
+use crate::cli::commands::compared::{Velocity, echoes_left_out, scenario, shown};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
@@ -17,10 +18,11 @@ use crate::cli::provenance;
 use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::page::Page;
 use crate::comparison::pictures::{residual_chart, strike_chart};
+use crate::comparison::replay::replay;
 use crate::comparison::spread::{Deviations, Spread};
 use crate::comparison::strike::{FullChain, Row, StrikeComparison};
 use crate::comparison::velocity;
-use crate::comparison::verdict::{Soundness, failure};
+use crate::comparison::verdict::{Echoes, Soundness, failure, other_length, overruns};
 use crate::recording::file::{Bead, Part};
 use crate::recording::received::Received;
 use crate::recording::whole::Target;
@@ -34,6 +36,10 @@ measured. Exit status 1 if a goal is missed.
 How fast a striker was is rarely known to 0.1 %, and the energy goes with its square. --velocity fit finds \
 the velocity from the recorded force alone, prints it with its uncertainty, and judges A and B against the \
 chain at that velocity.
+
+What comes again before the striker hits anew, as beads that parted meet again, is an echo: it is replayed, \
+but not held against the chain. Of a recording of real beads it is what comes while a strike is simulated: the \
+scenario's duration and 6 ms.
 
 Of a recording of several beads (`bead emulate --bead 7-16`, `bead record --port all`) all are compared with \
 one simulation:
@@ -150,6 +156,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .or(truth.as_ref().map(|truth| truth.bead))
         .or(place);
     let bead = told.map_or_else(|| only_host(&scenario), Ok)?;
+    let mut echoes = Echoes::of(&scenario, truth);
 
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let fitted = match arguments.velocity {
@@ -159,13 +166,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             None
         }
         Some(Velocity::Fit) => {
-            let strikes: Vec<_> = received.strikes()?.take(velocity::STRIKES_MOST).collect();
+            let strikes = velocity::first_strikes(received.strikes()?, echoes.clone());
             let fitted = velocity::fit(&scenario, bead, &strikes)?;
             scenario.striker.velocity = fitted.velocity;
             Some(fitted)
         }
     };
-    let chain = FullChain::run(&scenario, bead)?;
+    let solution = Arc::new(simulate_with_ring_down(&scenario)?);
+    let chain = FullChain::of(&scenario, &solution, bead)?;
     if let Some(note) = chain.note() {
         progress.suspend(|| output::note(format_args!("{note}")));
     }
@@ -174,8 +182,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut drawn = false;
     // The energy goes with the square of the velocity.
     let mut deviations = Deviations::within(fitted.map_or(0.0, |fit| 2.0 * fit.uncertainty / fit.velocity));
-    let (mut compared, mut differs) = (0, None);
+    let (mut compared, mut again, mut differs) = (0, 0, None);
     for strike in recorded.by_ref() {
+        if echoes.has(&strike) {
+            again += 1;
+            differs = differs.or_else(|| replay(&strike).first_difference);
+            continue;
+        }
         compared += 1;
         progress.set_message(format!("comparing strike {compared}"));
         let mut comparison = chain.compare(&strike);
@@ -198,13 +211,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if strikes.is_empty() {
         return Err(received.no_strike(heard).into());
     }
+    let length = settings.and_then(|of| other_length(&scenario, &solution, &chain, bead, of.window));
+    let left = (again > 0).then(|| echoes_left_out(&again.to_string()));
+    for note in length.into_iter().chain(left) {
+        output::note(format_args!("{note}"));
+    }
 
     if strikes.len() > 1 || fitted.is_some() {
         strikes = strikes.into_iter().map(StrikeComparison::among_others).collect();
     }
     let left_out = compared - strikes.len();
     let spread = deviations.spread();
-    let soundness = Soundness::of(heard.counters(), heard.status.as_ref(), emulator.as_ref());
+    let soundness = Soundness::of(heard.counters(), overruns(&received)?, emulator.as_ref());
     let failure = failure(differs.as_deref(), &soundness, &spread);
     let mut made = report.as_ref().map_or(Ok(Vec::new()), |_| {
         provenance::made(&received.path, provenance::scenario(&text))
@@ -284,9 +302,13 @@ fn write_figures(
     figures: &[Target; 2],
     strikes: &[StrikeComparison],
 ) -> Result<(), Failure> {
-    let mut traces = strikes.iter().filter_map(|strike| strike.traces.as_ref());
-    let nothing = || Failure::input("no strike was received whole, so there is nothing to draw");
-    let traces = traces.next().ok_or_else(nothing)?;
+    let Some(traces) = strikes.iter().find_map(|strike| strike.traces.as_ref()) else {
+        // Its replay is impossible, too, and so the comparison says no.
+        output::note(format_args!(
+            "no strike came with its settings and all of its samples: --figures has nothing to draw"
+        ));
+        return Ok(());
+    };
     place::make_directory(directory)?;
     for (figure, chart) in figures.iter().zip([strike_chart(traces), residual_chart(traces)]) {
         figure.write_bytes(chart.standalone_svg()?)?;
@@ -340,9 +362,14 @@ fn table(strikes: &[StrikeComparison], spread: &[Spread; 2], soundness: &Soundne
 fn cells(row: Row) -> Vec<String> {
     let met = row.met().map(|met| output::either(met, "met", "missed"));
     let goal = row.goal.map(|goal| format!("{:.1} %", goal * 100.0));
-    let off = format!("{:+.3} %", row.off * 100.0);
+    let off = row.off.map(|off| format!("{:+.3} %", off * 100.0));
+    let dash = || "-".to_owned();
     let mut cells = vec![format!("  {}", row.name)];
-    cells.extend(row.cells.map(|cell| cell.unwrap_or_else(|| "-".to_owned())));
-    cells.extend([off, goal.unwrap_or_default(), met.unwrap_or_default()]);
+    cells.extend(row.cells.map(|cell| cell.unwrap_or_else(dash)));
+    cells.extend([
+        off.unwrap_or_else(dash),
+        goal.unwrap_or_default(),
+        met.unwrap_or_default(),
+    ]);
     cells
 }

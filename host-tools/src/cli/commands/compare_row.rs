@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use hertz_chain::Scenario;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::bench::sensed::unlike_the_reduced_chain;
-use crate::cli::commands::compared::{Velocity, scenario, shown};
+use crate::cli::commands::compared::{Velocity, echoes_left_out, scenario, shown};
 use crate::cli::failure::Failure;
 use crate::cli::output::{self, Format};
 use crate::cli::place::{self, Force, Kind};
@@ -17,7 +18,9 @@ use crate::comparison::row::{
 use crate::comparison::spread::Spread;
 use crate::comparison::strike::FullChain;
 use crate::comparison::velocity::{self, FittedVelocity};
+use crate::comparison::verdict::{Echoes, other_length};
 use crate::recording::clock::CommonTime;
+use crate::recording::file::Part;
 use crate::recording::received::Received;
 use crate::recording::whole::Target;
 
@@ -52,7 +55,7 @@ pub(super) fn run(received: &Received, wanted: &Wanted<'_>) -> Result<(), Failur
     let (scenario, text) = scenario(wanted.scenario, received)?;
     let progress = output::spinner(format!("simulating {} beads", scenario.chain.beads));
     let mut chain = Chain::of(scenario)?;
-    let (places, notes) = among(received, &chain, &text);
+    let (places, mut notes) = among(received, &chain, &text);
     if places.is_empty() {
         return Err(Failure::input(format!(
             "{}: none of its beads is of this scenario: {}",
@@ -67,7 +70,15 @@ pub(super) fn run(received: &Received, wanted: &Wanted<'_>) -> Result<(), Failur
     progress.set_message(format!("comparing {} beads", places.len()));
     let read = |place: &Place| -> Result<Member, Failure> {
         let full = FullChain::of(&chain.scenario, &chain.solution, place.bead)?;
-        Ok(Member::read(place.bead, &place.received, full, &time, truth)?)
+        let echoes = echoes(&chain.scenario, place)?;
+        Ok(Member::read(
+            place.bead,
+            &place.received,
+            full,
+            &time,
+            truth,
+            echoes,
+        )?)
     };
     let members: Vec<_> = places.par_iter().map(read).collect();
     let row = Row::of(members.into_iter().collect::<Result<_, _>>()?);
@@ -77,11 +88,19 @@ pub(super) fn run(received: &Received, wanted: &Wanted<'_>) -> Result<(), Failur
         heard.by_ref().for_each(drop);
         return Err(received.no_strike(heard.frames()).into());
     }
+    notes.extend(echoed(&row));
     let told = row::compare(&row, &chain, notes)?;
     let warnings = places
         .iter()
         .filter_map(|place| unlike_the_reduced_chain(&chain.solution, place.bead));
-    for note in warnings.chain(told.notes.iter().cloned()) {
+    let mut warnings: Vec<_> = warnings.collect();
+    // A load is that of all.
+    warnings.dedup();
+    for note in warnings
+        .into_iter()
+        .chain(length(&row, &chain))
+        .chain(told.notes.iter().cloned())
+    {
         output::note(format_args!("{note}"));
     }
 
@@ -116,6 +135,35 @@ pub(super) fn run(received: &Received, wanted: &Wanted<'_>) -> Result<(), Failur
     told.failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }
 
+/// A warning where the scenario's duration is not that of the windows: of the first bead, and for how many it holds.
+fn length(row: &Row, chain: &Chain) -> Option<String> {
+    let of = |member: &Member| {
+        let Member { bead, window, .. } = member;
+        other_length(&chain.scenario, &chain.solution, &member.chain, *bead, (*window)?)
+    };
+    let mut notes = row.members.iter().filter_map(of);
+    let first = notes.next()?;
+    Some(match notes.count() {
+        0 => first,
+        more => format!("{first} (beads that are concerned: {})", more + 1),
+    })
+}
+
+/// What tells the echoes of a bead.
+fn echoes(scenario: &Scenario, place: &Place) -> Result<Echoes, Failure> {
+    Ok(Echoes::of(scenario, place.received.json(Part::Truth)?))
+}
+
+/// The echoes of a row, if there are any.
+fn echoed(row: &Row) -> Option<String> {
+    let of = |member: &Member| match member.echoes {
+        0 => None,
+        count => Some(format!("{count} of bead {}", member.bead)),
+    };
+    let which: Vec<_> = row.members.iter().filter_map(of).collect();
+    (!which.is_empty()).then(|| echoes_left_out(&which.join(", ")))
+}
+
 /// Gives the striker the velocity that is wanted: of those that the beads' forces tell, the first bead's.
 fn set_velocity(
     chain: &mut Chain,
@@ -130,16 +178,24 @@ fn set_velocity(
             None
         }
         Some(Velocity::Fit) => {
-            let mut fitted = None;
+            let (mut fitted, mut failed) = (None, None);
             for place in places {
-                let strikes: Vec<_> = place.received.strikes()?.take(velocity::STRIKES_MOST).collect();
-                if !strikes.is_empty() {
-                    fitted = Some(velocity::fit(&scenario, place.bead, &strikes)?);
-                    break;
+                let strikes = velocity::first_strikes(place.received.strikes()?, echoes(&scenario, place)?);
+                if strikes.is_empty() {
+                    continue;
+                }
+                match velocity::fit(&scenario, place.bead, &strikes) {
+                    Ok(found) => {
+                        fitted = Some(found);
+                        break;
+                    }
+                    Err(why) => failed = failed.or(Some(why)),
                 }
             }
-            if let Some(fitted) = fitted {
-                scenario.striker.velocity = fitted.velocity;
+            match (fitted, failed) {
+                (Some(fitted), _) => scenario.striker.velocity = fitted.velocity,
+                (None, Some(why)) => return Err(why.into()),
+                (None, None) => {}
             }
             fitted
         }
@@ -191,7 +247,7 @@ fn beads(told: &RowComparison) -> String {
         let arrival = told.arrivals.at(bead.bead);
         let mut row = vec![
             bead.bead.to_string(),
-            format!("{} of {}", bead.strikes, told.strikes),
+            format!("{} of {}", bead.strikes - bead.strikes_left_out, told.strikes),
             arrival.map_or_else(dash, |Arrival { device_s, .. }| format!("{:.5}", device_s * 1e3)),
             arrival.map_or_else(dash, |Arrival { off_s, .. }| format!("{:+.2} µs", off_s * 1e6)),
         ];
@@ -210,6 +266,12 @@ fn beads(told: &RowComparison) -> String {
     let header = "bead | strikes | arrival (ms) | off by | peak (N) | off by | width (µs) | off by | wave (µJ) | off by | A (nJ) | off by | ±0.2 % \
                   | B (nJ) | off by | ±0.5 % | replay | flags";
     let mut text = output::table(header, told.beads.iter().map(row));
+    let more = told.beads.iter().map(|bead| bead.strikes_left_out).sum::<usize>();
+    if more > 0 {
+        text += &format!(
+            "\n{more} strikes, after the first of each bead, are only in its means and in the verdict"
+        );
+    }
     if let Some(rms) = told.arrivals.off_rms_s {
         text += &format!("\narrivals are off by {:.3} µs rms", rms * 1e6);
     }

@@ -59,6 +59,11 @@ pub(super) fn shown(fitted: &FittedVelocity) -> String {
     )
 }
 
+/// What is said of echoes: how many, and of which beads.
+pub(super) fn echoes_left_out(which: &str) -> String {
+    format!("echoes that are replayed, but not held against the chain, as a wave came again: {which}")
+}
+
 /// The scenario that is given, or the one in the recording.
 pub(super) fn scenario(given: Option<&Path>, received: &Received) -> Result<(Scenario, String), Failure> {
     if let Some(path) = given {

@@ -37,6 +37,9 @@ pub struct EnergyAlong {
     pub fit: Sides<Option<Fit>>,
     /// Hosts between the first and the last that recorded which did not: there is no fit then.
     pub not_measured: Vec<usize>,
+    /// Why there is no energy along the row, or why that of the wave is not the bead's own.
+    #[serde(skip)]
+    why: Option<&'static str>,
 }
 
 /// What is left after n intruders.
@@ -106,20 +109,26 @@ struct Taken {
 
 impl EnergyAlong {
     pub(super) fn of(row: &Row, chain: &Chain) -> Result<Self, BenchError> {
-        let rows_of_n = energies_left(&chain.scenario).map_err(BenchError::from)?;
+        let none = |why| Self {
+            incident: None,
+            incident_at: None,
+            incident_by: "simulation",
+            after: Vec::new(),
+            fit: Sides::of(|_| None),
+            not_measured: Vec::new(),
+            why,
+        };
         let first = row.members.iter().position(|member| !member.felt.is_empty());
         let Some(first) = first else {
-            return Ok(Self {
-                incident: None,
-                incident_at: None,
-                incident_by: "simulation",
-                after: Vec::new(),
-                fit: Sides::of(|_| None),
-                not_measured: Vec::new(),
-            });
+            return Ok(none(None));
         };
         let leader = &row.members[first];
-        let simulated = leader.chain.incident();
+        let Some(simulated) = leader.chain.incident() else {
+            return Ok(none(Some(
+                "the main wave does not come from the striker's end: there is no E(n) and no T",
+            )));
+        };
+        let rows_of_n = energies_left(&chain.scenario).map_err(BenchError::from)?;
         // Of all its strikes or of none, so that all are parts of the same.
         let is_own = leader.felt.iter().all(|felt| felt.incident.is_some());
         let came = |felt: &Felt| felt.incident.filter(|_| is_own).unwrap_or(simulated);
@@ -146,18 +155,22 @@ impl EnergyAlong {
             after,
             fit,
             not_measured,
+            why: match (is_own, leader.chain.is_loaded()) {
+                (true, _) => None,
+                (false, true) => Some(
+                    "the chain is under a load, and the bead reckons without: the energy that came to the first bead is the \
+                     simulation's",
+                ),
+                (false, false) => Some(
+                    "the first bead has a strike without all its samples, or beyond its sensor's range: the energy that came to \
+                     it is the simulation's",
+                ),
+            },
         })
     }
 
     pub(super) fn notes(&self) -> Vec<String> {
-        let mut notes = Vec::new();
-        if self.incident_by == "simulation" && !self.after.is_empty() {
-            notes.push(
-                "the first bead has a strike without all its samples, or beyond its sensor's range: the energy that came to it is \
-                 the simulation's"
-                    .to_owned(),
-            );
-        }
+        let mut notes: Vec<String> = self.why.map(str::to_owned).into_iter().collect();
         if !self.not_measured.is_empty() {
             let beads: Vec<String> = self.not_measured.iter().map(usize::to_string).collect();
             notes.push(format!(

@@ -2,13 +2,15 @@
 
 use std::collections::BTreeSet;
 
+use bead_model::layout::WindowSettings;
 use serde::Serialize;
 
-use crate::bench::emulation::{EmulatorReport, RunTruth};
+use crate::bench::emulation::EmulatorReport;
+use crate::comparison::replay::replay;
 use crate::comparison::row::later::{LaterWave, later_wave};
 use crate::comparison::spread::{Deviations, Spread};
-use crate::comparison::strike::{FullChain, Traces, Values};
-use crate::comparison::verdict::{Soundness, failure};
+use crate::comparison::strike::{FullChain, Traces, Values, force_railed};
+use crate::comparison::verdict::{Echoes, Soundness, failure, overruns};
 use crate::recording::arrival::rise;
 use crate::recording::clock::CommonTime;
 use crate::recording::file::{Part, RecordingError};
@@ -28,12 +30,12 @@ pub struct Felt {
     pub number: u32,
     /// What the bead said.
     pub device: Values,
-    /// Energy that the main wave brought, by the bead's force, J; none if its force left the range of the sensor, or samples
-    /// are missing.
+    /// Energy that the main wave brought, by the bead's force, J; none if its force left the range of the sensor, samples
+    /// are missing, or the chain is under a load.
     pub incident: Option<f64>,
     /// When the striker hit, by the host's time and the simulated way of the wave, s.
     pub struck: Option<f64>,
-    /// When the force rose through half of its height, s on the time in common.
+    /// When the force rose through half of its height, s on the time in common; none if it left the range of the sensor.
     pub rise: Option<f64>,
     /// The same on the time of [`Felt::traces`].
     pub rise_drawn: Option<f64>,
@@ -53,6 +55,10 @@ pub struct Member {
     pub chain: FullChain,
     /// Its strikes.
     pub felt: Vec<Felt>,
+    /// Its window at the first of them.
+    pub window: Option<WindowSettings>,
+    /// Echoes that it measured, and which are left out.
+    pub echoes: usize,
     told: BeadOfRow,
 }
 
@@ -140,6 +146,7 @@ impl Mean {
 
 impl Member {
     /// Reads what came from a bead and holds it against the chain, whose energy is known within `truth`, as a part of it.
+    /// `echoes` tells which strikes are none.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -149,24 +156,25 @@ impl Member {
         chain: FullChain,
         time: &CommonTime,
         truth: f64,
+        mut echoes: Echoes,
     ) -> Result<Self, RecordingError> {
         let emulator: Option<EmulatorReport> = received.json(Part::EmulatorReport)?;
-        let run: Option<RunTruth> = received.json(Part::Truth)?;
         let mut recorded = received.strikes()?;
         let mut deviations = Deviations::within(truth);
         let [mut peak, mut width, mut incident, mut measured, mut predicted] =
             [(); 5].map(|()| Mean::default());
-        let (mut count, mut felt) = (0, Vec::new());
+        let (mut count, mut again, mut felt, mut window) = (0, 0, Vec::new(), None);
         let (mut flags, mut differs) = (BTreeSet::new(), None);
-        let (mut address, mut drawn, mut begun) = (0, 0, None);
+        let (mut address, mut drawn) = (0, 0);
         for strike in recorded.by_ref() {
             address = strike.address;
-            // What comes again after a strike's window is an echo of it: beads that parted meet again.
-            let now = run.as_ref().and_then(|run| run.begun(strike.said.trigger_index));
-            if now.is_some() && std::mem::replace(&mut begun, now) == now {
+            if echoes.has(&strike) {
+                again += 1;
+                differs = differs.or_else(|| replay(&strike).first_difference);
                 continue;
             }
             count += 1;
+            window = window.or(strike.settings.map(|settings| settings.window));
             let comparison = chain.compare(&strike);
             deviations.push(&comparison.deviation);
             peak.push(comparison.device.peak_force);
@@ -177,21 +185,24 @@ impl Member {
             }
             differs = differs.or(comparison.first_difference);
             flags.extend(comparison.flags);
-            if felt.len() < STRIKES_MOST {
-                let kept = Some(()).filter(|()| drawn < DRAWN_MOST);
-                let one = Felt::of(&strike, comparison.device, comparison.traces, &chain, time);
-                if let Some(energy) = one.incident {
-                    incident.push(energy);
-                }
-                drawn += usize::from(one.traces.is_some());
-                felt.push(Felt {
-                    traces: kept.and(one.traces),
-                    ..one
-                });
+            if felt.len() == STRIKES_MOST {
+                chain
+                    .incident_by(&strike)
+                    .into_iter()
+                    .for_each(|energy| incident.push(energy));
+                continue;
             }
+            let kept = Some(()).filter(|()| drawn < DRAWN_MOST);
+            let one = Felt::of(&strike, comparison.device, comparison.traces, &chain, time);
+            one.incident.into_iter().for_each(|energy| incident.push(energy));
+            drawn += usize::from(one.traces.is_some());
+            felt.push(Felt {
+                traces: kept.and(one.traces),
+                ..one
+            });
         }
         let heard = recorded.frames();
-        let soundness = Soundness::of(heard.counters(), heard.status.as_ref(), emulator.as_ref());
+        let soundness = Soundness::of(heard.counters(), overruns(received)?, emulator.as_ref());
         let spread = match count {
             0 => Vec::new(),
             _ => deviations.spread().to_vec(),
@@ -205,7 +216,7 @@ impl Member {
             strikes_left_out: count - felt.len(),
             peak_force: peak.beside(truth.peak_force),
             width: chain.pulse().and_then(|pulse| width.beside(pulse.fwhm?)),
-            incident: incident.beside(chain.incident()),
+            incident: chain.incident().and_then(|brought| incident.beside(brought)),
             absorbed_measured: measured.beside(truth.absorbed),
             absorbed_predicted: predicted.beside(truth.absorbed),
             later_wave: felt.iter().find_map(|felt| felt.later),
@@ -225,6 +236,8 @@ impl Member {
             address,
             chain,
             felt,
+            window,
+            echoes: again,
             told,
         })
     }
@@ -245,21 +258,19 @@ impl Felt {
     ) -> Self {
         let said = &strike.said;
         let whole = strike.settings.filter(|_| strike.missing() == 0);
-        let signal = whole.and_then(|settings| Signal::of(&strike.scans, &settings));
+        let inside = whole.filter(|_| !force_railed(strike));
+        let signal = inside.and_then(|settings| Signal::of(&strike.scans, &settings));
         let rise = signal.as_ref().and_then(rise);
         let on = |sample: f64| time.common(strike, said.first_index as f64 + sample);
         let host = time.host(strike, said.trigger_index as f64);
         let per_sample = strike.rate().map(|rate| 1.0 / f64::from(rate));
-        let railed = said.flags.names().any(|flag| flag == "force_railed");
         let start = traces
             .as_ref()
             .and_then(|traces| Some(traces.force.first()?.time));
         Self {
             number: said.strike,
             device,
-            incident: chain
-                .incident_by(strike)
-                .filter(|energy| !railed && *energy > 0.0),
+            incident: chain.incident_by(strike),
             struck: host.map(|host| host - chain.front()),
             rise: rise.and_then(on),
             rise_drawn: start

@@ -191,7 +191,7 @@ fn force(row: &Row, chain: &Chain) -> Panel {
     let highest = row.members.iter().map(|member| member.chain.truth().peak_force);
     let highest = highest.fold(0.0, f64::max);
     let scale = HIGH / highest;
-    let of = |bead: usize| Some(chain.solution.force_curve(bead));
+    let of = |bead: usize| Some(chain.solution.force_beyond_curve(bead));
     let mut series = simulated(marked(row, first..=last), "simulated", scale, of, span);
     series.extend(at_places(
         row,

@@ -41,6 +41,15 @@ impl Row {
     /// The beads that felt fewer strikes than there were.
     pub(super) fn missed(&self) -> Vec<String> {
         let all = self.strikes.len();
+        let timeless = self.members.iter().flat_map(|member| &member.felt);
+        let timeless = timeless.filter(|felt| felt.struck.is_none()).count();
+        let felt: usize = self.members.iter().map(|member| member.felt.len()).sum();
+        let apart = (timeless > 0 && timeless < felt).then(|| {
+            format!(
+                "{timeless} of {felt} strikes have no time by the host, as their boot was short or told no sample rate: \
+                 by their time they belong to no strike of another bead"
+            )
+        });
         let of = |(place, member): (usize, &Member)| {
             let felt = self
                 .strikes
@@ -56,35 +65,49 @@ impl Row {
                 _ => None,
             }
         };
-        self.members.iter().enumerate().filter_map(of).collect()
+        apart
+            .into_iter()
+            .chain(self.members.iter().enumerate().filter_map(of))
+            .collect()
     }
 }
 
-/// The strikes, in the order of their time: for each bead, which of its strikes that is. Without times of receipt, those
-/// with one number are one.
+/// A strike of a bead: its number, the bead's place, and which of the bead's strikes it is.
+type Numbered = (u32, usize, usize);
+
+/// The strikes, in the order of their time: for each bead, which of its strikes that is.
 fn together(members: &[Member]) -> Vec<Vec<Option<usize>>> {
     let mut all = Vec::new();
     for (place, member) in members.iter().enumerate() {
-        let of = |(at, felt): (usize, &Felt)| (felt.struck, felt.number, place, at);
+        let of = |(at, felt): (usize, &Felt)| (felt.struck, (felt.number, place, at));
         all.extend(member.felt.iter().enumerate().map(of));
     }
-    let told: Option<Vec<_>> = all
-        .iter()
-        .map(|(struck, _, place, at)| struck.map(|struck| (struck, *place, *at)))
-        .collect();
-    if let Some(told) = told {
-        return by_time(told, members.len());
+    by_time_or_number(all, members.len())
+}
+
+/// Of strikes with the time at which the striker hit, if that is known. Among those without, one number is one strike.
+fn by_time_or_number(all: Vec<(Option<f64>, Numbered)>, beads: usize) -> Vec<Vec<Option<usize>>> {
+    let (mut timed, mut timeless) = (Vec::new(), Vec::new());
+    for (struck, strike) in all {
+        match struck {
+            Some(struck) => timed.push((struck, strike.1, strike.2)),
+            None => timeless.push(strike),
+        }
     }
-    all.sort_by_key(|(_, number, place, at)| (*number, *place, *at));
-    let mut by_number = BTreeMap::new();
-    for (_, number, place, at) in all {
-        let strike = by_number
-            .entry(number)
-            .or_insert_with(|| vec![None; members.len()]);
+    let mut strikes = by_time(timed, beads);
+    strikes.extend(by_number(timeless, beads));
+    strikes
+}
+
+fn by_number(mut told: Vec<Numbered>, beads: usize) -> Vec<Vec<Option<usize>>> {
+    told.sort_unstable();
+    let mut strikes = BTreeMap::new();
+    for (number, place, at) in told {
+        let strike = strikes.entry(number).or_insert_with(|| vec![None; beads]);
         // After a reset the numbers begin anew; only the first of them can be told.
         strike[place].get_or_insert(at);
     }
-    by_number.into_values().collect()
+    strikes.into_values().collect()
 }
 
 /// Of strikes with the time at which the striker hit, the bead's place among `beads`, and which of its strikes it is.
@@ -123,6 +146,23 @@ mod tests {
                 [Some(0), None, Some(0)],
                 [Some(1), Some(0), Some(1)],
                 [Some(2), Some(1), Some(2)]
+            ]
+        );
+    }
+
+    #[test]
+    fn strikes_without_a_time_go_by_their_number_and_leave_the_others_to_their_time() {
+        // The second bead lost its first strike: by number the others would be another's.
+        let timed = [(0.0, (0, 0, 0)), (0.05, (1, 0, 1)), (0.05, (0, 1, 0))];
+        let timed = timed.map(|(struck, strike)| (Some(struck), strike));
+        let timeless = [(None, (0, 0, 2)), (None, (0, 1, 1)), (None, (1, 1, 2))];
+        assert_eq!(
+            by_time_or_number([timed, timeless].concat(), 2),
+            [
+                [Some(0), None],
+                [Some(1), Some(0)],
+                [Some(2), Some(1)],
+                [None, Some(2)]
             ]
         );
     }
