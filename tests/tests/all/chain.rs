@@ -9,8 +9,9 @@ use bead::bench::sensed::{Timing, load_scenario, simulate_with_ring_down};
 use bead::bench::several::{self, Clocks};
 use bead::comparison::row::{Chain, Member, Place, Row, RowComparison, among, compare};
 use bead::comparison::strike::FullChain;
+use bead::comparison::verdict::Echoes;
 use bead::recording::clock::CommonTime;
-use bead::recording::file::{About, Origin, Recording, State, Writer};
+use bead::recording::file::{About, Origin, Part, Recording, State, Writer};
 use bead::recording::received::Received;
 use bead::recording::whole::Target;
 use bead_tests::{image, workspace};
@@ -77,7 +78,10 @@ fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowCompari
     let member = |place: &Place| {
         let full =
             FullChain::of(scenario, &chain.solution, place.bead).unwrap_or_else(|error| panic!("{error}"));
-        Member::read(place.bead, &place.received, full, &time, 0.0).unwrap_or_else(|error| panic!("{error}"))
+        let truth = place.received.json(Part::Truth);
+        let echoes = Echoes::of(scenario, truth.unwrap_or_else(|error| panic!("{error}")));
+        Member::read(place.bead, &place.received, full, &time, 0.0, echoes)
+            .unwrap_or_else(|error| panic!("{error}"))
     };
     let row = Row::of(places.iter().map(member).collect());
     compare(&row, &chain, notes).unwrap_or_else(|error| panic!("{error}"))
