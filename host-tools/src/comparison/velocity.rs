@@ -60,7 +60,8 @@ pub fn first_strikes(
 /// Finds the velocity of the scenario's striker, from strikes at bead `bead`.
 ///
 /// # Errors
-/// No strike came whole, with its settings and a force within the sensor's range, no velocity gives these forces, or the scenario cannot be run.
+/// No strike came whole, with its settings and a force within the sensor's range, no velocity gives these forces,
+/// or the scenario cannot be run.
 pub fn fit(
     scenario: &Scenario,
     bead: usize,

@@ -40,7 +40,7 @@ pub struct Remaining {
 /// any length.
 ///
 /// # Errors
-/// As [`summarise`](crate::summarise()), and [`SimulateError::Scenario`] if the striker has given no energy by the end.
+/// As [`summarise`](crate::summarise()), and [`SimulateError::Input`] if the striker has given no energy by the end.
 pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<Remaining, SimulateError> {
     let struck = struck_at(scenario, speed);
     let mut run = Run::new(&struck, accuracy)?;
