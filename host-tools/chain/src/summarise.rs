@@ -587,7 +587,7 @@ mod tests {
     #[test]
     fn a_rise_of_more_steps_than_there_is_room_for_has_no_width_and_no_wrong_one() {
         let (all, most) = widths(None);
-        let room = 1000;
+        let room = 500;
         assert!(most > 4 * room, "{most} steps");
         let (found, kept) = widths(Some(room));
         assert!(kept <= room + KEPT_EACH * 6, "{kept} steps");
