@@ -17,7 +17,7 @@ use crate::rows::{self, Who};
 use crate::schema;
 use bead::recording::file::{Part, Recording};
 use bead_wire::{Header, Kind, MAX_FRAME, Message, encode};
-use hertz_chain::Scenario;
+use hertz_chain::{Scenario, Start};
 use serde_json::{Value, json};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
@@ -124,7 +124,8 @@ fn of_frames(documents: &[Value]) -> Value {
     )
 }
 
-/// `bead compare` of rows: whole, struck twice with a bead lost meanwhile, and without a time in common.
+/// `bead compare` of rows: whole, struck twice with a bead lost meanwhile, without a time in common, and against a wave
+/// from the far end.
 fn compare_rows() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::load(format!("{ROOT}/docs/scenarios/row-of-ten.toml")).unwrap();
@@ -154,6 +155,14 @@ fn compare_rows() {
         lines.push(format!("compare {}", path.display()));
     }
     lines.push(format!("{} --velocity fit", lines[0]));
+    // Against a wave from the far end, which brings the first bead no energy.
+    let last = scenario.chain.beads;
+    scenario.striker.velocity = 1e-3;
+    scenario.starts = vec![Start::apart([last], 1e-6)];
+    scenario.starts[0].velocity = -0.1;
+    let far = folder.path().join("far.toml");
+    fs::write(&far, scenario.to_toml()).unwrap();
+    lines.push(format!("{} --scenario {}", lines[0], far.display()));
     hold(
         "compare-row",
         &lines.iter().map(String::as_str).collect::<Vec<_>>(),
@@ -172,7 +181,13 @@ fn results_of_simulations_and_recordings_are_what_their_schemas_say() {
     hold("simulate", &simulate.each_ref().map(String::as_str));
     hold("replay", &[&format!("replay {RECORDING}")]);
     let compare = format!("compare {RECORDING} --scenario {SCENARIO}");
-    hold("compare", &[&compare, &format!("{compare} --velocity fit")]);
+    let twice = folder.path().join("twice.mcap");
+    rows::record(&twice, &Scenario::paper(), &[Who::at(8)], 2);
+    let twice = format!("compare {}", twice.display());
+    hold(
+        "compare",
+        &[&compare, &format!("{compare} --velocity fit"), &twice],
+    );
     compare_rows();
     // Against itself, and against a force alone.
     let force = force_alone(folder.path());

@@ -11,7 +11,7 @@ use hertz_chain::{Scenario, Striker};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, TableOptions, list, timing, typed};
+use super::measured::{Errors, TableOptions, list, rows, timing, typed};
 use crate::bench::emulation::Emulation;
 use crate::bench::sensed::{bead_of, load_scenario, simulate_with_ring_down};
 use crate::cli::bench_options::BenchOptions;
@@ -222,15 +222,7 @@ pairs keeps A within 0.5 % and B within 1 %. The other flags are explained in [e
         arguments.table.typed(),
         arguments.strikes
     );
-    let mut line = |cells: &[String]| {
-        let _ = writeln!(text, "| {} |", cells.join(" | "));
-    };
-    line(&HEADINGS.map(str::to_owned));
-    line(&HEADINGS.map(|_| "---".to_owned()));
-    for cell in cells {
-        line(&row(cell));
-    }
-    text
+    text + &rows(HEADINGS, cells.iter().map(row))
 }
 
 #[cfg(test)]

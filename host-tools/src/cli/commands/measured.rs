@@ -73,6 +73,13 @@ impl TableOptions {
     }
 }
 
+/// A table in Markdown.
+pub(super) fn rows<const N: usize>(headings: [&str; N], rows: impl Iterator<Item = [String; N]>) -> String {
+    let heads = [headings.map(str::to_owned), headings.map(|_| "---".to_owned())];
+    let line = |cells: [String; N]| format!("| {} |\n", cells.join(" | "));
+    heads.into_iter().chain(rows).map(line).collect()
+}
+
 /// An option as it is typed, behind a blank; nothing if it has its default.
 pub(super) fn typed(name: &str, value: impl Display, default: impl Display) -> String {
     let [value, default] = [value.to_string(), default.to_string()];

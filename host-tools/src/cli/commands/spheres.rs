@@ -15,7 +15,7 @@ use hertz_chain::{Material, Options, Scenario};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::measured::{Errors, TableOptions, list, timing, typed};
+use super::measured::{Errors, TableOptions, list, rows, timing, typed};
 use crate::bench::emulation::Emulation;
 use crate::bench::error::BenchError;
 use crate::bench::front_end::FrontEnd;
@@ -410,15 +410,7 @@ refused, and the table says which diameter is the least.
         arguments.strikes,
         arguments.speed
     );
-    let mut line = |cells: &[String]| {
-        let _ = writeln!(text, "| {} |", cells.join(" | "));
-    };
-    line(&HEADINGS.map(str::to_owned));
-    line(&HEADINGS.map(|_| "---".to_owned()));
-    for cell in cells {
-        line(&row_of(cell));
-    }
-    text
+    text + &rows(HEADINGS, cells.iter().map(row_of))
 }
 
 #[cfg(test)]
