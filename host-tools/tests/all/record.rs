@@ -639,7 +639,8 @@ fn standard_error_that_is_closed_costs_no_recording() {
         "--split",
         "1",
         "--duration",
-        "2",
+        // Between two ends of a file.
+        "1.5",
     ];
     let mut child = bead(&directory, &arguments)
         .stdout(Stdio::null())
