@@ -1,11 +1,12 @@
 //! Passes on where the emulator's overlay and the flash image are built, so that `bead` can carry both.
 //!
 //! # Design
-//! `cargo install --path host-tools` has to give a program that emulates wherever it is. So an image that is not
-//! built yet is built here, by a cargo of its own, in the same target directory: for another target and another
-//! profile, cargo takes another lock. Where `cargo xtask` builds the image at the same time, the second one
-//! waits and finds all in place. An image that is there is taken as it is, so that a change of the firmware does
-//! not compile the host tools anew: `cargo xtask build` builds the image anew, and `bead` is linked with it.
+//! `cargo install --path host-tools` has to give a program that emulates wherever it is. So an image that is
+//! not built yet is built here, by a cargo of its own, in the same target directory: for another target and
+//! another profile, cargo takes another lock. Where `cargo xtask` builds the image at the same time, the
+//! second one waits and finds all in place. An image that is there is taken as it is, so that a change of the
+//! firmware does not compile the host tools anew: `cargo xtask build` builds the image anew, and `bead` is
+//! linked with it.
 
 use std::env;
 use std::fs::{self, File};
@@ -30,8 +31,8 @@ fn main() {
         println!(
             "cargo::warning=the flash image is not built, so that `bead` carries none: `cargo xtask build` says why"
         );
-        // Looked for again when there is one. An empty file stands for it until then, since `bead` includes it: an old one,
-        // as cargo compiles again for each file that is newer than this run.
+        // Looked for again when there is one. An empty file stands for it until then, since `bead` includes
+        // it: an old one, as cargo compiles again for each file that is newer than this run.
         println!("cargo::rerun-if-changed={}", image.display());
         let folder = image.parent().expect("it lies in a directory");
         fs::create_dir_all(folder)

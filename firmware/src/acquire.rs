@@ -14,8 +14,8 @@
 //! # Errors
 //! When the ADC overruns, it stops its DMA requests, and no block comes any more: a deadline finds this. ADC
 //! and DMA are then set up anew, as RM0090 section 13.8.1 asks, by the same code as at start-up. Each start
-//! begins a new epoch, and so does each run of blocks that estimation had no room for. The indices of an epoch
-//! are consecutive.
+//! begins a new epoch, and so does each run of blocks that estimation had no room for. The indices of an
+//! epoch are consecutive.
 
 use embassy_stm32::adc::Adc;
 use embassy_time::{Duration, with_timeout};
@@ -110,9 +110,9 @@ struct Outlet {
 }
 
 impl Outlet {
-    /// Hands on the block that is full, whose first scan has this index. The converter goes on with `next`. If
-    /// the estimators have given back none, the converter fills the same block once more: it is lost, and is
-    /// counted.
+    /// Hands on the block that is full, whose first scan has this index. The converter goes on with `next`.
+    /// If the estimators have given back none, the converter fills the same block once more: it is lost, and
+    /// is counted.
     fn pass_on(&mut self, first_index: u64, next: Option<&'static Codes>) {
         let full = core::mem::replace(&mut self.filling, self.next);
         self.next = next.unwrap_or(full);

@@ -15,8 +15,8 @@ pub(crate) const CODES: usize = CHANNELS * SCANS_PER_BLOCK;
 /// Time that a block takes to fill, in µs.
 pub(crate) const BLOCK_US: u32 = SCANS_PER_BLOCK as u32 * 1_000_000 / SAMPLE_RATE_HZ;
 
-/// Room for the codes of a block, as the converter gives them, scan after scan: a word for each sensor, the high
-/// gain in the lower half.
+/// Room for the codes of a block, as the converter gives them, scan after scan: a word for each sensor, the
+/// high gain in the lower half.
 ///
 /// The DMA writes to it and the core reads it. So it is made of atomics: what they hold may change at any
 /// time, and a plain load reads one.

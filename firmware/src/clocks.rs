@@ -10,10 +10,10 @@
 //! | APB2 | 84 | its limit; USART1, and the ADC's clock divided by 4: 21 MHz |
 //!
 //! # A crystal that fails
-//! The driver would wait for the crystal without end. So [`start_crystal`] waits first, and gives up. Then the
-//! clocks are made from the internal oscillator: off by 1 %, good enough for the line and not for samples. If
-//! the crystal stops later, the clock security system puts the core on the internal oscillator and raises an
-//! NMI ([`crate::trace`]): the bead resets, and starts without a crystal.
+//! The driver would wait for the crystal without end. So [`start_crystal`] waits first, and gives up. Then
+//! the clocks are made from the internal oscillator: off by 1 %, good enough for the line and not for
+//! samples. If the crystal stops later, the clock security system puts the core on the internal oscillator
+//! and raises an NMI ([`crate::trace`]): the bead resets, and starts without a crystal.
 
 use cortex_m::peripheral::{DCB, DWT};
 use embassy_stm32::Config;

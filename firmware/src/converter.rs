@@ -174,8 +174,9 @@ impl<'a> Scanning<'a> {
         let stream = DMA2.st(STREAM);
         critical_section::with(|_| {
             // An address may change only while the stream uses the other (RM0090 section 10.3.9). A block
-            // that ended just now is not counted: its interrupt waits, and the stream has gone on to the other
-            // address. Its flag tells, and is read last. If none has ended by then, there is MARGIN left.
+            // that ended just now is not counted: its interrupt waits, and the stream has gone on to the
+            // other address. Its flag tells, and is read last. If none has ended by then, there is MARGIN
+            // left.
             let left = stream.ndtr().read().ndt();
             let used = stream.cr().read().ct();
             let ended = DMA2.isr(STREAM / 4).read().tcif(STREAM % 4);

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! `bead-model` does the work, at the middle priority: acquisition interrupts it, telemetry waits for it.
-//! There are 2 ms for a block. Four blocks may be on their way, so a burst of work may take four times as long
-//! before a block is lost.
+//! There are 2 ms for a block. Four blocks may be on their way, so a burst of work may take four times as
+//! long before a block is lost.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 

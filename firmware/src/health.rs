@@ -270,10 +270,10 @@ impl Watch {
 /// # Design
 /// Noise moves the code, and for how long it may rest is seen before the trigger. A rest after it that is
 /// [`TIMES`] as long, and at least [`LEAST`], is no noise: a wire has come off, or an amplifier hangs. Such a
-/// strike is flagged, since its estimates may be off by per cents and look sound. A sensor without noise rests
-/// before the trigger too, and is never found here. Rests are measured in groups of [`GROUP`] scans, which
-/// costs a few instructions a sample of a window. Codes at a rail do not count: a loud strike puts the high
-/// gain there.
+/// strike is flagged, since its estimates may be off by per cents and look sound. A sensor without noise
+/// rests before the trigger too, and is never found here. Rests are measured in groups of [`GROUP`] scans,
+/// which costs a few instructions a sample of a window. Codes at a rail do not count: a loud strike puts the
+/// high gain there.
 pub(crate) struct Stillness {
     /// Scans of the window so far.
     seen: u16,

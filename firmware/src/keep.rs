@@ -1,10 +1,10 @@
 //! The last strikes, for a host that missed them: kept over a reset, and sent again on request.
 //!
 //! # Design
-//! What is queued for the host is copied into memory that a reset leaves alone
-//! ([`bead_store::Windows`]; region WINDOWS of `memory.x`): the settings, the waveform, the strike, its shape. The
-//! copy is made where the frame is, in some 100 instructions for 32 scans. The checksums take longer; a task of
-//! the lowest priority makes them little by little after the strike.
+//! What is queued for the host is copied into memory that a reset leaves alone ([`bead_store::Windows`];
+//! region WINDOWS of `memory.x`): the settings, the waveform, the strike, its shape. The copy is made where
+//! the frame is, in some 100 instructions for 32 scans. The checksums take longer; a task of the lowest
+//! priority makes them little by little after the strike.
 //!
 //! Fetched frames are bulk: they leave the room that the window of a strike needs, so they never cost one.
 
@@ -25,8 +25,8 @@ static WINDOWS: Mutex<CriticalSectionRawMutex, RefCell<Option<Windows<'static, R
 /// A window was closed.
 static CLOSED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
-/// Steps of a checksum in each [`PAUSE`], 18 instructions a sample. A window of 672 scans takes 25 ms, or 40 if it is
-/// loud.
+/// Steps of a checksum in each [`PAUSE`], 18 instructions a sample. A window of 672 scans takes 25 ms, or 40
+/// if it is loud.
 const STEPS: u32 = 4;
 const PAUSE: Duration = Duration::from_millis(2);
 

@@ -1,15 +1,16 @@
-//! The trigger line: one open-drain wire that the beads of a row share. A bead that finds a strike tells the others
-//! when, so that those that feel less than their threshold keep the same instant.
+//! The trigger line: one open-drain wire that the beads of a row share. A bead that finds a strike tells the
+//! others when, so that those that feel less than their threshold keep the same instant.
 //!
 //! # Design
-//! A strike is found a block later than it came, so the time at which the line falls must not depend on that: it falls
-//! [`DELAY`] scans after the scan that triggered. TIM2 makes the edge itself, by a compare (RM0090 section 18.3.8), and
-//! latches the edges of others: it counts the same clock as the samples ([`sync`](crate::sync)). So the core looks at
-//! two registers a block, and no edge interrupts it. PB10 pulls, PB11 listens; the board joins them.
+//! A strike is found a block later than it came, so the time at which the line falls must not depend on that:
+//! it falls [`DELAY`] scans after the scan that triggered. TIM2 makes the edge itself, by a compare (RM0090
+//! section 18.3.8), and latches the edges of others: it counts the same clock as the samples
+//! ([`sync`](crate::sync)). So the core looks at two registers a block, and no edge interrupts it. PB10
+//! pulls, PB11 listens; the board joins them.
 //!
-//! The delay is longer than a wave takes through sixteen beads: 5.1 ms in the paper's chain at 0.1 m/s, 5.8 ms if each
-//! holds an intruder of 12 g. A bead that feels the wave has found it by itself when the line falls, and measures it as
-//! if there were no line. The others look back by the delay.
+//! The delay is longer than a wave takes through sixteen beads: 5.1 ms in the paper's chain at 0.1 m/s,
+//! 5.8 ms if each holds an intruder of 12 g. A bead that feels the wave has found it by itself when the line
+//! falls, and measures it as if there were no line. The others look back by the delay.
 //!
 //! # Strikes close together
 //! A line that is low falls no more. So a strike whose line would have to fall while this bead still pulls
@@ -17,9 +18,9 @@
 //! counter of the protocol has these strikes: each bead finds what it feels by itself.
 //!
 //! # A wire that is not as it should be
-//! A pull lasts until two blocks later at least. An edge counts only if the line is still low when the core looks at
-//! it, [`TOUCH`] later at least, so touch and cross-talk open no window. An open line is high by the pull-up. A line that stays low is reported
-//! once; each bead then goes on by itself.
+//! A pull lasts until two blocks later at least. An edge counts only if the line is still low when the core
+//! looks at it, [`TOUCH`] later at least, so touch and cross-talk open no window. An open line is high by the
+//! pull-up. A line that stays low is reported once; each bead then goes on by itself.
 
 use bead_wire::FaultCause;
 use embassy_stm32::gpio::{OutputType, Pull};
@@ -101,8 +102,9 @@ impl TriggerLine {
         }
     }
 
-    /// Tells the others of the strike that this scan triggered. One that is found later than the line has to fall, as
-    /// in the milliseconds after a window, is not told, nor is one whose line has to fall while it is low.
+    /// Tells the others of the strike that this scan triggered. One that is found later than the line has to
+    /// fall, as in the milliseconds after a window, is not told, nor is one whose line has to fall while it
+    /// is low.
     pub(crate) fn pull(&mut self, trigger_index: u64) {
         let index = trigger_index + DELAY;
         match self.pulled {

@@ -135,9 +135,9 @@ fn free() -> usize {
     QUEUE.lock(|queue| queue.borrow().free())
 }
 
-/// Waits until a request may be done. A host that sends requests without end shall not take the room that
-/// the window of a strike needs, so this waits for that and for its own. If it does not come in time, strikes are what takes it: then
-/// only the room for replies must be there, and it always comes.
+/// Waits until a request may be done. A host that sends requests without end shall not take the room that the
+/// window of a strike needs, so this waits for that and for its own. If it does not come in time, strikes are
+/// what takes it: then only the room for replies must be there, and it always comes.
 pub(crate) async fn calm() {
     let calm = async {
         while room() < WINDOW.load(Ordering::Relaxed) + KEPT / 2 {

@@ -5,9 +5,9 @@
 //! bit. There is no flow control, so neither end can stop the other.
 //!
 //! Frames leave by the driver. What comes in is put into a ring by the DMA and by nothing else. The driver's
-//! receiver reads the data register whenever it is woken, and a byte that the DMA has not fetched yet would be
-//! lost. So this one looks only where the DMA stands, every [`POLL`]. No byte and no idle line interrupts the
-//! core, whatever the sender does. An interrupt counts the rounds of the ring, one each 1024 bytes.
+//! receiver reads the data register whenever it is woken, and a byte that the DMA has not fetched yet would
+//! be lost. So this one looks only where the DMA stands, every [`POLL`]. No byte and no idle line interrupts
+//! the core, whatever the sender does. An interrupt counts the rounds of the ring, one each 1024 bytes.
 
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering, fence};
 
@@ -111,8 +111,8 @@ impl Receiver {
             let status = USART1.sr().read();
             let came = came();
             if (status.fe() || status.ne() || status.ore()) && came != self.erred {
-                // With the status before, this clears the flags (RM0090 section 30.6.1). A byte may get lost, and
-                // all are dropped now.
+                // With the status before, this clears the flags (RM0090 section 30.6.1). A byte may get lost,
+                // and all are dropped now.
                 let _ = USART1.dr().read();
                 self.erred = came;
                 return Err(Missing::Line);

@@ -268,8 +268,8 @@ pub(crate) fn offer(loaded: Loaded) {
     IS_OFFERED.store(true, Ordering::Release);
 }
 
-/// Waits until the settings that were offered are in force. A strike that is being measured is finished first.
-/// Returns false if no block of samples came in time: then they hold from the first block on.
+/// Waits until the settings that were offered are in force. A strike that is being measured is finished
+/// first. Returns false if no block of samples came in time: then they hold from the first block on.
 pub(crate) async fn taken() -> bool {
     with_timeout(PATIENCE, TAKEN.wait()).await.is_ok()
 }
@@ -303,9 +303,9 @@ fn in_force<T>(get: impl FnOnce(&Loaded) -> T) -> T {
     })
 }
 
-/// Queues a frame with the block in force. If the settings change between reading and queueing, the block is read
-/// again: else the old one would be told after the new one, and replay would take it for the one in force. To do
-/// both in one lock would keep interrupts waiting for 20 µs.
+/// Queues a frame with the block in force. If the settings change between reading and queueing, the block is
+/// read again: else the old one would be told after the new one, and replay would take it for the one in
+/// force. To do both in one lock would keep interrupts waiting for 20 µs.
 pub(crate) fn tell() {
     loop {
         let change = CHANGES.load(Ordering::Acquire);

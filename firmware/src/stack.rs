@@ -1,15 +1,15 @@
 //! How deep the stack has been, and a fence where it ends.
 //!
 //! # Design
-//! The stack has the core-coupled memory for itself: no DMA and no variable is there, and below its start there
-//! is no memory at all. So a stack that grows too far destroys nothing, however large the step.
+//! The stack has the core-coupled memory for itself: no DMA and no variable is there, and below its start
+//! there is no memory at all. So a stack that grows too far destroys nothing, however large the step.
 //!
 //! Start-up code fills this memory with a pattern (`cortex-m-rt`, feature `paint-stack`), and the stack grows
 //! down into it. Bytes that still have the pattern were never used. All tasks and handlers share the one
 //! stack, so one number covers them.
 //!
-//! The memory protection unit closes the lowest [`FENCE`] bytes: a stack that grows into them faults. The unit
-//! is off while the handler of the fault runs, so that the handler has a stack, and the fault is told.
+//! The memory protection unit closes the lowest [`FENCE`] bytes: a stack that grows into them faults. The
+//! unit is off while the handler of the fault runs, so that the handler has a stack, and the fault is told.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 
@@ -35,8 +35,8 @@ pub(crate) fn close_fence(mpu: &mut MPU) {
     /// No execution; access permission 0, none, is the reset value.
     const XN: u32 = 1 << 28;
     let size = (FENCE.ilog2() - 1) << 1;
-    // SAFETY: region 0 covers memory of the stack only. No Rust object lies there, and `never_used` reads above
-    // it. PM0214 section 4.2.
+    // SAFETY: region 0 covers memory of the stack only. No Rust object lies there, and `never_used` reads
+    // above it. PM0214 section 4.2.
     unsafe {
         mpu.rnr.write(0);
         mpu.rbar.write(fence() as u32);

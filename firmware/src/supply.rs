@@ -29,8 +29,8 @@ const GOOD: u32 = INTERNAL_HZ / 50;
 /// Longest wait for a good supply: 5 s.
 const PATIENCE: u32 = 5 * INTERNAL_HZ;
 
-/// Waits until the supply has been good for 20 ms, at most 5 s. Returns whether it has. Called on the internal
-/// oscillator, first of all but for the watchdog.
+/// Waits until the supply has been good for 20 ms, at most 5 s. Returns whether it has. Called on the
+/// internal oscillator, first of all but for the watchdog.
 pub(crate) fn wait() -> bool {
     RCC.apb1enr().modify(|w| w.set_pwren(true));
     watch();

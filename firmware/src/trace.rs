@@ -118,8 +118,9 @@ pub(crate) fn keep_written(written: u32) {
     change(|kept| kept.written = written);
 }
 
-/// Changes the record. Called by tasks of the lowest priority only, so no two changes meet. What ends the boot may
-/// come between the words of a write, but not of this one; the checksums take 20 µs and are made before it.
+/// Changes the record. Called by tasks of the lowest priority only, so no two changes meet. What ends the
+/// boot may come between the words of a write, but not of this one; the checksums take 20 µs and are made
+/// before it.
 fn change(change: impl FnOnce(&mut Kept)) {
     if let Some(mut kept) = Kept::load() {
         change(&mut kept);
@@ -223,8 +224,9 @@ mod region {
         static ONCE: StaticCell<()> = StaticCell::new();
         ONCE.init(());
         let memory = &raw mut WINDOWS;
-        // SAFETY: the symbol is the start of 64 KiB - 256 B of RAM, aligned to 64 KiB, that are reserved for this;
-        // any contents are a `Memory`. This is the only reference to it, since `ONCE` is given away once.
+        // SAFETY: the symbol is the start of 64 KiB - 256 B of RAM, aligned to 64 KiB, that are reserved for
+        // this; any contents are a `Memory`. This is the only reference to it, since `ONCE` is given away
+        // once.
         unsafe { &mut *memory }
     }
 

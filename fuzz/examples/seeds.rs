@@ -1,6 +1,6 @@
-//! Writes the seeds that are made: frames, requests, settings with codes, recordings. The others are texts that were written
-//! by hand, files in which a target found a fault, columns of kinds that pyarrow writes, and the recording `two` as MCAP's
-//! Python library compresses it.
+//! Writes the seeds that are made: frames, requests, settings with codes, recordings. The others are texts
+//! that were written by hand, files in which a target found a fault, columns of kinds that pyarrow writes,
+//! and the recording `two` as MCAP's Python library compresses it.
 //!
 //! `cargo run --release -p bead-fuzz --example seeds`
 

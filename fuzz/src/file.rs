@@ -1,5 +1,5 @@
-//! A file with the bytes of an input, for readers that open files by name. It is in memory where the system has a place for
-//! that: on a disk, a target waits five times as long as it computes.
+//! A file with the bytes of an input, for readers that open files by name. It is in memory where the system
+//! has a place for that: on a disk, a target waits five times as long as it computes.
 
 use std::fs::OpenOptions;
 use std::io::Write;

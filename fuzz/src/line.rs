@@ -57,8 +57,8 @@ pub fn to_cobs(payload: &[u8]) -> Vec<u8> {
     run
 }
 
-/// The stream with a right checksum behind every run that has room for one. A run that is not COBS is taken for a
-/// payload as it is.
+/// The stream with a right checksum behind every run that has room for one. A run that is not COBS is taken
+/// for a payload as it is.
 pub fn mended(bytes: &[u8]) -> Vec<u8> {
     let mut stream = vec![0];
     for run in bytes.split(|byte| *byte == 0).filter(|run| !run.is_empty()) {

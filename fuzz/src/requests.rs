@@ -12,8 +12,8 @@ const NOW: Moment = Moment { boot: 3, index: 1000 };
 /// Gives the bytes to a bead, as they are and with right checksums.
 ///
 /// # Panics
-/// A verdict is not that of the protocol's page, a request does not come back as it was written, or a locked bead does
-/// what nobody signed.
+/// A verdict is not that of the protocol's page, a request does not come back as it was written, or a locked
+/// bead does what nobody signed.
 pub fn check(bytes: &[u8]) {
     read(bytes);
     read(&mended(bytes));

@@ -1,6 +1,7 @@
 //! Blocks of settings, and what a meter does with those that are accepted.
 //!
-//! An input is a block, and what the sensors say: groups of five bytes, a number of scans and two codes for all of them.
+//! An input is a block, and what the sensors say: groups of five bytes, a number of scans and two codes for
+//! all of them.
 
 use bead::recording::physical::Physical;
 use bead::recording::signal::Signal;
@@ -18,8 +19,8 @@ const SCANS_MOST: usize = 1500;
 /// Reads the block as it is and with a right checksum.
 ///
 /// # Panics
-/// A block that was accepted is not written as it was read, or the meter leaves its ranges, or its results depend on how
-/// scans are cut into calls.
+/// A block that was accepted is not written as it was read, or the meter leaves its ranges, or its results
+/// depend on how scans are cut into calls.
 pub fn check(bytes: &[u8]) {
     // What it holds then is another input's concern.
     let _ = Settings::decode(bytes);

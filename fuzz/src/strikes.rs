@@ -49,8 +49,8 @@ pub fn short_window() -> Settings {
     derive(&Bead::paper(), &FrontEnd::reference(), &capture).expect("the paper's bead has settings")
 }
 
-/// Reads the bytes with right checksums. Each run is received at a time that its last byte gives. The strikes are
-/// looked at once more with sound settings, and with indices at one of the ends.
+/// Reads the bytes with right checksums. Each run is received at a time that its last byte gives. The strikes
+/// are looked at once more with sound settings, and with indices at one of the ends.
 ///
 /// # Panics
 /// Something of what frames are made to does not hold.
@@ -106,7 +106,8 @@ static USUAL: LazyLock<Settings> = LazyLock::new(|| {
         .expect("the paper's bead has settings")
 });
 
-/// The same frames without settings, and with samples that are counted so that the first strike begins at `first`.
+/// The same frames without settings, and with samples that are counted so that the first strike begins at
+/// `first`.
 fn moved(mut frames: Vec<Frame>, first: u64) -> Vec<Frame> {
     frames.retain(|frame| !matches!(frame.message, Message::Settings(_)));
     let strike = frames.iter().find_map(|frame| match &frame.message {

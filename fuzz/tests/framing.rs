@@ -1,4 +1,5 @@
-//! Framing, exhaustively where it is small: short streams, and payloads of every length around the groups of COBS.
+//! Framing, exhaustively where it is small: short streams, and payloads of every length around the groups of
+//! COBS.
 
 use bead_fuzz::line::{crc, from_cobs, to_cobs};
 use bead_fuzz::{frames, requests};

@@ -82,8 +82,8 @@ fn word(line: &str) -> Vec<u8> {
     word
 }
 
-/// Changes some places: bits, bytes, numbers, pieces taken out, doubled, or from another seed; words put in, or in place of
-/// what stands between two spaces.
+/// Changes some places: bits, bytes, numbers, pieces taken out, doubled, or from another seed; words put in,
+/// or in place of what stands between two spaces.
 fn mutated(bytes: &[u8], other: &[u8], words: &[Vec<u8>], random: &mut ChaCha8Rng) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..1 << random.random_range(0..4) {

@@ -339,8 +339,8 @@ impl Requests {
         }
     }
 
-    /// Sends a request `at` s after the start that follows [`SUPPLY_WAIT`], or after what is still being sent;
-    /// gives its number, counted from 0.
+    /// Sends a request `at` s after the start that follows [`SUPPLY_WAIT`], or after what is still being
+    /// sent; gives its number, counted from 0.
     ///
     /// # Panics
     /// It is no request that can be sent.
@@ -418,7 +418,8 @@ impl Requests {
         }
     }
 
-    /// When the image takes the first scan, in the time of [`request`](Self::request). No request changes that.
+    /// When the image takes the first scan, in the time of [`request`](Self::request). No request changes
+    /// that.
     ///
     /// # Panics
     /// QEMU fails, or the image never samples.

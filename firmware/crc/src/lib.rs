@@ -1,8 +1,8 @@
 //! CRC-32/ISO-HDLC, the one checksum of the project: of frames, settings blocks and the record of a fault.
 //!
 //! # Design
-//! The `crc` crate computes it, byte by byte from a table of 1 KiB. This crate holds the table, so that it is in
-//! the image once.
+//! The `crc` crate computes it, byte by byte from a table of 1 KiB. This crate holds the table, so that it is
+//! in the image once.
 #![no_std]
 #![forbid(unsafe_code)]
 

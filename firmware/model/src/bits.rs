@@ -1,8 +1,8 @@
 //! Every bit of the results of windows that are made up: on any machine, and in any later version.
 //!
-//! A recording replays bit for bit, so no version may change a bit of what an earlier one computed. The windows
-//! go where the arithmetic branches: both gains, rails, noise, powers of two, intruders behind. Their codes are made by
-//! sums and products alone, which are the same everywhere.
+//! A recording replays bit for bit, so no version may change a bit of what an earlier one computed. The
+//! windows go where the arithmetic branches: both gains, rails, noise, powers of two, intruders behind. Their
+//! codes are made by sums and products alone, which are the same everywhere.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use crate::design::{Bead, Capture, FrontEnd, Intruder, Neighbours, derive_among};
@@ -80,8 +80,9 @@ impl Sink for Told {
     }
 }
 
-/// Of the paper's bead, or of one whose mass and contact stiffness are those times `mass` and `stiff`, and whose
-/// intruder has `part` of its mass and `damped` times its damping; with intruders behind it where a bit of `behind` is 1.
+/// Of the paper's bead, or of one whose mass and contact stiffness are those times `mass` and `stiff`, and
+/// whose intruder has `part` of its mass and `damped` times its damping; with intruders behind it where a bit
+/// of `behind` is 1.
 fn settings([mass, stiff, part, damped]: [f64; 4], behind: u8) -> Settings {
     let paper = Bead::paper();
     let mut bead = Bead {
@@ -108,9 +109,9 @@ fn settings([mass, stiff, part, damped]: [f64; 4], behind: u8) -> Settings {
     derive_among(&bead, &neighbours, &front_end, &capture).unwrap()
 }
 
-/// Scans of two strikes: a pulse of the force from the scans 400 and 1900 on, `width` scans wide at its foot and `force` N high, and an
-/// acceleration of `ringing` m/s² that rings and decays. The gain of the wide channels is `more` times what the
-/// settings say, and the noise is up to `noise` codes.
+/// Scans of two strikes: a pulse of the force from the scans 400 and 1900 on, `width` scans wide at its foot
+/// and `force` N high, and an acceleration of `ringing` m/s² that rings and decays. The gain of the wide
+/// channels is `more` times what the settings say, and the noise is up to `noise` codes.
 fn strikes([force, width, ringing, more]: [f64; 4], noise: u64, samples: usize) -> Vec<Scan> {
     let mut state = 1_u64;
     let mut drawn = |most: u64| {
@@ -155,8 +156,8 @@ fn metered(settings: &Settings, scans: &[Scan], call: usize) -> u32 {
 
 #[test]
 fn a_strike_has_the_same_bits_whenever_and_wherever_it_is_measured() {
-    // The bead and what is behind it; force in N, width in scans, acceleration in m/s², gain of the wide channels; codes
-    // of noise; the checksum.
+    // The bead and what is behind it; force in N, width in scans, acceleration in m/s², gain of the wide
+    // channels; codes of noise; the checksum.
     type Case = (&'static str, [f64; 4], u8, [f64; 4], u64, u32);
     let paper = [1.0, 1.0, 0.0726, 1.0];
     let cases: [Case; 20] = [

@@ -124,7 +124,8 @@ pub fn coefficients<T: Float>(bead: &Bead<T>, sample_rate_hz: T) -> Coefficients
     let ring_decay = bead.damping / (number(2.0) * reduced);
     let ring = bead.stiffness / reduced - ring_decay * ring_decay;
 
-    // Its power 2/3. The cube root of `libm` for f32 reckons in f64, which takes 3 KB of flash; these two do not.
+    // Its power 2/3. The cube root of `libm` for f32 reckons in f64, which takes 3 KB of flash; these two do
+    // not.
     let root_squared = (bead.contact_stiffness.ln() * number(2.0 / 3.0)).exp_m1() + T::one();
 
     Coefficients {

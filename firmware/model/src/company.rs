@@ -2,10 +2,10 @@
 //!
 //! # Design
 //!
-//! In a row of absorbers the beads behind the host hold intruders too, and these take energy out of the wave and
-//! give some of it back to the host. Estimate B reckons with them: each of its followers may hold an intruder,
-//! and all of these are alike. How a bead in company rings depends on its neighbours, so the ringing tells of a
-//! drift only where a bead is alone.
+//! In a row of absorbers the beads behind the host hold intruders too, and these take energy out of the wave
+//! and give some of it back to the host. Estimate B reckons with them: each of its followers may hold an
+//! intruder, and all of these are alike. How a bead in company rings depends on its neighbours, so the
+//! ringing tells of a drift only where a bead is alone.
 
 use crate::coefficients::Intruder;
 use fixed::types::I0F32;
@@ -27,8 +27,8 @@ pub struct Company {
     pub stiffness: I0F32,
     /// 1/12 · c dt/m of that intruder.
     pub damping: I0F32,
-    /// m/(M - m): effect of its springs on the follower. It has as many powers of two more as the masses of the
-    /// host ([`Scale::masses`](crate::scale::Scale::masses)).
+    /// m/(M - m): effect of its springs on the follower. It has as many powers of two more as the masses of
+    /// the host ([`Scale::masses`](crate::scale::Scale::masses)).
     pub ratio: I0F32,
 }
 

@@ -51,8 +51,8 @@ impl Bead {
 
 /// w of [`Bead::pulse_width`]. Found from the pulse at contact 70 of an elastic chain; a test finds it again.
 const PULSE_WIDTH: f64 = 1.556;
-/// The least width of the pulse of a wave of 1 m/s, in samples. Estimate A is then off by 1.4 %, and estimate B
-/// by 6 % (`cargo test -p bead-model spheres -- --nocapture`).
+/// The least width of the pulse of a wave of 1 m/s, in samples. Estimate A is then off by 1.4 %, and estimate
+/// B by 6 % (`cargo test -p bead-model spheres -- --nocapture`).
 pub const LEAST_WIDTH: f64 = 2.5;
 
 /// One sensor channel as the converter sees it.
@@ -433,8 +433,8 @@ fn shift(value: f64, most: u8) -> u8 {
     (0..most).find(fits).unwrap_or(most)
 }
 
-/// The powers of two that bring a coefficient of an energy into a range in which its format is exact enough; 0
-/// if it is there.
+/// The powers of two that bring a coefficient of an energy into a range in which its format is exact enough;
+/// 0 if it is there.
 fn shift_into(value: f64, range: Range<f64>) -> i8 {
     match value {
         _ if value >= range.end => ((value / range.end).log2().floor() as i8).saturating_add(1),
@@ -445,8 +445,8 @@ fn shift_into(value: f64, range: Range<f64>) -> i8 {
 
 /// The force's noise at most, N, rms: three times of it is a gate that has a format.
 const NOISE_MOST: f64 = 1e4;
-/// What is wrong with a channel is told by these names: of the quantity per code and of the pole, at the high gain and at
-/// the low one.
+/// What is wrong with a channel is told by these names: of the quantity per code and of the pole, at the high
+/// gain and at the low one.
 const FORCE_NAMES: [[&str; 2]; 2] = [
     ["force per code", "force pole"],
     ["wide force per code", "wide force pole"],

@@ -49,7 +49,8 @@ pub enum Origin {
 
 /// Where the meter's results go.
 pub trait Sink {
-    /// A window was opened, in which the scan with this index counts as the one that triggered. Its pieces follow.
+    /// A window was opened, in which the scan with this index counts as the one that triggered. Its pieces
+    /// follow.
     fn opened(&mut self, _trigger_index: u64, _origin: Origin) {}
     /// A piece of the waveform is complete. Pieces come in order and cover the window.
     fn chunk(&mut self, chunk: &Chunk);
@@ -57,8 +58,8 @@ pub trait Sink {
     fn report(&mut self, report: &StrikeReport);
 }
 
-/// Scans in memory that a DMA writes: two words each, force and acceleration, the code at the high gain in the
-/// lower half.
+/// Scans in memory that a DMA writes: two words each, force and acceleration, the code at the high gain in
+/// the lower half.
 pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + '_ {
     let gains = |word: &AtomicU32| {
         let word = word.load(Ordering::Relaxed);
@@ -73,18 +74,18 @@ pub fn scans(words: &[[AtomicU32; 2]]) -> impl ExactSizeIterator<Item = Scan> + 
 /// Scans that are kept besides a history, so that a window can be opened around an instant that has passed.
 pub const REACH: usize = 816;
 
-/// Most scans by which the meter may lag behind after a call. A window that the force opened needs about 1000 at its
-/// end: of the longest one the whole history waited at first, and of each five scans that came two were left
-/// ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. Of 672 scans, with a history of 160,
-/// it comes to this limit in its last piece, and a longer one earlier.
+/// Most scans by which the meter may lag behind after a call. A window that the force opened needs about 1000
+/// at its end: of the longest one the whole history waited at first, and of each five scans that came two
+/// were left ([`Meter::process`]). One that was opened from outside waits [`REACH`] longer. Of 672 scans,
+/// with a history of 160, it comes to this limit in its last piece, and a longer one earlier.
 const LAG_MAX: usize = REACH + 592;
 const _: () = assert!(LAG_MAX >= HISTORY_MAX + WINDOW_MAX as usize * 2 / 3);
 
 /// Scans of the longest call that the meter is made for.
 const CALL: usize = 256;
 
-/// Scans that [`Recent`] has room for: those, and a call. When it is full, the scans still needed are moved to the
-/// front.
+/// Scans that [`Recent`] has room for: those, and a call. When it is full, the scans still needed are moved
+/// to the front.
 const ROOM: usize = (LAG_MAX + CALL).next_multiple_of(PIECE);
 
 /// The newest scans, in one slice: the trigger needs no arithmetic of a ring.
@@ -98,8 +99,8 @@ struct Recent {
 }
 
 impl Recent {
-    /// Appends as many of `scans` as there is room for. Of the scans that were taken, the last `keep` stay. Returns
-    /// whether scans had to be moved.
+    /// Appends as many of `scans` as there is room for. Of the scans that were taken, the last `keep` stay.
+    /// Returns whether scans had to be moved.
     fn append(&mut self, scans: &mut impl ExactSizeIterator<Item = Scan>, keep: usize) -> bool {
         if self.length == 0 {
             // The first scans follow a history of zeros.
@@ -222,10 +223,11 @@ impl Meter {
         self.passed_over
     }
 
-    /// Asks for the window in which the scan `trigger` counts as the one that triggers. It is opened when the scan
-    /// `at` comes, unless the force has opened one by then: what the bead finds by itself goes first. It is not opened
-    /// if the meter is not armed at that scan, or if its history would reach back over [`REACH`] and its own
-    /// length, into another window or over a gap. A new instant takes the place of one that has not come.
+    /// Asks for the window in which the scan `trigger` counts as the one that triggers. It is opened when the
+    /// scan `at` comes, unless the force has opened one by then: what the bead finds by itself goes first. It
+    /// is not opened if the meter is not armed at that scan, or if its history would reach back over
+    /// [`REACH`] and its own length, into another window or over a gap. A new instant takes the place of one
+    /// that has not come.
     pub fn keep_around(&mut self, trigger: u64, at: u64, origin: Origin) {
         self.around = Around { trigger, at, origin };
     }
@@ -261,12 +263,11 @@ impl Meter {
     /// calls of [`restart`](Self::restart). The results do not depend on how the scans are cut into calls.
     ///
     /// Measuring is most of the work, and when a strike triggers, its whole history waits to be measured. To
-    /// spread this work, a call measures three fifths as many scans as it was given, and at least [`PIECE`]; a little
-    /// less if it has to move scans in its memory.
-    /// So the meter lags behind during a window: at its end by the history and two thirds of the length. In
-    /// calls of up to 256 scans it has room for the lag of the longest window, so that no call measures more.
-    /// In longer calls it may meet the limit of its room, and then measures what it must. Once the window is
-    /// complete, it catches up in the next call.
+    /// spread this work, a call measures three fifths as many scans as it was given, and at least [`PIECE`];
+    /// a little less if it has to move scans in its memory. So the meter lags behind during a window: at its
+    /// end by the history and two thirds of the length. In calls of up to 256 scans it has room for the lag
+    /// of the longest window, so that no call measures more. In longer calls it may meet the limit of its
+    /// room, and then measures what it must. Once the window is complete, it catches up in the next call.
     pub fn process(
         &mut self,
         settings: &Settings,
@@ -311,8 +312,8 @@ impl Meter {
         }
     }
 
-    /// As [`process`](Self::process), of scans in memory that a DMA writes ([`scans`]). It is compiled for speed
-    /// with this crate, whatever its caller is compiled for.
+    /// As [`process`](Self::process), of scans in memory that a DMA writes ([`scans`]). It is compiled for
+    /// speed with this crate, whatever its caller is compiled for.
     pub fn process_words(
         &mut self,
         settings: &Settings,
@@ -323,14 +324,15 @@ impl Meter {
         self.process(settings, first_index, scans(words), sink);
     }
 
-    /// How many of `new` scans, the first of which has the index `index`, come before the one at which a window was
-    /// asked for. `None` if it is not among them.
+    /// How many of `new` scans, the first of which has the index `index`, come before the one at which a
+    /// window was asked for. `None` if it is not among them.
     fn asked(&self, index: u64, new: usize) -> Option<usize> {
         let before = self.around.at.saturating_sub(index);
         (self.around.origin != Origin::Force && before < new as u64).then_some(before as usize)
     }
 
-    /// The trigger of the window that was asked for, if it can be opened. The scan with the index `index` is at `next`.
+    /// The trigger of the window that was asked for, if it can be opened. The scan with the index `index` is
+    /// at `next`.
     fn take_asked(&mut self, settings: &Settings, index: u64, next: usize) -> Option<(u64, Origin)> {
         let Around { trigger, origin, .. } = core::mem::replace(&mut self.around, Around::NOTHING);
         let first = (trigger + 1).checked_sub(settings.window.history.into())?;
@@ -505,8 +507,8 @@ mod tests {
         }
     }
 
-    /// The scans that wait after each call of `call` scans. The window is opened by the force, which rises at the
-    /// scan `at`; or by the line, which asks at that scan, as late as it can.
+    /// The scans that wait after each call of `call` scans. The window is opened by the force, which rises at
+    /// the scan `at`; or by the line, which asks at that scan, as late as it can.
     fn lags([history, length]: [u16; 2], call: usize, by_force: bool, at: usize) -> Vec<usize> {
         let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
         (settings.window.history, settings.window.length) = (history, length);
@@ -548,8 +550,8 @@ mod tests {
             let [history, length] = window.map(usize::from);
             for call in [32, 50, 100, 199, 200, 201, 256] {
                 for at in [2000, 2000 + call / 3, 2000 + call / 2, 2000 + call - 1] {
-                    // The history waits, and two of five scans that come; so does the rest of a call, in which the
-                    // scans may have been moved.
+                    // The history waits, and two of five scans that come; so does the rest of a call, in
+                    // which the scans may have been moved.
                     let most = |by_force| lags(window, call, by_force, at).into_iter().max().unwrap();
                     let by_force = most(true);
                     assert!(

@@ -215,7 +215,8 @@ mod tests {
         }
     }
 
-    /// Each sum with each scale and each power that `Settings::bounds` allows: the exact energy, or the greatest.
+    /// Each sum with each scale and each power that `Settings::bounds` allows: the exact energy, or the
+    /// greatest.
     fn energies<const FRACTION: u32, F: LeEqU32>() {
         let dense = if cfg!(miri) { 7 } else { 1 };
         for bit in (0..70).step_by(dense) {

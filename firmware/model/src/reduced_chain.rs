@@ -293,8 +293,8 @@ impl ReducedChain {
 }
 
 impl Company {
-    /// The acceleration of a follower, in twelfths, on which its contacts alone would have `pushed`. Advances its
-    /// intruder, if it holds one.
+    /// The acceleration of a follower, in twelfths, on which its contacts alone would have `pushed`. Advances
+    /// its intruder, if it holds one.
     #[inline(always)]
     fn follow<const SCALED: bool>(
         &self,
@@ -336,8 +336,8 @@ struct Powers {
 
 impl Powers {
     fn new(scale: &Scale) -> Self {
-        // The stiffness stays below 2^31 if √(overlap in µm) < 2^(6 - contact), that is, if the overlap is below
-        // 2^(12 - 2·contact) µm. A thousandth less leaves room for the error of the root.
+        // The stiffness stays below 2^31 if √(overlap in µm) < 2^(6 - contact), that is, if the overlap is
+        // below 2^(12 - 2·contact) µm. A thousandth less leaves room for the error of the root.
         let room = (1_i64 << (Length::FRAC_NBITS + 12 - 2 * u32::from(scale.contact))) / 1024 * 1023;
         Self {
             contact: scale.contact,

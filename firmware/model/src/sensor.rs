@@ -388,9 +388,9 @@ mod tests {
         assert!(least.differ(part));
     }
 
-    /// The wide channel reads a code too much while the signal moves, in `overlap` samples. Returns what is subtracted
-    /// from it when it takes over, in bits; the wide codes of the baseline are 100 plus those of `baseline` in turn. A
-    /// sensitive code is 2^power/256 N, and a wide one 16 times as much.
+    /// The wide channel reads a code too much while the signal moves, in `overlap` samples. Returns what is
+    /// subtracted from it when it takes over, in bits; the wide codes of the baseline are 100 plus those of
+    /// `baseline` in turn. A sensitive code is 2^power/256 N, and a wide one 16 times as much.
     fn offset(overlap: usize, baseline: [i32; 2], power: u32) -> i32 {
         let mut sensor = sensor();
         for channel in [&mut sensor.sensitive, &mut sensor.wide] {
@@ -418,9 +418,11 @@ mod tests {
         for overlap in [2, 3, 9, 33, 80] {
             // A baseline that scatters counts as its 64 samples, and one of equal codes as one.
             for (baseline, counts) in [([0, 0], 1), ([-1, 1], 64)] {
-                // The sums have 20 bits for a signal of the sensitive range, which is that of a code of 1/256 N.
+                // The sums have 20 bits for a signal of the sensitive range, which is that of a code of
+                // 1/256 N.
                 for power in 0..=4 {
-                    // A value is that of the sample before, so the first one is that of a sample that is quiet.
+                    // A value is that of the sample before, so the first one is that of a sample that is
+                    // quiet.
                     let samples = overlap as i32 - 1;
                     let stated = (4096 * samples / (samples + counts)) << power;
                     assert_eq!(

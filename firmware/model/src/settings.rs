@@ -23,8 +23,8 @@ use serde::{Deserialize, Serialize};
 pub const VERSION: u16 = 6;
 /// The oldest version that is migrated.
 pub(crate) const OLDEST: u16 = 3;
-/// Bytes that bring a body of version 3, 4 or 5 to version 6, all zero: version 4 added the address, version 5 the
-/// powers of two, version 6 the company.
+/// Bytes that bring a body of version 3, 4 or 5 to version 6, all zero: version 4 added the address, version
+/// 5 the powers of two, version 6 the company.
 const SINCE: [usize; 3] = [1 + 6 + COMPANY, 6 + COMPANY, COMPANY];
 const COMPANY: usize = 2 + 3 * 4 + 3;
 /// Upper bound of an encoded block, bytes.

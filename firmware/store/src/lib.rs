@@ -1,5 +1,5 @@
-//! What the bead keeps: its settings in flash, over a loss of power, and its last windows in RAM, over a reset
-//! ([`Windows`]). The settings are written while the bead runs.
+//! What the bead keeps: its settings in flash, over a loss of power, and its last windows in RAM, over a
+//! reset ([`Windows`]). The settings are written while the bead runs.
 //!
 //! # Design
 //! The store is `sequential-storage` on two sectors. Each write appends the block with its checksum, and the

@@ -161,8 +161,8 @@ impl<F: NorFlash> asynchronous::NorFlash for Sectors<F> {
         Self::erase(self, &(from..to))
     }
 
-    /// Reads it back, too: flash that has worn out takes a word and does not keep it, and the library erases the sector
-    /// that it has moved the block from.
+    /// Reads it back, too: flash that has worn out takes a word and does not keep it, and the library erases
+    /// the sector that it has moved the block from.
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), SectorError> {
         if self.alone.is_some() {
             return Err(SectorError::Flash);

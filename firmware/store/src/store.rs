@@ -170,8 +170,8 @@ impl<F: NorFlash> Store<F> {
         self.unreadable
     }
 
-    /// Writes a block, and reads it back. After an error the block before it holds; on flash that has worn out it may be
-    /// this one, if only what is beside it was not kept.
+    /// Writes a block, and reads it back. After an error the block before it holds; on flash that has worn
+    /// out it may be this one, if only what is beside it was not kept.
     ///
     /// # Errors
     /// See [`StoreError`].

@@ -1,8 +1,8 @@
 //! A settings block and the secret of its owner, in one record of the store.
 //!
 //! # Design
-//! One record, so that a power cut leaves the old pair or the new one, and never one without the other. A bead
-//! without a secret has its block alone in the record, as beads had before there were secrets. The block
+//! One record, so that a power cut leaves the old pair or the new one, and never one without the other. A
+//! bead without a secret has its block alone in the record, as beads had before there were secrets. The block
 //! begins with "BEAD", so the two forms cannot be taken for each other.
 //!
 //! A store that cannot be read may hold a secret: it is not taken for one without. It stays so until the next

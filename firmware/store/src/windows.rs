@@ -22,7 +22,8 @@ const HEAD: usize = 4;
 /// Bytes that a step of [`Windows::seal`] takes: some 700 instructions.
 const STEP: usize = 64;
 
-/// The memory: plain numbers and bytes only, so that any contents are a value of it. `N` is a multiple of four.
+/// The memory: plain numbers and bytes only, so that any contents are a value of it. `N` is a multiple of
+/// four.
 #[repr(C)]
 pub struct Memory<const N: usize> {
     entries: [Entry; WINDOWS],

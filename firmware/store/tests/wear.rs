@@ -109,7 +109,8 @@ impl NorFlash for Worn {
             match self.left[sector].checked_sub(1) {
                 Some(left) => self.left[sector] = left,
                 None => {
-                    // Near the start of a sector as often as anywhere: there the library keeps its mark and writes first.
+                    // Near the start of a sector as often as anywhere: there the library keeps its mark and
+                    // writes first.
                     let place = match self.draw() % 2 {
                         0 => self.draw() as usize % 32,
                         _ => self.draw() as usize % SECTOR,
@@ -161,8 +162,8 @@ fn a_store_that_wears_out_keeps_what_it_acknowledged_and_refuses_the_rest() {
     for number in 0..FLASHES {
         let mut flash = Worn::new(number);
         let weakness = flash.weakness;
-        // The block that was acknowledged last, and those that were refused since. As after a power cut, one of
-        // these may be there all the same.
+        // The block that was acknowledged last, and those that were refused since. As after a power cut, one
+        // of these may be there all the same.
         let mut holds: Vec<Option<usize>> = vec![None];
         for n in 0..WRITES {
             let (mut store, _) = Store::open(flash, RANGE);

@@ -62,8 +62,8 @@ requests! {
     73 "reset counters" ResetCounters,
     /// Reply, send the frames that wait, and reset the bead.
     74 "reboot" Reboot,
-    /// Keep this key: from now on the bead does what changes its state only if it is signed. A bead that has a
-    /// key takes another one only in a signed request.
+    /// Keep this key: from now on the bead does what changes its state only if it is signed. A bead that has
+    /// a key takes another one only in a signed request.
     75 "set key" SetKey {
         /// The key, or zeros for none; masked in a signed request.
         key: [u8; 16],
@@ -86,17 +86,18 @@ requests! {
     },
     /// Send a kept frame for each strike that the bead keeps, the oldest first.
     77 "list kept" ListKept,
-    /// Send the frames of a strike that the bead keeps once more, as fetched frames. While strikes come, theirs go
-    /// first.
+    /// Send the frames of a strike that the bead keeps once more, as fetched frames. While strikes come,
+    /// theirs go first.
     78 "fetch" Fetch {
         /// The boot in which the strike was measured.
         boot: u32,
         /// Number of the strike in that boot.
         strike: u32,
     },
-    /// Measure the window in which the scan with this index counts as the one that triggers, whatever the force does.
-    /// It needs an armed bead at that scan, and becomes a strike with the flag `triggered_on_request`. The scan has to
-    /// be one that comes within a minute; while the crystal does not run, none comes. A new request takes the place of one whose scan has not come.
+    /// Measure the window in which the scan with this index counts as the one that triggers, whatever the
+    /// force does. It needs an armed bead at that scan, and becomes a strike with the flag
+    /// `triggered_on_request`. The scan has to be one that comes within a minute; while the crystal does not
+    /// run, none comes. A new request takes the place of one whose scan has not come.
     79 "keep" Keep {
         /// The sample index of the scan.
         index: u64,

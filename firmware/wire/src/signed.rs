@@ -28,8 +28,8 @@ use crate::text::Inner;
 pub const KEY: usize = 16;
 /// Bytes of a device id.
 const UID: usize = 12;
-/// A counter may be ahead of the last one by this many. Somebody who forges frames of the bead could else make
-/// an honest host spend all counters with one request.
+/// A counter may be ahead of the last one by this many. Somebody who forges frames of the bead could else
+/// make an honest host spend all counters with one request.
 pub const AHEAD: u64 = 1 << 16;
 
 /// A secret that a bead and its owner share.
@@ -275,7 +275,8 @@ mod tests {
 
     #[test]
     fn the_code_is_that_of_the_reference() {
-        // vectors_sip128 of the authors' implementation: key 00 to 0f, message of no byte, of 00, of 00 to 0e.
+        // vectors_sip128 of the authors' implementation: key 00 to 0f, message of no byte, of 00, of 00 to
+        // 0e.
         let key = Key::new(core::array::from_fn(|n| n as u8)).unwrap();
         let code = |parts: &[&[u8]]| u128::from_be_bytes(key.code(parts));
         assert_eq!(code(&[]), 0xa381_7f04_ba25_a8e6_6df6_7214_c755_0293);

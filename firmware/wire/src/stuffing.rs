@@ -1,16 +1,18 @@
 //! COBS of a payload.
 //!
 //! # Design
-//! The crate `cobs` decodes here, and encodes in the tests. Its encoder takes each byte through a state machine. This one
-//! copies the payload as a whole, and for each byte the search for the next zero is all that is left.
+//! The crate `cobs` decodes here, and encodes in the tests. Its encoder takes each byte through a state
+//! machine. This one copies the payload as a whole, and for each byte the search for the next zero is all
+//! that is left.
 
 /// Most bytes of a piece. Its code byte is then 0xFF, and stands for no zero behind it.
 const PIECE: usize = 254;
 
-/// Writes the COBS form of `bytes`, without delimiters, to the head of `out`, and gives its length. `None` if there
-/// is no room: [`cobs::max_encoding_length`] bytes are always enough.
+/// Writes the COBS form of `bytes`, without delimiters, to the head of `out`, and gives its length. `None` if
+/// there is no room: [`cobs::max_encoding_length`] bytes are always enough.
 pub(crate) fn encode(bytes: &[u8], out: &mut [u8]) -> Option<usize> {
-    // One byte further on all lie where they have to: the code byte of the next piece takes the place of a zero.
+    // One byte further on all lie where they have to: the code byte of the next piece takes the place of a
+    // zero.
     out.get_mut(1..=bytes.len())?.copy_from_slice(bytes);
     let (mut code, mut rest) = (0, bytes);
     loop {
@@ -56,7 +58,8 @@ mod tests {
         ) {
             let mut expected = vec![0; cobs::max_encoding_length(payload.len()) + 1];
             let length = match payload.is_empty() {
-                // This version of the crate writes nothing for nothing; the standard asks for the one code byte.
+                // This version of the crate writes nothing for nothing; the standard asks for the one code
+                // byte.
                 true => { expected[0] = 1; 1 }
                 false => cobs::encode(&payload, &mut expected),
             };

@@ -84,7 +84,8 @@ fn check_unguarded(bench: &Bench, script: &Script) -> Result<usize, String> {
     Ok(measured)
 }
 
-/// Each window is one piece of what the sensors gave, and a strike that no fault touched is measured as without faults.
+/// Each window is one piece of what the sensors gave, and a strike that no fault touched is measured as
+/// without faults.
 fn strikes(emulation: &Emulation, ran: &Ran) -> Result<usize, String> {
     let rows = emulation.machine().stimulus;
     let absorbed = emulation.truth.truth.absorbed;

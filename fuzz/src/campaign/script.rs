@@ -44,7 +44,8 @@ const MOST: u32 = 6;
 const SPAN: f64 = 0.5;
 
 impl Script {
-    /// The script of a number. A `short` one has nothing that takes seconds: no hang, and no port that is given up.
+    /// The script of a number. A `short` one has nothing that takes seconds: no hang, and no port that is
+    /// given up.
     pub fn draw(seed: u64, short: bool) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let interval = tenths(random.random_range(0.05..0.12));

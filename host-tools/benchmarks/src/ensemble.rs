@@ -1,5 +1,5 @@
-//! Many chains that differ in their intruder and speed: how many a second on one core, and the greatest error of the
-//! energy that is absorbed.
+//! Many chains that differ in their intruder and speed: how many a second on one core, and the greatest error
+//! of the energy that is absorbed.
 
 use std::hint::black_box;
 use std::sync::LazyLock;

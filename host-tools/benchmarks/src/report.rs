@@ -83,8 +83,8 @@ pub(crate) struct Comparison {
     pub(crate) sampled: bool,
     /// Greatest error allowed, as a part of the greatest velocity.
     pub(crate) allowed: f64,
-    /// How far a converged run of another solver is from the motion that the errors are taken from, in the same
-    /// measure.
+    /// How far a converged run of another solver is from the motion that the errors are taken from, in the
+    /// same measure.
     pub(crate) reference: f64,
     /// The simulator first.
     pub(crate) rows: Vec<Row>,

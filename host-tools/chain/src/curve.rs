@@ -2,8 +2,9 @@
 //!
 //! # Design
 //!
-//! A [`Sampler`](crate::Sampler) finds the motion of the whole chain at each time. A curve keeps one coordinate
-//! of each step as a polynomial, and finds that alone: for the paper's chain some twenty times faster.
+//! A [`Sampler`](crate::Sampler) finds the motion of the whole chain at each time. A curve keeps one
+//! coordinate of each step as a polynomial, and finds that alone: for the paper's chain some twenty times
+//! faster.
 
 use std::sync::Arc;
 
@@ -53,8 +54,8 @@ impl Solution {
         self.curve(Of::Force(contact))
     }
 
-    /// Force of `contact` beyond its static load in N, negative where the contact carries less: what a sensor shows that
-    /// passes no constant force.
+    /// Force of `contact` beyond its static load in N, negative where the contact carries less: what a sensor
+    /// shows that passes no constant force.
     ///
     /// # Panics
     /// If there is no such contact.

@@ -120,8 +120,8 @@ impl Contact {
     }
 }
 
-/// Where the bodies of a scenario are at t = 0, and their velocities. Displacements count from where all touch,
-/// the last bead at the wall, so gaps are displacements towards the striker.
+/// Where the bodies of a scenario are at t = 0, and their velocities. Displacements count from where all
+/// touch, the last bead at the wall, so gaps are displacements towards the striker.
 fn starts(scenario: &Scenario) -> Vec<(f64, f64)> {
     let beads = scenario.chain.beads;
     let mut gaps = vec![0.0; beads + 2];
@@ -491,14 +491,14 @@ impl Model {
         fastest.filter(|(_, rate)| rate * self.shortest_contact() > 6e5)
     }
 
-    /// The longest step, s, of a run whose accuracy has this [`longest_step`](crate::Accuracy::longest_step). The
-    /// method is stable for steps of up to some 6 of the shortest time constants.
+    /// The longest step, s, of a run whose accuracy has this [`longest_step`](crate::Accuracy::longest_step).
+    /// The method is stable for steps of up to some 6 of the shortest time constants.
     pub(crate) fn longest_step(&self, longest_step: f64) -> f64 {
         (longest_step * self.shortest_contact()).min(6.0 / self.fastest_rate())
     }
 
-    /// How deep the body of greatest energy, which is the striker as a rule, would go into a bead at rest: the
-    /// scale of displacements.
+    /// How deep the body of greatest energy, which is the striker as a rule, would go into a bead at rest:
+    /// the scale of displacements.
     pub(crate) fn displacement_scale(&self) -> f64 {
         let most = (0..self.bodies())
             .map(|body| self.kinetic(body))
@@ -601,8 +601,9 @@ impl System for Model {
 
 /// Energies at one time, J.
 ///
-/// [`Energies::total`] equals [`Model::initial_energy`], the striker's unless beads move at t = 0. The balance closes only with M - m for a host's
-/// shell beside its intruder's own energy. The paper prints M instead; that sum is `chain_as_printed`.
+/// [`Energies::total`] equals [`Model::initial_energy`], the striker's unless beads move at t = 0. The
+/// balance closes only with M - m for a host's shell beside its intruder's own energy. The paper prints M
+/// instead; that sum is `chain_as_printed`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Energies {

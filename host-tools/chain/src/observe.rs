@@ -227,7 +227,8 @@ impl Solution {
         for knot in 0..=last {
             let summit = values[knot.saturating_sub(1)] <= values[knot]
                 && values[knot] >= values[(knot + 1).min(last)];
-            // A step is at most half a contact long, so only knots of some height can have the top beside them.
+            // A step is at most half a contact long, so only knots of some height can have the top beside
+            // them.
             if !summit || values[knot] < coarse - 0.5 * range {
                 continue;
             }

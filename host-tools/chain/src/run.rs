@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! A [`Run`] is where the chain is now. It moves on to a time, and a [`Step`] lets look into each step on the
-//! way. A step computes only the beads that the wave moves ([`crate::solver`]), so with nothing kept a pulse in
-//! a long elastic chain costs as much in each bead as in a short one.
+//! way. A step computes only the beads that the wave moves ([`crate::solver`]), so with nothing kept a pulse
+//! in a long elastic chain costs as much in each bead as in a short one.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::Arc;

@@ -84,7 +84,8 @@ impl Options<'_> {
     /// Refuses what [`simulate_with`] would refuse before its first step, for one who has many runs to make.
     ///
     /// # Errors
-    /// [`SimulateError`]: the scenario or an option is out of range, or it is clear that the run takes too long.
+    /// [`SimulateError`]: the scenario or an option is out of range, or it is clear that the run takes too
+    /// long.
     pub fn check(&self, scenario: &Scenario) -> Result<(), SimulateError> {
         ready(scenario, self).map(|_| ())
     }

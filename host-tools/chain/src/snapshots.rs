@@ -1,5 +1,5 @@
-//! Whole snapshots at equal intervals, taken while a run goes on: what a [`Solution`](crate::Solution) gives at these
-//! times, bit for bit, with nothing kept but one state.
+//! Whole snapshots at equal intervals, taken while a run goes on: what a [`Solution`](crate::Solution) gives
+//! at these times, bit for bit, with nothing kept but one state.
 
 use crate::run::{Run, Step};
 use crate::solution::Snapshot;

@@ -3,11 +3,11 @@
 //! # Design
 //!
 //! It follows the definitions of [`Solution::summary`](crate::Solution::summary). A peak inside a step is the
-//! root of the quantity's rate in the step's dense output. A width needs to know when a force rose through half
-//! of a peak that came later, so while a force rises, its steps are kept as [`Glimpse`]s of that contact alone.
-//! There is room for so many of them. A contact that finds none forgets how its force rose, and has no width unless
-//! the force doubles after that.
-//! Quantities of beads that do not move do not change, so a step costs by what moves in it.
+//! root of the quantity's rate in the step's dense output. A width needs to know when a force rose through
+//! half of a peak that came later, so while a force rises, its steps are kept as [`Glimpse`]s of that contact
+//! alone. There is room for so many of them. A contact that finds none forgets how its force rose, and has no
+//! width unless the force doubles after that. Quantities of beads that do not move do not change, so a step
+//! costs by what moves in it.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -84,15 +84,17 @@ struct ForceWatch {
     width: Option<f64>,
     /// The pulse of the greatest force has not fallen to half yet.
     falls: bool,
-    /// Steps in which the force may have risen through half of a peak for the last time, each with the force at
-    /// its start. These rise: a step that starts from less takes the place of those before it that start from more.
+    /// Steps in which the force may have risen through half of a peak for the last time, each with the force
+    /// at its start. These rise: a step that starts from less takes the place of those before it that start
+    /// from more.
     rising: VecDeque<(Glimpse, f64)>,
 }
 
-/// Steps of rising forces that are kept in all, beside [`KEPT_EACH`] of each contact: 60 MB. Only a chain of which
-/// one part is very much faster than another comes near it.
+/// Steps of rising forces that are kept in all, beside [`KEPT_EACH`] of each contact: 60 MB. Only a chain of
+/// which one part is very much faster than another comes near it.
 const KEPT: usize = 1 << 17;
-/// Steps of a rising force that a contact always keeps. A rise takes some ten, in a chain of which all is equally fast.
+/// Steps of a rising force that a contact always keeps. A rise takes some ten, in a chain of which all is
+/// equally fast.
 const KEPT_EACH: usize = 64;
 
 /// Greatest and least values of an intruder's motion.
@@ -557,8 +559,8 @@ mod tests {
     use super::*;
     use crate::scenario::Section;
 
-    /// Runs six soft beads, of which the last two touch each other in a contact that is very much faster. Gives the
-    /// widths, and how many steps were kept at most.
+    /// Runs six soft beads, of which the last two touch each other in a contact that is very much faster.
+    /// Gives the widths, and how many steps were kept at most.
     fn widths(room: Option<usize>) -> (Vec<Option<f64>>, usize) {
         let mut scenario = Scenario::paper();
         scenario.intruders.clear();

@@ -1,5 +1,5 @@
-//! The energy E(n) that the first n intruders of a row leave, and T, the part of it that each lets pass (Fig. 5 of the
-//! paper).
+//! The energy E(n) that the first n intruders of a row leave, and T, the part of it that each lets pass (Fig.
+//! 5 of the paper).
 
 use crate::scenario::Scenario;
 use crate::simulate::{SimulateError, simulate};
@@ -28,15 +28,15 @@ impl Scenario {
 }
 
 impl Solution {
-    /// The energy of the chain at the end of the run as the paper prints it, J: what the intruders have left. What they
-    /// still hold is no part of it, and what they have given back is.
+    /// The energy of the chain at the end of the run as the paper prints it, J: what the intruders have left.
+    /// What they still hold is no part of it, and what they have given back is.
     pub fn energy_left(&self) -> f64 {
         self.at(self.end()).energies().chain_as_printed
     }
 }
 
-/// E(0), E(1) and so on: what is left by the first 0, 1 and all further hosts of a scenario, as a part of E(0). Each is a
-/// run of its own, as in the paper's Fig. 5.
+/// E(0), E(1) and so on: what is left by the first 0, 1 and all further hosts of a scenario, as a part of
+/// E(0). Each is a run of its own, as in the paper's Fig. 5.
 ///
 /// # Errors
 /// The scenario cannot be integrated.

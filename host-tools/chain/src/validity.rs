@@ -8,20 +8,20 @@ use crate::model::Model;
 use crate::observe::ContactPeak;
 use crate::scenario::{InputError, Material, Scenario};
 
-/// What Hertz' theory supposes, at the greatest force of one contact (Johnson, *Contact Mechanics*, 1985, chapters 4
-/// and 6).
+/// What Hertz' theory supposes, at the greatest force of one contact (Johnson, *Contact Mechanics*, 1985,
+/// chapters 4 and 6).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Validity {
     /// The contact.
     pub contact: usize,
-    /// Highest pressure p₀ = 3 F / (2 π a²), Pa. Ductile bodies yield below the surface where it is 1.6 times their
-    /// strength.
+    /// Highest pressure p₀ = 3 F / (2 π a²), Pa. Ductile bodies yield below the surface where it is 1.6 times
+    /// their strength.
     pub pressure: f64,
     /// Radius a of the contact over that of the smaller body. Hertz' law is for small ones.
     pub radius_ratio: f64,
-    /// Width of the pulse at half its height over the period of the slower body's lowest vibration. Below some 1
-    /// the bodies ring, which the model leaves out. None where the width is not known.
+    /// Width of the pulse at half its height over the period of the slower body's lowest vibration. Below
+    /// some 1 the bodies ring, which the model leaves out. None where the width is not known.
     pub periods: Option<f64>,
     /// Young's modulus of the softer body, Pa.
     pub softer: f64,
@@ -97,8 +97,8 @@ impl Validity {
     }
 }
 
-/// Period of a sphere's lowest vibration, in which it becomes long and flat by turns: 2 π R / (2.65 √(G/ρ)). The
-/// factor goes from 2.6 to 2.7 with Poisson's ratio (Lamb, 1882).
+/// Period of a sphere's lowest vibration, in which it becomes long and flat by turns: 2 π R / (2.65 √(G/ρ)).
+/// The factor goes from 2.6 to 2.7 with Poisson's ratio (Lamb, 1882).
 fn period((radius, material): (f64, Material)) -> f64 {
     if material.density == 0.0 {
         return 0.0;

@@ -19,8 +19,8 @@ pub enum End {
     Panicked,
     /// The processor does not leave the handler of a fault, and nothing resets it.
     Faulted,
-    /// The processor locked up: a fault in the handler of a fault, or nothing at the reset vector. The program
-    /// counter there, if QEMU said it.
+    /// The processor locked up: a fault in the handler of a fault, or nothing at the reset vector. The
+    /// program counter there, if QEMU said it.
     LockedUp(Option<Place>),
     /// The image does nothing but read this register, which no model knows.
     Stuck(String),
@@ -63,8 +63,8 @@ pub struct Exception {
     pub at_ns: u64,
     /// Its number, 3 to 6 (ARMv7-M ARM, B1.5.2).
     pub number: u8,
-    /// Where it came, from the frame on the stack. `None` if there is no frame: the stack itself failed, or it
-    /// is the process stack, which the emulator does not see.
+    /// Where it came, from the frame on the stack. `None` if there is no frame: the stack itself failed, or
+    /// it is the process stack, which the emulator does not see.
     pub pc: Option<Place>,
     /// The link register in that frame.
     pub lr: Option<Place>,

@@ -7,9 +7,10 @@
 //! [`sent`] and [`RTT`] while the image runs and [`OUTCOME`] when it ends. A run that ends without an outcome
 //! has failed.
 //!
-//! In a live run nothing that grows with time is written to files. At a stop the plugin writes a message on standard
-//! output, what came out since the stop before ([`Reached`]), and reads what comes next from standard input
-//! ([`Step`], with [`STEP`] before it). A message is two lengths, a JSON text and bytes: see [`write_message`].
+//! In a live run nothing that grows with time is written to files. At a stop the plugin writes a message on
+//! standard output, what came out since the stop before ([`Reached`]), and reads what comes next from
+//! standard input ([`Step`], with [`STEP`] before it). A message is two lengths, a JSON text and bytes: see
+//! [`write_message`].
 //!
 //! Both sides are this crate, built twice. By [`FORMAT`] in the description the plugin sees whether both are
 //! of the same build: an older shared object is refused, not misread.
@@ -45,8 +46,8 @@ pub(crate) const SEMIHOSTING: &str = "semihosting.txt";
 /// What flash sectors 10 and 11 hold at the end.
 pub(crate) const FLASH: &str = "flash.bin";
 
-/// Removes a run's directory while other threads, or the other side, may still write to it: a file that comes between
-/// keeps it in its place, so it is tried again for a second.
+/// Removes a run's directory while other threads, or the other side, may still write to it: a file that comes
+/// between keeps it in its place, so it is tried again for a second.
 pub(crate) fn remove(folder: &Path) {
     let started = Instant::now();
     // What cannot be removed lies in a folder for temporary files.

@@ -69,8 +69,8 @@ pub struct Run {
     pub shift: Option<u8>,
     /// Whether SWSTART starts a scan while CR2.EXTEN selects a trigger. RM0090 section 13.3 leaves both open.
     pub software_scan_under_trigger: bool,
-    /// How long the DMA takes to fetch a byte that USART1 has received, in ns. If the processor reads the data
-    /// register meanwhile, the DMA never gets that byte.
+    /// How long the DMA takes to fetch a byte that USART1 has received, in ns. If the processor reads the
+    /// data register meanwhile, the DMA never gets that byte.
     pub receive_dma_latency_ns: u64,
     /// Whether the run ends early, with [`RunError::Stuck`](crate::RunError::Stuck), when the image does
     /// nothing but read a register that no model knows: half a million times.
@@ -97,8 +97,8 @@ pub struct Run {
     pub pokes: Vec<Poke>,
     /// Faults on demand.
     pub faults: Vec<Fault>,
-    /// A TCP port of this computer at which QEMU's stub waits for a debugger. The image stands before its first
-    /// instruction until the debugger lets it go on, and the run has no [`timeout`](Self::timeout).
+    /// A TCP port of this computer at which QEMU's stub waits for a debugger. The image stands before its
+    /// first instruction until the debugger lets it go on, and the run has no [`timeout`](Self::timeout).
     /// Virtual time stands still while the image does; a step over a breakpoint costs some of it.
     #[serde(skip)]
     pub gdb: Option<u16>,
@@ -307,8 +307,8 @@ pub enum FaultKind {
     /// ADC1 loses a conversion, as it does when the DMA does not fetch in time. SR.OVR is set. DMA requests
     /// and triggers stop until it is cleared (RM0090 section 13.8.1).
     AdcOverrun,
-    /// ADC1 starts a scan without a trigger: as soon as it waits for triggers, if it does not yet. A trigger that
-    /// comes before that scan is over does nothing.
+    /// ADC1 starts a scan without a trigger: as soon as it waits for triggers, if it does not yet. A trigger
+    /// that comes before that scan is over does nothing.
     ExtraScan,
     /// ADC1 misses the next trigger that it waits for.
     MissedTrigger,

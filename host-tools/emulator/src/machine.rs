@@ -352,8 +352,8 @@ impl Machine {
         self.chip.units.systick.advance(now);
     }
 
-    /// Plays what a converter and its trigger do up to `now`, as long as nothing else happens. [`Self::play`] would
-    /// do the same, and look at every peripheral for every conversion.
+    /// Plays what a converter and its trigger do up to `now`, as long as nothing else happens. [`Self::play`]
+    /// would do the same, and look at every peripheral for every conversion.
     fn scan(&mut self, now: u64, board: &mut impl Board) {
         let Some(scans) = self.chip.scans() else { return };
         let Scans { adc, tim } = scans;

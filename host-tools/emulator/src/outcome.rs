@@ -28,8 +28,8 @@ pub struct Outcome {
     pub rtt: Vec<u8>,
     /// Virtual time of an instruction, in ns.
     pub instruction_ns: u32,
-    /// The interrupts that the processor took, by the vectors at the beginning of flash. A handler that several
-    /// vectors share is not counted.
+    /// The interrupts that the processor took, by the vectors at the beginning of flash. A handler that
+    /// several vectors share is not counted.
     pub interrupts: Vec<Interrupt>,
     /// Executed instructions. `None` if they were not counted.
     pub instructions: Option<Instructions>,
@@ -135,8 +135,8 @@ impl Outcome {
         places.flatten().for_each(name);
     }
 
-    /// A sentence, if the processor had for more than a tenth of the time a clock whose cycle is longer than an
-    /// instruction takes here. The least shift that fits is said.
+    /// A sentence, if the processor had for more than a tenth of the time a clock whose cycle is longer than
+    /// an instruction takes here. The least shift that fits is said.
     pub(crate) fn faster_than_the_core(&self) -> Option<String> {
         let cycle_ns = |hz: u32| 1e9 / f64::from(hz);
         let slow = |(hz, _): &&(u32, u64)| *hz > 0 && cycle_ns(*hz) > f64::from(self.instruction_ns);
@@ -184,12 +184,13 @@ pub struct Instructions {
     pub working: Option<Block>,
     /// All other stretches, taken together. `None` if there were none.
     pub idle: Option<Block>,
-    /// The longest stretch without interrupts (PRIMASK set), from the first interrupt of the ADC's DMA stream on.
+    /// The longest stretch without interrupts (PRIMASK set), from the first interrupt of the ADC's DMA stream
+    /// on.
     pub masked: Option<Masked>,
 }
 
-/// A stretch from CPSID to CPSIE, or to the MSR that gives PRIMASK back. Sections in another are part of it. That
-/// MSR writes what was read before the CPSID is taken for granted.
+/// A stretch from CPSID to CPSIE, or to the MSR that gives PRIMASK back. Sections in another are part of it.
+/// That MSR writes what was read before the CPSID is taken for granted.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Masked {
     /// Executed instructions.

@@ -50,8 +50,8 @@ impl Run {
         self.complete(&image, &job, outcome)
     }
 
-    /// Begins a run whose time passes as the caller says: see [`Live`]. It has no end of its own: `tail_ns` and
-    /// `sampling_deadline_ns` mean nothing, and `timeout` counts from stop to stop.
+    /// Begins a run whose time passes as the caller says: see [`Live`]. It has no end of its own: `tail_ns`
+    /// and `sampling_deadline_ns` mean nothing, and `timeout` counts from stop to stop.
     ///
     /// # Errors
     /// See [`RunError`].

@@ -6,9 +6,9 @@ use std::fmt::Write;
 use crate::outcome::{Outcome, Pin};
 
 impl Outcome {
-    /// The levels of the output pins over time, as a value change dump with steps of 1 ns, for a viewer such as
-    /// GTKWave or PulseView. Every pin is low at first. It has nothing in it unless the run was told to record
-    /// them ([`Run::record_pins`](crate::Run::record_pins)).
+    /// The levels of the output pins over time, as a value change dump with steps of 1 ns, for a viewer such
+    /// as GTKWave or PulseView. Every pin is low at first. It has nothing in it unless the run was told to
+    /// record them ([`Run::record_pins`](crate::Run::record_pins)).
     pub fn vcd(&self) -> String {
         let mut text = String::from("$timescale 1 ns $end\n$scope module stm32f405 $end\n");
         let mut say = |line: std::fmt::Arguments<'_>| text.write_fmt(line).expect("a string takes any text");

@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use crate::packages::{Id, Package, Packages, Product};
 use crate::policy::Policy;
 
-/// The bill of a product: all that is linked into it, with licence, checksum and origin, and what needs what. It has no
-/// time and no random number, so the bill of one commit is always the same.
+/// The bill of a product: all that is linked into it, with licence, checksum and origin, and what needs what.
+/// It has no time and no random number, so the bill of one commit is always the same.
 ///
 /// # Errors
 /// A package has no licence; in words.

@@ -1,9 +1,9 @@
 //! What the flash image and the tools are made of.
 //!
 //! # Design
-//! Cargo knows it all: `cargo tree` says which packages are linked into a program, feature by feature, and `cargo
-//! metadata` says what each is. `deny.toml` says what is allowed, for cargo-deny and for this crate alike, so that a
-//! clone without cargo-deny is checked too.
+//! Cargo knows it all: `cargo tree` says which packages are linked into a program, feature by feature, and
+//! `cargo metadata` says what each is. `deny.toml` says what is allowed, for cargo-deny and for this crate
+//! alike, so that a clone without cargo-deny is checked too.
 
 pub mod bill;
 pub mod notices;

@@ -1,5 +1,5 @@
-//! `bead-inventory`: writes what others made in image and tools: `page` for the repository; `release FOLDER`, the
-//! licences' texts and the bills of materials, for an archive.
+//! `bead-inventory`: writes what others made in image and tools: `page` for the repository; `release FOLDER`,
+//! the licences' texts and the bills of materials, for an archive.
 
 use std::fs;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! What the licences ask for in a copy: who made the parts, and under which terms.
 //!
 //! # Design
-//! The page names each package and its licence. It lies in the repository, and a test holds it to what cargo would
-//! link. The texts, several hundred kilobytes with as many names, go into the archive of a release, made from the
-//! very sources that its programs are made from.
+//! The page names each package and its licence. It lies in the repository, and a test holds it to what cargo
+//! would link. The texts, several hundred kilobytes with as many names, go into the archive of a release,
+//! made from the very sources that its programs are made from.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

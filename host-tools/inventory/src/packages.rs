@@ -80,8 +80,8 @@ pub struct Packages {
 }
 
 impl Packages {
-    /// Asks cargo about the workspace at `root`. Cargo downloads what no build has asked for so far, such as the packages
-    /// of the other one of our systems.
+    /// Asks cargo about the workspace at `root`. Cargo downloads what no build has asked for so far, such as
+    /// the packages of the other one of our systems.
     ///
     /// # Errors
     /// Cargo does not run, or fails, or says something else than it does today; in words.

@@ -24,7 +24,8 @@ impl Policy {
     /// Reads `deny.toml`.
     ///
     /// # Errors
-    /// It is no TOML, names a licence that SPDX does not know, or gives no reason for a second version; in words.
+    /// It is no TOML, names a licence that SPDX does not know, or gives no reason for a second version; in
+    /// words.
     pub fn parse(text: &str) -> Result<Self, String> {
         let table: Table = text.parse().map_err(|error| format!("deny.toml: {error}"))?;
         let part = |name| {
@@ -150,8 +151,8 @@ impl Policy {
         findings
     }
 
-    /// The licences that are taken of those that an expression offers, as cargo-deny would take them: the least of
-    /// those allowed.
+    /// The licences that are taken of those that an expression offers, as cargo-deny would take them: the
+    /// least of those allowed.
     ///
     /// # Errors
     /// SPDX does not know it, or it is not allowed; in words.

@@ -1,12 +1,14 @@
 //! The image in QEMU behind an address: programs reach it as they reach a bead's line.
 //!
 //! # Design
-//! The image stands still in its virtual time until the bridge lets some of it pass ([`stm32f405_qemu::Live`]). So a
-//! request costs what its answer takes the image, however long the bead has run. Bead and strikes do exactly what they
-//! do in any other run: the same bytes at the same virtual times give the same answers.
+//! The image stands still in its virtual time until the bridge lets some of it pass
+//! ([`stm32f405_qemu::Live`]). So a request costs what its answer takes the image, however long the bead has
+//! run. Bead and strikes do exactly what they do in any other run: the same bytes at the same virtual times
+//! give the same answers.
 //!
-//! Without a pace the image's time passes while a program is connected, as fast as it can, and stands still otherwise.
-//! With a pace it follows the time of this computer. Several programs may be connected, as to one line.
+//! Without a pace the image's time passes while a program is connected, as fast as it can, and stands still
+//! otherwise. With a pace it follows the time of this computer. Several programs may be connected, as to one
+//! line.
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
@@ -28,7 +30,8 @@ use crate::line::port::Address;
 const START: Duration = Duration::from_millis(50);
 /// Time that passes after bytes came in. Most requests are answered within it.
 const ANSWER: Duration = Duration::from_millis(80);
-/// Time that passes at once while a program only listens, and with a pace at most: meanwhile nobody is served.
+/// Time that passes at once while a program only listens, and with a pace at most: meanwhile nobody is
+/// served.
 const STEP: Duration = Duration::from_millis(250);
 /// From a stop to the first byte that comes in after it.
 const GAP_NS: u64 = 1_000_000;
@@ -262,8 +265,8 @@ fn advice(address: &Address, error: &io::Error) -> String {
     }
 }
 
-/// Serves the programs that connect, until `stop`. They share the bead's line: each hears all that the bead says, and
-/// the bead hears each.
+/// Serves the programs that connect, until `stop`. They share the bead's line: each hears all that the bead
+/// says, and the bead hears each.
 ///
 /// # Errors
 /// QEMU fails.
@@ -377,8 +380,8 @@ fn tell(programs: &mut Vec<Program>) {
     });
 }
 
-/// Waits until each program has read what it was sent, so that a slow one loses nothing. One that reads nothing at all
-/// holds nobody else up: it is hung up on.
+/// Waits until each program has read what it was sent, so that a slow one loses nothing. One that reads
+/// nothing at all holds nobody else up: it is hung up on.
 fn wait_for_readers(
     programs: &mut Vec<Program>,
     mut let_in: impl FnMut(&mut Vec<Program>),

@@ -65,8 +65,9 @@ pub struct RunTruth {
     /// From when to when others held the trigger line low: as `sync_edges`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub line_low: Vec<[f64; 2]>,
-    /// The waveform that the sensors felt, if it was not a strike of the chain. `truth` is then of the waveform: its
-    /// highest force, and what f64 estimates make of it around that, from the acceleration if it has one.
+    /// The waveform that the sensors felt, if it was not a strike of the chain. `truth` is then of the
+    /// waveform: its highest force, and what f64 estimates make of it around that, from the acceleration if
+    /// it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stimulus: Option<StimulusFile>,
 }
@@ -323,7 +324,8 @@ impl Emulation {
         )
     }
 
-    /// Derives the settings of a bead and digitises what it senses. `timing` is on the time that all beads share.
+    /// Derives the settings of a bead and digitises what it senses. `timing` is on the time that all beads
+    /// share.
     ///
     /// # Errors
     /// The bead has no intruder, or no settings fit it.
@@ -341,8 +343,8 @@ impl Emulation {
         Self::feeling(settings, truth, placed, front_end, timing, image, feel)
     }
 
-    /// Derives the settings of a bead and digitises a waveform that it senses, whatever the chain would do. `truth` is
-    /// kept as what is true of it.
+    /// Derives the settings of a bead and digitises a waveform that it senses, whatever the chain would do.
+    /// `truth` is kept as what is true of it.
     ///
     /// # Errors
     /// The bead has no intruder, no settings fit it, or the waveform is too long.
@@ -430,8 +432,8 @@ impl Emulation {
         })
     }
 
-    /// Gives edges at the sync input, at these times in s on the time that all beads share, as far as the bead is
-    /// on.
+    /// Gives edges at the sync input, at these times in s on the time that all beads share, as far as the
+    /// bead is on.
     pub fn sync(&mut self, edges: impl IntoIterator<Item = f64>) {
         let (began, seconds) = (self.truth.began, self.seconds());
         let own = edges.into_iter().map(|edge| edge - began);
@@ -439,8 +441,8 @@ impl Emulation {
         self.truth.sync_edges = on.collect();
     }
 
-    /// Lets others hold the trigger line low, from when to when in s on the time that all beads share, as far as the bead
-    /// is on.
+    /// Lets others hold the trigger line low, from when to when in s on the time that all beads share, as far
+    /// as the bead is on.
     pub fn line(&mut self, low: impl IntoIterator<Item = [f64; 2]>) {
         let (began, seconds) = (self.truth.began, self.seconds());
         let own = low.into_iter().map(|times| times.map(|time| time - began));
@@ -500,8 +502,8 @@ impl Emulation {
     /// Runs the image.
     ///
     /// # Errors
-    /// The file is no image, QEMU fails, or the image never samples. One that fails after its first sample is no
-    /// error: [`Ran::failure`] says how.
+    /// The file is no image, QEMU fails, or the image never samples. One that fails after its first sample is
+    /// no error: [`Ran::failure`] says how.
     pub fn run(&self) -> Result<Ran, BenchError> {
         let clock = Instant::now();
         let outcome = self.machine().execute()?;
@@ -592,7 +594,8 @@ fn samples_in(windows: impl Iterator<Item = u16>) -> (u64, u64) {
     })
 }
 
-/// How the image failed, if it did: how it ended before its time was over. A fault that a reset follows is no failure.
+/// How the image failed, if it did: how it ended before its time was over. A fault that a reset follows is no
+/// failure.
 fn failure(outcome: &Outcome) -> Option<String> {
     match &outcome.end {
         // That is how test firmware ends. A bead's never does.
@@ -604,7 +607,8 @@ fn failure(outcome: &Outcome) -> Option<String> {
     }
 }
 
-/// From when to when a pin pulled low. It is in use from its first rise on, and until its last fall if that has no end.
+/// From when to when a pin pulled low. It is in use from its first rise on, and until its last fall if that
+/// has no end.
 fn pulls(changes: &[(u64, bool)]) -> Vec<[u64; 2]> {
     let pairs = changes.windows(2).skip_while(|pair| !pair[0].1);
     let low = pairs.filter(|pair| !pair[0].1 && pair[1].1);

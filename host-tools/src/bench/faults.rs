@@ -86,8 +86,8 @@ const GIVEN_UP: f64 = 1.5;
 /// The watchdog resets a bead that hangs for this long, s.
 const WATCHDOG: f64 = 2.0;
 
-/// Faults that a run has at most. That of a sensor changes the stimulus to its end, so many make a run wait long before it
-/// begins.
+/// Faults that a run has at most. That of a sensor changes the stimulus to its end, so many make a run wait
+/// long before it begins.
 const MOST: usize = 10_000;
 
 impl Kind {
@@ -164,8 +164,8 @@ impl Planned {
         self.cause().is_some_and(fatal) || self.kind == Kind::PowerCut
     }
 
-    /// After how long the bead has told of it at the latest, s: found it, and started again where it ends in a
-    /// reset.
+    /// After how long the bead has told of it at the latest, s: found it, and started again where it ends in
+    /// a reset.
     pub fn told_after(&self) -> f64 {
         const FRAME: f64 = 0.05;
         const START: f64 = 0.5;
@@ -181,8 +181,8 @@ impl Planned {
         }
     }
 
-    /// Whether the bead cannot see a strike that begins at `time`, s after the first scan: its force sensor says
-    /// nothing then.
+    /// Whether the bead cannot see a strike that begins at `time`, s after the first scan: its force sensor
+    /// says nothing then.
     pub fn hides(&self, time: f64) -> bool {
         /// From the strike to the end of what the detector looks at, s.
         const PULSE: f64 = 0.01;
@@ -243,9 +243,9 @@ pub fn provoke(faults: &[Planned], run: &mut Run) {
     }));
 }
 
-/// The supply under these faults: from when on, in s after the first scan, it has which voltage, in V. Of faults
-/// that overlap, the one that began last counts as long as it lasts; then one that still lasts, and a good supply
-/// if none does.
+/// The supply under these faults: from when on, in s after the first scan, it has which voltage, in V. Of
+/// faults that overlap, the one that began last counts as long as it lasts; then one that still lasts, and a
+/// good supply if none does.
 pub fn supply(faults: &[Planned]) -> Vec<(f64, f64)> {
     let ends = |fault: &Planned| fault.at + fault.duration.unwrap_or(f64::INFINITY);
     let mut faults: Vec<_> = faults.iter().filter(|fault| fault.kind == Kind::Supply).collect();

@@ -13,8 +13,8 @@
 //! Noise is white from sample to sample and is added after the low-pass. It is the noise of conditioner and
 //! converter at the code, in the sensor's unit.
 //!
-//! The four channels are converted at the same time, on as many threads. Where nothing is felt, only the noise
-//! is computed.
+//! The four channels are converted at the same time, on as many threads. Where nothing is felt, only the
+//! noise is computed.
 
 use bead_model::design::{self, ChannelFrontEnd, SensorFrontEnd};
 use rand::SeedableRng;
@@ -195,7 +195,8 @@ pub trait Stimulus: Clone + Sync {
     fn force(&mut self, time: f64) -> f64;
     /// Absolute acceleration of the intruder in m/s².
     fn acceleration(&mut self, time: f64) -> f64;
-    /// Until when, from `time` on, both are 0; `time` itself if something is felt then, or if that is not known.
+    /// Until when, from `time` on, both are 0; `time` itself if something is felt then, or if that is not
+    /// known.
     fn silent_until(&self, time: f64) -> f64 {
         time
     }
@@ -371,8 +372,8 @@ impl LowPass {
     /// Takes 0 as the next inputs, `steps` of them.
     fn rest(&mut self, steps: u32) {
         for _ in 0..steps {
-            // What is left is far below the least noise. As a subnormal number it would never end, and cost most
-            // of the time.
+            // What is left is far below the least noise. As a subnormal number it would never end, and cost
+            // most of the time.
             if self.input == 0.0 && self.output.abs() < 1e-30 {
                 self.output = 0.0;
                 return;

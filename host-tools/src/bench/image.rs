@@ -63,8 +63,8 @@ pub fn find_image(given: Option<&Path>) -> Result<PathBuf, BenchError> {
     }
 }
 
-/// Whether the head of a file is that of an ELF file for ARM. It is known before a simulation begins; QEMU reads the
-/// rest.
+/// Whether the head of a file is that of an ELF file for ARM. It is known before a simulation begins; QEMU
+/// reads the rest.
 fn is_arm_elf(path: &Path) -> bool {
     const MACHINE_ARM: [u8; 2] = [40, 0];
     let mut head = [0; 20];

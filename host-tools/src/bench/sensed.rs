@@ -54,12 +54,12 @@ pub fn bead_of(solution: &Solution, bead: usize) -> Result<Bead, BenchError> {
     })
 }
 
-/// How far away other intruders change how a bead rings within a window, in beads: a wave goes there and back in
-/// 6 ms.
+/// How far away other intruders change how a bead rings within a window, in beads: a wave goes there and back
+/// in 6 ms.
 const NEAR: usize = 8;
 
-/// The intruders around a bead. Those of its followers count for estimate B if they are like that of the first
-/// follower that holds one.
+/// The intruders around a bead. Those of its followers count for estimate B if they are like that of the
+/// first follower that holds one.
 pub fn neighbours_of(solution: &Solution, bead: usize) -> Neighbours {
     let intruders = solution.model().intruders();
     let at = |place: usize| {
@@ -300,7 +300,8 @@ pub struct Sensed<F = Curve> {
 }
 
 impl Sensed<Trace> {
-    /// Sensors that feel a waveform, as often as `timing` has strikes. One that it does not have stays at rest.
+    /// Sensors that feel a waveform, as often as `timing` has strikes. One that it does not have stays at
+    /// rest.
     pub fn playing(waveform: &Waveform, timing: Timing) -> Self {
         Self {
             timing,
@@ -313,8 +314,8 @@ impl Sensed<Trace> {
 }
 
 impl Sensed {
-    /// The sensors of bead `bead`, which has an intruder, in `solution`. They pass no constant force, so they feel what
-    /// comes on top of a static load.
+    /// The sensors of bead `bead`, which has an intruder, in `solution`. They pass no constant force, so they
+    /// feel what comes on top of a static load.
     pub fn new(solution: &Solution, bead: usize, timing: Timing) -> Self {
         Self {
             timing,

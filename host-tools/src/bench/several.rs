@@ -1,14 +1,14 @@
 //! Several beads of one chain on one strike, on one time: who they are, and how they are run.
 //!
 //! # Design
-//! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. What the beads
-//! share is true time: the strike, the sync line, and the times in the recording.
+//! Each bead is an image in a QEMU of its own, so its bytes do not depend on how many run at once. What the
+//! beads share is true time: the strike, the sync line, and the times in the recording.
 //!
-//! The trigger line goes from bead to bead. All beads run without it first. A bead that would have kept a window for
-//! what the others pulled then runs once more, with the line as they pulled it, until nothing changes any more
-//! (waveform relaxation: Lelarasmee, Ruehli and Sangiovanni-Vincentelli, 1982). A bead pulls milliseconds after what made
-//! it pull, so each round is right for that much longer, and the last one to the nanosecond. Where all beads feel the
-//! strike, none runs twice.
+//! The trigger line goes from bead to bead. All beads run without it first. A bead that would have kept a
+//! window for what the others pulled then runs once more, with the line as they pulled it, until nothing
+//! changes any more (waveform relaxation: Lelarasmee, Ruehli and Sangiovanni-Vincentelli, 1982). A bead pulls
+//! milliseconds after what made it pull, so each round is right for that much longer, and the last one to the
+//! nanosecond. Where all beads feel the strike, none runs twice.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,8 +31,9 @@ pub enum Clocks {
     Spread(f64),
 }
 
-/// The beads at these places. Each has its place as its address, unless one is too far behind for that: then they are
-/// counted from 1. What is left to chance follows from `seed`, and so does the noise, if there is any.
+/// The beads at these places. Each has its place as its address, unless one is too far behind for that: then
+/// they are counted from 1. What is left to chance follows from `seed`, and so does the noise, if there is
+/// any.
 ///
 /// # Errors
 /// There are more beads than addresses, or not as many clocks as beads.
@@ -83,7 +84,8 @@ const LAST_ADDRESS: usize = 254;
 /// Keeps what is left to chance apart from the noise of the same seed.
 const BY_CHANCE: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Runs the beads, as many at once as this computer has cores. `done` is told how many have come to their end.
+/// Runs the beads, as many at once as this computer has cores. `done` is told how many have come to their
+/// end.
 ///
 /// # Errors
 /// One of them cannot be prepared or run.
@@ -115,7 +117,8 @@ pub fn run(
     }
 }
 
-/// When the trigger line is low at a bead by the others' doing: from when to when, in s of the time that all share.
+/// When the trigger line is low at a bead by the others' doing: from when to when, in s of the time that all
+/// share.
 fn pulled_by_others(all: &[(Emulation, Ran)], bead: usize) -> Vec<[f64; 2]> {
     let others = all.iter().enumerate().filter(|(other, _)| *other != bead);
     let mut low: Vec<[f64; 2]> = others
@@ -151,8 +154,9 @@ fn run_again((emulation, ran): &mut (Emulation, Ran), line: Vec<[f64; 2]>) -> Re
 /// Scans from the one that triggers to the fall of the line (`firmware/src/line.rs`).
 const LINE_DELAY: u64 = 600;
 
-/// The falls of the line that a bead may heed, in s since its first scan: not those that come while it measures a strike
-/// that it had found by itself, and not those that tell of an instant whose history reaches back into that.
+/// The falls of the line that a bead may heed, in s since its first scan: not those that come while it
+/// measures a strike that it had found by itself, and not those that tell of an instant whose history reaches
+/// back into that.
 fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
     let history = emulation.settings.window.history;
     let own: Vec<_> = ran
@@ -174,8 +178,8 @@ fn heard(emulation: &Emulation, ran: &Ran) -> Vec<f64> {
         .collect()
 }
 
-/// The indices at which a bead surely heeds no fall of the line, for a strike that it found by itself. Windows
-/// begin `history` scans before their trigger.
+/// The indices at which a bead surely heeds no fall of the line, for a strike that it found by itself.
+/// Windows begin `history` scans before their trigger.
 fn unheeding(strike: &Strike, history: u16) -> Range<f64> {
     /// Scans by which the index of a fall may be off.
     const UNSURE: f64 = 3.0;

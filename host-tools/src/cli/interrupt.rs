@@ -1,13 +1,13 @@
 //! Ctrl-C, `kill` and a terminal that goes away: one rule for every command.
 //!
 //! # Design
-//! A command that is interrupted ends at once, and its results are whole or gone: files that were being written
-//! are removed, so are the temporary files of a run, and a QEMU sees that its host is gone and ends. The exit
-//! status is 128 and the signal's number.
+//! A command that is interrupted ends at once, and its results are whole or gone: files that were being
+//! written are removed, so are the temporary files of a run, and a QEMU sees that its host is gone and ends.
+//! The exit status is 128 and the signal's number.
 //!
-//! A command that records has a better end: it asks for [`orderly`]. The first signal then asks it to complete
-//! its recording; after [`PATIENCE`], or at the second signal, it ends all the same, and its file stays readable
-//! under its temporary name.
+//! A command that records has a better end: it asks for [`orderly`]. The first signal then asks it to
+//! complete its recording; after [`PATIENCE`], or at the second signal, it ends all the same, and its file
+//! stays readable under its temporary name.
 //!
 //! A command that goes on where it was, such as a sweep, says so: [`resumable`].
 //!
@@ -67,8 +67,8 @@ pub fn watch() -> io::Result<()> {
     Ok(())
 }
 
-/// A flag that the first signal sets. The command must then end in order, and has [`PATIENCE`] for that; `left`
-/// says what there is of its work if it takes longer.
+/// A flag that the first signal sets. The command must then end in order, and has [`PATIENCE`] for that;
+/// `left` says what there is of its work if it takes longer.
 pub fn orderly(left: String) -> Arc<AtomicBool> {
     let orderly = ORDERLY.get_or_init(|| Orderly {
         stop: Arc::default(),

@@ -35,8 +35,8 @@ pub fn print(format: Format, value: &impl Serialize, table: impl FnOnce() -> Str
     }
 }
 
-/// Prints `value` as one JSON document, with the version of its schema (docs/schemas). Of a list, every object
-/// has it, as every line of `bead decode` has.
+/// Prints `value` as one JSON document, with the version of its schema (docs/schemas). Of a list, every
+/// object has it, as every line of `bead decode` has.
 ///
 /// # Errors
 /// Standard output is closed or full; a reader that has gone away (`bead … | head`) is not an error.

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! An output never takes the place of an input, of another kind of file, or of anything but a file. It takes
-//! the place of a file of its own kind only with `--force`. All this is known before the work begins, and so is
-//! whether the directory can be written to. [`Target`] then makes sure of the rest: a file is whole or not
+//! the place of a file of its own kind only with `--force`. All this is known before the work begins, and so
+//! is whether the directory can be written to. [`Target`] then makes sure of the rest: a file is whole or not
 //! there, and two programs that write one name do not lose a result.
 
 use std::fs::{self, File};
@@ -64,8 +64,8 @@ impl Kind {
         }
     }
 
-    /// The kind of a file that is there: by its first bytes, else by its name. None if nothing tells, or if it
-    /// is empty.
+    /// The kind of a file that is there: by its first bytes, else by its name. None if nothing tells, or if
+    /// it is empty.
     fn of(path: &Path) -> Option<Self> {
         let mut head = Vec::new();
         // What cannot be read is judged by its name.
@@ -112,8 +112,8 @@ impl Kind {
 /// The file at `path` as a result of `kind`. Call it before the work.
 ///
 /// # Errors
-/// It is one of `inputs`, or no file, or of another kind; it is there and `force` is not given; or its directory
-/// is missing or cannot be written to.
+/// It is one of `inputs`, or no file, or of another kind; it is there and `force` is not given; or its
+/// directory is missing or cannot be written to.
 pub fn target(path: &Path, kind: Kind, inputs: &[&Path], force: Force) -> Result<Target, Failure> {
     let target = allowed(path, kind, inputs, force)?;
     target.try_out()?;

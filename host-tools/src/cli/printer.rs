@@ -19,7 +19,8 @@ enum Said {
     Status(String),
 }
 
-/// Prints lines on a thread of its own, which alone touches the terminal: a paused terminal stops whoever does.
+/// Prints lines on a thread of its own, which alone touches the terminal: a paused terminal stops whoever
+/// does.
 pub(crate) struct Printer {
     said: SyncSender<Said>,
     thread: JoinHandle<Result<(), Failure>>,

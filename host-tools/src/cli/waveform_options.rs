@@ -11,11 +11,12 @@ use crate::waveform::{Choice, Wanted, Waveform};
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Columns of the waveform's file")]
 pub(crate) struct WaveformOptions {
-    /// The force: a column by name or number, a channel of a WAV file by number; behind a colon what 1 of it is, if the
-    /// file does not say: force_n, CH1:8.9N, 2:500N [default: the column with a unit of force].
+    /// The force: a column by name or number, a channel of a WAV file by number; behind a colon what 1 of it
+    /// is, if the file does not say: force_n, CH1:8.9N, 2:500N [default: the column with a unit of force].
     #[arg(long, value_name = "COLUMN[:UNIT]")]
     force_column: Option<Wanted>,
-    /// The acceleration, in the same way: CH2:98m/s2, 3:10g [default: the column with a unit of acceleration].
+    /// The acceleration, in the same way: CH2:98m/s2, 3:10g [default: the column with a unit of
+    /// acceleration].
     #[arg(long, value_name = "COLUMN[:UNIT]")]
     acceleration_column: Option<Wanted>,
     /// The time, in the same way: t:ms [default: the first column of time; without a unit it is in seconds].
@@ -24,7 +25,8 @@ pub(crate) struct WaveformOptions {
     /// Rows a second, in place of a column of time.
     #[arg(long, value_name = "HZ", conflicts_with = "time_column")]
     sample_rate: Option<f64>,
-    /// Which strike of a recording, or of a table that `bead export` wrote, counted from 0 in the file [default: 0].
+    /// Which strike of a recording, or of a table that `bead export` wrote, counted from 0 in the file
+    /// [default: 0].
     #[arg(long, value_name = "N")]
     waveform_strike: Option<usize>,
 }

@@ -1,11 +1,11 @@
 //! What a bead has to say of the faults of a run, and whether it said that, once, and nothing else.
 //!
 //! # Design
-//! Faults meet one another: one comes while the bead starts after another, hangs, or sends nothing. So what is asked for
-//! follows from the run. The emulator tells when the bead was reset. Between two resets the bead surely takes notice, or
-//! it may, where a fault falls into its start or close to another one. A report is answered for by a fault of its cause
-//! at its time; one that no fault answers for is made up, and one that is surely due and did not come is missing. Times
-//! are in s after the first scan.
+//! Faults meet one another: one comes while the bead starts after another, hangs, or sends nothing. So what
+//! is asked for follows from the run. The emulator tells when the bead was reset. Between two resets the bead
+//! surely takes notice, or it may, where a fault falls into its start or close to another one. A report is
+//! answered for by a fault of its cause at its time; one that no fault answers for is made up, and one that
+//! is surely due and did not come is missing. Times are in s after the first scan.
 
 use bead_wire::{FaultCause, Message};
 use stm32f405_qemu::{Reset, ResetCause};
@@ -93,17 +93,18 @@ pub enum Fate {
 pub struct Answers {
     /// What became of each fault, in their order.
     pub fates: Vec<Fate>,
-    /// What is wrong, a line each: reports that are missing or made up, and resets that did not come or that no fault
-    /// explains.
+    /// What is wrong, a line each: reports that are missing or made up, and resets that did not come or that
+    /// no fault explains.
     pub wrong: Vec<String>,
 }
 
 /// The watchdog resets a bead that hangs this long after it was last fed, s: 2 s.
 const WATCHDOG: f64 = 2.05;
-/// From what breaks the interrupt of the DMA to the reset: that interrupt comes with each block, and 12 ms later if the
-/// converter has stopped meanwhile.
+/// From what breaks the interrupt of the DMA to the reset: that interrupt comes with each block, and 12 ms
+/// later if the converter has stopped meanwhile.
 const CRASH: f64 = 0.03;
-/// A port that is silent for so long is given up: at the earliest if nothing left for a second before, and at the latest.
+/// A port that is silent for so long is given up: at the earliest if nothing left for a second before, and at
+/// the latest.
 const GIVEN_UP: [f64; 2] = [0.5, 1.55];
 /// A converter that is silent is set up anew after this time.
 const SET_UP_ANEW: f64 = 0.015;
@@ -114,7 +115,8 @@ const LEAVES: f64 = 0.1;
 /// A low supply is noticed if it lasts for this time, and is over when it has been good for 20 ms.
 const NOTICED: f64 = 0.005;
 const OVER: [f64; 2] = [0.015, 0.025];
-/// From a good supply to samples, and how long a supply has to be good for a start, and how long one waits for it.
+/// From a good supply to samples, and how long a supply has to be good for a start, and how long one waits
+/// for it.
 const START: f64 = 0.045;
 const GOOD: f64 = 0.02;
 const PATIENCE: f64 = 5.0;
@@ -130,8 +132,8 @@ const INSTANT: f64 = 1e-6;
 /// Codes this near to an end of the range are at the rail (`firmware/src/health.rs`).
 const RAIL: u16 = 16;
 
-/// Holds what was said against the faults and strikes of a run. `rows` are the codes that the sensors gave, with the faults
-/// in them; `starts` are when the strikes began.
+/// Holds what was said against the faults and strikes of a run. `rows` are the codes that the sensors gave,
+/// with the faults in them; `starts` are when the strikes began.
 pub fn answers(faults: &[Planned], rows: &[[u16; 4]], starts: &[f64], life: &Life, heard: &Heard) -> Answers {
     let told = &heard.told;
     let run = Faulty::new(faults, life);
@@ -219,7 +221,8 @@ fn matched(due: &[Due], told: &[Told]) -> (Vec<bool>, Vec<usize>) {
     (came, made_up)
 }
 
-/// A boot: when it began, from when on it may take samples and surely does, and when the bead stops or is reset.
+/// A boot: when it began, from when on it may take samples and surely does, and when the bead stops or is
+/// reset.
 #[derive(Debug, Clone, Copy)]
 struct Boot {
     began: f64,
@@ -281,7 +284,8 @@ impl<'a> Faulty<'a> {
         run
     }
 
-    /// When a start that began at a time finds that the supply has been good for long enough, or waits no more.
+    /// When a start that began at a time finds that the supply has been good for long enough, or waits no
+    /// more.
     fn good_since(&self, began: f64) -> f64 {
         let mut good = began;
         for [from, to] in &self.low {
@@ -370,7 +374,8 @@ impl<'a> Faulty<'a> {
                 continue;
             }
             let next = self.boots[number + 1];
-            // It is told when the start is done, and again with what is told every second if the line was busy.
+            // It is told when the start is done, and again with what is told every second if the line was
+            // busy.
             let until = self.leaves(next.surely);
             due.push(Due {
                 causes,
@@ -630,8 +635,8 @@ fn low(faults: &[Planned]) -> Vec<[f64; 2]> {
     low
 }
 
-/// Where the codes of a sensor, at one gain or both, stand still or lie at a rail for long enough to be found: whether at
-/// a rail, and from when to when.
+/// Where the codes of a sensor, at one gain or both, stand still or lie at a rail for long enough to be
+/// found: whether at a rail, and from when to when.
 fn standing(rows: &[[u16; 4]], sensor: usize) -> Vec<(bool, [f64; 2])> {
     let rail = |code: u16| match code {
         code if code < RAIL => Some(0),
@@ -668,7 +673,8 @@ mod tests {
     use super::*;
     use crate::bench::faults::{parse, provoke};
 
-    /// What is wrong with a run of 2 s with these faults, resets and reports, and 19 strikes that were all measured.
+    /// What is wrong with a run of 2 s with these faults, resets and reports, and 19 strikes that were all
+    /// measured.
     fn wrong(faults: &str, resets: &[(f64, ResetCause)], told: &[(f64, FaultCause, &str)]) -> Vec<String> {
         let strikes = (1..20).map(|strike| 0.1 * f64::from(strike));
         run(faults, resets, told, strikes.map(|start| start + 0.02).collect()).wrong

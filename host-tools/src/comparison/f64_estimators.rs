@@ -61,15 +61,15 @@ pub fn measured(bead: &Bead, acceleration: &[f64], rate_hz: f64) -> Vec<f64> {
 }
 
 /// Estimate B: energy in J absorbed since the first sample, at each sample, from the total force at the
-/// host's incoming contact in N. Everything is at rest, just touching, at the first sample. The followers hold
-/// the intruders of `neighbours`.
+/// host's incoming contact in N. Everything is at rest, just touching, at the first sample. The followers
+/// hold the intruders of `neighbours`.
 pub fn predicted(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -> Vec<f64> {
     let energies = energies(bead, neighbours, force, rate_hz);
     energies.into_iter().map(|[absorbed, _]| absorbed).collect()
 }
 
-/// The work in J that the force at the host's incoming contact has done on the host since the first sample, at each
-/// sample: the energy that came in, less what went back. All else as in [`predicted`].
+/// The work in J that the force at the host's incoming contact has done on the host since the first sample,
+/// at each sample: the energy that came in, less what went back. All else as in [`predicted`].
 pub fn work(bead: &Bead, neighbours: &Neighbours, force: &[f64], rate_hz: f64) -> Vec<f64> {
     let energies = energies(bead, neighbours, force, rate_hz);
     energies.into_iter().map(|[_, work]| work).collect()
@@ -105,8 +105,8 @@ fn cubic([before, start, end, after]: [f64; 4], phase: f64) -> f64 {
         - after * p * q * (1.0 + p) / 6.0
 }
 
-/// Bodies: the host, then its followers. Layout: displacements, velocities; displacements and velocities of the
-/// intruders relative to these; energy absorbed by the host's; work done on the host.
+/// Bodies: the host, then its followers. Layout: displacements, velocities; displacements and velocities of
+/// the intruders relative to these; energy absorbed by the host's; work done on the host.
 const BODIES: usize = FOLLOWERS + 1;
 const INTRUDERS: usize = 2 * BODIES;
 const ENERGY: usize = 4 * BODIES;

@@ -1,5 +1,5 @@
-//! What f64 estimates make of a waveform: the same equations as the bead's, at steps that are much finer, without
-//! noise, codes and filter. A takes the acceleration, B the force.
+//! What f64 estimates make of a waveform: the same equations as the bead's, at steps that are much finer,
+//! without noise, codes and filter. A takes the acceleration, B the force.
 
 use std::ops::Range;
 

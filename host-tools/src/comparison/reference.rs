@@ -1,10 +1,10 @@
 //! A strike as its bead measured it, held against the record of another instrument.
 //!
 //! # Design
-//! The two share no clock and perhaps no calibration. So a delay and a gain are found first, for force and for
-//! acceleration each: the delay where the cross-correlation is greatest, then between samples where the correlation
-//! is; the gain by least squares. Everything else is said of the two as they then lie over each other, at the bead's
-//! samples, as far as the other record reaches.
+//! The two share no clock and perhaps no calibration. So a delay and a gain are found first, for force and
+//! for acceleration each: the delay where the cross-correlation is greatest, then between samples where the
+//! correlation is; the gain by least squares. Everything else is said of the two as they then lie over each
+//! other, at the bead's samples, as far as the other record reaches.
 
 use serde::Serialize;
 
@@ -268,8 +268,8 @@ fn aligned(
     })
 }
 
-/// Time of the reference at the bead's first sample, s, to a sample: where the pulse and the reference have the
-/// greatest cross-correlation. A sensor that is wired the other way round is found too.
+/// Time of the reference at the bead's first sample, s, to a sample: where the pulse and the reference have
+/// the greatest cross-correlation. A sensor that is wired the other way round is found too.
 fn coarse(bead: &[f64], rate: f64, reference: &mut Trace) -> f64 {
     let peak = greatest(bead);
     let from = peak.saturating_sub(PULSE);
@@ -285,7 +285,8 @@ fn coarse(bead: &[f64], rate: f64, reference: &mut Trace) -> f64 {
         let along = resampled[lag..].iter().zip(pulse);
         along.map(|(other, own)| other * own).sum::<f64>().abs()
     };
-    // The pulse's energy up to each of its samples. Where the reference does not reach over it, nothing can be said.
+    // The pulse's energy up to each of its samples. Where the reference does not reach over it, nothing can
+    // be said.
     let mut energy = vec![0.0];
     for value in pulse {
         energy.push(energy[energy.len() - 1] + value * value);
@@ -328,8 +329,8 @@ fn correlation(one: &[f64], other: &[f64]) -> f64 {
     }
 }
 
-/// Place, in samples, and height of the top of the strongest pulse, of either sign: of the parabola through the samples
-/// above nine tenths of it, by least squares, or through three.
+/// Place, in samples, and height of the top of the strongest pulse, of either sign: of the parabola through
+/// the samples above nine tenths of it, by least squares, or through three.
 fn summit(values: &[f64]) -> (f64, f64) {
     let top = greatest(values);
     let sign = values[top].signum();
@@ -385,8 +386,8 @@ mod tests {
     use crate::bench::sensed::simulate_with_ring_down;
     use crate::comparison::testing::recorded_strike;
 
-    /// The paper's strike at bead 8 as an instrument of its own would have it: at `rate_hz`, its time 0 `late` s after
-    /// the striker hit, its values `gain` times as high.
+    /// The paper's strike at bead 8 as an instrument of its own would have it: at `rate_hz`, its time 0
+    /// `late` s after the striker hit, its values `gain` times as high.
     fn other(rate_hz: f64, late: f64, gain: f64) -> Waveform {
         let solution = simulate_with_ring_down(&Scenario::paper()).unwrap();
         let count = ((solution.end() - late) * rate_hz) as usize;

@@ -1,4 +1,5 @@
-//! The HTML page of a strike against the record of another instrument: one file that needs nothing from outside.
+//! The HTML page of a strike against the record of another instrument: one file that needs nothing from
+//! outside.
 
 use hertz_figures::chart::{Axis, Chart, Ink, Mark, Panel, Series, WIDTH, escape, style};
 use hertz_figures::error::Error;

@@ -230,12 +230,12 @@ impl Sink for Heard {
     }
 }
 
-/// Scans that stand in for those before the window. It begins where the detector's history began, and the recording
-/// does not hold the quiet before that, which armed the detector.
+/// Scans that stand in for those before the window. It begins where the detector's history began, and the
+/// recording does not hold the quiet before that, which armed the detector.
 ///
-/// The quiet start of the window stands in for it, again and again. After an earlier strike the window may start on a
-/// slope: repeated, that would jump, and no jump arms a detector. There the scan with the highest force is held, from
-/// which nothing rises.
+/// The quiet start of the window stands in for it, again and again. After an earlier strike the window may
+/// start on a slope: repeated, that would jump, and no jump arms a detector. There the scan with the highest
+/// force is held, from which nothing rises.
 fn quiet_before<'a>(strike: &'a RecordedStrike, settings: &Settings) -> Option<&'a [ScanCodes]> {
     let quiet = strike.scans.get(..usize::from(BASELINE))?;
     // These are compared with scans before the window.
@@ -257,8 +257,8 @@ fn differs_as_stream(strike: &RecordedStrike, settings: &Settings) -> Option<Str
     let (mut meter, mut settings) = (Meter::new(), *settings);
     if strike.said.flags.has(StrikeFlags::FROM_OUTSIDE) {
         meter.keep_around(strike.said.trigger_index, strike.said.trigger_index, Origin::Line);
-        // The force has not opened this window, and must not do so here. Where it rises before, the detector was not
-        // armed yet: it was when the window was asked for, which may be later than its trigger.
+        // The force has not opened this window, and must not do so here. Where it rises before, the detector
+        // was not armed yet: it was when the window was asked for, which may be later than its trigger.
         settings.window.threshold = u16::MAX;
     }
     let mut heard = Heard::default();
@@ -312,7 +312,8 @@ mod tests {
 
     #[test]
     fn a_strike_right_after_the_start_replays_to_the_same_bits() {
-        // With less before it no strike is found, and none is lost without a word: the detector was not armed.
+        // With less before it no strike is found, and none is lost without a word: the detector was not
+        // armed.
         let earliest = (0..300).find_map(|quiet| recorded_after(f64::from(quiet) * 1e-5));
         let earliest = earliest.expect("3 ms are enough");
         let reach = u64::from(earliest.settings.unwrap().window.history);
@@ -324,7 +325,8 @@ mod tests {
         }
     }
 
-    /// What a bead reports of these scans, if it saw `past` before them and was asked for them at this sample index.
+    /// What a bead reports of these scans, if it saw `past` before them and was asked for them at this sample
+    /// index.
     fn reported(strike: RecordedStrike, past: &[ScanCodes], asked: Option<u64>) -> RecordedStrike {
         let settings = strike.settings.unwrap();
         let (mut meter, mut heard) = (Meter::new(), Heard::default());
@@ -349,8 +351,8 @@ mod tests {
         }
     }
 
-    /// The paper's strike while the force still falls from an earlier one, by a code at each scan until scan `end` of the
-    /// window, as a bead reports it.
+    /// The paper's strike while the force still falls from an earlier one, by a code at each scan until scan
+    /// `end` of the window, as a bead reports it.
     fn recorded_on_a_slope(end: u16) -> RecordedStrike {
         let mut strike = recorded_strike();
         let mut past = vec![strike.scans[0]; 320];

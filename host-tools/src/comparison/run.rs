@@ -74,7 +74,8 @@ pub struct ProvokedFault {
     pub cause: Option<FaultCause>,
     /// Whether it did.
     pub reported: bool,
-    /// Whether it need not, because of the other faults: the bead was starting, hung, or was reset before it could.
+    /// Whether it need not, because of the other faults: the bead was starting, hung, or was reset before it
+    /// could.
     pub excused: bool,
 }
 

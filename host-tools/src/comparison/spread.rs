@@ -2,11 +2,11 @@
 //!
 //! # Design
 //! Noise moves each strike's estimate by itself, so that a strike says little about the bead. Over several
-//! strikes the mean says how far off the bead is, and the root mean square how much noise adds. A goal is missed
-//! where the deviation is beyond it by more than can be chance: where the whole interval that holds the true
-//! value in nineteen cases of twenty lies beyond the goal. The interval of the mean is Student's, the lower end
-//! of that of the scatter comes from the chi-squared distribution (Wilson and Hilferty's approximation, PNAS 17,
-//! 684, 1931). A strike alone is held to the goal of the mean.
+//! strikes the mean says how far off the bead is, and the root mean square how much noise adds. A goal is
+//! missed where the deviation is beyond it by more than can be chance: where the whole interval that holds
+//! the true value in nineteen cases of twenty lies beyond the goal. The interval of the mean is Student's,
+//! the lower end of that of the scatter comes from the chi-squared distribution (Wilson and Hilferty's
+//! approximation, PNAS 17, 684, 1931). A strike alone is held to the goal of the mean.
 
 use serde::Serialize;
 
@@ -25,7 +25,8 @@ pub struct Spread {
     pub strikes: usize,
     /// Mean of the deviations.
     pub mean: f64,
-    /// The true mean lies within this much of it in 19 cases of 20; none for a strike alone at a given velocity.
+    /// The true mean lies within this much of it in 19 cases of 20; none for a strike alone at a given
+    /// velocity.
     pub uncertainty: Option<f64>,
     /// Root mean square of the deviations about their mean; none for a strike alone.
     pub scatter: Option<f64>,

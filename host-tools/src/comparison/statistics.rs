@@ -11,8 +11,8 @@ const BINS: usize = 12;
 /// Strikes that the history shows; of more, every second, third and so on.
 const SHOWN: usize = 2000;
 
-/// A quantity of every strike: its name with its unit, the unit's scale, digits, and how to find it by the bead
-/// and by the full chain.
+/// A quantity of every strike: its name with its unit, the unit's scale, digits, and how to find it by the
+/// bead and by the full chain.
 struct Quantity {
     name: &'static str,
     scale: f64,

@@ -367,8 +367,8 @@ impl FullChain {
         self.solution.model().contact(self.bead).load > 0.0
     }
 
-    /// The energy that the main wave brings to the bead, J: the work that it does on it. None if it comes from the far
-    /// end.
+    /// The energy that the main wave brings to the bead, J: the work that it does on it. None if it comes
+    /// from the far end.
     pub(crate) fn incident(&self) -> Option<f64> {
         let pulse = self.pulse?;
         let passed = self.solution.flow(self.bead).between(pulse.from, pulse.to);
@@ -378,9 +378,9 @@ impl FullChain {
         Some(brought).filter(|brought| *brought > 0.0)
     }
 
-    /// The same by a bead's force and the reduced chain behind it, as estimate B has it, in f64. None where samples or
-    /// settings are missing, the force left the range of the sensor, or the chain is under a load, which the reduced
-    /// one is not.
+    /// The same by a bead's force and the reduced chain behind it, as estimate B has it, in f64. None where
+    /// samples or settings are missing, the force left the range of the sensor, or the chain is under a load,
+    /// which the reduced one is not.
     pub(crate) fn incident_by(&self, strike: &RecordedStrike) -> Option<f64> {
         let pulse = self.pulse?;
         let settings = whole(strike).filter(|_| !self.is_loaded() && !force_railed(strike))?;
@@ -396,8 +396,8 @@ impl FullChain {
         Some(at(pulse.to)? - at(pulse.from)?).filter(|brought| *brought > 0.0)
     }
 
-    /// When the force at the bead's incoming contact rises through half of the main wave's height, s since the striker
-    /// hit.
+    /// When the force at the bead's incoming contact rises through half of the main wave's height, s since
+    /// the striker hit.
     pub(crate) fn front(&self) -> f64 {
         let mut force = during(&self.force);
         let (highest, time) = self.peak;
@@ -419,8 +419,8 @@ impl FullChain {
         unlike_the_reduced_chain(&self.solution, self.bead)
     }
 
-    /// The recorded force as a multiple of the simulated one, over the pulse, by least squares; and its standard
-    /// error. None where samples or settings are missing, or the force left the range of the sensor.
+    /// The recorded force as a multiple of the simulated one, over the pulse, by least squares; and its
+    /// standard error. None where samples or settings are missing, or the force left the range of the sensor.
     pub(crate) fn force_ratio(&self, strike: &RecordedStrike) -> Option<(f64, f64)> {
         let settings = whole(strike).filter(|_| !force_railed(strike))?;
         let rate = f64::from(settings.sample_rate_hz);
@@ -597,8 +597,9 @@ pub(crate) fn force_railed(strike: &RecordedStrike) -> bool {
     strike.said.flags.has(StrikeFlags::FORCE_RAILED)
 }
 
-/// The main wave of a chain's pulses at a bead: the highest within the window, `after` seconds from the first that is high.
-/// A wave that comes again later, from a wall or from the far end, may be higher, but it has a window of its own.
+/// The main wave of a chain's pulses at a bead: the highest within the window, `after` seconds from the first
+/// that is high. A wave that comes again later, from a wall or from the far end, may be higher, but it has a
+/// window of its own.
 fn main_wave(pulses: &[Pulse], load: f64, after: f64) -> Option<Pulse> {
     let height = |pulse: &Pulse| pulse.force - load;
     let highest = pulses.iter().map(height).fold(0.0, f64::max);

@@ -1,13 +1,14 @@
 //! The striker's velocity, from the forces that a bead recorded.
 //!
 //! # Design
-//! The force of the first wave at the bead's incoming contact goes as v^(6/5) for elastic spheres, and nearly so
-//! with losses. The recorded force, with the front end's pole removed, is held against that of the full chain
-//! over the whole pulse by least squares: its highest sample alone would lie below the peak, and noise would lift
-//! it. Where the recorded force is r times the simulated one, the chain is run again at v r^(5/6), until r is 1.
+//! The force of the first wave at the bead's incoming contact goes as v^(6/5) for elastic spheres, and nearly
+//! so with losses. The recorded force, with the front end's pole removed, is held against that of the full
+//! chain over the whole pulse by least squares: its highest sample alone would lie below the peak, and noise
+//! would lift it. Where the recorded force is r times the simulated one, the chain is run again at v r^(5/6),
+//! until r is 1.
 //!
-//! Only the force is used. So estimate A, which comes from the acceleration, can be judged against the chain at
-//! that velocity, and B, whose energy goes as v² while the force goes as v^(6/5). An error of the force's
+//! Only the force is used. So estimate A, which comes from the acceleration, can be judged against the chain
+//! at that velocity, and B, whose energy goes as v² while the force goes as v^(6/5). An error of the force's
 //! calibration is not seen: 1 % of it is 0.8 % of the velocity, and 1.7 % of the energy.
 
 use hertz_chain::Scenario;
@@ -60,8 +61,8 @@ pub fn first_strikes(
 /// Finds the velocity of the scenario's striker, from strikes at bead `bead`.
 ///
 /// # Errors
-/// No strike came whole, with its settings and a force within the sensor's range, no velocity gives these forces,
-/// or the scenario cannot be run.
+/// No strike came whole, with its settings and a force within the sensor's range, no velocity gives these
+/// forces, or the scenario cannot be run.
 pub fn fit(
     scenario: &Scenario,
     bead: usize,

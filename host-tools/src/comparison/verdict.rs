@@ -1,5 +1,5 @@
-//! Whether a recording agrees with the simulation: which of its strikes are judged, what must hold of them, and of the
-//! run as a whole.
+//! Whether a recording agrees with the simulation: which of its strikes are judged, what must hold of them,
+//! and of the run as a whole.
 
 use std::collections::BTreeMap;
 
@@ -18,8 +18,8 @@ use crate::recording::frames::Item;
 use crate::recording::received::Received;
 use crate::recording::strikes::RecordedStrike;
 
-/// Tells strikes from their echoes: waves that come again after a strike's window, as beads that parted meet again. What
-/// the simulation says of a strike does not hold for an echo.
+/// Tells strikes from their echoes: waves that come again after a strike's window, as beads that parted meet
+/// again. What the simulation says of a strike does not hold for an echo.
 #[derive(Debug, Clone)]
 pub struct Echoes {
     /// When the strikers of an emulated run hit.
@@ -39,8 +39,8 @@ struct Struck {
 }
 
 impl Echoes {
-    /// Of strikes of this scenario. In an emulated run an echo is what comes before the striker hits again; in another, what
-    /// comes within the time for which a strike is simulated.
+    /// Of strikes of this scenario. In an emulated run an echo is what comes before the striker hits again;
+    /// in another, what comes within the time for which a strike is simulated.
     pub fn of(scenario: &Scenario, truth: Option<RunTruth>) -> Self {
         Self {
             truth,
@@ -79,8 +79,8 @@ impl Echoes {
     }
 }
 
-/// A warning where the scenario ends within the bead's window ([`ends_early`]), or lasts so much longer that the truth
-/// holds energy of waves that come after the window.
+/// A warning where the scenario ends within the bead's window ([`ends_early`]), or lasts so much longer that
+/// the truth holds energy of waves that come after the window.
 pub fn other_length(
     scenario: &Scenario,
     solution: &Solution,
@@ -139,7 +139,8 @@ pub struct Soundness {
 }
 
 impl Soundness {
-    /// From the counts of a recording, the overruns that the bead told of, and the emulator's report if it has one.
+    /// From the counts of a recording, the overruns that the bead told of, and the emulator's report if it
+    /// has one.
     pub fn of(counters: &Counters, told: u64, emulator: Option<&EmulatorReport>) -> Self {
         Self {
             lost: counters.lost,

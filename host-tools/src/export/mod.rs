@@ -2,10 +2,10 @@
 //!
 //! # Design
 //! Two tables: `strikes` has a row for each strike of each bead, `samples` a row for each sample of their
-//! windows; `id` joins them. A table has the same columns whatever the data, and what is not known is null. The
-//! unit of a column ends its name, as it does in JSON. Quantities stand beside the bits that they are made of,
-//! so nothing is lost on the way; doubles are exact. Rows are written in groups, so memory does not grow with
-//! the recordings.
+//! windows; `id` joins them. A table has the same columns whatever the data, and what is not known is null.
+//! The unit of a column ends its name, as it does in JSON. Quantities stand beside the bits that they are
+//! made of, so nothing is lost on the way; doubles are exact. Rows are written in groups, so memory does not
+//! grow with the recordings.
 
 mod columns;
 pub mod read;

@@ -13,7 +13,8 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use crate::export::columns::{Cell, Column, Kind};
 use crate::recording::parquet::{Bounded, guarded, open};
 
-/// Rows of a group at most, which is in memory as a whole. PyArrow writes as many together, this program fewer.
+/// Rows of a group at most, which is in memory as a whole. PyArrow writes as many together, this program
+/// fewer.
 const GROUP_MOST: usize = 1 << 20;
 /// Cells of a group at most: they take 800 MB.
 const CELLS_MOST: usize = 1 << 25;

@@ -1,4 +1,5 @@
-//! The table `strikes`: what a bead said of each strike, of its shape, and the settings that it measured with.
+//! The table `strikes`: what a bead said of each strike, of its shape, and the settings that it measured
+//! with.
 
 use std::collections::HashMap;
 

@@ -14,8 +14,8 @@ use parquet::schema::parser::parse_message_type;
 
 use crate::export::columns::{Cell, Column, Kind};
 
-/// Rows held in memory at a time: a group. Cells, and bytes of text, after which a group of fewer rows ends; a reader takes
-/// more of them ([`crate::export::read`]).
+/// Rows held in memory at a time: a group. Cells, and bytes of text, after which a group of fewer rows ends;
+/// a reader takes more of them ([`crate::export::read`]).
 const ROW_GROUP: usize = 1 << 16;
 const CELLS: usize = 1 << 24;
 const TEXT: usize = 64 << 20;
@@ -173,8 +173,8 @@ impl Table for Parquet<'_> {
     }
 }
 
-/// A file of comma-separated values, with a line of names. A null is empty; a number has the fewest digits that
-/// give the same bits.
+/// A file of comma-separated values, with a line of names. A null is empty; a number has the fewest digits
+/// that give the same bits.
 pub struct Csv<'a>(BufWriter<&'a mut File>);
 
 impl<'a> Csv<'a> {

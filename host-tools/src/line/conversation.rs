@@ -5,15 +5,16 @@
 //! reply. Every request may be repeated (`docs/protocol.md`). The first number is arbitrary, so that a reply
 //! to an earlier program is not taken for ours.
 //!
-//! Without an address, every bead on the line is asked. Then one bead must be alone there: the replies of several
-//! would collide. With an address, only that bead is asked, and what the others send meanwhile is passed over.
+//! Without an address, every bead on the line is asked. Then one bead must be alone there: the replies of
+//! several would collide. With an address, only that bead is asked, and what the others send meanwhile is
+//! passed over.
 //!
-//! Behind a hub the replies of several beads do not collide. So before a bead's state is changed without an address,
-//! all that was heard must come from one bead: what one of them told is not for the others.
+//! Behind a hub the replies of several beads do not collide. So before a bead's state is changed without an
+//! address, all that was heard must come from one bead: what one of them told is not for the others.
 //!
-//! With a key, what changes the bead's state is signed. The bead is asked first for what a signature needs: its
-//! device id, boot, sample index and counter. Each copy of a signed request has a counter of its own, since the
-//! bead takes each only once.
+//! With a key, what changes the bead's state is signed. The bead is asked first for what a signature needs:
+//! its device id, boot, sample index and counter. Each copy of a signed request has a counter of its own,
+//! since the bead takes each only once.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -29,11 +30,11 @@ use crate::recording::frames::{Frame, Reader};
 
 /// How often a request is sent before the bead counts as silent.
 const ATTEMPTS: u32 = 3;
-/// When one bead has replied, another one's reply to the same request may come so much later: a bead whose line is
-/// busy holds a reply back for 20 ms, and a network may do so too.
+/// When one bead has replied, another one's reply to the same request may come so much later: a bead whose
+/// line is busy holds a reply back for 20 ms, and a network may do so too.
 const OTHERS: Duration = Duration::from_millis(200);
-/// Most frames that are kept while a reply is waited for, the newest: whoever sends more must not fill the memory.
-/// The frames of an answer are the last ones before its reply, and far fewer.
+/// Most frames that are kept while a reply is waited for, the newest: whoever sends more must not fill the
+/// memory. The frames of an answer are the last ones before its reply, and far fewer.
 const FRAMES: usize = 4096;
 
 /// Why a conversation fails. The message is one line: what, why, what next.
@@ -88,8 +89,8 @@ pub struct Answer {
     pub reply: Reply,
     /// The address of the bead that replied.
     pub address: u8,
-    /// Whether a frame of the bead was lost before one of these or before the reply. What was lost before the first
-    /// frame of a conversation is unknown.
+    /// Whether a frame of the bead was lost before one of these or before the reply. What was lost before the
+    /// first frame of a conversation is unknown.
     pub lost: bool,
     /// Whether every bead on the line was asked, and something came damaged: replies of several collide.
     collided: bool,
@@ -130,8 +131,8 @@ impl Answer {
 }
 
 impl Conversation {
-    /// Opens the line to the bead with an address, or to the only one there: [`ANY`]. `patience` is how long a
-    /// reply may take.
+    /// Opens the line to the bead with an address, or to the only one there: [`ANY`]. `patience` is how long
+    /// a reply may take.
     ///
     /// # Errors
     /// The port does not open.
@@ -161,8 +162,8 @@ impl Conversation {
     /// Whether this key is the bead's: asks it to do something that changes nothing, signed.
     ///
     /// # Errors
-    /// The port goes away, no reply comes, or the reply leaves it open. So it does if the bead does not have the key,
-    /// and there are others that were not told apart by an address.
+    /// The port goes away, no reply comes, or the reply leaves it open. So it does if the bead does not have
+    /// the key, and there are others that were not told apart by an address.
     pub fn has_key(&mut self, key: &Key) -> Result<bool, LineError> {
         let answer = self.signed(&Request::Identity, key)?;
         match answer.reply.outcome {
@@ -178,8 +179,8 @@ impl Conversation {
     /// Sends a request and returns the bead's answer, done or refused.
     ///
     /// # Errors
-    /// The port goes away, no reply comes, or the request would change the state of one of several beads that were
-    /// heard, and none was named.
+    /// The port goes away, no reply comes, or the request would change the state of one of several beads that
+    /// were heard, and none was named.
     pub fn request(&mut self, request: &Request) -> Result<Answer, LineError> {
         match self.key.clone().filter(|_| request.changes_state()) {
             Some(key) => self.signed(request, &key),
@@ -233,8 +234,8 @@ impl Conversation {
     /// Asks for `request`: sends what `sealed` makes of it for its number and each attempt.
     fn ask(&mut self, request: &Request, sealed: impl Fn(u16, u32) -> Request) -> Result<Answer, LineError> {
         let asked = self.asked;
-        // By these a bead may get another address, under which it replies. The number of the request is its own all
-        // the same.
+        // By these a bead may get another address, under which it replies. The number of the request is its
+        // own all the same.
         let moves = matches!(request, Request::WriteSettings { .. } | Request::EraseSettings);
         if request.changes_state() && asked == ANY && self.replied.is_some() {
             self.hear(OTHERS, |_| None::<()>)?;

@@ -1,14 +1,14 @@
 //! Which strikes of a bead are missing, and what to ask it for.
 //!
 //! # Design
-//! A bead keeps its last strikes, also over a reset. So a strike whose frames were lost on the way can be fetched,
-//! as long as newer ones have not taken its place. [`Gaps`] sees every frame of one bead and says when there is
-//! something to ask. It asks for nothing while nothing is missing.
+//! A bead keeps its last strikes, also over a reset. So a strike whose frames were lost on the way can be
+//! fetched, as long as newer ones have not taken its place. [`Gaps`] sees every frame of one bead and says
+//! when there is something to ask. It asks for nothing while nothing is missing.
 //!
-//! Strikes are wanted from the first one on that anything was heard of, or else from the first status on: those before
-//! were measured before anybody listened. What is missing
-//! of this boot is known from the numbers: of strikes that came, and of the status. Of boots before, only the bead knows:
-//! after a reset, or after the line was gone, it is asked for the list of what it keeps.
+//! Strikes are wanted from the first one on that anything was heard of, or else from the first status on:
+//! those before were measured before anybody listened. What is missing of this boot is known from the
+//! numbers: of strikes that came, and of the status. Of boots before, only the bead knows: after a reset, or
+//! after the line was gone, it is asked for the list of what it keeps.
 //!
 //! After a power cycle a bead keeps nothing and counts its boots anew, so strikes have the same names again.
 //! What is known of a name is therefore forgotten when a boot of that number begins.
@@ -21,7 +21,8 @@ use bead_wire::{Arrival, Fetched, MAX_REQUEST, Message, Outcome, Request, encode
 use crate::recording::again::{Again, Whole};
 use crate::recording::frames::Frame;
 
-/// A strike whose frames should have come by now is missing after this time: ten times its frames' time on the line.
+/// A strike whose frames should have come by now is missing after this time: ten times its frames' time on
+/// the line.
 const OVERDUE: Duration = Duration::from_millis(200);
 /// A reply may take so long.
 const PATIENCE: Duration = Duration::from_secs(1);

@@ -103,8 +103,8 @@ impl Listener<'_> {
         }
     }
 
-    /// Opens the port as soon as that works. `None` when the recording is over, or every port was gone for too
-    /// long.
+    /// Opens the port as soon as that works. `None` when the recording is over, or every port was gone for
+    /// too long.
     fn reopen(&self) -> Option<Port> {
         loop {
             thread::sleep(RETRY);

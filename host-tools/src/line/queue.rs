@@ -4,12 +4,12 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The number of a port, when the last of the bytes came, and the bytes received there. No bytes say that the port is
-/// there again after it was gone.
+/// The number of a port, when the last of the bytes came, and the bytes received there. No bytes say that the
+/// port is there again after it was gone.
 pub type Heard = (usize, Instant, Vec<u8>);
 
-/// A queue of received bytes with an upper bound. Who fills it waits while it is full: the sender at the other
-/// end of a socket then waits too, and a serial line loses bytes, which its frames show.
+/// A queue of received bytes with an upper bound. Who fills it waits while it is full: the sender at the
+/// other end of a socket then waits too, and a serial line loses bytes, which its frames show.
 pub struct Queue {
     most: usize,
     state: Mutex<State>,

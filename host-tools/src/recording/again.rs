@@ -26,8 +26,8 @@ struct Coming {
     parts: BTreeMap<u8, Message>,
 }
 
-/// Puts fetched frames together. It keeps those of one strike for each bead. A strike that was fetched twice since
-/// frames were lost is whole when each came once.
+/// Puts fetched frames together. It keeps those of one strike for each bead. A strike that was fetched twice
+/// since frames were lost is whole when each came once.
 #[derive(Clone, Debug, Default)]
 pub struct Again {
     coming: HashMap<u8, Coming>,

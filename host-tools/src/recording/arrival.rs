@@ -1,11 +1,12 @@
 //! When a pulse arrived, between samples: when its force rose through half of its height.
 //!
 //! # Design
-//! The top of a pulse is flat, so noise of some mN moves it by 0.1 to 0.6 µs, and more samples or another polynomial do
-//! not help, since a pulse in a row of absorbers is not even. Its front is steep. A polynomial of degree `DEGREE`
-//! through the samples about the place gives the time there (least squares, in polynomials that are orthogonal on the
-//! samples: Forsythe, J. SIAM 5, 74, 1957), and so it gives the height of the top. Few samples leave noise, and many
-//! pulses that are no such polynomial: `REACH` is between. It puts all fronts a thousandth of a width too early.
+//! The top of a pulse is flat, so noise of some mN moves it by 0.1 to 0.6 µs, and more samples or another
+//! polynomial do not help, since a pulse in a row of absorbers is not even. Its front is steep. A polynomial
+//! of degree `DEGREE` through the samples about the place gives the time there (least squares, in polynomials
+//! that are orthogonal on the samples: Forsythe, J. SIAM 5, 74, 1957), and so it gives the height of the top.
+//! Few samples leave noise, and many pulses that are no such polynomial: `REACH` is between. It puts all
+//! fronts a thousandth of a width too early.
 
 use crate::recording::signal::Signal;
 
@@ -15,8 +16,8 @@ const DEGREE: usize = 3;
 const REACH: f64 = 0.25;
 const REACH_LEAST: usize = 2;
 
-/// When the force rose through half of its greatest value, in samples of the window. `None` if it never did, or too
-/// near an end of the window.
+/// When the force rose through half of its greatest value, in samples of the window. `None` if it never did,
+/// or too near an end of the window.
 pub fn rise(signal: &Signal) -> Option<f64> {
     let force = &signal.force;
     let (peak, highest) = force
@@ -100,8 +101,8 @@ impl Polynomial {
         self.at(x)[0]
     }
 
-    /// Where something that is made of value and derivatives is zero, given with its slope: by Newton's method from the
-    /// middle.
+    /// Where something that is made of value and derivatives is zero, given with its slope: by Newton's
+    /// method from the middle.
     fn where_is(&self, zero: impl Fn([f64; 3]) -> (f64, f64)) -> Option<f64> {
         let mut x = 0.0;
         for _ in 0..20 {

@@ -2,7 +2,8 @@
 //!
 //! # Design
 //! [`Frames`] turns bytes into frames, from every source: a recording, a pipe, a line, an emulated run. It
-//! keeps one piece of bytes, and the frames of one block of it. Frames stay as they came: fixed-point bits and ADC codes.
+//! keeps one piece of bytes, and the frames of one block of it. Frames stay as they came: fixed-point bits
+//! and ADC codes.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -133,8 +134,8 @@ pub struct Frames<I> {
     ready: VecDeque<Item>,
 }
 
-/// Bytes that are read at once. What two bytes give, such as a reject, takes hundreds in memory, and a piece may have
-/// megabytes.
+/// Bytes that are read at once. What two bytes give, such as a reject, takes hundreds in memory, and a piece
+/// may have megabytes.
 const BLOCK: usize = 4096;
 
 impl<I: Iterator<Item = Piece>> Frames<I> {
@@ -159,7 +160,8 @@ impl<I: Iterator<Item = Piece>> Frames<I> {
         self.reader.pending()
     }
 
-    /// Whether the next frame must still be read from a piece that is still to come. On a line it may take long.
+    /// Whether the next frame must still be read from a piece that is still to come. On a line it may take
+    /// long.
     pub fn is_empty(&self) -> bool {
         self.ready.is_empty()
     }

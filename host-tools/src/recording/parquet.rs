@@ -1,17 +1,18 @@
 //! Parquet files in which anything may be wrong.
 //!
 //! # Design
-//! The library asserts some of what a sound file has, and returns an error for the rest. So its panics are caught where it is
-//! called, and become errors of one line. Nothing of its state is used after that. The panic hook says nothing of them; it is
-//! set once, and hands all other panics on to the hook that was there.
+//! The library asserts some of what a sound file has, and returns an error for the rest. So its panics are
+//! caught where it is called, and become errors of one line. Nothing of its state is used after that. The
+//! panic hook says nothing of them; it is set once, and hands all other panics on to the hook that was there.
 //!
-//! Behind the end of a file the library skips a list of any length, entry by entry, for a minute. So the end of the file is an
-//! error to what reads on. And it reserves the memory that a length asks for before it reads: that of a part of the file,
-//! that of a page when it is not compressed any more, that of the values of a dictionary, that of the columns of a group, and
-//! that of texts which are written as differences. So the first is held against the file, the second against what Snappy can
-//! make of so few bytes, the third against the second, and the fourth against the bytes in which all columns are named; texts
-//! as differences are not read.
-//! What a file and a page tell of themselves is gone through before ([`crate::recording::thrift`]).
+//! Behind the end of a file the library skips a list of any length, entry by entry, for a minute. So the end
+//! of the file is an error to what reads on. And it reserves the memory that a length asks for before it
+//! reads: that of a part of the file, that of a page when it is not compressed any more, that of the values
+//! of a dictionary, that of the columns of a group, and that of texts which are written as differences. So
+//! the first is held against the file, the second against what Snappy can make of so few bytes, the third
+//! against the second, and the fourth against the bytes in which all columns are named; texts as differences
+//! are not read. What a file and a page tell of themselves is gone through before
+//! ([`crate::recording::thrift`]).
 
 use std::any::Any;
 use std::cell::Cell;
@@ -83,7 +84,8 @@ impl Read for Rest {
 
 /// Bytes of the footer, at the end of a file.
 const FOOTER: u64 = 8;
-/// Snappy makes at most 64 bytes of 3: a copy of bytes that were there before. Other compressions are not built in.
+/// Snappy makes at most 64 bytes of 3: a copy of bytes that were there before. Other compressions are not
+/// built in.
 const GROWTH_MOST: i64 = 22;
 
 /// Groups that lie within each other at most.
@@ -94,9 +96,10 @@ const NAME_AT_LEAST: u64 = 48;
 const NAMES: u64 = 64 << 20;
 const NAMES_A_BYTE: u64 = 16;
 
-/// Refuses columns in too many groups: the library goes into each by a call of itself. And it reserves the memory of all
-/// that a group says to have, though each takes a byte at least of the `length` in which they are named. With each column it
-/// keeps the names of all groups that the column lies in, so one long name becomes many.
+/// Refuses columns in too many groups: the library goes into each by a call of itself. And it reserves the
+/// memory of all that a group says to have, though each takes a byte at least of the `length` in which they
+/// are named. With each column it keeps the names of all groups that the column lies in, so one long name
+/// becomes many.
 fn check_schema(numbers: &Numbers, length: usize) -> Result<(), ParquetError> {
     let number = |place, field| numbers.get(&[SCHEMA, place, field][..]).copied().unwrap_or(0);
     let last = numbers
@@ -138,8 +141,9 @@ fn check_schema(numbers: &Numbers, length: usize) -> Result<(), ParquetError> {
     Ok(())
 }
 
-/// Refuses a page by its header, if it says that it grows more than Snappy can let it, or that its dictionary has more
-/// values than bytes; and texts in pages that say themselves how many, for which the library reserves the memory.
+/// Refuses a page by its header, if it says that it grows more than Snappy can let it, or that its dictionary
+/// has more values than bytes; and texts in pages that say themselves how many, for which the library
+/// reserves the memory.
 fn check_page(header: impl Read) -> Result<(), ParquetError> {
     let numbers = whole_numbers(header, PAGE, None)?;
     let number = |path: &[i64]| numbers.get(path).copied().unwrap_or(0);
@@ -175,8 +179,8 @@ const ROWS_A_BYTE: u64 = 1000;
 /// Opens a Parquet file.
 ///
 /// # Errors
-/// It is none, or damaged, or names more rows than its bytes can hold: equal ones take no room. Or its columns name more
-/// bytes than it has: many could be read from the same ones.
+/// It is none, or damaged, or names more rows than its bytes can hold: equal ones take no room. Or its
+/// columns name more bytes than it has: many could be read from the same ones.
 pub(crate) fn open(file: File) -> Result<SerializedFileReader<Bounded>, ParquetError> {
     let length = file.len();
     let reader = guarded(|| SerializedFileReader::new(Bounded(file)))?;

@@ -5,8 +5,9 @@ use std::fmt;
 use std::io::{self, Write};
 
 /// The text with each control character as JSON writes it, such as `\u001b`; line ends and tabs stay. A
-/// device, a file or its name can hold sequences that steer a terminal: clear it, rename its window, write into
-/// the clipboard, or turn letters around. All that this library and its programs print goes through here.
+/// device, a file or its name can hold sequences that steer a terminal: clear it, rename its window, write
+/// into the clipboard, or turn letters around. All that this library and its programs print goes through
+/// here.
 pub fn printable(text: &str) -> Cow<'_, str> {
     without(text, |character| {
         steers(character) && !matches!(character, '\n' | '\t')
@@ -36,8 +37,8 @@ pub fn first_of<T: ToString>(names: impl IntoIterator<Item = T>, most: usize) ->
     }
 }
 
-/// Control characters, separators of lines, and those that change the direction of writing (Unicode annex 9, section 2):
-/// with these a name can look like another.
+/// Control characters, separators of lines, and those that change the direction of writing (Unicode annex 9,
+/// section 2): with these a name can look like another.
 fn steers(character: char) -> bool {
     match character {
         '\u{2028}' | '\u{2029}' => true,
@@ -57,8 +58,8 @@ fn without(text: &str, shown: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(written).collect())
 }
 
-/// Says something beside the result in one line, on standard error. What could steer a terminal is shown, not sent.
-/// Where standard error is closed, nobody can be told, and the work goes on.
+/// Says something beside the result in one line, on standard error. What could steer a terminal is shown, not
+/// sent. Where standard error is closed, nobody can be told, and the work goes on.
 pub fn note(what: fmt::Arguments<'_>) {
     let _ = writeln!(io::stderr(), "bead: {}", one_line(&what.to_string()));
 }

@@ -3,8 +3,8 @@
 //! # Design
 //! A message of the wire knows its fields ([`Fields`]), so its schema follows from it. Quantities are doubles
 //! in SI units with the unit in the name; every double is exact. An index of a sample has the bead's time
-//! beside it. A body of the wire never changes, so neither do the numbers of its fields: the header has 1 to 5,
-//! the body 16 and so on in the order of the wire, times 128 and so on.
+//! beside it. A body of the wire never changes, so neither do the numbers of its fields: the header has 1 to
+//! 5, the body 16 and so on in the order of the wire, times 128 and so on.
 
 use bead_wire::{Body, Fields, Value, named};
 use prost::Message as _;
@@ -223,8 +223,8 @@ impl Waveform<'_> {
         schema("Waveform", fields, Vec::new())
     }
 
-    /// The message. Signals are floats here, which keep a force below 256 N and an acceleration below 4096 m/s²
-    /// exactly.
+    /// The message. Signals are floats here, which keep a force below 256 N and an acceleration below
+    /// 4096 m/s² exactly.
     pub fn message(&self) -> Vec<u8> {
         struct Nothing;
         impl Fields for Nothing {

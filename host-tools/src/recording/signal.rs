@@ -2,9 +2,10 @@
 //!
 //! # Design
 //! The bead's own code ([`bead_model::sensor`]) makes one signal of the codes of both gains, with the filter
-//! taken out. Here it runs once more, so that from the sample before the end of the baseline on every value has
-//! the bits that the estimators had. The samples before it, which the bead only averages, get their values with
-//! the same zeros. The value of the last sample needs a code after it: its own stands in for that one.
+//! taken out. Here it runs once more, so that from the sample before the end of the baseline on every value
+//! has the bits that the estimators had. The samples before it, which the bead only averages, get their
+//! values with the same zeros. The value of the last sample needs a code after it: its own stands in for that
+//! one.
 
 use bead_model::layout::{BASELINE, PIECE};
 use bead_model::quantity::SensedAcceleration;

@@ -46,15 +46,15 @@ pub struct RecordedStrike {
     pub address: u8,
     /// The low byte of its boot number.
     pub boot: u8,
-    /// Which of the bead's boots that were received it is of, from 0: after a power cycle the low byte is the same
-    /// again. None of a strike that was fetched later, which only tells the byte.
+    /// Which of the bead's boots that were received it is of, from 0: after a power cycle the low byte is the
+    /// same again. None of a strike that was fetched later, which only tells the byte.
     pub nth_boot: Option<usize>,
     /// Its unique device id; none before its identity came.
     pub uid: Option<[u8; 12]>,
     /// Scans a second, in hertz, by its last identity before the strike.
     pub sample_rate_hz: Option<u32>,
-    /// When the host received the strike frame, in ns since 1970, if that is known. It is not of a strike that was
-    /// fetched later.
+    /// When the host received the strike frame, in ns since 1970, if that is known. It is not of a strike
+    /// that was fetched later.
     pub received_ns: Option<u64>,
     /// What the bead said of it.
     pub said: Strike,
@@ -142,8 +142,9 @@ pub(crate) fn push_scans(scans: &mut Vec<ScanCodes>, waveform: &Waveform) {
 
 /// A frame that comes this many frames too late counts as lost.
 const SETTLED: i64 = REORDER as i64;
-/// Greatest number of strikes that wait: for frames that are late, for the first settings of their boot, or for their
-/// strike frame. A bead that never sends either, or whose strikes count down, must not fill the memory.
+/// Greatest number of strikes that wait: for frames that are late, for the first settings of their boot, or
+/// for their strike frame. A bead that never sends either, or whose strikes count down, must not fill the
+/// memory.
 const WAITING: usize = 64;
 
 /// What a bead sent since its last reset and is not yet part of a strike that was handed on.
@@ -161,7 +162,8 @@ struct Boot {
     uid: Option<[u8; 12]>,
 }
 
-/// Numbers that go on where those of the wire begin anew: after 2^32 frames, which a full line sends in 24 days.
+/// Numbers that go on where those of the wire begin anew: after 2^32 frames, which a full line sends in 24
+/// days.
 #[derive(Debug, Clone, Copy, Default)]
 struct Count(Option<i64>);
 
@@ -260,8 +262,8 @@ impl<I: Iterator<Item = Frame>> Strikes<I> {
         }
     }
 
-    /// The same, if it is known which strikes come once more ([`sent_again`]): of a strike that is missing a part
-    /// where it came first, only the second copy is handed on.
+    /// The same, if it is known which strikes come once more ([`sent_again`]): of a strike that is missing a
+    /// part where it came first, only the second copy is handed on.
     pub fn knowing(self, sent_again: BTreeSet<Name>) -> Self {
         Self {
             to_come: sent_again,
@@ -561,7 +563,8 @@ mod tests {
         assert!(!is_new(&mut strikes, whole(0, 5)));
     }
 
-    /// The threshold of the settings that each of three strikes gets; their frames are numbered from `first` on.
+    /// The threshold of the settings that each of three strikes gets; their frames are numbered from `first`
+    /// on.
     fn thresholds(first: u32) -> Vec<u16> {
         let mut settings = derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap();
         let mut blocks = Vec::new();

@@ -1,11 +1,11 @@
 //! What is in a struct of Apache Thrift's compact protocol, before a library reads it.
 //!
 //! # Design
-//! The Parquet library believes a field to have the type that it should have, and passes over what it does not know. It takes
-//! no byte for an entry of a list of booleans, nor of a map of them. So a few bytes can name 2^31 entries and keep a core busy
-//! for seconds, and a file has room for many such lists. A struct is gone through here before: the fields that the library
-//! knows have their types, and nothing holds a list of booleans or a map. All else takes a byte at least for
-//! each entry.
+//! The Parquet library believes a field to have the type that it should have, and passes over what it does
+//! not know. It takes no byte for an entry of a list of booleans, nor of a map of them. So a few bytes can
+//! name 2^31 entries and keep a core busy for seconds, and a file has room for many such lists. A struct is
+//! gone through here before: the fields that the library knows have their types, and nothing holds a list of
+//! booleans or a map. All else takes a byte at least for each entry.
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind, Read};
@@ -60,15 +60,16 @@ impl Kind {
     }
 }
 
-/// The whole numbers of a struct and of the structs in it, and the lengths of its texts. Each has the field that it is in,
-/// after the fields and the places in lists around that.
+/// The whole numbers of a struct and of the structs in it, and the lengths of its texts. Each has the field
+/// that it is in, after the fields and the places in lists around that.
 pub(super) type Numbers = BTreeMap<Vec<i64>, i64>;
 
 /// The field of a list of structs, and fields of the structs.
 pub(super) type ListFields = (i64, &'static [i64]);
 
-/// The numbers in the fields of a struct that are known, after all of it was read. Of lists, it tells some fields of the
-/// structs in one list, by the list's field and theirs: as few as are needed, since a file may have millions of structs.
+/// The numbers in the fields of a struct that are known, after all of it was read. Of lists, it tells some
+/// fields of the structs in one list, by the list's field and theirs: as few as are needed, since a file may
+/// have millions of structs.
 ///
 /// # Errors
 /// It does not end, a field has another type or is there twice, or it holds what nothing of Parquet's holds.
@@ -167,8 +168,8 @@ impl<R: Read> Walk<R> {
         }
     }
 
-    /// Goes through a value, and keeps it if it is a whole number that is to be told, or a text's length. Its kind is known
-    /// or may be any.
+    /// Goes through a value, and keeps it if it is a whole number that is to be told, or a text's length. Its
+    /// kind is known or may be any.
     fn value(&mut self, bits: u8, kind: Option<Kind>, depth: u8, told: bool) -> io::Result<()> {
         let Some(depth) = depth.checked_sub(1) else {
             return odd("too many structs lie within each other");
@@ -239,7 +240,8 @@ mod tests {
             (3, Kind::Struct(&[(1, Kind::Whole)])),
             (20, Kind::Whole),
         ];
-        // Fields 1, 2, 3 (a struct with a field 1), 20 in the long form; a boolean, a double and a text between.
+        // Fields 1, 2, 3 (a struct with a field 1), 20 in the long form; a boolean, a double and a text
+        // between.
         let bytes = [
             &[0x15, 3, 0x16, 0xAC, 2, 0x1C, 0x15, 9, 0][..],
             &[0x11, 0x17, 0, 0, 0, 0, 0, 0, 0, 0, 0x18, 2, b'a', b'b'],
@@ -303,8 +305,8 @@ mod tests {
 
     #[test]
     fn numbers_in_one_list_are_told_by_their_places_in_it() {
-        // Field 1 is a list of two structs with fields 4 and 5, the second of which has a third one and a text of three bytes;
-        // field 2 one of two numbers.
+        // Field 1 is a list of two structs with fields 4 and 5, the second of which has a third one and a
+        // text of three bytes; field 2 one of two numbers.
         const STRUCT: Kind = Kind::Struct(&[
             (4, Kind::Whole),
             (5, Kind::Whole),

@@ -148,12 +148,12 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Runs a scenario and writes it on a regular grid of `rate_hz` rows a second, the first at 0, while it runs. Gives its
-/// summary. Nothing but some rows is kept, so the chain may have any length.
+/// Runs a scenario and writes it on a regular grid of `rate_hz` rows a second, the first at 0, while it runs.
+/// Gives its summary. Nothing but some rows is kept, so the chain may have any length.
 ///
 /// # Errors
-/// A rate that is no positive number or gives no second row, a scenario that cannot be run, or a file that cannot be
-/// written.
+/// A rate that is no positive number or gives no second row, a scenario that cannot be run, or a file that
+/// cannot be written.
 pub fn write(
     scenario: &Scenario,
     options: &Options<'_>,

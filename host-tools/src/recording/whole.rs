@@ -1,8 +1,8 @@
 //! Files that appear whole or not at all.
 //!
 //! # Design
-//! A result is written under a hidden name beside its own and renamed when it is complete. Until then its name
-//! stands in a list, so that a program that is interrupted can remove what it leaves unfinished:
+//! A result is written under a hidden name beside its own and renamed when it is complete. Until then its
+//! name stands in a list, so that a program that is interrupted can remove what it leaves unfinished:
 //! [`remove_unfinished`].
 
 use std::collections::BTreeSet;
@@ -49,8 +49,8 @@ impl Target {
         Self { replaces, ..self }
     }
 
-    /// The same, beside a file that was to be at `wanted` and took another name because that one was taken: it
-    /// gets the number of that file, so that files of one run stay together.
+    /// The same, beside a file that was to be at `wanted` and took another name because that one was taken:
+    /// it gets the number of that file, so that files of one run stay together.
     #[must_use]
     pub fn beside(&self, wanted: &Path, took: &Path) -> Self {
         let stem = |path: &Path| {
@@ -169,7 +169,8 @@ impl Drop for Unfinished {
     }
 }
 
-/// Removes every file that is being written, for a program that is about to end. None can be finished any more.
+/// Removes every file that is being written, for a program that is about to end. None can be finished any
+/// more.
 pub fn remove_unfinished() {
     let files = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
     for file in files.iter() {

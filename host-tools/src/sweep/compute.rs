@@ -14,9 +14,9 @@ const TOGETHER: u64 = 4096;
 /// Bodies of all of them, some 500 B each.
 const BODIES: usize = 1 << 20;
 
-/// Runs the points of a range on all threads of the pool that this is called in, and appends their rows in order.
-/// `tell` hears of the points done. A point that cannot be run has its row too, which says why. Gives how many those
-/// are.
+/// Runs the points of a range on all threads of the pool that this is called in, and appends their rows in
+/// order. `tell` hears of the points done. A point that cannot be run has its row too, which says why. Gives
+/// how many those are.
 ///
 /// # Errors
 /// The table cannot be written.
@@ -42,8 +42,8 @@ pub fn compute(
     Ok(failed)
 }
 
-/// Scenarios of the first points of a range, as many as should be in memory together. Some are made at a time, and twice as
-/// many the next time, so that few are made in vain.
+/// Scenarios of the first points of a range, as many as should be in memory together. Some are made at a
+/// time, and twice as many the next time, so that few are made in vain.
 fn batch(plan: &Plan, points: Range<u64>) -> Vec<Result<Scenario, String>> {
     let beads = |scenario: &Result<Scenario, String>| scenario.as_ref().map_or(1, |one| one.chain.beads);
     let threads = rayon::current_num_threads();

@@ -238,8 +238,9 @@ impl Definition {
         Ok(())
     }
 
-    /// Whether a scenario has these keys, and takes these kinds of values. They are tried together, and the first that is
-    /// wrong is found by halves: a scenario with thousands of keys, all of them swept, is not read for each.
+    /// Whether a scenario has these keys, and takes these kinds of values. They are tried together, and the
+    /// first that is wrong is found by halves: a scenario with thousands of keys, all of them swept, is not
+    /// read for each.
     fn check_keys(&self, axes: &[Axis]) -> Result<(), InputError> {
         let axes = axes.iter().zip(1..);
         let keys: Vec<(i32, &Along)> = axes
@@ -428,7 +429,8 @@ fn key(at: &str, text: &str) -> Result<Key, InputError> {
     })
 }
 
-/// No scenario takes a value other than 0 whose size is outside of this, and differences and ratios within it are finite.
+/// No scenario takes a value other than 0 whose size is outside of this, and differences and ratios within it
+/// are finite.
 const SIZES: RangeInclusive<f64> = 1e-30..=1e30;
 
 fn in_range(at: &str, numbers: &[f64]) -> Result<(), InputError> {

@@ -9,8 +9,8 @@ pub enum Method {
     /// Independent points.
     Random,
     /// Low discrepancy: the R sequence, xᵢ = (s + i a) mod 1 with aⱼ = φ^-(j+1) and φ the positive root of
-    /// φ^(d+1) = φ + 1 (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018). Its error
-    /// falls about as 1/n, and any number of points will do.
+    /// φ^(d+1) = φ + 1 (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018). Its
+    /// error falls about as 1/n, and any number of points will do.
     Quasirandom,
 }
 

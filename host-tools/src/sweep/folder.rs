@@ -1,10 +1,10 @@
 //! A plan on disk, with a part for each chunk that is finished.
 //!
 //! # Design
-//! `plan.toml` is the whole sweep, with the scenario in it: a folder needs nothing beside it and may be copied to
-//! another machine. A part is a Parquet file that takes its name when it is complete, and it names its plan, so the
-//! parts are the journal. Any number of programs may compute chunks of one folder, the same ones too: their bytes are
-//! the same.
+//! `plan.toml` is the whole sweep, with the scenario in it: a folder needs nothing beside it and may be
+//! copied to another machine. A part is a Parquet file that takes its name when it is complete, and it names
+//! its plan, so the parts are the journal. Any number of programs may compute chunks of one folder, the same
+//! ones too: their bytes are the same.
 
 use std::fs::{self, File};
 use std::ops::Range;
@@ -63,8 +63,8 @@ pub const MOST_CHUNKS: u64 = 99_999;
 const PROGRAM: &str = concat!("bead ", env!("CARGO_PKG_VERSION"));
 
 impl Folder {
-    /// Makes a folder for a plan, or opens the one that is there if it has the same plan; its chunks stay as they are. A
-    /// chunk has more points than asked for where these would be more than [`MOST_CHUNKS`].
+    /// Makes a folder for a plan, or opens the one that is there if it has the same plan; its chunks stay as
+    /// they are. A chunk has more points than asked for where these would be more than [`MOST_CHUNKS`].
     ///
     /// # Errors
     /// [`FolderError`]: it holds another plan or other files, or cannot be made.

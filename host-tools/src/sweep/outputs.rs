@@ -11,7 +11,8 @@ use crate::export::{Cell, Column, Kind};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Outputs {
-    /// What all intruders have dissipated at the end: in J, and as parts of the striker's energy and of the injected.
+    /// What all intruders have dissipated at the end: in J, and as parts of the striker's energy and of the
+    /// injected.
     pub absorbed: bool,
     /// Where the energy is at the end.
     pub energies: bool,
@@ -89,7 +90,8 @@ impl Outputs {
         [self.peaks.as_slice(), &self.arrivals].concat()
     }
 
-    /// The cells of a run, one for each of the [`columns`](Self::columns). What the chain does not have is null.
+    /// The cells of a run, one for each of the [`columns`](Self::columns). What the chain does not have is
+    /// null.
     pub fn cells(&self, outcome: &Outcome) -> Vec<Cell> {
         let (end, model) = (outcome.end(), outcome.model());
         let (absorbed, injected) = (outcome.absorbed(), outcome.injected());

@@ -28,7 +28,8 @@ pub struct View {
     pub at: Vec<String>,
 }
 
-/// A view of which everything is decided. Columns of axes are the axis and the key along it; none is the place.
+/// A view of which everything is decided. Columns of axes are the axis and the key along it; none is the
+/// place.
 struct Decided {
     x: Column,
     drawn: Drawn,
@@ -278,8 +279,8 @@ fn number(cell: &Cell) -> f64 {
     }
 }
 
-/// How a column is written on an axis: its name, its unit with a prefix that makes numbers short, and what it is divided
-/// by for that.
+/// How a column is written on an axis: its name, its unit with a prefix that makes numbers short, and what it
+/// is divided by for that.
 struct Quantity {
     label: String,
     unit: f64,

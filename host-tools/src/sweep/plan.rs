@@ -81,7 +81,8 @@ impl Plan {
         self.points
     }
 
-    /// The plan's name: 32 hexadecimal digits that another scenario, axis, output or version of this program changes.
+    /// The plan's name: 32 hexadecimal digits that another scenario, axis, output or version of this program
+    /// changes.
     pub fn hash(&self) -> &str {
         &self.hash
     }

@@ -58,7 +58,8 @@ impl Jobs<'_> {
         )
     }
 
-    /// The script of the array. A task that is killed and starts again computes its chunk anew; a finished chunk stays.
+    /// The script of the array. A task that is killed and starts again computes its chunk anew; a finished
+    /// chunk stays.
     pub fn array(&self) -> String {
         let at_once = self.at_once.map_or(String::new(), |count| format!("%{count}"));
         format!(

@@ -2,10 +2,10 @@
 //! instruments.
 //!
 //! # Design
-//! What a file is, its first bytes say, not its name. Text tables and Parquet files have columns: their names tell
-//! quantity and unit, or the caller does ([`Choice`]). All readers hand their rows to one place (`rows.rs`), which
-//! refuses what is no waveform: time that does not go on, values that are missing, gaps. What comes out is in SI
-//! units, begins at rest and can be asked at any time ([`trace::Trace`]).
+//! What a file is, its first bytes say, not its name. Text tables and Parquet files have columns: their names
+//! tell quantity and unit, or the caller does ([`Choice`]). All readers hand their rows to one place
+//! (`rows.rs`), which refuses what is no waveform: time that does not go on, values that are missing, gaps.
+//! What comes out is in SI units, begins at rest and can be asked at any time ([`trace::Trace`]).
 
 mod choice;
 mod columns;

@@ -164,8 +164,8 @@ fn is_other_number(column: &ColumnDescriptor) -> bool {
     }
 }
 
-/// The unit of a column of times of day. The library knows the older of the two ways to say it from the newer one, where
-/// that says the same.
+/// The unit of a column of times of day. The library knows the older of the two ways to say it from the newer
+/// one, where that says the same.
 fn of_a_clock(column: &ColumnDescriptor) -> Option<&'static str> {
     use ConvertedType::{TIME_MICROS, TIME_MILLIS, TIMESTAMP_MICROS, TIMESTAMP_MILLIS};
     match (column.logical_type_ref(), column.converted_type()) {
@@ -178,14 +178,15 @@ fn of_a_clock(column: &ColumnDescriptor) -> Option<&'static str> {
     }
 }
 
-/// The whole number from which those of a column count; the first of them, where it is not given. Times since 1970 leave
-/// an f64 no room for steps below 1 µs.
+/// The whole number from which those of a column count; the first of them, where it is not given. Times since
+/// 1970 leave an f64 no room for steps below 1 µs.
 type Origin = Rc<OnceCell<i128>>;
 
 /// Gives the next rows of a column; fewer at its end.
 type Reader = Box<dyn FnMut(usize) -> Result<Vec<Option<f64>>, ParquetError>>;
 
-/// A column of numbers in a row group, some rows at a time: a few bytes of a file can stand for millions of rows.
+/// A column of numbers in a row group, some rows at a time: a few bytes of a file can stand for millions of
+/// rows.
 struct Column {
     reader: Reader,
     rows: Vec<Option<f64>>,

@@ -1,4 +1,5 @@
-//! The chunks of a WAV file (RIFF), from which its samples are given to the library behind a header that it reads rightly.
+//! The chunks of a WAV file (RIFF), from which its samples are given to the library behind a header that it
+//! reads rightly.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read, Seek};
@@ -11,13 +12,13 @@ pub(super) const PCM: u16 = 1;
 pub(super) const FLOAT: u16 = 3;
 /// The form stands further behind.
 pub(super) const EXTENSIBLE: u16 = 0xFFFE;
-/// Lengths of samples that are no lengths, from here on: of streams, whose end was not known when they began. (`sox` writes
-/// a little less than 2^31, `ffmpeg` 2^32 - 1.)
+/// Lengths of samples that are no lengths, from here on: of streams, whose end was not known when they began.
+/// (`sox` writes a little less than 2^31, `ffmpeg` 2^32 - 1.)
 const STREAM: u32 = 0x7FFF_0000;
 
-/// The samples of a file behind a header of the plainest form, for the library. Of others, it takes chunks of an odd length
-/// to have no padding, the length of a stream for true, and the valid bits of a sample for the lowest ones of its bytes.
-/// They are the highest, so full scale is that of all bytes.
+/// The samples of a file behind a header of the plainest form, for the library. Of others, it takes chunks of
+/// an odd length to have no padding, the length of a stream for true, and the valid bits of a sample for the
+/// lowest ones of its bytes. They are the highest, so full scale is that of all bytes.
 pub(super) fn plain(path: &Path) -> hound::Result<impl Read + use<>> {
     let file = File::open(path)?;
     let size = file.metadata()?.len();

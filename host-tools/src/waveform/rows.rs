@@ -16,7 +16,8 @@ const LEAST: usize = 8;
 /// A step of time that is longer than this many others is a gap.
 const GAP: f64 = 1.5;
 
-/// A bead takes the acceleration this long after the force of the same scan, s: two conversions of 27 cycles at 21 MHz.
+/// A bead takes the acceleration this long after the force of the same scan, s: two conversions of 27 cycles
+/// at 21 MHz.
 pub(super) const ACCELERATION_LATER: f64 = 2.0 * 27.0 / 21e6;
 
 /// The rows of a file, in SI units.
@@ -58,7 +59,8 @@ impl<'a> Rows<'a> {
         Err(WaveformError::unfit(self.path, what))
     }
 
-    /// The next row, which the file knows by `number`: time, force, acceleration, none where there is no number.
+    /// The next row, which the file knows by `number`: time, force, acceleration, none where there is no
+    /// number.
     pub(super) fn push(&mut self, number: u64, values: [Option<f64>; 3]) -> Result<(), WaveformError> {
         let row = self.row;
         if self.count == MOST {

@@ -1,11 +1,12 @@
 //! Text tables: CSV as oscilloscopes, spreadsheets and programs write it.
 //!
 //! # Design
-//! No two instruments write the same head, so the end of the first lines tells what a row is: the line with the most
-//! numbers. The table begins where all of its columns have numbers, and the lines above are its head: names, perhaps
-//! with a line of units below, or settings of the instrument, which are passed over. Fields are separated by
-//! semicolons, tabs, commas or blanks; where it is no comma, a comma may be the decimal sign. Names that are more or fewer
-//! than the columns would stand above others than they are of: such columns have numbers only.
+//! No two instruments write the same head, so the end of the first lines tells what a row is: the line with
+//! the most numbers. The table begins where all of its columns have numbers, and the lines above are its
+//! head: names, perhaps with a line of units below, or settings of the instrument, which are passed over.
+//! Fields are separated by semicolons, tabs, commas or blanks; where it is no comma, a comma may be the
+//! decimal sign. Names that are more or fewer than the columns would stand above others than they are of:
+//! such columns have numbers only.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -220,7 +221,8 @@ impl Layout {
                 .enumerate();
             values.filter_map(|(place, value)| value.map(|_| place)).collect()
         };
-        // The last of the lines with the most numbers. A separator that leaves fewer odd fields is the better one.
+        // The last of the lines with the most numbers. A separator that leaves fewer odd fields is the better
+        // one.
         let mut best: Option<(f64, usize, char, usize)> = None;
         for separator in SEPARATORS {
             for (at, line) in lines.iter().enumerate().rev() {
@@ -258,7 +260,8 @@ impl Layout {
             let mut names = names.iter();
             names.position(|name| name.eq_ignore_ascii_case("increment"))
         };
-        // Empty fields at the end may be there or not. Above the step of time, a head has names of settings too.
+        // Empty fields at the end may be there or not. Above the step of time, a head has names of settings
+        // too.
         let fits = |names: &Vec<&str>| {
             let alike = filled(names) <= row.len() && filled(&row) <= names.len();
             alike || of_step(names).is_some()
@@ -480,7 +483,8 @@ mod tests {
             };
             waveform(text, &choice).unwrap_err()
         };
-        // R writes the numbers of rows without a name, numpy the units behind blanks, and an inch begins a quoted text.
+        // R writes the numbers of rows without a name, numpy the units behind blanks, and an inch begins a
+        // quoted text.
         let r = format!(
             "\"time_s\" \"force_n\" \"acceleration_mps2\"\n{}",
             rows(|t, v| format!("\"7\" {t:.6} {:.4} 0.1\n", 2.0 * v))
@@ -557,7 +561,8 @@ mod tests {
             let short = text.replace("1,0\n", "1\n");
             assert_eq!(waveform(&short, &alone).unwrap_err(), why);
         }
-        // Two columns: by their names, by the choice of the second, or since there is a point or a sign in it.
+        // Two columns: by their names, by the choice of the second, or since there is a point or a sign in
+        // it.
         let whole = |v: f64| format!("{:.0}", 10.0 * v);
         let of_two = Choice {
             force: wanted("2:0.2N"),

@@ -1,10 +1,10 @@
 //! A quantity over time that can be asked at any time.
 //!
 //! # Design
-//! Between its rows it is the cubic through the four nearest ones, which is smooth enough for pulses of six rows and
-//! more (see [`Trace::rows_wide`]). A source that is much faster than the front end's own steps is averaged down to
-//! these first, so that its noise beyond them does not fold into the band. Before its first row it rests at 0; after
-//! its last it goes back to 0 along half a cosine, slower than any trigger sees.
+//! Between its rows it is the cubic through the four nearest ones, which is smooth enough for pulses of six
+//! rows and more (see [`Trace::rows_wide`]). A source that is much faster than the front end's own steps is
+//! averaged down to these first, so that its noise beyond them does not fold into the band. Before its first
+//! row it rests at 0; after its last it goes back to 0 along half a cosine, slower than any trigger sees.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -156,9 +156,9 @@ impl Trace {
         lagrange(&self.times, &self.values, near, time)
     }
 
-    /// The quantity around a time, s: of the parabola that fits its rows within `half` s of the time best. Where there
-    /// are only few rows, the quantity [at](Self::at) the time. What a record has beyond the band of an instrument
-    /// that is as slow as that is noise to it.
+    /// The quantity around a time, s: of the parabola that fits its rows within `half` s of the time best.
+    /// Where there are only few rows, the quantity [at](Self::at) the time. What a record has beyond the band
+    /// of an instrument that is as slow as that is noise to it.
     pub fn around(&mut self, time: f64, half: f64) -> f64 {
         let since = time - self.start;
         let end = self.times.at(self.values.len() - 1);
@@ -193,8 +193,8 @@ impl Trace {
         self.times.at(self.values.len() - 1) / (self.values.len() - 1).max(1) as f64
     }
 
-    /// How many rows the strongest pulse is wide at half of its height, with a fraction; none if it does not come down
-    /// to that on both sides.
+    /// How many rows the strongest pulse is wide at half of its height, with a fraction; none if it does not
+    /// come down to that on both sides.
     pub fn rows_wide(&self) -> Option<f64> {
         let size: Vec<f64> = self.values.iter().map(|value| value.abs()).collect();
         let top = (0..size.len()).max_by(|a, b| size[*a].total_cmp(&size[*b]))?;
@@ -219,8 +219,8 @@ fn lagrange(times: &Times, values: &[f64], near: std::ops::Range<usize>, time: f
 
 /// Takes out the value at which a quantity rests before it first moves, and returns it.
 ///
-/// It moves where it first differs from its first value by a twentieth of what it does later. The mean over the first
-/// half of the rows before that is its rest.
+/// It moves where it first differs from its first value by a twentieth of what it does later. The mean over
+/// the first half of the rows before that is its rest.
 pub(super) fn zeroed(values: &mut [f64]) -> f64 {
     let first = values.first().copied().unwrap_or(0.0);
     let most = values
@@ -235,8 +235,8 @@ pub(super) fn zeroed(values: &mut [f64]) -> f64 {
     rest
 }
 
-/// Rows that are far closer than the front end looks, averaged; and by how much the first mean is later than the first
-/// row, s.
+/// Rows that are far closer than the front end looks, averaged; and by how much the first mean is later than
+/// the first row, s.
 pub(super) fn thinned(times: &Times, values: Vec<f64>) -> (Times, Vec<f64>, f64) {
     let Times::Even { step, count } = *times else {
         return (times.clone(), values, 0.0);

@@ -66,10 +66,12 @@ const UNITS: [(&str, Quantity, f64); 28] = [
     ("g0", Quantity::Acceleration, GRAVITY),
 ];
 
-/// A text that is longer is no unit, bytes. Names of columns can be as long as a file, and are looked through for one.
+/// A text that is longer is no unit, bytes. Names of columns can be as long as a file, and are looked through
+/// for one.
 const LONGEST: usize = 64;
 
-/// The quantity of a unit, and its size in the SI unit. None if the unit is not known, or is of something else.
+/// The quantity of a unit, and its size in the SI unit. None if the unit is not known, or is of something
+/// else.
 pub fn unit(text: &str) -> Option<(Quantity, f64)> {
     if text.len() > LONGEST {
         return None;

@@ -1,4 +1,5 @@
-//! Recordings as programs see them that know nothing of beads: schemas, values in SI units, times of the host.
+//! Recordings as programs see them that know nothing of beads: schemas, values in SI units, times of the
+//! host.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,9 +1,10 @@
-//! Results that meet a full disk, or one that is read-only: one line, the exit status, and nothing half-written.
+//! Results that meet a full disk, or one that is read-only: one line, the exit status, and nothing
+//! half-written.
 //!
 //! # Design
-//! A small file system in memory is mounted where a user may (in a namespace of its own, without root's rights). It ends
-//! with the shell that made it, so that shell says what is left on it. Where mounting is not allowed, the tests are
-//! skipped and say so.
+//! A small file system in memory is mounted where a user may (in a namespace of its own, without root's
+//! rights). It ends with the shell that made it, so that shell says what is left on it. Where mounting is not
+//! allowed, the tests are skipped and say so.
 
 use std::fs;
 use std::io::Write;
@@ -34,7 +35,8 @@ const WRITERS: [(&str, &str); 10] = [
     ),
 ];
 
-/// A shell with a file system of 64 kB at `disk`, in a folder with some inputs. None where mounting is not allowed.
+/// A shell with a file system of 64 kB at `disk`, in a folder with some inputs. None where mounting is not
+/// allowed.
 fn with_disk(folder: &Path, script: &str) -> Option<Output> {
     let shell = |script: &str| {
         Command::new("unshare")

@@ -1,5 +1,5 @@
-//! Recordings that no bead would send: fields at the ends of their ranges, and numbers that repeat. No command may
-//! panic or take more memory for them.
+//! Recordings that no bead would send: fields at the ends of their ranges, and numbers that repeat. No
+//! command may panic or take more memory for them.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,8 @@ use bead_wire::{
 };
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/scenarios/paper-strike.toml");
-/// Addresses that a command may use, kB. Threads and libraries take some 300 MB of them, and hardly any memory.
+/// Addresses that a command may use, kB. Threads and libraries take some 300 MB of them, and hardly any
+/// memory.
 const MEMORY_MOST_KB: u32 = 800_000;
 
 /// Frames one after another, each with a boot, and the sample index that a function of its number gives.
@@ -114,8 +115,8 @@ fn strikes_and_waveforms_that_all_have_one_number_cost_no_memory() {
         panic!("a strike");
     };
     let mut stream = Stream::default();
-    // A strike of one number, again and again, with more waveforms than a window has samples; then numbers at both
-    // sides of 2^32, and first indices near 2^64.
+    // A strike of one number, again and again, with more waveforms than a window has samples; then numbers at
+    // both sides of 2^32, and first indices near 2^64.
     for n in 0..3000_u32 {
         let number = if n < 2000 { 7 } else { u32::MAX.wrapping_add(n % 3) };
         let first_index = if n % 2 == 0 { 1000 } else { u64::MAX - 10 };

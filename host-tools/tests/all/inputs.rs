@@ -1,13 +1,14 @@
-//! What every command says to an input that is wrong: the table tests/inputs.txt, a row for each command and class.
+//! What every command says to an input that is wrong: the table tests/inputs.txt, a row for each command and
+//! class.
 //!
 //! # Design
-//! A row has the exit status, what the message holds, and the command line, between bars. To add one is to add a line.
-//! Each runs in a folder of its own with the files of [`fixture`]. Beside status and message it must keep three rules,
-//! which no row has to say: the message of `bead` is one line; every file that was there is as it was, if the row has no
-//! `--force`; and a command that fails leaves no new file.
+//! A row has the exit status, what the message holds, and the command line, between bars. To add one is to
+//! add a line. Each runs in a folder of its own with the files of [`fixture`]. Beside status and message it
+//! must keep three rules, which no row has to say: the message of `bead` is one line; every file that was
+//! there is as it was, if the row has no `--force`; and a command that fails leaves no new file.
 //!
-//! A command line may end with `< FILE`, `> /dev/full`, or `| head -1`. `\xFF` in a word is that byte. `@gone` is a port
-//! whose other end hangs up at once, `@noise` one that sends what are no frames.
+//! A command line may end with `< FILE`, `> /dev/full`, or `| head -1`. `\xFF` in a word is that byte.
+//! `@gone` is a port whose other end hangs up at once, `@noise` one that sends what are no frames.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;

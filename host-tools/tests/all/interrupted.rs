@@ -22,8 +22,8 @@ impl Drop for Running {
 }
 
 impl Running {
-    /// `bead` in a directory, with another one for its temporary files. Like in a shell, it and what it starts are one
-    /// group, unless it says otherwise.
+    /// `bead` in a directory, with another one for its temporary files. Like in a shell, it and what it
+    /// starts are one group, unless it says otherwise.
     fn start(directory: &Path, temporary: &Path, arguments: &[&str]) -> Self {
         let mut command = program::interruptible(directory);
         command
@@ -49,7 +49,8 @@ impl Running {
         said
     }
 
-    /// It has been interrupted, ends with this status, says so in a line, and leaves nothing in its directory.
+    /// It has been interrupted, ends with this status, says so in a line, and leaves nothing in its
+    /// directory.
     fn leaves_nothing(&mut self, status: i32, directory: &Path) {
         let ended = self.0.wait().unwrap();
         let said = self.said();

@@ -1,5 +1,5 @@
-//! `bead record` at beads that keep their strikes: a cable that is pulled, beads that are reset meanwhile, several
-//! ports, and ports at which something is wrong; and `bead fetch`.
+//! `bead record` at beads that keep their strikes: a cable that is pulled, beads that are reset meanwhile,
+//! several ports, and ports at which something is wrong; and `bead fetch`.
 
 use std::collections::VecDeque;
 use std::fs;
@@ -53,7 +53,8 @@ struct Fate {
     reset: AtomicBool,
     /// It strikes no more.
     calm: AtomicBool,
-    /// With each strike that is fetched, the one before it comes once more: the answer to a copy of its request.
+    /// With each strike that is fetched, the one before it comes once more: the answer to a copy of its
+    /// request.
     late: AtomicBool,
     /// Strike 1 gives way to newer ones after it was listed.
     gives_way: AtomicBool,

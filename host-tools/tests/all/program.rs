@@ -15,8 +15,8 @@ pub(crate) fn bead(folder: &Path, arguments: impl IntoIterator<Item: AsRef<OsStr
         .unwrap()
 }
 
-/// `bead` in a folder, ready to start. It heeds the signals that this test may have been told to ignore, as under nohup
-/// or in the background of a script.
+/// `bead` in a folder, ready to start. It heeds the signals that this test may have been told to ignore, as
+/// under nohup or in the background of a script.
 pub(crate) fn interruptible(folder: &Path) -> Command {
     let mut command = Command::new("env");
     command

@@ -103,8 +103,8 @@ fn recover(folder: &Path, arguments: &[&str]) -> Value {
     ))
 }
 
-/// Sends frames to a recorder and kills it. Returns how many were sent `LOST_MOST` before that, and how many of the
-/// first ones are in what is recovered.
+/// Sends frames to a recorder and kills it. Returns how many were sent `LOST_MOST` before that, and how many
+/// of the first ones are in what is recovered.
 fn killed(seed: u64, folder: &Path) -> (u32, u32) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let name = format!("{seed}.mcap");

@@ -213,8 +213,8 @@ fn a_file_that_is_no_settings_is_refused_before_any_bead_is_asked() {
     }
 }
 
-/// A bead that answers each request with the messages that `answer` gives. Where it gives none, a frame is lost on the
-/// way.
+/// A bead that answers each request with the messages that `answer` gives. Where it gives none, a frame is
+/// lost on the way.
 fn answering(mut answer: impl FnMut(&Heard) -> Vec<Option<Message>>) -> impl FnMut(&[u8]) -> Vec<u8> {
     let mut decoder = RequestDecoder::new();
     let mut sequence = 0;

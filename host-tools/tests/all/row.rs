@@ -1,4 +1,5 @@
-//! `bead compare` of a recording of several beads: what it says of a row, and of a row in which something is missing.
+//! `bead compare` of a recording of several beads: what it says of a row, and of a row in which something is
+//! missing.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,9 @@
 //! The JSON of every command, held by a schema in docs/schemas.
 //!
-//! A schema is made of what the command prints of recordings, runs, and frames with random fields. After a change that
-//! is meant: `SCHEMAS=overwrite cargo test --release -p bead --test all schemas::`, and a new `schema_version` if a key
-//! went away or means something else. (`bead figures` has its own in host-tools/figures-command.)
+//! A schema is made of what the command prints of recordings, runs, and frames with random fields. After a
+//! change that is meant: `SCHEMAS=overwrite cargo test --release -p bead --test all schemas::`, and a new
+//! `schema_version` if a key went away or means something else. (`bead figures` has its own in
+//! host-tools/figures-command.)
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -71,7 +72,8 @@ fn hold_documents(name: &str, documents: &[Value]) {
     schema::hold(SCHEMAS, name, &schema::of_all(documents));
 }
 
-/// One of several schemas, each of the documents for which `key` gives one value; `mark` makes it tell itself.
+/// One of several schemas, each of the documents for which `key` gives one value; `mark` makes it tell
+/// itself.
 fn one_of(documents: &[Value], key: impl Fn(&Value) -> String, mark: impl Fn(&mut Value, &str)) -> Value {
     let keys: BTreeSet<_> = documents.iter().map(&key).collect();
     let of_key = |wanted: &String| {
@@ -124,8 +126,8 @@ fn of_frames(documents: &[Value]) -> Value {
     )
 }
 
-/// `bead compare` of rows: whole, struck twice with a bead lost meanwhile, without a time in common, and against a wave
-/// from the far end.
+/// `bead compare` of rows: whole, struck twice with a bead lost meanwhile, without a time in common, and
+/// against a wave from the far end.
 fn compare_rows() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::load(format!("{ROOT}/docs/scenarios/row-of-ten.toml")).unwrap();

@@ -1,5 +1,5 @@
-//! `bead sweep`: rows that are those of single runs, the same bytes however they were computed, and what is said when it
-//! cannot be.
+//! `bead sweep`: rows that are those of single runs, the same bytes however they were computed, and what is
+//! said when it cannot be.
 
 use std::fs;
 use std::path::{Path, PathBuf};

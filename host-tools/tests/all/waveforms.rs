@@ -41,7 +41,8 @@ fn typed(folder: &Path, line: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// What an oscilloscope of eight bits would save of the force at bead 8: 1 MHz, its trigger at time 0, 8.9 N a volt.
+/// What an oscilloscope of eight bits would save of the force at bead 8: 1 MHz, its trigger at time 0, 8.9 N
+/// a volt.
 fn scope(path: &Path) {
     let (scenario, _) = load_scenario(Path::new(&format!("{ROOT}/{SCENARIO}"))).unwrap();
     let mut force = simulate_with_ring_down(&scenario).unwrap().force_curve(8);

@@ -1,17 +1,18 @@
-//! Whether the tests would notice wrong code, by cargo-mutants: it makes one change after another, such as `<` for `<=` or
-//! a function that returns nothing, and runs the tests of the crate on each.
+//! Whether the tests would notice wrong code, by cargo-mutants: it makes one change after another, such as
+//! `<` for `<=` or a function that returns nothing, and runs the tests of the crate on each.
 //!
 //! # Design
-//! All changes of a part take an hour, so they can be made in shards. A few cannot be told from the code as it is, by
-//! any test; docs/reliability.md lists these with their reasons.
+//! All changes of a part take an hour, so they can be made in shards. A few cannot be told from the code as
+//! it is, by any test; docs/reliability.md lists these with their reasons.
 //!
-//! **A change has to be cheap.** The changes are made in a copy of the workspace that stays, so nothing but the changed
-//! crate is compiled anew, and in a profile that compiles fast (`mutants` in Cargo.toml). Most changes are noticed by the
-//! unit tests, which need one program. So these are run alone first, and all tests only for what they let pass. The
-//! model's meter is tested by others, which are quick as well.
+//! **A change has to be cheap.** The changes are made in a copy of the workspace that stays, so nothing but
+//! the changed crate is compiled anew, and in a profile that compiles fast (`mutants` in Cargo.toml). Most
+//! changes are noticed by the unit tests, which need one program. So these are run alone first, and all tests
+//! only for what they let pass. The model's meter is tested by others, which are quick as well.
 //!
-//! **A change that makes a test hang** counts as noticed. So the limit has to be far from what the tests need on a busy
-//! machine: the tests are run without a change first, and the limit is eight times as long, and at least 20 s.
+//! **A change that makes a test hang** counts as noticed. So the limit has to be far from what the tests need
+//! on a busy machine: the tests are run without a change first, and the limit is eight times as long, and at
+//! least 20 s.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -20,7 +21,8 @@ use crate::files::read;
 use crate::mutants;
 use crate::step::{Line, Steps, Stop};
 
-/// What can be changed: its name, its crate, the files if not all are meant, and the tests that are tried first.
+/// What can be changed: its name, its crate, the files if not all are meant, and the tests that are tried
+/// first.
 const PARTS: [(&str, &str, &str, &str); 4] = [
     (
         "model",

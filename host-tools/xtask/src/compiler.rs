@@ -1,12 +1,13 @@
 //! xtask as cargo's compiler: rustc, then clippy and rustdoc on the same crate.
 //!
 //! # Design
-//! `cargo clippy` and `cargo doc` have no use for what has been compiled: they type-check each of the 300 packages
-//! that ours rest on once more, which takes a tenth of a whole test from nothing. Beside rustc, both find what they
-//! need. So where nothing is there yet, xtask is cargo's `RUSTC_WRAPPER`: cargo calls it with rustc's path and
-//! arguments. A wrapper changes neither what cargo makes nor the names of it.
+//! `cargo clippy` and `cargo doc` have no use for what has been compiled: they type-check each of the 300
+//! packages that ours rest on once more, which takes a tenth of a whole test from nothing. Beside rustc, both
+//! find what they need. So where nothing is there yet, xtask is cargo's `RUSTC_WRAPPER`: cargo calls it with
+//! rustc's path and arguments. A wrapper changes neither what cargo makes nor the names of it.
 //!
-//! What cargo does not compile, because it is there already, is not checked in this way: `lint.rs` sees to that.
+//! What cargo does not compile, because it is there already, is not checked in this way: `lint.rs` sees to
+//! that.
 
 use std::env;
 use std::fs;
@@ -18,7 +19,8 @@ use crate::step::{Line, Steps, Stop};
 /// Where the wrapper is, and what clippy and rustdoc write.
 const FOLDER: &str = "lints";
 
-/// Puts a copy of this program where [`build`] has cargo find it. Cargo may put another one in the place of this.
+/// Puts a copy of this program where [`build`] has cargo find it. Cargo may put another one in the place of
+/// this.
 ///
 /// # Errors
 /// The copy cannot be written.
@@ -45,8 +47,8 @@ pub(crate) struct Built {
     pub(crate) checked: bool,
 }
 
-/// Runs a build of cargo. Unless `made` is there already, each crate of ours is checked as it is compiled. Documentation
-/// goes into target/lints/doc.
+/// Runs a build of cargo. Unless `made` is there already, each crate of ours is checked as it is compiled.
+/// Documentation goes into target/lints/doc.
 ///
 /// # Errors
 /// Of the build.
@@ -72,7 +74,8 @@ fn all_compiled(told: &str) -> bool {
     ours.all(|line| line.contains(r#""fresh":false"#) || line.contains("/xtask#"))
 }
 
-/// Compiles and checks one crate, if cargo has called this program for that; then with the status to end with.
+/// Compiles and checks one crate, if cargo has called this program for that; then with the status to end
+/// with.
 pub(crate) fn called() -> Option<ExitCode> {
     let mut words = env::args_os().skip(1);
     let rustc = words.next()?;
@@ -87,7 +90,8 @@ pub(crate) fn called() -> Option<ExitCode> {
         .to_string_lossy()
         .into_owned();
     let compile = Command::new(&rustc).args(&words).status();
-    // Build scripts of others try through this program too what rustc can do: nothing may change what they see.
+    // Build scripts of others try through this program too what rustc can do: nothing may change what they
+    // see.
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2)?;
     let ours = env::var_os("CARGO_MANIFEST_DIR").is_some_and(|package| Path::new(&package).starts_with(root));
     let checks = match ours {

@@ -38,7 +38,8 @@ const PROGRAMS: [(&str, &str); 2] = [
 /// Greatest size of a program, bytes.
 const MOST: u64 = 40 << 20;
 
-/// Installs `bead` as its users do, packs it, and tries the archive where there is no Rust. The image is built.
+/// Installs `bead` as its users do, packs it, and tries the archive where there is no Rust. The image is
+/// built.
 ///
 /// # Errors
 /// It cannot be built or packed, is too large, or does not work from an empty folder.

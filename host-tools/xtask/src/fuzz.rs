@@ -13,8 +13,8 @@ const LONGEST: usize = 16 << 10;
 const LIMITS: &str = "-timeout=10 -rss_limit_mb=1024 -malloc_limit_mb=256";
 /// Targets that take TOML: they get words of which it is made.
 const OF_TOML: [&str; 4] = ["beads", "faults", "scenarios", "sweeps"];
-/// The project's code has no `unsafe` here, so that the address sanitizer would cost two thirds of the speed for nothing
-/// but its dependencies.
+/// The project's code has no `unsafe` here, so that the address sanitizer would cost two thirds of the speed
+/// for nothing but its dependencies.
 const OPTIONS: &str = "--fuzz-dir fuzz --sanitizer none --features libfuzzer";
 
 /// Runs a target, or all of them, for a time. The words are `[TARGET] [TIME]`.

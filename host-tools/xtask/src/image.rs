@@ -25,7 +25,8 @@ pub(crate) fn build(steps: &Steps) -> Result<(), Stop> {
     tell_size(steps)
 }
 
-/// As [`build`]. If it is the first one, its crates are linted and documented as well: gives whether they are.
+/// As [`build`]. If it is the first one, its crates are linted and documented as well: gives whether they
+/// are.
 ///
 /// # Errors
 /// As [`build`].
@@ -95,8 +96,8 @@ impl std::fmt::Display for Size {
     }
 }
 
-/// Builds it anew if there is one. `bead` takes an image that is there, which has to be the one of these sources;
-/// for one that is not there it waits.
+/// Builds it anew if there is one. `bead` takes an image that is there, which has to be the one of these
+/// sources; for one that is not there it waits.
 ///
 /// # Errors
 /// As [`build`].

@@ -245,7 +245,8 @@ const WITH_WORDS: &[WithWords] = &[
     (MUTANTS, code_mutants::check),
 ];
 
-/// Runs the benchmark with these words. For `--native` it is compiled a second time, for this processor alone.
+/// Runs the benchmark with these words. For `--native` it is compiled a second time, for this processor
+/// alone.
 fn bench(steps: &Steps, words: &[&String]) -> Result<(), Stop> {
     let mut line = Line::new("cargo run --release --package hertz-benchmarks --");
     for word in words {

@@ -1,11 +1,11 @@
 //! No path of this machine gets into the flash image.
 //!
 //! # Design
-//! A panic says the file that it is in, and the compiler writes its path into flash: for a dependency, below the
-//! home of the person that builds. So two people would get two images of one commit, each with a name in it. The
-//! compiler takes a shorter path for each of these folders, if it is told them, and cargo has no word yet for "the
-//! folder that I am in". So they are written into a file, which `.cargo/config.toml` includes: every cargo of this
-//! workspace builds the same image then, `cargo xtask` or not.
+//! A panic says the file that it is in, and the compiler writes its path into flash: for a dependency, below
+//! the home of the person that builds. So two people would get two images of one commit, each with a name in
+//! it. The compiler takes a shorter path for each of these folders, if it is told them, and cargo has no word
+//! yet for "the folder that I am in". So they are written into a file, which `.cargo/config.toml` includes:
+//! every cargo of this workspace builds the same image then, `cargo xtask` or not.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,8 @@ fn folders(steps: &Steps, home: Option<&Path>) -> Vec<(PathBuf, String)> {
     if let Some(home) = home {
         let sources = home.join("registry/src");
         folders.push((home.to_owned(), "cargo".to_owned()));
-        // One for each registry; mirrors have names of their own. The version is in the name of the crate's folder.
+        // One for each registry; mirrors have names of their own. The version is in the name of the crate's
+        // folder.
         let mut registries: Vec<_> = fs::read_dir(sources)
             .into_iter()
             .flatten()

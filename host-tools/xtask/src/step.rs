@@ -204,8 +204,8 @@ impl Steps {
         Ok(String::from_utf8_lossy(&output.stdout).into_owned())
     }
 
-    /// Runs one command of many at a time, and says so when it has ended: `tell` makes one line of what it printed
-    /// and of how long it took. What it printed is shown only if it failed.
+    /// Runs one command of many at a time, and says so when it has ended: `tell` makes one line of what it
+    /// printed and of how long it took. What it printed is shown only if it failed.
     ///
     /// # Errors
     /// As [`Steps::run`].
@@ -222,8 +222,8 @@ impl Steps {
         Ok(())
     }
 
-    /// Runs two series of steps at a time, since one alone leaves a core idle now and then. What the commands of
-    /// the second series print is kept, and told only if one fails.
+    /// Runs two series of steps at a time, since one alone leaves a core idle now and then. What the commands
+    /// of the second series print is kept, and told only if one fails.
     ///
     /// # Errors
     /// Of the step that fails first. The other series ends after the step that it is at.

@@ -2,8 +2,8 @@
 //!
 //! # Design
 //! `cargo test` runs one program after another. Many of them wait, for QEMU to start or for a quiet line, and
-//! some end with one long test: cores would be idle for a third of the time. So cargo only compiles and says what
-//! it has made. What takes longest comes first.
+//! some end with one long test: cores would be idle for a third of the time. So cargo only compiles and says
+//! what it has made. What takes longest comes first.
 
 use std::path::Path;
 use std::sync::Mutex;

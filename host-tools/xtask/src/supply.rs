@@ -6,7 +6,8 @@ use crate::paths::cargo_home;
 use crate::setup::output;
 use crate::step::{Line, Steps, Stop};
 
-/// Checks the packages by cargo-deny, where it is installed. What needs no program for it is a test of `bead-inventory`.
+/// Checks the packages by cargo-deny, where it is installed. What needs no program for it is a test of
+/// `bead-inventory`.
 ///
 /// # Errors
 /// A licence, an origin or a second version is not allowed by deny.toml, or an advisory is known.
@@ -45,7 +46,8 @@ pub(crate) fn inventory(steps: &Steps) -> Result<(), Stop> {
     steps.run("what image and tools are made of", &test)
 }
 
-/// Writes THIRD-PARTY.md anew, and into target/notices the licences' texts and a bill of materials for image and tools.
+/// Writes THIRD-PARTY.md anew, and into target/notices the licences' texts and a bill of materials for image
+/// and tools.
 ///
 /// # Errors
 /// A licence is not allowed.
@@ -55,7 +57,8 @@ pub(crate) fn notices(steps: &Steps) -> Result<(), Stop> {
     release(steps, &steps.built("notices"))
 }
 
-/// Writes into a folder what a release carries: the licences' texts, and a bill of materials for image and tools.
+/// Writes into a folder what a release carries: the licences' texts, and a bill of materials for image and
+/// tools.
 ///
 /// # Errors
 /// A licence is not allowed, or a package's texts cannot be read.

@@ -1,10 +1,11 @@
 //! `cargo xtask test`: every check.
 //!
 //! # Design
-//! Two series of commands run beside one another, one for the host and one for the part. Each has a cargo lock of
-//! its own, and both keep two cores busy until all is compiled. What is compiled for the first time is linted and
-//! documented at once (`compiler.rs`). Then everything that runs is put into one queue, and beside it come lints and
-//! documentation of what was there already, which leave a core idle for half of their time.
+//! Two series of commands run beside one another, one for the host and one for the part. Each has a cargo
+//! lock of its own, and both keep two cores busy until all is compiled. What is compiled for the first time
+//! is linted and documented at once (`compiler.rs`). Then everything that runs is put into one queue, and
+//! beside it come lints and documentation of what was there already, which leave a core idle for half of
+//! their time.
 
 use crate::packages::{DEMO, HOST, IMAGES, ON_EMBASSY};
 use crate::setup::{Need, TARGET, setup};
@@ -101,8 +102,8 @@ fn images(steps: &Steps) -> Result<(), Stop> {
 /// The end-to-end tests that depend on the core's speed.
 const SPEED_MATTERS: &str = "strikes:: faults:: link::";
 
-/// What depends on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, which is about
-/// the most that the core can take (docs/emulator.md).
+/// What depends on the core's speed, once more with 16 ns an instruction instead of 8: 2.7 clocks, which is
+/// about the most that the core can take (docs/emulator.md).
 fn slow_core(steps: &Steps, jobs: &[Job]) -> Vec<Job> {
     let tests = jobs
         .iter()

@@ -112,8 +112,8 @@ impl Stimulus {
     }
 }
 
-/// Runs the model for some time, then disarms it, and then gives it other settings. Gives the blocks until the
-/// reply had left, and until the meter was at rest.
+/// Runs the model for some time, then disarms it, and then gives it other settings. Gives the blocks until
+/// the reply had left, and until the meter was at rest.
 fn run(settings: &Settings, stimulus: &Stimulus, random: &mut dyn FnMut() -> u64) -> (usize, usize, Outbox) {
     let mut meter = Box::new(Meter::new());
     let mut outbox = Outbox {

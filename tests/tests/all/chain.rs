@@ -87,8 +87,8 @@ fn compared(path: &Path, scenario: &Scenario, solution: &Solution) -> RowCompari
     compare(&row, &chain, notes).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Ten beads at hosts 7 to 16: transmissions within 0.002 by A and 0.005 by B, arrivals to 0.2 µs rms, all replays
-/// identical. Gives the runs, and what comes of them.
+/// Ten beads at hosts 7 to 16: transmissions within 0.002 by A and 0.005 by B, arrivals to 0.2 µs rms, all
+/// replays identical. Gives the runs, and what comes of them.
 fn assert_tells(scenario: &Scenario, solution: &Solution) -> (Vec<(Emulation, Ran)>, RowComparison) {
     let hosts: Vec<usize> = (7..=16).collect();
     let placed = several::placed(&hosts, &Clocks::Spread(100.0), START_SPREAD, 1, true)
@@ -145,7 +145,8 @@ fn ten_beads_on_one_strike_tell_what_each_takes_and_when_it_came_on_any_number_o
     let scenario = row(2.7e-3, 0.0);
     let solution = simulate_with_ring_down(&scenario).unwrap_or_else(|failure| panic!("{failure}"));
     let (ran, told) = assert_tells(&scenario, &solution);
-    // So light that they leave one another alone: the paper's E(n), of rows with n intruders each, is that of the beads.
+    // So light that they leave one another alone: the paper's E(n), of rows with n intruders each, is that of
+    // the beads.
     for after in &told.energy.after {
         let left = after.left;
         assert!((left.by_a - left.rows_of_n).abs() < 0.003, "{after:?}");

@@ -1,4 +1,5 @@
-//! Beads in a row of absorbers: each knows the intruders behind it. The scenario is that of the paper's Fig. 5.
+//! Beads in a row of absorbers: each knows the intruders behind it. The scenario is that of the paper's Fig.
+//! 5.
 
 use std::path::PathBuf;
 

@@ -8,7 +8,8 @@ use bead_tests::paper;
 use bead_wire::{ANY, MAX_REQUEST, Message, Outcome, Request, encode_request};
 use stm32f405_qemu::{Inputs, Uart};
 
-/// Asks a live bead once in `every` for its status, and gives how often the emulator was called for each request.
+/// Asks a live bead once in `every` for its status, and gives how often the emulator was called for each
+/// request.
 fn asked(times: u16, every: Duration, mut each: impl FnMut(u16, &Bridge)) -> Vec<u64> {
     let run = paper(1, 0.1, Some(1));
     let mut bridge = Bridge::new(&run, None).unwrap_or_else(|failure| panic!("{failure}"));

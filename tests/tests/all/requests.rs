@@ -260,8 +260,8 @@ fn a_bead_says_what_a_block_costs_since_it_was_last_asked() {
         assert!(load.mean_cycles > 0 && load.mean_cycles <= load.worst_cycles);
         assert!(load.worst_cycles < load.period_cycles, "no block is late");
     }
-    // A strike costs what quiet does not: the estimators' some 360 instructions a sample. The worst quiet block has
-    // moved the history too.
+    // A strike costs what quiet does not: the estimators' some 360 instructions a sample. The worst quiet
+    // block has moved the history too.
     for load in [struck, again] {
         assert!(load.worst_cycles > 5 * quiet.mean_cycles && load.worst_cycles > 2 * quiet.worst_cycles);
     }

@@ -12,7 +12,8 @@ use bead_wire::{Message, Status, StrikeFlags};
 /// How long, in s of the bead's time.
 const HOURS: f64 = 5.0 * 3600.0;
 
-/// What an interrupt takes of the stack, with the registers of the floating-point unit and what its handler needs, bytes.
+/// What an interrupt takes of the stack, with the registers of the floating-point unit and what its handler
+/// needs, bytes.
 const INTERRUPT: u32 = 256;
 
 #[test]
@@ -99,8 +100,8 @@ fn after_five_hours_of_sparse_strikes_all_counts_are_as_they_should_be() {
         (expected..=expected + 2.0).contains(&(strikes as f64)),
         "{strikes} of {expected}"
     );
-    // An interrupt that comes at the deepest moment makes the mark a frame deeper, once. A word that each strike left
-    // would take 25 KB in five hours.
+    // An interrupt that comes at the deepest moment makes the mark a frame deeper, once. A word that each
+    // strike left would take 25 KB in five hours.
     let deeper = first.stack_free_min - last.stack_free_min;
     assert!(deeper <= INTERRUPT, "{first:?} {last:?}");
 }

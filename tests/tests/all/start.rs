@@ -90,8 +90,8 @@ fn indices(fault: Fault) -> (Vec<(FaultCause, String)>, Vec<u64>) {
     (faults.collect(), strikes.iter().map(offset).collect())
 }
 
-/// The codes of a strike are of the trigger that its index says: row 0 is what the first trigger finds that makes
-/// a scan.
+/// The codes of a strike are of the trigger that its index says: row 0 is what the first trigger finds that
+/// makes a scan.
 #[test]
 fn a_start_that_makes_a_scan_more_or_less_is_corrected_and_told_and_every_strike_has_its_true_index() {
     for (kind, first) in [(FaultKind::ExtraScan, 1), (FaultKind::MissedTrigger, 2)] {
@@ -117,8 +117,8 @@ fn a_trigger_that_is_missed_later_ends_the_epoch_and_the_strikes_after_it_have_t
     assert_eq!(offsets, [1; 3]);
 }
 
-/// Longest stretch without interrupts, in instructions: 8 µs at 1.34 cycles each. The processor takes up a block, an
-/// edge or a byte later by this at most. It is a line of the log.
+/// Longest stretch without interrupts, in instructions: 8 µs at 1.34 cycles each. The processor takes up a
+/// block, an edge or a byte later by this at most. It is a line of the log.
 const MASKED: u64 = 1000;
 
 #[test]

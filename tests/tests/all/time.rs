@@ -52,8 +52,8 @@ fn heard(run: &Emulation) -> Heard {
 
 #[test]
 fn an_edge_is_told_to_the_clock_of_the_sample_timer() {
-    // A whole sample after the first scan, just before and just after one, and anywhere. The emulator counts their
-    // times from the first scan, which is not at the same phase of the timer's clock in every image.
+    // A whole sample after the first scan, just before and just after one, and anywhere. The emulator counts
+    // their times from the first scan, which is not at the same phase of the timer's clock in every image.
     let at = [
         0.010_000_000,
         0.123_456_789,

@@ -1,8 +1,9 @@
 //! Numbers that grow for as long as a bead is on: past 2^32, hours and days are seconds.
 //!
 //! # Design
-//! The image has no way to begin a count elsewhere. So the emulator writes into its variables. Which word of a variable
-//! holds the number is found by trying: the layout is the compiler's. The word of today is tried first.
+//! The image has no way to begin a count elsewhere. So the emulator writes into its variables. Which word of
+//! a variable holds the number is found by trying: the layout is the compiler's. The word of today is tried
+//! first.
 
 use std::fs;
 
@@ -41,8 +42,8 @@ fn variable(parts: &[&str]) -> (u32, u32) {
     (symbol.address() as u32, symbol.size() as u32)
 }
 
-/// Runs the image with `value` in that word of a variable of which `shows` says that it is the right one. The word at
-/// `today` is tried first.
+/// Runs the image with `value` in that word of a variable of which `shows` says that it is the right one. The
+/// word at `today` is tried first.
 fn written(
     parts: &[&str],
     today: u32,

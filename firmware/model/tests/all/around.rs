@@ -31,8 +31,8 @@ fn settings() -> Settings {
     derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
 }
 
-/// A stream of a pulse of this height, in codes, from scan 2000 on. Each code before it is another, so that a window
-/// that is shifted by a scan differs.
+/// A stream of a pulse of this height, in codes, from scan 2000 on. Each code before it is another, so that a
+/// window that is shifted by a scan differs.
 fn scan(index: u64, height: f64) -> Scan {
     let pulse = match index {
         2000..2050 => {

@@ -1,5 +1,5 @@
-//! The low gain has a part in loud pieces of a window only: the others are the same without its codes, which are not
-//! sent.
+//! The low gain has a part in loud pieces of a window only: the others are the same without its codes, which
+//! are not sent.
 #![allow(clippy::unwrap_used, reason = "in a test, an unwrap is an assertion")]
 
 use bead_model::design::{Bead, Capture, FrontEnd, derive};
@@ -28,8 +28,8 @@ fn settings() -> Settings {
     derive(&Bead::paper(), &FrontEnd::reference(), &Capture::default()).unwrap()
 }
 
-/// What a meter tells of a rise of the force within a quarter of the range, and of a force and an acceleration `loud`
-/// codes above their zeros in four scans from `at` on.
+/// What a meter tells of a rise of the force within a quarter of the range, and of a force and an
+/// acceleration `loud` codes above their zeros in four scans from `at` on.
 fn hear(settings: &Settings, loud: [u16; 2], at: u64) -> Heard {
     let scans: Vec<Scan> = (0..1500)
         .map(|index| {

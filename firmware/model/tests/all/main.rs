@@ -1,5 +1,5 @@
-//! Tests of the model, one program: the simulator beside them is linked once. Those that simulate chains take Miri,
-//! which looks at the model alone, hours.
+//! Tests of the model, one program: the simulator beside them is linked once. Those that simulate chains take
+//! Miri, which looks at the model alone, hours.
 
 #[cfg(not(miri))]
 mod accuracy;

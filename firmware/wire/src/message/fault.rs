@@ -41,11 +41,11 @@ names! {
         13 "supply_low" SupplyLow,
         /// A fault of one of the causes 9 to 13 is over; `detail` is the name of the cause.
         14 "recovered" Recovered,
-        /// A start of acquisition took a scan more or fewer than there were triggers. The scans were counted, and
-        /// the sample index is right.
+        /// A start of acquisition took a scan more or fewer than there were triggers. The scans were counted,
+        /// and the sample index is right.
         15 "index_corrected" IndexCorrected,
-        /// The crystal did not start, or it stopped. The bead runs on its internal oscillator. It answers, and it
-        /// takes no samples.
+        /// The crystal did not start, or it stopped. The bead runs on its internal oscillator. It answers,
+        /// and it takes no samples.
         16 "crystal_failed" CrystalFailed,
         /// The trigger line is held low: no bead on it can tell the others of a strike.
         17 "trigger_line_low" TriggerLineLow,

@@ -1,8 +1,8 @@
 use crate::body::body;
 
 body! {
-    /// A strike that the bead keeps, so that a host can fetch it. A host asks for the list of them; each gives
-    /// one frame, the oldest first. They outlive a reset, and the oldest give way to new ones.
+    /// A strike that the bead keeps, so that a host can fetch it. A host asks for the list of them; each
+    /// gives one frame, the oldest first. They outlive a reset, and the oldest give way to new ones.
     pub struct Kept: Copy {
         /// The boot in which the strike was measured.
         pub boot: u32,

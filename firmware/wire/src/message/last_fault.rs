@@ -2,11 +2,11 @@ use crate::body::body;
 use crate::message::fault::{Detail, FaultCause};
 
 body! {
-    /// The last fault that ended a boot. It comes with each identity frame, if there was one since power-up: a
-    /// host that was not there when it was told learns of it too.
+    /// The last fault that ended a boot. It comes with each identity frame, if there was one since power-up:
+    /// a host that was not there when it was told learns of it too.
     pub struct LastFault {
-        /// Number of boots since power-up that ended in a fault. What a host did not hear of is the difference
-        /// between two such numbers.
+        /// Number of boots since power-up that ended in a fault. What a host did not hear of is the
+        /// difference between two such numbers.
         pub faults: u32,
         /// What went wrong.
         pub cause: FaultCause,

@@ -22,8 +22,8 @@ names! {
         6 "sample_rate" SampleRate,
         /// The settings store in flash is full. The next boot makes room.
         7 "store_full" StoreFull,
-        /// The settings could not be read back from flash, the supply is low, or the store could not be read at the
-        /// start.
+        /// The settings could not be read back from flash, the supply is low, or the store could not be read
+        /// at the start.
         8 "flash_failed" FlashFailed,
         /// Settings are written to flash only so often, so that nobody wears it out. The detail says when to
         /// ask again.
@@ -38,8 +38,8 @@ names! {
         13 "late" Late,
         /// The request is signed, and the bead has no key.
         14 "no_key" NoKey,
-        /// The bead does not keep this strike: it gave way to newer ones, or was never measured, or is not yet
-        /// complete.
+        /// The bead does not keep this strike: it gave way to newer ones, or was never measured, or is not
+        /// yet complete.
         15 "not_kept" NotKept,
         /// The line has no room for the answer, because strikes come. Ask again.
         16 "busy" Busy,

@@ -12,8 +12,8 @@ names! {
         2 "flash_refused" FlashRefused,
         /// A host wrote them over the link; flash keeps them.
         3 "stored" Stored,
-        /// They are compiled in, because several boots in a row failed with those in flash. The bead looks for
-        /// strikes when a host arms it.
+        /// They are compiled in, because several boots in a row failed with those in flash. The bead looks
+        /// for strikes when a host arms it.
         4 "rescue" Rescue,
     }
 }

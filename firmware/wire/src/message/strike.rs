@@ -53,8 +53,8 @@ bits! {
         5 "intruder_drifted" INTRUDER_DRIFTED,
         /// The two gains of a sensor differ by more than noise explains.
         6 "gains_differ" GAINS_DIFFER,
-        /// Another bead found a strike: it opened this window by the trigger line. The force here rose by less than the
-        /// threshold until then.
+        /// Another bead found a strike: it opened this window by the trigger line. The force here rose by
+        /// less than the threshold until then.
         10 "triggered_by_line" TRIGGERED_BY_LINE,
         /// A host asked for this window.
         11 "triggered_on_request" TRIGGERED_ON_REQUEST,

@@ -61,8 +61,8 @@ pub(super) struct Constants {
 const THRESHOLD: f64 = 1e-13;
 /// Longest step as a part of the shortest contact. It keeps a step from passing over a collision.
 const LONGEST: f64 = 1.0;
-/// Steps that a chain may try: for each of the fewest that it takes, and besides. It tries more where rounding is above
-/// the error that is allowed, as where the striker is 1e30 times lighter than a bead.
+/// Steps that a chain may try: for each of the fewest that it takes, and besides. It tries more where
+/// rounding is above the error that is allowed, as where the striker is 1e30 times lighter than a bead.
 const TRIES_FOR_EACH: f64 = 100.0;
 const TRIES_BESIDES: u64 = 100_000;
 

@@ -133,8 +133,8 @@ impl<S: Wide> Overlap<S> {
         (value, slope)
     }
 
-    /// Newton's way to the root, kept between bounds. `last` is the value at the end, and `closes` is one where it
-    /// is positive.
+    /// Newton's way to the root, kept between bounds. `last` is the value at the end, and `closes` is one
+    /// where it is positive.
     #[inline(always)]
     fn root(&self, last: Vector<S>, closes: Vector<S>) -> Vector<S> {
         let first = self.0[0];

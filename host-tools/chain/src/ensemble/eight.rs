@@ -29,8 +29,8 @@ pub(super) trait Wide: Simd<f64s = f64x8> {}
 
 impl<S: Simd<f64s = f64x8>> Wide for S {}
 
-/// Eight lanes in registers. A product and a sum after it are rounded once by [`Vector::times_plus`], and twice by
-/// the operators, on every processor.
+/// Eight lanes in registers. A product and a sum after it are rounded once by [`Vector::times_plus`], and
+/// twice by the operators, on every processor.
 #[derive(Clone, Copy)]
 pub(super) struct Vector<S: Wide> {
     simd: S,

@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! All arithmetic is lane by lane, and no lane's steps depend on another's: a chain has the same bits in any
-//! company. Only what is computed is common: the contacts that carry a force, or might in this step, in any of
-//! the chains. What is left out has no force at all, so it makes no difference either.
+//! company. Only what is computed is common: the contacts that carry a force, or might in this step, in any
+//! of the chains. What is left out has no force at all, so it makes no difference either.
 
 use std::ops::Range;
 
@@ -75,8 +75,8 @@ pub(super) struct Group<'a> {
     /// Contacts that open or close in the step, by number and lane.
     crossings: Vec<(usize, usize)>,
     changes: Vec<Changes>,
-    /// The first of the bodies none of which may be pushed, if a lane stops before one is, and the lanes that have
-    /// stopped.
+    /// The first of the bodies none of which may be pushed, if a lane stops before one is, and the lanes that
+    /// have stopped.
     unpushed: Option<usize>,
     stopped: [Option<Lane>; LANES],
     /// The models of the lanes, for their contacts, and the contacts whose greatest force is wanted.
@@ -238,8 +238,8 @@ const GROWTH: f64 = 5.0;
 const SHRINKAGE: f64 = 0.2;
 
 impl Group<'_> {
-    /// Sets the length of each lane's step; false once all are at their ends. A lane whose steps no longer move
-    /// its clock, or are far too many, is taken out.
+    /// Sets the length of each lane's step; false once all are at their ends. A lane whose steps no longer
+    /// move its clock, or are far too many, is taken out.
     fn lengths(&mut self, stuck: &mut Stuck) -> bool {
         let mut goes_on = false;
         for (lane, stuck) in stuck.iter_mut().enumerate() {
@@ -494,7 +494,8 @@ impl Group<'_> {
         let crossings = std::mem::take(&mut self.crossings);
         let mut changes = std::mem::take(&mut self.changes);
         changes.clear();
-        // All before any is given, or a contact would see what its neighbour got, or not, by their places here.
+        // All before any is given, or a contact would see what its neighbour got, or not, by their places
+        // here.
         for some in crossings.chunks(LANES) {
             changes.push(self.gather(some).changes(simd));
         }
@@ -548,7 +549,8 @@ impl Group<'_> {
         }
     }
 
-    /// Stops the lanes in which this step pushes a body that must not move: as if the step had not been tried.
+    /// Stops the lanes in which this step pushes a body that must not move: as if the step had not been
+    /// tried.
     fn stop_lanes(&mut self) {
         let Some(first) = self.unpushed else { return };
         for lane in 0..LANES {

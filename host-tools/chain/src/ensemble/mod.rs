@@ -4,10 +4,10 @@
 //!
 //! Chains of one shape, which differ in numbers alone, are computed eight at a time, one a vector lane
 //! ([`group`]). Every lane has its own steps ([`method`]) and its own contacts that open and close
-//! ([`crossing`]), so a chain has the same bits whatever others there are, in whatever order, on any number of
-//! threads, and on any processor that multiplies and adds in one rounding. What happens before the wave reaches
-//! an intruder is computed once for chains that differ in their intruders alone ([`prefix`]). Chains of other kinds
-//! run one by one, and so does one that comes to no end among others.
+//! ([`crossing`]), so a chain has the same bits whatever others there are, in whatever order, on any number
+//! of threads, and on any processor that multiplies and adds in one rounding. What happens before the wave
+//! reaches an intruder is computed once for chains that differ in their intruders alone ([`prefix`]). Chains
+//! of other kinds run one by one, and so does one that comes to no end among others.
 
 mod chain;
 mod crossing;
@@ -69,15 +69,15 @@ impl std::fmt::Debug for EnsembleOptions<'_> {
     }
 }
 
-/// Runs many scenarios, each over its duration, on all threads of the pool that this is called in. The results
-/// are in the order of the scenarios, and each is the same whatever the others are.
+/// Runs many scenarios, each over its duration, on all threads of the pool that this is called in. The
+/// results are in the order of the scenarios, and each is the same whatever the others are.
 ///
-/// What intruders absorb has an error of at most 1e-6 of it, and a greatest force of 1e-5, in chains like the paper's. In
-/// chains of mixed spheres, and with stiff intruders, it is at most 3e-6 of the striker's energy, and 4e-5 of the force
-/// (seen over thousands of random chains; the tests hold them against [`simulate_with`](crate::simulate_with())). It is
-/// quick for scenarios that differ in numbers alone: as many beads,
-/// intruders in the same beads, a wall in all or none. Chains under a load and those with clipped forces run
-/// one by one.
+/// What intruders absorb has an error of at most 1e-6 of it, and a greatest force of 1e-5, in chains like the
+/// paper's. In chains of mixed spheres, and with stiff intruders, it is at most 3e-6 of the striker's energy,
+/// and 4e-5 of the force (seen over thousands of random chains; the tests hold them against
+/// [`simulate_with`](crate::simulate_with())). It is quick for scenarios that differ in numbers alone: as
+/// many beads, intruders in the same beads, a wall in all or none. Chains under a load and those with clipped
+/// forces run one by one.
 ///
 /// # Errors
 /// Each scenario has its own [`SimulateError`]; the others run all the same.

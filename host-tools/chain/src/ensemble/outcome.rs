@@ -18,7 +18,8 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// The contacts' loss is what the other energies leave of the first, and no wall counts what it was given.
+    /// The contacts' loss is what the other energies leave of the first, and no wall counts what it was
+    /// given.
     pub(super) fn balanced(mut self) -> Self {
         let (model, state) = (&self.model, &mut self.state);
         let layout = model.layout();
@@ -43,16 +44,16 @@ impl Outcome {
         self.time
     }
 
-    /// Steps that were tried, each of nine evaluations of the equations of motion. A chain that ran by itself has
-    /// steps of sixteen.
+    /// Steps that were tried, each of nine evaluations of the equations of motion. A chain that ran by itself
+    /// has steps of sixteen.
     pub fn steps(&self) -> u64 {
         self.steps
     }
 
     /// The chain at its end: velocities, energies of any beads, and the rest that a run knows of one time.
     ///
-    /// What viscous contacts have dissipated is the part of the first energy that nothing else has; the sum of all
-    /// energies does not show the error here.
+    /// What viscous contacts have dissipated is the part of the first energy that nothing else has; the sum
+    /// of all energies does not show the error here.
     pub fn end(&self) -> Snapshot<'_> {
         Snapshot::new(&self.model, self.time, self.state.clone())
     }
@@ -72,8 +73,8 @@ impl Outcome {
         self.model.initial_energy() - 0.5 * self.model.mass(0) * speed * speed
     }
 
-    /// The greatest force of each contact that [`EnsembleOptions::peaks`](crate::EnsembleOptions::peaks) names, if
-    /// it ever carried one. Its width is not looked for.
+    /// The greatest force of each contact that [`EnsembleOptions::peaks`](crate::EnsembleOptions::peaks)
+    /// names, if it ever carried one. Its width is not looked for.
     pub fn peaks(&self) -> &[ContactPeak] {
         &self.peaks
     }

@@ -82,8 +82,8 @@ fn polynomial(length: f64, start: Overlap, end: Overlap) -> [f64; 6] {
     ]
 }
 
-/// The place of the greatest value between 0 and 1, and the value, of a function with one top: by thirds of the
-/// golden section.
+/// The place of the greatest value between 0 and 1, and the value, of a function with one top: by thirds of
+/// the golden section.
 fn top(value: impl Fn(f64) -> f64) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
     let (mut low, mut high) = (0.0, 1.0);

@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! It is the same, bit for bit, for chains that differ in their intruders alone: an intruder at rest changes
-//! nothing. So it is gone once for all of them, up to the first step that would move the bead before the first
-//! host, and each goes on from there.
+//! nothing. So it is gone once for all of them, up to the first step that would move the bead before the
+//! first host, and each goes on from there.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -8,8 +8,8 @@ use super::outcome::Outcome;
 use crate::model::Model;
 use crate::observe::ContactPeak;
 
-/// Steps of one chain, above which it would keep seven others waiting. The single run refuses those that need far
-/// more.
+/// Steps of one chain, above which it would keep seven others waiting. The single run refuses those that need
+/// far more.
 const MOST_STEPS: f64 = 1e6;
 
 /// Whether a chain can go with others.
@@ -18,8 +18,8 @@ pub(super) fn suits(model: &Model, duration: f64) -> bool {
     !loaded && !model.clipped && fewest_steps(model, duration) < MOST_STEPS
 }
 
-/// The error allowed to each step in a velocity, as a part of that of a bead in the wave. Of 10,000 random chains
-/// like the paper's, none then errs by more than 8e-7 in what its intruder absorbs.
+/// The error allowed to each step in a velocity, as a part of that of a bead in the wave. Of 10,000 random
+/// chains like the paper's, none then errs by more than 8e-7 in what its intruder absorbs.
 const TOLERANCE: f64 = 2.5e-7;
 
 /// A chain that goes with others.
@@ -76,8 +76,8 @@ impl<'a> Eightfold<'a> {
     }
 }
 
-/// Runs up to eight chains without their intruders until a body from `last` on would be pushed; gives each as it is before that
-/// step.
+/// Runs up to eight chains without their intruders until a body from `last` on would be pushed; gives each as
+/// it is before that step.
 pub(super) fn before(shape: &Shape, members: &[&Member<'_>], peaks: &[usize], last: usize) -> Vec<Lane> {
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);
@@ -87,8 +87,8 @@ pub(super) fn before(shape: &Shape, members: &[&Member<'_>], peaks: &[usize], la
     (0..members.len()).map(|lane| group.lane(lane)).collect()
 }
 
-/// Runs up to eight chains, each to its time. The greatest forces of these contacts are kept. None for a chain that
-/// comes to no end in this way.
+/// Runs up to eight chains, each to its time. The greatest forces of these contacts are kept. None for a
+/// chain that comes to no end in this way.
 pub(super) fn run(shape: &Shape, members: &[&Member<'_>], peaks: &[usize]) -> Vec<Option<Outcome>> {
     let eight = Eightfold::new(shape, members, peaks);
     let mut group = eight.group(shape);

@@ -12,13 +12,13 @@ use crate::simulate::SimulateError;
 const STEP: f64 = 2e-3;
 /// Relative change of the share below which a descent ends.
 const SETTLED: f64 = 1e-9;
-/// What a descent that begins anew where the last has ended must gain, in the share, or that was the end. A descent
-/// forgets then what it has learnt of the curvature, which may be wrong.
+/// What a descent that begins anew where the last has ended must gain, in the share, or that was the end. A
+/// descent forgets then what it has learnt of the curvature, which may be wrong.
 const GAINED: f64 = 1e-6;
 
 impl Problem<'_> {
-    /// Improves a design until nothing near it is better, or until `most` evaluations are made. The intruders stay
-    /// alike if the design has one entry.
+    /// Improves a design until nothing near it is better, or until `most` evaluations are made. The intruders
+    /// stay alike if the design has one entry.
     pub(super) fn descend(&self, start: Tried, most: usize) -> Result<Tried, SimulateError> {
         let mut sofar = self.sofar.get();
         sofar.descents += 1;
@@ -52,8 +52,8 @@ impl Problem<'_> {
             &variables.bounds,
             &[&overweight as &dyn slsqp::Func<()>],
             (),
-            // Calls. Those after the last evaluation cost nothing, so the budget never ends a descent before its
-            // time.
+            // Calls. Those after the last evaluation cost nothing, so the budget never ends a descent before
+            // its time.
             full.min(1_000_000),
             Some(StopTols {
                 ftol_rel: SETTLED,
@@ -113,7 +113,8 @@ impl Variables {
             .collect()
     }
 
-    /// Designs beside `x` in each variable, a pair each, and how far apart they are. None lies beyond a bound.
+    /// Designs beside `x` in each variable, a pair each, and how far apart they are. None lies beyond a
+    /// bound.
     fn beside(&self, x: &[f64]) -> Vec<([Vec<f64>; 2], f64)> {
         let pair = |(index, (low, high)): (usize, &(f64, f64))| {
             let ends = [(x[index] - STEP).max(*low), (x[index] + STEP).min(*high)];
@@ -168,8 +169,8 @@ impl Descent<'_> {
         problem.follow(&shares[0])
     }
 
-    /// Shares at `x`, then beside it; none once the evaluations are spent, the search was asked to stop, or a run has
-    /// failed.
+    /// Shares at `x`, then beside it; none once the evaluations are spent, the search was asked to stop, or a
+    /// run has failed.
     fn shares(&mut self, x: &[f64], beside: &[([Vec<f64>; 2], f64)]) -> Option<Vec<Vec<f64>>> {
         let made = self.problem.sofar.get().evaluations;
         self.full |= made + 1 + 2 * beside.len() > self.most;

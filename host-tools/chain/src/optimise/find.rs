@@ -30,8 +30,9 @@ pub struct Optimum {
     pub far_end: f64,
     /// Number of designs tried.
     pub evaluations: usize,
-    /// Whether the search ended by itself: nothing better was near this design, and [`Optimum::in_vain`] descents in
-    /// succession from elsewhere found nothing better either. If not, it spent its evaluations or was stopped.
+    /// Whether the search ended by itself: nothing better was near this design, and [`Optimum::in_vain`]
+    /// descents in succession from elsewhere found nothing better either. If not, it spent its evaluations or
+    /// was stopped.
     pub settled: bool,
     /// Descents made, each until nothing near its end was better.
     pub descents: usize,
@@ -56,11 +57,12 @@ const IN_VAIN: usize = 3;
 /// What a descent must gain, in the share, not to be in vain.
 const GAINED: f64 = 1e-6;
 
-/// Finds the intruders that leave the least energy. The scenario's own are left out. `watch` hears how far the
-/// search has come and may stop it. The same input gives the same result, on any number of processors.
+/// Finds the intruders that leave the least energy. The scenario's own are left out. `watch` hears how far
+/// the search has come and may stop it. The same input gives the same result, on any number of processors.
 ///
-/// The result is a local optimum, the best of several descents. Nothing proves that there is no better one. Designs
-/// are compared with [`ensemble`](crate::ensemble()), and the result is run again at [`Accuracy::REFERENCE`].
+/// The result is a local optimum, the best of several descents. Nothing proves that there is no better one.
+/// Designs are compared with [`ensemble`](crate::ensemble()), and the result is run again at
+/// [`Accuracy::REFERENCE`].
 ///
 /// # Errors
 /// [`OptimiseError`]: a value of scenario or search is out of range, or a run cannot go on.

@@ -12,10 +12,11 @@
 //! A design has three numbers a host. Stiffness and damping are searched as logarithms, masses as they are.
 //! So the bound on their sum is linear, and no step between two designs that keep it breaks it. First all
 //! intruders are alike: the best design of a grid is improved. Then each bead goes its own way, from there
-//! and from stiffnesses that rise or fall along the hosts by `RAMP`, and then from fresh starts about the best,
-//! until three in succession find nothing better. Derivatives are differences of runs to either side, all of them
-//! one [`ensemble`](crate::ensemble()): its shares are smooth to some 1e-7, over two steps of `STEP` 3e-5 of a
-//! derivative. The descent is Kraft's SLSQP, begun anew where it has ended until that gains nothing.
+//! and from stiffnesses that rise or fall along the hosts by `RAMP`, and then from fresh starts about the
+//! best, until three in succession find nothing better. Derivatives are differences of runs to either side,
+//! all of them one [`ensemble`](crate::ensemble()): its shares are smooth to some 1e-7, over two steps of
+//! `STEP` 3e-5 of a derivative. The descent is Kraft's SLSQP, begun anew where it has ended until that gains
+//! nothing.
 
 mod descent;
 mod find;

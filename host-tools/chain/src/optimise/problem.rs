@@ -23,8 +23,8 @@ pub struct SoFar {
     pub descents: usize,
 }
 
-/// Hears how far a search has come, often, and says whether it goes on. A search that is told to stop gives the best
-/// so far.
+/// Hears how far a search has come, often, and says whether it goes on. A search that is told to stop gives
+/// the best so far.
 pub type Watch<'a> = dyn Fn(SoFar) -> ControlFlow<()> + Sync + 'a;
 
 /// Mass, stiffness, damping.
@@ -41,15 +41,16 @@ pub(super) struct Tried {
 
 /// Stiffnesses of a ramp go from 1/RAMP at one end of the hosts to RAMP at the other.
 const RAMP: f64 = 4.0;
-/// How far fresh starts lie from the best design, in turn: near, for a valley that was left too soon, and far.
+/// How far fresh starts lie from the best design, in turn: near, for a valley that was left too soon, and
+/// far.
 const APART: [f64; 3] = [1.3, 2.0, 4.0];
 /// Exponent of the power mean that stands for the greatest share. Of three speeds it is at most 1.7 % below
 /// it.
 const POWER: f64 = 64.0;
 /// Bodies of the chains that are computed at once, and hear of a stop only then: 80 MB.
 const TOGETHER: usize = 1 << 19;
-/// Designs that are computed at once, however long their chain is: enough for the wave's way to the first host to be
-/// shared.
+/// Designs that are computed at once, however long their chain is: enough for the wave's way to the first
+/// host to be shared.
 const LEAST_TOGETHER: usize = 16;
 
 pub(super) struct Problem<'a> {
@@ -95,8 +96,8 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// The shares that remain at each speed, for each design. Once the search was asked to stop, those of the designs
-    /// that were tried before.
+    /// The shares that remain at each speed, for each design. Once the search was asked to stop, those of the
+    /// designs that were tried before.
     pub(super) fn shares(&self, designs: &[Vec<Properties>]) -> Result<Vec<Vec<f64>>, SimulateError> {
         let bodies = self.speeds.len() * (self.bare.chain.beads + 1);
         let mut found = Vec::with_capacity(designs.len());
@@ -164,8 +165,8 @@ impl Problem<'_> {
         }
     }
 
-    /// The best of intruders all alike, on a grid, or on the part of it that was tried before the search was asked to
-    /// stop.
+    /// The best of intruders all alike, on a grid, or on the part of it that was tried before the search was
+    /// asked to stop.
     pub(super) fn coarse(&self) -> Result<Tried, SimulateError> {
         let [masses, stiffnesses, dampings] = COARSE;
         let search = self.search;
@@ -221,8 +222,8 @@ impl Problem<'_> {
             .into()
     }
 
-    /// A design beside the best one: each number is multiplied or divided by up to one of [`APART`]. The same for the same
-    /// number.
+    /// A design beside the best one: each number is multiplied or divided by up to one of [`APART`]. The same
+    /// for the same number.
     pub(super) fn restart(&self, best: &Tried, number: usize) -> Tried {
         let apart = APART[number % APART.len()];
         let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(number as u64 + 1);

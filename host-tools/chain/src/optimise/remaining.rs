@@ -35,12 +35,13 @@ pub struct Remaining {
 /// Runs a scenario with its striker at `speed`, m/s, and says what remains.
 ///
 /// The run lasts the scenario's duration times (V/`speed`)^(1/5), V being the scenario's speed. In that time
-/// the wave comes equally far at any speed: exactly so on an elastic chain without intruders, gaps and load. Under
-/// a load it does not, since the wave is then as fast at any speed. The motion is not kept, so the chain may have
-/// any length.
+/// the wave comes equally far at any speed: exactly so on an elastic chain without intruders, gaps and load.
+/// Under a load it does not, since the wave is then as fast at any speed. The motion is not kept, so the
+/// chain may have any length.
 ///
 /// # Errors
-/// As [`summarise`](crate::summarise()), and [`SimulateError::Input`] if the striker has given no energy by the end.
+/// As [`summarise`](crate::summarise()), and [`SimulateError::Input`] if the striker has given no energy by
+/// the end.
 pub fn remaining(scenario: &Scenario, speed: f64, accuracy: Accuracy) -> Result<Remaining, SimulateError> {
     let struck = struck_at(scenario, speed);
     let mut run = Run::new(&struck, accuracy)?;

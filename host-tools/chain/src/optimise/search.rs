@@ -169,8 +169,8 @@ impl Search {
             .map_err(OptimiseError::Search)
     }
 
-    /// Refuses bounds that have intruders in them of which no run would end. The run could only blame an intruder that
-    /// nobody has written.
+    /// Refuses bounds that have intruders in them of which no run would end. The run could only blame an
+    /// intruder that nobody has written.
     fn check_rates(&self, scenario: &Scenario) -> Result<(), InputError> {
         let (mass, stiffness, damping) = (self.mass, self.stiffness, self.damping);
         for (key, bound, [mass, stiffness, damping]) in [

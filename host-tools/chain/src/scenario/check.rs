@@ -169,8 +169,8 @@ impl Scenario {
 /// Longer chains are refused: they would ask for memory and time that nobody meant.
 pub(crate) const MOST_BEADS: usize = 100_000;
 
-/// Values other than 0 outside of this are refused, in SI units: no body, contact or time has them, and the products of some
-/// would leave the range of an `f64`.
+/// Values other than 0 outside of this are refused, in SI units: no body, contact or time has them, and the
+/// products of some would leave the range of an `f64`.
 const RANGE: RangeInclusive<f64> = 1e-30..=1e30;
 
 const GAP: &str = "give a length in m, such as 1e-6, or 0 for bodies that touch";

@@ -119,8 +119,8 @@ struct Place {
     value: Range<usize>,
 }
 
-/// Shows each key of a table and of the tables in it. No more than one is in memory: a file can have millions, each as long
-/// as all names around it together.
+/// Shows each key of a table and of the tables in it. No more than one is in memory: a file can have
+/// millions, each as long as all names around it together.
 fn each_key<'a>(table: &'a DeTable<'_>, parts: &mut Vec<Part<'a>>, see: &mut dyn FnMut(&[Part<'_>], Place)) {
     for (name, value) in table {
         parts.push(Part::Name(name.get_ref()));

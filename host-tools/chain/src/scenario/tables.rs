@@ -160,8 +160,8 @@ pub struct Section {
 
 /// Beads that do not begin at rest and in touch. A chain without this table does, and only the striker moves.
 ///
-/// It makes strikers of beads: the first beads with a velocity like the striker's are struck by nobody and hit
-/// the rest together with it, and a last bead with a velocity below zero hits the chain from behind. An
+/// It makes strikers of beads: the first beads with a velocity like the striker's are struck by nobody and
+/// hit the rest together with it, and a last bead with a velocity below zero hits the chain from behind. An
 /// intruder begins with the velocity of its host.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -149,8 +149,8 @@ impl Draw {
     }
 }
 
-/// Of places or velocities of all bodies, how much the first body of a contact is ahead of the second. A wall stands still
-/// at 0.
+/// Of places or velocities of all bodies, how much the first body of a contact is ahead of the second. A wall
+/// stands still at 0.
 pub(super) fn across(bodies: &[f64], contact: usize) -> f64 {
     bodies[contact - 1] - bodies.get(contact).copied().unwrap_or(0.0)
 }

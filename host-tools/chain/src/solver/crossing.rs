@@ -2,11 +2,11 @@
 //!
 //! # Design
 //!
-//! There the force goes as δ^(3/2), and with viscosity as δ^(1/2): the one place where the motion is not smooth,
-//! and where a Runge-Kutta method loses its order. But the overlap near it is known ([`Overlap`]), from its
-//! value, rate and acceleration at both ends of the step. So the stages keep what the force differs from that
-//! of the known overlap, which is small and smoother, and the integral of the latter is computed (Gauss' rule
-//! for a root at one end). Neither a rejected step nor a search is needed.
+//! There the force goes as δ^(3/2), and with viscosity as δ^(1/2): the one place where the motion is not
+//! smooth, and where a Runge-Kutta method loses its order. But the overlap near it is known ([`Overlap`]),
+//! from its value, rate and acceleration at both ends of the step. So the stages keep what the force differs
+//! from that of the known overlap, which is small and smoother, and the integral of the latter is computed
+//! (Gauss' rule for a root at one end). Neither a rejected step nor a search is needed.
 
 use super::overlap::{Ends, Overlap};
 
@@ -70,8 +70,8 @@ impl Integrals {
 }
 
 impl Crossing {
-    /// The contact at `lane`, whose overlap has other signs at both ends of a step of `length`. `compliance` is
-    /// the sum of its bodies' inverse masses.
+    /// The contact at `lane`, whose overlap has other signs at both ends of a step of `length`. `compliance`
+    /// is the sum of its bodies' inverse masses.
     #[inline(always)]
     pub(super) fn new(
         lane: usize,
@@ -196,7 +196,8 @@ impl Crossing {
 mod tests {
     use super::*;
 
-    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, as in [`Overlap`]'s test; or its mirror in time.
+    /// A contact whose overlap is y - 0.1 y^(7/2) with y = x - 0.9, as in [`Overlap`]'s test; or its mirror
+    /// in time.
     #[test]
     fn what_rests_on_the_end_of_a_step_alone_is_what_the_contact_does_to_itself_after_the_last_stage() {
         let (length, stiffness) = (2.0, 3.0);

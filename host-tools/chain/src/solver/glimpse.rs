@@ -1,13 +1,15 @@
 //! One coordinate inside one step: how two bodies approach, or how an intruder moves in its host.
 //!
-//! It costs a few sums, where the dense output of a chain costs as many for each body. And it outlives its step.
+//! It costs a few sums, where the dense output of a chain costs as many for each body. And it outlives its
+//! step.
 
 use super::crossing::Crossing;
 use super::lanes::Lanes;
 use super::method::{POWERS, TERMS, Weight};
 use super::work::{Work, place};
 
-/// The coordinate as a polynomial of the part of the step, and the exact parts of contacts that open or close.
+/// The coordinate as a polynomial of the part of the step, and the exact parts of contacts that open or
+/// close.
 #[derive(Debug, Clone)]
 pub(crate) struct Glimpse {
     pub(crate) from: f64,

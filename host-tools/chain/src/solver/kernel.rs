@@ -27,15 +27,15 @@ pub(super) enum Task {
     Inner { stage: usize },
     /// The motion at the part `x` of the step, after all that.
     Look { x: f64 },
-    /// The greatest error of a velocity, over the length of the step and what is allowed. It is not a number if
-    /// a velocity is none.
+    /// The greatest error of a velocity, over the length of the step and what is allowed. It is not a number
+    /// if a velocity is none.
     Error { tolerance: f64 },
     /// The same for each block, kept in [`Work::errors`].
     Errors { tolerance: f64 },
 }
 
-/// One kind of task on one kind of vectors. Each is a function of its own, so that what one keeps in registers
-/// is not another's loss.
+/// One kind of task on one kind of vectors. Each is a function of its own, so that what one keeps in
+/// registers is not another's loss.
 struct Call<'a, S, const KIND: u8> {
     simd: S,
     work: &'a mut Work,
@@ -164,8 +164,8 @@ const BENDS: [Range<usize>; STAGES] = terms(true);
 /// Stages after the first that weigh something in a row.
 const WEIGHS: [Range<usize>; STAGES] = terms(false);
 
-/// Stages after the first that weigh something in a row: those before the first that weighs in both sums, which
-/// bend displacements alone, or the others.
+/// Stages after the first that weigh something in a row: those before the first that weighs in both sums,
+/// which bend displacements alone, or the others.
 const fn terms(bends: bool) -> [Range<usize>; STAGES] {
     let mut ranges = [const { 0..0 }; STAGES];
     let mut row = 0;
@@ -527,8 +527,8 @@ static LOOKED: [[Block; 2 * WIDE]; TERMS] = {
 /// Blocks that hold a number for each stage.
 const WIDE: usize = STAGES.div_ceil(BLOCK);
 
-/// Weights at one part of the step, then one sum over the stages for each block. For the few looks that a step
-/// gets, this is less work than to bring each lane's motion into powers first.
+/// Weights at one part of the step, then one sum over the stages for each block. For the few looks that a
+/// step gets, this is less work than to bring each lane's motion into powers first.
 #[inline(always)]
 fn look<S: Simd<f64s = f64x8>>(simd: S, work: &mut Work, lanes: &Lanes, length: f64, x: f64) {
     let mut weights = [simd.splat_f64s(0.0); 2 * WIDE];

@@ -3,8 +3,8 @@
 //! # Design
 //!
 //! Body n and contact n, which joins bodies n - 1 and n, share lane n. A wall is a body of infinite mass.
-//! Arrays begin one block before lane 0, so a neighbour can always be read. The intruders follow, in the order of
-//! their hosts: in what the last block of a short chain has left, or else in blocks of their own.
+//! Arrays begin one block before lane 0, so a neighbour can always be read. The intruders follow, in the
+//! order of their hosts: in what the last block of a short chain has left, or else in blocks of their own.
 
 use std::ops::Range;
 

@@ -114,8 +114,9 @@ pub(super) static ERROR: &[(usize, f64)] = &{
 /// How many numbers give a weight of the dense output.
 pub(super) const TERMS: usize = 8;
 
-/// The weights of the dense output, stage by stage. At the part x of the step a weight is x Σ POWERS[k] s^k with
-/// s = x - 1/2. In powers of x itself the terms would be ten thousand times the sum, and so would their rounding.
+/// The weights of the dense output, stage by stage. At the part x of the step a weight is x Σ POWERS[k] s^k
+/// with s = x - 1/2. In powers of x itself the terms would be ten thousand times the sum, and so would their
+/// rounding.
 pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
     let mut velocities = [[0.0; TERMS]; STAGES];
     let mut stage = 0;
@@ -123,8 +124,8 @@ pub(super) const POWERS: [[Weight; TERMS]; STAGES] = {
         velocities[stage] = about_the_middle(&INSIDE[stage]);
         stage += 1;
     }
-    // The printed digits leave a trace of 1e-11. So that constant and linear rates are integrated exactly, it is
-    // taken from the first stage and that at the end.
+    // The printed digits leave a trace of 1e-11. So that constant and linear rates are integrated exactly, it
+    // is taken from the first stage and that at the end.
     let mut power = 1;
     while power < TERMS {
         let (mut moment, mut sum, mut stage) = (0.0, 0.0, 0);

@@ -8,8 +8,8 @@
 //! ([`stepper`]), and blocks that a wave has left in touch take longer steps ([`multirate`]).
 //!
 //! A step's dense output is not stored. It follows from where the step started and how long it was, so
-//! [`Dense`] repeats the step when somebody looks inside it. Memory is one state a step, and a run that nobody
-//! looks into pays nothing.
+//! [`Dense`] repeats the step when somebody looks inside it. Memory is one state a step, and a run that
+//! nobody looks into pays nothing.
 
 #[cfg(test)]
 mod against;

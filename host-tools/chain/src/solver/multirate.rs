@@ -3,10 +3,10 @@
 //! # Design
 //!
 //! Behind a wave in a viscous chain all beads stay in contact and creep, far above the error allowed, so they
-//! cannot sleep ([`super::rest`]). But their contacts hardly change while the wave takes a dozen steps. So the
-//! blocks that move are parted, time and again ([`super::parting`]). The slow part makes its one step first. The
-//! quick one goes on as if it were alone, and looks nowhere but at its own beads; when it comes to the end of the
-//! slow step, both are one again.
+//! cannot sleep ([`super::rest`]). But their contacts hardly change while the wave takes a dozen steps. So
+//! the blocks that move are parted, time and again ([`super::parting`]). The slow part makes its one step
+//! first. The quick one goes on as if it were alone, and looks nowhere but at its own beads; when it comes to
+//! the end of the slow step, both are one again.
 //!
 //! Meanwhile the slow step's own dense output tells where its beads are.
 
@@ -71,8 +71,8 @@ fn sleepers(lanes: &Lanes, calm: &Calm) -> impl Iterator<Item = (usize, bool)> {
     })
 }
 
-/// What the next slow step should be of the last, whose blocks had these errors: what costs least then, if errors
-/// go as the ninth power of the step.
+/// What the next slow step should be of the last, whose blocks had these errors: what costs least then, if
+/// errors go as the ninth power of the step.
 fn better(calm: &Calm, errors: &[f64], length: f64, step: f64) -> f64 {
     let blocks = || calm.runs.iter().flat_map(Clone::clone);
     let cost = |part: f64| {
@@ -120,8 +120,9 @@ impl Multirate {
         self.slow.as_deref().filter(|_| self.parted)
     }
 
-    /// Parts the blocks at `time`, if that pays, and makes the slow part's step, which does not pass `stop`. Quick
-    /// steps are about `step` long, and this one has a number. Gives how many tries of a step were made.
+    /// Parts the blocks at `time`, if that pays, and makes the slow part's step, which does not pass `stop`.
+    /// Quick steps are about `step` long, and this one has a number. Gives how many tries of a step were
+    /// made.
     pub(super) fn part(
         &mut self,
         lanes: &Lanes,
@@ -226,8 +227,8 @@ impl Multirate {
         crossed == 0.0 && !meets
     }
 
-    /// After a quick step of `length` to `time`: beads beside the quick part fly on. At the end of the slow step
-    /// both are one again; gives what contacts of the slow part have dissipated by then, once.
+    /// After a quick step of `length` to `time`: beads beside the quick part fly on. At the end of the slow
+    /// step both are one again; gives what contacts of the slow part have dissipated by then, once.
     pub(super) fn follow(
         &mut self,
         lanes: &Lanes,

@@ -3,10 +3,10 @@
 //! # Design
 //!
 //! Smooth motion is a polynomial through both ends of the step. A contact that opens or closes adds what its
-//! own force does to its overlap, which no polynomial follows: with y the part of the step from the root δ = 0
-//! into the closed side, the force goes as y^(3/2), and y^(1/2) with viscosity, so δ has terms y^(7/2) and
-//! y^(5/2). Their factors follow from the slope at the root. Without them a contact that closes just before the
-//! end of a step has a wrong force which no stage sees.
+//! own force does to its overlap, which no polynomial follows: with y the part of the step from the root δ =
+//! 0 into the closed side, the force goes as y^(3/2), and y^(1/2) with viscosity, so δ has terms y^(7/2) and
+//! y^(5/2). Their factors follow from the slope at the root. Without them a contact that closes just before
+//! the end of a step has a wrong force which no stage sees.
 
 /// Overlap, its rate and its acceleration.
 pub(super) type Ends = [f64; 3];

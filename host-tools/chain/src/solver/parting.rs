@@ -2,38 +2,40 @@
 //!
 //! # Design
 //!
-//! The blocks that move are parted: *quick* ones take the steps that the wave needs, and *slow* ones one step over
-//! the time of many of these ([`super::multirate`]). Each part computes [`SHARED`] blocks of the other one beside
-//! its own, behind which it lets the beads fly freely, and forgets them in the end.
+//! The blocks that move are parted: *quick* ones take the steps that the wave needs, and *slow* ones one step
+//! over the time of many of these ([`super::multirate`]). Each part computes [`SHARED`] blocks of the other
+//! one beside its own, behind which it lets the beads fly freely, and forgets them in the end.
 //!
 //! A slow step is tried on blocks whose contacts are all *calm*, and that have no intruder: contacts that are
-//! closed and change little in the step, or that are open and stay so. [`GUARD`] blocks beside others are left
-//! out. Then the slow part is made of those that the step has moved without too great an error.
+//! closed and change little in the step, or that are open and stay so. [`GUARD`] blocks beside others are
+//! left out. Then the slow part is made of those that the step has moved without too great an error.
 //!
 //! # What that leaves out
 //!
-//! Let bead 0 be one that flies freely instead, K beads be computed and forgotten, and bead K the first that is
-//! not. Let e(n, t) be the error of the displacement of bead n at the time t after the step began. A force grows
-//! with the overlap and with its rate: a is the greatest slope by the overlap over a mass, g that by the rate. So
+//! Let bead 0 be one that flies freely instead, K beads be computed and forgotten, and bead K the first that
+//! is not. Let e(n, t) be the error of the displacement of bead n at the time t after the step began. A force
+//! grows with the overlap and with its rate: a is the greatest slope by the overlap over a mass, g that by
+//! the rate. So
 //!
 //! ```text
 //! |e''(n)| ≤ a (|e(n-1)| + 2 |e(n)| + |e(n+1)|) + g (|e'(n-1)| + 2 |e'(n)| + |e'(n+1)|)
 //! |e(0)| ≤ A t²/2   and   |e'(0)| ≤ A t                A the greatest acceleration of bead 0
 //! ```
 //!
-//! (A/λ²) z⁻ⁿ exp(λt) makes an equation of the first if z + 2 + 1/z = λ²/(a + gλ), and it and its rate are above
-//! the second. So it is above all errors, whatever λ > 0 is that gives z > 1. With λ = 2K/H, which is near the
-//! best, the velocity of bead K is wrong after a step of H by at most
+//! (A/λ²) z⁻ⁿ exp(λt) makes an equation of the first if z + 2 + 1/z = λ²/(a + gλ), and it and its rate are
+//! above the second. So it is above all errors, whatever λ > 0 is that gives z > 1. With λ = 2K/H, which is
+//! near the best, the velocity of bead K is wrong after a step of H by at most
 //!
 //! ```text
 //! A H/(2K) e^(2K) z^(-K)                               2.5e-9 A H for K = 8 and √a H = 2
 //! ```
 //!
-//! A slow step is so short that this is at most the speed that a block at rest may have, [`FLOOR`] × tolerance ×
-//! the striker's speed.
+//! A slow step is so short that this is at most the speed that a block at rest may have, [`FLOOR`] ×
+//! tolerance × the striker's speed.
 //!
-//! Waves must not come through the guard meanwhile. A signal goes on by √(k/M) beads a second where contacts have
-//! the stiffness k, and no contact is stiffer than one that has all the energy of the blocks that are not calm.
+//! Waves must not come through the guard meanwhile. A signal goes on by √(k/M) beads a second where contacts
+//! have the stiffness k, and no contact is stiffer than one that has all the energy of the blocks that are
+//! not calm.
 
 use std::ops::Range;
 
@@ -133,8 +135,8 @@ impl Calm {
         Self { moves, runs }
     }
 
-    /// The longest step of up to `wanted` that is stable, ends before waves come through the guard, and leaves out
-    /// no velocity above `quiet` where the calm blocks end.
+    /// The longest step of up to `wanted` that is stable, ends before waves come through the guard, and
+    /// leaves out no velocity above `quiet` where the calm blocks end.
     pub(super) fn longest(&self, lanes: &Lanes, motion: &Motion, quiet: f64, wanted: f64) -> f64 {
         let slopes = Slopes::of(lanes, motion, &self.runs);
         let stable = STABLE / (slopes.overlap.sqrt() + slopes.rate);
@@ -194,8 +196,8 @@ impl Calm {
         run.start + shared(run.start.wrapping_sub(1))..run.end - shared(run.end)
     }
 
-    /// The parts, after a slow step of `length` with these errors of its blocks. None if the quick part would leave
-    /// out a velocity above `quiet`.
+    /// The parts, after a slow step of `length` with these errors of its blocks. None if the quick part would
+    /// leave out a velocity above `quiet`.
     pub(super) fn parts(
         &self,
         lanes: &Lanes,

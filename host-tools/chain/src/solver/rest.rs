@@ -1,13 +1,15 @@
-//! Which blocks of beads need no computation: those that the wave has not reached, and those that it has left.
+//! Which blocks of beads need no computation: those that the wave has not reached, and those that it has
+//! left.
 //!
 //! # Design
 //!
-//! A block sleeps while no contact of it carries a force that matters and no intruder in it moves. A contact is
-//! out of the game in one of two ways. It is *open*: its bodies fly freely, so when they will meet follows from
-//! where they are. Or it is *quiet*: speed and overlap are less than the error that a single step may make
-//! ([`FLOOR`] of the tolerance), and bodies that it joins go on together at their common speed, or stand still
-//! if that too is quiet. What a wave leaves behind in an elastic chain is such dust. So what is left out of a
-//! body's velocity is at most FLOOR × tolerance × the striker's speed, once after each wave that passes it.
+//! A block sleeps while no contact of it carries a force that matters and no intruder in it moves. A contact
+//! is out of the game in one of two ways. It is *open*: its bodies fly freely, so when they will meet follows
+//! from where they are. Or it is *quiet*: speed and overlap are less than the error that a single step may
+//! make ([`FLOOR`] of the tolerance), and bodies that it joins go on together at their common speed, or stand
+//! still if that too is quiet. What a wave leaves behind in an elastic chain is such dust. So what is left
+//! out of a body's velocity is at most FLOOR × tolerance × the striker's speed, once after each wave that
+//! passes it.
 //!
 //! A bead ahead of a wave moves as the motion two beads before to the power 3/2 each. So a block that touches
 //! wakes when the third bead before it is no longer quiet: what is left out then is far below rounding.

@@ -1,5 +1,5 @@
-//! Small runs of every kind, which together take a part of a second: what is wrong with the solver is noticed here
-//! first.
+//! Small runs of every kind, which together take a part of a second: what is wrong with the solver is noticed
+//! here first.
 
 use std::sync::Arc;
 
@@ -158,8 +158,9 @@ fn small_runs_of_every_kind_end_where_another_method_says() {
 
 #[test]
 fn a_bead_that_is_hit_beside_a_sleeping_block_pushes_it_in_the_same_step() {
-    // Bead 7 is the last one of its block. It stands still and apart until bead 6 hits it, and then crosses a gap of a tenth
-    // of a nanometre within one long step. Without a second look at that step the error is 3e-4.
+    // Bead 7 is the last one of its block. It stands still and apart until bead 6 hits it, and then crosses a
+    // gap of a tenth of a nanometre within one long step. Without a second look at that step the error is
+    // 3e-4.
     let mut scenario = plain(20, 0.0, 0.003);
     scenario.starts = vec![Start::apart([7], 2e-5), Start::apart([8], 1e-10)];
     let model = Model::new(&scenario);
@@ -173,8 +174,8 @@ fn a_bead_that_is_hit_beside_a_sleeping_block_pushes_it_in_the_same_step() {
 
 #[test]
 fn a_contact_that_closes_at_the_end_of_a_step_keeps_the_energy() {
-    // Beads apart meet at any part of a step. Where they meet behind the last stage inside it, no stage sees their force, and
-    // a step that did not end before would lose up to 1.5e-8 of the energy.
+    // Beads apart meet at any part of a step. Where they meet behind the last stage inside it, no stage sees
+    // their force, and a step that did not end before would lose up to 1.5e-8 of the energy.
     for n in 0..120 {
         let mut scenario = plain(2, 0.0, 0.0012);
         scenario.wall = Some(Wall::flat(Material::STEEL));
@@ -248,7 +249,8 @@ fn inside_a_long_step_in_which_contacts_open_and_close_it_is_so_too() {
     inside_of_steps(1e-8, 1.0, 2, [1e-7, 1e-7, 1e-5]);
 }
 
-/// Looks into each step that `every` divides, and compares states, those of the dense output, and accelerations.
+/// Looks into each step that `every` divides, and compares states, those of the dense output, and
+/// accelerations.
 fn inside_of_steps(tolerance: f64, longest: f64, every: u64, most: [f64; 3]) {
     for (name, scenario) in kinds() {
         let model = Model::new(&scenario);

@@ -1,5 +1,5 @@
-//! What is left out of the computation of long chains, and what takes longer steps, against runs that move all
-//! bodies with every step.
+//! What is left out of the computation of long chains, and what takes longer steps, against runs that move
+//! all bodies with every step.
 
 use std::sync::Arc;
 

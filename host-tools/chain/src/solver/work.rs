@@ -81,8 +81,8 @@ pub(super) struct Work {
     pub(super) powers: Option<Box<Powers>>,
 }
 
-/// Power dissipated in all contacts, the force on the wall, and the power dissipated in each intruder, at each
-/// stage.
+/// Power dissipated in all contacts, the force on the wall, and the power dissipated in each intruder, at
+/// each stage.
 #[derive(Debug, Clone)]
 pub(super) struct Powers {
     pub(super) contacts: [f64; STAGES],
@@ -204,7 +204,8 @@ impl Work {
         }
     }
 
-    /// Brings the two bodies beside a run of blocks to the end of the step: no stage does, for they fly freely.
+    /// Brings the two bodies beside a run of blocks to the end of the step: no stage does, for they fly
+    /// freely.
     #[inline(always)]
     fn fly_beside(&mut self, run: Range<usize>, length: f64) {
         for lane in [first(run.start) - 1, first(run.end)] {

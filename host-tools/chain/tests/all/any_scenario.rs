@@ -165,8 +165,8 @@ fn a_contact_that_closes_late_in_a_step_keeps_the_energy() {
 }
 
 /// A contact that opens with its force cut off at zero, beside beads that fly freely. The energy was off by
-/// 2e-10 at the finest tolerance and by 1e-8 at 1e-10: the acceleration at the end of the step was reckoned with
-/// where those beads had been long before.
+/// 2e-10 at the finest tolerance and by 1e-8 at 1e-10: the acceleration at the end of the step was reckoned
+/// with where those beads had been long before.
 #[test]
 fn a_contact_that_opens_beside_free_beads_keeps_the_energy() {
     let mut scenario = struck(8, 0.0064223869955761115, 231123608.43138403, 0.8810889744561234);

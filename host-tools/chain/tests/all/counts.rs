@@ -1,8 +1,10 @@
-//! How many instructions fixed runs take, counted by valgrind: a slower solver is noticed on any computer, however busy.
+//! How many instructions fixed runs take, counted by valgrind: a slower solver is noticed on any computer,
+//! however busy.
 //!
-//! Valgrind shows every program the same processor, with vectors of 256 bits. The counts belong to the compiler that
-//! `rust-toolchain.toml` names; a new one may change them. `COUNTS=overwrite cargo test --release -p hertz-chain counts`
-//! writes them anew, and the change of `data/instructions.txt` belongs into the commit that causes it.
+//! Valgrind shows every program the same processor, with vectors of 256 bits. The counts belong to the
+//! compiler that `rust-toolchain.toml` names; a new one may change them. `COUNTS=overwrite cargo test
+//! --release -p hertz-chain counts` writes them anew, and the change of `data/instructions.txt` belongs into
+//! the commit that causes it.
 
 use std::fmt::Write;
 use std::hint::black_box;

@@ -3,8 +3,8 @@
 use crate::common::{elastic, run, struck_by_a_bead};
 use hertz_chain::{Material, Model, PulseSearch, Scenario, Start, Wall};
 
-/// Sokolow, Bittle and Sen, and Job et al. (PRE 67, 066607): as many waves leave as grains come in, one behind
-/// another, each weaker than the one before it.
+/// Sokolow, Bittle and Sen, and Job et al. (PRE 67, 066607): as many waves leave as grains come in, one
+/// behind another, each weaker than the one before it.
 #[test]
 fn as_many_waves_run_through_the_chain_as_grains_strike_it() {
     let waves = |strikers: usize| {

@@ -6,7 +6,8 @@ pub const INTERRUPTS: usize = 82;
 /// The number that stands for the processor's NMI input, after those of the interrupt lines.
 pub const NMI: usize = INTERRUPTS;
 
-/// The number that stands for the processor's SysTick exception. It is not a level: each rise is an exception.
+/// The number that stands for the processor's SysTick exception. It is not a level: each rise is an
+/// exception.
 pub const SYSTICK: usize = INTERRUPTS + 1;
 
 /// What a machine needs of the outside.
@@ -27,8 +28,9 @@ pub trait Board {
     fn set_interrupt(&mut self, number: usize, level: bool);
     /// A frame of 7 to 9 data bits left a transmitter at this time: USART1 is 0, USART6 is 5.
     fn sent(&mut self, usart: usize, data: u16, at: u64);
-    /// The DMA stream of the converter that samples filled a part of its buffer that it interrupts for. `scans`
-    /// were started since the last part; it is 0 if the interrupt of the last part was not served yet.
+    /// The DMA stream of the converter that samples filled a part of its buffer that it interrupts for.
+    /// `scans` were started since the last part; it is 0 if the interrupt of the last part was not served
+    /// yet.
     fn acquired(&mut self, scans: u64);
     /// The watchdog ran out, or the power went. Reset the processor, and call `Machine::reset` when that
     /// happens.

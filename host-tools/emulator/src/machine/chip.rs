@@ -105,8 +105,8 @@ impl Chip {
         Ok(())
     }
 
-    /// The word that a narrow write stands for. The bridges to APB1 and APB2 repeat its bytes over the whole word
-    /// (section 2.1). Elsewhere the rest of the word stays.
+    /// The word that a narrow write stands for. The bridges to APB1 and APB2 repeat its bytes over the whole
+    /// word (section 2.1). Elsewhere the rest of the word stays.
     pub(super) fn widen(&mut self, address: u32, bytes: u32, value: u32, now: u64) -> u32 {
         match bytes {
             4 => return value,
@@ -125,8 +125,8 @@ impl Chip {
         self.stimulus.sampling().map(|sampling| sampling.first_ns)
     }
 
-    /// Whether the processor gets no instruction: flash is being written, or its clock has stopped. Interrupts
-    /// wait.
+    /// Whether the processor gets no instruction: flash is being written, or its clock has stopped.
+    /// Interrupts wait.
     pub(super) fn stands_still(&self) -> bool {
         self.units.flash.busy() || self.clocks.hclk == 0
     }

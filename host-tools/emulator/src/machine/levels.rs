@@ -100,7 +100,8 @@ impl Levels {
         pins.iter().map(line).collect()
     }
 
-    /// When a change will next raise an interrupt line, of a timer that captures it or of EXTI, or wake the part.
+    /// When a change will next raise an interrupt line, of a timer that captures it or of EXTI, or wake the
+    /// part.
     pub(super) fn next_capture(&self, chip: &Chip) -> Option<u64> {
         let tim = &chip.units.tim;
         // Without this, every wake would search through all edges, even if nothing listens to them.

@@ -89,8 +89,8 @@ impl Stimulus {
 
     /// The number of the row that stands `now`, counted over all that there ever were.
     fn row_at(&self, began: u64, now: u64) -> usize {
-        // Times are whole ns, so a scan may seem to come up to 1 ns before its row. A change of the clock may move
-        // the end of a conversion under way into the past.
+        // Times are whole ns, so a scan may seem to come up to 1 ns before its row. A change of the clock may
+        // move the end of a conversion under way into the past.
         let passed = u128::from(now.saturating_sub(began)) + 1;
         let own_ns = passed * u128::from(self.hz) / u128::from(self.nominal_hz);
         usize::try_from(own_ns / u128::from(self.period_ns)).unwrap_or(usize::MAX)

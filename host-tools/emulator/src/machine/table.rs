@@ -70,7 +70,8 @@ const fn gate(bus: Bus, bit: u32) -> Option<Gate> {
     })
 }
 
-/// A converter: each has its clock, and all have one reset. The common registers answer with any of the clocks.
+/// A converter: each has its clock, and all have one reset. The common registers answer with any of the
+/// clocks.
 #[expect(clippy::unnecessary_wraps, reason = "a row takes what `gate` gives")]
 const fn converter(enables: u32) -> Option<Gate> {
     Some(Gate {

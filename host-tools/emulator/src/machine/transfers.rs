@@ -36,8 +36,8 @@ pub(super) struct Transfers {
 }
 
 impl Transfers {
-    /// Serves the request of a converter, if one stands. Gives whether nothing but memory has changed by that.
-    /// If not, the other requests are served too.
+    /// Serves the request of a converter, if one stands. Gives whether nothing but memory has changed by
+    /// that. If not, the other requests are served too.
     pub(super) fn serve_converter(
         &mut self,
         chip: &mut Chip,

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! A wire carries the level that an output drives to the pin at its other end, and the frames of a transmitter
-//! to the receiver there. Frames go as a whole, at the time at which they end: the bits of a frame are not
-//! seen as levels.
+//! A wire carries the level that an output drives to the pin at its other end, and the frames of a
+//! transmitter to the receiver there. Frames go as a whole, at the time at which they end: the bits of a
+//! frame are not seen as levels.
 
 use super::wiring::Pin;
 

@@ -20,8 +20,8 @@ pub(crate) const USARTS: [&str; 6] = ["USART1", "USART2", "USART3", "UART4", "UA
 /// The converters in the order of their models.
 pub(super) const ADCS: [&str; 3] = ["ADC1", "ADC2", "ADC3"];
 
-/// ADC1's channel of the temperature sensor, of the internal reference voltage and of half the battery voltage
-/// (sections 13.10, 13.11).
+/// ADC1's channel of the temperature sensor, of the internal reference voltage and of half the battery
+/// voltage (sections 13.10, 13.11).
 pub(super) const TEMPERATURE: u32 = 16;
 pub(super) const REFERENCE: u32 = 17;
 pub(super) const BATTERY: u32 = 18;

@@ -26,8 +26,8 @@ impl Adcs {
         }
     }
 
-    /// Whether the temperature sensor and the internal reference voltage are on (CCR.TSVREFE). Otherwise their
-    /// channels float.
+    /// Whether the temperature sensor and the internal reference voltage are on (CCR.TSVREFE). Otherwise
+    /// their channels float.
     pub fn sensors_on(&self) -> bool {
         bit(self.ccr, 23)
     }

@@ -59,7 +59,8 @@ pub struct Beat {
 /// What a beat completed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// A part of the buffer is done that the stream interrupts for: HTIF was set with HTIE, or TCIF with TCIE.
+    /// A part of the buffer is done that the stream interrupts for: HTIF was set with HTIE, or TCIF with
+    /// TCIE.
     pub block: bool,
     /// The stream has stopped.
     pub ended: bool,

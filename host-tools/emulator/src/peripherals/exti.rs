@@ -1,8 +1,8 @@
-//! External interrupts (RM0090 section 12.3): edges on pins (lines 0 to 15) and of the voltage detector (16), and
-//! the software trigger for all lines. Lines 17 to 22 have nothing else to move them here.
+//! External interrupts (RM0090 section 12.3): edges on pins (lines 0 to 15) and of the voltage detector (16),
+//! and the software trigger for all lines. Lines 17 to 22 have nothing else to move them here.
 //!
-//! An edge sets the pending bit if the line's interrupt is enabled (section 12.2.4). An event (EMR) wakes from
-//! STOP, and makes no interrupt.
+//! An edge sets the pending bit if the line's interrupt is enabled (section 12.2.4). An event (EMR) wakes
+//! from STOP, and makes no interrupt.
 
 use super::peripheral::{NoRegister, Peripheral};
 
@@ -43,8 +43,8 @@ pub struct Exti {
 }
 
 impl Exti {
-    /// The interrupts of the outputs (table 61): EXTI0 to EXTI4, EXTI9_5, EXTI15_10, the voltage detector, RTC
-    /// alarm, USB FS, Ethernet and USB HS wake-up, tamper, RTC wake-up.
+    /// The interrupts of the outputs (table 61): EXTI0 to EXTI4, EXTI9_5, EXTI15_10, the voltage detector,
+    /// RTC alarm, USB FS, Ethernet and USB HS wake-up, tamper, RTC wake-up.
     pub const INTERRUPTS: [usize; 14] = [6, 7, 8, 9, 10, 23, 40, 1, 41, 42, 62, 76, 2, 3];
 
     /// Lines on which an edge is asked for.

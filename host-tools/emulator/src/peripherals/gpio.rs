@@ -1,6 +1,6 @@
-//! General-purpose pins (RM0090 section 8). An output reads back what it drives. So does a pin that a timer moves. An input reads the level
-//! that is put on it from outside. Where nothing is wired to it, it reads high if its pull-up is on, else
-//! low. Analog values are not seen here: they are the converter's stimulus.
+//! General-purpose pins (RM0090 section 8). An output reads back what it drives. So does a pin that a timer
+//! moves. An input reads the level that is put on it from outside. Where nothing is wired to it, it reads
+//! high if its pull-up is on, else low. Analog values are not seen here: they are the converter's stimulus.
 
 use super::peripheral::{NoRegister, Notes, Peripheral};
 use super::register::{bit, field};
@@ -118,7 +118,8 @@ impl Gpio {
             let n = pin as usize;
             let wired = self.by_wire[n].or(self.wired[n]).is_some();
             let level = match field(self.moder, 2 * pin, 2) {
-                // An open drain that is let go is moved from outside; where nothing is, it reads its register.
+                // An open drain that is let go is moved from outside; where nothing is, it reads its
+                // register.
                 0b01 if wired => self.driven(n).unwrap_or_else(|| self.level_at(n)),
                 0b01 => bit(self.odr, pin),
                 0b10 => self.driven(n).unwrap_or_else(|| self.level_at(n)),

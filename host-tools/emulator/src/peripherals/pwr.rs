@@ -1,6 +1,6 @@
 //! Power control (RM0090 section 5.4). The regulator is ready at once. The supply has the voltage that is set
-//! from outside, and the programmable voltage detector compares it with its threshold. A deep sleep is STOP or
-//! STANDBY, as CR.PDDS says.
+//! from outside, and the programmable voltage detector compares it with its threshold. A deep sleep is STOP
+//! or STANDBY, as CR.PDDS says.
 
 use super::clock::Clocks;
 use super::peripheral::{NoRegister, Notes, Peripheral};

@@ -49,7 +49,8 @@ const ENABLE_BITS: [u32; 6] = [0x6074_11ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33
 const SLEEP_BITS: [u32; 6] = [0x6067_91ff, 0xc1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
 const SLEEP_AT_RESET: [u32; 6] = [0x7e67_91ff, 0xf1, 1, 0, 0x36fe_c9ff, 0x0007_5f33];
 
-/// CR.HSICAL: what the factory found for the internal oscillator (section 7.3.1). It differs from part to part.
+/// CR.HSICAL: what the factory found for the internal oscillator (section 7.3.1). It differs from part to
+/// part.
 const HSICAL: u32 = 0x77 << 8;
 
 /// Ready and failure flags of CIR (section 7.3.4): enables stand 8 bits higher, clear bits 16 bits.
@@ -234,7 +235,8 @@ impl Rcc {
         self.enable[bus as usize] & bits != 0
     }
 
-    /// Whether the firmware holds a peripheral in reset: one of these bits in the bus's reset register is set.
+    /// Whether the firmware holds a peripheral in reset: one of these bits in the bus's reset register is
+    /// set.
     pub fn held_in_reset(&self, bus: Bus, bits: u32) -> bool {
         self.reset[bus as usize] & bits != 0
     }

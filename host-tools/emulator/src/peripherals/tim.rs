@@ -1,11 +1,11 @@
-//! Timers TIM1 to TIM14 (RM0090 sections 17 to 20): up-counting with update and compare events, input capture,
-//! compare outputs, and a start by another timer.
+//! Timers TIM1 to TIM14 (RM0090 sections 17 to 20): up-counting with update and compare events, input
+//! capture, compare outputs, and a start by another timer.
 //!
 //! # Design
 //!
-//! What a timer has is its [`Kind`]. Its `counter` knows the count at any time by arithmetic. Flags of the past
-//! are filled in at the next access. The counter's origin moves where its settings change: a write to the
-//! counter, UG, a clock change, or an update that loads a new prescaler or period.
+//! What a timer has is its [`Kind`]. Its `counter` knows the count at any time by arithmetic. Flags of the
+//! past are filled in at the next access. The counter's origin moves where its settings change: a write to
+//! the counter, UG, a clock change, or an update that loads a new prescaler or period.
 //!
 //! An edge at an input latches the counter at the time of the edge. Silicon takes a clock or two to
 //! synchronise an edge, and also the trigger of another timer (sections 18.3.5, 18.3.15). This delay is the
@@ -185,8 +185,8 @@ impl Tim {
         nibble & 1 == 1 && polarity_fits && selected == input
     }
 
-    /// The level that a compare output puts on its pin. `None` if it drives none: the channel is an input, is off, or
-    /// the main output of an advanced timer is off.
+    /// The level that a compare output puts on its pin. `None` if it drives none: the channel is an input, is
+    /// off, or the main output of an advanced timer is off.
     pub fn output(&self, channel: usize) -> Option<bool> {
         let nibble = field(self.ccer, 4 * channel as u32, 4);
         let is_on = nibble & 1 == 1 && (self.kind.bdtr == 0 || self.bdtr & MOE != 0);

@@ -162,7 +162,8 @@ fn install(id: u64, arguments: &[String]) -> Result<(), String> {
     Ok(())
 }
 
-/// The host holds the other end of standard input. Its end says that the host is gone, and nobody reads a report.
+/// The host holds the other end of standard input. Its end says that the host is gone, and nobody reads a
+/// report.
 fn watch_host(folder: &Path, steps: Option<&Sender<Step>>) {
     take_no_signals();
     if let Wish::Report = stops::listen(steps) {
@@ -181,8 +182,8 @@ fn watch_host(folder: &Path, steps: Option<&Sender<Step>>) {
     leave(0);
 }
 
-/// QEMU aborts itself: so it does when the processor locks up. It does not return from here, and holds none of
-/// our locks then, or there is no report.
+/// QEMU aborts itself: so it does when the processor locks up. It does not return from here, and holds none
+/// of our locks then, or there is no report.
 extern "C" fn on_abort(_signal: c_int) {
     if let (Some(overlay), Some(qemu)) = (OVERLAY.get(), QEMU.get())
         && let Ok(mut overlay) = overlay.try_lock()
@@ -469,8 +470,8 @@ extern "C" fn on_fault(_processor: u32, at: Pointer) {
     /// The exception that was active here before.
     static SEEN: AtomicU32 = AtomicU32::new(0);
     let Some(qemu) = QEMU.get() else { return };
-    // A handler that is a loop begins at every turn. To ask QEMU for the registers takes hundreds of times as long
-    // as a turn. A fault in the handler that leads to itself is another exception.
+    // A handler that is a loop begins at every turn. To ask QEMU for the registers takes hundreds of times as
+    // long as a turn. A fault in the handler that leads to itself is another exception.
     let active = fate::active_exception(qemu);
     if SEEN.swap(active, Relaxed) == active && repeats(at as usize as u32) {
         return;

@@ -40,7 +40,8 @@ pub(super) struct Counters {
 struct Masks {
     /// Whether they count now.
     watched: AtomicBool,
-    /// How many times interrupts are masked now, one in the other; since which instruction, and where that was.
+    /// How many times interrupts are masked now, one in the other; since which instruction, and where that
+    /// was.
     depth: AtomicU32,
     since: AtomicU64,
     from: AtomicU32,
@@ -73,8 +74,8 @@ impl Counters {
         }
     }
 
-    /// PRIMASK is what it was before it was set last: so a critical section in another ends. To know this needs
-    /// no register, and reading one for each section would take long.
+    /// PRIMASK is what it was before it was set last: so a critical section in another ends. To know this
+    /// needs no register, and reading one for each section would take long.
     pub(super) fn mask_restored(&self) {
         match self.masks.depth.load(Relaxed) {
             0 => {}

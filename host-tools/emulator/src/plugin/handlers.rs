@@ -2,8 +2,8 @@
 //!
 //! # Design
 //!
-//! The vectors in the image say where each handler begins. An instruction there is counted, and no other, so a
-//! run costs no more. A handler that several vectors share is left out: it is the one for interrupts that
+//! The vectors in the image say where each handler begins. An instruction there is counted, and no other, so
+//! a run costs no more. A handler that several vectors share is left out: it is the one for interrupts that
 //! should not come, and a panic or a fault tells of it.
 
 use std::collections::HashMap;

@@ -140,7 +140,8 @@ pub(super) struct Notifier {
 pub(super) const DEVICE_LITTLE_ENDIAN: c_int = 2;
 pub(super) const QEMU_CLOCK_REALTIME: c_int = 0;
 pub(super) const QEMU_CLOCK_VIRTUAL: c_int = 1;
-/// How long the main thread looks around between two rests, and how long it waits while the machine is paused.
+/// How long the main thread looks around between two rests, and how long it waits while the machine is
+/// paused.
 const LOOKS_AROUND_NS: i64 = 100_000;
 const RESTS_AGAIN_NS: i64 = 20_000_000;
 pub(super) const SCALE_NS: c_int = 1;
@@ -260,19 +261,22 @@ impl Qemu {
         }
     }
 
-    /// The processor is about to wait. While it does, its own thread passes the time, and not QEMU's main thread.
+    /// The processor is about to wait. While it does, its own thread passes the time, and not QEMU's main
+    /// thread.
     pub(super) fn pass_wait(&self) {
         if let Some(waits) = &self.waits {
-            // SAFETY: processor 0 exists once the machine is made. The function is called in its thread, between
-            // two instructions and with QEMU's big lock held.
+            // SAFETY: processor 0 exists once the machine is made. The function is called in its thread,
+            // between two instructions and with QEMU's big lock held.
             unsafe { (waits.async_run_on_cpu)((self.functions.qemu_get_cpu)(0), self.on_wait, null_mut()) };
         }
     }
 
-    /// Lets time go on from timer to timer until the processor has something to do, as QEMU's main thread would.
+    /// Lets time go on from timer to timer until the processor has something to do, as QEMU's main thread
+    /// would.
     pub(super) fn pass_time(&self) {
         let Some(waits) = &self.waits else { return };
-        // SAFETY: as in QEMU's main loop. The last says whether a timer was due. If none was, time stands still.
+        // SAFETY: as in QEMU's main loop. The last says whether a timer was due. If none was, time stands
+        // still.
         unsafe {
             while (waits.all_cpu_threads_idle)() {
                 (waits.icount_start_warp_timer)();
@@ -286,8 +290,8 @@ impl Qemu {
     /// Lets the main thread rest: to be called in its timer for this.
     pub(super) fn rest(&self) {
         let Some(waits) = &self.waits else { return };
-        // SAFETY: the thread holds the big lock in a timer, and may give it up there for a while. The timer was
-        // initialised by `lay_over`.
+        // SAFETY: the thread holds the big lock in a timer, and may give it up there for a while. The timer
+        // was initialised by `lay_over`.
         unsafe {
             let running = (waits.runstate_is_running)();
             if running {
@@ -449,8 +453,8 @@ pub(super) fn repeats(block: u32) -> bool {
 
 /// Has the function called when QEMU aborts itself.
 pub(super) fn on_signal_of_abort(function: extern "C" fn(c_int)) {
-    // SAFETY: the function is of the type of a handler. It is called in the thread that aborts, outside of any
-    // other code that a signal interrupts.
+    // SAFETY: the function is of the type of a handler. It is called in the thread that aborts, outside of
+    // any other code that a signal interrupts.
     unsafe { libc::signal(libc::SIGABRT, function as *const () as libc::sighandler_t) };
 }
 

@@ -11,8 +11,8 @@ use crate::exchange::{self, Reached};
 use crate::machine::{Board, USARTS};
 use crate::memory::{CCM, SRAM};
 
-/// Most bytes of the log that are kept: of a run, or of a live run from stop to stop. An image that only moves
-/// the offsets of its log about gives gigabytes a second.
+/// Most bytes of the log that are kept: of a run, or of a live run from stop to stop. An image that only
+/// moves the offsets of its log about gives gigabytes a second.
 const MOST_LOG: usize = 64 << 20;
 
 /// The room that is left for the log.

@@ -1,12 +1,13 @@
 //! QEMU's main thread rests while the processor's thread does its work.
 //!
 //! # Design
-//! While the processor waits, virtual time goes to the next timer. QEMU does this in its main thread, and wakes that
-//! thread for every timer, also for one that the processor's thread has called itself. Two threads then wake one
-//! another some ten thousand times in a second of the bead's time, which takes longer than what the image does. So
-//! the processor's thread passes the time ([`Qemu::pass_time`](super::qemu::Qemu::pass_time)), and the main thread is
-//! kept where QEMU does not wake it: in a timer of its own, which waits here. It is let go for what only it can do,
-//! a reset and the end, and from time to time for a debugger and for signals.
+//! While the processor waits, virtual time goes to the next timer. QEMU does this in its main thread, and
+//! wakes that thread for every timer, also for one that the processor's thread has called itself. Two threads
+//! then wake one another some ten thousand times in a second of the bead's time, which takes longer than what
+//! the image does. So the processor's thread passes the time
+//! ([`Qemu::pass_time`](super::qemu::Qemu::pass_time)), and the main thread is kept where QEMU does not wake
+//! it: in a timer of its own, which waits here. It is let go for what only it can do, a reset and the end,
+//! and from time to time for a debugger and for signals.
 
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::Duration;

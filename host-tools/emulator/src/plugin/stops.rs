@@ -1,10 +1,13 @@
-//! The stops of a live run: at a time that the host has said, the image stands still until the host says the next.
+//! The stops of a live run: at a time that the host has said, the image stands still until the host says the
+//! next.
 //!
 //! # Design
-//! QEMU's virtual clock stands still while a callback runs, however long it takes. So the overlay asks to be called at
-//! the time of the stop, as for an interrupt, and then waits for the host inside that call. The image cannot tell.
+//! QEMU's virtual clock stands still while a callback runs, however long it takes. So the overlay asks to be
+//! called at the time of the stop, as for an interrupt, and then waits for the host inside that call. The
+//! image cannot tell.
 //!
-//! A thread reads what the host says, here and in runs that are not live: it sees at once when the host is gone.
+//! A thread reads what the host says, here and in runs that are not live: it sees at once when the host is
+//! gone.
 
 use std::io::{self, Read};
 use std::sync::mpsc::{Receiver, Sender, channel};

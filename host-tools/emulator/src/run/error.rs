@@ -61,8 +61,8 @@ pub enum RunError {
     /// QEMU ended without a report: its exit status, and the first line on its standard error.
     #[error("QEMU ended with {0}: {1}")]
     Qemu(ExitStatus, String),
-    /// QEMU ended in the middle of the run, by a signal for example: its exit status, and the first line on its
-    /// standard error. With what the run had given by then.
+    /// QEMU ended in the middle of the run, by a signal for example: its exit status, and the first line on
+    /// its standard error. With what the run had given by then.
     #[error("QEMU ended{at}, before the run was over: {0}", at = .1.whereabouts())]
     QemuEnded(String, Box<Outcome>),
     /// The run took longer than this in real time. With what it had given by then.

@@ -10,8 +10,8 @@ use crate::exchange;
 /// The directories that there are now.
 static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary files of all runs: for a program that is interrupted, and ends without an end of its runs.
-/// A QEMU that runs removes them when its host is gone, but there may be none yet.
+/// Removes the temporary files of all runs: for a program that is interrupted, and ends without an end of its
+/// runs. A QEMU that runs removes them when its host is gone, but there may be none yet.
 ///
 /// No run begins or ends after this: a thread that tries waits for the end of the program.
 pub fn remove_temporary_files() {

@@ -12,10 +12,11 @@ use crate::given::{Inputs, Run};
 use crate::machine::{USARTS, pin};
 use crate::outcome::{LogLine, Outcome, Sampling, Uart, Work};
 
-/// An image whose virtual time passes only as far as it is told. Between two calls it stands still, however long.
+/// An image whose virtual time passes only as far as it is told. Between two calls it stands still, however
+/// long.
 ///
-/// The same inputs at the same virtual times give the same bytes, wherever the stops are and however long the host
-/// takes. What was handed over is kept nowhere, so a run may last for any time. Dropping it ends QEMU.
+/// The same inputs at the same virtual times give the same bytes, wherever the stops are and however long the
+/// host takes. What was handed over is kept nowhere, so a run may last for any time. Dropping it ends QEMU.
 ///
 /// ```no_run
 /// use stm32f405_qemu::{Inputs, Run, UartInput};
@@ -88,12 +89,12 @@ impl Live {
         self.reached.now_ns
     }
 
-    /// Lets time pass up to `to_ns`, with these inputs on the way. If the image ends the run before, time stops
-    /// there.
+    /// Lets time pass up to `to_ns`, with these inputs on the way. If the image ends the run before, time
+    /// stops there.
     ///
     /// # Errors
-    /// [`RunError::Input`]: an input or `to_ns` is in the past, or something is asked for that the part does not
-    /// have. Then no time has passed. Else see [`RunError`].
+    /// [`RunError::Input`]: an input or `to_ns` is in the past, or something is asked for that the part does
+    /// not have. Then no time has passed. Else see [`RunError`].
     pub fn advance(&mut self, to_ns: u64, inputs: Inputs) -> Result<Passed, RunError> {
         let now_ns = self.now_ns();
         if to_ns < now_ns {

@@ -27,8 +27,8 @@ pub(super) struct Job {
 }
 
 impl Job {
-    /// Runs QEMU to its end. If it wants another version of the overlay than expected, it is started once more
-    /// with that version.
+    /// Runs QEMU to its end. If it wants another version of the overlay than expected, it is started once
+    /// more with that version.
     ///
     /// # Errors
     /// QEMU or the overlay fails, or the run takes longer than `limit`.

@@ -92,7 +92,8 @@ impl FoundQemu {
 /// The oldest that the overlay fits.
 const OLDEST: (u32, u32) = (7, 2);
 
-/// The first line that a program says when it is asked for its version. `None` if it takes longer than the limit.
+/// The first line that a program says when it is asked for its version. `None` if it takes longer than the
+/// limit.
 fn first_line(program: &OsStr, limit: Duration) -> Result<Option<String>, RunError> {
     let mut child = Command::new(program)
         .arg("--version")

@@ -419,7 +419,8 @@ fn a_fault_handler_that_is_a_loop_takes_no_longer_than_other_code_and_the_watchd
     image[hard_fault..hard_fault + 4].copy_from_slice(&((RESET_AT + 12) | 1).to_le_bytes());
     let mut bench = bench(&image);
     bench.run.sampling_deadline_ns = 150_000_000;
-    // It takes a tenth of a second. With a look at the registers at each of 19 million turns, it would be a minute.
+    // It takes a tenth of a second. With a look at the registers at each of 19 million turns, it would be a
+    // minute.
     bench.run.timeout = Duration::from_secs(20);
     let outcome = bench.run.execute().unwrap();
     let resets: Vec<_> = outcome.resets.iter().map(|reset| reset.cause).collect();

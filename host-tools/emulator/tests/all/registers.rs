@@ -63,8 +63,8 @@ impl Chip {
     }
 }
 
-/// Bits of registers where a model differs from the description, and why: by a section of RM0090 (rev. 21), or
-/// since writing alone does not show what the bits do. `*` stands for anything but a `_`.
+/// Bits of registers where a model differs from the description, and why: by a section of RM0090 (rev. 21),
+/// or since writing alone does not show what the bits do. `*` stands for anything but a `_`.
 struct Exception {
     registers: &'static str,
     bits: u32,

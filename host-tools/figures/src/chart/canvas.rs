@@ -5,8 +5,8 @@ use std::fmt::Write;
 use super::ink::Ink;
 use super::series::{Glyph, Stroke};
 
-/// Text escaped for HTML and SVG, for content and for attributes. XML 1.0 has no way to write some characters: in
-/// their place stands U+FFFD.
+/// Text escaped for HTML and SVG, for content and for attributes. XML 1.0 has no way to write some
+/// characters: in their place stands U+FFFD.
 pub fn escape(text: &str) -> String {
     // Without surrogates, which no text holds.
     let is_none =

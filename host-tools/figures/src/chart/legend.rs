@@ -15,8 +15,8 @@ const SAMPLE: f64 = 28.0;
 const GAP: f64 = 7.0;
 const BETWEEN: f64 = 18.0;
 
-/// The legend above the axes, where it hides no data. Its entries stand in columns, in as few rows as they fit
-/// into.
+/// The legend above the axes, where it hides no data. Its entries stand in columns, in as few rows as they
+/// fit into.
 #[derive(Debug)]
 pub(super) struct Legend<'a> {
     entries: Vec<&'a Series>,

@@ -1,10 +1,10 @@
 //! Line charts as SVG, with colours for light and for dark pages.
 //!
 //! # Design
-//! A [`Chart`] is data: panels with curves over axes. Drawing has three layers: `frame` places a panel's axes,
-//! ticks and curves, `legend` the names, `map` colours cells, and `canvas` writes lines, marks and text as SVG. All axes of a chart
-//! begin and end in the same columns. A chart inside a page and a chart in its own file share the sheet
-//! [`style`].
+//! A [`Chart`] is data: panels with curves over axes. Drawing has three layers: `frame` places a panel's
+//! axes, ticks and curves, `legend` the names, `map` colours cells, and `canvas` writes lines, marks and text
+//! as SVG. All axes of a chart begin and end in the same columns. A chart inside a page and a chart in its
+//! own file share the sheet [`style`].
 
 mod canvas;
 mod frame;

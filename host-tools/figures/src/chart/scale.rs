@@ -59,8 +59,8 @@ impl Ticks {
         }
     }
 
-    /// Steps of 1, 2 or 5; if whole, of no less than 1, and so are those between them. A range has none if f64 cannot
-    /// divide it: one of 1e-320, or one that is longer than 1.8e308.
+    /// Steps of 1, 2 or 5; if whole, of no less than 1, and so are those between them. A range has none if
+    /// f64 cannot divide it: one of 1e-320, or one that is longer than 1.8e308.
     fn linear((low, high): (f64, f64), most: usize, whole: bool, inside: impl Fn(&f64) -> bool) -> Self {
         let rough = (high - low) / most as f64;
         let rough = if whole { rough.max(1.0) } else { rough };
@@ -134,8 +134,8 @@ impl Ticks {
 /// Ticks whose steps are shorter than this, or that reach this far, have powers of ten.
 const PLAIN: Range<f64> = 0.999e-6..1e7;
 
-/// The labels of equal steps. Where [`number`] has too few decimals or too many digits, all of an axis have the power of
-/// ten of the greatest, and the digits that its steps need.
+/// The labels of equal steps. Where [`number`] has too few decimals or too many digits, all of an axis have
+/// the power of ten of the greatest, and the digits that its steps need.
 fn labels(places: &[f64], step: f64) -> Vec<String> {
     let greatest = places.iter().fold(0.0, |most: f64, place| most.max(place.abs()));
     if step >= PLAIN.start && greatest < PLAIN.end {

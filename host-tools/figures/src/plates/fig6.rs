@@ -152,8 +152,8 @@ fn speed_time(runs: &[Arc<Run>]) -> Vec<Check> {
 fn size_time(runs: &[Arc<Run>]) -> Vec<Check> {
     let times: Vec<f64> = runs.iter().map(|run| contact_time(run)).collect();
     checks![
-        // By an integration of another kind (symplectic, fourth order, equal steps). The largest striker stays with
-        // bead 1 until the wave is back from the far end.
+        // By an integration of another kind (symplectic, fourth order, equal steps). The largest striker
+        // stays with bead 1 until the wave is back from the far end.
         "contact time, 4.5 mm", "µs": 1e6 * times[0] => close(127.08, 1e-4);
         "contact time, least growth from size to size": least_growth(&times) => close(1.5085, 2e-4);
         "contact time, 19 mm over 4.5 mm": times[3] / times[0] => close(78.974, 2e-4);

@@ -184,7 +184,8 @@ fn self_test(common: &Common) -> Result<(), Failure> {
     )))
 }
 
-/// The results of all checks. One that was lost on the way may be the one that failed, so all are asked for again.
+/// The results of all checks. One that was lost on the way may be the one that failed, so all are asked for
+/// again.
 fn checks(bead: &mut Conversation) -> Result<Vec<SelfTest>, Failure> {
     for _ in 0..TESTS {
         let answer = bead.request_done(&Request::SelfTest)?;
@@ -271,8 +272,8 @@ fn raw(common: &Common, duration: Duration, out: Option<Target>) -> Result<(), F
     output::print(common.format, &summary, || text)
 }
 
-/// The scans of a raw stream that were sent and dropped from one count to a later one. A bead that started anew
-/// between them counts from zero again.
+/// The scans of a raw stream that were sent and dropped from one count to a later one. A bead that started
+/// anew between them counts from zero again.
 fn counted_since(before: &Link, after: &Link) -> (u64, u64) {
     let since = |now: u64, then: u64| now.checked_sub(then).unwrap_or(now);
     (

@@ -70,14 +70,16 @@ pub(crate) struct Arguments {
     /// The scenario that was recorded [default: the one that the recording carries, if it was emulated].
     #[arg(long, value_name = "S.toml")]
     scenario: Option<PathBuf>,
-    /// The bead that sensed [default: as the recording says, else the only one with an intruder; of a recording of
-    /// several, all of them].
+    /// The bead that sensed [default: as the recording says, else the only one with an intruder; of a
+    /// recording of several, all of them].
     #[arg(long, value_name = "N")]
     bead: Option<usize>,
-    /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded forces.
+    /// Velocity of the striker in m/s, in place of the scenario's; `fit`: the one that gives the recorded
+    /// forces.
     #[arg(long, value_name = "V|fit")]
     velocity: Option<Velocity>,
-    /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a recording.
+    /// Hold a strike against the record of another instrument: a text table (CSV), WAV, Parquet, or a
+    /// recording.
     #[arg(long, value_name = "F", conflicts_with_all = ["scenario", "velocity", "figures"])]
     reference: Option<PathBuf>,
     /// With --reference: which strike of the recording, counted from 0 [default: the first that is whole].
@@ -279,8 +281,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }
 
-/// What came from the one bead that is compared, and its place, if the recording knows it. Each bead of a row has a
-/// truth of its own.
+/// What came from the one bead that is compared, and its place, if the recording knows it. Each bead of a row
+/// has a truth of its own.
 fn of_one_bead(received: Received, asked: Option<usize>) -> Result<(Received, Option<usize>), Failure> {
     let beads = &received.recording.beads;
     let places: Vec<usize> = beads.iter().map(Bead::place).collect();

@@ -135,7 +135,8 @@ pub(super) fn run(received: &Received, wanted: &Wanted<'_>) -> Result<(), Failur
     told.failure.map_or(Ok(()), |what| Err(Failure::Verdict(what)))
 }
 
-/// A warning where the scenario's duration is not that of the windows: of the first bead, and for how many it holds.
+/// A warning where the scenario's duration is not that of the windows: of the first bead, and for how many it
+/// holds.
 fn length(row: &Row, chain: &Chain) -> Option<String> {
     let of = |member: &Member| {
         let Member { bead, window, .. } = member;

@@ -89,13 +89,14 @@ pub(crate) struct Arguments {
     /// The flash image [default: as `cargo xtask build` leaves it, else the one inside this program].
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
-    /// Leave the recording and the settings block in this directory, which is made if it is missing: bead-N.mcap, or
-    /// chain.mcap of several beads.
+    /// Leave the recording and the settings block in this directory, which is made if it is missing:
+    /// bead-N.mcap, or chain.mcap of several beads.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
-    /// Let the sensors feel this waveform, and not the scenario's strike: a text table, WAV, Parquet, or a recording.
+    /// Let the sensors feel this waveform, and not the scenario's strike: a text table, WAV, Parquet, or a
+    /// recording.
     #[arg(long, value_name = "F")]
     stimulus: Option<PathBuf>,
     /// Number of strikes; how often the waveform is played.
@@ -104,12 +105,12 @@ pub(crate) struct Arguments {
     /// Time from strike to strike, s.
     #[arg(long, value_name = "S", default_value_t = 0.1)]
     interval: f64,
-    /// Time between edges at the sync input (PA15), which all beads share, s [default: no edges; 0.1 with several
-    /// beads].
+    /// Time between edges at the sync input (PA15), which all beads share, s [default: no edges; 0.1 with
+    /// several beads].
     #[arg(long, value_name = "S")]
     sync_period: Option<f64>,
-    /// How fast the bead's crystal is, ppm; below 0 for a slow one. Of several beads, one for all or one for each:
-    /// 20,-35,4.
+    /// How fast the bead's crystal is, ppm; below 0 for a slow one. Of several beads, one for all or one for
+    /// each: 20,-35,4.
     #[arg(
         long,
         value_name = "PPM",
@@ -135,8 +136,9 @@ pub(crate) struct Arguments {
     /// Do not run to an end, but be a bead at this address, unix:PATH or tcp:HOST:PORT, until Ctrl-C.
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["out", "faults", "format"])]
     listen: Option<Address>,
-    /// With --listen: let the bead's time follow this computer's, also while no program is connected: `real`, or how
-    /// many seconds it has in one of this computer's. [default: as fast as it can while a program is connected]
+    /// With --listen: let the bead's time follow this computer's, also while no program is connected: `real`,
+    /// or how many seconds it has in one of this computer's. [default: as fast as it can while a program is
+    /// connected]
     #[arg(long, value_name = "FACTOR", requires = "listen", value_parser = pace)]
     pace: Option<f64>,
     /// Wait for a debugger at this TCP port of this computer, and let it stop the image and look into it.

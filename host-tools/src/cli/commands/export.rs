@@ -132,8 +132,8 @@ impl Told {
         }
     }
 
-    /// Hands on every strike of every recording, with its number and the name of its recording. `write` says whether
-    /// it wrote the strike; the numbers are those of the strikes that are written.
+    /// Hands on every strike of every recording, with its number and the name of its recording. `write` says
+    /// whether it wrote the strike; the numbers are those of the strikes that are written.
     fn each(
         &mut self,
         recordings: &[Received],

@@ -60,7 +60,8 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let target = place::optional(arguments.out.as_deref(), Kind::Recording, &[], arguments.force)?;
     let mut bead = arguments.line.open()?;
-    // Who the bead is gives the sample rate. It comes first, so that frames of the list that are lost are missed.
+    // Who the bead is gives the sample rate. It comes first, so that frames of the list that are lost are
+    // missed.
     let identity = bead.request_done(&Request::Identity)?;
     let kept = list(&mut bead)?;
     let chosen: Vec<Kept> = kept.into_iter().filter(|kept| arguments.wants(kept)).collect();

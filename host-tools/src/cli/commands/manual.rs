@@ -69,7 +69,8 @@ pub(crate) fn manual(arguments: &Manual, command: Command) -> Result<(), Failure
     Ok(())
 }
 
-/// The pages of a command and of those below it, each with its name. `help` has none, and no page refers to it.
+/// The pages of a command and of those below it, each with its name. `help` has none, and no page refers to
+/// it.
 fn pages(command: Command) -> Vec<(String, clap_mangen::Man)> {
     // Building adds the help commands.
     let mut command = command.disable_help_subcommand(true);

@@ -109,8 +109,8 @@ pub(super) fn timing(strikes: u32, solution: &Solution) -> Timing {
 pub(super) struct Errors {
     /// Strikes that were measured.
     pub(super) strikes: usize,
-    /// Root mean square over the strikes, A and B, as a part of the truth. NaN without a strike, as is the worst: null
-    /// in JSON.
+    /// Root mean square over the strikes, A and B, as a part of the truth. NaN without a strike, as is the
+    /// worst: null in JSON.
     pub(super) rms: [f64; 2],
     /// The greatest error, with its sign.
     pub(super) worst: [f64; 2],

@@ -1,9 +1,10 @@
 //! `bead record`: what beads send, to one recording.
 //!
 //! # Design
-//! One thread for each port only reads it. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before it costs a
-//! byte; a paused reader of standard output costs lines there and nothing else. The threads end at
-//! `--duration`, at a signal, or when all ports have gone away for good. In each case all that they read is recorded.
+//! One thread for each port only reads it. A slow disk therefore costs memory, up to [`QUEUE`] bytes, before
+//! it costs a byte; a paused reader of standard output costs lines there and nothing else. The threads end at
+//! `--duration`, at a signal, or when all ports have gone away for good. In each case all that they read is
+//! recorded.
 //!
 //! A bead is asked for strikes that did not come whole ([`Gaps`]), through the thread of its port.
 
@@ -67,7 +68,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {
-    /// A serial port or pty, tcp:HOST:PORT or unix:PATH; again for each further bead. Or all: every serial port here.
+    /// A serial port or pty, tcp:HOST:PORT or unix:PATH; again for each further bead. Or all: every serial
+    /// port here.
     #[arg(long, value_name = "P", required = true)]
     port: Vec<Choice>,
     /// The recording [default: bead-DATE-TIME.mcap, in UTC].
@@ -665,7 +667,8 @@ fn summary(counters: &Counters, strikes: u64, seconds: f64) -> String {
     )
 }
 
-/// How each bead's clock runs since its last restart, a line each, where the recording is long enough to tell.
+/// How each bead's clock runs since its last restart, a line each, where the recording is long enough to
+/// tell.
 fn clock_lines(live: &Live) -> String {
     let line = |segment: &Segment| {
         let fit = segment.fit()?;

@@ -102,9 +102,9 @@ enum Action {
     },
     /// Change some of the settings of a bead: prints what changes, then sends it.
     Set {
-        /// What to change: `name=left`, `address=3`, `k=3.9e5`, `force.per_code=3.91e-3`. Keys are those of the file
-        /// that `bead settings make --template` writes; M, m, k, c, kappa and tau stand for the masses, springs and
-        /// contacts. SI units.
+        /// What to change: `name=left`, `address=3`, `k=3.9e5`, `force.per_code=3.91e-3`. Keys are those of
+        /// the file that `bead settings make --template` writes; M, m, k, c, kappa and tau stand for the
+        /// masses, springs and contacts. SI units.
         #[arg(value_name = "KEY=VALUE", required = true, value_parser = key_and_value)]
         changes: Vec<String>,
         /// Only say what would change.
@@ -120,7 +120,8 @@ enum Action {
         line: LineOptions,
     },
     /// Give a bead a key. From then on it changes its state only if a request is signed with that key (--key,
-    /// here and in `bead command`). It answers questions as before. Only a debug probe helps if a key is lost.
+    /// here and in `bead command`). It answers questions as before. Only a debug probe helps if a key is
+    /// lost.
     #[command(group(ArgGroup::new("which").required(true)), after_help = KEY_HELP)]
     Key {
         /// Make a key and keep it in this new file.
@@ -211,7 +212,8 @@ fn set_key(new: Option<&Path>, give: Option<&Path>, line: &LineOptions) -> Resul
         let has_it = match (&error, &key) {
             // Nothing was sent.
             (LineError::Several(_), _) | (_, None) => Ok(false),
-            // A reply may have been lost, and the request that was sent again refused: the bead has the key then.
+            // A reply may have been lost, and the request that was sent again refused: the bead has the key
+            // then.
             (_, Some(key)) => bead.has_key(key),
         };
         let refused = matches!(error, LineError::Several(_) | LineError::Refused(_));

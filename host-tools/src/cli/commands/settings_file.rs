@@ -37,8 +37,8 @@ pub(super) struct MakeArguments {
     /// Where the settings go [default: beside F.toml, with its name and the ending .settings].
     #[arg(long, value_name = "F.settings", conflicts_with = "template")]
     out: Option<PathBuf>,
-    /// Write F.toml, to be edited: the paper's bead behind the reference front end, unless --scenario or --from says
-    /// otherwise.
+    /// Write F.toml, to be edited: the paper's bead behind the reference front end, unless --scenario or
+    /// --from says otherwise.
     #[arg(long)]
     template: bool,
     /// Take the bead of this scenario.
@@ -134,7 +134,8 @@ fn block_in(file: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-/// The block in a file, or the one made of a file of physical quantities; with another address if one is given.
+/// The block in a file, or the one made of a file of physical quantities; with another address if one is
+/// given.
 ///
 /// # Errors
 /// A file that is neither.

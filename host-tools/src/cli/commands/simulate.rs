@@ -79,8 +79,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     })
 }
 
-/// Told of a run that goes on for long, so that a slip of units is seen: how long, and by how many steps. `part` of it was
-/// done in the time `elapsed`. It takes `fewest` steps at the least, and simulates `duration` seconds.
+/// Told of a run that goes on for long, so that a slip of units is seen: how long, and by how many steps.
+/// `part` of it was done in the time `elapsed`. It takes `fewest` steps at the least, and simulates
+/// `duration` seconds.
 fn long(elapsed: Duration, part: f64, fewest: f64, duration: f64) -> Option<String> {
     /// Long enough to know the pace.
     const KNOWN: Duration = Duration::from_secs(5);

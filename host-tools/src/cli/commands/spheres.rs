@@ -1,9 +1,9 @@
 //! `bead spheres`: how far the image's two estimates are from the truth, over materials and diameters.
 //!
 //! # Design
-//! As `bead accuracy`, with a chain of other spheres in each cell. The intruder is the scenario's own in units of the
-//! sphere: the same part of its mass, if no other is asked for, and the same frequency and damping in units of the time
-//! of its wave.
+//! As `bead accuracy`, with a chain of other spheres in each cell. The intruder is the scenario's own in
+//! units of the sphere: the same part of its mass, if no other is asked for, and the same frequency and
+//! damping in units of the time of its wave.
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;
@@ -142,8 +142,8 @@ struct Measured {
     errors: Errors,
 }
 
-/// Parts of a bead's mass that an intruder may have. One without a host around it, or without mass, is too fast for any
-/// run.
+/// Parts of a bead's mass that an intruder may have. One without a host around it, or without mass, is too
+/// fast for any run.
 fn check_part(part: Option<f64>) -> Result<(), Failure> {
     match part.filter(|part| !(0.001..=0.9).contains(part)) {
         Some(value) => Err(Failure::input(format!(
@@ -306,8 +306,9 @@ fn cell(
     })
 }
 
-/// The reference front end behind sensors of which the strike fills two thirds of the range at the high gain. The low gain
-/// is little less, since the amplifiers of a fast bead have no room for more: ±65 km/s² is the limit.
+/// The reference front end behind sensors of which the strike fills two thirds of the range at the high gain.
+/// The low gain is little less, since the amplifiers of a fast bead have no room for more: ±65 km/s² is the
+/// limit.
 fn filled(peak_force: f64, peak_acceleration: f64) -> FrontEnd {
     let mut front_end = FrontEnd::default();
     // The reference reaches from -0.5 to 15.5 N, and to 250 m/s² to either side.

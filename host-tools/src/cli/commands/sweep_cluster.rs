@@ -202,7 +202,8 @@ pub(crate) fn run(running: &Running) -> Result<(), Failure> {
 
 /// Where the numbers of submitted jobs are written.
 const JOBS: &str = "jobs.txt";
-/// Bytes of it that are read at most, and how many of the last jobs the cluster is asked for: each is a call of `squeue`.
+/// Bytes of it that are read at most, and how many of the last jobs the cluster is asked for: each is a call
+/// of `squeue`.
 const JOBS_MOST: u64 = 1 << 20;
 const JOBS_ASKED: usize = 64;
 

@@ -1,4 +1,5 @@
-//! What every way to compute a sweep shares: threads, consent to a large one, progress, and what is told at the end.
+//! What every way to compute a sweep shares: threads, consent to a large one, progress, and what is told at
+//! the end.
 
 use std::path::Path;
 

@@ -1,10 +1,10 @@
 //! When the wave came to each bead of a row, and how fast it went from one to the next.
 //!
 //! # Design
-//! The wave comes when the force rises through half of its height ([`crate::recording::arrival`]). The time in common
-//! does not begin with the strike: of each strike the beads' differences from the simulation have the mean 0. So one bead
-//! alone has no arrival. A speed needs no such zero: it is the sum of the diameters between two contacts over the
-//! difference of the arrivals there.
+//! The wave comes when the force rises through half of its height ([`crate::recording::arrival`]). The time
+//! in common does not begin with the strike: of each strike the beads' differences from the simulation have
+//! the mean 0. So one bead alone has no arrival. A speed needs no such zero: it is the sum of the diameters
+//! between two contacts over the difference of the arrivals there.
 
 use serde::Serialize;
 
@@ -15,7 +15,8 @@ use crate::comparison::row::strikes::Row;
 /// Arrivals and speeds, as in the JSON.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Arrivals {
-    /// Root mean square of the differences from the simulation, over beads and strikes, s; none without a time in common.
+    /// Root mean square of the differences from the simulation, over beads and strikes, s; none without a
+    /// time in common.
     pub off_rms_s: Option<f64>,
     /// For each bead that has one.
     pub beads: Vec<Arrival>,

@@ -1,18 +1,21 @@
 //! The energy along a row: E(n) after n intruders, and T, the part of it that each lets pass.
 //!
 //! # Design
-//! The beads measure what their intruders take. What is left after n of them is what came to the first bead less what
-//! the first n took: **E(n) = E(0) - Σ absorbed**, once with estimate A and once with B. E(0) is the first bead's own too:
-//! the work that its force does on the host of the reduced chain, which it moves, over the main wave. (The law of a solitary
-//! wave, by which the bead itself reports an incident energy from the peak force, holds between equal beads; a host is as
-//! light as its shell while the intruder lags behind, and with 12 g it gives 13 % too little.) Only where samples are missing
-//! or the force left the sensor's range it is the simulation's. All is a part of E(0), so that the speed of a strike has no part in it, and strikes are averaged. What a host took
-//! that did not record is the simulation's. The simulation is put through the same sum.
+//! The beads measure what their intruders take. What is left after n of them is what came to the first bead
+//! less what the first n took: **E(n) = E(0) - Σ absorbed**, once with estimate A and once with B. E(0) is
+//! the first bead's own too: the work that its force does on the host of the reduced chain, which it moves,
+//! over the main wave. (The law of a solitary wave, by which the bead itself reports an incident energy from
+//! the peak force, holds between equal beads; a host is as light as its shell while the intruder lags behind,
+//! and with 12 g it gives 13 % too little.) Only where samples are missing or the force left the sensor's
+//! range it is the simulation's. All is a part of E(0), so that the speed of a strike has no part in it, and
+//! strikes are averaged. What a host took that did not record is the simulation's. The simulation is put
+//! through the same sum.
 //!
 //! The paper's E(n) is another: the energy at the end in a chain with n intruders, over that in one without
-//! ([`energies_left`]). In a row of ten, intruders behind the n-th send waves back to it. Where intruders are light this
-//! changes nothing (m = 2.7 g: 1e-4), with heavy ones it does (12 g: 0.02 after the first). So it stands beside as a
-//! column of its own. Where the contacts lose energy too, the sum leaves out what they lose, and the column has it.
+//! ([`energies_left`]). In a row of ten, intruders behind the n-th send waves back to it. Where intruders are
+//! light this changes nothing (m = 2.7 g: 1e-4), with heavy ones it does (12 g: 0.02 after the first). So it
+//! stands beside as a column of its own. Where the contacts lose energy too, the sum leaves out what they
+//! lose, and the column has it.
 
 use hertz_chain::{TransmissionFit, energies_left};
 use serde::Serialize;
@@ -182,8 +185,8 @@ impl EnergyAlong {
     }
 }
 
-/// What the bead at `place` took by A and by B, as a part of what came to the bead at `first`: the mean over the strikes
-/// that both felt.
+/// What the bead at `place` took by A and by B, as a part of what came to the bead at `first`: the mean over
+/// the strikes that both felt.
 fn share(row: &Row, first: usize, place: usize, came: impl Fn(&Felt) -> f64) -> Option<[f64; 2]> {
     let (mut sum, mut count) = ([0.0; 2], 0.0);
     for strike in &row.strikes {
@@ -269,8 +272,8 @@ fn fits(after: &[After], taken: &[Taken]) -> (Sides<Option<Fit>>, Vec<usize>) {
 mod tests {
     use super::*;
 
-    /// Hosts from bead 7 on that each take a tenth of what came, and by B a thousandth of it more; those of which `measured`
-    /// is false did not record.
+    /// Hosts from bead 7 on that each take a tenth of what came, and by B a thousandth of it more; those of
+    /// which `measured` is false did not record.
     fn taken(measured: &[bool]) -> Vec<Taken> {
         let mut left = 1.0;
         let one = |(n, measured): (usize, &bool)| {

@@ -30,12 +30,13 @@ pub struct Felt {
     pub number: u32,
     /// What the bead said.
     pub device: Values,
-    /// Energy that the main wave brought, by the bead's force, J; none if its force left the range of the sensor, samples
-    /// are missing, or the chain is under a load.
+    /// Energy that the main wave brought, by the bead's force, J; none if its force left the range of the
+    /// sensor, samples are missing, or the chain is under a load.
     pub incident: Option<f64>,
     /// When the striker hit, by the host's time and the simulated way of the wave, s.
     pub struck: Option<f64>,
-    /// When the force rose through half of its height, s on the time in common; none if it left the range of the sensor.
+    /// When the force rose through half of its height, s on the time in common; none if it left the range of
+    /// the sensor.
     pub rise: Option<f64>,
     /// The same on the time of [`Felt::traces`].
     pub rise_drawn: Option<f64>,
@@ -145,8 +146,8 @@ impl Mean {
 }
 
 impl Member {
-    /// Reads what came from a bead and holds it against the chain, whose energy is known within `truth`, as a part of it.
-    /// `echoes` tells which strikes are none.
+    /// Reads what came from a bead and holds it against the chain, whose energy is known within `truth`, as a
+    /// part of it. `echoes` tells which strikes are none.
     ///
     /// # Errors
     /// The recording cannot be read.

@@ -13,8 +13,9 @@ pub struct Place {
     pub received: Received,
 }
 
-/// The beads of a recording that have a place in the chain, from the striker on; and a line for each bead that is left
-/// out, and for each host of which there is no bead. `text` is the scenario, as its author wrote it.
+/// The beads of a recording that have a place in the chain, from the striker on; and a line for each bead
+/// that is left out, and for each host of which there is no bead. `text` is the scenario, as its author wrote
+/// it.
 pub fn among(received: &Received, chain: &Chain, text: &str) -> (Vec<Place>, Vec<String>) {
     let mut places: Vec<Place> = Vec::new();
     let mut notes = Vec::new();

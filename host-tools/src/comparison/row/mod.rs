@@ -1,13 +1,14 @@
 //! A row of beads that felt the same strikes, against one simulation of their chain.
 //!
 //! # Design
-//! Each bead is held against the chain as a bead alone is ([`crate::comparison::strike`]), and judged by the same
-//! goals. What only a row tells comes from what several beads said of one strike:
+//! Each bead is held against the chain as a bead alone is ([`crate::comparison::strike`]), and judged by the
+//! same goals. What only a row tells comes from what several beads said of one strike:
 //!
-//! - **Which strikes are one.** By the host's time, on which a strike is within a millisecond at all beads, less the
-//!   wave's way.
-//! - **When the wave came**, on the time that the beads have in common by their sync edges. The recording does not say
-//!   when the striker hit, so each strike is placed where the differences from the simulation have the mean 0.
+//! - **Which strikes are one.** By the host's time, on which a strike is within a millisecond at all beads,
+//!   less the wave's way.
+//! - **When the wave came**, on the time that the beads have in common by their sync edges. The recording
+//!   does not say when the striker hit, so each strike is placed where the differences from the simulation
+//!   have the mean 0.
 //! - **Energy along the row**, E(n): what came to the first bead, less what the first n intruders took.
 //! - **Later waves** behind the main one.
 //!

@@ -20,7 +20,8 @@ const AFTER: f64 = 1.4e-3;
 /// Points of a simulated curve.
 const POINTS: usize = 400;
 
-/// A strike as it is drawn: for each bead, its curves and how much later than those it came by the time in common.
+/// A strike as it is drawn: for each bead, its curves and how much later than those it came by the time in
+/// common.
 struct Drawn<'a> {
     felt: Vec<Option<(&'a Traces, f64)>>,
 }

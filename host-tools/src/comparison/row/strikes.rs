@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::comparison::row::member::{Felt, Member};
 
-/// Two beads' strikes are one if the striker hit within this time, s. A bead measures no two strikes within twice of it,
-/// and the host's time is within a millisecond for each.
+/// Two beads' strikes are one if the striker hit within this time, s. A bead measures no two strikes within
+/// twice of it, and the host's time is within a millisecond for each.
 const SAME: f64 = 7.5e-3;
 
 /// What came from each bead, and which of it belongs to one strike.
@@ -29,8 +29,8 @@ impl Row {
         beads.map(|(member, at)| Some(&member.felt[(*at)?])).collect()
     }
 
-    /// When the striker hit, s on the time in common; none if fewer than two beads can tell. The differences of the
-    /// arrivals from the simulation then have the mean 0.
+    /// When the striker hit, s on the time in common; none if fewer than two beads can tell. The differences
+    /// of the arrivals from the simulation then have the mean 0.
     pub(super) fn zero(&self, strike: &[Option<usize>]) -> Option<f64> {
         let felt = self.felt(strike).into_iter().zip(&self.members);
         let late = felt.filter_map(|(felt, member)| Some(felt?.rise? - member.chain.front()));
@@ -85,7 +85,8 @@ fn together(members: &[Member]) -> Vec<Vec<Option<usize>>> {
     by_time_or_number(all, members.len())
 }
 
-/// Of strikes with the time at which the striker hit, if that is known. Among those without, one number is one strike.
+/// Of strikes with the time at which the striker hit, if that is known. Among those without, one number is
+/// one strike.
 fn by_time_or_number(all: Vec<(Option<f64>, Numbered)>, beads: usize) -> Vec<Vec<Option<usize>>> {
     let (mut timed, mut timeless) = (Vec::new(), Vec::new());
     for (struck, strike) in all {
@@ -110,7 +111,8 @@ fn by_number(mut told: Vec<Numbered>, beads: usize) -> Vec<Vec<Option<usize>>> {
     strikes.into_values().collect()
 }
 
-/// Of strikes with the time at which the striker hit, the bead's place among `beads`, and which of its strikes it is.
+/// Of strikes with the time at which the striker hit, the bead's place among `beads`, and which of its
+/// strikes it is.
 fn by_time(mut told: Vec<(f64, usize, usize)>, beads: usize) -> Vec<Vec<Option<usize>>> {
     told.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut strikes: Vec<(f64, Vec<Option<usize>>)> = Vec::new();

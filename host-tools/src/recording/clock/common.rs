@@ -20,14 +20,15 @@ pub struct CommonTime {
     pace: f64,
 }
 
-/// The host's clock says how fast a crystal is if it is as sure as this, ppm. Else the mean of all crystals does, which is
-/// nearer the truth than one of them. The wave takes 2 ms along a row, of which 100 ppm are 0.2 µs.
+/// The host's clock says how fast a crystal is if it is as sure as this, ppm. Else the mean of all crystals
+/// does, which is nearer the truth than one of them. The wave takes 2 ms along a row, of which 100 ppm are
+/// 0.2 µs.
 const SURE: f64 = 10.0;
 
 /// Edges that two clocks must have in common.
 const EDGES_LEAST: usize = 2;
-/// Boots that are tried as the one whose time it is. A bead that is in order has one, and each that is tried is held
-/// against all others.
+/// Boots that are tried as the one whose time it is. A bead that is in order has one, and each that is tried
+/// is held against all others.
 const BASES_MOST: usize = 64;
 
 /// What a bead sent between two resets, on other clocks than its own.
@@ -73,8 +74,8 @@ impl Fitted {
 }
 
 impl CommonTime {
-    /// From the edges in a recording. The time is that of the boot that has edges in common with most others; of several,
-    /// the first.
+    /// From the edges in a recording. The time is that of the boot that has edges in common with most others;
+    /// of several, the first.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -132,8 +133,8 @@ impl CommonTime {
         self.boots.get(&self.places.find(strike)?)
     }
 
-    /// When a sample of the bead was taken in the boot of this strike, on the time in common, s. `None` for a boot of a
-    /// bead that saw fewer than two edges of it, or if no two did.
+    /// When a sample of the bead was taken in the boot of this strike, on the time in common, s. `None` for a
+    /// boot of a bead that saw fewer than two edges of it, or if no two did.
     pub fn common(&self, strike: &RecordedStrike, sample: f64) -> Option<f64> {
         let own = self.boot(strike)?;
         let time = sample / own.rate;
@@ -149,8 +150,8 @@ impl CommonTime {
         self.is_shared
     }
 
-    /// When a sample of the bead was taken in the boot of this strike, on the host's time, s since 1970, give or take the
-    /// delay of the line. `None` if the times of receipt are not known.
+    /// When a sample of the bead was taken in the boot of this strike, on the host's time, s since 1970, give
+    /// or take the delay of the line. `None` if the times of receipt are not known.
     pub fn host(&self, strike: &RecordedStrike, sample: f64) -> Option<f64> {
         let own = self.boot(strike)?;
         Some(own.fit.host_ns(sample / own.rate) as f64 * 1e-9)
@@ -167,7 +168,8 @@ fn bases(fitted: &[Fitted]) -> Vec<usize> {
     bases
 }
 
-/// True seconds in a second of the bead with this fit, by the host's clock, or by those that are aligned with it.
+/// True seconds in a second of the bead with this fit, by the host's clock, or by those that are aligned with
+/// it.
 fn pace(fit: &Fit, onto: &[Option<Alignment>]) -> f64 {
     let fast = match fit.uncertainty_ppm {
         Some(within) if within < SURE => fit.drift_ppm,

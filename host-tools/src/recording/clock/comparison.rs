@@ -20,8 +20,8 @@ use crate::recording::strikes::RecordedStrike;
 pub struct ClockComparison {
     /// One for each recording, bead and boot.
     pub clocks: Vec<ClockReport>,
-    /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: of the first
-    /// bead in the first recording, the boot with most edges.
+    /// Where [`AlignmentReport`]s and [`StrikeArrival`]s count their time from, if there are any: of the
+    /// first bead in the first recording, the boot with most edges.
     pub reference: Option<Place>,
     /// One for each boot of another bead that has two edges or more in common with the reference.
     pub alignments: Vec<AlignmentReport>,
@@ -94,8 +94,8 @@ pub struct StrikeArrival {
     pub strike: u32,
     /// When its force was highest, in s of the reference since its reset.
     pub arrival_s: f64,
-    /// When its force rose through half of that, if its samples were received: the front is steep, and so this is
-    /// some times as exact.
+    /// When its force rose through half of that, if its samples were received: the front is steep, and so
+    /// this is some times as exact.
     pub rise_s: Option<f64>,
 }
 
@@ -163,7 +163,8 @@ pub fn compare(paths: &[PathBuf]) -> Result<ClockComparison, RecordingError> {
 }
 
 impl ClockComparison {
-    /// Puts beads on the time of the boot with the edges `base`; gives the number of boots for which that was possible.
+    /// Puts beads on the time of the boot with the edges `base`; gives the number of boots for which that was
+    /// possible.
     fn align(&mut self, beads: &[Vec<Fitted>], base: Option<&PlacedEdges>) -> usize {
         let before = self.alignments.len();
         for (place, fit, segment) in beads.iter().flatten() {
@@ -334,7 +335,8 @@ mod tests {
             }],
             ..Segment::default()
         };
-        // The low bytes are all 0. A strike that was fetched later tells no more than that: it is of the last.
+        // The low bytes are all 0. A strike that was fetched later tells no more than that: it is of the
+        // last.
         for (nth_boot, place) in [(Some(0), 0), (Some(1), 1), (Some(2), 2), (None, 2)] {
             let mut boots = [boot(), boot(), boot()];
             let strike = RecordedStrike {

@@ -21,8 +21,8 @@
 //! least squares, gives the [`Alignment`]. Residuals above the counters' step of 12 ns are what the crystals
 //! did between edges.
 //!
-//! A restart of a bead begins a new [`Segment`]. A new epoch does not, as the sample index goes on. Beads that
-//! share a line are told apart by their address: each has segments of its own.
+//! A restart of a bead begins a new [`Segment`]. A new epoch does not, as the sample index goes on. Beads
+//! that share a line are told apart by their address: each has segments of its own.
 
 mod alignment;
 mod common;

@@ -99,7 +99,8 @@ impl Segments {
     }
 }
 
-/// The boots of beads that are kept apart. A recording has some; one with more was forged, or its beads crash.
+/// The boots of beads that are kept apart. A recording has some; one with more was forged, or its beads
+/// crash.
 const SEGMENTS_MOST: usize = 4096;
 
 /// Sorts what beads send into segments, frame by frame. Of each it keeps some thousand frames, and a million
@@ -165,7 +166,8 @@ impl Boots {
         boots
     }
 
-    /// The place of a strike's segment among them. Of a strike that was fetched later it is the last boot with its byte.
+    /// The place of a strike's segment among them. Of a strike that was fetched later it is the last boot
+    /// with its byte.
     pub fn find(&self, strike: &RecordedStrike) -> Option<usize> {
         let found = match strike.nth_boot {
             Some(nth) => self.nth.get(&(strike.address, nth)),
@@ -261,8 +263,8 @@ impl Segment {
         }
     }
 
-    /// How late a frame is, in ns, against a clock that runs as this one seems to. Within a first bucket the best
-    /// crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
+    /// How late a frame is, in ns, against a clock that runs as this one seems to. Within a first bucket the
+    /// best crystal and the worst differ by 0.1 ms, so that the nominal rate will do.
     fn late(&self, point: &Point) -> f64 {
         let nominal = 1e9 / self.sample_rate_hz.map_or(1e5, f64::from);
         point.host_ns - point.bead * self.pace.unwrap_or(nominal)

@@ -1,10 +1,10 @@
 //! The channels of a recording that other programs read: what the frames say, in SI units, with schemas.
 //!
 //! # Design
-//! They stand beside the raw frames and are made of them; nothing here reads them again. A waveform is written
-//! when the strike frame behind it has come, if all of its scans did, in order, and settings before them. So
-//! memory is one window for each address, whatever comes. A strike that was fetched is written as if it had come when it
-//! was measured, as far as it did not.
+//! They stand beside the raw frames and are made of them; nothing here reads them again. A waveform is
+//! written when the strike frame behind it has come, if all of its scans did, in order, and settings before
+//! them. So memory is one window for each address, whatever comes. A strike that was fetched is written as if
+//! it had come when it was measured, as far as it did not.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{Seek, Write};

@@ -1,8 +1,9 @@
 //! Chunks that another program has compressed: this one writes none, and reads them all the same.
 //!
 //! # Design
-//! A few bytes can stand for megabytes, and a chunk says itself how many. What is unpacked is held against that while it is
-//! unpacked. And [`work`] tells beforehand how much the libraries do for it, for the limit of a whole file.
+//! A few bytes can stand for megabytes, and a chunk says itself how many. What is unpacked is held against
+//! that while it is unpacked. And [`work`] tells beforehand how much the libraries do for it, for the limit
+//! of a whole file.
 
 use std::io::Read;
 
@@ -12,16 +13,16 @@ use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 use crate::recording::file::records::{ChunkHead, RECORD_MOST};
 use crate::recording::printable::one_line;
 
-/// What a frame of LZ4 begins with (LZ4 frame format, "General structure"). The library knows an older form, too, in which
-/// MCAP has no chunks.
+/// What a frame of LZ4 begins with (LZ4 frame format, "General structure"). The library knows an older form,
+/// too, in which MCAP has no chunks.
 const LZ4: [u8; 4] = 0x184D_2204_u32.to_le_bytes();
 
-/// The bytes of a file that can be read in the time in which a chunk is unpacked, about. `data` is what it has, or the first
-/// bytes of that.
+/// The bytes of a file that can be read in the time in which a chunk is unpacked, about. `data` is what it
+/// has, or the first bytes of that.
 pub(super) fn work(header: &ChunkHead, data: &[u8]) -> u64 {
     let besides = match header.compression.as_str() {
-        // However short a block is, the library clears the room of a whole one first. Its size is in the second byte behind
-        // the magic number: 64 KiB times a power of four.
+        // However short a block is, the library clears the room of a whole one first. Its size is in the
+        // second byte behind the magic number: 64 KiB times a power of four.
         "lz4" => data.get(5).map_or(0, |size| (1 << (8 + 2 * (size >> 4 & 7))) / 4),
         // A block can have a megabyte of equal bytes before its length is looked at.
         "zstd" => 64 << 10,
@@ -71,8 +72,9 @@ pub(super) fn records(header: &ChunkHead, data: &[u8], most: usize) -> Result<Ve
     }
 }
 
-/// What a frame of Zstandard holds: all, or what a frame with more than `limit` bytes gives before it ends. The library's
-/// reader would fill the window that the frame asks for, up to 128 MB, before it gives a byte of it.
+/// What a frame of Zstandard holds: all, or what a frame with more than `limit` bytes gives before it ends.
+/// The library's reader would fill the window that the frame asks for, up to 128 MB, before it gives a byte
+/// of it.
 fn unpack_zstd(mut data: &[u8], limit: usize) -> Result<Vec<u8>, FrameDecoderError> {
     let mut decoder = FrameDecoder::new();
     decoder.init(&mut data)?;

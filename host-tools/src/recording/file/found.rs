@@ -19,7 +19,8 @@ const HELD_MOST: usize = 4 * LONGEST_RUN;
 const TOPICS_MOST: usize = 12;
 const NAME_MOST: usize = 64;
 
-/// The channels with bytes and with times of receipt, each with the address of its bead if it is one of several.
+/// The channels with bytes and with times of receipt, each with the address of its bead if it is one of
+/// several.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Lanes {
     frames: BTreeMap<u16, Option<u8>>,
@@ -80,8 +81,8 @@ impl Found {
         }
     }
 
-    /// Whether a channel of bytes was known only when some of its messages had passed: its record is damaged, and
-    /// stands again in the index at the end.
+    /// Whether a channel of bytes was known only when some of its messages had passed: its record is damaged,
+    /// and stands again in the index at the end.
     pub(super) fn knew_too_late(&self) -> bool {
         self.lanes
             .frames
@@ -174,8 +175,8 @@ impl Found {
         !self.lanes.frames.is_empty()
     }
 
-    /// Whose bytes this channel has. Where the record that says so is damaged, the first channel has them, unless that
-    /// is another's.
+    /// Whose bytes this channel has. Where the record that says so is damaged, the first channel has them,
+    /// unless that is another's.
     pub(super) fn frames_of(&self, channel: u16) -> Option<Option<u8>> {
         let guess = (channel == FIRST_CHANNEL && !self.others.contains(&channel)).then_some(None);
         self.lanes.frames.get(&channel).copied().or(guess)

@@ -10,8 +10,8 @@ pub(super) const RECEIVED_ENCODING: &str = "bead-received";
 /// The number of the first channel that the library gives.
 pub(super) const FIRST_CHANNEL: u16 = 1;
 pub(super) const METADATA: &str = "recording";
-/// Bytes after which a chunk is closed. The writer keeps some 800 bytes of each for the index at the end: many
-/// short chunks would fill the memory. Nothing more is lost in a crash, as each flush closes one too.
+/// Bytes after which a chunk is closed. The writer keeps some 800 bytes of each for the index at the end:
+/// many short chunks would fill the memory. Nothing more is lost in a crash, as each flush closes one too.
 pub(super) const CHUNK: u64 = 256 * 1024;
 /// Longest time for which received bytes wait before they go to the system.
 pub(super) const FLUSH_EVERY: Duration = Duration::from_secs(1);
@@ -22,7 +22,8 @@ pub(super) const LONGEST_RUN: usize = 64 * 1024;
 /// What stands before the address of a bead in the names of its channels and attachments.
 const BEAD: &str = "bead/";
 
-/// The name of a channel or an attachment: of one bead among several, by its address, or of the whole recording.
+/// The name of a channel or an attachment: of one bead among several, by its address, or of the whole
+/// recording.
 pub(super) fn name_of(bead: Option<u8>, name: &str) -> Cow<'_, str> {
     match bead {
         Some(address) => format!("{BEAD}{address}/{name}").into(),

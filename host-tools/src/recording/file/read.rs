@@ -114,7 +114,8 @@ impl Recording {
         })
     }
 
-    /// The recording as it would be of one of its beads alone. What may be long is shared: there can be 254 of these.
+    /// The recording as it would be of one of its beads alone. What may be long is shared: there can be 254
+    /// of these.
     pub fn of(&self, bead: &Bead) -> Self {
         let mut parts = self.parts.clone();
         parts.extend(bead.parts.clone());
@@ -183,8 +184,8 @@ impl Recording {
     }
 }
 
-/// The runs of bytes in a recording, each with its delimiter, the time of its receipt and its bead. Memory: a chunk of
-/// the file, and the runs of one piece of bytes of each bead.
+/// The runs of bytes in a recording, each with its delimiter, the time of its receipt and its bead. Memory: a
+/// chunk of the file, and the runs of one piece of bytes of each bead.
 pub struct Pieces {
     walk: Walk,
     found: Found,

@@ -1,9 +1,9 @@
 //! The bytes of a file at any place, without all of them in memory.
 //!
 //! # Design
-//! A search for records in a damaged file reads some bytes several times. A file can be made in which every few bytes look
-//! like the head of a record of megabytes, and a search reads all of these. So the bytes that are asked for have a limit. It
-//! is far above what accidental damage takes.
+//! A search for records in a damaged file reads some bytes several times. A file can be made in which every
+//! few bytes look like the head of a record of megabytes, and a search reads all of these. So the bytes that
+//! are asked for have a limit. It is far above what accidental damage takes.
 
 use std::fs::File;
 use std::io;

@@ -13,7 +13,8 @@ use crate::recording::file::layout::{ENCODING, LONGEST_RUN, RECEIVED, RECEIVED_E
 use crate::recording::file::times::Clock;
 use crate::recording::frames::{Item, Reader};
 
-/// The channels of one bead, and what is not yet written to them. In a recording of one line, of all its beads.
+/// The channels of one bead, and what is not yet written to them. In a recording of one line, of all its
+/// beads.
 pub(super) struct Stream {
     /// Which it is, if it is one of several.
     origin: Option<Origin>,
@@ -55,8 +56,8 @@ impl Stream {
         })
     }
 
-    /// Adds its channels to the file that follows. Everything that is not written yet goes there; noise must be
-    /// [ended](Self::end_noise) before.
+    /// Adds its channels to the file that follows. Everything that is not written yet goes there; noise must
+    /// be [ended](Self::end_noise) before.
     pub(super) fn go_on<W: Write + Seek>(&mut self, mcap: &mut mcap::Writer<W>) -> McapResult<()> {
         (self.channel, self.received) = add_channels(mcap, self.origin.as_ref())?;
         self.channels.go_on(mcap, self.bead())?;

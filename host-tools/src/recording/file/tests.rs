@@ -89,7 +89,8 @@ fn kept(path: &Path) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Changes a file in place: one that is cut to nothing first is written to the disk at once, which takes long.
+/// Changes a file in place: one that is cut to nothing first is written to the disk at once, which takes
+/// long.
 fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
     use std::os::unix::fs::FileExt;
     let file = fs::OpenOptions::new().write(true).open(path)?;
@@ -111,7 +112,8 @@ fn recorded(stream: &[u8]) -> (TempDir, PathBuf, Vec<u8>) {
     recorded_in(stream, 33)
 }
 
-/// The same of a stream that came in pieces of this length, of which the writer flushed some hundred at a time.
+/// The same of a stream that came in pieces of this length, of which the writer flushed some hundred at a
+/// time.
 fn recorded_in(stream: &[u8], length: usize) -> (TempDir, PathBuf, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strike.mcap");
@@ -357,7 +359,8 @@ fn a_damaged_recording_says_where_and_how_much_is_missing() {
     );
 }
 
-/// Heads of records and of chunks that go on for megabytes: a chunk in each chunk, and channels in each other.
+/// Heads of records and of chunks that go on for megabytes: a chunk in each chunk, and channels in each
+/// other.
 #[test]
 fn a_file_that_seems_to_hold_far_more_than_it_has_is_given_up() {
     let (_folder, path, bytes) = recorded(&stream(20));

@@ -1,15 +1,16 @@
 //! A way through the records of a file, around what is damaged.
 //!
 //! # Design
-//! Records follow one another, and the records of a chunk that is not compressed lie in it as they are: the way
-//! leads through them, so that a chunk that is cut or damaged gives what it has. Where no sound record follows,
-//! the file is searched for the next one, from just behind the head of the last, whose length may be what is
-//! wrong. A place counts as a record if its head and its data could have been written, and if a record, or the
-//! end of the file, follows it. Frames have a CRC of their own, so that a wrong guess cannot become a wrong
-//! result. Bytes of a message whose length is wrong are read again from the next record on; a file can be made in which
-//! each few bytes begin a message that goes on to the end, and so this has a limit.
+//! Records follow one another, and the records of a chunk that is not compressed lie in it as they are: the
+//! way leads through them, so that a chunk that is cut or damaged gives what it has. Where no sound record
+//! follows, the file is searched for the next one, from just behind the head of the last, whose length may be
+//! what is wrong. A place counts as a record if its head and its data could have been written, and if a
+//! record, or the end of the file, follows it. Frames have a CRC of their own, so that a wrong guess cannot
+//! become a wrong result. Bytes of a message whose length is wrong are read again from the next record on; a
+//! file can be made in which each few bytes begin a message that goes on to the end, and so this has a limit.
 //!
-//! A whole file must also have the CRC that is written at its end. Memory: a record, and a window of the file.
+//! A whole file must also have the CRC that is written at its end. Memory: a record, and a window of the
+//! file.
 
 use std::fs::File;
 use std::path::Path;
@@ -79,7 +80,8 @@ impl fmt::Display for Damage {
 
 const MAGIC: &[u8] = mcap::MAGIC;
 
-/// Bytes before the records of a chunk, at least: times and size u64, CRC u32, no name of a compression, size u64.
+/// Bytes before the records of a chunk, at least: times and size u64, CRC u32, no name of a compression, size
+/// u64.
 const CHUNK_LEAST: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 
 /// No message of the writer is longer: it has a run, or runs that are no frames.
@@ -305,8 +307,8 @@ impl Walk {
         }
     }
 
-    /// Whether the bytes of a message may be handed on. Those within a message that was taken are handed on once more
-    /// if they could be what was written.
+    /// Whether the bytes of a message may be handed on. Those within a message that was taken are handed on
+    /// once more if they could be what was written.
     fn may_hand(&self, at: u64, head: Head) -> bool {
         at >= self.handed || head.length <= LONGEST_MESSAGE.min(self.once_more)
     }
@@ -346,7 +348,8 @@ impl Walk {
                 Ok(records) => {
                     let is_sound = chunk.crc == 0 || crc32fast::hash(&records) == chunk.crc;
                     found.doubtful = !is_sound;
-                    // No chunk has attachments, which are kept: a few bytes could stand for all the memory there is.
+                    // No chunk has attachments, which are kept: a few bytes could stand for all the memory
+                    // there is.
                     let mut take = |(opcode, data)| match opcode {
                         op::CHANNEL | op::MESSAGE => found.record(opcode, data),
                         _ => true,
@@ -450,7 +453,8 @@ impl Walk {
                     op::ATTACHMENT => records::attachment(data).is_some(),
                     op::MESSAGE_INDEX => records::is_message_index(data),
                     op::CHUNK_INDEX => records::is_chunk_index(data),
-                    // Of one length only: an index has zeros and small numbers, which look like a short record.
+                    // Of one length only: an index has zeros and small numbers, which look like a short
+                    // record.
                     op::DATA_END => data.len() == records::DATA_END,
                     _ => data.len() == records::FOOTER,
                 })

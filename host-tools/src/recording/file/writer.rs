@@ -87,8 +87,8 @@ impl Writer {
         Ok(Lane(self.streams.len() - 1))
     }
 
-    /// Attaches a part of the whole recording. Parts that are known beforehand should be attached first, so that
-    /// they survive a crash.
+    /// Attaches a part of the whole recording. Parts that are known beforehand should be attached first, so
+    /// that they survive a crash.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -209,17 +209,18 @@ impl Writer {
         &self.partial
     }
 
-    /// Bytes that the index of the file takes, at most: a record for each chunk, with a place for each channel in it.
+    /// Bytes that the index of the file takes, at most: a record for each chunk, with a place for each
+    /// channel in it.
     fn index(&self) -> u64 {
         let bytes: u64 = self.streams.iter().map(Stream::bytes).sum();
         let chunks = self.flushes + bytes / CHUNK;
         chunks * (256 + 192 * self.streams.len() as u64)
     }
 
-    /// Completes the file when it is older than `after`, or when its index, which stands in memory until the file is
-    /// complete, takes 64 MB. Goes on in another file, that will have the next free name: `NAME-2.mcap` and so on.
-    /// Each byte is in one of them; counters go on. It waits up to ten seconds for a moment when no bead is sending
-    /// a strike. Attached parts stay where they are.
+    /// Completes the file when it is older than `after`, or when its index, which stands in memory until the
+    /// file is complete, takes 64 MB. Goes on in another file, that will have the next free name:
+    /// `NAME-2.mcap` and so on. Each byte is in one of them; counters go on. It waits up to ten seconds for a
+    /// moment when no bead is sending a strike. Attached parts stay where they are.
     ///
     /// # Errors
     /// A file cannot be written.
@@ -255,8 +256,8 @@ impl Writer {
         Ok(Some(path))
     }
 
-    /// Completes the file and gives it its name. A file of that name that is not to be replaced came meanwhile:
-    /// then the recording takes the next free name, `NAME-2.mcap` and so on.
+    /// Completes the file and gives it its name. A file of that name that is not to be replaced came
+    /// meanwhile: then the recording takes the next free name, `NAME-2.mcap` and so on.
     ///
     /// # Errors
     /// The file cannot be written or renamed; what is there stays under its temporary name.
@@ -374,8 +375,8 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Creates `path` with `.partial`, or `.2.partial` and so on, and locks it. A file that an earlier crash left is
-/// not touched. One that is locked is being written by another program, if it is not `own`.
+/// Creates `path` with `.partial`, or `.2.partial` and so on, and locks it. A file that an earlier crash left
+/// is not touched. One that is locked is being written by another program, if it is not `own`.
 fn create_partial(path: &Path, own: Option<&Path>) -> Result<(File, PathBuf), RecordingError> {
     let mut attempt = 1u32;
     loop {
@@ -387,8 +388,8 @@ fn create_partial(path: &Path, own: Option<&Path>) -> Result<(File, PathBuf), Re
         let partial = PathBuf::from(partial);
         match File::create_new(&partial) {
             Ok(file) => {
-                // Somebody may look at this moment whether it is locked; that does not take long. A file system
-                // without locks leaves the last word to `take_name`.
+                // Somebody may look at this moment whether it is locked; that does not take long. A file
+                // system without locks leaves the last word to `take_name`.
                 let _ = file.lock();
                 return Ok((file, partial));
             }

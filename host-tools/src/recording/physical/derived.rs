@@ -296,7 +296,8 @@ fn refused(error: DesignError) -> InputError {
 
 const CHECK: &str = "check the masses, springs and scales, which are in SI units";
 
-/// Coefficients of `bead_model::design` by their names there: which key or which table they come from, and what would do.
+/// Coefficients of `bead_model::design` by their names there: which key or which table they come from, and
+/// what would do.
 const COEFFICIENTS: &[(&str, &str, &str)] = &[
     (
         "relaxation time of the contacts over 2/3 of a sample",

@@ -90,7 +90,8 @@ pub(crate) fn of_all<'a>(documents: impl IntoIterator<Item = &'a Value>) -> Valu
         .unwrap_or(json!({}))
 }
 
-/// Holds `found`, the schema of what `bead NAME` prints, against FOLDER/NAME.json, or writes it if that is wished.
+/// Holds `found`, the schema of what `bead NAME` prints, against FOLDER/NAME.json, or writes it if that is
+/// wished.
 pub(crate) fn hold(folder: &str, name: &str, found: &Value) {
     let title = format!("What `bead {}` prints as JSON", name.replace('-', " "));
     let mut schema = json!({ "$schema": "https://json-schema.org/draft/2020-12/schema", "title": title });

@@ -4,8 +4,8 @@ use super::*;
 use crate::model::Model;
 use crate::scenario::Scenario;
 
-/// What [`better`] makes of a step over 20 blocks that was `worth` quick ones and left these errors, of which 1 is
-/// allowed.
+/// What [`better`] makes of a step over 20 blocks that was `worth` quick ones and left these errors, of which
+/// 1 is allowed.
 fn part(error: impl Fn(usize) -> f64, worth: f64) -> f64 {
     let mut scenario = Scenario::paper();
     scenario.chain.beads = 239;

@@ -238,13 +238,15 @@ fn a_run_reaches_a_sleeping_block_by_a_gap_that_soon_closes_or_by_what_moves_at_
             }
             rest.reaches(&lanes, &work, 1, behind, h)
         };
-        // Apart: the gap is flown through within three steps, by both of them, and not too slowly to be noticed.
+        // Apart: the gap is flown through within three steps, by both of them, and not too slowly to be
+        // noticed.
         let apart = |gap: f64| reaches(gap, &[(mover, 0.3), (sleeper, 0.2)]);
         assert!(apart(2.9 * h * 0.1) && !apart(3.1 * h * 0.1));
         assert!(!reaches(0.1 * h * 0.1, &[(mover, 0.2), (sleeper, 0.3)]));
         let slow = |speed: f64| reaches(0.5 * h * quiet, &[(mover, speed)]);
         assert!(!slow(0.9 * quiet) && slow(1.1 * quiet));
-        // In touch: as deep as that, or as quick as that against the block, one of the three beads next to it.
+        // In touch: as deep as that, or as quick as that against the block, one of the three beads next to
+        // it.
         assert!(!reaches(-3.9 * shallow, &[]) && reaches(-4.1 * shallow, &[]));
         for away in 0..=WATCHED {
             let lane = if behind { mover - away } else { mover + away };

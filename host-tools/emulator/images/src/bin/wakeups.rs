@@ -8,8 +8,8 @@ use cortex_m_rt::{entry, exception};
 use stm32f405_qemu_images::{done, enable_interrupt, read, write};
 
 const EXTI: usize = 0x4001_3c00;
-/// The interrupt of each line (RM0090 table 61): RTC alarm, both USB wake-ups with Ethernet's between them, tamper
-/// and time stamp, RTC wake-up.
+/// The interrupt of each line (RM0090 table 61): RTC alarm, both USB wake-ups with Ethernet's between them,
+/// tamper and time stamp, RTC wake-up.
 const LINES: [(u32, usize); 6] = [(17, 41), (18, 42), (19, 62), (20, 76), (21, 2), (22, 3)];
 
 static TAKEN: AtomicU32 = AtomicU32::new(0);

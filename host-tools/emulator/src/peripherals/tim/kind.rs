@@ -1,4 +1,5 @@
-//! What each kind of timer has: sections 17 (advanced), 18 (general), 19 (one or two channels) and 20 (basic).
+//! What each kind of timer has: sections 17 (advanced), 18 (general), 19 (one or two channels) and 20
+//! (basic).
 
 use super::super::clock::Apb;
 

@@ -133,7 +133,8 @@ impl Bench {
             },
             wakes: 0,
         };
-        // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states, caches; clocks of all that is used.
+        // HSE 8 MHz, PLL to 168 MHz, APB1 42 MHz, APB2 84 MHz, five wait states, caches; clocks of all that
+        // is used.
         bench.write(0x4002_3c00, 0x705);
         bench.write(RCC, 1 << 16 | 0x83);
         bench.write(RCC + 0x04, 4 | 168 << 6 | 1 << 22 | 7 << 24);
