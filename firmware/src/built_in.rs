@@ -1,6 +1,6 @@
 //! Settings of a bead that has none of its own, and what its estimators must find with them.
 //!
-//! This file is written by `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::`.
+//! `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::` writes this file.
 
 use crate::known_answer::RESULTS;
 

@@ -20,6 +20,24 @@ pub(crate) fn below(dir: &Path, keep: &dyn Fn(&Path) -> bool) -> io::Result<Vec<
     Ok(files)
 }
 
+/// The files below `root` whose names end so, with their text.
+pub(crate) fn texts(root: &Path, ending: &str) -> Result<Vec<(PathBuf, String)>, Stop> {
+    let keep = |path: &Path| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        match path.is_dir() {
+            // Build directories hold the files of others; they are marked so (bford.info/cachedir).
+            true => !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists(),
+            false => name.ends_with(ending),
+        }
+    };
+    let files = below(root, &keep);
+    let files = files.map_err(|error| Stop::failed(format!("{}: {error}", root.display())))?;
+    files
+        .into_iter()
+        .map(|path| Ok((path.clone(), read(&path)?)))
+        .collect()
+}
+
 /// The text of a file.
 pub(crate) fn read(path: &Path) -> Result<String, Stop> {
     fs::read_to_string(path).map_err(|error| Stop::failed(format!("cannot read {}: {error}", path.display())))

@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use crate::files::below;
+use crate::files::texts;
 use crate::step::Stop;
 
 /// Checks all Markdown files under `root`; the number of links that it followed.
@@ -15,7 +15,7 @@ use crate::step::Stop;
 /// # Errors
 /// The links that lead nowhere, one a line, with file and line number.
 pub(crate) fn check(root: &Path) -> Result<usize, Stop> {
-    let pages = pages(root).map_err(|error| Stop::failed(format!("{}: {error}", root.display())))?;
+    let pages: HashMap<PathBuf, String> = texts(root, ".md")?.into_iter().collect();
     let mut followed = 0;
     let mut broken = Vec::new();
     for (page, text) in &pages {
@@ -37,20 +37,6 @@ pub(crate) fn check(root: &Path) -> Result<usize, Stop> {
     }
     let broken = broken.join("\n");
     Err(Stop::failed(format!("links that lead nowhere:\n{broken}")))
-}
-
-/// The Markdown files below `root`, with their text.
-fn pages(root: &Path) -> std::io::Result<HashMap<PathBuf, String>> {
-    let keep = |path: &Path| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        match path.is_dir() {
-            // Build directories hold the pages of others; they are marked so (bford.info/cachedir).
-            true => !name.starts_with('.') && !path.join("CACHEDIR.TAG").exists(),
-            false => name.ends_with(".md"),
-        }
-    };
-    let with_text = |path: PathBuf| Ok((path.clone(), std::fs::read_to_string(path)?));
-    below(root, &keep)?.into_iter().map(with_text).collect()
 }
 
 /// The pages of the book that its summary does not list, and so nobody finds.

@@ -1,5 +1,6 @@
 //! The checks that run no program of ours: links, imports, format, lints, documentation.
 
+use crate::comments;
 use crate::links;
 use crate::packages::{HOST, IMAGE, IMAGES};
 use crate::step::{Line, Steps, Stop};
@@ -29,6 +30,8 @@ pub(crate) fn text(steps: &Steps) -> Result<(), Stop> {
     steps.announce("links of the documentation");
     let followed = links::check(&steps.root)?;
     steps.announce(&format!("{followed} links lead somewhere"));
+    steps.announce("width of comments");
+    comments::check(&steps.root)?;
     steps.run("format", &Line::new("cargo fmt --all --check"))
 }
 

@@ -7,6 +7,7 @@ mod book;
 mod campaign;
 mod checks;
 mod code_mutants;
+mod comments;
 mod compiler;
 mod dist;
 mod files;

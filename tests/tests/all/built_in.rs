@@ -25,7 +25,7 @@ fn the_built_in_settings_and_the_known_answer_are_those_of_this_computer() {
     let derived = format!(
         "//! Settings of a bead that has none of its own, and what its estimators must find with them.\n\
          //!\n\
-         //! This file is written by `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::`.\n\
+         //! `PAGES=overwrite cargo test --release -p bead-tests --test all built_in::` writes this file.\n\
          \n\
          use crate::known_answer::RESULTS;\n\
          \n\
