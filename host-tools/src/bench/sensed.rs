@@ -4,7 +4,6 @@ use std::ops::Range;
 use std::path::Path;
 
 use bead_model::design::{Bead, Intruder, LEAST_WIDTH, Neighbours};
-use bead_model::layout::WindowSettings;
 use bead_model::reduced_chain::FOLLOWERS;
 use hertz_chain::{Curve, Options, Scenario, Solution, simulate_with, text_of};
 use serde::{Deserialize, Serialize};
@@ -129,33 +128,6 @@ pub fn unlike_the_reduced_chain(solution: &Solution, bead: usize) -> Option<Stri
 
 /// Width of a wave of 1 m/s, in samples, below which a sample is a long step.
 const LONG_STEPS: f64 = 5.6;
-
-/// A warning where the scenario ends within the bead's window, so that the truth lacks energy that the bead
-/// measures.
-pub fn ends_early(
-    scenario: &Scenario,
-    solution: &Solution,
-    bead: usize,
-    window: WindowSettings,
-) -> Option<String> {
-    /// A part of the energy that no error of a bead depends on.
-    const LITTLE: f64 = 0.005;
-    let summary = solution.summary();
-    let peak = summary.peak_force.iter().find(|peak| peak.contact == bead)?;
-    // The force triggers before its peak, so the window ends a little sooner.
-    let after = f64::from(window.length - window.history) / f64::from(SAMPLE_RATE_HZ);
-    let end = solution.end().min(peak.time + after);
-    let absorbed = |time: f64| solution.at(time).intruder_dissipated(bead);
-    let missing = 1.0 - absorbed(scenario.duration)? / absorbed(end)?;
-    (missing > LITTLE).then(|| {
-        format!(
-            "the scenario ends at {} s, and {:.1} % of the energy that bead {bead} measures comes after that, so its truth lacks \
-             it; make the scenario's duration longer",
-            scenario.duration,
-            100.0 * missing
-        )
-    })
-}
 
 /// The only bead with an intruder, for commands that name no bead.
 ///
@@ -391,7 +363,6 @@ impl<F: Felt> Stimulus for Sensed<F> {
 
 #[cfg(test)]
 mod tests {
-    use bead_model::design::{Capture, FrontEnd, derive};
     use hertz_chain::simulate;
 
     use super::*;
@@ -418,42 +389,6 @@ mod tests {
                 .to_string()
                 .contains("[[intruder]]")
         );
-    }
-
-    #[test]
-    fn a_scenario_that_ends_within_the_window_of_a_strike_is_warned_of() {
-        let warned = |name: &str, duration: Option<f64>| -> Vec<String> {
-            let path = format!("{}/../docs/scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-            let (mut scenario, _) = load_scenario(Path::new(&path)).unwrap();
-            scenario.duration = duration.unwrap_or(scenario.duration);
-            let solution = simulate_with_ring_down(&scenario).unwrap();
-            let hosts = solution.model().intruders().iter().map(|one| one.bead);
-            let warned = hosts.filter_map(|bead| {
-                let physics = bead_of(&solution, bead).unwrap();
-                let window = derive(
-                    &physics,
-                    &FrontEnd::reference(),
-                    &Capture::of(&physics, &FrontEnd::reference()),
-                );
-                ends_early(&scenario, &solution, bead, window.unwrap().window)
-            });
-            warned.collect()
-        };
-        // Waves that come after the window do not count.
-        for sound in ["paper-strike", "own-chain", "row-of-ten", "ten-intruders"] {
-            assert_eq!(warned(sound, None), [""; 0], "{sound}");
-        }
-        assert_eq!(warned("paper-strike", Some(3.7e-3)), [""; 0]);
-        let [warning] = &warned("paper-strike", Some(2.7e-3))[..] else {
-            panic!("one bead");
-        };
-        assert!(
-            warning.starts_with(
-                "the scenario ends at 0.0027 s, and 11.1 % of the energy that bead 8 measures come"
-            ),
-            "{warning}"
-        );
-        assert_eq!(warned("paper-strike", Some(1.8e-3)).len(), 1);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use hertz_chain::{Scenario, Solution};
 
 use crate::bench::emulation::{EmulatorReport, RunTruth};
 use crate::bench::front_end::SAMPLE_RATE_HZ;
-use crate::bench::sensed::{RING_DOWN, ends_early};
+use crate::bench::sensed::RING_DOWN;
 use crate::comparison::run::last_statuses;
 use crate::comparison::spread::Spread;
 use crate::comparison::strike::FullChain;
@@ -79,8 +79,9 @@ impl Echoes {
     }
 }
 
-/// A warning where the scenario ends within the bead's window ([`ends_early`]), or lasts so much longer that
-/// the truth holds energy of waves that come after the window.
+/// A warning where the truth is not of the bead's window: the scenario ends within it, so that energy is
+/// missing which the bead measures, or the scenario lasts so much longer that it holds energy of waves that
+/// come after the window.
 pub fn other_length(
     scenario: &Scenario,
     solution: &Solution,
@@ -90,23 +91,25 @@ pub fn other_length(
 ) -> Option<String> {
     /// A part of the energy that no error of a bead depends on.
     const LITTLE: f64 = 0.005;
-    let early = ends_early(scenario, solution, bead, window);
-    if early.is_some() {
-        return early;
-    }
     // The force triggers before it is half as high as it gets, so the window ends a little sooner.
     let after = f64::from(window.length - window.history) / f64::from(SAMPLE_RATE_HZ);
-    let end = chain.front() + after;
+    let end = solution.end().min(chain.front() + after);
     let absorbed = |time: f64| solution.at(time).intruder_dissipated(bead);
-    let late = match end < scenario.duration {
-        true => 1.0 - absorbed(end)? / absorbed(scenario.duration)?,
-        false => 0.0,
-    };
+    let (measured, truth) = (absorbed(end)?, absorbed(scenario.duration)?);
+    let duration = scenario.duration;
+    // Nothing is taken back: the later of the two is the greater.
+    if 1.0 - truth / measured > LITTLE {
+        return Some(format!(
+            "the scenario ends at {duration} s, and {:.1} % of the energy that bead {bead} measures comes after that, so its \
+             truth lacks it; make the scenario's duration longer",
+            100.0 * (1.0 - truth / measured)
+        ));
+    }
+    let late = 1.0 - measured / truth;
     (late > LITTLE).then(|| {
         format!(
-            "the scenario lasts {} s, and {:.1} % of the energy that bead {bead} takes in it comes after its window, which ends \
-             at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter",
-            scenario.duration,
+            "the scenario lasts {duration} s, and {:.1} % of the energy that bead {bead} takes in it comes after its window, \
+             which ends at {end:.4} s, so the truth has more than the bead measures; make the scenario's duration shorter",
             100.0 * late
         )
     })
@@ -194,11 +197,13 @@ pub fn failure(differs: Option<&str>, soundness: &Soundness, spread: &[Spread]) 
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
     use std::sync::Arc;
 
+    use bead_model::design::{Capture, FrontEnd, derive};
+
     use super::*;
-    use crate::bench::front_end::FrontEnd;
-    use crate::bench::sensed::{Truth, simulate_with_ring_down};
+    use crate::bench::sensed::{Truth, bead_of, load_scenario, simulate_with_ring_down};
     use crate::comparison::testing::recorded_strike;
 
     /// Which of strikes with these boots and trigger indices are echoes. A strike is simulated for 12 ms.
@@ -221,7 +226,7 @@ mod tests {
                 absorbed: 1.0,
             },
             starts: vec![2000.3, 3000.8, 12_000.0],
-            front_end: FrontEnd::default(),
+            front_end: crate::bench::front_end::FrontEnd::default(),
             seed: None,
             clock_ppm: 0.0,
             sync_edges: Vec::new(),
@@ -237,25 +242,50 @@ mod tests {
         assert_eq!(echoes(Some(truth), &strikes), [false, false, true, false]);
     }
 
+    /// What is told of each host of a scenario, in the window that its settings would have.
+    fn other_lengths(scenario: &Scenario) -> Vec<String> {
+        let solution = Arc::new(simulate_with_ring_down(scenario).unwrap());
+        let hosts = solution.model().intruders().iter().map(|one| one.bead);
+        let told = hosts.filter_map(|bead| {
+            let (physics, front_end) = (bead_of(&solution, bead).unwrap(), FrontEnd::reference());
+            let settings = derive(&physics, &front_end, &Capture::of(&physics, &front_end)).unwrap();
+            let chain = FullChain::of(scenario, &solution, bead).unwrap();
+            other_length(scenario, &solution, &chain, bead, settings.window)
+        });
+        told.collect()
+    }
+
     #[test]
     fn a_scenario_that_is_shorter_or_longer_than_the_window_is_told() {
-        let window = recorded_strike().settings.unwrap().window;
-        let note = |scenario: &Scenario| {
-            let solution = Arc::new(simulate_with_ring_down(scenario).unwrap());
-            let chain = FullChain::of(scenario, &solution, 8).unwrap();
-            other_length(scenario, &solution, &chain, 8, window)
-        };
+        for sound in ["paper-strike", "own-chain", "row-of-ten", "ten-intruders"] {
+            let path = format!("{}/../docs/scenarios/{sound}.toml", env!("CARGO_MANIFEST_DIR"));
+            let (scenario, _) = load_scenario(Path::new(&path)).unwrap();
+            assert_eq!(other_lengths(&scenario), [""; 0], "{sound}");
+        }
         let mut scenario = Scenario::paper();
-        assert_eq!(note(&scenario), None);
-        scenario.duration = 0.0025;
-        let early = note(&scenario).unwrap();
-        assert!(early.contains("make the scenario's duration longer"), "{early}");
+        scenario.duration = 3.7e-3;
+        assert_eq!(other_lengths(&scenario), [""; 0]);
+        scenario.duration = 1.8e-3;
+        assert_eq!(other_lengths(&scenario).len(), 1);
+        scenario.duration = 2.7e-3;
+        let [early] = &other_lengths(&scenario)[..] else {
+            panic!("one bead");
+        };
+        assert!(
+            early.starts_with(
+                "the scenario ends at 0.0027 s, and 11.1 % of the energy that bead 8 measures come"
+            ),
+            "{early}"
+        );
         // The window has all of the intruder's ringing, but not what comes back from a wall.
         (scenario.chain.beads, scenario.duration) = (32, 0.02);
-        assert_eq!(note(&scenario), None);
+        assert_eq!(other_lengths(&scenario), [""; 0]);
         let walled = format!("{}\n[wall]\nyoung = 203e9\npoisson = 0.27\n", scenario.to_toml());
-        let late = note(&Scenario::from_toml(&walled, "walled.toml").unwrap()).unwrap();
-        assert!(late.contains("make the scenario's duration shorter"), "{late}");
+        let late = other_lengths(&Scenario::from_toml(&walled, "walled.toml").unwrap());
+        assert!(
+            late[0].contains("make the scenario's duration shorter"),
+            "{late:?}"
+        );
     }
 
     #[test]

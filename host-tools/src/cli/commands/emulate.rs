@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{bail, ensure};
 use bead_wire::Message;
@@ -19,7 +20,7 @@ use crate::bench::faults::{self, Planned};
 use crate::bench::front_end::{FrontEnd, SAMPLE_RATE_HZ};
 use crate::bench::image::find_image;
 use crate::bench::sensed::{
-    Timing, bead_of, ends_early, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
+    Timing, bead_of, load_scenario, simulate_with_ring_down, unlike_the_reduced_chain,
 };
 use crate::bench::several::{self, Clocks};
 use crate::cli::beads::Beads;
@@ -33,6 +34,8 @@ use crate::cli::provenance::sha256_of;
 use crate::cli::waveform_options::WaveformOptions;
 use crate::comparison::given::Given;
 use crate::comparison::run::RunReport;
+use crate::comparison::strike::FullChain;
+use crate::comparison::verdict::other_length;
 use crate::line::port::Address;
 use crate::recording::clock::CRYSTAL_PPM;
 use crate::recording::file::{About, Origin, Part, Writer};
@@ -370,7 +373,7 @@ fn listen(arguments: &Arguments, bench: &Bench<'_>, address: &Address, door: &Do
 struct Bench<'a> {
     arguments: &'a Arguments,
     scenario: &'a Scenario,
-    solution: Solution,
+    solution: Arc<Solution>,
     front_end: FrontEnd,
     image: PathBuf,
     placed: Vec<Placed>,
@@ -406,19 +409,23 @@ impl<'a> Bench<'a> {
         }
         let played = Played::of(arguments, &front_end, beads)?;
         let image = find_image(arguments.firmware.as_deref())?;
-        let solution = simulate_with_ring_down(scenario)?;
+        let solution = Arc::new(simulate_with_ring_down(scenario)?);
         for one in &placed {
             let bead = one.bead;
             bead_of(&solution, bead)?;
-            let early = match played.is_some() || arguments.listen.is_some() {
+            let length = match played.is_some() || arguments.listen.is_some() {
                 // Nothing is held against the scenario.
                 true => None,
                 false => {
                     let window = settings_of(&solution, *one, &front_end)?.window;
-                    ends_early(scenario, &solution, bead, window)
+                    let chain = FullChain::of(scenario, &solution, bead)?;
+                    other_length(scenario, &solution, &chain, bead, window)
                 }
             };
-            for note in unlike_the_reduced_chain(&solution, bead).into_iter().chain(early) {
+            for note in unlike_the_reduced_chain(&solution, bead)
+                .into_iter()
+                .chain(length)
+            {
                 progress.suspend(|| output::note(format_args!("{note}")));
             }
         }

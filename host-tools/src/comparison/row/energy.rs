@@ -6,10 +6,10 @@
 //! the first bead's own too: the work that its force does on the host of the reduced chain, which it moves,
 //! over the main wave. (The law of a solitary wave, by which the bead itself reports an incident energy from
 //! the peak force, holds between equal beads; a host is as light as its shell while the intruder lags behind,
-//! and with 12 g it gives 13 % too little.) Only where samples are missing or the force left the sensor's
-//! range it is the simulation's. All is a part of E(0), so that the speed of a strike has no part in it, and
-//! strikes are averaged. What a host took that did not record is the simulation's. The simulation is put
-//! through the same sum.
+//! and with 12 g it gives 13 % too little.) Only where samples are missing, where the force left the sensor's
+//! range, or under a static load, it is the simulation's. All is a part of E(0), so that the speed of a
+//! strike does not matter, and strikes are averaged. What a host took that did not record is the
+//! simulation's. The simulation is put through the same sum.
 //!
 //! The paper's E(n) is another: the energy at the end in a chain with n intruders, over that in one without
 //! ([`energies_left`]). In a row of ten, intruders behind the n-th send waves back to it. Where intruders are
